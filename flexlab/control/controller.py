@@ -10,21 +10,21 @@ from flexlab.quantities import Count, Number, Pair, Part, Triple, quantity
 
 
 class PayloadModel(Part):
-    """What the controller believes of the payload: factors on the true values."""
+    """The payload as the controller believes it to be: factors on the true values."""
 
     linear_density_factor: Number = quantity(1.0, title="Believed ρ / true ρ", unit="1", low=1e-3, high=1e3)
     length_factor: Number = quantity(1.0, title="Believed L / true L", unit="1", low=1e-1, high=10)
     stiffness_factor: Number = quantity(1.0, title="Believed EI / true EI", unit="1", low=1e-3, high=1e3)
-    """Of account for what is made for a model of the beam's bending: the Kalman observer, and laws that use it."""
+    """Used by models of the beam's bending: the Kalman observer, and laws with it."""
     axial_load: Literal["none", "first-order"] = quantity("none", title="Believed force along the beam")
-    """Whether such a model has the stiffness that the steady force along the beam takes or gives: that of F_d and the weight."""
+    """Whether such a model includes the stiffness from the steady axial force of F_d and the weight."""
     friction_factor: Number = quantity(0.0, title="Believed joint friction / true", unit="1", low=0, high=3)
-    """So much of the joints' friction, at the measured rates, is added to the torques; 0: the controller knows of none."""
+    """Share of the joints' friction, at the measured rates, that is added to the torques; 0: the controller ignores friction."""
     mass_change_factor: Number = quantity(
         0.0, title="Believed change of the payload's mass / true", unit="1", low=0, high=1
     )
-    """So much of `payload.mass_change` the payload's mass and inertia follow that a law is told at each instant; 0: they stay.
-    A model of the beam's bending (the Kalman observer's, and laws made for it) stays that of the start."""
+    """Share of `payload.mass_change` in the mass and inertia that a law gets at each instant; 0: they stay. A model of the beam's
+    bending (the Kalman observer's, and laws made for it) stays that of the start."""
 
 
 class SensorNoise(Part):
@@ -35,16 +35,16 @@ class SensorNoise(Part):
         (0.0, 0.0, 0.0), title="Pose rate noise", symbol="σ_v", unit="m/s, m/s, rad/s", low=0, high=10
     )
     strain: Number = quantity(0.0, title="Strain gauge noise", symbol="σ_ε", unit="1", low=0, high=1)
-    """Of each reading of each strain gauge; hᵀq̇ and gᵀq̇ come from the change of the readings over one control period."""
+    """Noise of each reading of a strain gauge; hᵀq̇ and gᵀq̇ are differences of readings over one control period."""
     moment_rate: Pair = quantity(
         (0.0, 0.0), title="Noise of measured hᵀq̇, gᵀq̇", symbol="σ_h", unit="kg·m/s, kg·m²/s", low=0, high=1e6
     )
-    """White noise on the two rates themselves, for another sensor than gauges; what `strain` meant in scenarios until 0.1."""
+    """White noise on the two rates themselves, for other sensors than gauges; the meaning of `strain` in scenarios until 0.1."""
     seed: Count = quantity(0, title="Seed", low=0, high=2**31 - 1)
 
     @property
     def active(self) -> bool:
-        """Whether any noise is asked for."""
+        """Whether there is any noise."""
         return any(self.pose) or any(self.pose_rate) or self.strain > 0 or any(self.moment_rate)
 
 
@@ -64,7 +64,7 @@ class Controller(Part):
     load_share: Number = quantity(
         0.5, title="Load share of the left arm", symbol="α", unit="1", low=0, high=1, slider=(0, 1)
     )
-    """Of what all laws divide between two arms: the left one takes α, the right one 1 - α; one arm alone takes all."""
+    """Of what laws share between two arms, the left one takes α and the right one 1 - α; a single arm takes all."""
     wanted_internal_force: Number = quantity(
         0.0,
         title="Wanted internal force (squeeze positive)",

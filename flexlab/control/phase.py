@@ -55,7 +55,7 @@ class RoundPath(Trajectory):
         return self.center
 
     def keeping(self, changed: Trajectory, changes: Mapping[str, Any], time: float) -> Trajectory:
-        """A new frequency alone keeps the angle."""
+        """A new frequency keeps the present angle."""
         if not isinstance(changed, type(self)) or "phase" in changes:
             return changed
         return changed.model_copy(update={"phase": kept_phase(self.phase, self.frequency, changed.frequency, time)})

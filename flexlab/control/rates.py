@@ -53,7 +53,7 @@ def _forward(l00, l10, l20, l11, l21, l22, b, z):
 
 @inlined
 def largest_eigenvalue(B):
-    """Of a symmetric B (3, 3) whose upper triangle is given, in closed form (Smith, Commun. ACM 4 (1961) 168)."""
+    """Largest eigenvalue of a symmetric B (3, 3), given its upper triangle, in closed form (Smith, Commun. ACM 4 (1961) 168)."""
     mean = (B[0, 0] + B[1, 1] + B[2, 2]) / 3
     off = B[0, 1] * B[0, 1] + B[0, 2] * B[0, 2] + B[1, 2] * B[1, 2]
     x, y, z = B[0, 0] - mean, B[1, 1] - mean, B[2, 2] - mean

@@ -1,4 +1,4 @@
-"""The sliding surface s = ė + Λe and the reference velocity r = ẋ - s that several laws steer by (Section III)."""
+"""The sliding surface s = ė + Λe and the reference velocity r = ẋ - s of several laws (Section III)."""
 
 import numpy as np
 
@@ -42,5 +42,5 @@ def slope_of(law) -> np.ndarray:
 
 
 def layer_of(law) -> dict[str, dict[str, float]]:
-    """Within the boundary layer a law is smooth."""
+    """The boundary layer, within which a law is smooth."""
     return {"sliding_variable": {"boundary layer ε (m/s)": law.boundary_layer}}

@@ -13,7 +13,7 @@ MILLI = 1e-3
 
 
 class StraightLine(Trajectory):
-    """From one pose to another in `duration` s from `start` s on: before, the path stands at the one, afterwards at the other."""
+    """From one pose to another in `duration` s, beginning at `start` s; it holds the one before and the other afterwards."""
 
     # Python has no attribute "from", but it is the right name in a scenario.
     __annotations__["from"] = Triple
@@ -48,12 +48,12 @@ class StraightLine(Trajectory):
 
     @property
     def middle(self) -> tuple[float, ...]:
-        """Half way."""
+        """The pose half way."""
         return tuple(0.5 * (a + b) for a, b in self._ends())
 
     @property
     def reach(self) -> tuple[float, ...]:
-        """Half the way."""
+        """Half the distance."""
         return tuple(0.5 * abs(b - a) for a, b in self._ends())
 
     def _ends(self) -> list[tuple[float, float]]:
@@ -64,7 +64,7 @@ class StraightLine(Trajectory):
         return tuple(factor * abs(b - a) / (self.duration * self.duration) for a, b in self._ends())
 
     def taken_up(self, old: Trajectory, given: Collection[str], time: float) -> Trajectory:
-        """From where the target is to where the old path would be a quarter of its period later, now."""
+        """It begins now, from the present target to where the old path would be a quarter of its period later."""
         motion, begin = build_motion(old), round(time / MILLI) * MILLI
         here, there = poses(motion, [time, time + 0.25 * old.slowest_period])[:, 0].tolist()
         usual: dict[str, Any] = {"from": tuple(here), "to": tuple(there), "start": begin}

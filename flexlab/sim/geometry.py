@@ -1,4 +1,4 @@
-"""Where arms and beam are in the plane, from samples: forward kinematics and Hermite interpolation, for drawing only.
+"""Positions of arms and beam from samples, by forward kinematics and Hermite interpolation, for drawing only.
 
 Pure NumPy on whole blocks of samples; the equations of motion do not use this file.
 """
@@ -47,7 +47,7 @@ def deflection_at(payload: Payload, beam_coordinates: np.ndarray, position: np.n
 
 
 def shape_functions(payload: Payload, position: np.ndarray) -> np.ndarray:
-    """N(s), the free coordinates' share at `position` (count,) in m, (count, n_q); `ScenarioError` if outside."""
+    """N(s) over the free coordinates at `position` (count,), m, (count, n_q); raises `ScenarioError` outside the beam."""
     half = 0.5 * payload.length
     if np.any(np.abs(position) > half * (1 + 1e-9)):
         worst = float(position[np.argmax(np.abs(position))])

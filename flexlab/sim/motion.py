@@ -36,7 +36,7 @@ LATE = 1e-9
 
 @dataclass
 class Motion:
-    """Where a scenario's run stands. `stepping` moves it, `bumpless_transfer` has it go on with other constants."""
+    """The state of a scenario in motion. `stepping` moves it, `bumpless_transfer` changes its constants."""
 
     assembly: Assembly
     """What is derived from the scenario; the held torques, those under way and the hand in it change with time."""
@@ -151,7 +151,7 @@ def controller_states(scenario: Scenario, system: System, y: np.ndarray) -> dict
 def law_start(
     scenario: Scenario, system: System, time: float, y: np.ndarray, ws: Workspace, acts_now: bool
 ) -> Start | None:
-    """What the law sees at the state y; None: it never asks. `acts_now`: whether a sampled law acts at this instant."""
+    """What the law sees at the state y; None: it does not use it. `acts_now`: whether a sampled law acts at this instant."""
     law = law_of(scenario.controller)
     if law.start is None and law.bumpless_transfer is None:
         return None

@@ -81,7 +81,7 @@ class StepCost(NamedTuple):
     """Processor time of a step, measured on one core of a shared server in November 2026 (`flexlab bench` measures any)."""
 
     fixed: float
-    """Of arms and law, s."""
+    """For arms and law, s."""
     per_mode: float
     """s."""
     per_product: float

@@ -1,4 +1,4 @@
-"""Which step a tick takes: level k halves the longest step k times.
+"""The step of each tick: level k halves the longest step k times.
 
 The level depends on the state at the tick alone, so that live, headless, continued and replayed runs take the same steps whatever
 their block sizes. It follows the fastest rate of the controlled pose, which grows with the state of an adaptive controller, and

@@ -84,7 +84,7 @@ def build_assembly(
 
 
 def halvings(assembly: Assembly, at_once: bool) -> int:
-    """How often the automatic step of an assembly is to be halved: as often as needed, and as real time allows.
+    """Number of halvings of an assembly's automatic step: as many as needed, and as real time allows.
 
     `at_once`: raise `Unprepared` instead of trying more than one halving.
     """
@@ -99,7 +99,7 @@ def halvings(assembly: Assembly, at_once: bool) -> int:
 
 
 def _times(assembly: Assembly, ratio: float) -> int:
-    """How often a step may be halved that may become shorter by `ratio`."""
+    """Number of halvings allowed for a step that may become shorter by `ratio`."""
     return max(0, _doublings(min(ratio, assembly.steps.step / SHORTEST_CHOSEN)))
 
 

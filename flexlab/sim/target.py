@@ -216,5 +216,5 @@ def same_target(one: Scenario, other: Scenario) -> bool:
 
 
 def _loop(scenario: Scenario) -> tuple[object, ...]:
-    """What the modes of the closed loop depend on."""
+    """The parts of a scenario on which the modes of the closed loop depend."""
     return scenario.payload, scenario.arms, scenario.controller, scenario.gravity

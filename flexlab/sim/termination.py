@@ -234,7 +234,7 @@ def _what_grew(assembly: Assembly, time: float) -> tuple[str, str]:
 
 
 def _cure(kind: str) -> str:
-    """What keeps an arm within its workspace."""
+    """Advice that keeps an arm within its workspace."""
     if kind == "none":
         return (
             "The motors are off (controller.kind = none): reset with a controller that holds the arms, or start at rest "

@@ -79,7 +79,7 @@ class World:
 
     @property
     def axial_warning(self) -> AxialWarning:
-        """What the force along the beam, or its spin, did beyond the validity of the beam's model."""
+        """The warning for an axial force or a spin beyond the validity of the beam's model."""
         return axial_warning(self.scenario.payload, self._motion.estimate.peaks)
 
     @property

@@ -8,10 +8,10 @@ and to the beam the slow torques stand still. The beam feels the arms through th
 with h_k ≠ 0 (g_k ≠ 0) is damped, whatever the gains k_v, k_θ ≥ 0, and so is the whole where the slow law's closed loop is
 stable and slower than the beam (Tikhonov). Assumed: torques act at once, ΣM̄_i outweighs the payload, rates are known.
 
-A clock and a delay break the second: with torques (d + ½) T_c late, the feedback turns by ω (d + ½) T_c and feeds modes that
-it turns by more than 90°; at T_c = 1 ms and d = 1 those between 1/(6 T_c) and 1/(2 T_c). The observer `kalman` predicts over
-that time, and needs no sensor of the rates: see `control.observers.kalman`, which says what becomes of modes that it does
-not know. Stable or not, sampled, is what `flexlab.modes` says.
+Sampling and delay violate the first: with torques (d + ½) T_c late, the phase of the feedback turns by ω (d + ½) T_c, and modes
+for which that exceeds 90° are driven; at T_c = 1 ms and d = 1 those between 1/(6 T_c) and 1/(2 T_c). The observer `kalman`
+predicts over that time, and needs no sensor of the rates; `control.observers.kalman` says what happens to modes outside its
+model. `flexlab.modes` gives the stability of the sampled loop.
 """
 
 from dataclasses import replace
@@ -48,13 +48,13 @@ MOST_GAINS = 1024
 
 
 class MeasuredRates(Part):
-    """hᵀq̇ and gᵀq̇ as they are measured."""
+    """The measured hᵀq̇ and gᵀq̇."""
 
     kind: Literal["measured"] = "measured"
 
 
 def _own_part(model: type[Controller]) -> Any:
-    """A law's own fields as a part of a scenario, without what all laws share."""
+    """A law's own fields as a part of a scenario, without those that all laws share."""
     fields: Any = {
         name: (about.annotation, about)
         for name, about in model.model_fields.items()
@@ -91,7 +91,7 @@ class Composite(Controller):
     @model_validator(mode="before")
     @classmethod
     def _usual_kinds(cls, data: Any) -> Any:
-        """A part whose kind is not said is of the usual kind."""
+        """Give parts without a kind the default one."""
         if not isinstance(data, dict):
             return data
         slow = data["slow"].get("kind") if isinstance(data.get("slow"), dict) else None
@@ -122,7 +122,7 @@ class Composite(Controller):
 
 
 def _know_laws() -> None:
-    """Let the slow part be any kernel law that is known now and has no parts of its own."""
+    """Allow any known kernel law without parts of its own as the slow part."""
     known = [law.model for law in laws().values() if type(law) is Law and law.for_settings is None]
     parts = [_slow_parts.get(model) or _own_part(model) for model in known]
     Composite.model_fields["slow"].annotation = reduce(or_, parts)
@@ -217,7 +217,7 @@ def composite(gains, now, memory, memory_rate, signals):
 
 @pluggable
 def fastest_rate(gains, now, memory, S, kappa):
-    """1/s: the slow law's, and the rate at which the vibration gains take from hᵀq̇ and gᵀq̇."""
+    """Fastest rate, 1/s: that of the slow law, plus the rate at which the vibration gains damp hᵀq̇ and gᵀq̇."""
     slow_gains = gains.slow_gains[: int(gains.slow_gain_count)]
     own = memory[: int(gains.slow_memory)]
     slow = call_number_kernel(int(gains.slow_rate), slow_gains, (now, own, S, kappa))
@@ -235,7 +235,7 @@ def _limits(settings: Composite) -> dict[str, dict[str, float]]:
 
 
 def _conditions(around: Circumstances) -> tuple[Condition, ...]:
-    """The slow law's, and that measured rates that are answered late do not feed a mode."""
+    """Those of the slow law, and that late feedback of measured rates drives no mode."""
     settings = around.scenario.controller
     alone = around.scenario.model_copy(update={"controller": slow_controller(settings)})
     slow = law_of(alone.controller).conditions(replace(around, scenario=alone))

@@ -1,4 +1,4 @@
-"""Feedback on the sliding surface with a momentum observer that cancels what the rigid model does not know.
+"""Feedback on the sliding surface with a momentum observer that cancels disturbances of the rigid model.
 
     Σu_i = B ṙ + C̄ r + Ḡ - K s - d̂
     d̂ = ℓ (p - p(0) - ∫ (Σu_i + C̄ᵀẋ - Ḡ + d̂) dt),   p = Bẋ
@@ -7,9 +7,9 @@ with e = x - x_d, r = ẋ_d - Λe, s = ẋ - r (3,), B = ΣM̄_i + Ā as the con
 kg·m²/s, d̂ in N, N, N·m. Memory: p(0) and the integral, (3,) each. De Luca and Mattone (ICRA 2005) for the observer.
 Stability: the plant is B ẍ + C̄ẋ + Ḡ = Σu_i + d, so that dd̂/dt = ℓ (d - d̂): d̂ is d behind a first-order filter of the rate
 ℓ, whatever the motion. With ½ (d - d̂)² / ℓ added to ½ sᵀBs, V falls outside a ball whose radius goes as ‖dd/dt‖/(ℓ K): any
-K > 0, ℓ > 0 and a d of bounded rate. The beam's own ring belongs to d; d̂ follows it with the lag atan(ω/ℓ), so that ℓ should
-stay well below the first mode of a beam that is hardly damped. Sampled, the filter needs ℓ T_c < 2.
-The observer counts on the torques that the law asks for; what a torque limit takes away shows up in d̂.
+K > 0, ℓ > 0 and a d of bounded rate. The beam's vibration is part of d; d̂ follows it with the lag atan(ω/ℓ), so that ℓ should
+stay well below the first mode of a weakly damped beam. Sampled, the filter needs ℓ T_c < 2.
+The observer assumes the torques that the law asks for; what a torque limit removes appears in d̂.
 """
 
 from typing import Literal
@@ -56,7 +56,7 @@ def momentum(now, A, p):
 
 @inlined
 def known_rate(now, A, rate):
-    """Add C̄ᵀẋ - Ḡ + ṁ/m Ā ẋ (3,), arms, payload weight and what material brings, to `rate`; A: scratch (3, 3)."""
+    """Add C̄ᵀẋ - Ḡ + ṁ/m Ā ẋ (3,), of arms, payload weight and added material, to `rate`; A: scratch (3, 3)."""
     if now.growth != 0:
         share_payload(now, now.growth, A)
         for a in range(3):
@@ -98,7 +98,7 @@ def fastest_rate(gains, now, memory, S, kappa):
 
 
 def _momentum_ahead(begin: Start) -> np.ndarray:
-    """p (3,) at the next instant at which the law acts, as the model sees it coming."""
+    """p (3,) at the next instant at which the law acts, as the model predicts it."""
     now, A, p = begin.now, np.zeros((3, 3)), np.zeros(3)
     rate = np.asarray(now.u)[: now.arm_count].sum(axis=0)
     momentum(now, A, p)
@@ -107,7 +107,7 @@ def _momentum_ahead(begin: Start) -> np.ndarray:
 
 
 def start(begin: Start) -> dict[str, np.ndarray]:
-    """p(0): that of the first instant at which the law acts, so that d̂ begins at zero."""
+    """p(0) of the first instant at which the law acts, so that d̂ begins at zero."""
     return {"momentum_at_start": _momentum_ahead(begin)}
 
 
@@ -120,7 +120,7 @@ def bumpless_transfer(before: Start, begin: Start, memory: dict[str, np.ndarray]
 
 
 def conditions(around: Circumstances) -> tuple[Condition, ...]:
-    """That the observer stays slow against the beam's first mode."""
+    """The observer must be slow compared with the beam's first mode."""
     gain, first = around.scenario.controller.observer_gain, float(np.min(around.omega))
     text = f"ℓ ≤ ω1/{SEPARATION:g}: the observer follows at {n(gain)} 1/s, a third of the beam's first mode is "
     return (Condition(f"{text}{n(first / SEPARATION)} 1/s.", gain <= first / SEPARATION),)

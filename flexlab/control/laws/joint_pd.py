@@ -1,4 +1,4 @@
-"""PD on every joint with weight compensation: what industrial arms do, each for itself.
+"""PD control of every joint with weight compensation, as in industrial arms, each by itself.
 
     τ_i = G_i(θ_i) + 𝒥_i⁻ᵀ share_i (0, m g, 0) - P (θ_i - θ_i,d) - D (dθ_i/dt - dθ_i,d/dt)
 
@@ -7,8 +7,8 @@ the same elbow. P in N·m/rad and D in N·m·s/rad, one number per joint, the sa
 the weight is share_i (0, m g, 0), as with every law.
 Stability (Takegaki and Arimoto 1981): with the target at rest and the weight known, V = T + U_beam + ½ Σ (θ_i - θ_i,d)ᵀP
 (θ_i - θ_i,d) obeys dV/dt = -Σ dθ_i/dtᵀ D dθ_i/dt - q̇ᵀDq̇ ≤ 0 for any P, D > 0 and any beam: no model is needed. On a moving
-path nothing is fed forward and the error stays of the size of (inertia · ẍ_d)/P. Both arms pull the payload to where their
-own joints belong, so that errors of the bases' places would become internal force.
+path nothing is fed forward and the error stays of the size of (inertia · ẍ_d)/P. Each arm pulls the payload to where its own
+joints belong, so that errors in the position of the bases would become internal force.
 """
 
 from typing import Literal

@@ -3,15 +3,15 @@
     Σu_i = B ẍ_d + C̄ ẋ_d + Ḡ - K (ẑ(k + d) - z_d),    z = (x, η, ẋ, η̇),  z_d = (x_d, 0, ẋ_d, 0) d periods from now
 
 z is estimated and predicted over the input delay of d periods by the Kalman observer (`control.observers.kalman`), from the
-same linear model, that of arms and lowest modes about the path's centre. K minimises Σ zᵀQz + FᵀRF over the periods:
-K = (R + ΓᵀPΓ)⁻¹ΓᵀPΦ, P from the discrete Riccati equation, Q = diag(q_x, q_b ω², q_v, q_b), q_b weighing the beam's energy,
-and R = diag(r) (Anderson and Moore, Optimal Control: Linear Quadratic Methods, 1990). Shapes: K (3, 2 (3 + n_o)), N and N·m
-per m, rad, m·kg^½ and per second of those. Arms carry their own parts of the feedforward and share the rest.
-Stability: Φ - ΓK is stable for any Q ≥ 0, R > 0, and by separation so are regulator, observer and delay together, with
-V = zᵀPz falling, if the plant is the model: at the path's centre, for small motions, with these modes alone. Modes that are not
-estimated and torque limits are outside of that; the sampled poles (`flexlab.modes`) tell for each pose and plant. Poses are, too:
-`conditions` says whether |λ(Φ − ΓK)| < 1 at those of the path.
-An observed loop has no margins of its own (Doyle, IEEE Trans. Automatic Control 23(4), 1978): see its disk margin.
+same linear model, that of arms and lowest modes about the path's centre. K minimises Σ zᵀQz + FᵀRF over the periods: K = (R +
+ΓᵀPΓ)⁻¹ΓᵀPΦ, P from the discrete Riccati equation, Q = diag(q_x, q_b ω², q_v, q_b), q_b weighing the beam's energy, and R =
+diag(r) (Anderson and Moore, Optimal Control: Linear Quadratic Methods, 1990). Shapes: K (3, 2 (3 + n_o)), N and N·m per m, rad,
+m·kg^½ and per second of those. Arms carry their own parts of the feedforward and share the rest. Stability: Φ - ΓK is stable
+for any Q ≥ 0, R > 0, and by separation so are regulator, observer and delay together, with V = zᵀPz falling, if the plant is
+the model: at the path's centre, for small motions, with these modes alone. Modes that are not estimated and torque limits are
+outside of that; the sampled poles (`flexlab.modes`) tell for each pose and plant. So are other poses: `conditions` says whether
+|λ(Φ − ΓK)| < 1 at those of the path. A loop with an observer has no guaranteed margins (Doyle, IEEE Trans. Automatic Control
+23(4), 1978): see its disk margin.
 """
 
 from dataclasses import replace
@@ -131,12 +131,12 @@ def lqr(gains, now, memory, memory_rate, signals):
 
 @pluggable
 def fastest_rate(gains, now, memory, S, kappa):
-    """1/s: of the regulated pose at the path's centre."""
+    """Fastest rate of the regulated pose at the path's centre, 1/s."""
     return gains.rate
 
 
 def conditions(around: Circumstances) -> tuple[Condition, ...]:
-    """Whether the regulator, made for one pose, holds arms and observed modes at every pose of the path: |λ(Φ − ΓK)| < 1."""
+    """Whether the regulator, designed at one pose, is stable at every pose of the path: |λ(Φ − ΓK)| < 1."""
     scenario = around.scenario
     poses, K = around.path.desired[:, 0], regulator_gain(scenario)
     growth = [_growth(scenario, K, pose) for pose in poses]

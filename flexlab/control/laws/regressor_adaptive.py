@@ -76,7 +76,7 @@ class RegressorAdaptive(Controller):
 
 @inlined
 def link_loads(now, i, links, r, r_dot, load):
-    """What each link of arm i with 1 kg asks along the absolute link angles, N·m/kg: load (3 links, 3 angles).
+    """Fill load (3 links, 3 angles), N·m/kg: torques of each link of arm i with 1 kg along the absolute link angles.
 
     In these angles C is μ_jk sin(α_j - α_k) dα_k/dt; the accelerations that go with (r, ṙ) follow from the wrist's closure.
     """
@@ -110,7 +110,7 @@ def link_loads(now, i, links, r, r_dot, load):
 
 @inlined
 def link_numbers(row):
-    """The constants of one arm (10,) as numbers."""
+    """The constants of one arm (10,) as a tuple."""
     return row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9]
 
 
@@ -192,12 +192,12 @@ def start(begin: Start) -> dict[str, np.ndarray]:
 
 
 TOLD, TELLABLE = 1e-3, 1e-9
-"""Singular values of Y over the largest, each column times its true mass, from which on a combination of masses is told by a
-path, and could be told by some motion."""
+"""Singular values of Y over the largest, each column times its true mass, from which on a combination of masses can be identified
+on a path, and by some motion."""
 
 
 def conditions(around: Circumstances) -> tuple[Condition, ...]:
-    """Whether the path is rich enough to tell the masses apart, as far as any motion can."""
+    """Whether the path is rich enough to identify all combinations of masses that any motion can."""
     constants = known(around.scenario)
     on_path, on_any = [], []
     for now in around.path:

@@ -49,14 +49,14 @@ def vibration_damping(gains, now, b_hat, b_rate, signals):
 
 @pluggable
 def fastest_rate(gains, now, b_hat, S, kappa):
-    """1/s: the paper's law's, and the rate at which the vibration gains take from hᵀq̇ and gᵀq̇."""
+    """Fastest rate, 1/s: that of the paper's law, plus the rate at which the vibration gains damp hᵀq̇ and gᵀq̇."""
     vibration = gains.lateral_vibration_gain * kappa[0] + gains.angular_vibration_gain * kappa[2]
     K, Lambda, epsilon = gains.feedback_gain, gains.sliding_slope, gains.boundary_layer
     return surface_rate(K, Lambda, epsilon, now, b_hat, S) + vibration
 
 
 def conditions(around: Circumstances) -> tuple[Condition, ...]:
-    """As the paper's law, and that torques which come late do not feed a mode."""
+    """Those of the paper's law, and that late torques drive no mode."""
     law = around.scenario.controller
     return within_layer(around), *fed_modes(around, (law.lateral_vibration_gain, law.angular_vibration_gain))
 

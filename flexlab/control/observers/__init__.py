@@ -1,1 +1,1 @@
-"""What laws estimate of the beam from what a sampled controller measures."""
+"""Observers of the beam for sampled controllers."""

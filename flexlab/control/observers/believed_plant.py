@@ -1,7 +1,7 @@
 """The linear plant that observers and linear laws are designed for: arms and the beam's lowest modes at one pose.
 
 M p̈ + D ṗ + K p = f over p = (x, η), pose and modal coordinates, for a straight beam at rest, with f the forces on them. The
-weight and what turns with the pose are left out: whoever uses the model takes them from f at the present pose.
+weight and the terms that turn with the pose are left out: users of the model subtract them from f at the present pose.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from flexlab.physics.beam import beam_matrices, undamped_modes
 from flexlab.physics.sensors import strain_rows
 
 KNOWN_PLANTS = 8
-"""Plants that are kept: a slider changes a law's gains many times a second, and its plant seldom."""
+"""Number of plants that are kept: a slider changes gains many times a second, but seldom the plant."""
 
 
 class BelievedPlant(NamedTuple):
@@ -33,7 +33,7 @@ class BelievedPlant(NamedTuple):
     omega: np.ndarray
     """ω, rad/s, (n_o,)."""
     stiffness: np.ndarray
-    """ω² and what the steady force along the beam adds, 1/s², (n_o, n_o)."""
+    """ω² plus the stiffness from the steady axial force, 1/s², (n_o, n_o)."""
     h: np.ndarray
     """Vᵀh, kg^½, (n_o,)."""
     g: np.ndarray
@@ -104,7 +104,7 @@ def believed_plant(
 
 
 def steady_load(scenario: Any) -> tuple[float, float]:
-    """N_L, N, and a₁, m/s², of the believed payload at rest at its path's centre: the squeeze that is wanted, and the weight."""
+    """N_L, N, and a₁, m/s², of the believed payload at rest at the path's centre, from the wanted squeeze and the weight."""
     payload, law = scenario.payload, scenario.controller
     mass = payload.linear_density * law.model.linear_density_factor * payload.length * law.model.length_factor
     along = scenario.gravity * sin_cos(scenario.trajectory.middle[2])[0]
@@ -134,7 +134,7 @@ def _plant(
     mass[:3, :3] = np.diag([beam.m, beam.m, beam.I])
     for arm in arm_records(arms, payload.length):
         M = np.zeros((3, 3))
-        # A pose that an arm cannot take is refused with its sentence when the run starts.
+        # A pose that an arm cannot take is refused when the run starts.
         arm_configuration(arm, pose[0], pose[1], c, s, 0.0, M, np.zeros(3), np.zeros((2, 3)), np.zeros(4))
         mass[:3, :3] += M
     mass[:3, 3:] = np.stack([-s * h, c * h, g])

@@ -1,7 +1,7 @@
-"""A steady Kalman filter that tells pose, pose rate and the beam's lowest modes from pose, pose rate and strain gauges.
+"""A steady Kalman filter that estimates pose, pose rate and the beam's lowest modes from pose, pose rate and strain gauges.
 
 The model: the believed plant at the path's centre (`believed_plant`), z = (x, η, ẋ, η̇) over one control period T_c of held
-torques, z(k+1) = Φ z(k) + Γ F(k) + Γ_w g cos θ. F (3,) is what the joint torques in force do to the pose beyond the arms' own
+torques, z(k+1) = Φ z(k) + Γ F(k) + Γ_w g cos θ. F (3,) is the force of the held joint torques on the pose less the arms'
 velocity terms and all weight, ΣJ̄_iᵀτ_i - ΣC̄_iẋ - ΣḠ_i - (0, m g, 0), at the measured pose; Γ_w: the weight that bends the beam.
 
     ẑ(k|k-1) = Φ ẑ(k-1) + Γ F(k-1) + Γ_w g cos θ        ẑ(k) = ẑ(k|k-1) + L (y(k) - C ẑ(k|k-1))
@@ -11,13 +11,13 @@ discrete Riccati equation; R: the squares of the sensors' noise, but of no senso
 pose and modes, held over a period (Kalman, J. Basic Eng. 82 (1960) 35; Franklin, Powell, Workman, Digital Control of Dynamic
 Systems, ch. 9).
 
-What acts on the estimate acts late: by the delay of d periods and, as torques are held, half a period more. The observer
-therefore **predicts** with the same model, the torques on their way, and after them what the law asks for now.
+Feedback of the estimate acts late: by the delay of d periods and, as torques are held, half a period more. The observer therefore
+**predicts** with the same model, the torques under way, and after them those that the law asks for now.
 
 Stability: the error's own dynamics Φ - L C Φ are stable wherever the gauges see the modes (a steady P exists), and by the
 separation principle so is the loop, if the plant is the model. A plant has more modes than the model: what the gauges see of
 them enters the estimate and what the law answers excites them (spillover: Balas, J. Optim. Theory Appl. 25 (1978) 415).
-No theorem covers that; the sampled poles of plant, law and observer do (`flexlab.modes`).
+No theorem covers that; the sampled poles of plant, law and observer show it (`flexlab.modes`).
 """
 
 from collections.abc import Callable
@@ -38,12 +38,12 @@ from flexlab.physics.law_input import MOST_DELAY, MOST_GAUGES
 from flexlab.quantities import Count, Number, Numbers, Part, Triple, quantity
 
 MOST_MODES = 8
-"""Modes that can be observed: with the gauges' number, beyond which a further mode cannot be told apart."""
+"""Most modes that can be observed: as many as gauges, since further modes cannot be distinguished."""
 STATES, READINGS = 2 * (3 + MOST_MODES), 6 + MOST_GAUGES
 """Room for z and y in the record of constants."""
 POSE_FLOOR, RATE_FLOOR, STRAIN_FLOOR = 1e-6, 1e-4, 1e-7
-"""m and rad; m/s and rad/s; 1: noise that the filter reckons with at least, that of good encoders and gauges, since without
-any it would believe its sensors alone and differentiate them."""
+"""m and rad; m/s and rad/s; 1: least noise that the filter assumes, that of good encoders and gauges, since without any it would
+trust its sensors alone and differentiate them."""
 
 
 class KalmanObserver(Part):
@@ -82,7 +82,7 @@ class KalmanObserver(Part):
 
 
 def observer_shapes(rows: int) -> dict[str, tuple[int, ...]]:
-    """Fields of a law's record of gains that the observer needs, for `rows` predicted numbers."""
+    """Fields that the observer adds to a law's record of gains, for `rows` predicted numbers."""
     return {
         "observed_modes": (),
         "period": (),
@@ -99,7 +99,7 @@ def observer_shapes(rows: int) -> dict[str, tuple[int, ...]]:
 
 
 def padded(value: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """The array in the first places of one of zeros."""
+    """The array padded with zeros to a shape."""
     whole = np.zeros(shape)
     whole[tuple(slice(0, size) for size in np.shape(value))] = value
     return whole
@@ -111,9 +111,9 @@ def observer_constants(
     rows_of: Callable[[BelievedPlant], np.ndarray],
     horizon: float,
 ) -> dict[str, Any]:
-    """Those fields for a scenario: predicts rows_of(plant) ẑ, (rows, 2 (3 + n_o)), `horizon` periods ahead.
+    """The `observer_shapes` fields of a scenario, to predict rows_of(plant) ẑ, (rows, 2 (3 + n_o)), `horizon` periods ahead.
 
-    Raises `ScenarioError` where there is no steady gain.
+    Raises `ScenarioError` if there is no steady gain.
     """
     period, n = scenario.controller.control_period, observer.observer_modes
     plant = believed_plant(scenario, n, observer.gauges)
@@ -171,9 +171,9 @@ def _steady_gain(
 
 @inlined
 def net_force(now, place, force, u):
-    """force (3,) = what the torques now.torque[place] do to the pose beyond velocity terms and weight.
+    """Fill force (3,) with that of the torques now.torque[place] on the pose, less velocity terms and weight.
 
-    place < 0: what now.u asks for. u: scratch (3,).
+    place < 0: that of now.u. u: scratch (3,).
     """
     for a in range(3):
         force[a] = 0.0
@@ -193,7 +193,7 @@ def net_force(now, place, force, u):
 
 @inlined
 def update_estimate(gains, now, memory, estimate):
-    """Fill estimate with ẑ(k) for the memory of the instant before; the first instant begins with what is measured."""
+    """Fill estimate with ẑ(k) from the memory of the instant before; the first one is what is measured."""
     n = 3 + int(gains.observed_modes)
     force, error = now.scratch[0], now.scratch[2:7]
     if memory[2 * n] < 0.5:
@@ -227,7 +227,7 @@ def update_estimate(gains, now, memory, estimate):
 
 @inlined
 def predict(gains, now, estimate, predicted):
-    """Fill predicted (rows,): with the torques on their way, and then with what now.u asks for."""
+    """Fill predicted (rows,), with the torques under way and then those of now.u."""
     force = now.scratch[0]
     weight = now.gravity * now.trig[0]
     for r in range(len(gains.prediction)):
@@ -244,7 +244,7 @@ def predict(gains, now, estimate, predicted):
 
 @inlined
 def remember(gains, memory, estimate):
-    """Turn the estimate into the rate by which one control period makes the memory it."""
+    """Turn the estimate into the rate that brings the memory to it within one control period."""
     last = 2 * (3 + int(gains.observed_modes))
     for k in range(last):
         estimate[k] = (estimate[k] - memory[k]) / gains.period

@@ -19,12 +19,12 @@ class Hold(Trajectory):
 
     @property
     def span(self) -> float:
-        """It rests."""
+        """0, as it rests."""
         return 0.0
 
     @property
     def end(self) -> float:
-        """From the start on."""
+        """0, as it never moves."""
         return 0.0
 
     @property
@@ -43,7 +43,7 @@ class Hold(Trajectory):
         return 0.0, 0.0, 0.0
 
     def taken_up(self, old: Trajectory, given: Collection[str], time: float) -> Trajectory:
-        """Where the target is."""
+        """It holds the present target."""
         here = tuple(poses(build_motion(old), [time])[0, 0].tolist())
         return self if "pose" in given else self.model_copy(update={"pose": here})
 

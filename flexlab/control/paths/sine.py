@@ -75,7 +75,7 @@ class SineTrajectory(Trajectory):
         return tuple(abs(a) * squared_rate(f) for a, f in both)
 
     def keeping(self, changed: Trajectory, changes: Mapping[str, Any], time: float) -> Trajectory:
-        """A new frequency alone keeps the sine's argument, so that the target does not jump."""
+        """A new frequency keeps the sine's argument, so that the target does not jump."""
         if (
             not isinstance(changed, SineTrajectory)
             or three(self.frequency) == three(changed.frequency)
@@ -94,7 +94,7 @@ def sine(path, rows, t, desired):
     sine = cosine = 0.0
     for a in range(3):
         rate = 2 * np.pi * path.frequency[a]
-        # Equal motions in x, y and θ are the common case; a sine costs as much as an arm's mass matrix.
+        # Usually x, y and θ move alike; a sine costs as much as an arm's mass matrix.
         if a == 0 or path.frequency[a] != path.frequency[0] or path.phase[a] != path.phase[0]:
             angle = rate * t + path.phase[a]
             own_sine, own_cosine = sin_cos(angle)

@@ -15,10 +15,10 @@ from flexlab.quantities import Number, Quartet, quantity
 
 MOST_ROWS = 10_000
 LARGEST_GAP = 20.0
-"""Longest step of the times over their median: beyond it rows are missing, and the spline would swing through the gap."""
+"""Longest step of the times over their median: beyond it rows are missing, and the spline would overshoot in the gap."""
 DEGREE = 5
 FREE_ROWS = DEGREE + 1
-"""Rows that a spline needs which is free at its ends."""
+"""Rows needed for a spline with free ends."""
 CHECKED_PER_ROW = 4
 """Instants between two rows at which the reach is checked."""
 MILLI = 1e-3
@@ -84,7 +84,7 @@ class Table(Trajectory):
 
     @property
     def jumps(self) -> bool:
-        """With free ends even the velocity."""
+        """It does with free ends, where even the velocity jumps."""
         return self.ends == "free"
 
     @property
@@ -110,7 +110,7 @@ class Table(Trajectory):
         return np.append(between, time[-1])
 
     def place_text(self, time: float) -> str:
-        """With its row."""
+        """The pose with its row."""
         times = self.start + np.array([row[0] for row in self.rows])
         k = int(np.searchsorted(times, time, "right"))
         exact = k > 0 and times[k - 1] == time
@@ -118,13 +118,13 @@ class Table(Trajectory):
         return f"the desired pose ({rows} of the table)"
 
     def keeping(self, changed: Trajectory, changes: Mapping[str, Any], time: float) -> Trajectory:
-        """Another table begins now."""
+        """With other rows it begins now."""
         if "rows" not in changes or "start" in changes:
             return changed
         return changed.model_copy(update={"start": round(time / MILLI) * MILLI})
 
     def taken_up(self, old: Trajectory, given: Collection[str], time: float) -> Trajectory:
-        """From now on; rows that nobody gave lie about the old path's middle."""
+        """It begins now; default rows are moved to the old path's middle."""
         usual: dict[str, Any] = {"start": round(time / MILLI) * MILLI}
         if "rows" not in given:
             moved = np.array(self.rows) + [0.0, *np.subtract(old.middle, self.middle)]
@@ -163,7 +163,7 @@ def polynomials(table: np.ndarray, ends: str) -> np.ndarray:
 
 
 def spline(table: np.ndarray, ends: str) -> Callable[[np.ndarray], np.ndarray]:
-    """That spline as a function of times (N,), within those of the table, whose poses are (N, 3)."""
+    """The spline of `polynomials` as a function of times (N,) within the table's, returning poses (N, 3)."""
     rows = polynomials(table, ends)
     coefficients = rows[:, 1:].reshape(-1, 3, FREE_ROWS)
 
@@ -188,9 +188,9 @@ def _taylor(h: np.ndarray, p0: np.ndarray, p1: np.ndarray, u0: np.ndarray, u1: n
 
 
 def _slopes(h: np.ndarray, poses: np.ndarray, ends: str) -> np.ndarray:
-    """Rates and accelerations (N, 2, 3) of the spline at its knots: third and fourth derivative go on at each."""
+    """Rates and accelerations (N, 2, 3) of the spline at its knots, with continuous third and fourth derivatives."""
     N = len(poses)
-    # The poses' own, with rest at both ends, and what a rate or an acceleration at one end adds.
+    # The solution with rest at both ends, and the effect of a rate or an acceleration at either end.
     values, given = np.zeros((N, 7)), np.zeros((2, 2, 7))
     values[:, :3] = poses
     given[0, :, 3:5] = given[1, :, 5:7] = np.eye(2)
@@ -199,7 +199,7 @@ def _slopes(h: np.ndarray, poses: np.ndarray, ends: str) -> np.ndarray:
         return slopes[:, :, :3]
     jets = np.stack(_taylor(h[:, None], values[:-1], values[1:], slopes[:-1], slopes[1:]))
     if ends == "free":
-        # The fifth derivative goes on, too, at the two knots next to each end.
+        # The fifth derivative is continuous, too, at the two knots next to each end.
         missing = jets[4, [1, 2, N - 3, N - 2]] - jets[4, [0, 1, N - 4, N - 3]]
     else:
         step = h[-1]
@@ -251,7 +251,7 @@ def _between_ends(h: np.ndarray, values: np.ndarray, given: np.ndarray) -> np.nd
 
 @inlined
 def row_before(rows, t):
-    """Index of the last row whose first column is at most t, 0 if there is none; the first column rises."""
+    """Index of the last row with a first column of at most t, 0 if there is none; the first column increases."""
     low, high = 0, len(rows)
     while high - low > 1:
         middle = (low + high) // 2

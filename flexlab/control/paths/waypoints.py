@@ -98,13 +98,13 @@ class Waypoints(Trajectory):
         return tuple(np.abs(self.phases()[:, 7:10]).max(axis=0).tolist())
 
     def keeping(self, changed: Trajectory, changes: Mapping[str, Any], time: float) -> Trajectory:
-        """Other poses or limits: from the first pose again, from now on."""
+        """With other poses or limits it starts again from the first pose now."""
         if not isinstance(changed, Waypoints) or "start" in changes or not set(changes) & CHANGE_THE_WAY:
             return changed
         return changed.model_copy(update={"start": round(time / MILLI) * MILLI})
 
     def taken_up(self, old: Trajectory, given: Collection[str], time: float) -> Trajectory:
-        """From now on; poses that nobody gave lie about the old path's middle."""
+        """It begins now; default poses are moved to the old path's middle."""
         usual: dict[str, Any] = {"start": round(time / MILLI) * MILLI}
         if "points" not in given:
             moved = np.array(self.points) + np.subtract(old.middle, self.middle)
@@ -137,7 +137,7 @@ def phases(points: tuple[Triple, ...], limits: tuple[Triple, ...], pause: float)
 
 
 def _leg(here: Triple, there: Triple, limits: tuple[Triple, ...]) -> np.ndarray:
-    """As `phases`, of one straight way from rest to rest: the share of the way moves from 0 to 1 within all limits."""
+    """As `phases`, for one straight line from rest to rest, along which the share goes from 0 to 1 within all limits."""
     way = np.subtract(there, here)
     allowed = [float(np.min(np.array(limit)[way != 0] / np.abs(way[way != 0]))) for limit in limits]
     rising, steady, cruise = _durations(*allowed)
@@ -156,7 +156,7 @@ def _leg(here: Triple, there: Triple, limits: tuple[Triple, ...]) -> np.ndarray:
 
 
 def _durations(velocity: float, acceleration: float, jerk: float) -> tuple[float, float, float]:
-    """Of the fastest way of length 1 from rest to rest: time to the largest acceleration, time at it, and time at speed, s."""
+    """The fastest motion of length 1 from rest to rest: time to the largest acceleration, at it, and at speed, s."""
     rising = acceleration / jerk
     if velocity >= acceleration * rising:
         steady = velocity / acceleration - rising
@@ -172,7 +172,7 @@ def _durations(velocity: float, acceleration: float, jerk: float) -> tuple[float
 
 
 def _cube_root(value: float) -> float:
-    """Of a positive number: by Newton's method, from a power of two above it."""
+    """Cube root of a positive number, by Newton's method from a power of two above it."""
     root = math.ldexp(1.0, -(-math.frexp(value)[1] // 3))
     while (lower := root - (root - value / (root * root)) / 3) < root:
         root = lower

@@ -1,8 +1,8 @@
-"""Runs as CSV, Parquet, NPZ or an xarray dataset for other programs, and back: what is read again equals what was written.
+"""Runs as CSV, Parquet, NPZ or an xarray dataset for other programs, and back, bit for bit.
 
-The files come back bit for bit. Every column's name says its unit; SI throughout. Scenario, versions, seed, start and events
-(commands among them) go along as one JSON text: in CSV the first line (after "# "), in Parquet and NPZ the metadata named
-"flexlab". A dataset has named axes, and units and meanings beside the numbers.
+All values are in SI units, which the columns' names give. Scenario, versions, seed, start and events (commands among them)
+go along as one JSON text: in CSV the first line (after "# "), in Parquet and NPZ the metadata named "flexlab". A dataset has
+named axes, units and meanings.
 """
 
 import csv
@@ -49,11 +49,11 @@ if TYPE_CHECKING:
 
 
 NAMES = {ARM: "arm", AXIS: "axis", JOINT: "joint", COORDINATE: "coordinate"}
-"""Of axes that several signals have; any other is called after its signal."""
+"""Names of axes that several signals share; any other axis is named after its signal."""
 
 
 def to_dataset(run: Run) -> "xarray.Dataset":
-    """All signals over time, with labels along their axes where these fit. Raises `StudyError` where xarray is not installed."""
+    """All signals over time, with labels along their axes. Raises `StudyError` if xarray is not installed."""
     try:
         import xarray
     except ImportError:
@@ -79,7 +79,7 @@ def _variable(signal: Signal, array: np.ndarray, scenario: Scenario) -> tuple[tu
     names, labels = ["time"], {}
     for place, axis in enumerate(signal.axes, 1):
         known = ["_".join(words) for words, _ in axis_labels(axis, scenario)]
-        # Where a command has changed the mesh on the way, the widest one's coordinates have no one name.
+        # If a command has changed the mesh during the run, coordinates have no unique labels.
         fits = len(known) == array.shape[place]
         shared = NAMES.get(axis) if fits else None
         names.append(shared or f"{signal.name}_{NAMES.get(axis, 'entry')}")
@@ -93,10 +93,10 @@ NAME = "flexlab"
 """Name of the metadata."""
 
 BATCH_ROWS = 20_000
-"""Samples written at once: tables of hours need no more memory than of seconds, but small pieces pack badly."""
+"""Samples written at once: a long table then needs little memory, and small pieces pack badly."""
 
 LONGEST_REASON = 200
-"""Characters of a reader's complaint that are passed on."""
+"""Characters of a reader's error that are passed on."""
 
 Columns = dict[str, np.ndarray]
 
@@ -125,7 +125,7 @@ def export_recording(
 
 
 def _batches(pieces: Iterable[Samples], scenario: Scenario, later: Iterable[Scenario]) -> Iterator[Columns]:
-    """The columns of each piece: the same ones of all, and none of what was not recorded."""
+    """The columns of each piece: the same for all, without signals that were not recorded."""
     columns: list[Column] = []
     for piece in pieces:
         columns = columns or [c for c in table_columns(scenario, later) if c.signal not in piece.absent]
@@ -232,7 +232,7 @@ def _read_csv(path: Path) -> tuple[Columns, str]:
 
 def _write_parquet(path: Path, batches: Iterable[Columns], metadata: str) -> None:
     with ExitStack() as closing:
-        # Opened first, so that a place that cannot be written is told before hours of data are read.
+        # Opened first, so that an unwritable place is reported before hours of data are read.
         file = closing.enter_context(path.open("wb"))
         writer = None
         for columns in batches:

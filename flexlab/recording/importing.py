@@ -1,4 +1,4 @@
-"""Takes a run from elsewhere into a logs folder: a recording as it is, an exported table as a recording of the same bits."""
+"""Imports runs into a logs folder: a recording as it is, an exported table as a recording of the same bits."""
 
 import contextlib
 import hashlib
@@ -33,14 +33,14 @@ from flexlab.sim.snapshot import TICK, Event
 from flexlab.text import visible
 
 IMPORTED = (SUFFIX, *FORMATS)
-"""Endings of the files that can be taken in."""
+"""Endings of files that can be imported."""
 
 
 def import_into(path: Path, logs: Path, **notes: str) -> Path:
-    """Take a recording or an exported run into `logs`; returns the new recording. The file itself stays as it is.
+    """Import a recording or an exported run into `logs`; returns the new recording. The file itself is not changed.
 
-    `notes` stand beside the run; its "note" says which columns were left out. Raises `RecordingError`, and leaves nothing in
-    `logs`, for a file that holds no run or if `logs` takes no more.
+    `notes` are written beside the run; its "note" lists columns that were left out. Raises `RecordingError`, and leaves nothing
+    in `logs`, for a file without a run or if `logs` cannot be written.
     """
     if path.suffix.lower() not in IMPORTED:
         raise RecordingError(f"{path.name} has no known format: let its name end in {', '.join(IMPORTED)}.")
@@ -138,7 +138,7 @@ def _state(values: Mapping[str, Any] | None) -> WorldState | None:
 
 
 def _write(recording: HeadlessRecording, run: Run, events: Sequence[Event]) -> None:
-    """Samples and events in the order in which they happened, as a change also moves what is drawn after it."""
+    """Write samples and events in order, as a change of the scenario affects the drawing of later samples."""
     written = 0
     for event in events:
         row = int(np.searchsorted(run.time, event.time, "right"))

@@ -1,4 +1,4 @@
-"""Two or more runs in one recording: curves laid over each other, time counted from each run's first sample."""
+"""Comparisons: two or more runs in one rerun file, with curves over each other and time from each run's first sample."""
 
 import json
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -31,10 +31,10 @@ from flexlab.text import number_text
 from flexlab.views import View, views
 
 APPLICATION = "flexlab comparison"
-"""Apart from single runs, whose layout a person may have changed."""
+"""Not that of single runs, whose layout a person may have changed."""
 
 MOST_RUNS = 6
-"""Curves of more runs cannot be told apart."""
+"""Curves of more runs cannot be distinguished."""
 
 SCENES_SHAPE = 1.2
 """Width over height of all scenes side by side, narrower than they are, beside a page's tables too: no elbow is cut off."""
@@ -74,7 +74,7 @@ def write_comparison(recordings: Sequence[Recording], target: Path, text: str = 
 
 
 def _write(stream: rr.RecordingStream, encoded: rr.BinaryStream, recordings: Sequence[Recording], draft: Path) -> None:
-    """Piece by piece, so that hours need no more memory than seconds; then with an index, so that they open as fast."""
+    """Write piece by piece, which needs little memory, then add an index, so that the file opens fast."""
     factor = _factor([(recording.name, recording.scenario) for recording in recordings])
     pieces = draft.with_suffix(".pieces")
     try:
@@ -90,17 +90,17 @@ def _write(stream: rr.RecordingStream, encoded: rr.BinaryStream, recordings: Seq
 
 
 def run_label(number: int) -> str:
-    """A, B, C…: how a run is called in curves' names and tables."""
+    """A, B, C…: a run's name in curves and tables."""
     return chr(ord("A") + number)
 
 
 def _factor(runs: Sequence[NamedScenario]) -> float:
-    """One exaggeration of the drawn deflection for all, or they could not be compared by eye."""
+    """One exaggeration of the drawn deflection for all runs, so that they can be compared by eye."""
     return min(exaggeration(scenario) for _, scenario in runs)
 
 
 def _send_run(stream: rr.RecordingStream, number: int, recording: Recording, factor: float) -> Iterator[None]:
-    """Send a run; pauses after each piece, for it to be written."""
+    """Send a run; yields after each piece, for it to be written."""
     scenario, label = recording.scenario, run_label(number)
     signals = views(scenario)
     for signal in signals:
@@ -128,7 +128,7 @@ def _send_run(stream: rr.RecordingStream, number: int, recording: Recording, fac
 
 
 def _from_zero(blocks: Iterable[Samples]) -> Iterator[Samples]:
-    """Time counted from the first sample: a run may have begun when another's structure was changed."""
+    """The blocks with time counted from the first sample."""
     first = None
     for block in blocks:
         first = block.time[0] if first is None else first
@@ -136,14 +136,14 @@ def _from_zero(blocks: Iterable[Samples]) -> Iterator[Samples]:
 
 
 def _shade(color: tuple[int, int, int], number: int) -> tuple[int, int, int]:
-    """The first run's curves are as always; later ones of the same kind ever paler."""
+    """The colour of a curve, paler for later runs."""
     pale = 1 - 0.55**number
     red, green, blue = (round(part + pale * (235 - part)) for part in color)
     return red, green, blue
 
 
 def comparison_blueprint(runs: Sequence[NamedScenario], measured: Collection[int] = ()) -> rrb.Blueprint:
-    """The layout of a comparison of these runs; of the `measured` ones (indices) there is nothing to be seen in space."""
+    """The layout of a comparison of these runs; the `measured` ones (indices) have no drawing."""
     labels = [run_label(number) for number in range(len(runs))]
     scenarios = sorted((scenario for _, scenario in runs), key=lambda scenario: len(scenario.arms))
     signals = {signal.entity: signal for scenario in scenarios for signal in views(scenario)}
@@ -158,7 +158,7 @@ def comparison_blueprint(runs: Sequence[NamedScenario], measured: Collection[int
 
 
 def _scenes(runs: Sequence[NamedScenario], drawn: Sequence[int]) -> list[rrb.Spatial3DView]:
-    """A drawing of each of the runs `drawn`. New ones each time: rerun drops a whole layout in which a view has two places."""
+    """A drawing of each of the runs `drawn`, new ones each time: rerun drops a layout in which a view stands twice."""
     return [
         scene_view(
             f"{run_label(number)}: {runs[number][0]}, deflection drawn × {number_text(_factor(runs))}",

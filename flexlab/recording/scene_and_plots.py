@@ -20,13 +20,13 @@ from flexlab.text import number_text
 from flexlab.views import BLUE, GRAY, GREEN, ORANGE, PURPLE, REAL_TIME_FACTOR, VERMILION, View, views
 
 FRAMES_PER_SECOND = 60
-"""Drawn states per wall second in slow motion, per simulated second else: what a screen can show."""
+"""Drawn states per simulated second, or per wall second in slow motion: what a screen can show."""
 
 BEAM_POINTS = 33
 """Points of the drawn beam: smooth to the eighth mode."""
 
 LINK_RADIUS = (0.035, 0.028, 0.02)
-"""m, from the base link to the last: looks only."""
+"""m, from the base link to the last, for the drawing only."""
 BEAM_RADIUS = 0.009
 """m."""
 THIN_RADIUS = 0.003
@@ -40,13 +40,13 @@ FORCE_SCALE = 1e-3
 SHOWN_BENDING = 0.012
 """Share of the beam's length that its quasi-static bending should take up on screen."""
 LEAST_ACCELERATION = 1.0
-"""m/s²: what a scenario without motion or weight is taken to have, so that its exaggeration stays finite."""
+"""m/s²: least acceleration assumed, so that the exaggeration of a scenario without motion or weight is finite."""
 EXAGGERATIONS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
-"""Round factors a person can divide by."""
+"""Round factors that are easy to divide by."""
 
 
 def exaggeration(scenario: Scenario) -> float:
-    """The factor on the drawn deflection: round, and such that bending under the motion's own load can be seen.
+    """The factor on the drawn deflection: round, and large enough to see bending under the motion's own load.
 
     The load is that of a uniform beam, 5ρaL⁴/(384 EI) at mid-span, with the trajectory's largest acceleration and weight.
     """
@@ -59,7 +59,7 @@ def exaggeration(scenario: Scenario) -> float:
 
 
 def fixed_shapes(scenario: Scenario) -> Iterator[tuple[str, rr.AsComponents]]:
-    """What does not move, (entity, archetype): links' sizes, bases, colours, curves' widths."""
+    """The static parts, (entity, archetype): links' sizes, bases, colours, curves' widths."""
     arms = scenario.arms
     colors = [color for color, _ in zip((BLUE, VERMILION), arms, strict=False)]
     yield (
@@ -91,7 +91,7 @@ def moving_shapes(scenario: Scenario, samples: Samples, factor: float) -> Iterat
     arms = arm_points(scenario, samples)
     yield "scene/links", _links(arms, samples.joint_angle)
     yield "scene/beam", [line_strips(_in_space(beam_points(scenario, samples, BEAM_POINTS, factor))[:, None])]
-    # The virtual link and where it should be.
+    # The virtual link and its desired place.
     chords = [link_points(scenario, samples.pose), link_points(scenario, samples.desired_pose)]
     yield "scene/chords", [line_strips(_in_space(np.stack(chords, axis=1), height=-2 * BEAM_RADIUS))]
     force = FORCE_SCALE * _in_space(samples.internal_force[:, :, :2])
@@ -115,7 +115,7 @@ def desired_path(scenario: Scenario) -> np.ndarray:
 
 
 def _links(points: np.ndarray, joint_angle: np.ndarray) -> list[Column]:
-    """Poses of the capsules: they grow from their start along z, so they are laid down and turned about z."""
+    """Poses of the capsules, which extend from their start along z: laid down and turned about z."""
     half = 0.5 * np.cumsum(joint_angle, axis=2).reshape(len(points), -1)
     # Quaternion (x, y, z, w) of a quarter turn about y followed by `angle` about z.
     quaternion = np.stack([-np.sin(half), np.cos(half), np.sin(half), np.cos(half)], axis=-1) / np.sqrt(2)
@@ -132,7 +132,7 @@ def _in_space(plane: np.ndarray, height: float = 0.0) -> np.ndarray:
 
 
 VIEW_MARGIN = 0.55
-"""m that an elbow may stand out beyond bases and payload."""
+"""m that elbows may extend beyond bases and payload."""
 VIEW_SHAPE = 1.6
 """Width of the view over its height, about."""
 EYE_ANGLE = np.radians(55)
@@ -151,9 +151,9 @@ def eye(scenario: Scenario, shape: float = VIEW_SHAPE) -> tuple[tuple[float, flo
 
 
 MAIN_PLOTS = ("error", "vibration", "internal_force", "joint_torque")
-"""Seen at once; the other plots are tabs."""
+"""Plots that are always visible; the others are tabs."""
 MEASURED_PLOT = "vibration"
-"""The plot of what is measured at a beam: its deflection."""
+"""The plot of a measured beam's deflection."""
 
 
 def run_blueprint(scenario: Scenario, factor: float, title: str, follow: bool = False) -> rrb.Blueprint:
@@ -178,7 +178,7 @@ def run_blueprint(scenario: Scenario, factor: float, title: str, follow: bool = 
 
 
 def measurement_blueprint(scenario: Scenario) -> rrb.Blueprint:
-    """The layout of what was measured at a beam: its curves, and nothing in space."""
+    """The layout of a measured run: its curves, without a drawing."""
     texts = rrb.Tabs(
         rrb.TextDocumentView(origin="parameters", name="Measurement"),
         rrb.TextLogView(origin="events", name="Events"),

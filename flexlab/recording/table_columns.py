@@ -1,7 +1,4 @@
-"""Every signal of `Samples` as named columns with units, for tables, and back.
-
-What a run from elsewhere must hold before it is taken in is checked here, too: everything later relies on it.
-"""
+"""Every signal of `Samples` as named columns with units, for tables, and back; and checks of imported runs."""
 
 import math
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -21,7 +18,7 @@ from flexlab.text import number_text, visible
 LONGEST_SHOWN = 60
 """Characters of a column's name that a sentence repeats."""
 MOST_SHOWN = 8
-"""Columns that a sentence names."""
+"""Columns that a sentence names, at most."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +30,7 @@ class Column:
     signal: str
     """Field of `Samples`."""
     index: tuple[int, ...]
-    """Which entry of one row of that field; () if it is a number."""
+    """Index within one row of that field; () for a number."""
 
 
 def table_columns(scenario: Scenario, later: Iterable[Scenario] = ()) -> tuple[Column, ...]:
@@ -87,7 +84,7 @@ def to_columns(samples: Samples, columns: Sequence[Column]) -> dict[str, np.ndar
 
 
 def check_units(names: Iterable[str], scenario: Scenario) -> None:
-    """Raises `RecordingError` for the column of a known signal that has another unit: it would be left out."""
+    """Raises `RecordingError` for a column of a known signal with another unit, which would be left out."""
     units = {
         "_".join([signal.name, *words]): unit
         for signal in known_signals().values()
@@ -102,7 +99,7 @@ def check_units(names: Iterable[str], scenario: Scenario) -> None:
 
 
 def _whole_signals(names: Collection[str], scenario: Scenario) -> Iterator[list[Column]]:
-    """The columns of each signal that is there with all of them."""
+    """The columns of each signal that is complete."""
     for signal in known_signals().values():
         columns = _columns(signal, scenario)
         if columns and all(column.name in names for column in columns):
@@ -110,7 +107,7 @@ def _whole_signals(names: Collection[str], scenario: Scenario) -> Iterator[list[
 
 
 def left_out_text(names: Collection[str], scenario: Scenario) -> str:
-    """A sentence that names the columns that `from_columns` makes nothing of; empty: there are none."""
+    """A sentence that names the columns that `from_columns` ignores; empty if there are none."""
     taken = {column.name for columns in _whole_signals(names, scenario) for column in columns}
     left = [repr(visible(name, LONGEST_SHOWN)) for name in names if name not in taken]
     if not left:
@@ -120,7 +117,7 @@ def left_out_text(names: Collection[str], scenario: Scenario) -> str:
 
 
 NO_NUMBERS = {"c": "complex numbers", "S": "text", "U": "text", "M": "dates", "m": "durations"}
-"""NumPy's kinds of arrays that are no real numbers, though most would become some."""
+"""NumPy's kinds of arrays that are not real numbers, though most can be converted."""
 
 
 def from_columns(values: dict[str, np.ndarray], scenario: Scenario) -> Samples:
@@ -156,18 +153,18 @@ def from_columns(values: dict[str, np.ndarray], scenario: Scenario) -> Samples:
 
 
 TOLD_BY: dict[Axis, str] = {ARM: "joint_angle", COORDINATE: "beam_coordinates"}
-"""Axis → a signal whose array tells how many there are."""
+"""Axis → a signal whose array gives its length."""
 LAST_TIME = 1e9
 """s, either way: 32 years; rerun counts nanoseconds in 64 bits."""
 ROUNDING = 1e-6
-"""Relative: a period that was told from two times is not exact."""
+"""Relative tolerance of a period that was computed from two times."""
 LEVELS = ("info", "warning", "error")
 LONGEST_EVENT = 10_000
 """Characters of one event's text."""
 
 
 def checked_blocks(name: str, blocks: Iterable[Samples]) -> Iterator[Samples]:
-    """The blocks of the file `name`, as long as their times are finite and rising. Raises `RecordingError`."""
+    """The blocks of the file `name`. Raises `RecordingError` if their times are not finite and rising."""
     rows, last = 0, -math.inf
     for block in blocks:
         check_times(name, block.time, rows, last)
@@ -177,9 +174,9 @@ def checked_blocks(name: str, blocks: Iterable[Samples]) -> Iterator[Samples]:
 
 
 def check_times(name: str, time: np.ndarray, before: int = 0, last: float = -math.inf) -> None:
-    """Look whether times in s are finite and rising. `before`: rows ahead of them, of which `last` was the time of the last.
+    """Raises `RecordingError`, which counts rows from 1, if times in s are not finite and rising.
 
-    Raises `RecordingError`, which counts rows from 1.
+    `before`: number of rows before them, the last of which has the time `last`.
     """
     usable = np.abs(time) <= LAST_TIME  # False for NaN too.
     with np.errstate(invalid="ignore"):  # The difference of two infinities is told by `usable`.
@@ -207,7 +204,7 @@ def check_period(name: str, period: object) -> float:
 
 
 def check_events(name: str, events: Iterable[Event]) -> None:
-    """Look whether every event can be shown and replayed. Raises `RecordingError`, which counts events from 1."""
+    """Raises `RecordingError`, which counts events from 1, if an event cannot be shown and replayed."""
     for number, event in enumerate(events, 1):
         where = f"{name}, event {number}"
         if not isinstance(event.time, (int, float)) or not abs(event.time) <= LAST_TIME:

@@ -20,6 +20,7 @@ from flexlab.recording.headless import HeadlessRecording, write_run
 from flexlab.recording.reader import read_recording
 from flexlab.recording.recorder import Recorder
 from flexlab.recording.repair import Mending, finish
+from flexlab.recording.rerun_internals.rrd_file import has_footer
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.run_files import check_folder, claim_run_file, list_runs, newest_run, run_state
 from flexlab.sim.runner import Runner
@@ -307,6 +308,18 @@ def test_mending_without_room_changes_nothing_and_works_once_there_is_some(small
     filler.unlink()
     finish(path)
     assert run_state(path) == "complete"
+    assert_same_bits(read_recording(path).samples, run.slice(0, len(run)))
+
+
+def test_a_finished_run_is_on_a_disk_whole_or_not_at_all(small_disk: Path, run: Run) -> None:
+    """It is written in one piece, with its index, so that nothing is left to be mended."""
+    filler = leave(small_disk, 300_000)
+    with pytest.raises(RecordingError, match=r"No space left on device.*nothing of the run is recorded"):
+        write_run(run, small_disk, "paper")
+    assert list_runs(small_disk) == []
+    filler.unlink()
+    path = write_run(run, small_disk, "paper")
+    assert has_footer(path)
     assert_same_bits(read_recording(path).samples, run.slice(0, len(run)))
 
 

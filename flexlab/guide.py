@@ -22,12 +22,12 @@ _PICTURE = re.compile(r"^!\[([^\]]*)\]\(([\w./-]+\.svg)\)$", re.MULTILINE)
 _SYMBOLS = re.compile(r"^\[symbols: ([^\]]+)\]$", re.MULTILINE)
 _INDEXED = re.compile(r"^\| ([^|_`\s]+)_(\w+) \|", re.MULTILINE)
 HEAD_LINE, GUESS, DO, OBSERVE, CHECK = "---", "## Guess", "## Do", "## Observe", "## Check"
-"""Lines between the parts of a lesson."""
+"""Lines that separate the parts of a lesson."""
 _OPTION = re.compile(r"^- \[([ x])\] (.+)$", re.MULTILINE)
 
 
 STEPS = ("guess", "do", "observe")
-"""Of a lesson, in their order; step 1 is the first."""
+"""Steps of a lesson in order; step 1 is the first."""
 NEEDED = ("title", "preset")
 FIELDS = (*NEEDED, "check", "exaggeration", "hint")
 """Of a lesson's head; those not needed may be left out: a check may also be rules after a line ## Check."""
@@ -38,22 +38,22 @@ HIGHEST_EXAGGERATION = 1000.0
 
 
 Mistakes = Iterable[tuple[int, str]]
-"""(line of the file, what is wrong there)."""
+"""(line of the file, what is wrong in it)."""
 
 
 MOST_TOLD = 20
-"""Mistakes of one file that are told."""
+"""Mistakes of one file that are listed, at most."""
 
 
 def told_together(mistakes: Sequence[str]) -> str:
-    """The sentences on what is wrong with a file; of very many the first."""
+    """Sentences on the first mistakes in a file."""
     more = len(mistakes) - MOST_TOLD
     last = [f"{more} more lines are wrong: mend these first."] if more > 0 else []
     return " ".join([*mistakes[:MOST_TOLD], *last])
 
 
 class LessonError(FlexlabError, ValueError):
-    """A file that is no lesson; says what is wrong with it."""
+    """A file is not a valid lesson; the text lists its mistakes."""
 
     def __init__(self, file: Path, mistakes: Mistakes):
         told = told_together([f"line {line}: {reason}" for line, reason in sorted(mistakes)])
@@ -71,7 +71,7 @@ class Chapter(NamedTuple):
 
 
 class Lesson(NamedTuple):
-    """One guided lesson: a preset, what to do, what to observe, and the check that tells when it is done."""
+    """One guided lesson: a preset, what to do, what to observe, and the check that it is done."""
 
     id: str
     title: str
@@ -82,9 +82,9 @@ class Lesson(NamedTuple):
     question: str
     """Markdown: what the lesson is about."""
     guess: str
-    """What to guess before doing anything: a question. Empty: nothing."""
+    """The question to guess the answer of first; empty for none."""
     options: tuple[str, ...]
-    """What can be guessed."""
+    """Answers to choose from."""
     answer: str
     """The option that is right."""
     steps: str
@@ -92,11 +92,11 @@ class Lesson(NamedTuple):
     observe: str
     """Markdown: what to see, and why."""
     hint: str = ""
-    """What to say while the check does not hold; rules say more."""
+    """Shown while the check does not hold; rules have sentences of their own."""
     exaggeration: float | None = None
-    """By which all its runs are drawn; None: what suits its preset."""
+    """Factor on the drawn deflection of its runs; None for the preset's."""
     lines: tuple[tuple[str, int], ...] = ()
-    """Where the fields of the head, and the check, stand in the file."""
+    """Lines of the head's fields and of the check in the file."""
 
     @property
     def text(self) -> str:
@@ -108,25 +108,25 @@ class Lesson(NamedTuple):
 
 
 class LessonProgress(NamedTuple):
-    """How far somebody is in one lesson."""
+    """Somebody's progress in one lesson."""
 
     lesson: str
-    """As the guide's menu calls it."""
+    """Its name in the guide's menu."""
     step: int
     """1 to 3."""
     question: str
-    """What to guess; empty: nothing."""
+    """The question to guess the answer of; empty for none."""
     options: tuple[str, ...]
     answer: str
     """The option that is right."""
     guess: str
-    """The option that was guessed; empty: none."""
+    """The option that was guessed; empty for none."""
     passed: str
-    """What the check said when it held; empty: not yet."""
+    """The check's sentence when it held; empty if it has not yet."""
 
     @property
     def told_answer(self) -> str:
-        """The right option, once all steps were seen; else empty."""
+        """The right option once all steps have been seen; empty before."""
         return self.answer if self.step == len(STEPS) else ""
 
 
@@ -159,7 +159,7 @@ def _chapter(file: Path) -> Chapter:
 def read_lesson(
     file: Path, pictures: Path | None = None, further: Callable[[Lesson], Mistakes] = lambda lesson: ()
 ) -> Lesson:
-    """A lesson from its file. Raises `LessonError`, with lines and reasons, for a file that is none.
+    """A lesson from its file. Raises `LessonError`, with lines and reasons, if it is not valid.
 
     `pictures`: where pictures that it names lie; None: it has none, and no HTML either. `further`: what else is wrong with a
     lesson, some of whose fields may be missing.
@@ -210,7 +210,7 @@ def read_lesson(
 
 
 def without_html(text: str) -> str:
-    """Markdown in which HTML is text."""
+    """Markdown in which HTML is shown as text."""
     return text.replace("&", "&amp;").replace("<", "&lt;")
 
 

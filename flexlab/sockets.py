@@ -1,4 +1,4 @@
-"""Listening on exactly the address that was asked for, or saying in one sentence why not."""
+"""Sockets that listen on exactly the address asked for, or one sentence on why they cannot."""
 
 import errno
 import os
@@ -17,11 +17,11 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 UNIX = "unix:"
-"""What a host begins with that is the path of a Unix socket."""
+"""Prefix of a host that is the path of a Unix socket."""
 
 
 class PortInUse(LabError):
-    """Another program listens there."""
+    """Another program listens at this address."""
 
 
 def hidden_loopback() -> str:
@@ -102,7 +102,7 @@ def listen(host: str, port: int) -> socket.socket:
 
 
 def _listen_on_file(path: str) -> socket.socket:
-    """A listening Unix socket that only its owner may open; one that nobody answers any more makes room."""
+    """A listening Unix socket that only its owner may open; it replaces one that nobody listens on."""
     if not hasattr(socket, "AF_UNIX"):
         raise LabError("This system has no Unix sockets: give a host and a port.")
     plug = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)

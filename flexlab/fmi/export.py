@@ -34,9 +34,9 @@ from flexlab.sim.snapshot import TICK
 VERSIONS = (2, 3)
 IDENTIFIER = "flexlab_unit"
 USUAL_DURATION = 3.0
-"""s, which importers simulate if nobody says otherwise."""
+"""s that importers simulate by default."""
 SAME_DATE = (1980, 1, 1, 0, 0, 0)
-"""Of files in the archive: the same scenario gives the same bytes."""
+"""Date of all files in the archive, so that the same scenario gives the same bytes."""
 SOURCES = Path(__file__).parent / "c"
 PLATFORMS = {
     ("Linux", "x86_64"): ("linux64", "x86_64-linux", ".so"),
@@ -44,7 +44,7 @@ PLATFORMS = {
     ("Darwin", "x86_64"): ("darwin64", "x86_64-darwin", ".dylib"),
     ("Darwin", "arm64"): ("aarch64-darwin", "aarch64-darwin", ".dylib"),
 }
-"""Folder of the binary in FMI 2 and 3, and how its name ends."""
+"""Folder of the binary in FMI 2 and 3, and its suffix."""
 
 
 def write_fmu(
@@ -108,7 +108,7 @@ def _write(folder: Path, file: Path, part: Part, name: str, version: int, place:
 
 
 def _layout(part: Part, token: str) -> tuple[str, bytes]:
-    """layout.h, and the data that it describes."""
+    """The text of layout.h, and the data that it describes."""
     memory, calls = part.memory, []
     for number, each in enumerate(part.called):  # An instance has the addresses of its own process.
         at = memory.word(each.word) if each.word else memory.places["gains"] + 8 * each.gain

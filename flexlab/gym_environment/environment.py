@@ -40,11 +40,11 @@ from flexlab.sim.samples import Samples
 from flexlab.text import number_text
 
 WIDTH, DPI = 640, 100
-"""Of a picture, dots and dots per inch."""
+"""Width of a picture in dots, and dots per inch."""
 
 
 class Drawing:
-    """Draws worlds of one scenario flat, seen from above. The deflection is drawn larger by `exaggeration`, as it says."""
+    """Draws worlds of one scenario from above, with the deflection enlarged by `exaggeration`, which the picture states."""
 
     def __init__(self, scenario: Scenario):
         self._scenario, self.exaggeration = scenario, fitting_exaggeration(scenario)
@@ -83,7 +83,7 @@ RENDER_MODES = {"render_modes": ["human", "rgb_array"], "render_fps": PICTURES_P
 
 
 class _Scaled:
-    """What one world and many have in common."""
+    """Base of the environments with one world and with many."""
 
     def _make(self, count: int, render_mode: str | None, options: dict[str, Any]) -> None:
         self.settings = Settings.of(options)
@@ -99,7 +99,7 @@ class _Scaled:
         self._window: Window | None = None
 
     def _scaled(self, actions: Any, shape: tuple[int, ...]) -> np.ndarray:
-        """Actions in [-1, 1] as N and N·m, (worlds, numbers). Raises `StudyError` for what is none."""
+        """Actions in [-1, 1] as N and N·m, (worlds, numbers). Raises `StudyError` for anything else."""
         try:
             given = np.asarray(actions)
             given = given.astype(float) if given.dtype.kind in "biuf" else None

@@ -28,7 +28,7 @@ EFFORT = 0.01
 
 
 class Variants(NamedTuple):
-    """The beams that worlds may have, stacked: what of a system differs with EI."""
+    """The beams that worlds may have, stacked: all that depends on EI."""
 
     modal: np.ndarray
     """(variants, 13, n_m)."""
@@ -51,7 +51,7 @@ class Variants(NamedTuple):
 
 
 class Worlds(NamedTuple):
-    """What of each world changes, by row."""
+    """The state of each world, by row."""
 
     variant: np.ndarray
     y: np.ndarray
@@ -64,9 +64,9 @@ class Worlds(NamedTuple):
     delay: np.ndarray
     tick: np.ndarray
     seed: np.ndarray
-    """Of the measuring noise."""
+    """Seed of the measurement noise."""
     noise: np.ndarray
-    """Its scale."""
+    """Scale of the noise."""
     offset: np.ndarray
     """Start pose less that of the path, (worlds, 3)."""
     pause: np.ndarray
@@ -82,7 +82,7 @@ class Worlds(NamedTuple):
 
 @inlined
 def _begin_row(plant, y, row, ws):
-    """Fill of a sample what is drawn of it: time, pose, joint angles, a straight beam."""
+    """Fill in what is drawn of a sample: time, pose, joint angles, a straight beam."""
     for k in range(len(row)):
         row[k] = 0.0
     for a in range(3):

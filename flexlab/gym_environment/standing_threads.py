@@ -81,7 +81,7 @@ def all_answered(answers, order, patience):
 
 
 class StandingThreads:
-    """Does a kernel's parts at once: the first on the caller's thread, each other one on a thread of its own."""
+    """Runs a kernel's parts in parallel: the first on the caller's thread, each other on a thread of its own."""
 
     def __init__(self, kernel: Any, parts: Sequence[tuple[Any, ...]], variant: Hashable = None):
         """`kernel`: a `pluggable` one that returns a whole number; `parts`: its arguments, the same at every `run`.
@@ -113,7 +113,7 @@ class StandingThreads:
                     return
 
     def run(self) -> None:
-        """Do all parts."""
+        """Run all parts."""
         with self._changed:
             self._order += 1
             if self._asleep:

@@ -16,7 +16,7 @@ def bar(page: LabPage) -> Locator:
 
 
 def shown_time(page: LabPage) -> float:
-    return float(page.page.locator(".fl-grid > :nth-child(2)").inner_text().removesuffix(" s"))
+    return float(page.page.locator(".fl-grid > :first-child > :last-child").inner_text().removesuffix(" s"))
 
 
 def test_scene_and_plots_show_an_instant_of_the_past_and_the_run_goes_on_from_there(page: LabPage) -> None:

@@ -138,7 +138,7 @@ def test_play_screen_and_lab_have_no_grave_findings_and_are_used_by_keyboard(pag
     page.keyboard.press("Enter")
     page.get_by_role("button", name="Pause", exact=True).press("Enter")
     page.get_by_role("button", name="Play", exact=True).wait_for()
-    shown = page.locator(".fl-grid > :nth-child(2)")
+    shown = page.locator(".fl-grid > :first-child > :last-child")
     before = shown.inner_text()
     page.get_by_role("button", name="Step", exact=True).press("Enter")
     wait_until(lambda: shown.inner_text() != before, "Enter steps once")

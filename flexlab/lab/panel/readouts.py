@@ -51,7 +51,7 @@ def status_html(snapshot: Snapshot, view: ViewSettings, legend: Legend, recordin
         rows.append(("force along the beam, compression to tension", _color_legend(legend.axial, "N")))
     if snapshot.dropped_samples:
         rows.append(("samples not recorded", f'<span class="fl-bad">{snapshot.dropped_samples}</span>'))
-    grid = "".join(f"<span>{name}</span><span>{value}</span>" for name, value in rows)
+    grid = "".join(f"<div><span>{name}</span><span>{value}</span></div>" for name, value in rows)
     dot = f'<span class="fl-dot" style="background:{tone}"></span>'
     kept = f'<div class="fl-dim fl-line">{escaped(with_units(recording))}</div>' if recording else ""
     return f'<div class="fl"><h2 class="fl-title">{dot}{word}</h2><div class="fl-grid">{grid}</div>{kept}</div>'

@@ -221,7 +221,10 @@
     addEventListener(kind, () => { if (held) [held, handled] = [false, performance.now()]; }, true);
   }
   addEventListener("wheel", (event) => { if (isPicture(event)) handled = performance.now(); }, { capture: true, passive: true });
-  addEventListener("keydown", () => { handled = performance.now(); }, true);
+  const TURNING = /^(Arrow\w+|[adwsqe])$/i; // keys, of which a slider, a tab or a text field keeps those that are typed there
+  addEventListener("keydown", ({ key, target }) => {
+    if (TURNING.test(key) && !target.closest?.('input, textarea, [role="slider"], [role="tab"]')) handled = performance.now();
+  }, true);
   addEventListener("click", ({ target }) => {
     if (!target.closest?.("div:has(> .fl-back) + div")) return;
     [held, handled] = [false, -Infinity];

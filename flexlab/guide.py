@@ -164,7 +164,7 @@ def read_lesson(
     `pictures`: where pictures that it names lie; None: it has none, and no HTML either. `further`: what else is wrong with a
     lesson, some of whose fields may be missing.
     """
-    text = file.read_text(encoding="utf-8").replace("\r\n", "\n")
+    text = file.read_text(encoding="utf-8-sig").replace("\r\n", "\n")
     parts = _parts(file, text)
     head, lines, mistakes = _head(parts["head"])
     if "check" not in head:

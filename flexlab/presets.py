@@ -222,7 +222,7 @@ def _read_json(path: Path) -> Any:
     try:
         if path.exists() and not path.is_file():  # A pipe would hang.
             raise PresetError(f"{path} cannot be read: it is no ordinary file.")
-        return json.loads(path.read_text(encoding="utf-8"), object_pairs_hook=unique_fields)
+        return json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=unique_fields)
     except FileNotFoundError:
         raise PresetError(f"There is no scenario file {path}: check the name.") from None
     except OSError as error:

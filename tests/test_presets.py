@@ -160,6 +160,11 @@ def test_writing_and_reading_lose_nothing(tmp_path_factory: pytest.TempPathFacto
     assert load_scenario_file(file) == scenario
 
 
+def test_a_file_that_begins_with_a_byte_order_mark_is_read(tmp_path: Path):
+    (tmp_path / "marked.json").write_text('{"gravity": 1.0}', encoding="utf-8-sig")
+    assert load_scenario_file(tmp_path / "marked.json").gravity == 1.0
+
+
 @pytest.mark.parametrize(
     ("content", "says"),
     [

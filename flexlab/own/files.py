@@ -225,7 +225,7 @@ class OwnFolder(Generic[K]):
         if is_unit(file.name):
             return text_of_unit(file)
         try:
-            return with_data(file.read_text(encoding="utf-8"), file.parent, f"{self.kinds.field}.source")
+            return with_data(file.read_text(encoding="utf-8-sig"), file.parent, f"{self.kinds.field}.source")
         except FileNotFoundError:
             text = f"There is no file {file}: give the path of a Python file with {self.holding}."
             raise self._problem("source", text) from None

@@ -4,6 +4,7 @@ import contextlib
 import json
 import os
 import re
+import secrets
 import select
 import signal
 import socket
@@ -32,6 +33,8 @@ LONGEST_PROBLEM = 2000
 """Characters of a sentence from the process."""
 ENDING_LIMIT = 5.0
 """s for the process to end what its text started."""
+MARK = "FLEXLAB_OWN_TEXT"
+"""In the environment of all processes of a text."""
 LINE_LIMIT, LONGEST_LINE_LIMIT = 0.3, 3.0
 """s to find out which line a late process is in, without and with its waits for a processor."""
 ANSWER_LIMIT, LATE_LIMIT = 0.05, 0.03
@@ -73,6 +76,7 @@ class OwnProcess:
     def __init__(self, source: str, file: str):
         """Starts the process; `ensure` waits until it is ready."""
         self._source, self._file = source, file
+        self._mark = secrets.token_hex(8)
         self._lock = threading.RLock()
         self._calls = socket.socket(socket.AF_UNIX)  # Its number stays the same for all processes to come.
         self._reports: socket.socket | None = None
@@ -126,6 +130,16 @@ class OwnProcess:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
+        if process.returncode == -getattr(signal, "SIGKILL", 0):
+            self._end_what_is_left()
+
+    def _end_what_is_left(self) -> None:
+        """End what the text started, where the one that looks after that was killed itself."""
+        mark = f"{MARK}={self._mark}".encode()
+        for process in Path("/proc").glob("[0-9]*"):
+            with contextlib.suppress(OSError):
+                if mark in (process / "environ").read_bytes().split(b"\0"):
+                    os.kill(int(process.name), signal.SIGKILL)
 
     def dispose(self) -> None:
         """End the process and close its sockets: nobody may ask any more."""
@@ -158,7 +172,7 @@ class OwnProcess:
         self._process = subprocess.Popen(
             [*command, *map(str, handed), self._file, self.sort],
             pass_fds=handed,
-            env=os.environ | threads | {"PYTHONUNBUFFERED": "1"},
+            env=os.environ | threads | {"PYTHONUNBUFFERED": "1", MARK: self._mark},
             stdin=subprocess.DEVNULL,
             stdout=self.output,
             stderr=subprocess.DEVNULL,
@@ -300,8 +314,10 @@ class OwnProcess:
         self._listen(PROBE)
         if self._problem:
             return self._problem
-        how = f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
-        return f"{self._name}{self._traced_line()}: its process ended ({how})."
+        where = f"{self._name}{self._traced_line()}"
+        if code is None:
+            return f"{where}: it closed the connection by which flexlab asks it, or does not come to its end."
+        return f"{where}: its process ended ({f'signal {-code}' if code < 0 else f'exit code {code}'})."
 
 
 class LawApart(OwnProcess):

@@ -221,7 +221,7 @@ def _write_csv(path: Path, batches: Iterable[Columns], metadata: str) -> None:
 
 
 def _read_csv(path: Path) -> tuple[Columns, str]:
-    with path.open(encoding="utf-8", newline="") as file:
+    with path.open(encoding="utf-8-sig", newline="") as file:
         metadata = file.readline().removeprefix("# ")
         names = next(csv.reader([file.readline()]))
         with warnings.catch_warnings():

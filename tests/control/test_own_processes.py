@@ -17,6 +17,7 @@ from waiting import wait_until
 from flexlab.errors import ScenarioError
 from flexlab.lab.session import Session
 from flexlab.own import hosts
+from flexlab.own.files import LAW_FILES
 from flexlab.own.law import add_own_law
 from flexlab.own.process import MOST_READ, PROBE, LawApart
 from flexlab.presets import load_preset
@@ -94,6 +95,27 @@ def test_all_that_a_law_started_ends_although_it_stopped_its_supervisor():
     wait_until(lambda: len(marked(mark)) == 3, "its processes")
     law.dispose()
     assert marked(mark) == []
+
+
+def test_all_that_a_law_started_ends_although_it_killed_its_supervisor():
+    mark = f"flexlab-test-{os.getpid()}-supervisor"
+    world = world_of(CHILDREN.format(mark=mark) + at_work("if at.time > 0.003: os.kill(os.getppid(), 9)"))
+    wait_until(lambda: len(marked(mark)) == 3, "its processes")
+    world.advance(20)
+    assert world.status.failed
+    wait_until(lambda: marked(mark) == [], "their end")
+
+
+def test_a_byte_order_mark_is_no_part_of_a_law(tmp_path: Path):
+    (tmp_path / "own_pd.py").write_text(PD, encoding="utf-8-sig")
+    assert LAW_FILES.text(tmp_path / "own_pd.py") == PD
+
+
+def test_a_law_that_closes_its_connection_is_told_so():
+    world = world_of(at_work("if at.time > 0.003: os.closerange(3, 100)"))
+    world.advance(20)
+    assert world.status.failed
+    assert "None" not in world.status.text
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])

@@ -47,6 +47,10 @@ def test_the_documented_example_is_a_lesson(tmp_path: Path) -> None:
     assert verdict(own, stiff.scenario, stiff.slice(0, len(stiff))).done
 
 
+def test_a_byte_order_mark_is_no_part_of_a_lesson(tmp_path: Path) -> None:
+    assert write(tmp_path, "\ufeff" + EXAMPLE).lesson is not None
+
+
 def test_html_in_a_lesson_is_text(tmp_path: Path) -> None:
     own = write(tmp_path, EXAMPLE.replace("Does the beam", "<script>alert(1)</script> Does the beam"))
     assert own.lesson is not None

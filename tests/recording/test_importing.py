@@ -44,6 +44,12 @@ def original(tmp_path: Path) -> Recording:
     return read_recording(recording.path)
 
 
+def test_a_table_that_begins_with_a_byte_order_mark_is_taken_in(original: Recording, tmp_path: Path) -> None:
+    path = export_recording(original, tmp_path / "run.csv")
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert_same_bits(read_recording(import_into(path, tmp_path / "logs")).samples, original.samples)
+
+
 def assert_same_run(found: Recording, original: Recording) -> None:
     assert_same_bits(found.samples, original.samples)
     assert (found.name, found.scenario, found.started) == (original.name, original.scenario, original.started)

@@ -106,6 +106,7 @@ def test_a_replay_that_differs_says_where_and_fails(flexlab_command: Command, tm
         (["export", "--to", "no/such/x.csv"], "cannot be written"),
         (["export", "--to", "x.npz", "--start", "7"], "there is no sample: choose times within 0 to 0.3 s"),
         (["export", "--figures", "pdf"], "choose png or svg"),
+        (["export", "--to", "x.csv", "--figures", "pdf"], "choose png or svg"),
         (["export", "zzz", "--to", "x.csv"], "no recording zzz"),
         (["export", "--to", "x.fmu"], "x.fmu is made of a scenario alone: flexlab export PRESET --to x.fmu."),
         (["export", "--to", "x.xml"], "x.xml is made of a scenario alone"),

@@ -308,11 +308,17 @@ def draw_trade_off(tuning: Tuning, first: str, second: str) -> Figure:
     return figure
 
 
-def write_trade_off(tuning: Tuning, path: Path) -> None:
-    """Write `Tuning.plot` (.svg or .png). Raises `StudyError`."""
+def figure_kind(path: Path) -> str:
+    """The format of a figure by its name, svg or png. Raises `StudyError`."""
     kind = path.suffix.lstrip(".").lower()
     if kind not in ("svg", "png"):
         raise StudyError(f"{path} is no name for a figure: let it end in .svg or .png.")
+    return kind
+
+
+def write_trade_off(tuning: Tuning, path: Path) -> None:
+    """Write `Tuning.plot` (.svg or .png). Raises `StudyError`."""
+    kind = figure_kind(path)
     try:
         with replacing(path) as draft, mpl.rc_context(STYLE):
             metadata = {"Date": None} if kind == "svg" else None

@@ -7,7 +7,7 @@ Laws and paths in Python are sent along.
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, ThreadPoolExecutor, wait
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import partial
 from itertools import islice
 from typing import Any
@@ -171,10 +171,16 @@ def _connected(distributed: Any, address: str) -> Any:
     try:
         client.__init__(address, timeout=PATIENCE, set_as_default=False)
         return client
-    except (OSError, ValueError, TypeError) as error:
+    except (
+        MemoryError,
+        OSError,
+        TypeError,
+        ValueError,
+    ) as error:  # What is no scheduler may announce data of any size.
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
     # Garbage collection would close it, and would wait for ever while another client is being made.
-    client.close(timeout=PATIENCE)
+    with suppress(TimeoutError):
+        client.close(timeout=PATIENCE)
     raise StudyError(
         f"No Dask scheduler answers at {address!r:.60} ({reason:.120}): start one with dask scheduler, "
         "and workers with dask worker and its address."

@@ -56,6 +56,11 @@ def command(
         raise StudyError("--part and --fmi are for units: write --to FILE.fmu.")
     if to is not None and kind in WHOLE_RUN and (start, end) != (None, None):
         raise StudyError(f"--start and --end are for tables: {to} holds the whole run.")
+    if figures is not None:
+        from flexlab.analysis.figures import FORMATS
+
+        if figures.lower() not in FORMATS:  # Before the table is written.
+            raise StudyError(f"--figures {figures} is no format of figures: choose {' or '.join(FORMATS)}.")
     if to is not None:
         from flexlab.study_api import export
 

@@ -27,6 +27,8 @@ def command(
 
     A scenario file NAME.json in a folder `presets` where you work is a preset too.
     """
+    if schema and as_json:
+        raise StudyError("--schema writes a file and prints no JSON: give one of --schema and --json.")
     if schema:
         return _write_schema()
     if preset:

@@ -7,6 +7,7 @@ import tyro
 
 from flexlab.cli.console import complain, new_table, output
 from flexlab.cli.options import Cluster, Law, Preset, Seed, Settings, Several, Threads, chosen_scenarios, option
+from flexlab.errors import StudyError
 
 if TYPE_CHECKING:
     from flexlab.analysis.tuning import Tuning
@@ -43,7 +44,7 @@ def command(
     """
     ((_, scenario),) = chosen_scenarios([preset], set_, law, seed)
     from flexlab.analysis.sweep.axes import parse_axes
-    from flexlab.analysis.tuning import parse_cost, tune, write_trade_off
+    from flexlab.analysis.tuning import figure_kind, parse_cost, tune, write_trade_off
     from flexlab.analysis.workers import chosen_workers, progress_bar
     from flexlab.cli.warmup import warm_up
     from flexlab.presets import save_scenario
@@ -51,6 +52,11 @@ def command(
     axes = parse_axes(change, scenario)
     others = parse_axes(robust, scenario) if robust else ()
     wanted = parse_cost(cost, limit)
+    for file in (save, figure):  # Before hours of work.
+        if file is not None and not file.parent.is_dir():
+            raise StudyError(f"{file} cannot be written: there is no folder {file.parent}.")
+    if figure is not None:
+        figure_kind(figure)
     known = chosen_workers(workers, cluster)
     warm_up(scenario)
     with progress_bar(True, "candidates") as told:

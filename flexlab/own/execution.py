@@ -153,7 +153,10 @@ class RunningText:
         if isinstance(error, SyntaxError) and error.filename == self._file:
             lines.append(error.lineno)
         line = next((line for line in reversed(lines) if line), self._line)
-        words = " ".join(str(error).split())[:LONGEST_WORDS]
+        try:
+            words = " ".join(str(error).split())[:LONGEST_WORDS]
+        except BaseException:  # The text's own exception cannot say what it is.
+            words = ""
         what = f"{type(error).__name__}: {words}" if words else type(error).__name__
         if isinstance(error, MemoryError):
             what = f"it needs more memory than a {self._what} may have"

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flexlab.errors import LabError
+from flexlab.recording.rerun_internals.rrd_file import has_footer
 from flexlab.recording.store.notes import read_notes
 from flexlab.recording.store.run_files import list_runs
 
@@ -139,11 +140,15 @@ def owner_word(visitor: str) -> str:
     return hashlib.sha256(f"flexlab run of {visitor}".encode("utf-8", "replace")).hexdigest()[:32] if visitor else ""
 
 
-LOOK = 5.0
-"""Seconds between two checks of the folder."""
+LOOK, LOOK_AGAIN = 5.0, 1.0
+"""Seconds between two checks of the folder, and where more is asked for than was free at the last one."""
 MEGABYTE = 1e6
 PER_SECOND = 0.5 * MEGABYTE
 """Bytes that a simulated second of the paper's run takes, about."""
+
+
+INDEX, INDEX_SHARE = 160_000, 0.01
+"""Bytes, and share of its size, by which a run grows at most when it is finished: 136 kB and 0.5 kB per written block."""
 
 
 class Quota:
@@ -153,6 +158,7 @@ class Quota:
         """`most`: bytes; None or no owner: any number. `owner`: the mark of the visitor's runs."""
         self._logs, self._owner, self._most, self._clock = logs, owner, most, clock
         self._owners: dict[Path, str] = {}
+        self._finished: set[Path] = set()
         self._looked_at = float("-inf")
         self._known = self._granted = 0.0
         """Bytes at the last look, and those granted since then."""
@@ -161,7 +167,8 @@ class Quota:
         """Why `size` more bytes may not be written, as a sentence; empty if they may, and then they count."""
         if self._most is None or not self._owner:
             return ""
-        if self._clock() - self._looked_at >= LOOK:
+        fits = self._known + self._granted + size <= self._most
+        if self._clock() - self._looked_at >= (LOOK if fits else LOOK_AGAIN):
             self._looked_at = self._clock()
             self._known, self._granted = self._taken(), 0.0
         taken = self._known + self._granted
@@ -176,13 +183,21 @@ class Quota:
         )
 
     def _taken(self) -> float:
-        """Bytes of the visitor's runs."""
+        """Bytes of the visitor's runs once all are finished, at most."""
         runs = list_runs(self._logs)
         # The owner of a run does not change, but a run that is just being opened has none yet.
         known = {path: self._owners.get(path) or str(read_notes(path).get("owner", "")) for path in runs}
         self._owners = {path: owner or ("-" if path in self._owners else "") for path, owner in known.items()}
-        total = 0
+        total = 0.0
         for path, owner in known.items():
             with contextlib.suppress(OSError):
-                total += path.stat().st_size if owner == self._owner else 0
+                total += self._finished_size(path) if owner == self._owner else 0
         return total
+
+    def _finished_size(self, path: Path) -> float:
+        size = path.stat().st_size
+        if path not in self._finished:
+            if not has_footer(path):
+                return INDEX + (1 + INDEX_SHARE) * size
+            self._finished.add(path)
+        return size

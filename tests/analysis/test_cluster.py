@@ -1,9 +1,11 @@
 """Studies on a real Dask cluster: a worker or the scheduler is killed on the way, and no byte changes."""
 
+import contextlib
 import gc
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -237,6 +239,25 @@ def test_a_killed_scheduler_is_said_and_what_is_kept_goes_on(scheduler_process: 
     finally:
         worker.kill()
         worker.wait()
+
+
+def test_a_web_server_is_no_scheduler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """The first bytes of its answer, read as a length, are more memory than there is."""
+    monkeypatch.setattr("flexlab.analysis.workers.PATIENCE", 1.0)
+    with socket.create_server(("127.0.0.1", 0)) as plug:
+
+        def answer() -> None:
+            with contextlib.suppress(OSError):
+                while True:
+                    visitor, _ = plug.accept()
+                    with visitor:
+                        visitor.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+                        visitor.recv(1)
+
+        threading.Thread(target=answer, daemon=True).start()
+        address = f"tcp://127.0.0.1:{plug.getsockname()[1]}"
+        with pytest.raises(StudyError, match="No Dask scheduler answers"):
+            flexlab.sweep("paper", VARY, 0.1, folder=tmp_path / "c", cluster=address)
 
 
 def test_a_cluster_that_cannot_be_used_is_said(scheduler: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

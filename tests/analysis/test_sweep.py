@@ -64,6 +64,8 @@ def test_a_beam_that_comes_again_gives_the_same_rows_whatever_else_came():
         ([f"{EI}=-1:5:3"], StudyError, "-1 N·m² is outside the allowed range 0.001 to 10¹² N·m²"),
         (["gravity=0:5:log:3"], StudyError, "is logarithmic and begins at 0"),
         ([f"{EI}=1:nan"], StudyError, "is no range"),
+        (["gravity=-1e308:1e308:5"], StudyError, "is too wide"),
+        (["payload.element_count=-1e308:1e308"], StudyError, "is too wide"),
         ([f"{EI}=1:5:cubic:3"], StudyError, "is no range"),
         ([EI], StudyError, "does not say what to vary"),
         ([f"{EI}="], StudyError, "does not say what to vary"),
@@ -196,7 +198,7 @@ def test_figures_say_units_and_mark_what_failed(tmp_path: Path):
     drawn = paths[0].read_text(encoding="utf-8")
     for words in ("RMS error y (mm)", "Bending stiffness, EI (N·m²)", "failed"):
         assert words in drawn
-    for vary in ([f"{EI}=1:10:3"], ["controller.kind=pd,none"]):
+    for vary in ([f"{EI}=1:10:3"], ["controller.kind=pd,none"], ["gravity=9.81"]):
         curve = flexlab.sweep("paper", vary, 0.1, folder=tmp_path / vary[0][:9])
         assert len(curve.plot("force").axes) == 1
     drawn_cells = flexlab.sweep(

@@ -61,6 +61,8 @@ def test_a_run_that_fails_costs_most_and_says_why():
         (("--change", "gravity=0:1", "--limit", "torque"), "give a number above 0"),
         (("--change", "gravity=0:1", "--candidates", "3"), "candidates = 3 is not usable"),
         (("--change", "gravity=0,1",), "a range is searched, not a list"),
+        (("--change", "gravity=0:1", "--save", "no/such/t.json"), "there is no folder no/such"),
+        (("--change", "gravity=0:1", "--figure", "t.bmp"), "let it end in .svg or .png"),
     ],
 )  # fmt: skip
 def test_bad_input_is_one_sentence(

@@ -149,6 +149,7 @@ BAD = {
     ),
     "nothing": (acting("pass"), "bad.py, line 6: act returned nothing"),
     "exit": (acting("raise SystemExit"), "bad.py, line 6: SystemExit"),
+    "no words": (acting("raise type('Mute', (Exception,), {'__str__': lambda self: 1 / 0})"), "bad.py, line 6: Mute."),
     "text": (acting("return 'left'"), "bad.py, line 6: act returned 'left'"),
     "memory": (acting("self.z = np.zeros(5)\nreturn at.weights", "\n    z = memory(2)"), "the memory z became"),
 }

@@ -129,6 +129,8 @@ def _range(path: str, text: str, whole: bool) -> Axis:
         raise wrong from None
     if not (math.isfinite(low) and math.isfinite(high)):
         raise wrong
+    if not math.isfinite(high - low):
+        raise StudyError(f"{path}={_shown(text)} is too wide: choose limits that are nearer to each other.")
     if low >= high:
         raise StudyError(f"{path}={text} runs backwards or nowhere: write the smaller limit first.")
     if not 2 <= count <= MOST_VALUES:

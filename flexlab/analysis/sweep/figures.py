@@ -123,8 +123,8 @@ def _panels(plan: Plan, table: Any) -> tuple[list[Axis], list[tuple[str, np.ndar
     """The axes with numbers, and (title, rows) for each combination of the values of the others."""
     numeric = [axis for axis in plan.axes if axis.numeric and (len(axis.values) > 1 or axis.low is not None)]
     others = [axis for axis in plan.axes if not axis.numeric]
-    if not numeric:  # The order of the names takes the place of a number.
-        numeric, others = others[:1], others[1:]
+    if not numeric:  # The order of the names takes the place of a number; of one number alone there is a point.
+        numeric, others = [*others, *plan.axes][:1], others[1:]
     found = [("", np.arange(len(table)))]
     for axis in others:
         names = np.array(table.column(axis.path).to_pylist(), dtype=object)

@@ -43,9 +43,9 @@ def _hex(color: Color) -> str:
 BLUE, VERMILION, GREEN, GRAY, PURPLE = map(
     _hex, (palette.BLUE, palette.VERMILION, palette.GREEN, palette.GRAY, palette.PURPLE)
 )
-"""Left arm and right arm; the payload; what a curve is about; what is desired: as in the lab."""
+"""Colours, as in the lab, of left arm, right arm, payload, background of a curve, and desired motion."""
 LINES = ("-", "--", "-.", ":")
-"""Of the first, second, third and fourth curve, for whoever cannot tell their colours apart."""
+"""Line styles of the first to fourth curve, which tell them apart without colours."""
 
 MILLI = 1e3
 AXES = ("x", "y", "θ")

@@ -1,4 +1,4 @@
-"""What lessons and explanations measure in a run: frequencies, peaks, jumps, and how lengths read in a sentence."""
+"""Measures of a run for lessons and explanations: frequencies, peaks, jumps; and lengths in sentences."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -84,7 +84,7 @@ class Span(NamedTuple):
     """A part of a run without a change or touch; NaN where it is too short or no longer rings."""
 
     begin: float
-    """s."""
+    """First instant, s."""
     force: float = np.nan
     """Mean compression P, N."""
     frequency: float = np.nan

@@ -15,7 +15,7 @@ class Named(NamedTuple):
     """One state, input or output."""
 
     name: str
-    """As "pose_x", "joint_torque_left_2"."""
+    """Name, as in "pose_x" or "joint_torque_left_2"."""
     unit: str
     """SI."""
 

@@ -49,13 +49,13 @@ class Law(NamedTuple):
     """δτ and the memory's change for small changes; rows: joint torques (arms · 3), then memory."""
 
     motion: np.ndarray
-    """By (x, η, ẋ, η̇), (rows, 2 n)."""
+    """Derivatives by (x, η, ẋ, η̇), (rows, 2 n)."""
     memory: np.ndarray
-    """By the law's memory, (rows, memory)."""
+    """Derivatives by the law's memory, (rows, memory)."""
     desired: np.ndarray
-    """By (x_d, ẋ_d, ẍ_d), (rows, 9)."""
+    """Derivatives by (x_d, ẋ_d, ẍ_d), (rows, 9)."""
     line: np.ndarray
-    """By the joint torques held until now and those on their way, (rows, (delay + 1) · arms · 3); (rows, 0) for a law without
+    """Derivatives by the torques held until now and on their way, (rows, (delay + 1) · arms · 3); (rows, 0) for a law without
     this input."""
 
 

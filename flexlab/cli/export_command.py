@@ -10,7 +10,7 @@ from flexlab.errors import StudyError
 WHOLE_RUN = (".html", ".zip")
 """Files that hold a whole run."""
 UNIT, BODIES = ".fmu", (".urdf", ".xml", ".mjcf")
-"""What other tools simulate a scenario by: as machine code, or as rigid bodies."""
+"""Files for other tools: a scenario as machine code, or as rigid bodies."""
 
 
 def command(

@@ -64,7 +64,7 @@ class Found:
     """(what, before, now) of each number that the study changed."""
     remark: str = ""
     problem: str = ""
-    """What is wrong with the result; empty: nothing."""
+    """A problem of the result, in a sentence; empty: none."""
     scenario: Scenario | None = None
     """The scenario that the study found."""
     table: Path | None = None
@@ -80,7 +80,7 @@ class Study(ABC):
     """Rank on the page."""
     title: ClassVar[str]
     what: ClassVar[str]
-    """What it does, in a sentence or two."""
+    """Its purpose, in a sentence or two."""
     run_words: ClassVar[str]
     """Its name for one simulation: "cell"."""
     is_map: ClassVar[bool] = False
@@ -101,14 +101,14 @@ class Study(ABC):
 
     @abstractmethod
     def drawing(self, task: Task) -> dict[str, Any] | None:
-        """What the page's script draws of the results so far; None: nothing yet. May be called from any thread."""
+        """The drawing of the results so far, as data for the page's script; None: nothing yet. For any thread."""
 
     def cell_scenario(self, cell: int) -> Scenario:
         """The scenario of a cell of the map. Raises `FlexlabError` for a cell that does not exist."""
         raise StudyError(f"{visible(cell)}: this study has no cells.")
 
     def found(self, task: Task) -> Found:
-        """What the page says of a finished study."""
+        """The result of a finished study, in words."""
         return Found()
 
     def axis_title(self, axis: Axis) -> str:

@@ -22,7 +22,7 @@ class _Layer(NamedTuple):
 
     span: Samples
     width: float
-    """m/s."""
+    """Width of the boundary layer, m/s."""
     around: Circumstances
 
 

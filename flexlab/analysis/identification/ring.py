@@ -234,7 +234,7 @@ def _described(
 
 
 def _near(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> list[tuple[float, float]]:
-    """Of each mode what `local_density` tells; of white noise that it is as dense as elsewhere."""
+    """`local_density` of the residual near each mode; (1, 0) if the residual is white noise."""
     rest = _rest(modes, tau, y)
     if rest.std() < BEST_TOLD or is_white(rest):
         return [(1.0, 0.0)] * len(modes)

@@ -30,15 +30,15 @@ class Column:
     heading: str
     """The title where there is little room."""
     unit: str
-    """Of the number as it is shown."""
+    """Unit of the number as it is shown."""
     scale: float = 1.0
     """Shown number over SI number."""
     listed: bool = False
     """Whether lists of runs have a column for it."""
     missing: str = "–"
-    """What stands where the number is NaN."""
+    """The word for NaN."""
     part: str = ""
-    """Which of a metric's numbers it is, as in rms_error.y; empty where it is the only one."""
+    """Name among the metric's numbers, as in rms_error.y; empty for a single number."""
 
     @property
     def key(self) -> str:
@@ -47,7 +47,7 @@ class Column:
 
     @property
     def si_unit(self) -> str:
-        """Of the number as Python and tables for programs have it."""
+        """Unit of the number in Python and in tables for programs."""
         return self.unit if self.scale == 1.0 else _SI[self.unit]
 
 
@@ -59,9 +59,9 @@ class Metric(ABC):
     """One or a few numbers about a run. SI units; NaN where they have no value."""
 
     name: ClassVar[str]
-    """In Python: `run.metrics.<name>`."""
+    """Name in Python: `run.metrics.<name>`."""
     place: ClassVar[int]
-    """In tables: smaller ones first."""
+    """Rank in tables; smaller ones come first."""
     columns: ClassVar[tuple[Column, ...]]
     """One per number of `compute`."""
     own: ClassVar[bool] = False
@@ -166,12 +166,12 @@ class Number:
 
     metric: str
     index: int
-    """Which of the metric's numbers."""
+    """Index among the metric's numbers."""
     column: Column
 
     @property
     def name(self) -> str:
-        """As in "rms_error.y", or "peak_torque" of a metric that is one number."""
+        """Name, as in "rms_error.y", or "peak_torque" for a metric with a single number."""
         return f"{self.metric}.{self.column.part}" if self.column.part else self.metric
 
 

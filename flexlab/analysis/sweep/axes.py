@@ -185,7 +185,7 @@ class VariedField:
 
     path: str
     value: float
-    """As the scenario has it."""
+    """The scenario's value."""
     about: Quantity
     whole: bool
     """Whether it takes whole numbers only."""
@@ -224,7 +224,7 @@ class VariedChoice:
 
     path: str
     value: str
-    """As the scenario has it."""
+    """The scenario's value."""
     options: tuple[str, ...]
     """The options with which the scenario is valid."""
 

@@ -51,9 +51,9 @@ class Plan:
     scenario: Scenario
     axes: tuple[Axis, ...]
     duration: float
-    """s."""
+    """Simulated time of a cell, s."""
     sample_period: float
-    """s."""
+    """Time between samples, s."""
     design: str = "grid"
     samples: int | None = None
     """Number of cells of a design that samples; None: a grid."""

@@ -200,7 +200,7 @@ class Sweep(Result):
 
     @property
     def axes(self) -> tuple[Axis, ...]:
-        """What was varied."""
+        """The varied fields."""
         return self.plan.axes
 
     def __len__(self) -> int:

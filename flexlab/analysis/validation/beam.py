@@ -63,13 +63,13 @@ SOFTENED_AWAY = 3.516
 FELT, PLAIN = {"payload.axial_load": "first-order"}, {"payload.axial_load": "none"}
 PRESSED = {"controller.wanted_internal_force": 30.0}
 SPIN_UP, SPUN_FOR = 3.0, 5.0
-"""s at which the preset `spin-up` spins steadily, and at which it begins to spin down."""
+"""Times at which the preset `spin-up` begins to spin steadily, and to spin down, s."""
 RISE, WANTED, STEPS = 10.0, 60.0, 100
 """The slow squeeze raises F_d for so many s, to so many N, in so many steps."""
 MARGIN = 0.03
 """A bent beam is held this share of the buckling load below and above it."""
 BUCKLED = 0.05
-"""m, a tenth of the beam's length: no ring before comes near this deflection."""
+"""Deflection of a buckled beam, m, a tenth of its length, which no earlier ring comes near."""
 
 
 @subject("The force along the beam", 9)

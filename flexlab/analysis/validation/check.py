@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PERIOD = 0.001
-"""s between samples of the paper's run."""
+"""Sample period of the paper's run, s."""
 FINE = 1e-5
-"""s between samples of runs that are differentiated: the fastest mode turns by 0.06 rad in it."""
+"""Sample period of runs that are differentiated, s; the fastest mode turns by 0.06 rad in it."""
 EVERY = 75
 """Every 75th sample of such a run is compared with mass points."""
 DAMPING = 0.1

@@ -65,7 +65,7 @@ def apart(z: np.ndarray, side: float) -> np.ndarray:
 
 
 def pull(z: np.ndarray, rate: np.ndarray, side: float) -> np.ndarray:
-    """What springs and dampers do to both poses, (6,): -∂/∂z ½Σk δ² - ∂/∂ż ½Σc δ̇²."""
+    """The forces of springs and dampers on both poses, (6,): -∂/∂z ½Σk δ² - ∂/∂ż ½Σc δ̇²."""
     steps = 1j * COMPLEX_STEP * np.eye(6)
     J = np.stack([apart(z + step, side).imag / COMPLEX_STEP for step in steps], axis=1)
     return -J.T @ (STIFFNESS * apart(z, side) + DAMPERS * (J @ rate))

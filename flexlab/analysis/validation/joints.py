@@ -36,7 +36,7 @@ COASTING = {
 }
 """The preset single-arm with motors off."""
 VISCOUS, COULOMB = 4.0, 0.3
-"""N·m·s/rad and N·m in the first joint: the arm does not come to rest within the run."""
+"""Friction in the first joint, N·m·s/rad and N·m, under which the arm does not come to rest within the run."""
 FRICTION = {
     "joints.friction.viscous": (5.0, 5.0, 2.0),
     "joints.friction.coulomb": (8.0, 6.0, 2.0),
@@ -217,7 +217,7 @@ def _led_back(statement: str, joints: dict[str, Any], remembers: bool) -> Check:
 LATE = 0.004
 """T_m, s."""
 STALL, FREE = (450.0, 250.0, 90.0), (7.0, 6.0, 9.0)
-"""N·m, rad/s: the paper's run needs more at its start, and less later."""
+"""Stall torques, N·m, and no-load speeds, rad/s; the paper's run needs more at its start, and less later."""
 CURVE = {"joints.motor.stall_torque": STALL, "joints.motor.no_load_speed": FREE}
 WHOLE = {**CURVE, "joints.motor.time_constant": LATE, "joints.friction.viscous": (5.0, 5.0, 2.0)}
 SLOW, WEAK = 0.01, 0.05

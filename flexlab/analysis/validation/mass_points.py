@@ -13,7 +13,7 @@ from flexlab.scenario import Scenario
 COMPLEX_STEP = 1e-30
 """Derivatives of positions are exact with it."""
 STEP = 1e-4
-"""m, rad: of differences of fourth order."""
+"""Step of fourth-order differences, m and rad."""
 GAUSS_POINTS = 6
 """Per element, exact for the beam's kinetic energy."""
 

@@ -115,7 +115,7 @@ STEPS = {
 RINGING = {"controller.boundary_layer": 10.0, "payload.bending_stiffness": 10.0}
 """The paper's start with a beam whose modes all steps resolve and s within the boundary layer, where the law is smooth."""
 TICK, TICKS = 0.002, 50
-"""s between samples, and how many there are."""
+"""Sample period, s, and number of samples."""
 
 
 @subject("Energy and convergence", 4)

@@ -150,7 +150,7 @@ THEOREM_EVERY = 25
 
 @subject("Theorems 1 and 2 along the run", 5)
 def theorems(runs: Runs) -> Iterator[Check]:
-    """What the theorems assume, and what they conclude."""
+    """The assumptions of both theorems, and their conclusions."""
     run = runs.paper
     second = slice(round(1 / PERIOD), None)
     for words, signal in (("x", run.pose), ("ẋ", run.pose_rate), ("ẍ", run.pose_acceleration)):

@@ -12,7 +12,7 @@ import rerun as rr
 from rerun import any_batch_value
 
 from flexlab.errors import RecordingError
-from flexlab.recording import codec, run_encoder, run_stream
+from flexlab.recording import codec, run_encoder
 from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.importing import import_into
 from flexlab.recording.reader import read_blocks, read_recording, read_scenarios
@@ -99,7 +99,7 @@ def test_odd_properties(monkeypatch: pytest.MonkeyPatch, written: Callable[[], P
         }
         return rr.AnyValues(**changed(values, name, value))
 
-    monkeypatch.setattr(run_stream, "run_properties", properties)
+    monkeypatch.setattr(run_encoder, "run_properties", properties)
     check(written(), refused=name in ("format", "scenario", "sample_period_s"))
 
 
@@ -218,16 +218,16 @@ def test_odd_events(monkeypatch: pytest.MonkeyPatch, written: Callable[[], Path]
     ],
 )
 def test_odd_states(monkeypatch: pytest.MonkeyPatch, written: Callable[[], Path], name: str, value: Any) -> None:
-    state_json = run_stream.state_json
+    state_json = run_encoder.state_json
     monkeypatch.setattr(
-        run_stream, "state_json", lambda state: json.dumps(changed(json.loads(state_json(state)), name, value))
+        run_encoder, "state_json", lambda state: json.dumps(changed(json.loads(state_json(state)), name, value))
     )
     check(written(), refused=False)
 
 
 @pytest.mark.parametrize("text", ["[]", "null", "5", DEEP])
 def test_states_that_are_none(monkeypatch: pytest.MonkeyPatch, written: Callable[[], Path], text: str) -> None:
-    monkeypatch.setattr(run_stream, "state_json", lambda state: text)
+    monkeypatch.setattr(run_encoder, "state_json", lambda state: text)
     check(written(), refused=True)
 
 

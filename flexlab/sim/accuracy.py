@@ -201,7 +201,8 @@ def note(
     if old.warning or since < FIRST_VERDICT:
         return new
     time = (tick + 1) * tick_period
-    if assembly.amplifies and new.pose > AMPLIFIED:
+    # Whatever moves is rounded, and such a loop makes 10⁻¹⁶ m millimetres within a hundred control periods.
+    if assembly.amplifies and (new.pose > AMPLIFIED or old.torque_change > 0):
         return new._replace(warning=amplified(scenario))
     if scenario.joints.encoders.active and new.pose > AMPLIFIED:
         return new._replace(warning=COUNTED)

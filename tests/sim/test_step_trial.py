@@ -73,6 +73,16 @@ def test_a_loop_that_its_clock_cannot_hold_is_said_to_depend_on_rounding():
     assert "Results depend on rounding: with a control period of 0.02 s" in world.accuracy_warning
 
 
+def test_a_smooth_start_does_not_hide_that_a_loop_depends_on_rounding():
+    """Its steps err by less than 10⁻¹² m at every check; runs with two step sizes are 2 mm apart after 0.15 s."""
+    late = {"controller.kind": "regressor-adaptive", "controller.control_period": 0.001, "controller.input_delay": 1}
+    light = {"payload.bending_stiffness": 2.0, "controller.torque_limit": (380.0, 190.0, 75.0)}
+    world = World(load_preset("single-arm").replace({**late, **light, "trajectory.smooth_start": 0.17}))
+    world.advance(150)
+    assert world.assembly.amplifies
+    assert "Results depend on rounding: with a control period of 0.001 s" in world.accuracy_warning
+
+
 def test_what_is_next_to_nothing_is_not_called_inaccurate():
     """An error of 10⁻¹³ N is not one of 4e-4, though the force of a slow beginning is no larger either."""
     sampled = {"controller.kind": "lqr", "controller.control_period": 0.005, "payload.bending_stiffness": 1e4}

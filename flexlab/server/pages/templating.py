@@ -57,6 +57,11 @@ def _escaped(value: object) -> object:
     return Markup(html.escape(visible(value), quote=True))
 
 
+def _typed(value: float) -> str:
+    """A number as a person types it into a form."""
+    return plain(Decimal(f"{value:.6g}"))
+
+
 _environment = Environment(
     loader=FileSystemLoader(TEMPLATES),
     autoescape=True,
@@ -71,7 +76,7 @@ _environment = Environment(
 _environment.globals.update(  # pyright: ignore[reportUnknownMemberType]
     duration_text=duration_text,
     number_text=number_text,
-    typed=lambda value: plain(Decimal(f"{value:.6g}")),
+    typed=_typed,
     size_text=size_text,
     state_word=state_word,
     with_units=with_units,

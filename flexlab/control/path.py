@@ -189,7 +189,13 @@ class Path:
         return "address" in vars(self)
 
 
-PATHS = Registry(Path, "path", "PATH", "flexlab.control.paths")
+def _lacks(path: Path) -> str:
+    if not hasattr(path.model, "kinks"):
+        return ""
+    return f"The path {path.kind!r} has a property 'kinks', which nothing asks for any more: call it 'discontinuities'."
+
+
+PATHS = Registry(Path, "path", "PATH", "flexlab.control.paths", _lacks)
 paths, add_path, add_path_file, forget_path, on_new_path = (
     PATHS.all,
     PATHS.add,

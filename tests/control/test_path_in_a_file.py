@@ -104,3 +104,13 @@ def test_a_file_without_a_path_is_refused(tmp_path: FilePath):
     (tmp_path / "empty.py").write_text("pass\n")
     with pytest.raises(ImportError, match="defines no path"):
         add_path_file(tmp_path / "empty.py")
+
+
+def test_a_path_that_names_its_discontinuities_as_before_is_refused(path: Path):
+    class Old(path.model):  # type: ignore[name-defined, misc]
+        @property
+        def kinks(self) -> tuple[float, ...]:
+            return (0.1,)
+
+    with pytest.raises(ImportError, match="'spiral' has a property 'kinks', which nothing asks for any more: call it"):
+        add_path(replace(path, model=Old))

@@ -20,7 +20,7 @@ from flexlab.text import escaped, limited
 
 PAGE_SCRIPT, PAGE_SHEET = (
     "".join(Path(__file__).with_name(name).read_text(encoding="utf-8") for name in names)
-    for names in (("page.js", "accessibility.js", "hear.js", "number_boxes.js"), ("page.css",))
+    for names in (("structure.js", "page.js", "accessibility.js", "hear.js", "number_boxes.js"), ("page.css",))
 )
 """What the lab adds to viser's page."""
 LONGEST_SILENCE = 10.0

@@ -4,7 +4,7 @@ import contextlib
 import time
 
 import pytest
-from lab_page import LabPage, wait_until
+from lab_page import READY, LabPage, wait_until
 from playwright.sync_api import Browser
 
 from flexlab.lab.session import Session
@@ -15,6 +15,17 @@ RANGES = """() => Object.values(window.__viserTestpoints.uplots).filter((u) => u
 POINTS = """() => { const { chart } = Object.values(window.__viserTestpoints.uplots)[0];
   const { min, max } = chart.scales.x;
   return Array.from(chart.data[0]).filter((t) => t >= min && t <= max).length; }"""
+LAID_OUT_ANEW = """() => { // [the parts whose box differs by the sheet itself, how many were compared]
+  const parts = [...document.querySelectorAll('[data-fl-rule], [data-fl-rule] *')];
+  const boxes = () => parts.map((part) => {
+    const { x, y, width, height } = part.getBoundingClientRect();
+    return [part.tagName, part.className, getComputedStyle(part).display, ...[x, y, width, height].map(Math.round)].join(' '); });
+  const marked = boxes();
+  for (const sheet of document.querySelectorAll('style'))
+    if (sheet.textContent.includes('.fl-unseen')) sheet.textContent = `${sheet.textContent} `;
+  return [boxes().filter((box, index) => box !== marked[index]), parts.length]; }"""
+MARKED = """() => window.flexlabAsked.map(({ selector, marked }) =>
+  [selector, marked.size, [...document.querySelectorAll(selector)].filter((part) => marked.has(part)).length])"""
 
 
 def test_a_run_waits_for_its_picture_and_then_begins_by_itself(chromium: Browser) -> None:
@@ -79,3 +90,29 @@ def test_escape_closes_the_list_of_keys(page: LabPage) -> None:
     page.wait_for_text("Ctrl+K opens the palette")
     page.page.keyboard.press("Escape")
     wait_until(lambda: "Ctrl+K opens the palette" not in page.text(), "the list is closed")
+
+
+def test_the_marks_of_structure_lay_the_page_out_as_the_sheet_itself_would(page: LabPage) -> None:
+    """Of rules that compete, the same one wins; and the marks follow what comes and goes."""
+    page.choose("Preset", "single-arm")
+    wait_until(lambda: page.snapshot.name == "single-arm", "another preset")
+    page.open_tab("Touch")
+    page.open_tab("Parameters")
+    page.hold()
+    page.catch_up()
+    marked = page.page.evaluate(MARKED)
+    assert len(marked) > 30
+    assert [selector for selector, *counts in marked if len(set(counts)) > 1] == []
+    for present in (False, True):
+        if present:
+            page.key("b")
+            wait_until(lambda: page.page.locator(".fl-number").is_visible(), "a presentation")
+        different, compared = page.page.evaluate(LAID_OUT_ANEW)
+        assert different == []
+        assert compared > 100
+        if not present:
+            page.page.reload()
+            page.page.wait_for_function(READY)
+            page.catch_up()
+    page.key("b")
+    assert not page.errors

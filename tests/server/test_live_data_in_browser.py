@@ -11,7 +11,7 @@ from PIL import Image
 from playwright.sync_api import Browser
 
 from flexlab.server.front_server import FrontServer
-from flexlab.views import BLUE, GREEN, VERMILION
+from flexlab.views import OLIVE, ROSE, VIOLET
 
 TOKEN = "a-token-for-tests"
 NEAR, SHARE = 24, 2e-4
@@ -29,7 +29,7 @@ def test_the_viewer_of_a_browser_shows_live_data(open_another: Callable[..., Fro
         page.wait_for_timeout(1000)
         image = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB"), int)
         plots = image[:, image.shape[1] // 2 :]
-        return all((abs(plots - color).max(axis=2) < NEAR).mean() > SHARE for color in (BLUE, VERMILION, GREEN))
+        return all((abs(plots - color).max(axis=2) < NEAR).mean() > SHARE for color in (VIOLET, OLIVE, ROSE))
 
     try:
         page.goto(front_server.address("/live"))

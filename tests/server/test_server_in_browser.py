@@ -22,7 +22,7 @@ from flexlab.recording.headless import write_run
 from flexlab.server.front_server import FrontServer
 from flexlab.server.labs.lab_provider import state_of
 from flexlab.sim.simulate import simulate
-from flexlab.views import GREEN, VERMILION
+from flexlab.views import OLIVE, VIOLET
 
 SCENE = """() => window.__viserMutable?.nodeRefFromName?.['/beam'] != null
   && window.__viserTestpoints.rendererInfo.render.frame > 2"""
@@ -86,7 +86,7 @@ def wait_for_plots(page: Page, name: str, patience: float = PATIENCE) -> None:
     def plotted() -> bool:
         image = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB")).astype(int)
         plots = image[:, 2 * image.shape[1] // 3 :]
-        return all((abs(plots - color).max(axis=2) < NEAR).mean() > SHARE for color in (VERMILION, GREEN))
+        return all((abs(plots - color).max(axis=2) < NEAR).mean() > SHARE for color in (VIOLET, OLIVE))
 
     wait_until(plotted, "the viewer draws the plots", patience)
     picture(page, name)

@@ -14,7 +14,7 @@ from pydantic import BaseModel
 import flexlab
 from flexlab import cli, notation
 from flexlab.analysis.metrics.metric import METRICS, numbers
-from flexlab.control import shapers
+from flexlab.control import motion
 from flexlab.control.controller import Controller
 from flexlab.control.law import Law, laws
 from flexlab.control.path import Path as DesiredPath
@@ -60,7 +60,7 @@ def generated() -> dict[str, str]:
         "laws": "# Control laws\n\n" + "\n\n".join(_of_a_kind(law, Controller) for law in laws().values()),
         "paths": "# Paths and shapers\n\n"
         + "\n\n".join(_of_a_kind(path, Trajectory) for path in paths().values())
-        + f"\n\n## Input shapers\n\n{_docstring(shapers)}",
+        + f"\n\n## Smooth start and input shapers\n\n{_docstring(motion)}",
         "python": "# Python\n\n" + "\n\n".join(f"::: {address}" for address in _public()),
         "commands": "# Command line\n\n" + "\n\n".join(map(_command, cli.COMMANDS)),
         "fields": f"# Fields of a scenario\n\n{_fields()}",

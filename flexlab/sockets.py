@@ -1,6 +1,7 @@
 """Sockets that listen on exactly the address asked for, or one sentence on why they cannot."""
 
 import errno
+import ipaddress
 import os
 import secrets
 import socket
@@ -14,6 +15,8 @@ BACKLOG = 128
 """Connections that may wait to be answered: a class that opens the page at once."""
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 """Addresses that only this machine can reach."""
+WILDCARDS = ("0.0.0.0", "::", "")
+"""Hosts that stand for all addresses of this machine."""
 
 
 UNIX = "unix:"
@@ -36,6 +39,18 @@ def hidden_loopback() -> str:
         except OSError:
             return LOOPBACK[0]
     return address
+
+
+def usual_spelling(host: str) -> str:
+    """The usual spelling of a host that is an address: 0.0.0.0 for "0", "0x0" and "*", :: for "[::]". Names stay as they are."""
+    bare = host[1:-1] if host.startswith("[") and host.endswith("]") else host
+    try:
+        numeric = socket.getaddrinfo(bare, 0, type=socket.SOCK_STREAM, flags=socket.AI_NUMERICHOST | socket.AI_PASSIVE)
+        address = ipaddress.ip_address(numeric[0][4][0])
+    except (OSError, ValueError):
+        return host
+    mapped = address.ipv4_mapped if isinstance(address, ipaddress.IPv6Address) else None
+    return str(mapped or address)
 
 
 def name_in(host: str) -> str:
@@ -72,11 +87,11 @@ def listen(host: str, port: int) -> socket.socket:
         return _listen_on_file(host.removeprefix(UNIX))
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(
-            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+            usual_spelling(host), port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )[0]
         plug = socket.socket(family, kind, protocol)
-    except OSError:
-        raise LabError(f"host = {host!r} is not an address of this machine: use 127.0.0.1 or 0.0.0.0.") from None
+    except (OSError, ValueError):  # A label of over 63 letters is a UnicodeError.
+        raise LabError(f"host = {host!r:.80} is not an address of this machine: use 127.0.0.1 or 0.0.0.0.") from None
     try:
         if sys.platform == "win32":  # Windows would otherwise share a taken port.
             plug.setsockopt(socket.SOL_SOCKET, socket.SO_EXCLUSIVEADDRUSE, 1)

@@ -96,7 +96,7 @@ def command(
         settings = replace(settings, token=secrets.token_urlsafe(SECRET_BYTES))
     # Before compiling, which takes long.
     check_folder(logs)
-    listen(host, port).close()
+    listen(settings.host, port).close()
     shown: list[str] = []
     has_browser = not (no_browser or settings.is_socket)
     known = port or settings.is_socket  # Otherwise the lab's address is not known yet.

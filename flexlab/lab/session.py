@@ -29,6 +29,7 @@ from flexlab.scenario import Scenario
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Origin
 from flexlab.sim.snapshot import Consumer
+from flexlab.sockets import WILDCARDS, usual_spelling
 
 PANEL_WIDTH, NARROW_PANEL = 330, 300
 """Width of the panel, px: holds the longest label with its unit on one line; the second in a narrow window."""
@@ -75,7 +76,7 @@ class Session:
         recorded_as: Callable[[], str] = lambda: "",
     ):
         hosts.run_apart()
-        self._scenario, self._host, self._port = scenario, host, port
+        self._scenario, self._host, self._port = scenario, usual_spelling(host), port
         self._shadows, self._recording, self._link = shadows, recording, link
         self._origin, self._secret, self._attended = origin, secret, attended
         self._recorded, self._recorded_as = recorded, recorded_as
@@ -110,7 +111,7 @@ class Session:
     @property
     def url(self) -> str:
         """Where a browser on this machine finds the lab."""
-        host = "127.0.0.1" if self._host in ("0.0.0.0", "::") else self._host
+        host = "127.0.0.1" if self._host in WILDCARDS else self._host
         return f"http://{host}:{self.port}"
 
     def start(self) -> None:

@@ -39,13 +39,13 @@ from flexlab.server.pages.templating import catalogues
 from flexlab.server.preset_cards import PresetCards
 from flexlab.server.proxy import inside_connector
 from flexlab.server.run_jobs import MOST_COMPARISONS, MOST_REPLAYS, Measuring
-from flexlab.server.settings import SECRET_BYTES, WILDCARDS, Settings, base_address, outside_addresses
+from flexlab.server.settings import SECRET_BYTES, Settings, base_address, outside_addresses
 from flexlab.server.study import MOST_AT_ONCE, MOST_STUDIES
 from flexlab.server.task_book import TaskBook
 from flexlab.server.tasks import Tasks
 from flexlab.server.visitors import cookie_key, greet
 from flexlab.server.workshop import Workshop
-from flexlab.sockets import listen
+from flexlab.sockets import WILDCARDS, listen
 
 STATIC = Path(__file__).resolve().parent / "static"
 """Style sheet, scripts and the icon of the server's pages."""

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from flexlab.errors import LabError
 from flexlab.recording.rerun_internals.rrd_file import has_footer
-from flexlab.recording.store.notes import read_notes
+from flexlab.recording.store.notes import notes_path, read_notes
 from flexlab.recording.store.run_files import list_runs
 
 
@@ -183,15 +183,18 @@ class Quota:
         )
 
     def _taken(self) -> float:
-        """Bytes of the visitor's runs once all are finished, at most."""
+        """Bytes of the visitor's runs once all are finished, at most, and of what is noted of them."""
         runs = list_runs(self._logs)
         # The owner of a run does not change, but a run that is just being opened has none yet.
         known = {path: self._owners.get(path) or str(read_notes(path).get("owner", "")) for path in runs}
         self._owners = {path: owner or ("-" if path in self._owners else "") for path, owner in known.items()}
         total = 0.0
         for path, owner in known.items():
-            with contextlib.suppress(OSError):
-                total += self._finished_size(path) if owner == self._owner else 0
+            if owner == self._owner:
+                with contextlib.suppress(OSError):
+                    total += self._finished_size(path)
+                with contextlib.suppress(OSError):
+                    total += notes_path(path).lstat().st_size
         return total
 
     def _finished_size(self, path: Path) -> float:

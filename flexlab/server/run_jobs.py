@@ -7,6 +7,7 @@ import contextlib
 import hashlib
 import io
 import os
+import time
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -32,7 +33,7 @@ from flexlab.recording.store.run_index import RunRow
 from flexlab.scenario.field_text import field_title
 from flexlab.server.child_processes import end_with_the_server, failures_told_plainly, job_processes
 from flexlab.server.labs.lab_provider import Choice
-from flexlab.server.limits import Asker, Quota
+from flexlab.server.limits import LOOK, LOOK_AGAIN, PER_SECOND, Asker, Quota
 from flexlab.server.task_book import BAD, GOOD, Outcome, Task, TaskBook
 from flexlab.sim.samples import Samples
 
@@ -159,6 +160,12 @@ def range_name(path: Path, start: float | None, end: float | None) -> str:
     return f"{path.stem}-{'start' if start is None else f'{start:g}'}-to-{'end' if end is None else f'{end:g}'}-s"
 
 
+FASTEST = 4.0
+"""Simulated seconds of one second in a lab."""
+UNSEEN = int(FASTEST * LOOK * PER_SECOND)
+"""Bytes that a lab records, about, between two looks at what its owner has."""
+
+
 def take_in(path: Path, logs: Path, notes: dict[str, str], quota: float | None) -> str:
     """Import an uploaded file into the library, note its owner and measure it; return the new run's id.
 
@@ -168,6 +175,9 @@ def take_in(path: Path, logs: Path, notes: dict[str, str], quota: float | None) 
     if refused := Quota(logs, owner, quota)(path.stat().st_size if path.suffix.lower() == SUFFIX else 0):
         raise RecordingError(refused)
     taken = import_into(path, logs, **notes)
+    if Quota(logs, owner, quota)(UNSEEN):
+        # What the owner's lab was granted before it saw this run may still be on its way.
+        time.sleep(LOOK + LOOK_AGAIN)
     if refused := Quota(logs, owner, quota)():  # The recording of a table has a size only after the import.
         remove_run(taken)
         raise RecordingError(f"{path.name} as a recording is too large: {refused}")

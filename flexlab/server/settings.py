@@ -14,10 +14,8 @@ from pathlib import Path
 import segno
 
 from flexlab.errors import LabError
-from flexlab.sockets import LOOPBACK, UNIX
+from flexlab.sockets import LOOPBACK, UNIX, WILDCARDS, usual_spelling
 
-WILDCARDS = ("0.0.0.0", "::", "")
-"""Hosts that stand for all addresses of this machine."""
 SECRET_BYTES = 18
 """Randomness of a word that is made up."""
 SHORTEST_TOKEN = 16
@@ -71,6 +69,7 @@ class Settings:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "base_url", self.base_url.rstrip("/"))
+        object.__setattr__(self, "host", usual_spelling(self.host))
         if not BASE_URL.fullmatch(self.base_url):
             raise LabError(
                 f"base-url = {self.base_url!r:.80} is no beginning of an address: write one like /user/ann/flexlab."

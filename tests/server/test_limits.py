@@ -6,6 +6,7 @@ import os
 import re
 import shutil
 import socket
+import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -16,6 +17,7 @@ import pytest
 from http_client import ask, looking, upgrade, wait_until
 from person import FORM, TEACHER, TOKEN, Person
 
+from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
 from flexlab.recording.export import export_recording
 from flexlab.recording.reader import read_recording
@@ -28,6 +30,7 @@ from flexlab.server.labs.lab_provider import MOST_OF_ADDRESS, FullError, Waiting
 from flexlab.server.limits import LOOK_AGAIN, THE_SERVER, Asker, BusyError, Limit, Quota, owner_word
 from flexlab.server.pages import run_actions, runs_pages
 from flexlab.server.pages.page_context import MOST_PAGES, MOST_VIEWERS
+from flexlab.server.run_jobs import take_in
 from flexlab.server.settings import Settings
 from flexlab.server.tasks import AT_ONCE, MOST_OF_ONE, Turns
 from flexlab.sim.simulate import simulate
@@ -277,6 +280,49 @@ def test_what_finishing_will_add_to_a_run_counts_before(tmp_path: Path):
     assert quota(1000), "it was looked at just now"
     now[0] = LOOK_AGAIN
     assert not quota(1000)
+
+
+def test_an_import_beside_a_lab_that_records_stays_within_the_quota(tmp_path: Path, recorded: Path):
+    logs, owner, over = tmp_path / "logs", owner_word("anna"), threading.Event()
+    logs.mkdir()
+    uploaded = Path(shutil.copy(recorded, tmp_path))
+    most = recorded.stat().st_size + 2_500_000
+    grown, block = logs / "2025-02-01T12-00-00-paper.rrd", 50_000
+    write_notes(grown, owner=owner)
+    grown.write_bytes(b"x" * block)
+    begun, refused = threading.Event(), threading.Event()
+
+    def record() -> None:
+        quota = Quota(logs, owner, most)
+        with grown.open("ab", buffering=0) as file:
+            while not over.wait(0.05):
+                if quota(block):
+                    refused.set()
+                else:
+                    file.write(b"x" * block)
+                begun.set()
+
+    with ThreadPoolExecutor(1) as thread:
+        recording = thread.submit(record)
+        try:
+            begun.wait()
+            with contextlib.suppress(RecordingError):
+                take_in(uploaded, logs, {"owner": owner}, most)
+            refused.wait()
+        finally:
+            over.set()
+        recording.result()
+    assert grown.stat().st_size > block
+    assert sum(path.stat().st_size for path in logs.iterdir()) <= most
+
+
+def test_notes_beside_runs_count_for_the_quota(tmp_path: Path, recorded: Path):
+    run, owner = Path(shutil.copy(recorded, tmp_path)), owner_word("anna")
+    write_notes(run, owner=owner)
+    most = run.stat().st_size + 300_000
+    assert not Quota(tmp_path, owner, most)(200_000)
+    write_notes(run, note="n" * 200_000)
+    assert "that each visitor has" in Quota(tmp_path, owner, most)(200_000)
 
 
 def test_imports_count_for_the_quota(server: FrontServer, recorded: Path):

@@ -1,0 +1,37 @@
+"""Hosts in other spellings are what they stand for. Nothing here listens."""
+
+import pytest
+
+from flexlab.errors import LabError
+from flexlab.server.settings import Settings, network_addresses, outside_addresses
+from flexlab.sockets import LOOPBACK, WILDCARDS, listen, usual_spelling
+
+
+@pytest.mark.parametrize(
+    "host", ["0.0.0.0", "0", "0x0", "0.0", "00000", "*", "::ffff:0.0.0.0", "::", "[::]", "::0", "0:0:0:0:0:0:0:0", ""]
+)
+def test_all_addresses_of_this_machine_are_known_in_every_spelling(host: str) -> None:
+    assert usual_spelling(host) in WILDCARDS
+    settings = Settings(host=host, token="wordwordwordword")
+    assert not settings.is_local
+    assert settings.public_host() not in (host, *WILDCARDS)
+    told = outside_addresses(settings, 8080, settings.token)
+    assert len(told) == len(network_addresses())
+    assert not any(f"//{address}" in line for line in told for address in ("0", "[::"))
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "127.1", "2130706433", "0x7f.1", "::ffff:127.0.0.1", "[::1]", "::1"])
+def test_loopback_is_known_in_every_spelling(host: str) -> None:
+    assert usual_spelling(host) in LOOPBACK
+    assert Settings(host=host).is_local
+
+
+@pytest.mark.parametrize("host", ["localhost", "lab.example", "192.0.2.7", "2001:db8::7", "unix:[x]", "[", "[]", "%"])
+def test_names_and_other_addresses_stay(host: str) -> None:
+    assert usual_spelling(host) == host
+
+
+@pytest.mark.parametrize("host", ["x" * 64 + ".invalid", "a..invalid", "\udcff.invalid", "[::1", "0.0.0.0."])
+def test_what_is_no_host_is_one_sentence(host: str) -> None:
+    with pytest.raises(LabError, match=r"is not an address of this machine: use 127\.0\.0\.1 or 0\.0\.0\.0"):
+        listen(host, 0)

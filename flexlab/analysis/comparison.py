@@ -1,6 +1,6 @@
 """Comparisons of two or more recordings: the settings in which they differ, and their metrics."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf, isnan
@@ -131,14 +131,17 @@ class Comparison(Result):
         return "\n\n".join(parts) + "\n"
 
 
-def compare(paths: Sequence[Path]) -> Comparison:
-    """Read recordings and compare them. Raises `RecordingError`."""
+def compare(paths: Sequence[Path], seen: Callable[[int], None] = lambda samples: None) -> Comparison:
+    """Read recordings and compare them; `seen` is called with the number of samples of each piece that was read.
+
+    Raises `RecordingError`.
+    """
     recordings = tuple(read_recording(path, with_samples=False) for path in paths)
-    whole = [_metrics(path, finished=not run.status.failed) for path, run in zip(paths, recordings, strict=True)]
+    whole = [_metrics(path, seen, finished=not run.status.failed) for path, run in zip(paths, recordings, strict=True)]
     durations = tuple(metrics.duration for metrics in whole)
     window = min(durations, default=0.0)
     metrics = [
-        (found if found.duration - window < SAME_LENGTH else _metrics(path, window)).rows
+        (found if found.duration - window < SAME_LENGTH else _metrics(path, seen, window)).rows
         for path, found in zip(paths, whole, strict=True)
     ]
     fields = {
@@ -165,7 +168,7 @@ def difference_text(first: MetricRow, other: MetricRow) -> str:
     return number_difference(first.value, other.value, scale=first.column.scale)
 
 
-def _metrics(path: Path, seconds: float = inf, finished: bool = True) -> RunMetrics:
+def _metrics(path: Path, seen: Callable[[int], None], seconds: float = inf, finished: bool = True) -> RunMetrics:
     """The metrics of a run's first `seconds`, beyond which nothing is read. `finished`: whether the run reached their end."""
     collection = None
     last = inf
@@ -177,6 +180,7 @@ def _metrics(path: Path, seconds: float = inf, finished: bool = True) -> RunMetr
         if block.time[0] > last:
             break
         collection.update(block)
+        seen(len(block.time))
     return (collection or MetricCollection()).compute(finished)
 
 

@@ -1,7 +1,7 @@
 """Comparisons: two or more runs in one rerun file, with curves over each other and time from each run's first sample."""
 
 import json
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -43,10 +43,16 @@ BLOCK_ROWS = 4000
 """Samples sent at once."""
 
 
-def write_comparison(recordings: Sequence[Recording], target: Path, text: str = "") -> None:
+def write_comparison(
+    recordings: Sequence[Recording],
+    target: Path,
+    text: str = "",
+    seen: Callable[[int], None] = lambda samples: None,
+) -> None:
     """Write 2 to `MOST_RUNS` runs into the rerun file `target`, with a layout that overlays them.
 
-    `text`: markdown shown beside the plots, such as a table of differences. Raises `RecordingError`.
+    `text`: markdown shown beside the plots, such as a table of differences. `seen` is called with the number of samples of
+    each piece that was written. Raises `RecordingError`.
     """
     if not 2 <= len(recordings) <= MOST_RUNS:
         raise RecordingError(f"{len(recordings)} runs cannot be compared: choose 2 to {MOST_RUNS}.")
@@ -63,7 +69,7 @@ def write_comparison(recordings: Sequence[Recording], target: Path, text: str = 
         stream.send_property(COMPARISON, rr.AnyValues(runs=texts))
         stream.log("differences", rr.TextDocument(text, media_type="text/markdown"), static=True)
         with replacing(target) as draft:
-            _write(stream, encoded, recordings, draft)
+            _write(stream, encoded, recordings, draft, seen)
     except (RuntimeError, OSError) as error:
         reason = (error.strerror if isinstance(error, OSError) else "") or str(error).split("\n")[0]
         raise RecordingError(
@@ -73,16 +79,23 @@ def write_comparison(recordings: Sequence[Recording], target: Path, text: str = 
         stream.disconnect()
 
 
-def _write(stream: rr.RecordingStream, encoded: rr.BinaryStream, recordings: Sequence[Recording], draft: Path) -> None:
+def _write(
+    stream: rr.RecordingStream,
+    encoded: rr.BinaryStream,
+    recordings: Sequence[Recording],
+    draft: Path,
+    seen: Callable[[int], None],
+) -> None:
     """Write piece by piece, which needs little memory, then add an index, so that the file opens fast."""
     factor = _factor([(recording.name, recording.scenario) for recording in recordings])
     pieces = draft.with_suffix(".pieces")
     try:
         with pieces.open("wb") as file:
             for number, recording in enumerate(recordings):
-                for _ in _send_run(stream, number, recording, factor):
+                for samples in _send_run(stream, number, recording, factor):
                     if piece := encoded.read():
                         file.write(messages(piece, with_head=file.tell() == 0))
+                    seen(samples)
         if not Mending().rewrite(pieces, draft):
             raise RuntimeError("rerun's tool fails")
     finally:
@@ -99,8 +112,8 @@ def _factor(runs: Sequence[NamedScenario]) -> float:
     return min(exaggeration(scenario) for _, scenario in runs)
 
 
-def _send_run(stream: rr.RecordingStream, number: int, recording: Recording, factor: float) -> Iterator[None]:
-    """Send a run; yields after each piece, for it to be written."""
+def _send_run(stream: rr.RecordingStream, number: int, recording: Recording, factor: float) -> Iterator[int]:
+    """Send a run; yields the number of samples of each piece once it was sent, for it to be written."""
     scenario, label = recording.scenario, run_label(number)
     signals = views(scenario)
     for signal in signals:
@@ -112,7 +125,7 @@ def _send_run(stream: rr.RecordingStream, number: int, recording: Recording, fac
     for entity, shape in fixed_shapes(scenario) if recording.status != MEASURED else ():
         stream.log(f"runs/{label}/{entity}", shape, static=True)
     stream.flush()
-    yield
+    yield 0
     stride = max(1, round(1 / (FRAMES_PER_SECOND * recording.sample_period)))
     for block in _from_zero(larger_blocks(read_blocks(recording.path), BLOCK_ROWS)):
         for signal in signals:
@@ -120,11 +133,10 @@ def _send_run(stream: rr.RecordingStream, number: int, recording: Recording, fac
             if not np.isnan(values).all():  # A signal that was not recorded has no curve.
                 send_columns(stream, f"runs/{label}/{signal.entity}", block.time, [scalars(values)])
         drawn = block.take(slice(None, None, stride))
-        if np.isnan(drawn.pose).all():
-            continue
-        for entity, columns in moving_shapes(scenario, drawn, factor):
-            send_columns(stream, f"runs/{label}/{entity}", drawn.time, columns)
-        yield
+        if not np.isnan(drawn.pose).all():
+            for entity, columns in moving_shapes(scenario, drawn, factor):
+                send_columns(stream, f"runs/{label}/{entity}", drawn.time, columns)
+        yield len(block.time)
 
 
 def _from_zero(blocks: Iterable[Samples]) -> Iterator[Samples]:

@@ -65,13 +65,33 @@ OVERLAY = "overlay.rrd"
 """File in the folder of a comparison."""
 
 
-def compare_runs(paths: tuple[Path, ...], folder: Path) -> Outcome:
-    """Compare runs; the result is `ComparisonTables`, and their overlay is written into `folder`."""
+BYTES_OF_SAMPLE = 550
+"""Bytes that a sample takes in a recording, about: of a run that is still being recorded nothing else tells its length."""
+INDEXING = 0.05
+"""The share of a comparison's work that comes after its last sample."""
+
+
+def compare_runs(paths: tuple[Path, ...], folder: Path, report: Callable[[float], None]) -> Outcome:
+    """Compare runs; the result is `ComparisonTables`, and their overlay is written into `folder`.
+
+    `report` takes progress, 0 to 1.
+    """
     for path in paths:
         check_size(path)
-    comparison = compare(paths)
+    lengths = [read_notes(path).get("rows") or path.stat().st_size / BYTES_OF_SAMPLE for path in paths]
+    shortest = min(lengths)
+    # Longer runs are read once more, for the metrics of the stretch that all runs have.
+    expected = 2 * sum(lengths) + shortest * sum(length > shortest for length in lengths)
+    done = 0
+
+    def seen(samples: int) -> None:
+        nonlocal done
+        done += samples
+        report(min(done / expected, 1) * (1 - INDEXING))
+
+    comparison = compare(paths, seen)
     folder.mkdir(exist_ok=True)
-    write_comparison(comparison.recordings, folder / OVERLAY, comparison.text())
+    write_comparison(comparison.recordings, folder / OVERLAY, comparison.text(), seen)
     scenarios = [recording.scenario for recording in comparison.recordings]
     settings = (SettingRow(field_title(path, *scenarios), values) for path, values in comparison.settings)
     return Outcome(ComparisonTables(comparison.window_text, comparison.metrics, tuple(settings)))
@@ -203,14 +223,14 @@ MOST_COMPARISONS = 8
 """Most comparisons that a server keeps: enough to go back and forth."""
 
 
-async def comparison(book: TaskBook, asker: Asker, rows: Sequence[RunRow]) -> Task:
-    """The comparison of these runs, computed if it is not kept. Raises `FlexlabError` if they cannot be compared."""
+def comparison(book: TaskBook, asker: Asker, rows: Sequence[RunRow]) -> Task:
+    """The comparison of these runs, begun if it is not kept. Raises `BusyError`."""
     asked = tuple(row.id for row in rows)
     # A second visitor shares a running comparison, although a run that is being recorded has grown since.
     making = next((task.key for task in book.all() if task.working and task.about == asked), None)
     key = making or hashlib.sha256(repr([(row.id, row.size) for row in rows]).encode()).hexdigest()[:24]
     paths = tuple(row.path for row in rows)
-    return await book.finished("Comparison", key, asker, compare_runs, paths, about=asked)
+    return book.kept("Comparison", key, asker, compare_runs, paths, about=asked)
 
 
 MOST_REPLAYS = 200

@@ -105,19 +105,26 @@ class TaskBook:
         job.add_done_callback(lambda _: (held.close(), self._jobs.pop(key, None)))
         return task
 
+    def kept(
+        self, word: str, key: str, asker: Asker, work: Callable[..., Outcome], *arguments: Any, about: Any = None
+    ) -> Task:
+        """The task with this key, started as by `start` if there is none or it failed. Raises `BusyError`."""
+        task = self._tasks.get(key)
+        if task is None or (not task.working and task.result is None):
+            return self.start(word, key, asker, work, *arguments, about=about)
+        self._tasks.move_to_end(key)
+        return task
+
     async def finished(
         self, word: str, key: str, asker: Asker, work: Callable[..., Outcome], *arguments: Any, about: Any = None
     ) -> Task:
-        """Wait for the task with this key, started if there is none, and return it. Raises `FlexlabError` if it fails."""
-        task = self._tasks.get(key)
-        if task is None or (not task.working and task.result is None):
-            task = self.start(word, key, asker, work, *arguments, about=about)
+        """Wait for the task that `kept` returns. Raises `FlexlabError` if it fails."""
+        task = self.kept(word, key, asker, work, *arguments, about=about)
         if key in self._jobs:
             await asyncio.shield(self._jobs[key])
             task = self._tasks[key]
         if task.result is None:
             raise LabError(task.sentence)
-        self._tasks.move_to_end(key)
         return task
 
     def get(self, key: str) -> Task | None:

@@ -175,6 +175,7 @@ class Tasks:
         """
         with self._limit.place(asker):
             async with self._turns.turn(asker, long):
+                on_progress(0.0)  # It waits no longer, although its process takes a moment to begin.
                 try:
                     return await self._run(work, arguments, on_progress)
                 except OSError as error:  # There is no handle, process or memory left.

@@ -71,6 +71,14 @@ def ask(
         connection.close()
 
 
+def compared(url: str, *runs: str) -> tuple[str, Answer]:
+    """(address, page) of the comparison of these runs, once it is there."""
+    place = ask(url, "/compare?" + "&".join(f"run={run}" for run in runs)).headers["Location"]
+    state = f"/compare/{place.rpartition('of=')[2]}/state"
+    wait_until(lambda: not json.loads(ask(url, state).text)["working"], "the comparison is over")
+    return place, ask(url, place)
+
+
 def upgrade(**more: str) -> dict[str, str]:
     """Headers with which a browser asks for viser's websocket."""
     return {

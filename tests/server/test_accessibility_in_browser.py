@@ -96,6 +96,7 @@ def test_the_servers_pages_have_no_grave_findings(page: Page) -> None:
     for path in PAGES:
         page.goto(path)
         page.locator("h1").wait_for()
+        page.locator(".progress[data-working]").wait_for(state="detached")
         findings += light_and_dark(page)
         page.set_viewport_size(SMALLEST)
         if page.evaluate("document.documentElement.scrollWidth") > SMALLEST["width"]:

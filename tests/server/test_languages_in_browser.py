@@ -111,6 +111,7 @@ def test_every_page_speaks_german_chinese_and_english(page: Page) -> None:
     for path in PAGES:
         page.goto(path)
         page.locator("h1").wait_for()
+        page.locator(".progress[data-working]").wait_for(state="detached")
         missing |= left(page)
     page.goto("/lab/?play")
     page.get_by_role("button", name="Antippen").wait_for()

@@ -11,7 +11,7 @@ from urllib.parse import urlencode
 
 import numpy as np
 import pytest
-from http_client import Answer, ask, looking, wait_until
+from http_client import Answer, ask, compared, looking, wait_until
 from rerun.chunk import RrdReader
 
 from flexlab.analysis.replay import replay
@@ -62,7 +62,8 @@ def upload(front_server: FrontServer, name: str, content: bytes) -> Answer:
 
 def test_two_runs_are_compared_in_tables_and_in_one_overlay(library: FrontServer, recorded: Path, softer: Path) -> None:
     assert f'value="{softer.stem}" form="compare"' in ask(library.url, "/runs").text
-    page = ask(library.url, f"/compare?run={recorded.stem}&run={softer.stem}").text
+    place, answer = compared(library.url, recorded.stem, softer.stem)
+    page = answer.text
     assert "Metrics <small>of the first 0.3 s of each run</small>" in page
     assert '<th scope="row">Duration [s]</th><td class="number" title="">0.3</td>\n' in page
     assert "not settled</td>" in page
@@ -73,8 +74,38 @@ def test_two_runs_are_compared_in_tables_and_in_one_overlay(library: FrontServer
     file = library.settings.logs / "overlay.out"
     file.write_bytes(overlay.body)
     assert {"/runs/A/error", "/runs/B/error"} <= {chunk.entity_path for chunk in RrdReader(file).stream()}
-    again = ask(library.url, f"/compare?run={recorded.stem}&run={softer.stem}").text
-    assert address in again, "a reload does not compare anew"
+    assert address in ask(library.url, place).text, "a reload does not compare anew"
+    asked_again = ask(library.url, f"/compare?run={recorded.stem}&run={softer.stem}")
+    assert asked_again.headers["Location"] == place, "nor does who asks again"
+
+
+def test_a_comparison_says_how_far_it_is_and_a_failed_one_why(library: FrontServer, recorded: Path) -> None:
+    long = simulate(load_preset("paper"), duration=60.0, sample_period=0.001)
+    run = write_run(long, library.settings.logs, "long")
+    address = f"/compare?run={recorded.stem}&run={run.stem}"
+    place = ask(library.url, address).headers["Location"]
+    key = place.rpartition("of=")[2]
+    shares: list[float] = []
+
+    def finished() -> bool:
+        told = json.loads(ask(library.url, f"/compare/{key}/state").text)
+        if told["working"]:
+            page = ask(library.url, place).text
+            assert f'data-address="/compare/{key}/state"' in page or 'data-recording="' in page
+            shares.append(told["share"])
+        return not told["working"]
+
+    wait_until(finished, "the comparison is over")
+    assert shares == sorted(shares)
+    assert any(0 < share < 1 for share in shares)
+    assert "Metrics <small>of the first 0.5 s of each run</small>" in ask(library.url, place).text
+    assert ask(library.url, "/compare/none/state").status == 404
+    write_notes(run, rows=2_000_000)
+    place, answer = compared(library.url, run.stem, recorded.stem)
+    assert (answer.status, "has 2000000 samples, over 1200000" in answer.text) == (422, True)
+    assert ask(library.url, place).status == 422, "a reload does not compare anew"
+    again = ask(library.url, place.partition("&of=")[0])
+    assert again.status == 303, "who asks again makes it try again"
 
 
 def test_a_run_is_handed_in_as_one_page_or_archive(library: FrontServer, recorded: Path) -> None:
@@ -103,7 +134,7 @@ def test_a_measurement_is_no_simulation_on_the_pages(library: FrontServer, recor
     page = ask(library.url, f"/runs/{laser.stem}").text
     assert all(word not in page for word in (f'{laser.stem}/replay"><button', "Continue"))
     assert "Continue" in ask(library.url, f"/runs/{recorded.stem}").text
-    page = ask(library.url, f"/compare?run={laser.stem}&run={recorded.stem}").text
+    page = compared(library.url, laser.stem, recorded.stem)[1].text
     assert "Measured, not simulated: A. Its settings are those of the beam that it is held against" in page
     assert "All these runs started" not in page
     drawn = {chunk.entity_path for chunk in RrdReader(laser).stream()}
@@ -131,8 +162,8 @@ def test_what_cannot_be_compared_is_said(front_server: FrontServer, query: str, 
 
 
 def test_overlays_are_gone_with_the_server(library: FrontServer, recorded: Path, softer: Path) -> None:
-    pages = (f"/compare?run={one.stem}&run={two.stem}" for one, two in ((recorded, softer), (softer, recorded)))
-    overlays = [ask(library.url, page).text.split('data-recording="')[1].split('"')[0] for page in pages]
+    pages = [compared(library.url, one.stem, two.stem)[1] for one, two in ((recorded, softer), (softer, recorded))]
+    overlays = [page.text.split('data-recording="')[1].split('"')[0] for page in pages]
     assert [ask(library.url, overlay).status for overlay in overlays] == [200, 200]
     (folder,) = {path.parent.parent for path in library.workshop.glob("*/overlay.rrd")}
     library.close()

@@ -10,7 +10,7 @@ from urllib.parse import urlencode, urlsplit
 
 import pytest
 from browser_window import UNDRAWN, open_window
-from http_client import PATIENCE, ask, wait_until
+from http_client import PATIENCE, ask, compared, wait_until
 from playwright.sync_api import Browser, Locator
 
 from flexlab.presets import load_preset, preset_names
@@ -68,14 +68,16 @@ def study(server: FrontServer) -> str:
 def test_not_modified_leaves_the_headers_of_what_is_kept_alone(server: FrontServer, study: str):
     run = "/runs/2025-12-30T12-00-00-one"
     comparison = "/compare?run=2025-12-30T12-00-00-one&run=2025-12-31T12-00-00-two"
-    overlay = re.findall(r'data-recording="([^"]+)"', ask(server.url, comparison).text)[0]
+    place, shown = compared(server.url, "2025-12-30T12-00-00-one", "2025-12-31T12-00-00-two")
+    overlay = re.findall(r'data-recording="([^"]+)"', shown.text)[0]
     asked_again = [
         "/lab/", "/static/style.css", "/favicon.ico", "/assets/pictures/paper.svg", "/viewer/re_viewer.js",
         f"{run}.rrd", f"/pass/any{run.removeprefix('/runs')}.rrd", overlay, f"/pass/any{overlay}", f"{study}/cells.parquet",
     ]  # fmt: skip
     others = [
         "/", "/lab", "/lab/paper", "/lab/paper/", "/s/none", "/s/none/", "/state/lab", "/state/s/none", "/live",
-        "/live/lab.rrd", "/pass/any/live/lab.rrd", comparison, "/leaderboard", "/leaderboard/state", "/leaderboard/none/B1.svg",
+        "/live/lab.rrd", "/pass/any/live/lab.rrd", comparison, place,
+        f"/compare/{place.rpartition('of=')[2]}/state", "/leaderboard", "/leaderboard/state", "/leaderboard/none/B1.svg",
         "/teacher", "/teacher/labs", "/runs", "/runs/", run, f"{run}/replay", f"{run}/export?format=csv", f"{run}/delete",
         "/viewer/", "/studies", study, f"{study}/state", f"{study}/data", f"{study}/cells/0",
     ]  # fmt: skip

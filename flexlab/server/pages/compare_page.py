@@ -8,12 +8,13 @@ from flexlab.recording.overlay import MOST_RUNS, run_label
 from flexlab.recording.store.run_files import SUFFIX
 from flexlab.server import run_jobs
 from flexlab.server.auth import COMPARISON, WITH_A_PASS, has_pass, is_opened_by_person, recording_address, refuse
-from flexlab.server.pages.page_context import context_of
+from flexlab.server.pages.page_context import context_of, told
 from flexlab.server.pages.templating import button, message, page
 from flexlab.server.run_jobs import OVERLAY, ComparisonTables
 from flexlab.server.visitors import asker_of, is_teacher, run_for
 
 ALL_RUNS = button("/runs", "All runs")
+INCOMPARABLE = "These runs cannot be compared"
 
 LONGEST_VALUE = 60
 """Characters of a setting that stand in the table; the whole of it is in the cell's title."""
@@ -22,12 +23,16 @@ LONGEST_VALUE = 60
 def add_compare_pages(router: web.UrlDispatcher) -> None:
     """Routes of comparisons."""
     router.add_get("/compare", comparison)
+    router.add_get("/compare/{key}/state", state)
     router.add_get(f"/{COMPARISON}{{key}}{SUFFIX}", overlay)
     router.add_get(f"{WITH_A_PASS}{{pass}}/{COMPARISON}{{key}}{SUFFIX}", overlay)
 
 
 async def comparison(request: web.Request) -> web.Response:
-    """The runs that the address names."""
+    """The runs that the address names: how far their comparison is, or what came of it.
+
+    The address names the comparison, too: a run that is being recorded has grown when its comparison is there.
+    """
     if not is_opened_by_person(request):
         return refuse(request, 403, "A comparison must be opened by a person, not from inside another page.")
     context = context_of(request)
@@ -39,14 +44,21 @@ async def comparison(request: web.Request) -> web.Response:
         rows = [await run_for(request, name) for name in names]
     except RecordingError as error:
         return message("No such run", str(error), 404, ALL_RUNS)
-    try:
-        if odd := next((row.problem for row in rows if row.problem), ""):
-            raise RecordingError(odd)
-        task = await run_jobs.comparison(context.comparisons, asker_of(request), rows)
-    except FlexlabError as error:
-        return message("These runs cannot be compared", str(error), 422, ALL_RUNS)
-    tables: ComparisonTables = task.result
+    task = context.comparisons.get(request.query.get("of", ""))
+    if task is None or task.about != tuple(row.id for row in rows):
+        try:
+            if odd := next((row.problem for row in rows if row.problem), ""):
+                raise RecordingError(odd)
+            task = run_jobs.comparison(context.comparisons, asker_of(request), rows)
+        except FlexlabError as error:
+            return message(INCOMPARABLE, str(error), 422, ALL_RUNS)
+        raise web.HTTPSeeOther(str(request.rel_url.with_query([*(("run", name) for name in names), ("of", task.key)])))
     labels = [run_label(number) for number in range(len(rows))]
+    if task.working:
+        return page("comparing.html", "Comparison", here="/runs", task=task, rows=rows, labels=labels)
+    if task.result is None:
+        return message(INCOMPARABLE, task.sentence, 422, ALL_RUNS)
+    tables: ComparisonTables = task.result
     return page(
         "compare.html",
         "Comparison",
@@ -62,6 +74,19 @@ async def comparison(request: web.Request) -> web.Response:
         longest=LONGEST_VALUE,
         address=recording_address(context, COMPARISON + task.key),
     )
+
+
+async def state(request: web.Request) -> web.Response:
+    """A comparison's progress, for the script in its page."""
+    task = context_of(request).comparisons.get(request.match_info["key"])
+    if task is None:
+        raise web.HTTPNotFound
+    try:
+        for run in task.about:
+            await run_for(request, run)
+    except RecordingError:
+        raise web.HTTPNotFound from None
+    return told(task)
 
 
 def _metrics(tables: ComparisonTables) -> list[tuple[str, list[str]]]:

@@ -30,6 +30,9 @@
     if (state.sentence) line.textContent = state.sentence;
     line.dataset.kind = state.kind ?? "";
     line.dispatchEvent(new CustomEvent("progress", { detail: state }));
+    const bar = line.previousElementSibling;
+    bar.value = Math.max(bar.value, state.share ?? 0);
+    bar.hidden = !state.working;
     if (state.working) setTimeout(() => look(line), LOOK);
   };
   for (const line of document.querySelectorAll(".progress[data-working]")) look(line);

@@ -3,10 +3,7 @@ const chart = document.getElementById("chart");
 
 const bar = document.querySelector("progress");
 document.querySelector(".progress")?.addEventListener("progress", async ({ detail }) => {
-  if (bar && detail.share > bar.value) {
-    bar.value = detail.share;
-    await refresh();
-  }
+  if (bar && detail.share > bar.value) await refresh();
 });
 
 const titled = (axis) => [axis.title, axis.symbol].filter(Boolean).join(" ") + (axis.unit ? ` (${axis.unit})` : "");

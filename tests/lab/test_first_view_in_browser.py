@@ -10,6 +10,7 @@ from playwright.sync_api import Browser, Page
 
 from flexlab.lab.scene.beam import SIDES
 from flexlab.lab.session import Session
+from flexlab.sim.commands import SetSpeed
 
 LEAST_SHARE, LEAST_BEAM = 0.6, 250
 """Of the window that is the scene's; px of the beam's length at 1440 px."""
@@ -39,7 +40,7 @@ BEAM = """(sides) => {
 """Where the drawn beam's ends and its middle are, px."""
 CONTROLS = """() => [...document.querySelectorAll('button, [role="slider"], [role="combobox"], [role="tab"]')]
   .filter((part) => part.getClientRects().length && part.closest('[data-fl-panel] > *') && part.textContent.trim() !== '↺'
-    && !part.closest('.mantine-InputWrapper-root')).length"""
+    && (part.getAttribute('aria-haspopup') === 'listbox' || !part.closest('.mantine-InputWrapper-root'))).length"""
 """Controls in sight in the panel: buttons, sliders, menus and tabs."""
 
 
@@ -134,6 +135,10 @@ def test_the_play_screen_has_five_controls_and_leads_to_the_lab_with_the_same_ru
     wait_until(lambda: any("tap" in event.text.lower() for event in session.runner.snapshot.events), "a tap")
     page.get_by_label("Stiffness EI (N·m²)", exact=True).fill("20")
     wait_until(lambda: session.runner.snapshot.scenario.payload.bending_stiffness == 20.0, "a softer beam")
+    session.lab_state.submit(SetSpeed(1 / 64))
+    speed = page.get_by_label("Simulation speed", exact=True)
+    wait_until(lambda: speed.input_value() == "1/64 ×", "the speed, written as in the lab")
+    session.lab_state.submit(SetSpeed(1.0))
     page.get_by_role("button", name="More", exact=True).click()
     page.get_by_role("button", name="Reset", exact=True).wait_for()
     assert page.evaluate(CONTROLS) > 5

@@ -15,12 +15,14 @@ import numpy as np
 
 from flexlab.assets import presets_folder
 from flexlab.control.paths.sine import SineTrajectory
+from flexlab.lab.view_settings import fitting_exaggeration, tamed_exaggeration
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.build import build_beam
 from flexlab.sim.geometry import arm_points, beam_points, link_points
 from flexlab.sim.samples import Run, Samples
 from flexlab.sim.simulate import simulate
+from flexlab.text import number_text
 
 ASSETS = Path(__file__).resolve().parent.parent
 ARM_COLORS, BEAM, DESIRED, GRAY = ("#0072b2", "#d55e00"), "#009e73", "#cc79a7", "#808890"
@@ -111,7 +113,7 @@ def draw_path(canvas: Canvas, run: Run) -> None:
     canvas.line(canvas.at(run.desired_pose[once, :2][::20]), DESIRED, 1.2)
 
 
-def draw_beam(canvas: Canvas, run: Run, row: int, factor: int) -> None:
+def draw_beam(canvas: Canvas, run: Run, row: int, factor: float) -> None:
     """The beam at one row, and faintly at moments of the vibration around it, held at the same pose."""
     scenario = run.scenario
     period = 2 * math.pi / float(build_beam(scenario.payload).modes.omega.min())
@@ -149,13 +151,15 @@ def draw_preset(name: str) -> str:
     run = simulate(scenario, 3.0, 0.001)
     middle = run.midspan_deflection if len(scenario.arms) == 2 else run.beam_coordinates[:, -2]
     row = int(np.abs(middle).argmax())
-    factor = nice_factor(float(np.abs(middle).max()))
+    # As on the screen of the lab that the picture leads to.
+    largest = float(np.abs(middle).max())
+    factor = tamed_exaggeration(fitting_exaggeration(scenario), largest, scenario.payload.length)
     points = np.concatenate([arm_points(scenario, run).reshape(-1, 2), beam_points(scenario, run, 3).reshape(-1, 2)])
     canvas = Canvas(240, 200, points.min(axis=0), points.max(axis=0), 11, 40)
     draw_path(canvas, run)
     draw_arms(canvas, scenario, run.slice(row, row + 1))
     draw_beam(canvas, run, row, factor)
-    canvas.text(canvas.width - 6, 12, f"bending × {factor}", anchor="end")
+    canvas.text(canvas.width - 6, 12, f"bending × {number_text(factor)}", anchor="end")
     if scenario.gravity:
         canvas.line(np.array([[12.0, 8], [12, 34], [8, 28], [12, 34], [16, 28]]), GRAY, 2)
         canvas.text(20, 26, "g")

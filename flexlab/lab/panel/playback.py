@@ -1,7 +1,7 @@
 """The clock: play and pause, single step, reset, speed, and the way back to what has happened in this run.
 
-And the play screen: the beam, a tap, three sliders and a sentence; its *More* opens the lab with the same run. The page decides
-which of the two it shows (`page.js`, `?play` in its address): both stand in the same panel.
+And the play screen: the beam, a tap, two sliders, the speed and a sentence; its *More* opens the lab with the same run. The
+page decides which of the two it shows (`page.js`, `?play` in its address): both stand in the same panel.
 """
 
 import math
@@ -13,13 +13,12 @@ from flexlab.errors import LabError
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.look_back import LookBack
 from flexlab.lab.panel.field import Entry, Field
-from flexlab.lab.panel.number_control import BOX_DIGITS, NumberControl
+from flexlab.lab.panel.number_control import BOX_DIGITS
 from flexlab.lab.panel.readouts import events_html
 from flexlab.lab.panel.view_controls import Look
 from flexlab.lab.picking import Picking
 from flexlab.lab.scene.cameras import VIEWS
 from flexlab.lab.widgets import add_button, handler, put
-from flexlab.quantities import Quantity
 from flexlab.scenario import Scenario
 from flexlab.sim.command_queue import MOST_STEPS
 from flexlab.sim.commands import Pause, Play, Reset, SetSpeed, StepOnce
@@ -28,7 +27,7 @@ from flexlab.text import number_text, speed_text
 
 SPEEDS = tuple(2.0**power for power in range(2, -9, -1))
 """Choices of simulated seconds per wall second: 4 down to 1/256."""
-
+SPEED_TEXTS = {speed_text(speed): speed for speed in SPEEDS}
 
 STEPS_PER_SECOND = 10.0
 """While the step button is held."""
@@ -38,13 +37,40 @@ KEY_REPEATS = 0.1
 """Wall seconds within which a repeated key is one that is held down."""
 
 
+class SpeedMenu:
+    """The menu of speeds, in the GUI container that is open while it is made."""
+
+    def __init__(self, gui: viser.GuiApi, lab_state: LabState, label: str):
+        self._lab_state = lab_state
+        self._seen = lab_state.target_speed
+        shown = speed_text(self._seen)
+        self._menu = gui.add_dropdown(
+            label,
+            tuple(SPEED_TEXTS),
+            initial_value=shown if shown in SPEED_TEXTS else speed_text(1.0),
+            hint="Simulated time per real time",
+        )
+        self._menu.on_update(handler(lab_state, lambda _: self._choose(self._menu.value)))
+
+    def update(self, speed: float) -> None:
+        """Follow a speed that was set elsewhere."""
+        shown = speed_text(speed)
+        if speed != self._seen and shown in SPEED_TEXTS:
+            self._seen = speed
+            self._menu.value = shown
+
+    def _choose(self, choice: str) -> None:
+        if choice not in SPEED_TEXTS:
+            raise LabError(f"{choice[:40]!r} is not a speed of the menu: choose one from 1/256 × to 4 ×.")
+        self._lab_state.submit(SetSpeed(SPEED_TEXTS[choice]))
+
+
 class Playback:
     """Play/pause, step, reset and speed, in the GUI container that is open while it is made."""
 
     def __init__(self, gui: viser.GuiApi, lab_state: LabState):
         self._lab_state = lab_state
         self._key_at = self._held_at = -math.inf
-        self._seen_speed = lab_state.snapshot.target_speed
         self._play = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE, hint="Pause or continue the simulation")
         step = gui.add_button(
             "Step", icon=viser.Icon.PLAYER_TRACK_NEXT, color="gray", hint="Advance by 1 ms; hold the button to continue"
@@ -62,15 +88,11 @@ class Playback:
             color=None,
             visible=False,
         )
-        self._speeds = {speed_text(speed): speed for speed in SPEEDS}
-        self._speed = gui.add_dropdown(
-            "Speed", tuple(self._speeds), initial_value=speed_text(1.0), hint="Simulated time per real time"
-        )
+        self._speed = SpeedMenu(gui, lab_state, "Speed")
         self._play.on_click(handler(lab_state, lambda _: self._clicked()))
         # Pressing steps once and holding goes on; the click that ends it is no step, but that of the keyboard is one.
         step.on_hold(handler(lab_state, lambda _: self._held_step()), callback_hz=STEPS_PER_SECOND)
         step.on_click(handler(lab_state, lambda _: self._clicked_step()))
-        self._speed.on_update(handler(lab_state, lambda _: self._set_speed(self._speed.value)))
 
     def update(self, snapshot: Snapshot) -> None:
         """Label the play button by what it will do, and follow a speed that was set elsewhere."""
@@ -80,10 +102,7 @@ class Playback:
         begins = stands and float(snapshot.latest.time[0]) == snapshot.start_time
         put(self._begin_mark, visible=begins)
         put(self._begin, visible=begins, label=f"Play from t = {number_text(snapshot.start_time, 5)} s")
-        shown = speed_text(snapshot.target_speed)
-        if snapshot.target_speed != self._seen_speed and shown in self._speeds:
-            self._seen_speed = snapshot.target_speed
-            self._speed.value = shown
+        self._speed.update(snapshot.target_speed)
 
     def pressed_key(self) -> None:
         """Play or pause, by the key."""
@@ -121,11 +140,6 @@ class Playback:
         """Multiply the speed, as far as the menu goes."""
         speed = self._lab_state.target_speed * by
         self._lab_state.submit(SetSpeed(min(max(speed, SPEEDS[-1]), SPEEDS[0])))
-
-    def _set_speed(self, choice: str) -> None:
-        if choice not in self._speeds:
-            raise LabError(f"{choice[:40]!r} is not a speed of the menu: choose one from 1/256 × to 4 ×.")
-        self._lab_state.submit(SetSpeed(self._speeds[choice]))
 
 
 SHORTEST_PAST = 0.02
@@ -202,7 +216,6 @@ class Events:
         self._lab_state.submit(StepOnce(round(ticks)))
 
 
-SPEED = Quantity("Simulation speed", unit="×", low=SPEEDS[-1], high=SPEEDS[0], slider=(0.01, 1), logarithmic=True)
 SENTENCE = (
     "Tap the beam or drag it: a stiffer one rings faster, a damped one comes to rest sooner, "
     "and slow motion shows how it bends."
@@ -233,7 +246,7 @@ class PlayScreen:
             self._stiffness = Field(gui, lab_state, Entry("payload.bending_stiffness", None, "Stiffness EI", "N·m²"))
         self._build_damping(lab_state.intended)
         with self._folder:
-            self._speed = NumberControl(gui, lab_state, SPEED, self._present_speed(), self._ask, hint="Slow motion")
+            self._speed = SpeedMenu(gui, lab_state, "Simulation speed")
 
     def update(self, scenario: Scenario) -> None:
         """Follow the run, leaving alone what a person is at."""
@@ -242,18 +255,10 @@ class PlayScreen:
             self._build_damping(scenario)
         for field in (self._stiffness, self._damping):
             field.settle(scenario)
-        self._speed.settle(self._present_speed())
+        self._speed.update(self._lab_state.target_speed)
 
     def _build_damping(self, scenario: Scenario) -> None:
         self._kind, self._damping_shown = type(scenario.payload.damping), _damping_path(scenario)
         unit = scenario.about(self._damping_shown).unit
         with self._folder:
             self._damping = Field(self._gui, self._lab_state, Entry(self._damping_shown, None, "Beam's damping", unit))
-
-    def _present_speed(self) -> float:
-        return float(f"{self._lab_state.target_speed:.3g}")
-
-    def _ask(self, value: float) -> None:
-        # The lab's menu has powers of two, and both controls show the same speed.
-        nearest = min(SPEEDS, key=lambda speed: abs(math.log(speed / value)) if value > 0 else speed)
-        self._lab_state.submit(SetSpeed(nearest))

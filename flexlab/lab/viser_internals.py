@@ -36,6 +36,9 @@ Check = Callable[[int, Any], Awaitable[Verdict]]
 """(client id, raw message) → what becomes of it. May wait: then that one browser waits."""
 UNREADABLE = 1011
 """Websocket close code for a client whose messages cannot be decoded."""
+PROTOCOL = f"viser-v{viser.__version__}"
+OTHER_VERSION = 1002
+"""Websocket close code by which viser's page knows that it is of another version: it then says so."""
 
 _OPENING = threading.Lock()
 
@@ -166,13 +169,20 @@ def _serving_on(
             sentence = admission(request)
             return at.respond(403, f"{sentence}\n") if sentence else furnished(process_request(at, request))
 
+        async def greet(at: ServerConnection) -> None:
+            # viser itself writes a line to the terminal, without end, and fails where the version is long.
+            if at.subprotocol == PROTOCOL:
+                await handler(at)
+            else:
+                await at.close(OTHER_VERSION, "This page is of another version: load it again.")
+
         options |= {
             "create_connection": connection,
             "max_size": largest,
             "max_queue": MOST_WAITING,
             "open_timeout": OPENING_TIME,
         }
-        return original(handler, sock=plug, process_request=look, **options)
+        return original(greet, sock=plug, process_request=look, **options)
 
     with _OPENING:
         websockets.asyncio.server.serve = serve  # type: ignore[assignment, misc]  # A class there, a function here.

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from lab_page import wait_until
 from raw_browser import CAMERA, RawBrowser, widget
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
 
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset
@@ -112,6 +114,20 @@ def test_a_camera_that_cannot_be_is_refused(session: Session, changes: dict[str,
         wait_until(lambda: session.guard.refused == 1, "it is refused", 20)
         assert client.camera.image_height == truth
         assert np.isfinite(client.camera.position).all()
+
+
+@pytest.mark.parametrize("protocols", [None, ["viser-v0.1"], ["chat"], ["viser-v" + "9" * 200]], ids=str)
+def test_a_page_of_another_version_ends_without_a_word_in_the_terminal(
+    session: Session, protocols: Any, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    with connect(session.url.replace("http", "ws"), subprotocols=protocols, close_timeout=1) as plug:
+        with pytest.raises(ConnectionClosed) as ended:
+            plug.recv(timeout=20)
+        assert ended.value.rcvd is not None
+        assert ended.value.rcvd.code == 1002, "viser's page then says so"
+    a_fresh_visitor_sees_a_moving_lab(session)
+    assert capfd.readouterr() == ("", "")
+    assert not [record for record in caplog.records if record.exc_info]
 
 
 def test_a_camera_that_fails_is_that_browsers_affair(session: Session, caplog: pytest.LogCaptureFixture) -> None:

@@ -4,10 +4,10 @@ import html
 import math
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 import viser
@@ -92,11 +92,11 @@ class PageReports:
         name: str,
         arrange: Callable[[viser.ClientHandle, Report], None],
         cover: Callable[[viser.ClientHandle, float, float], None],
-        start_anew: Callable[[], None],
+        start_anew: Callable[[Any], Awaitable[None]],
     ):
         """`arrange` lays out a new page by its first report; `cover` takes the covered shares of the picture.
 
-        `start_anew` loads the preset that is shown.
+        `start_anew` handles the event that a person chose the preset that is shown.
         """
         self._arrange, self._cover, self._start_anew = arrange, cover, start_anew
         self._began_anew = -math.inf
@@ -168,7 +168,7 @@ class PageReports:
         with self._lock:
             self._pages[client.client_id] = page
 
-        async def told(_: object) -> None:
+        async def told(event: Any) -> None:
             try:
                 report = _DECODER.decode(way.value)
             except msgspec.MsgspecError as error:
@@ -180,7 +180,7 @@ class PageReports:
                 self._arrange(client, report)
             elif report.again > page.report.again and time.monotonic() - self._began_anew >= AGAIN_PERIOD:
                 self._began_anew = time.monotonic()
-                self._start_anew()
+                await self._start_anew(event)
             self._cover(client, *report.covered)
             page.report = report
 

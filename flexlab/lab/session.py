@@ -24,6 +24,7 @@ from flexlab.lab.scene.cameras import FIELD_OF_VIEW, ClientCameras, Window, payl
 from flexlab.lab.scene.scene import Scene
 from flexlab.lab.viser_internals import GuardedServer, fold_panel, set_panel_width
 from flexlab.lab.viser_server import open_server
+from flexlab.lab.widgets import handler
 from flexlab.own import hosts
 from flexlab.scenario import Scenario
 from flexlab.sim.runner import Runner
@@ -187,9 +188,8 @@ class Session:
                     fold_panel(client, foldable, False)
 
         first = runner.snapshot
-        self._reports = PageReports(
-            server, first.run_number, first.name, arrange, self._cameras.cover, lab_state.back_to_baseline
-        )
+        again = handler(lab_state, lambda _: lab_state.back_to_baseline())
+        self._reports = PageReports(server, first.run_number, first.name, arrange, self._cameras.cover, again)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(PANEL_WIDTH)
         board.float(x=GAP, y=GAP, height=PLOTS_HEIGHT)

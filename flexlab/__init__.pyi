@@ -24,6 +24,7 @@ from flexlab.api import read as read
 from flexlab.api import simulate as simulate
 from flexlab.api import simulate_many as simulate_many
 from flexlab.api import sweep as sweep
+from flexlab.errors import FlexlabError as FlexlabError
 from flexlab.notebook import Lab as Lab
 from flexlab.own.declaration import OwnLaw as OwnLaw
 from flexlab.own.declaration import OwnPath as OwnPath

@@ -103,17 +103,17 @@ def compare(*runs: AnyRun, logs: str | Path = LOGS) -> Comparison:
         return comparison.compare(_paths(runs, logs, stack))
 
 
-def replay(run: str | Path, logs: str | Path = LOGS, run_own_law: bool = False) -> Replay:
-    """Simulate a recording or an archive (.zip) again from its start and its commands, and compare every bit.
+def replay(run: AnyRun, logs: str | Path = LOGS, run_own_law: bool = False) -> Replay:
+    """Simulate a run, a recording or an archive (.zip) again from its start and its commands, and compare every bit.
 
     `run_own_law` lets Python code run that came with the recording. Raises `RecordingError` and `StudyError`.
     """
     may_run = flag("run_own_law", run_own_law)
     with ExitStack() as stack:
-        if str(run).lower().endswith(ARCHIVE):
+        if not isinstance(run, Run) and str(run).lower().endswith(ARCHIVE):
             path = unpack_capsule(Path(run), Path(stack.enter_context(TemporaryDirectory(prefix="flexlab-"))))
         else:
-            path = find_run(str(run), file_path("logs", logs))
+            (path,) = _paths([run], logs, stack)
         recording = read_recording(path, with_samples=False)
         for kind, source in replaying.own_law_texts(recording):
             if not hosts.is_allowed(source):

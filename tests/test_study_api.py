@@ -160,6 +160,17 @@ def test_newest_is_not_compared_with_what_was_made_of_it(flexlab_command: Comman
     assert list(logs.glob("*-paper-bending_stiffness-50.rrd"))
 
 
+def test_a_run_in_memory_is_replayed_and_every_result_says_what_it_is_in_a_line():
+    run, soft = (flexlab.simulate(name, 0.2) for name in ("paper", "soft-beam"))
+    replay = flexlab.replay(run)
+    assert replay.identical
+    assert repr(replay) == "<Replay: All 201 samples came out again, bit for bit.>"
+    assert repr(flexlab.compare(run, soft)).startswith(
+        "<Comparison of A paper, B soft-beam, of the first 0.2 s of each run"
+    )
+    assert "paper: f1 = 45.5" in repr(flexlab.fit(run))
+
+
 def test_bad_arguments_are_one_sentence(tmp_path: Path):
     run = flexlab.simulate("paper", 0.02)
     with pytest.raises(StudyError, match="A comparison needs two runs at least"):

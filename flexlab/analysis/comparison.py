@@ -84,6 +84,10 @@ class Comparison(Result):
         """The stretch of time over which metrics are taken, in words."""
         return f"of the first {number_text(self.window)} s of each run"
 
+    def __repr__(self) -> str:
+        runs = ", ".join(f"{label} {run.name}" for label, run in zip(self.labels, self.recordings, strict=True))
+        return f"<Comparison of {runs}, {self.window_text}, settings that differ: {len(self.settings)}>"
+
     def repeated(self) -> list[tuple[str, str]]:
         """(label, label of its first occurrence) of every run that was named before."""
         paths = [recording.path.resolve() for recording in self.recordings]

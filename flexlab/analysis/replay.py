@@ -72,6 +72,9 @@ class Replay(Result):
         about = {} if self.scenario is None else provenance(self.scenario)
         return pa.Table.from_pylist([row | {"deviation": self.deviation, "text": self.text} | about])
 
+    def __repr__(self) -> str:
+        return f"<Replay: {self.text}>"
+
     @property
     def agrees(self) -> bool:
         """Whether replay and recording agree."""

@@ -86,6 +86,10 @@ class Fit(Result):
         rows = {name: {**vars(value), "identifiable": value.identifiable} for name, value in self.estimates.items()}
         return {"ring": self.is_ring, "samples": self.ring.samples, "noise": self.ring.noise, **rows}
 
+    def __repr__(self) -> str:
+        found = "; ".join(f"{name} = {value.text}" for name, value in self.estimates.items() if value.identifiable)
+        return f"<Fit of {self.name}: {found if self.is_ring else 'no ring, ' + self.ring.problem}>"
+
     def __str__(self) -> str:
         ring = self.ring
         lines = [

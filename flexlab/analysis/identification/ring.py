@@ -67,11 +67,15 @@ class Estimate:
         """Whether the samples determine the number."""
         return not self.reason
 
+    @property
+    def text(self) -> str:
+        """The number with its unit."""
+        return f"{self.value:.5g} {self.unit}".rstrip()
+
     def __str__(self) -> str:
         if self.reason:
             return f"not identifiable: {self.reason}"
-        unit = f" {self.unit}" if self.unit else ""
-        return f"{self.value:.5g}{unit}, 95 % within {self.low:.5g} to {self.high:.5g}{unit}"
+        return f"{self.text}, 95 % within {self.low:.5g} to {self.high:.5g} {self.unit}".rstrip()
 
 
 @dataclass(frozen=True)
@@ -271,7 +275,7 @@ def _mode(
     d_ratio = np.array([-sigma * omega, omega**2]) / natural**3
     half_f = factor * float(np.sqrt(max(d_frequency @ own @ d_frequency, 0.0)))
     half_z = factor * float(np.sqrt(max(d_ratio @ own @ d_ratio, 0.0)))
-    f, zeta = natural / (2 * np.pi), sigma / natural
+    f, zeta = natural / (2 * np.pi), float(sigma) / natural
     periods, rate = f * tau[-1], (len(tau) - 1) / tau[-1]
     why = problem
     if not why and periods < FEWEST_PERIODS:

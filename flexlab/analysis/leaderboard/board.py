@@ -90,9 +90,8 @@ class Leaderboard(Result):
         return np.nan if value is None else column.scale * max(value, case.main.floor)
 
     def __repr__(self) -> str:
-        failed = f", {len(self.failed)} failed" if self.failed else ""
         cases = ", ".join(case.name for case in self.cases)
-        return f"<Leaderboard of {len(self.laws)} laws in {cases}: {len(self.rows)} rows{failed}>"
+        return f"<Leaderboard in {cases}, laws: {len(self.laws)}, rows: {len(self.rows)}, failed: {len(self.failed)}>"
 
     def _repr_html_(self) -> str:
         """Laws and their main scores, for notebooks."""

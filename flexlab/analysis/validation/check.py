@@ -139,6 +139,10 @@ class Validation(Result):
 
         return draw_figure(number, self.runs.paper)
 
+    def __repr__(self) -> str:
+        held = sum(check.holds for check in self.checks)
+        return f"<Validation: {held} of {len(self.checks)} statements hold>"
+
     @property
     def checks(self) -> tuple[Check, ...]:
         """The checks of all subjects."""

@@ -17,6 +17,7 @@ from typing import Any
 
 from flexlab.assets import presets_folder
 from flexlab.errors import FlexlabError, PresetError, ScenarioError, StudyError
+from flexlab.files import writing
 from flexlab.own.declaration import OwnLaw, OwnPath
 from flexlab.own.files import law_kind
 from flexlab.scenario import parse_scenario
@@ -179,10 +180,8 @@ def _titles(known: tuple[tuple[str, int], ...]) -> dict[str, str]:
 
 def save_scenario(scenario: Scenario, path: str | Path) -> None:
     """Write a scenario as JSON: title, watch and schema first, every field, one line per list. Raises `PresetError`."""
-    try:
-        Path(path).write_text(scenario_text(scenario), encoding="utf-8")
-    except OSError as error:
-        raise PresetError(f"{path} cannot be written ({error.strerror}): choose another file.") from None
+    with writing(Path(path), kind=PresetError) as draft:
+        draft.write_text(scenario_text(scenario), encoding="utf-8")
 
 
 def scenario_text(scenario: Scenario) -> str:

@@ -9,6 +9,7 @@ import pytest
 
 LAYERS = {
     "errors": 0,
+    "files": 0,
     "notation": 0,
     "compiled": 0,
     "assets": 0,

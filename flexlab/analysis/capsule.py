@@ -15,13 +15,13 @@ from flexlab.analysis.figures import paper_figures
 from flexlab.analysis.metrics import run_metrics
 from flexlab.analysis.replay import own_law_texts, own_path_texts
 from flexlab.analysis.result import result_hash
-from flexlab.errors import RecordingError, StudyError
+from flexlab.errors import RecordingError
+from flexlab.files import writing
 from flexlab.presets import scenario_text
 from flexlab.recording.codec import command_to_json
 from flexlab.recording.export import export_recording
 from flexlab.recording.reader import Recording, read_recording
 from flexlab.recording.run_info import these_versions
-from flexlab.recording.store.notes import replacing
 
 METADATA, RUN = "ro-crate-metadata.json", "run.rrd"
 SPECIFICATION = "https://w3id.org/ro/crate/1.1"
@@ -49,18 +49,15 @@ KINDS = {
 def write_capsule(source: Path, target: Path) -> None:
     """Write the recording `source` as an archive, whole or not at all. Raises `RecordingError` or `StudyError`."""
     recording = read_recording(source)
-    try:
-        with TemporaryDirectory(prefix="flexlab-") as place, replacing(target) as draft:
-            folder = Path(place)
-            _fill(folder, source, recording)
-            files = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
-            described = json.dumps(_metadata(folder, files, recording), indent=1, ensure_ascii=False)
-            with zipfile.ZipFile(draft, "w", zipfile.ZIP_DEFLATED) as archive:
-                _add(archive, METADATA, described.encode())
-                for name in files:
-                    _add(archive, name, (folder / name).read_bytes())
-    except OSError as error:
-        raise StudyError(f"{target} cannot be written ({error.strerror}): choose another file.") from None
+    with writing(target) as draft, TemporaryDirectory(prefix="flexlab-") as place:
+        folder = Path(place)
+        _fill(folder, source, recording)
+        files = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+        described = json.dumps(_metadata(folder, files, recording), indent=1, ensure_ascii=False)
+        with zipfile.ZipFile(draft, "w", zipfile.ZIP_DEFLATED) as archive:
+            _add(archive, METADATA, described.encode())
+            for name in files:
+                _add(archive, name, (folder / name).read_bytes())
 
 
 def _add(archive: zipfile.ZipFile, name: str, data: bytes) -> None:

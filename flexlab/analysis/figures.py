@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 
 from flexlab import views as palette
 from flexlab.errors import StudyError
+from flexlab.files import writable, writing
 from flexlab.recording.reader import within
 from flexlab.signal import COORDINATE, Signal
 from flexlab.sim.samples import Run, Samples
@@ -104,22 +105,31 @@ def paper_figures(
             f"format = {unknown[0]} is not one that figures are written in: choose {' or '.join(FORMATS)}."
         )
     (samples,) = within((run,), start, end)
-    paths = []
-    try:
+    with writable(folder, "choose another folder"):
         folder.mkdir(parents=True, exist_ok=True)
-        for number in FIGURES:
-            figure = draw_figure(number, samples)
-            for kind in formats:
-                path = folder / f"{name}-figure-{number}.{kind}"
-                with mpl.rc_context(STYLE):
-                    # A date would make two files of the same run differ.
-                    figure.savefig(path, dpi=RESOLUTION, metadata={"Date": None} if kind == "svg" else None)
-                paths.append(path)
-    except OSError as error:
-        raise StudyError(
-            f"The figures cannot be written to {folder} ({error.strerror}): choose another folder."
-        ) from None
-    return paths
+    figures = {number: draw_figure(number, samples) for number in FIGURES}
+    return [
+        save_figure(figure, folder / f"{name}-figure-{number}.{kind}")
+        for number, figure in figures.items()
+        for kind in formats
+    ]
+
+
+def figure_kind(path: Path) -> str:
+    """The format of a figure by its name. Raises `StudyError`."""
+    kind = path.suffix.lstrip(".").lower()
+    if kind not in FORMATS:
+        raise StudyError(f"{path} is no name for a figure: let it end in .svg or .png.")
+    return kind
+
+
+def save_figure(figure: Figure, path: Path) -> Path:
+    """Write a figure, whole or not at all, in the format that its name says; returns the path. Raises `StudyError`."""
+    kind = figure_kind(path)
+    with writing(path) as draft, mpl.rc_context(STYLE):
+        # A date would make two files of the same run differ.
+        figure.savefig(draft, format=kind, dpi=RESOLUTION, metadata={"Date": None} if kind == "svg" else None)
+    return path
 
 
 def draw_figure(number: int, samples: Samples) -> Figure:

@@ -9,7 +9,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -18,7 +17,7 @@ import pyarrow as pa
 from matplotlib.figure import Figure
 from scipy.optimize import differential_evolution
 
-from flexlab.analysis.figures import BLUE, GRAY, RESOLUTION, STYLE, VERMILION
+from flexlab.analysis.figures import BLUE, GRAY, STYLE, VERMILION
 from flexlab.analysis.metrics import RunMetrics
 from flexlab.analysis.metrics.metric import named, number_names, numbers
 from flexlab.analysis.result import Result, provenance
@@ -29,7 +28,6 @@ from flexlab.analysis.workers import Told, Workers, chosen_workers
 from flexlab.arguments import whole_number
 from flexlab.errors import FlexlabError, StudyError
 from flexlab.lapack import one_blas_thread
-from flexlab.recording.store.notes import replacing
 from flexlab.scenario import Scenario
 from flexlab.scenario.settings import change_settings
 from flexlab.sim.simulate import sample_count
@@ -306,22 +304,3 @@ def draw_trade_off(tuning: Tuning, first: str, second: str) -> Figure:
                 draw(tuning.cost.limits[name], color=VERMILION, linestyle=":", linewidth=1)
         axes.legend(frameon=False)
     return figure
-
-
-def figure_kind(path: Path) -> str:
-    """The format of a figure by its name, svg or png. Raises `StudyError`."""
-    kind = path.suffix.lstrip(".").lower()
-    if kind not in ("svg", "png"):
-        raise StudyError(f"{path} is no name for a figure: let it end in .svg or .png.")
-    return kind
-
-
-def write_trade_off(tuning: Tuning, path: Path) -> None:
-    """Write `Tuning.plot` (.svg or .png). Raises `StudyError`."""
-    kind = figure_kind(path)
-    try:
-        with replacing(path) as draft, mpl.rc_context(STYLE):
-            metadata = {"Date": None} if kind == "svg" else None
-            tuning.plot().savefig(draft, dpi=RESOLUTION, format=kind, metadata=metadata)
-    except OSError as error:
-        raise StudyError(f"{path} cannot be written ({error.strerror}): choose another file.") from None

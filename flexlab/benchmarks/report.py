@@ -122,9 +122,6 @@ def plain(value: Any) -> Any:
 
 MEGABYTE = 1e6
 
-WHOLE = 1e3
-"""Value from which decimals do not matter, ms."""
-
 
 def paper_table(costs: list[PaperCost]) -> "Table":
     """The paper's run."""

@@ -43,8 +43,9 @@ def command(
     rms-y, are in the units of tables. Exits with 1 if nothing keeps within the limits.
     """
     ((_, scenario),) = chosen_scenarios([preset], set_, law, seed)
+    from flexlab.analysis.figures import figure_kind, save_figure
     from flexlab.analysis.sweep.axes import parse_axes
-    from flexlab.analysis.tuning import figure_kind, parse_cost, tune, write_trade_off
+    from flexlab.analysis.tuning import parse_cost, tune
     from flexlab.analysis.workers import chosen_workers, progress_bar
     from flexlab.cli.warmup import warm_up
     from flexlab.presets import save_scenario
@@ -66,8 +67,7 @@ def command(
         save_scenario(found.tuned, save)
         output().print(str(save), soft_wrap=True)
     if figure is not None:
-        write_trade_off(found, figure)
-        output().print(str(figure), soft_wrap=True)
+        output().print(str(save_figure(found.plot(), figure)), soft_wrap=True)
     if not found.holds:
         complain("Nothing that was tried keeps within the limits: widen the bounds or the limits.")
         return 1

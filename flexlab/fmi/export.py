@@ -21,12 +21,12 @@ import numpy as np
 from flexlab import __version__
 from flexlab.compiled import PLAIN_PYTHON
 from flexlab.errors import StudyError
+from flexlab.files import writing
 from flexlab.fmi.description import Model, Variable, model_description
 from flexlab.fmi.machine_code import data_object, write_object
 from flexlab.fmi.memory import bits
 from flexlab.fmi.parts import Part, make_part
 from flexlab.presets import scenario_text
-from flexlab.recording.store.notes import replacing
 from flexlab.scenario import Scenario
 from flexlab.sim.simulate import sample_count
 from flexlab.sim.snapshot import TICK
@@ -69,11 +69,8 @@ def write_fmu(
         raise StudyError(f"A unit of machine code cannot be made here: {what}.")
     sample_count(0.0, tick_period)
     made = make_part(scenario, part, tick_period)
-    try:
-        with TemporaryDirectory(prefix="flexlab-") as folder, replacing(file) as draft:
-            _write(Path(folder), draft, made, f"{name} ({part})", version, place)
-    except OSError as error:
-        raise StudyError(f"{file} cannot be written ({error.strerror}): choose another file.") from None
+    with writing(file) as draft, TemporaryDirectory(prefix="flexlab-") as folder:
+        _write(Path(folder), draft, made, f"{name} ({part})", version, place)
 
 
 def _write(folder: Path, file: Path, part: Part, name: str, version: int, place: tuple[str, str, str]) -> None:

@@ -1,12 +1,9 @@
 """A run in one HTML file: moving picture, plots in step with it, metrics and scenario; opens from disk without network."""
 
-import contextlib
-import os
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from flexlab.analysis.explanations import explain_run
@@ -14,6 +11,7 @@ from flexlab.analysis.figures import draw_signals, page_svg
 from flexlab.analysis.metrics import run_metrics
 from flexlab.analysis.result import result_hash
 from flexlab.errors import StudyError
+from flexlab.files import filled, write_text
 from flexlab.guide import LessonProgress
 from flexlab.lab.input_guard import InputGuard
 from flexlab.lab.scene.arms import Arms
@@ -103,10 +101,8 @@ def run_page(run: Run, name: str, version: str, noted: Noted = NOTHING) -> str:
         raise StudyError("This run was measured, which tells no motion to show: export it as a table, or compare it.")
     animation = animation_html(run)
     plots, left, right = _plots(run)
-    pages = Environment(
-        loader=FileSystemLoader(Path(__file__).parent), autoescape=True, undefined=StrictUndefined, trim_blocks=True
-    )
-    return pages.get_template("run_page.html").render(
+    return filled(
+        Path(__file__).with_name("run_page.html"),
         name=name,
         title=run.scenario.title or name,
         status=run.status.text,
@@ -128,16 +124,7 @@ def run_page(run: Run, name: str, version: str, noted: Noted = NOTHING) -> str:
 
 def write_run_page(run: Run, path: Path, name: str, version: str, noted: Noted = NOTHING) -> None:
     """Write the page as one file, whole or not at all. Raises `StudyError`."""
-    text = run_page(run, name, version, noted)
-    draft = path.with_name(f".{path.name}.{os.getpid()}.draft")
-    try:
-        draft.write_text(text, encoding="utf-8")
-        draft.replace(path)
-    except OSError as error:
-        raise StudyError(f"{path} cannot be written ({error.strerror}): choose another file.") from None
-    finally:
-        with contextlib.suppress(OSError):
-            draft.unlink(missing_ok=True)
+    write_text(path, run_page(run, name, version, noted))
 
 
 def _plots(run: Run) -> tuple[str, float, float]:

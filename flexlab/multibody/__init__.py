@@ -2,10 +2,9 @@
 
 from pathlib import Path
 
-from flexlab.errors import StudyError
+from flexlab.files import write_text
 from flexlab.multibody.bodies import make_bodies
 from flexlab.multibody.formats import mjcf_text, urdf_text
-from flexlab.recording.store.notes import replacing
 from flexlab.scenario import Scenario
 
 WRITERS = {".urdf": urdf_text, ".xml": mjcf_text, ".mjcf": mjcf_text}
@@ -17,10 +16,5 @@ def write_bodies(scenario: Scenario, file: Path, name: str = "scenario") -> Path
 
     Raises `ScenarioError` for a scenario that cannot start, and `StudyError`.
     """
-    text = WRITERS[file.suffix.lower()](make_bodies(scenario), name)
-    try:
-        with replacing(file) as draft:
-            draft.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise StudyError(f"{file} cannot be written ({error.strerror}): choose another file.") from None
+    write_text(file, WRITERS[file.suffix.lower()](make_bodies(scenario), name))
     return file

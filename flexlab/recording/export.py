@@ -20,12 +20,12 @@ import pyarrow.csv as arrow_csv
 import pyarrow.parquet as parquet
 
 from flexlab.errors import RecordingError, StudyError
+from flexlab.files import writing
 from flexlab.presets import scenario_text
 from flexlab.recording.codec import command_from_json, command_to_json, larger_blocks, state_json
 from flexlab.recording.reader import Recording, within
 from flexlab.recording.run_info import package_version, these_versions
 from flexlab.recording.store.formats import FORMAT, Changes, migrate
-from flexlab.recording.store.notes import replacing
 from flexlab.recording.table_columns import (
     Column,
     axis_labels,
@@ -169,11 +169,8 @@ def _export(
         "scenario": scenario.model_dump(mode="json"),
     }
     pieces = larger_blocks(within(blocks, start, end), BATCH_ROWS)
-    try:
-        with replacing(path) as draft:
-            write(draft, _batches(pieces, scenario, later), json.dumps(metadata, ensure_ascii=False))
-    except OSError as error:
-        raise RecordingError(f"{path} cannot be written ({error.strerror or error}): choose another place.") from None
+    with writing(path, "choose another place", RecordingError) as draft:
+        write(draft, _batches(pieces, scenario, later), json.dumps(metadata, ensure_ascii=False))
     return path
 
 

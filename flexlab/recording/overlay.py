@@ -9,6 +9,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from flexlab.errors import RecordingError
+from flexlab.files import replacing
 from flexlab.recording.codec import larger_blocks
 from flexlab.recording.reader import COMPARISON, NamedScenario, Recording, read_blocks
 from flexlab.recording.rerun_internals.chunks import new_stream, scalars, send_columns, send_layout
@@ -25,7 +26,6 @@ from flexlab.recording.scene_and_plots import (
     scene_view,
     side_by_side,
 )
-from flexlab.recording.store.notes import replacing
 from flexlab.sim.samples import MEASURED, Samples
 from flexlab.text import number_text
 from flexlab.views import View, views

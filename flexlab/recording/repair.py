@@ -13,10 +13,11 @@ import threading
 from pathlib import Path
 
 from flexlab.errors import RecordingError
+from flexlab.files import replacing
 from flexlab.recording.rerun_internals.chunks import has_recording
 from flexlab.recording.rerun_internals.rrd_file import has_footer
 from flexlab.recording.rerun_internals.tool import Mending
-from flexlab.recording.store.notes import read_notes, replacing, write_notes
+from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.run_files import claim, list_runs, run_state
 
 GROWTH = 1.3

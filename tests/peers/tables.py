@@ -2,10 +2,13 @@
 
 from rich.table import Table
 
-from flexlab.benchmarks.report import WHOLE, error_text, new_table, step_text
+from flexlab.benchmarks.report import error_text, new_table, step_text
 from peers.beam_comparison import BeamComparison
 from peers.chain_comparison import ChainComparison
 from peers.peer_comparison import SAME_POSE, PeerComparison
+
+WHOLE = 1e3
+"""Value from which decimals do not matter, ms."""
 
 
 def peers_table(result: PeerComparison) -> Table:

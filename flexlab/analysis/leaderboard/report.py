@@ -10,15 +10,13 @@ from pathlib import Path
 
 import pyarrow.csv
 import pyarrow.parquet
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from flexlab.analysis.figures import page_svg, svg_text
 from flexlab.analysis.leaderboard.board import Leaderboard
 from flexlab.analysis.leaderboard.case import Case, Score, Variant
 from flexlab.analysis.leaderboard.entry import Row
-from flexlab.errors import StudyError
-from flexlab.recording.store.notes import replacing
+from flexlab.files import filled, writable, write_text, writing
 from flexlab.scenario.field_text import field_title
 from flexlab.text import number_text, typed_number
 
@@ -210,17 +208,12 @@ def _salt(case: Case) -> str:
 
 def write_figures(board: Leaderboard, folder: Path) -> list[Path]:
     """`<case>.svg` of each case in a folder; returns the paths. Raises `StudyError`."""
-    paths = []
-    try:
+    with writable(folder, "choose another folder"):
         folder.mkdir(parents=True, exist_ok=True)
-        for case in board.cases:
-            path = folder / f"{case.name}.svg"
-            with replacing(path) as draft:
-                draft.write_text(svg_text(board.plot(case.name), _salt(case)), encoding="utf-8")
-            paths.append(path)
-    except OSError as error:
-        raise StudyError(f"{folder} cannot be written ({error.strerror}): choose another folder.") from None
-    return paths
+    paths = {folder / f"{case.name}.svg": case for case in board.cases}
+    for path, case in paths.items():
+        write_text(path, svg_text(board.plot(case.name), _salt(case)))
+    return list(paths)
 
 
 PAGE, TABLE = "leaderboard.html", "leaderboard"
@@ -228,26 +221,20 @@ PAGE, TABLE = "leaderboard.html", "leaderboard"
 
 def write_report(board: Leaderboard, folder: Path) -> list[Path]:
     """`leaderboard.html`, `.parquet`, `.csv` and a figure per case in a folder; returns the paths. Raises `StudyError`."""
-    html = folder / PAGE
-    tables = [folder / f"{TABLE}.parquet", folder / f"{TABLE}.csv"]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with replacing(html) as draft:
-            draft.write_text(report_text(board), encoding="utf-8")
-        with replacing(tables[0]) as draft:
-            pyarrow.parquet.write_table(board.table, draft, compression="zstd")
-        with replacing(tables[1]) as draft:
-            pyarrow.csv.write_csv(board.table, draft)
-    except OSError as error:
-        raise StudyError(f"{folder} cannot be written ({error.strerror}): choose another folder.") from None
-    return [html, *tables, *write_figures(board, folder)]
+    html, tables = folder / PAGE, [folder / f"{TABLE}.parquet", folder / f"{TABLE}.csv"]
+    figures = write_figures(board, folder)
+    write_text(html, report_text(board))
+    with writing(tables[0]) as draft:
+        pyarrow.parquet.write_table(board.table, draft, compression="zstd")
+    with writing(tables[1]) as draft:
+        pyarrow.csv.write_csv(board.table, draft)
+    return [html, *tables, *figures]
 
 
 def report_text(board: Leaderboard) -> str:
     """The text of the HTML file."""
-    folder = Path(__file__).parent
-    pages = Environment(loader=FileSystemLoader(folder), autoescape=True, undefined=StrictUndefined, trim_blocks=True)
-    return pages.get_template("report.html").render(
+    return filled(
+        Path(__file__).with_name("report.html"),
         overview=overview(board),
         sections=sections(board),
         settings=settings(board),

@@ -6,8 +6,7 @@ import json
 import platform
 import secrets
 import sys
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -22,11 +21,11 @@ from flexlab.analysis.leaderboard.case import SAMPLE_PERIOD, Case, Variant
 from flexlab.analysis.leaderboard.entry import Row
 from flexlab.assets import web_assets_folder
 from flexlab.control.law import laws
-from flexlab.errors import StudyError
+from flexlab.files import replacing, writable
 from flexlab.own.law import PythonLaw
 from flexlab.own.link import address_in
 from flexlab.recording.run_info import package_version
-from flexlab.recording.store.notes import is_regular, replacing
+from flexlab.recording.store.notes import is_regular
 from flexlab.scenario import Scenario
 from flexlab.text import syntax_tree
 
@@ -124,6 +123,7 @@ def row_key(name: str, case: Case, variant: Variant, scenario: Scenario | None, 
 FOLDER = Path("leaderboard")
 """The store's folder in the working directory."""
 ROWS, LAST = "rows", "last.json"
+ADVICE = "make room or choose another folder"
 LARGEST = 1_000_000
 """Most bytes of a file that is read."""
 SHIPPED = "leaderboard.json"
@@ -154,7 +154,7 @@ class RowStore:
 
     def prepare(self) -> None:
         """Make the folder. Raises `StudyError` if that is not possible."""
-        with self._full(self.folder / ROWS):
+        with writable(self.folder / ROWS, ADVICE):
             (self.folder / ROWS).mkdir(parents=True, exist_ok=True)
 
     def get(self, key: str) -> Row | None:
@@ -188,19 +188,10 @@ class RowStore:
         return self.folder / ROWS / f"{key}.json"
 
     def _write(self, path: Path, data: object) -> None:
-        with self._full(path.parent):
+        with writable(path.parent, ADVICE):
             path.parent.mkdir(parents=True, exist_ok=True)
             with replacing(path) as draft:
                 draft.write_text(json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False), encoding="utf-8")
-
-    @contextmanager
-    def _full(self, folder: Path) -> Iterator[None]:
-        try:
-            yield
-        except OSError as error:
-            raise StudyError(
-                f"{folder} cannot be written ({error.strerror}): make room or choose another folder."
-            ) from None
 
 
 def _read(path: Path) -> Any:

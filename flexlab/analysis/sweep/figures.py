@@ -10,13 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 
-from flexlab.analysis.figures import BLUE, FORMATS, GRAY, RESOLUTION, STYLE, VERMILION
+from flexlab.analysis.figures import BLUE, FORMATS, GRAY, STYLE, VERMILION, save_figure
 from flexlab.analysis.metrics.metric import named, numbers
 from flexlab.analysis.result import number_column
 from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.plan import Plan
 from flexlab.errors import StudyError
-from flexlab.recording.store.notes import replacing
 
 SIZE = (6.0, 4.2)
 """Inches."""
@@ -46,16 +45,7 @@ def write_figures(
     listed = [number.name for number in numbers() if number.column.listed]
     figures = {name: draw_metric(plan, table, name) for name in shown or listed}
     figures["pareto"] = draw_pareto(table, *pareto)
-    paths = []
-    try:
-        for name, figure in figures.items():
-            path = folder / f"{name}.{kind}"
-            with replacing(path) as draft, mpl.rc_context(STYLE):
-                figure.savefig(draft, dpi=RESOLUTION, format=kind, metadata={"Date": None} if kind == "svg" else None)
-            paths.append(path)
-    except OSError as error:
-        raise StudyError(f"The figures cannot be written to {folder} ({error.strerror}): make room.") from None
-    return paths
+    return [save_figure(figure, folder / f"{name}.{kind}") for name, figure in figures.items()]
 
 
 def draw_metric(plan: Plan, table: Any, name: str) -> Figure:

@@ -22,8 +22,8 @@ from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.plan import Cell, Plan, run_part
 from flexlab.analysis.workers import Told, Workers
 from flexlab.errors import StudyError
+from flexlab.files import replacing, writable
 from flexlab.recording.run_info import package_version
-from flexlab.recording.store.notes import replacing
 from flexlab.scenario import Scenario
 from flexlab.text import html_table
 
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 TABLE, PARTS, PLAN = "cells.parquet", "parts", "sweep.json"
 """Names in a sweep's folder: the whole table, the folder of its parts, the plan."""
 METADATA = b"flexlab"
+ADVICE = "make room or choose another folder; the parts that are done stay, and the same command goes on from there"
 SWEEPS = Path("sweeps")
 """Parent of the folders of sweeps for which none is named."""
 
@@ -103,11 +104,9 @@ class SweepFolder:
     def __init__(self, path: Path, plan: Plan):
         """Make the folder, or go on with one that holds parts of the same sweep."""
         self.path, self._plan = path, plan
-        try:
+        with writable(path, ADVICE):
             (path / PARTS).mkdir(parents=True, exist_ok=True)
             self._check_plan(path / PLAN)
-        except OSError as error:
-            raise self._full(error) from None
 
     def _check_plan(self, file: Path) -> None:
         if not file.exists():
@@ -121,12 +120,6 @@ class SweepFolder:
         if held != self._plan.key:
             raise StudyError(f"{self.path} holds another sweep: choose another folder, or move that one away.")
 
-    def _full(self, error: OSError) -> StudyError:
-        return StudyError(
-            f"{self.path} cannot be written ({error.strerror}): make room or choose another folder; the parts that are "
-            "done stay, and the same command goes on from there."
-        )
-
     @property
     def table(self) -> Path:
         """The file of the whole table, which exists once all cells are done."""
@@ -138,27 +131,19 @@ class SweepFolder:
 
     def save(self, cells: Sequence[Cell]) -> None:
         """Write a part, whole or not at all."""
-        first = cells[0].number
-        try:
-            with replacing(part_file(self.path, range(first, first + len(cells)))) as draft:
-                parquet.write_table(to_table(self._plan, cells), draft)
-        except OSError as error:
-            raise self._full(error) from None
+        part = part_file(self.path, range(cells[0].number, cells[-1].number + 1))
+        with writable(self.path, ADVICE), replacing(part) as draft:
+            parquet.write_table(to_table(self._plan, cells), draft)
 
     def finish(self) -> None:
         """Write the whole table and remove its parts."""
-        try:
+        with writable(self.path, ADVICE):
             if not self.table.exists():
                 layout = schema(self._plan)
-                with (
-                    replacing(self.table) as draft,
-                    parquet.ParquetWriter(draft, layout, compression="zstd") as writer,
-                ):
+                with replacing(self.table) as draft, parquet.ParquetWriter(draft, layout, compression="zstd") as writer:
                     for cells in self._plan.parts():
                         writer.write_table(parquet.read_table(part_file(self.path, cells), schema=layout))
             shutil.rmtree(self.path / PARTS, ignore_errors=True)
-        except OSError as error:
-            raise self._full(error) from None
 
 
 HTML_ROWS = 10

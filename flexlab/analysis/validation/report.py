@@ -4,14 +4,13 @@ import platform
 from datetime import datetime
 from pathlib import Path
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from flexlab.analysis.figures import FIGURES, draw_figure, svg_text
 from flexlab.analysis.validation.check import Validation
-from flexlab.errors import FlexlabError, StudyError
+from flexlab.errors import FlexlabError
+from flexlab.files import filled, writable, write_text
 from flexlab.recording.run_info import these_versions
-from flexlab.recording.store.notes import replacing
 
 TITLES = {2: "Trajectory of the payload", 3: "Vibration", 4: "Error of the trajectory", 5: "Internal force"}
 SHOWN = 3.0
@@ -20,9 +19,8 @@ SHOWN = 3.0
 
 def write_report(validation: Validation, path: Path, seconds: float) -> None:
     """Write the report; `seconds`: duration of the validation. Raises `StudyError`."""
-    folder = Path(__file__).parent
-    pages = Environment(loader=FileSystemLoader(folder), autoescape=True, undefined=StrictUndefined, trim_blocks=True)
-    text = pages.get_template("report.html").render(
+    text = filled(
+        Path(__file__).with_name("report.html"),
         groups=validation.groups,
         failed=[check for check in validation.checks if not check.holds],
         count=len(validation.checks),
@@ -32,12 +30,9 @@ def write_report(validation: Validation, path: Path, seconds: float) -> None:
         made=f"{datetime.now().astimezone():%Y-%m-%d %H:%M}",
         seconds=seconds,
     )
-    try:
+    with writable(path, "choose another file"):
         path.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(path) as draft:
-            draft.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise StudyError(f"{path} cannot be written ({error.strerror}): choose another file.") from None
+    write_text(path, text)
 
 
 def _figures(validation: Validation) -> list[tuple[int, str, Markup]]:

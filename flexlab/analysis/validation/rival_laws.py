@@ -34,8 +34,6 @@ GAINS: dict[str, dict[str, Any]] = {
     "joint-pd": {},
 }
 """Law → fields that differ from their defaults."""
-STEP = 1e-4
-"""Step of differences along the path, s."""
 
 
 class Instant(NamedTuple):

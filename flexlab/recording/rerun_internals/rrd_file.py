@@ -153,10 +153,3 @@ class RrdFile:
 
     def _note_date(self) -> None:
         self._date = os.fstat(self._handle.fileno()).st_mtime_ns
-
-
-APPLICATION = "flexlab"
-"""Rerun keeps one layout per application: while runs are watched live, a person's own changes hold for the next one."""
-
-FLUSH_TIMEOUT = 5.0
-"""s: rerun's encoder, if silent for so long, counts as failed."""

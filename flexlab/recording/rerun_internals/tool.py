@@ -19,9 +19,9 @@ from rerun_bindings import CatalogClientInternal
 
 from flexlab.assets import user_cache
 from flexlab.errors import RecordingError
+from flexlab.files import replacing
 from flexlab.recording.rerun_internals.chunks import quiet_reader
 from flexlab.recording.rerun_internals.rrd_file import has_footer
-from flexlab.recording.store.notes import replacing
 from flexlab.sockets import free_ports, hidden_loopback
 
 LARGE_FILE = 500_000_000

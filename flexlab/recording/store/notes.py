@@ -1,12 +1,11 @@
 """`<run>.json` beside `<run>.rrd`: metrics and changes, how the run ended, a person's note, and the state of the file."""
 
-import contextlib
 import json
-import os
 import stat
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+
+from flexlab.files import replacing
 
 LARGEST_NOTES = 10_000_000
 """Bytes of the largest file of notes that is read: an hour of dragging sliders makes one."""
@@ -44,14 +43,3 @@ def write_notes(path: Path, **changes: Any) -> None:
     with replacing(notes_path(path)) as draft:
         # What is no text becomes an escape that JSON knows.
         draft.write_bytes(json.dumps(notes, indent=1, ensure_ascii=False).encode("utf-8", "backslashreplace"))
-
-
-@contextlib.contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """A draft beside `path` that takes its place when the block is left without an error, at once or not at all."""
-    draft = path.with_name(f".{path.name}.{os.getpid()}.draft")
-    try:
-        yield draft
-        draft.replace(path)
-    finally:
-        draft.unlink(missing_ok=True)

@@ -1,0 +1,53 @@
+"""Files that are written whole or not at all, and files that are made of a template."""
+
+import errno
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from flexlab.errors import FlexlabError, StudyError
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A draft beside `path` that takes its place when the block is left without an error, at once or not at all."""
+    if not path.name:  # The root, or the working directory.
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    draft = path.with_name(f".{path.name}.{os.getpid()}.draft")
+    try:
+        yield draft
+        draft.replace(path)
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+@contextmanager
+def writing(path: Path, advice: str = "choose another file", kind: type[FlexlabError] = StudyError) -> Iterator[Path]:
+    """As `replacing`. Raises `kind`, with a sentence that ends in `advice`, if the file cannot be written."""
+    with writable(path, advice, kind), replacing(path) as draft:
+        yield draft
+
+
+@contextmanager
+def writable(place: Path, advice: str, kind: type[FlexlabError] = StudyError) -> Iterator[None]:
+    """Make a sentence that ends in `advice` of what the system refuses at a place. Raises `kind`."""
+    try:
+        yield
+    except OSError as error:
+        raise kind(f"{place} cannot be written ({error.strerror or error}): {advice}.") from None
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text, whole or not at all. Raises `StudyError`."""
+    with writing(path) as draft:
+        draft.write_text(text, encoding="utf-8")
+
+
+def filled(template: Path, **values: object) -> str:
+    """The text of an HTML template with its values, which are escaped."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    folder = FileSystemLoader(template.parent)
+    pages = Environment(loader=folder, autoescape=True, undefined=StrictUndefined, trim_blocks=True)
+    return pages.get_template(template.name).render(values)

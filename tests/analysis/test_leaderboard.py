@@ -91,9 +91,9 @@ def test_of_what_changed_only_that_is_computed(board: Leaderboard, tmp_path: Pat
     assert computed == [2, 2, 0]
     assert found.laws[-1] == "push"
     noisy = make_tasks([QUICK], chosen_entrants(LAWS), seed=1)
-    assert not {task.key for task in noisy} & {row.key for row in board.rows}
+    assert not {task.row.key for task in noisy} & {row.key for row in board.rows}
     longer = make_tasks([replace(QUICK, duration=0.013)], chosen_entrants(LAWS))
-    assert not {task.key for task in longer} & {row.key for row in board.rows}
+    assert not {task.row.key for task in longer} & {row.key for row in board.rows}
 
 
 def test_a_law_s_key_follows_its_own_file_and_those_it_uses():
@@ -134,7 +134,7 @@ def test_a_row_whose_file_was_damaged_is_computed_again(tmp_path: Path):
     file = next((tmp_path / "rows").iterdir())
     for text in ("", "[1]", json.dumps({**first.rows[0].as_data(), "seed": "x"})):
         file.write_text(text)
-        assert store.get(tasks[0].key) is None
+        assert store.get(tasks[0].row.key) is None
     assert run_board(tasks, store) == first
 
 
@@ -158,8 +158,9 @@ def test_a_law_of_control_instants_says_that_it_was_sampled(board: Leaderboard):
 def test_every_law_of_flexlab_enters_every_case_and_only_learners_leak():
     known = [entrant for entrant in entrants().values() if entrant.kind != "lqr"]
     tasks = make_tasks(chosen_cases(["B5", "B7"], long=True), known)
-    assert not [task.problem for task in tasks if task.problem]
-    leaking = {task.entrant.name for task in tasks if task.variant.law_fields}
+    assert not [task.row.sentence for task in tasks if task.row.sentence]
+    leaks = {variant.name for variant in cases()["B7"].variants if variant.law_fields}
+    leaking = {task.row.law for task in tasks if task.row.variant in leaks}
     assert leaking == {
         "adaptive-sliding-mode",
         "vibration-damping",
@@ -167,7 +168,7 @@ def test_every_law_of_flexlab_enters_every_case_and_only_learners_leak():
         "composite-kalman",
         "composite-soft",
     }
-    assert {task.entrant.name for task in tasks} == {entrant.name for entrant in known}
+    assert {task.row.law for task in tasks} == {entrant.name for entrant in known}
     assert "none" not in entrants()
 
 

@@ -2,14 +2,14 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
 
 from flexlab.analysis.leaderboard.case import Case, Variant
-from flexlab.analysis.leaderboard.entry import Entrant, Row, Task, compute
+from flexlab.analysis.leaderboard.entry import INVALID, Entrant, Row, Task, compute
 from flexlab.analysis.leaderboard.store import RowStore, engine, machine, row_key
 from flexlab.analysis.result import Result
 from flexlab.analysis.workers import Told, Workers, chosen_workers
@@ -135,21 +135,24 @@ def _task(case: Case, variant: Variant, plain: Scenario, entrant: Entrant, seed:
     except ScenarioError as error:
         problem = str(error)
     note = "; ".join(filter(None, (entrant.settings, note)))
-    key = row_key(entrant.name, case, variant, scenario, problem)
-    return Task(entrant, case, variant, scenario, problem, note, seed, key)
+    row = Row(
+        entrant.name, case.name, variant.name, INVALID, problem, note, {}, seed, result_hash="",
+        key=row_key(entrant.name, case, variant, scenario, problem), engine=engine(), version=package_version(), machine="",
+    )  # fmt: skip
+    return Task(case, scenario, row)
 
 
 def compute_rows(tasks: Sequence[Task], workers: Workers | None) -> Iterator[Row]:
     """The rows of some tasks, as they are done; `workers` None: a thread per core. Raises `StudyError`."""
     if tasks:
         with (workers or chosen_workers())() as run:
-            for _, row in run(partial(_compute, engine(), package_version()), tasks):
+            for _, row in run(_compute, tasks):
                 yield row
 
 
-def _compute(engine: str, version: str, task: Task) -> Row:
+def _compute(task: Task) -> Row:
     # On a worker of a cluster, the machine is the worker's.
-    return compute(task, engine, version, machine())
+    return compute(task, machine())
 
 
 def run_board(
@@ -160,9 +163,9 @@ def run_board(
     It may be interrupted at any time: the same call then computes the remaining rows. `workers` None: a thread per core.
     """
     store.prepare()
-    known = {task.key: row for task in tasks if (row := store.get(task.key)) is not None}
+    known = {task.row.key: row for task in tasks if (row := store.get(task.row.key)) is not None}
     # Long tasks first, so that no core waits for them at the end.
-    missing = sorted((task for task in tasks if task.key not in known), key=lambda task: -task.case.duration)
+    missing = sorted((task for task in tasks if task.row.key not in known), key=lambda task: -task.case.duration)
     done = len(tasks) - len(missing)
     told(done, len(tasks))
     for row in compute_rows(missing, workers):
@@ -170,7 +173,7 @@ def run_board(
         known[row.key] = row
         done += 1
         told(done, len(tasks))
-    rows = tuple(known[task.key] for task in tasks)
+    rows = tuple(known[task.row.key] for task in tasks)
     store.put_last(rows)
     return Leaderboard(tuple(dict.fromkeys(task.case for task in tasks)), rows, len(missing))
 
@@ -194,7 +197,7 @@ def verify(
     told: Told = lambda done, total: None,
 ) -> Iterator[Finding]:
     """Compute the tasks of some rows again, without the store, and say for each row what differs."""
-    wanted = {task.place: task for task in tasks}
+    wanted = {task.row.place: task for task in tasks}
     there = {row.place: row for row in rows}
     again = [wanted[place] for place in there if place in wanted]
     for row in rows:

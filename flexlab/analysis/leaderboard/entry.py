@@ -3,11 +3,13 @@
 import threading
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, NamedTuple
 
-from flexlab.analysis.leaderboard.case import SAMPLE_PERIOD, Case, Tally, Variant
+from pydantic import ConfigDict, TypeAdapter
+
+from flexlab.analysis.leaderboard.case import SAMPLE_PERIOD, Case, Tally
 from flexlab.analysis.result import ResultHash
 from flexlab.control.law import Law, laws
 from flexlab.errors import FlexlabError, ScenarioError, StudyError
@@ -123,6 +125,8 @@ FINISHED, INVALID = "finished", "invalid"
 class Row:
     """The result of a task. Rows with the same key are the same, bit for bit, on the same kind of machine."""
 
+    __pydantic_config__: ClassVar = ConfigDict(extra="forbid")
+
     law: str
     case: str
     variant: str
@@ -159,40 +163,26 @@ class Row:
         """The row as plain data."""
         return asdict(self)
 
-    @classmethod
-    def from_data(cls, data: Any) -> "Row":
+    @staticmethod
+    def from_data(data: Any) -> "Row":
         """The row from `as_data`. Raises ValueError or TypeError for anything else."""
-        if not isinstance(data, dict) or set(data) != {part.name for part in fields(cls)}:
-            raise ValueError("this is no row")
-        words = [value for name, value in data.items() if name not in ("scores", "seed")]
-        numbers = data["scores"].values() if isinstance(data["scores"], dict) else [data["scores"]]
-        known = all(isinstance(word, str) for word in words) and isinstance(data["seed"], int)
-        if not known or not all(value is None or isinstance(value, float) for value in numbers):
-            raise ValueError("this is no row")
-        return cls(**data)
+        return _ROW.validate_python(dict(data))
 
 
-@dataclass(frozen=True)
-class Task:
+_ROW = TypeAdapter(Row)
+
+
+class Task(NamedTuple):
     """A row that is to be computed."""
 
-    entrant: Entrant
     case: Case
-    variant: Variant
     scenario: Scenario | None
-    """None: it is not valid, as `problem` says."""
-    problem: str
-    note: str
-    seed: int
-    key: str
-
-    @property
-    def place(self) -> tuple[str, str, str]:
-        """As `Row.place`."""
-        return self.case.name, self.variant.name, self.entrant.name
+    """None: it is not valid, as the row says."""
+    row: Row
+    """What is known of the row before."""
 
 
-def compute(task: Task, engine: str, version: str, machine: str) -> Row:
+def compute(task: Task, machine: str) -> Row:
     """Simulate a task. The row of a law that fails says why."""
     hashed, tally = ResultHash(), Tally(task.case.scores)
 
@@ -200,32 +190,18 @@ def compute(task: Task, engine: str, version: str, machine: str) -> Row:
         hashed.update(samples)
         tally.update(samples)
 
-    status, sentence, scores = INVALID, task.problem, dict[str, float | None]()
+    row = replace(task.row, machine=machine)
     if task.scenario is not None:
         try:
             with one_blas_thread(), _turn(task.scenario):
                 world = simulate_into(task.scenario, task.case, take)
-            status = str(world.status) if world.status.failed else FINISHED
-            sentence = world.status.text if world.status.failed else world.accuracy_warning
-            scores = {} if world.status.failed else tally.compute()
+            if world.status.failed:
+                row = replace(row, status=str(world.status), sentence=world.status.text)
+            else:
+                row = replace(row, status=FINISHED, sentence=world.accuracy_warning, scores=tally.compute())
         except FlexlabError as error:
-            sentence = str(error)
-    sentence = " ".join(sentence.split())
-    return Row(
-        task.entrant.name,
-        task.case.name,
-        task.variant.name,
-        status,
-        sentence,
-        task.note,
-        scores,
-        task.seed,
-        hashed.text(),
-        task.key,
-        engine,
-        version,
-        machine,
-    )
+            row = replace(row, sentence=str(error))
+    return replace(row, sentence=" ".join(row.sentence.split()), result_hash=hashed.text())
 
 
 _turns: dict[str, threading.Lock] = {}

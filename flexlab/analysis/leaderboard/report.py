@@ -233,13 +233,17 @@ def write_report(board: Leaderboard, folder: Path) -> list[Path]:
 
 def report_text(board: Leaderboard) -> str:
     """The text of the HTML file."""
-    return filled(
-        Path(__file__).with_name("report.html"),
-        overview=overview(board),
-        sections=sections(board),
-        settings=settings(board),
-        provenance=provenance(board),
-        of_the_best=OF_THE_BEST,
-        several=SEVERAL,
-        figures={case.name: Markup(page_figure(board, case)) for case in board.cases},
-    )
+    figures = {case.name: Markup(page_figure(board, case)) for case in board.cases}
+    return filled(Path(__file__).with_name("report.html"), figures=figures, **page_values(board))
+
+
+def page_values(board: Leaderboard) -> dict[str, object]:
+    """What report and page show besides figures."""
+    return {
+        "overview": overview(board),
+        "sections": sections(board),
+        "settings": settings(board),
+        "provenance": provenance(board),
+        "of_the_best": OF_THE_BEST,
+        "several": SEVERAL,
+    }

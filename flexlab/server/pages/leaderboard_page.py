@@ -12,7 +12,7 @@ from aiohttp import web
 from flexlab.analysis.leaderboard.board import Leaderboard, make_tasks, run_board
 from flexlab.analysis.leaderboard.case import cases, chosen_cases
 from flexlab.analysis.leaderboard.entry import chosen_entrants
-from flexlab.analysis.leaderboard.report import OF_THE_BEST, SEVERAL, overview, provenance, sections, settings
+from flexlab.analysis.leaderboard.report import page_figure, page_values
 from flexlab.analysis.leaderboard.store import FOLDER, RowStore, digest, engine, shipped_rows
 from flexlab.errors import FlexlabError
 from flexlab.server.pages.page_context import Context, context_of, told
@@ -56,8 +56,6 @@ def compute_board(kept: Path, report: Callable[[float], None]) -> Outcome:
 
 def draw_board(kept: Path) -> Outcome:
     """The result is (digest of the newest table, its figures by case as SVG)."""
-    from flexlab.analysis.leaderboard.report import page_figure
-
     board, name = newest_board(kept)
     return Outcome((name, {case.name: page_figure(board, case) for case in board.cases}))
 
@@ -99,12 +97,7 @@ async def leaderboard(request: web.Request) -> web.Response:
         task=context.boards.get(TABLE) or IDLE,
         came_along=came_along(board),
         outdated=not came_along(board) and not await asyncio.to_thread(is_of_today, board),
-        overview=overview(board),
-        sections=sections(board),
-        settings=settings(board),
-        provenance=provenance(board),
-        of_the_best=OF_THE_BEST,
-        several=SEVERAL,
+        **page_values(board),
     )
 
 

@@ -7,8 +7,9 @@ Python's parser reads them, and this module evaluates them with the names below 
 
 import ast
 import operator
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -77,11 +78,8 @@ class Expression:
             self._tree = syntax_tree(text.strip(), "eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
             raise ExpressionError(f"the check {text[:60]!r} cannot be read ({error}).") from None
-        _check(self._tree, known)
-
-    def value(self, run: "LookedAt") -> Any:
-        """The value in the present state of a run."""
-        return _value(self._tree, run)
+        self.value = _compiled(self._tree, known)
+        """Gives the value in the present state of a run."""
 
 
 class Comparison(Expression):
@@ -122,63 +120,102 @@ class LookedAt:
         return float(np.max(value))
 
 
+Value = Callable[[LookedAt], Any]
+"""Gives the value of a part of an expression in the present state of a run."""
+
+
 def _is_not(node: ast.AST) -> bool:
     return isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not)
 
 
-def _check(node: ast.AST, known: Collection[str]) -> None:
-    """Raise `ExpressionError` for a part without a value in any run."""
-    if isinstance(node, ast.BoolOp):
-        parts: Sequence[ast.AST] = node.values
-    elif isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.Not, ast.USub)):
-        parts = [node.operand]
-    elif isinstance(node, ast.BinOp) and type(node.op) in _ARITHMETIC:
-        parts = [node.left, node.right]
-        for part in parts:
-            if isinstance(part, ast.Constant) and isinstance(part.value, str):
-                raise ExpressionError(f"{ast.unparse(node)[:60]}: a text can only be compared.")
-    elif isinstance(node, ast.Compare) and all(type(op) in _COMPARISONS for op in node.ops):
-        parts = [node.left, *node.comparators]
-    elif isinstance(node, ast.Call):
-        parts = _numbers_of_call(node)
-    elif isinstance(node, ast.Name):
-        parts = []
+def _compiled(node: ast.AST, known: Collection[str]) -> Value:
+    """The value of a part. Raises `ExpressionError` for one that has none in any run."""
+    if isinstance(node, ast.Constant) and type(node.value) in (str, int, float):
+        return lambda run: node.value
+    if isinstance(node, ast.Name):
         if node.id not in (*known, *VALUES, *METRICS):
             hint = f": use {', '.join(FUNCTIONS)} of it" if node.id in TABLE or node.id in DERIVED else ""
             raise ExpressionError(f"{node.id} is no metric{hint}. There are {', '.join((*METRICS, *VALUES))}.")
-    elif isinstance(node, ast.Attribute):
-        parts = []
-        if not _path(node) and ast.unparse(node) not in number_names():
-            raise ExpressionError(f"{ast.unparse(node)[:60]} is no field: write scenario.payload.length, for example.")
-    elif isinstance(node, ast.Constant) and (
-        isinstance(node.value, str) or (isinstance(node.value, (int, float)) and not isinstance(node.value, bool))
-    ):
-        parts = []
-    else:
-        raise ExpressionError(f"{ast.unparse(node)[:60]} cannot stand in a check.")
-    for part in parts:
-        _check(part, known)
+        return lambda run: run.value(node.id)
+    if isinstance(node, ast.Attribute):
+        return _attribute(node)
+    if isinstance(node, ast.BoolOp):
+        parts = [_compiled(part, known) for part in node.values]
+        combine = all if isinstance(node.op, ast.And) else any
+        return lambda run: combine(part(run) for part in parts)
+    if isinstance(node, ast.UnaryOp) and _is_not(node):
+        negated = _compiled(node.operand, known)
+        return lambda run: not negated(run)
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        number = _number(node.operand, known)
+        return lambda run: -number(run)
+    if isinstance(node, ast.BinOp) and type(node.op) in _ARITHMETIC:
+        if any(isinstance(part, ast.Constant) and isinstance(part.value, str) for part in (node.left, node.right)):
+            raise ExpressionError(f"{ast.unparse(node)[:60]}: a text can only be compared.")
+        work, left, right = _ARITHMETIC[type(node.op)], _number(node.left, known), _number(node.right, known)
+        return lambda run: work(left(run), right(run))
+    if isinstance(node, ast.Compare) and all(type(op) in _COMPARISONS for op in node.ops):
+        tests = [_COMPARISONS[type(op)] for op in node.ops]
+        sides = [_compiled(part, known) for part in (node.left, *node.comparators)]
+        return lambda run: all(
+            test(one, other) for test, (one, other) in zip(tests, pairwise(side(run) for side in sides), strict=True)
+        )
+    if isinstance(node, ast.Call):
+        return _call(node, known)
+    raise ExpressionError(f"{ast.unparse(node)[:60]} cannot stand in a check.")
 
 
-def _numbers_of_call(node: ast.Call) -> list[ast.expr]:
-    """The numeric arguments of a function. Raises `ExpressionError` for an unknown function or wrong arguments."""
-    name, numbers = node.func.id if isinstance(node.func, ast.Name) else "", list(node.args)
-    if name in EXTREMES and len(numbers) == 1 and _path(numbers[0]) and not node.keywords:
-        return []
-    if name in FUNCTIONS and len(numbers) in (1, 3) and not node.keywords:
-        signal, _ = _signal(numbers.pop(0))
+def _number(node: ast.AST, known: Collection[str]) -> Callable[[LookedAt], float]:
+    """The value of an operand, which must be one number: a text or list times a number could have any length."""
+    part = _compiled(node, known)
+
+    def number(run: LookedAt) -> float:
+        value = part(run)
+        if not isinstance(value, (int, float)):
+            raise ExpressionError(f"{ast.unparse(node)[:60]} is not a number here.")
+        return float(value)
+
+    return number
+
+
+def _attribute(node: ast.Attribute) -> Value:
+    """A field, or a number of a metric. Raises `ExpressionError` for anything else."""
+    path, name = _path(node), ast.unparse(node)
+    if path:
+        return lambda run: value[0] if isinstance(value := _field(path, run), tuple) and len(set(value)) == 1 else value
+    if name not in number_names():
+        raise ExpressionError(f"{name[:60]} is no field: write scenario.payload.length, for example.")
+    return lambda run: run.value(name)
+
+
+def _call(node: ast.Call, known: Collection[str]) -> Value:
+    """A function's value. Raises `ExpressionError` for an unknown function or wrong arguments."""
+    name, given = node.func.id if isinstance(node.func, ast.Name) and not node.keywords else "", list(node.args)
+    if name in EXTREMES and len(given) == 1 and (path := _path(given[0])):
+        return lambda run: float(EXTREMES[name](value if isinstance(value := _field(path, run), tuple) else (value,)))
+    signal, index = "", ...
+    if name in FUNCTIONS and len(given) in (1, 3):
+        signal, index = _signal(given.pop(0))
         if signal not in TABLE and signal not in DERIVED:
             raise ExpressionError(f"{signal[:40]} is no signal: there are {', '.join((*TABLE, *DERIVED))}.")
-    elif name not in OF_A_PART or len(numbers) != 2 or node.keywords:
+    elif name not in OF_A_PART or len(given) != 2:
         raise ExpressionError(
             f"{ast.unparse(node)[:60]}: functions are {', '.join(FUNCTIONS)}, each of one signal (and two instants), "
             f"{', '.join(EXTREMES)}, of a field, and {', '.join(OF_A_PART)}, of two instants."
         )
-    return numbers
+    window = [_number(part, known) for part in given]
+
+    def measured(run: LookedAt) -> float:
+        samples = run.look.part(*(instant(run) for instant in window)) if window else run.look.samples
+        if name in OF_A_PART:
+            return OF_A_PART[name](run.look, samples)
+        return FUNCTIONS[name](np.asarray(samples[signal])[index])
+
+    return measured
 
 
 def _signal(node: ast.AST) -> tuple[str, Any]:
-    """Name of a signal, and the index of its components. Raises `ExpressionError` for anything else."""
+    """Name of a signal, and the index of its samples' components. Raises `ExpressionError` for anything else."""
     if isinstance(node, ast.Name):
         return node.id, ...
     if isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name):
@@ -188,7 +225,7 @@ def _signal(node: ast.AST) -> tuple[str, Any]:
             raise ExpressionError(
                 f"{ast.unparse(node)[:60]}: components are whole numbers, or ranges of them."
             ) from None
-        return node.value.id, index
+        return node.value.id, (slice(None), *(index if isinstance(index, tuple) else (index,)))
     raise ExpressionError(f"{ast.unparse(node)[:60]} is no signal.")
 
 
@@ -215,54 +252,8 @@ def _path(node: ast.AST) -> str:
     return ".".join([node.id, *names]) if isinstance(node, ast.Name) and node.id in ROOTS and names else ""
 
 
-def _number(node: ast.AST, run: LookedAt) -> float:
-    """An operand, which must be one number: a text or list times a number could have any length."""
-    value = _value(node, run)
-    if not isinstance(value, (int, float)):
-        raise ExpressionError(f"{ast.unparse(node)[:60]} is not a number here.")
-    return float(value)
-
-
 def _field(path: str, run: LookedAt) -> Any:
     """A field's value; NaN of one that is not set, which compares false."""
     root, _, name = path.partition(".")
     value = (run.look.scenario if root == "scenario" else parse_scenario({})).get(name)
     return np.nan if value is None else value
-
-
-def _value(node: ast.AST, run: LookedAt) -> Any:
-    if isinstance(node, ast.Constant):
-        return node.value
-    if isinstance(node, ast.Name):
-        return run.value(node.id)
-    if isinstance(node, ast.Attribute):
-        if not _path(node):
-            return run.value(ast.unparse(node))
-        value = _field(_path(node), run)
-        return value[0] if isinstance(value, tuple) and len(set(value)) == 1 else value
-    if isinstance(node, ast.BoolOp):
-        combine = all if isinstance(node.op, ast.And) else any
-        return combine(_value(part, run) for part in node.values)
-    if isinstance(node, ast.UnaryOp):
-        return not _value(node.operand, run) if isinstance(node.op, ast.Not) else -_number(node.operand, run)
-    if isinstance(node, ast.BinOp):
-        return _ARITHMETIC[type(node.op)](_number(node.left, run), _number(node.right, run))
-    if isinstance(node, ast.Compare):
-        values = [_value(part, run) for part in (node.left, *node.comparators)]
-        pairs = zip(node.ops, values, values[1:], strict=False)
-        return all(_COMPARISONS[type(op)](one, other) for op, one, other in pairs)
-    assert isinstance(node, ast.Call)
-    assert isinstance(node.func, ast.Name)
-    name, numbers = node.func.id, node.args
-    if name in EXTREMES:
-        value = _field(_path(numbers[0]), run)
-        return float(EXTREMES[name](value if isinstance(value, tuple) else (value,)))
-    signal, index = ("", ...) if name in OF_A_PART else _signal(numbers[0])
-    window = [_number(part, run) for part in numbers[-2:]] if len(numbers) > 1 else []
-    samples = run.look.part(*window) if window else run.look.samples
-    if name in OF_A_PART:
-        return OF_A_PART[name](run.look, samples)
-    values = np.asarray(samples[signal])
-    if index is not ...:
-        values = values[(slice(None), *(index if isinstance(index, tuple) else (index,)))]
-    return FUNCTIONS[name](values)

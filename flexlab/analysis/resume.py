@@ -7,7 +7,7 @@ from dataclasses import replace
 from flexlab.errors import StudyError
 from flexlab.recording.reader import Recording
 from flexlab.scenario import Scenario
-from flexlab.sim.commands import ChangeScenario, Pull, Tap, WorldCommand
+from flexlab.sim.commands import ChangeScenario, Pull, Tap
 from flexlab.sim.samples import MEASURED, Origin, Samples, WorldState
 from flexlab.sim.snapshot import TICK
 from flexlab.sim.world import World
@@ -55,68 +55,50 @@ def state_at(recording: Recording, time: float, span: tuple[float, float] | None
     if not first - recording.sample_period / 2 <= time <= last + recording.sample_period / 2:
         asked, low, high = (number_text(value, 10) for value in (time, first, last))
         raise StudyError(f"t = {asked} s was not recorded: choose {low} to {high} s.")
-    world = start_world(recording)
-    goal = round(time / recording.sample_period)
-    for tick, command in world_commands(recording):
-        if tick > goal:
-            break
-        _advance_to(world, tick)
-        carry_out(world, command)
-    _advance_to(world, goal)
-    if world.status.failed:
-        raise StudyError(f"The run cannot go on from t = {time:g} s: {world.status.text}")
-    return world.scenario, world.state()
-
-
-def _advance_to(world: World, tick: int) -> None:
-    while world.tick < tick and not world.status.failed:
-        world.advance(min(tick - world.tick, BLOCK_TICKS))
-
-
-def start_world(recording: Recording) -> World:
-    """The world at the recording's first sample. Raises `StudyError` for a measurement, which cannot be simulated."""
-    if recording.status == MEASURED:
-        raise StudyError(f"{recording.path.stem} was measured, not simulated: it can be looked at and compared.")
-    world = World(recording.scenario, recording.sample_period)
-    if recording.start is not None:
-        world.restore(recording.start)
-    return world
-
-
-def world_commands(recording: Recording) -> tuple[tuple[int, WorldCommand], ...]:
-    """(tick, command) of every command that changed the simulation, in order."""
-    return tuple(
-        (round(event.time / recording.sample_period), event.command)
-        for event in recording.events
-        if isinstance(event.command, (ChangeScenario, Pull, Tap)) and event.level != "error"
-    )
-
-
-def carry_out(world: World, command: WorldCommand) -> None:
-    """Apply a recorded command. Raises `StudyError` if it changes the structure, unlike in the recorded run."""
-    width = world.row_length
-    if world.apply(command) or world.row_length != width:
-        raise StudyError("The recording goes on after a change of structure, which begins a new run: it is not whole.")
+    again = Repetition(recording)
+    for _ in again.samples_until(time):
+        pass
+    again.carry_out_due()
+    if again.world.status.failed:
+        raise StudyError(f"The run cannot go on from t = {time:g} s: {again.world.status.text}")
+    return again.world.scenario, again.world.state()
 
 
 class Repetition:
     """The second simulation of a recorded run."""
 
     def __init__(self, recording: Recording):
-        """Start at the recording's first sample."""
-        self._world = start_world(recording)
+        """Start at the recording's first sample. Raises `StudyError` for a measurement, which cannot be simulated."""
+        if recording.status == MEASURED:
+            raise StudyError(f"{recording.path.stem} was measured, not simulated: it can be looked at and compared.")
         self._period = recording.sample_period
-        self._commands = deque(world_commands(recording))
+        self.world = World(recording.scenario, self._period)
+        if recording.start is not None:
+            self.world.restore(recording.start)
+        self._commands = deque(
+            (round(event.time / self._period), event.command)
+            for event in recording.events
+            if isinstance(event.command, (ChangeScenario, Pull, Tap)) and event.level != "error"
+        )
         self._begun = False
 
     def samples_until(self, time: float) -> Iterator[Samples]:
         """The next samples up to `time`, s, in blocks; fewer if the run fails. Raises `StudyError`."""
-        goal, world = round(time / self._period), self._world
+        goal, world = round(time / self._period), self.world
         if not self._begun:
             self._begun = True
             yield world.observe()
         while world.tick < goal and not world.status.failed:
-            while self._commands and self._commands[0][0] <= world.tick:
-                carry_out(world, self._commands.popleft()[1])
+            self.carry_out_due()
             stop = min(goal, self._commands[0][0] if self._commands else goal)
             yield world.advance(min(stop - world.tick, BLOCK_TICKS))
+
+    def carry_out_due(self) -> None:
+        """Apply the commands of the present instant. Raises `StudyError` if one changes the structure, unlike when recorded."""
+        world = self.world
+        while self._commands and self._commands[0][0] <= world.tick and not world.status.failed:
+            width = world.row_length
+            if world.apply(self._commands.popleft()[1]) or world.row_length != width:
+                raise StudyError(
+                    "The recording goes on after a change of structure, which begins a new run: it is not whole."
+                )

@@ -17,7 +17,7 @@ import pytest
 from units_in_fmpy import apart
 
 import flexlab
-from flexlab.analysis.lesson_measures import ring_frequency, torque_jump
+from flexlab.analysis.lesson_measures import ring_frequency, torque_jump, torque_turns
 from flexlab.analysis.metrics import RunMetrics, run_metrics
 from flexlab.analysis.metrics.run_metrics import between
 from flexlab.analysis.modes import PoleRow, modes
@@ -86,7 +86,7 @@ def _thinned() -> Run:
 
 
 def chatter(number: int) -> float:
-    return torque_jump(between(_thinned(), 1 + 2 * number, 2 + 2 * number), 0.001)
+    return torque_jump(torque_turns(between(_thinned(), 1 + 2 * number, 2 + 2 * number), 0.001))
 
 
 def squeeze(of: Run, first: float, last: float) -> float:
@@ -199,7 +199,7 @@ def left_after(shaper: str, frequency: float | None = None) -> float:
 
 def jumps(of: Run) -> float:
     """How much joint torques change from one millisecond to the next, N·m (RMS)."""
-    return torque_jump(between(of, 0.5, 1.0), 0.001)
+    return torque_jump(torque_turns(between(of, 0.5, 1.0), 0.001))
 
 
 def settling(preset: str) -> float:

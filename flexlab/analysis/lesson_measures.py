@@ -10,7 +10,7 @@ import numpy as np
 
 from flexlab.analysis.metrics.run_metrics import between
 from flexlab.analysis.metrics.settling_time import settling_time
-from flexlab.analysis.modes import modes, rings_of
+from flexlab.analysis.modes import Growth, fastest_growth, modes, rings_of
 from flexlab.lapack import one_blas_thread
 from flexlab.physics.axial_load import buckling_load
 from flexlab.scenario import Payload, Scenario
@@ -53,11 +53,16 @@ def ring_frequency(samples: Samples) -> float:
     return float(hertz[np.argmax(np.where(hertz > 2, spectrum, 0))])
 
 
-def torque_jump(samples: Samples, control_period: float) -> float:
-    """The largest RMS change of a joint's torque over one control period, N·m."""
+def torque_turns(samples: Samples, control_period: float) -> np.ndarray:
+    """The changes of the joints' torques over each control period, N·m, (N, joints)."""
     stride = max(1, round(control_period / tick(samples)))
     torque = samples.joint_torque[::stride]
-    return float(np.sqrt(np.mean(np.diff(torque, axis=0) ** 2, axis=0)).max()) if len(torque) > 1 else 0.0
+    return np.diff(torque.reshape(len(torque), -1), axis=0)
+
+
+def torque_jump(turns: np.ndarray) -> float:
+    """The largest RMS of a joint's `torque_turns`, N·m."""
+    return float(np.sqrt(np.mean(turns**2, axis=0)).max()) if len(turns) else 0.0
 
 
 def tick(samples: Samples) -> float:
@@ -168,9 +173,9 @@ VALUES: dict[str, Callable[[Look], Any]] = {
     "usual_frequency": lambda look: first_frequency(look.scenario.payload.model_copy(update=USUAL_STIFFNESS)),
     "shaper_delay": lambda look: look.shaper_delay,
     "loop_frequency": lambda look: look.loop_frequency,
-    "growth": lambda look: _growth(look.scenario.anew())[0],  # of the closed loop's fastest growing pole
-    "growing_pole": lambda look: _growth(look.scenario.anew())[1],  # what it is of, as in "beam mode 3"
-    "growing_frequency": lambda look: _growth(look.scenario.anew())[2],  # true where a clock folds it
+    "growth": lambda look: _growth(look.scenario.anew()).rate,  # of the closed loop's fastest growing pole
+    "growing_pole": lambda look: _growth(look.scenario.anew()).origin,  # what it is of, as in "beam mode 3"
+    "growing_frequency": lambda look: _growth(look.scenario.anew()).frequency,  # true where a clock folds it
     "buckling_load": lambda look: buckling_load(
         look.scenario.payload.length, look.scenario.payload.bending_stiffness, look.scenario.payload.boundary
     ),
@@ -185,7 +190,7 @@ VALUES: dict[str, Callable[[Look], Any]] = {
 OF_A_PART: dict[str, Callable[[Look, Samples], float]] = {
     "ring_frequency": lambda _, part: ring_frequency(part),
     "settled": lambda _, part: settling_time(part.time, part.vibration),  # at one per cent of its peak; NaN: not yet
-    "torque_jump": lambda look, part: torque_jump(part, look.scenario.controller.control_period),
+    "torque_jump": lambda look, part: torque_jump(torque_turns(part, look.scenario.controller.control_period)),
     "imbalance": lambda _, part: max(
         largest(part.internal_force.sum(axis=1)), 1e-15
     ),  # sum of the arms' internal forces
@@ -205,11 +210,7 @@ def _upward_frequency(part: Samples) -> float:
 
 
 @lru_cache(maxsize=8)
-def _growth(scenario: Scenario) -> tuple[float, str, float]:
-    """Growth of the fastest pole, 1/s, its origin, and that mode's true frequency, Hz; cached, as the lab asks every second."""
+def _growth(scenario: Scenario) -> Growth:
+    """The fastest growing pole; cached, as the lab asks every second."""
     found = modes(scenario)
-    worst = int(np.argmax(found.poles.real)) if len(found.poles) else 0
-    origin = found.pole_origin[worst] if len(found.poles) else ""
-    number = int(origin.removeprefix("beam mode ")) if origin.startswith("beam mode") else 0
-    rings = rings_of(found)
-    return found.growth, origin, rings[number].frequency if number in rings else 0.0
+    return fastest_growth(found, rings_of(found)) or Growth(np.nan, "", 0.0)

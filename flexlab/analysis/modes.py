@@ -231,7 +231,7 @@ def _modes(scenario: Scenario, pose: tuple[float, float, float] | None) -> Modes
     if linear is not None:
         found = find_poles(linear)
         rank = np.argsort(order)
-        names = [POSE, *(f"beam mode {rank[k] + 1}" for k in range(len(omega))), MEMORY, ON_THEIR_WAY]
+        names = [POSE, *(f"{BEAM_MODE}{rank[k] + 1}" for k in range(len(omega))), MEMORY, ON_THEIR_WAY]
         poles, origin = found.value, tuple(names[k] for k in np.argmax(found.share, axis=1))
         note = drift_note(linear)
     result = Modes(
@@ -254,6 +254,15 @@ def _modes(scenario: Scenario, pose: tuple[float, float, float] | None) -> Modes
     return result
 
 
+BEAM_MODE = "beam mode "
+"""Beginning of the origin of a beam mode's pole."""
+
+
+def mode_number(origin: str) -> int:
+    """The number of the beam mode to which a pole of this origin belongs, from 1; 0: of none."""
+    return int(origin.removeprefix(BEAM_MODE)) if origin.startswith(BEAM_MODE) else 0
+
+
 class Ring(NamedTuple):
     """The oscillation of a beam mode in the closed loop."""
 
@@ -270,9 +279,9 @@ def rings_of(found: Modes) -> dict[int, Ring]:
     """
     rings: dict[int, Ring] = {}
     for pole, name in zip(found.poles, found.pole_origin, strict=True):
-        if pole.imag <= 0 or not name.startswith("beam mode "):
+        number, seen = mode_number(name), float(pole.imag) / (2 * np.pi)
+        if seen <= 0 or not number:
             continue
-        number, seen = int(name.removeprefix("beam mode ")), float(pole.imag) / (2 * np.pi)
         own = float(found.frequency[number - 1])
         if found.control_period is not None:
             rate = 1 / found.control_period
@@ -281,6 +290,32 @@ def rings_of(found: Modes) -> dict[int, Ring]:
         if number not in rings or pole.real > rings[number].rate:
             rings[number] = Ring(seen, float(pole.real))
     return rings
+
+
+class Growth(NamedTuple):
+    """The fastest growing pole."""
+
+    rate: float
+    """1/s."""
+    origin: str
+    """As in `Modes.pole_origin`."""
+    frequency: float
+    """Hz, of a beam mode without the folding by a clock; 0 without an oscillation."""
+
+    @property
+    def mode(self) -> int:
+        """Number of the beam mode, from 1; 0: pose or memory."""
+        return mode_number(self.origin)
+
+
+def fastest_growth(found: Modes, rings: dict[int, Ring]) -> Growth | None:
+    """The fastest growing pole, or the one that decays least; None without poles."""
+    if not len(found.poles):
+        return None
+    worst = int(np.argmax(found.poles.real))
+    origin, pole = found.pole_origin[worst], found.poles[worst]
+    ring = rings.get(mode_number(origin))
+    return Growth(float(pole.real), origin, float(abs(pole.imag)) / (2 * np.pi) if ring is None else ring.frequency)
 
 
 def check_pose(scenario: Scenario, pose: tuple[float, float, float] | None) -> np.ndarray:

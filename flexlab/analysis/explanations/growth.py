@@ -1,10 +1,9 @@
 """Growing motions and their causes: late torques, a loop as fast as the beam, an unobserved mode; and small margins."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from flexlab.analysis.explanations.explanation import Background, Evidence, n, register
+from flexlab.analysis.modes import Growth, fastest_growth
 from flexlab.analysis.stability import NEUTRAL
 
 AGREES = 2.5
@@ -13,28 +12,10 @@ ROUNDING = 1e-6
 """Relative tolerance of a limit that is met exactly."""
 
 
-class Growth(NamedTuple):
-    """The fastest growing pole."""
-
-    rate: float
-    """1/s."""
-    mode: int
-    """Number of the beam mode, from 1; 0: pose or memory."""
-    frequency: float
-    """Hz; 0 without an oscillation."""
-
-
-def fastest_growth(background: Background) -> Growth | None:
+def growing_pole(background: Background) -> Growth | None:
     """The fastest growing pole; None if no pole grows."""
-    found = background.modes
-    if not len(found.poles) or found.growth <= NEUTRAL:
-        return None
-    worst = int(np.argmax(found.poles.real))
-    origin, pole = found.pole_origin[worst], found.poles[worst]
-    mode = int(origin.removeprefix("beam mode ")) if origin.startswith("beam mode ") else 0
-    if mode and mode in background.rings:
-        return Growth(float(pole.real), mode, background.rings[mode].frequency)
-    return Growth(float(pole.real), mode, float(abs(pole.imag)) / (2 * np.pi))
+    found = fastest_growth(background.modes, background.rings)
+    return None if found is None or found.rate <= NEUTRAL else found
 
 
 def observer_of(background: Background):
@@ -77,7 +58,7 @@ def _growth_alone(background: Background, mode: int, late: float) -> float:
 )
 def growing_mode(seen: Evidence) -> str | None:
     """Late rate feedback feeds a beam mode."""
-    growth, late = fastest_growth(seen.background), lateness(seen.background)
+    growth, late = growing_pole(seen.background), lateness(seen.background)
     observer = observer_of(seen.background)
     if growth is None or not growth.mode or late == 0 or (observer and growth.mode > observer.observer_modes):
         return None
@@ -105,7 +86,7 @@ def growing_mode(seen: Evidence) -> str | None:
 )
 def growing_pose(seen: Evidence) -> str | None:
     """The control period is too long for the feedback of the pose."""
-    growth, around = fastest_growth(seen.background), seen.background.around
+    growth, around = growing_pole(seen.background), seen.background.around
     law = seen.scenario.controller
     if growth is None or growth.mode or around is None or law.control_period is None:
         return None
@@ -128,7 +109,7 @@ def growing_pose(seen: Evidence) -> str | None:
 )
 def growing_loop(seen: Evidence) -> str | None:
     """The loop grows for another reason, probably because it is as fast as the beam."""
-    growth, around, observer = fastest_growth(seen.background), seen.background.around, observer_of(seen.background)
+    growth, around, observer = growing_pole(seen.background), seen.background.around, observer_of(seen.background)
     if (
         growth is None
         or growing_mode(seen)
@@ -157,7 +138,7 @@ def growing_loop(seen: Evidence) -> str | None:
 )
 def spillover(seen: Evidence) -> str | None:
     """The growing mode is not part of the observer's model."""
-    growth, observer = fastest_growth(seen.background), observer_of(seen.background)
+    growth, observer = growing_pole(seen.background), observer_of(seen.background)
     if growth is None or observer is None or growth.mode <= observer.observer_modes:
         return None
     period = seen.scenario.controller.control_period

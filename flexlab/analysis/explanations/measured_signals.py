@@ -3,7 +3,7 @@
 import numpy as np
 
 from flexlab.analysis.explanations.explanation import Evidence, n, register
-from flexlab.analysis.lesson_measures import largest, length, torque_jump
+from flexlab.analysis.lesson_measures import largest, length, torque_jump, torque_turns
 
 LEAST_AMPLITUDE = 1e-8
 """Least amplitude of a line in the spectrum, m."""
@@ -49,9 +49,8 @@ def noisy_torques(seen: Evidence) -> str | None:
     law = seen.scenario.controller
     if law.control_period is None or not law.sensor_noise.active:
         return None
-    span, stride = seen.last_second, max(1, round(law.control_period / seen.period))
-    jump = torque_jump(span, law.control_period)
-    turns = np.diff(span.joint_torque[::stride].reshape(len(span.time[::stride]), -1), axis=0)
+    turns = torque_turns(seen.last_second, law.control_period)
+    jump = torque_jump(turns)
     if jump < LEAST_TORQUE_JUMP or len(turns) < 32:
         return None
     likeness = float(np.sum(turns[1:] * turns[:-1]) / np.sum(turns**2))
@@ -75,8 +74,8 @@ def chatter(seen: Evidence) -> str | None:
     if law.control_period is None or layer is None or law.sensor_noise.active:
         return None
     span, stride = seen.last_second, max(1, round(law.control_period / seen.period))
-    jump = torque_jump(span, law.control_period)
-    turns = np.diff(span.joint_torque[::stride].reshape(len(span.time[::stride]), -1), axis=0)
+    turns = torque_turns(span, law.control_period)
+    jump = torque_jump(turns)
     step = np.linalg.norm(np.diff(span.sliding_variable[::stride], axis=0), axis=1)
     if jump < CHATTER or len(turns) < 8 or float(np.median(step)) < layer:
         return None

@@ -1,7 +1,6 @@
 """A live lab in a notebook's cell."""
 
 from html import escape
-from types import TracebackType
 from typing import TYPE_CHECKING
 
 from flexlab.arguments import whole_number
@@ -61,9 +60,7 @@ class Lab:
     def __enter__(self) -> "Lab":
         return self.open()
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def __repr__(self) -> str:

@@ -10,10 +10,10 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from types import TracebackType
 
 from flexlab.assets import web_assets_folder
 from flexlab.cli.console import output
+from flexlab.files import filled
 from flexlab.sockets import WILDCARDS, listen
 
 LOOK = 0.5
@@ -75,42 +75,6 @@ SENTENCES = (
     "This happens once for this version on this machine and usually takes less than half a minute.",
     "The lab will open here by itself.",
 )
-PAGE = """<!doctype html>
-<html lang="en">
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>flexlab</title>
-<style>
-  :root { color-scheme: light dark }
-  body { font: 17px/1.6 system-ui, sans-serif; color: light-dark(#223, #e6eaf0); background: light-dark(#f6f7f9, #14181e);
-         display: grid; place-items: center; min-height: 100vh; margin: 0; padding: 0 1rem; box-sizing: border-box;
-         text-align: center }
-  path { fill: none; stroke: #d9822b; stroke-width: 6; stroke-linecap: round; animation: ring 1s infinite alternate
-         ease-in-out }
-  @keyframes ring { from { d: path("M10 40 Q110 5 210 40") } to { d: path("M10 40 Q110 75 210 40") } }
-  @media (prefers-reduced-motion: reduce) { path { animation: none } }
-</style>
-<main>
-  <svg width="220" height="80" aria-hidden="true"><path d="M10 40 Q110 5 210 40"/></svg>
-  %SENTENCES%
-</main>
-<script>
-  const catalogues = %CATALOGUES%; // As on the lab's pages: the language that was chosen there, or the browser's.
-  let before = null;
-  try { before = localStorage.getItem("flexlab-language") } catch { }
-  const preferred = [before, ...navigator.languages.map(name => name.split("-")[0])];
-  const chosen = preferred.find(code => code === "en" || Object.hasOwn(catalogues, code)) ?? "en";
-  document.documentElement.lang = chosen;
-  for (const part of document.querySelectorAll("p")) {
-    part.textContent = catalogues[chosen]?.[part.textContent] ?? part.textContent
-  }
-  // Any other answer is the lab's, a refusal too: it gives the addresses of presets to people alone.
-  const look = () => fetch(location.href, { cache: "no-store" })
-    .then(answer => answer.status === 503 ? setTimeout(look, 500) : location.reload(), () => setTimeout(look, 500))
-  setTimeout(look, 500)
-</script>
-</html>
-"""
 
 
 def _page() -> str:
@@ -119,8 +83,7 @@ def _page() -> str:
     for file in (web_assets_folder() / "languages").glob("*.json"):
         known = json.loads(file.read_text(encoding="utf-8"))
         catalogues[file.stem] = {sentence: known[sentence] for sentence in SENTENCES if sentence in known}
-    sentences = "".join(f"<p>{sentence}</p>" for sentence in SENTENCES)
-    return PAGE.replace("%SENTENCES%", sentences).replace("%CATALOGUES%", json.dumps(catalogues))
+    return filled(Path(__file__).with_name("waiting.html"), sentences=SENTENCES, catalogues=catalogues)
 
 
 class WaitingPage:
@@ -148,9 +111,7 @@ class WaitingPage:
         self._thread.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Free the port for the lab."""
         self._server.shutdown()
         self._thread.join()

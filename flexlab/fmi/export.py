@@ -11,7 +11,6 @@ import shutil
 import subprocess
 import zipfile
 from collections.abc import Sequence
-from html import escape
 from importlib.metadata import distribution
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -21,8 +20,8 @@ import numpy as np
 from flexlab import __version__
 from flexlab.compiled import PLAIN_PYTHON
 from flexlab.errors import StudyError
-from flexlab.files import writing
-from flexlab.fmi.description import Model, Variable, model_description
+from flexlab.files import filled, writing
+from flexlab.fmi.description import Model, model_description
 from flexlab.fmi.machine_code import data_object, write_object
 from flexlab.fmi.memory import bits
 from flexlab.fmi.parts import Part, make_part
@@ -38,6 +37,7 @@ USUAL_DURATION = 3.0
 SAME_DATE = (1980, 1, 1, 0, 0, 0)
 """Date of all files in the archive, so that the same scenario gives the same bytes."""
 SOURCES = Path(__file__).parent / "c"
+DOCUMENTATION = Path(__file__).with_name("documentation.html")
 PLATFORMS = {
     ("Linux", "x86_64"): ("linux64", "x86_64-linux", ".so"),
     ("Linux", "aarch64"): ("aarch64-linux", "aarch64-linux", ".so"),
@@ -93,7 +93,7 @@ def _write(folder: Path, file: Path, part: Part, name: str, version: int, place:
     files = {
         "modelDescription.xml": model_description(version, model, part.variables),
         f"binaries/{place[version - 2]}/{binary.name}": binary.read_bytes(),
-        "documentation/index.html": documentation(model, part.variables).encode(),
+        "documentation/index.html": filled(DOCUMENTATION, model=model, variables=part.variables).encode(),
         "documentation/licenses/license.txt": licence.encode(),
         "resources/scenario.json": text.encode(),
     }
@@ -185,22 +185,3 @@ def link(binary: Path, parts: Sequence[Path], headers: Path) -> None:
     if done.returncode != 0:
         lines = done.stderr.strip().splitlines() or [f"{compiler[0]} ended with {done.returncode}"]
         raise StudyError(f"The C compiler could not link the unit: {lines[-1]}")
-
-
-def documentation(model: Model, variables: Sequence[Variable]) -> str:
-    """A page about a unit."""
-    rows = "".join(
-        f"<tr><td>{escape(each.name)}</td><td>{each.causality}</td><td>{escape(each.unit)}</td>"
-        f"<td>{escape(each.description)}</td></tr>\n"
-        for each in variables
-    )
-    return (
-        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(model.name)}</title></head><body>\n'
-        f"<h1>{escape(model.name)}</h1>\n<p>{escape(model.description)}, made by {escape(model.tool)}: the machine code of its "
-        "kernels, which gives the same bits as <code>flexlab.simulate</code>.</p>\n<ul>\n"
-        f"<li>The run begins at t = 0. Every communication step is a whole number of ticks of {model.tick_period:g} s.</li>\n"
-        "<li>Inputs are held over a communication step; parameters can be tuned between two.</li>\n"
-        "<li>A run that cannot go on ends with an error and a sentence; the last good state is kept.</li>\n"
-        "<li>The scenario is <code>resources/scenario.json</code>.</li>\n</ul>\n"
-        f"<table>\n<tr><th>Variable</th><th>Causality</th><th>Unit</th><th>Meaning</th></tr>\n{rows}</table>\n</body></html>\n"
-    )

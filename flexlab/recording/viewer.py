@@ -8,7 +8,6 @@ import contextlib
 import http.server
 import threading
 from pathlib import Path
-from types import TracebackType
 from urllib.parse import quote, urlsplit
 
 import rerun.blueprint as rrb
@@ -130,9 +129,7 @@ class Review:
     def __enter__(self) -> "Review":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 

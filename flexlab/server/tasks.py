@@ -50,24 +50,14 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Progress:
-    """The work's progress, 0 to 1."""
-
-    share: float
-
-
-@dataclass(frozen=True)
 class Done:
     """The work's result."""
 
     result: Any
 
 
-@dataclass(frozen=True)
-class Failed:
-    """The reason why the work failed."""
-
-    sentence: str
+Word = float | Done | LabError
+"""What a task's process tells: the work's progress, 0 to 1, its result, or why it failed."""
 
 
 @failures_told_plainly()
@@ -80,16 +70,13 @@ def carry_out(work: Callable[..., Any], arguments: tuple[Any, ...], own_laws: di
         os.nice(LOW_PRIORITY)
     _limit_memory()
 
-    def report(share: float) -> None:
-        pipe.send(Progress(share))
-
-    more = {"report": report} if "report" in inspect.signature(work).parameters else {}
+    more = {"report": pipe.send} if "report" in inspect.signature(work).parameters else {}
     try:
-        word: Done | Failed = Done(work(*arguments, **more))
+        word: Done | LabError = Done(work(*arguments, **more))
     except FlexlabError as error:
-        word = Failed(str(error))
+        word = LabError(str(error))
     except MemoryError:
-        word = Failed(TOO_LARGE)
+        word = LabError(TOO_LARGE)
     pipe.send(word)
 
 
@@ -200,8 +187,8 @@ class Tasks:
         try:
             await asyncio.shield(starting)
             async with asyncio.timeout(LONGEST):
-                while isinstance(word := await asyncio.to_thread(_hear, pipe), Progress):
-                    on_progress(word.share)
+                while isinstance(word := await asyncio.to_thread(_hear, pipe), float):
+                    on_progress(word)
         except TimeoutError:
             raise LabError(f"This takes longer than {LONGEST:g} s: use the command line instead.") from None
         finally:
@@ -212,8 +199,8 @@ class Tasks:
             self._processes.discard(process)
         if isinstance(word, Done):
             return word.result
-        if isinstance(word, Failed):
-            raise LabError(word.sentence)
+        if isinstance(word, LabError):
+            raise word
         log.warning("A task ended unexpectedly (exit code %s).", process.exitcode)
         raise LabError(
             f"This task ended unexpectedly (exit code {process.exitcode}): the run may be too large for this machine."
@@ -233,7 +220,7 @@ def _start(process: BaseProcess, its_end: Connection) -> None:
     its_end.close()
 
 
-def _hear(pipe: Connection) -> Progress | Done | Failed | None:
+def _hear(pipe: Connection) -> Word | None:
     """The next message of a process; None if it ended without one."""
     try:
         return pipe.recv()

@@ -7,6 +7,7 @@ import re
 from dataclasses import dataclass
 from math import exp, isnan, log, log2
 from pathlib import Path
+from typing import Any
 
 import pyarrow.csv
 import pyarrow.parquet
@@ -237,7 +238,7 @@ def report_text(board: Leaderboard) -> str:
     return filled(Path(__file__).with_name("report.html"), figures=figures, **page_values(board))
 
 
-def page_values(board: Leaderboard) -> dict[str, object]:
+def page_values(board: Leaderboard) -> dict[str, Any]:
     """What report and page show besides figures."""
     return {
         "overview": overview(board),

@@ -8,6 +8,7 @@ import secrets
 import time
 from collections import OrderedDict
 from collections.abc import Coroutine, Sequence
+from operator import methodcaller
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,7 @@ from flexlab.server.labs.lab_provider import (
     Order,
     WaitingLine,
 )
-from flexlab.server.labs.worker import STOP_TIME, Name, Teacher, Worker
+from flexlab.server.labs.worker import STOP_TIME, Worker
 from flexlab.server.limits import owner_word
 from flexlab.server.settings import SECRET_BYTES, Settings
 
@@ -110,7 +111,7 @@ class PrivateLabs(LabProvider):
             opening.add_done_callback(lambda _: self._opening.pop(visitor, None))
             return await asyncio.shield(opening)
         if choice is not None:
-            await asyncio.to_thread(place.worker.send, choice)
+            await asyncio.to_thread(place.worker.send, methodcaller("load", choice))
         return place
 
     def _admit(self, visitor: str, address: str) -> None:
@@ -150,7 +151,7 @@ class PrivateLabs(LabProvider):
         worker = await asyncio.to_thread(Worker, order, tell)
         place = self._places[lab] = PrivateLab(next(self._numbers), lab, visitor, worker, order)
         if self.rules != ClassRules():
-            worker.send(Teacher(self.rules))
+            worker.send(methodcaller("ask", self.rules))
         try:
             place.port = await asyncio.to_thread(place.worker.wait_until_ready)
         except LabError:
@@ -176,13 +177,13 @@ class PrivateLabs(LabProvider):
     async def ask(self, place: Lab, what: Choice | Hold) -> None:
         """Have a lab follow the teacher."""
         if isinstance(place, PrivateLab):
-            await asyncio.to_thread(place.worker.send, Teacher(what))
+            await asyncio.to_thread(place.worker.send, methodcaller("ask", what))
 
     async def rule(self, rules: ClassRules) -> None:
         """All labs follow, also those that are just being opened."""
         self.rules = rules
         await asyncio.gather(
-            *(asyncio.to_thread(place.worker.send, Teacher(rules)) for place in list(self._places.values()))
+            *(asyncio.to_thread(place.worker.send, methodcaller("ask", rules)) for place in list(self._places.values()))
         )
 
     def call(self, visitor: str, name: str) -> None:
@@ -190,7 +191,7 @@ class PrivateLabs(LabProvider):
         place = self.of_visitor(visitor)
         if place is not None and place.name != name:
             place.name = name
-            self._keep(asyncio.to_thread(place.worker.send, Name(name)))
+            self._keep(asyncio.to_thread(place.worker.send, methodcaller("rename", name)))
 
     def of_visitor(self, visitor: str) -> PrivateLab | None:
         """The visitor's running lab."""

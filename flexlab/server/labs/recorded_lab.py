@@ -161,6 +161,10 @@ class RecordedLab(Lab):
             raise RecordingError(self._recorder.problem or "This run is not being recorded.")
         return read_range(path, None, end)
 
+    def rename(self, visitor: str) -> None:
+        """Its visitor has another name."""
+        self.name = visitor
+
     def ask(self, what: Choice | Hold | ClassRules) -> None:
         """Carry out the teacher's request."""
         lab_state = self._session.lab_state

@@ -5,11 +5,9 @@ import signal
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from multiprocessing.connection import Connection
 
 from flexlab.errors import FlexlabError, LabError, RecordingError
-from flexlab.guide import ClassRules
 from flexlab.own.files import know_own_files
 from flexlab.recording.live import LiveHub, Take
 from flexlab.server.child_processes import (
@@ -18,7 +16,7 @@ from flexlab.server.child_processes import (
     leave_interrupts_to_the_server,
     without_interrupt,
 )
-from flexlab.server.labs.lab_provider import Choice, Hold, LabStatus, Order
+from flexlab.server.labs.lab_provider import LabStatus, Order
 from flexlab.server.labs.recorded_lab import RecordedLab
 
 STATUS_PERIOD = 0.25
@@ -31,36 +29,10 @@ STOP_TIME = 15.0
 """Seconds that a worker may take to close its recording before it is ended by force (the recording is then mended)."""
 
 
-@dataclass(frozen=True)
-class Name:
-    """The visitor's new name."""
-
-    name: str
-
-
-@dataclass(frozen=True)
-class Teacher:
-    """The teacher's request."""
-
-    what: Choice | Hold | ClassRules
-
-
-Word = Choice | Name | Teacher | None
-"""What the server tells a worker: a scenario to show, a name, the teacher's wish, or to close."""
-
-
-@dataclass(frozen=True)
-class Ready:
-    """The lab is open on this port."""
-
-    port: int
-
-
-@dataclass(frozen=True)
-class Refusal:
-    """The lab could not be opened."""
-
-    sentence: str
+Word = Callable[[RecordedLab], object] | None
+"""What the server tells a worker: what to do with its lab, as an `operator.methodcaller`, or to close."""
+Answer = int | str
+"""A worker's first word: the port of its lab, or why it could not be opened."""
 
 
 def _sender(pipe: Connection) -> Take:
@@ -83,10 +55,10 @@ def work(order: Order, pipe: Connection, live: Connection | None) -> None:
     try:
         lab = RecordedLab(order, None if live is None else _sender(live))
     except FlexlabError as error:
-        pipe.send(Refusal(str(error)))
+        pipe.send(str(error))
         return
     try:
-        pipe.send(Ready(lab.port))
+        pipe.send(lab.port)
         told: LabStatus | None = None
         told_at = 0.0
         while not stopping.is_set():
@@ -98,20 +70,11 @@ def work(order: Order, pipe: Connection, live: Connection | None) -> None:
                 word: Word = pipe.recv()
                 if word is None:
                     return
-                _follow(lab, word)
+                word(lab)
     except (EOFError, OSError):
         pass  # The server is gone: the run is still to be closed properly.
     finally:
         lab.close()
-
-
-def _follow(lab: RecordedLab, word: Choice | Name | Teacher) -> None:
-    if isinstance(word, Choice):
-        lab.load(word)
-    elif isinstance(word, Name):
-        lab.name = word.name
-    else:
-        lab.ask(word.what)
 
 
 class Worker:
@@ -136,7 +99,7 @@ class Worker:
         self._on_end = on_end
         self._answered = threading.Event()
         self._sending = threading.Lock()
-        self._answer: Ready | Refusal | None = None
+        self._answer: Answer | None = None
         self.heard_at = time.monotonic()
         """When it last sent anything, monotonic s."""
         self.status: LabStatus | None = None
@@ -158,14 +121,14 @@ class Worker:
         """The port of its lab. Blocks. Raises `LabError` if it does not open."""
         if not self._answered.wait(START_TIME):
             raise LabError(f"The lab did not open within {START_TIME:g} s: this machine is too busy. Try again later.")
-        if isinstance(self._answer, Ready):
-            return self._answer.port
-        if isinstance(self._answer, Refusal):
-            raise LabError(self._answer.sentence)
+        if isinstance(self._answer, int):
+            return self._answer
+        if self._answer is not None:
+            raise LabError(self._answer)
         raise LabError(f"The lab ended while it was being opened (exit code {self.exit_code}): try again.")
 
     def send(self, word: Word) -> None:
-        """A scenario to show, a name, the teacher's wish, or None: close."""
+        """Have it do something with its lab, or close."""
         with self._sending:
             try:
                 self._pipe.send(word)

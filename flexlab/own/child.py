@@ -97,6 +97,8 @@ def _serve(load: Callable[[str, str], T], answer: Callable[[T, socket.socket, Re
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the lab, which ends this by closing the lifeline.
     name = os.path.basename(file)
     _supervised([calls.fileno()], int(sys.argv[3]), lambda text: reports.say(problem=f"{name}: {text}."))
+    for ours in (calls, reported):  # A process that the text forks would answer the same calls once more.
+        os.register_at_fork(after_in_child=ours.close)
     reports.say(pid=os.getpid())
     # The lab asks for a traceback when an answer is late: this handler works even while Python is busy.
     faulthandler.register(signal.SIGUSR1, file=reported.fileno(), all_threads=False, chain=False)

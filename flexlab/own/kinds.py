@@ -4,6 +4,7 @@ A text is part of the scenario (`controller.source`, `trajectory.source`), so th
 complete. A scenario with a text makes its declaration known; the text runs only if it was allowed in this process.
 """
 
+import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, Literal, TypeVar
@@ -19,8 +20,10 @@ from flexlab.own.declaration import Declared, Setting
 from flexlab.own.reading import LONGEST_SOURCE, digest, is_finite
 from flexlab.quantities import Number, OneOrThree, quantity
 from flexlab.registry import Registry
-from flexlab.text import number_text
+from flexlab.text import number_text, visible
 
+LONGEST_SHOWN = 60
+"""Characters of a name that a sentence repeats."""
 OWN_PLACE = 80
 """Rank in menus: after the built-in laws, before "none"."""
 
@@ -117,22 +120,33 @@ class OwnKinds(Generic[K]):
     ) -> type[Any]:
         """The model of what a text declares, with `fields` besides its settings. Raises `ScenarioError`."""
         for name, _ in declared.settings:
-            if name in self.base.model_fields or name in ("kind", *reserved):
-                text = f"{file}: {name} is a field of every {self.owner}: give the {self.setting} another name."
+            if _is_taken(name, self.base) or name in ("kind", *reserved):
+                why = "begins with _" if name.startswith("_") else f"is a field of every {self.owner}"
+                text = f"{file}: {visible(name, LONGEST_SHOWN)} {why}: give the {self.setting} another name."
                 raise ScenarioError([(f"{self.field}.source", text)])
         own = {
             name: (OneOrThree if one.size == 3 else Number, _setting_field(name, one))
             for name, one in declared.settings
         }
-        return create_model(
-            declared.name,
-            __base__=self.base,
-            __doc__=declared.meaning,
-            kind=(Literal[kind], kind),  # type: ignore[valid-type]  # A type that is made while the program runs.
-            source=(str, source_field(source, self.word)),
-            **fields,
-            **own,
-        )
+        with warnings.catch_warnings():
+            # Said of settings called "copy" and the like, which harm nothing.
+            warnings.filterwarnings("ignore", message="Field name .* shadows an attribute in parent")
+            return create_model(
+                declared.name,
+                __base__=self.base,
+                __doc__=declared.meaning,
+                kind=(Literal[kind], kind),  # type: ignore[valid-type]  # A type that is made while the program runs.
+                source=(str, source_field(source, self.word)),
+                **fields,
+                **own,
+            )
+
+
+def _is_taken(name: str, base: type[BaseModel]) -> bool:
+    """Whether no setting can have this name: it would take the place of what `base` does or holds."""
+    # Names of earlier versions of pydantic, as "copy", are free: recordings may have them.
+    is_free = hasattr(BaseModel, name) and not name.startswith("model_")
+    return name.startswith("_") or (hasattr(base, name) and not is_free) or name in base.model_fields
 
 
 def default_source(own: Law | Path) -> str:

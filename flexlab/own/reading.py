@@ -6,6 +6,7 @@ machines then have them, and whoever is asked whether a text may run sees all th
 
 import ast
 import base64
+import contextlib
 import hashlib
 import io
 import operator
@@ -150,24 +151,25 @@ class DeclaredClass:
     def value(self, node: ast.expr) -> Any:
         """A number, a text or a list written in the file, or computed from such by + - * /. Raises `ScenarioError`."""
         if isinstance(node, ast.Constant):
-            return visible(node.value) if isinstance(node.value, str) else node.value
+            return visible(" ".join(node.value.split())) if isinstance(node.value, str) else node.value
         if isinstance(node, (ast.Tuple, ast.List)):
             return tuple(self.value(item) for item in node.elts)
         if isinstance(node, ast.Name) and node.id in self._known:
             return self._known[node.id]
         try:
-            if isinstance(node, ast.UnaryOp) and type(node.op) in _ARITHMETIC:
-                return _ARITHMETIC[type(node.op)](self.value(node.operand))
-            if isinstance(node, ast.BinOp) and type(node.op) in _ARITHMETIC:
-                first, second = self.value(node.left), self.value(node.right)
-                if is_finite(first) and is_finite(second):
-                    return _ARITHMETIC[type(node.op)](first, second)
-        except (TypeError, ZeroDivisionError, OverflowError):
-            pass
-        text = ast.unparse(node)
+            with contextlib.suppress(TypeError, ZeroDivisionError, OverflowError):
+                if isinstance(node, ast.UnaryOp) and type(node.op) in _ARITHMETIC:
+                    return _ARITHMETIC[type(node.op)](self.value(node.operand))
+                if isinstance(node, ast.BinOp) and type(node.op) in _ARITHMETIC:
+                    first, second = self.value(node.left), self.value(node.right)
+                    if is_finite(first) and is_finite(second):
+                        return _ARITHMETIC[type(node.op)](first, second)
+            text = ast.unparse(node)[:60]
+        except RecursionError:
+            text = "an expression of so many parts"
         raise self.problem(
             node.lineno,
-            f"{text[:60]} is not a number that stands in the file: declarations are read without running the file",
+            f"{text} is not a number that stands in the file: declarations are read without running the file",
         )
 
 

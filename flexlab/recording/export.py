@@ -6,6 +6,7 @@ named axes, units and meanings.
 """
 
 import csv
+import io
 import json
 import math
 import warnings
@@ -213,14 +214,16 @@ def _write_csv(path: Path, batches: Iterable[Columns], metadata: str) -> None:
         file.write(f"# {metadata}\n".encode())
         for number, columns in enumerate(batches):
             if number == 0:
-                file.write((",".join(columns) + "\n").encode())
+                heads = io.StringIO(newline="")
+                csv.writer(heads, lineterminator="\n").writerow(columns)  # A law's units may have commas.
+                file.write(heads.getvalue().encode())
             arrow_csv.write_csv(pa.table(columns), file, options)
 
 
 def _read_csv(path: Path) -> tuple[Columns, str]:
     with path.open(encoding="utf-8-sig", newline="") as file:
         metadata = file.readline().removeprefix("# ")
-        names = next(csv.reader([file.readline()]))
+        names = next(csv.reader(file))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # That a table has no rows is no news to its reader.
             table = np.loadtxt(file, delimiter=",", ndmin=2).reshape(-1, len(names))

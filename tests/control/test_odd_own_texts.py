@@ -1,5 +1,6 @@
 """Laws and paths of one's own that declare or give odd things: one sentence each, and no number is changed on its way."""
 
+import csv
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +15,7 @@ from flexlab.errors import FlexlabError, ScenarioError
 from flexlab.own.law import add_own_law
 from flexlab.own.path import add_own_path
 from flexlab.own.reading import with_data
+from flexlab.recording.export import export_run, import_run
 from flexlab.scenario import parse_scenario
 
 LAW = """import numpy as np
@@ -59,6 +61,51 @@ def law_text(body: str = "pass", scale: str = "low=0, high=2") -> str:
 
 def path_text(pose: str = "0.0, 0.75, 0.0", scale: str = "low=0, high=2", lasts: str = "duration = 1.0") -> str:
     return PATH.format(pose=pose, range=scale, lasts=lasts)
+
+
+@pytest.mark.parametrize("name", ["_k", "__class__", "__dict__", "model_config", "model_fields", "model_dump"])
+def test_a_setting_does_not_take_the_place_of_what_the_model_is_made_of(name: str):
+    with pytest.raises(ScenarioError, match=f"{name} .*: give the gain another name"):
+        add_own_law(law_text().replace("k =", f"{name} ="), "odd.py")
+    with pytest.raises(ScenarioError, match=f"{name} .*: give the option another name"):
+        add_own_path(path_text().replace("size =", f"{name} ="), "odd.py")
+    with pytest.raises(ScenarioError, match=f"{name} .*: give the gain another name"):  # A file from elsewhere.
+        parse_scenario({"controller": {"kind": "odd", "source": law_text().replace("k =", f"{name} =")}})
+
+
+@pytest.mark.parametrize("name", ["reach", "options", "jumps", "middle", "repeats", "slowest_period", "keeping"])
+def test_an_option_does_not_take_the_place_of_what_a_path_does(name: str):
+    with pytest.raises(ScenarioError, match=f"{name} is a field of every path: give the option another name"):
+        add_own_path(path_text().replace("size =", f"{name} ="), "odd.py")
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("name", ["copy", "json", "schema", "validate", "dict", "self", "model_mass"])
+def test_a_setting_may_have_a_name_that_harms_nothing(name: str):
+    law = add_own_law(law_text().replace("k =", f"{name} ="), "odd.py")
+    run = flexlab.simulate(flexlab.load_preset("paper").replace({"controller.kind": law.kind}), duration=0.003)
+    assert not run.status.failed
+
+
+@pytest.mark.parametrize("parts", [500, 3000])
+@pytest.mark.parametrize("deep", ["f" + ".a", "f" + "[0]", "f" + "()", "1" + "+1", "1" + "-f"])
+def test_an_expression_of_many_parts_is_one_sentence(deep: str, parts: int):
+    text = law_text().replace("gain(1.0", f"gain({deep[0] + deep[1:] * parts}")
+    with pytest.raises(ScenarioError, match=r"odd.py, line \d+"):
+        add_own_law(text, "odd.py")
+
+
+@pytest.mark.parametrize("unit", ["N, N·m", 'N,=HYPERLINK("http://x.invalid","y")', "N\n=1+1", "=1+1"])
+def test_a_unit_is_one_cell_of_a_spreadsheet_that_is_no_formula(unit: str, tmp_path: Path):
+    law = add_own_law(law_text().replace('readout("N")', f"readout({unit!r})"), "odd.py")
+    run = flexlab.simulate(flexlab.load_preset("paper").replace({"controller.kind": law.kind}), duration=0.005)
+    file = export_run(run, tmp_path / "run.csv")
+    with file.open(encoding="utf-8", newline="") as lines:
+        assert lines.readline().startswith("# {")
+        rows = list(csv.reader(lines))
+    assert {len(row) for row in rows} == {len(rows[0])}
+    assert not [cell for row in rows for cell in row if cell[0] in "=+@\t\r"]
+    assert len(import_run(file)[0]) == len(run)
 
 
 @pytest.mark.parametrize(

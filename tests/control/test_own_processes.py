@@ -10,6 +10,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from own_law_text import PD, forget_own_laws
 from waiting import wait_until
@@ -104,6 +105,19 @@ def test_all_that_a_law_started_ends_although_it_killed_its_supervisor():
     world.advance(20)
     assert world.status.failed
     wait_until(lambda: marked(mark) == [], "their end")
+
+
+FORKED_WHEN_LOADED = "import os\nif os.fork() == 0: os.setsid()\n"
+
+
+@pytest.mark.parametrize("text", [at_work("if self.calls[0] == 9: os.fork()"), FORKED_WHEN_LOADED + PD])
+def test_a_process_that_a_law_forks_answers_nothing(text: str):
+    alone = world_of(PD, "alone.py")
+    alone.advance(30)
+    world = world_of(text)
+    world.advance(30)
+    assert not world.status.failed, world.status.text
+    assert np.array_equal(world.state().y, alone.state().y)
 
 
 def test_a_byte_order_mark_is_no_part_of_a_law(tmp_path: Path):

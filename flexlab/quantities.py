@@ -7,9 +7,10 @@ is the base of every scenario model: frozen, with unknown keys refused and range
 import math
 import numbers
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, reduce
+from operator import or_
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
@@ -178,6 +179,11 @@ class Part(BaseModel):
                     "range", "is outside the allowed range {range}", {"range": about.range_text()}
                 )
         return value
+
+
+def either(models: Iterable[type[BaseModel]]) -> Any:
+    """The type of a field that holds one of these models."""
+    return reduce(or_, models)
 
 
 def parts_of(annotation: Any) -> list[type[Part]]:

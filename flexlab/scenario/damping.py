@@ -3,15 +3,13 @@
 A new kind is one more class here: the scenario, the menu and the beam's model find it by `DampingKind`.
 """
 
-from functools import reduce
-from operator import or_
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
 from flexlab.numerics.linear_algebra import product
-from flexlab.quantities import Number, Part, quantity
+from flexlab.quantities import Number, Part, either, quantity
 
 
 class DampingKind(Part):
@@ -59,4 +57,4 @@ class ModalDamping(DampingKind):
 
 Damping = Annotated[Any, Field(discriminator="kind")]
 if not TYPE_CHECKING:
-    Damping = Annotated[reduce(or_, DampingKind.__subclasses__()), Field(discriminator="kind")]
+    Damping = Annotated[either(DampingKind.__subclasses__()), Field(discriminator="kind")]

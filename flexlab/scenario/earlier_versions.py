@@ -7,7 +7,7 @@ which it is recognised.
 
 import logging
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 from flexlab.scenario.payload import Payload
 
@@ -20,12 +20,11 @@ log = logging.getLogger(__name__)
 
 def in_present_terms(data: Mapping[str, Any]) -> Mapping[str, Any]:
     """Plain data of a scenario with the present fields; logs what was set and is left out."""
-    path = data.get("trajectory")
-    if isinstance(path, Mapping) and "kind" not in path:
+    path, law = _part(data, "trajectory"), _part(data, "controller")
+    if path is not None and "kind" not in path:
         data = {**data, "trajectory": {"kind": ONLY_PATH, **path}}
-    law = data.get("controller")
-    model = law.get("model") if isinstance(law, Mapping) else None
-    if not isinstance(law, Mapping) or not isinstance(model, Mapping) or RETIRED not in model:
+    model = _part(law or {}, "model")
+    if law is None or model is None or RETIRED not in model:
         return data
     if model[RETIRED] != 1:
         log.warning(
@@ -35,14 +34,22 @@ def in_present_terms(data: Mapping[str, Any]) -> Mapping[str, Any]:
             model[RETIRED],
         )
     present = {name: value for name, value in model.items() if name != RETIRED}
-    return {**data, "controller": {**law, "model": present, **_noise(law.get("sensor_noise"), data.get("payload"))}}
+    return {
+        **data,
+        "controller": {**law, "model": present, **_noise(_part(law, "sensor_noise"), _part(data, "payload") or {})},
+    }
 
 
-def _noise(noise: Any, payload: Any) -> dict[str, Any]:
+def _part(data: Mapping[str, Any], name: str) -> Mapping[str, Any] | None:
+    """A part of plain data; None for what is none, which validation names."""
+    part = data.get(name)
+    return cast("Mapping[str, Any]", part) if isinstance(part, Mapping) else None
+
+
+def _noise(noise: Mapping[str, Any] | None, payload: Mapping[str, Any]) -> dict[str, Any]:
     """Strain in 1/s as the noise of hᵀq̇ and gᵀq̇ that it was. Invalid values stay, and validation names them."""
-    if not isinstance(noise, Mapping) or "moment_rate" in noise or not noise.get("strain"):
+    if noise is None or "moment_rate" in noise or not noise.get("strain"):
         return {}
-    payload = payload if isinstance(payload, Mapping) else {}
     density, length, strain = (
         payload.get("linear_density", Payload().linear_density),
         payload.get("length", Payload().length),

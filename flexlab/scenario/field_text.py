@@ -1,8 +1,8 @@
 """A scenario's fields in the words of screen, pages and tables: titles, words of menus, and where two scenarios differ."""
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
-from typing import Any, Literal, get_args, get_origin
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, Literal, cast, get_args, get_origin
 
 from pydantic import BaseModel
 
@@ -97,7 +97,7 @@ def part_differences(one: BaseModel, other: BaseModel, path: str = "") -> Iterat
 
 def differences(one: BaseModel, other: BaseModel) -> list[Difference]:
     """Every single field that differs, including those of one kind alone (None for the other), except `TEXTS`."""
-    found = []
+    found: list[Difference] = []
     for path, old, new in part_differences(one, other):
         first, second = dict(_leaves(_plain(old), path)), dict(_leaves(_plain(new), path))
         both = ((name, first.get(name), second.get(name)) for name in {**first, **second})
@@ -125,7 +125,7 @@ def _plain(value: Any) -> Any:
 
 def _leaves(data: Any, path: str) -> Iterator[tuple[str, Any]]:
     if isinstance(data, dict):
-        for name, value in data.items():
+        for name, value in cast("dict[str, Any]", data).items():
             yield from _leaves(value, f"{path}.{name}")
     else:
         yield path, data
@@ -173,12 +173,12 @@ def value_text(value: object) -> str:
     if isinstance(value, BaseModel):
         return value_text(value.model_dump())
     if isinstance(value, Mapping):
-        fields = {str(name): inner for name, inner in value.items() if inner is not None}
+        fields = {str(name): inner for name, inner in cast("Mapping[str, Any]", value).items() if inner is not None}
         kind = fields.pop("kind", "")
         told = kind or ", ".join(f"{name.replace('_', ' ')} {value_text(inner)}" for name, inner in fields.items())
         return str(told) or MISSING
     if isinstance(value, (tuple, list)):
-        return ", ".join(map(value_text, value))
+        return ", ".join(map(value_text, cast("Sequence[Any]", value)))
     return str(value)
 
 

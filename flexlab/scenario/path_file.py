@@ -131,11 +131,10 @@ def _columns(header: list[str], name: str) -> dict[str, tuple[int, float]]:
 def _row(line: list[str], places: dict[str, tuple[int, float]], where: str) -> tuple[float, float, float, float]:
     if len(line) != len(places):
         raise PresetError(f"{where} has {len(line)} values, not {len(places)}.")
-    values = []
+    found: dict[str, float] = {}
     for column, (place, size) in places.items():
         value = typed_number(line[place]) * size
         if not math.isfinite(value):
             raise PresetError(f"{where}: {column} = {visible(line[place].strip(), 40)!r} is no finite number.")
-        values.append((column, value))
-    found = dict(values)
+        found[column] = value
     return found["t"], found["x"], found["y"], found["theta"]

@@ -1,9 +1,7 @@
 """The scenario as a whole: its parts, what must fit together, and changes by path."""
 
 from collections.abc import Mapping
-from functools import reduce
-from operator import or_
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
 from pydantic import BaseModel, Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
@@ -16,7 +14,7 @@ from flexlab.control.paths.sine import SineTrajectory
 from flexlab.errors import ScenarioError
 from flexlab.own.law import OwnController, with_known_law
 from flexlab.own.path import OwnTrajectory, with_known_path
-from flexlab.quantities import Number, Numbers, Part, Quantity, Triple, describe, parts_of, quantity
+from flexlab.quantities import Number, Numbers, Part, Quantity, Triple, describe, either, parts_of, quantity
 from flexlab.scenario.arms import Arm, Grips, Joints
 from flexlab.scenario.earlier_versions import in_present_terms
 from flexlab.scenario.payload import Payload
@@ -26,7 +24,7 @@ from flexlab.text import html_table, visible
 
 def _models(known: Mapping[str, Any]) -> Any:
     """The union of the models of these laws or paths."""
-    return reduce(or_, [one.model for one in known.values()])
+    return either(one.model for one in known.values())
 
 
 AnyLaw = Any
@@ -89,14 +87,14 @@ class Simulation(Part):
 class Scenario(Part):
     """One experiment, complete. `right_arm` null and boundary clamped-free: one arm holds one end of the beam."""
 
-    title: str = Field("", max_length=120)
-    watch: str = Field("", max_length=1200)
+    title: str = Field(default="", max_length=120)
+    watch: str = Field(default="", max_length=1200)
     payload: Payload = Payload()
     left_arm: Arm = Arm(base=(-0.5, 0.0), elbow=-1)
     right_arm: Arm | None = Arm(base=(0.5, 0.0), elbow=1)
     joints: Joints = Joints()
     grips: Grips = Grips()
-    trajectory: AnyPath = SineTrajectory()
+    trajectory: AnyPath = SineTrajectory()  # pyright: ignore[reportCallIssue]
     controller: AnyLaw = AdaptiveSlidingMode()
     initial: Initial = Initial()
     gravity: Number = quantity(0.0, title="Gravity along −y", symbol="g", unit="m/s²", low=-50, high=50, slider=(0, 20))
@@ -172,7 +170,7 @@ class Scenario(Part):
 
         A changed `kind` (damping, controller, trajectory) drops the fields that the new kind does not have.
         """
-        if not isinstance(changes, Mapping) or not all(isinstance(path, str) for path in changes):
+        if not _by_name(changes):
             example = 'as in {"payload.bending_stiffness": 50.0}'
             sentence = (
                 f"changes = {visible(repr(changes), LONGEST)} is not usable: give values by dotted path, {example}."
@@ -193,7 +191,7 @@ class Scenario(Part):
 
         It works if all changes are valid and of fields of parts that keep their kind.
         """
-        parts = {}
+        parts: dict[str, Part | None] = {}
         try:
             for name, own in _by_part(changes).items():
                 part = vars(self).get(name)
@@ -202,7 +200,7 @@ class Scenario(Part):
                 parts[name] = _with_fields(part, _named(own))
                 if parts[name] is None:
                     return None
-            return self.model_copy(update=parts)._fits_together()
+            return Scenario.model_validate(self.model_copy(update=parts))
         except (ValidationError, PydanticCustomError):
             return None
 
@@ -248,6 +246,11 @@ class Scenario(Part):
         """The error for a path that is no field of this scenario."""
         shown = visible(path, LONGEST)
         return ScenarioError([(path, unknown_field(shown, value_paths(self), field_paths(type(self))))])
+
+
+def _by_name(data: Any) -> bool:
+    """Whether data are values by names."""
+    return isinstance(data, Mapping) and all(isinstance(name, str) for name in cast("Mapping[object, Any]", data))
 
 
 def _by_part(changes: Mapping[str, Any]) -> dict[str, dict[str | None, Any]]:
@@ -307,7 +310,7 @@ def parse_scenario(data: Any) -> Scenario:
     """A `Scenario` from plain data (a dict as read from JSON); raises `ScenarioError`, one sentence per problem."""
     if not isinstance(data, Mapping):
         raise ScenarioError([("", f"A scenario is a JSON object with named fields, not {type(data).__name__}.")])
-    data = _without_file_fields(data)
+    data = _without_file_fields(cast("Mapping[str, Any]", data))
     try:
         return Scenario.model_validate(with_known_path(with_known_law(in_present_terms(data))))
     except ValidationError as error:
@@ -339,7 +342,7 @@ def _set(data: dict[str, Any], path: str, value: Any) -> bool:
         if not isinstance(inner, (Part, dict)):
             return False
         # A shallow copy, so that the caller's data and the old scenario stay as they are.
-        inner = data[parent] = dict(inner)
+        inner = data[parent] = dict(cast("Part | dict[str, Any]", inner))
         data = inner
     if name == "kind" and not (isinstance(value, str) and data.get("kind") == value):
         common = COMMON_FIELDS.get(path, frozenset())

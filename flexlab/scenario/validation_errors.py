@@ -69,7 +69,8 @@ def locate(model: type[Part], location: Sequence[Any]) -> tuple[str, Quantity | 
 
     Also the parts that may be there: none for a value or an unknown place.
     """
-    owners, names, about = [model], [], None
+    owners, about = [model], None
+    names: list[str] = []
     for item in map(str, location):
         chosen = [
             owner for owner in owners if "kind" in owner.model_fields and owner.model_fields["kind"].default == item

@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 import traceback
+import warnings
 from collections.abc import Iterable, Sequence
 from decimal import Decimal
 from html import escape
@@ -216,7 +217,11 @@ def limited(name: str) -> logging.Logger:
 
 
 def tell_failures_plainly() -> None:
-    """Make this process write its log and its threads' tracebacks as `visible` shows them."""
+    """Make this process write its log and its threads' tracebacks as `visible` shows them, and no warnings of arithmetic.
+
+    A run whose numbers leave all bounds says so in a sentence; NumPy would add lines of the program.
+    """
+    warnings.filterwarnings("ignore", "(overflow|invalid value|divide by zero) encountered", RuntimeWarning)
     if logging.lastResort is not None:
         logging.lastResort.setFormatter(PlainFormatter())
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from own_law_text import PD
 
 import flexlab
 from flexlab.presets import save_scenario
@@ -60,6 +61,16 @@ def test_several_scenarios_with_settings_all_digits_and_the_hash_of_python(flexl
     assert second["metrics"]["settling_time"] is None
     assert flexlab.parse_scenario(second["scenario"]) == scenario
     assert flexlab.read(tmp_path / second["file"]).result_hash == run.result_hash
+
+
+def test_forces_beyond_all_bounds_are_one_sentence_and_no_warning(flexlab_process: Command, tmp_path: Path):
+    text = PD.replace("common[0]\n", "common[0] * 1e300\n").replace("shared(common)", "shared(common * 1e300)")
+    (tmp_path / "huge.py").write_text(text)
+    done = flexlab_process("run", "paper", "--law", "huge.py", "--duration", "0.1")
+    assert done.returncode == 1
+    assert "ran away" in done.stderr
+    assert "Warning" not in done.stderr
+    assert "huge.py:" not in done.stderr
 
 
 def test_one_of_several_that_fails_makes_the_exit_code(flexlab_command: Command, tmp_path: Path):

@@ -21,6 +21,8 @@ from flexlab.text import number_text, syntax_tree, visible
 
 LONGEST_SOURCE = 200_000
 """Characters of a text."""
+LONGEST_CLASS = 200
+"""Characters of a class's name, which stands in menus and sentences."""
 SCHEME = "tcp://"
 """How the address of a program that computes a law begins."""
 
@@ -91,13 +93,17 @@ class DeclaredClass:
             tree = syntax_tree(source)
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
             line = getattr(error, "lineno", None) or 1
-            raise self.problem(line, f"is no Python text ({getattr(error, 'msg', None) or error})") from None
+            reason = getattr(error, "msg", None) or str(error) or "it is nested too deeply"
+            raise self.problem(line, f"is no Python text ({reason})") from None
         found = [node for node in tree.body if isinstance(node, ast.ClassDef) and base in map(called, node.bases)]
         if len(found) != 1:
-            what = "no class" if not found else f"{len(found)} classes"
+            what = "no class that inherits" if not found else f"{len(found)} classes that inherit"
             line = found[1].lineno if found else 1
-            raise self.problem(line, f"has {what} that inherit from {base}: write one class Name({base}): in a file")
+            raise self.problem(line, f"has {what} from {base}: write one class Name({base}): in a file")
         self.node = found[0]
+        if len(self.node.name) > LONGEST_CLASS:
+            text = f"the name of the class has {len(self.node.name)} characters: {LONGEST_CLASS} are the most"
+            raise self.problem(self.node.lineno, text)
         self.line: int = self.node.lineno
         self.meaning = visible(" ".join((ast.get_docstring(self.node) or self.node.name).split("\n\n")[0].split()))
         """First paragraph of its docstring."""

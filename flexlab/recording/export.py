@@ -202,9 +202,24 @@ def import_run(path: Path) -> tuple[Run, dict[str, Any]]:
     except (
         Exception
     ) as error:  # Archives fail in a dozen ways: locked, torn, packed unusually, too large by what they say.
-        reason = visible(str(error).split("\n")[0], LONGEST_REASON)
-        raise RecordingError(f"{path} is not a run exported by flexlab ({reason}).") from None
+        raise RecordingError(f"{path} is not a run exported by flexlab ({_reason(error)}).") from None
     return Run(**samples.signals(), scenario=scenario, status=status), metadata | {"left_out": left_out}
+
+
+_REASONS: tuple[tuple[type[Exception], str], ...] = (
+    (json.JSONDecodeError, "its metadata are no JSON"),
+    (KeyError, "its metadata are missing or not complete"),
+    (StopIteration, "it has no columns"),
+    (RecursionError, "its metadata are nested too deeply"),
+)
+"""Reasons where a library's own words say nothing to a reader of the file."""
+
+
+def _reason(error: Exception) -> str:
+    known = next((reason for kind, reason in _REASONS if isinstance(error, kind)), "")
+    said = visible(str(error).split("\n")[0], LONGEST_REASON)
+    # NumPy advises to run the objects in an archive.
+    return known or ("it holds Python objects" if "pickle" in said else said) or type(error).__name__
 
 
 def _write_csv(path: Path, batches: Iterable[Columns], metadata: str) -> None:
@@ -223,6 +238,8 @@ def _write_csv(path: Path, batches: Iterable[Columns], metadata: str) -> None:
 def _read_csv(path: Path) -> tuple[Columns, str]:
     with path.open(encoding="utf-8-sig", newline="") as file:
         metadata = file.readline().removeprefix("# ")
+        if not metadata.startswith("{"):
+            raise ValueError("its first line has no metadata")
         names = next(csv.reader(file))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # That a table has no rows is no news to its reader.

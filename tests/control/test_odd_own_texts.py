@@ -95,6 +95,19 @@ def test_an_expression_of_many_parts_is_one_sentence(deep: str, parts: int):
         add_own_law(text, "odd.py")
 
 
+def test_a_name_without_end_is_one_short_sentence():
+    for add, text in ((add_own_law, law_text()), (add_own_path, path_text().replace("OddWay", "Odd"))):
+        with pytest.raises(ScenarioError, match="the name of the class has 150003 characters") as caught:
+            add(text.replace("Odd", "Odd" + "x" * 150_000), "odd.py")
+        assert len(str(caught.value)) < 200
+
+
+@pytest.mark.parametrize("text", ["-" * 90_000 + "1", "(" * 90_000])
+def test_what_is_nested_without_end_says_why_it_is_no_python(text: str):
+    with pytest.raises(ScenarioError, match=r"odd.py, line 1: is no Python text \(.+\)"):
+        add_own_law(text, "odd.py")
+
+
 @pytest.mark.parametrize("unit", ["N, N·m", 'N,=HYPERLINK("http://x.invalid","y")', "N\n=1+1", "=1+1"])
 def test_a_unit_is_one_cell_of_a_spreadsheet_that_is_no_formula(unit: str, tmp_path: Path):
     law = add_own_law(law_text().replace('readout("N")', f"readout({unit!r})"), "odd.py")

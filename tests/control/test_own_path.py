@@ -227,7 +227,7 @@ POSITION = "    def position(self, t): ...\n"
     ("source", "said"),
     [
         ("x = (", r"own.py, line 1: is no Python text"),
-        ("x = 1\n", "has no class that inherit from OwnPath"),
+        ("x = 1\n", "has no class that inherits from OwnPath"),
         ("class A(OwnPath):\n    duration = 1\n", r"line 1: A has no method position"),
         ("class A(OwnPath):\n" + POSITION, "line 1: A says neither duration nor period"),
         ("class A(OwnPath):\n    duration = 1\n    period = 1\n" + POSITION, "line 1: A says duration and period"),

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexlab.lab.plots.chart import STRETCHES, Curve, drawn_points
+from flexlab.lab.plots.chart import STRETCHES, Curve, compact, drawn_points
 from flexlab.sim.snapshot import TICK
 
 
@@ -114,3 +114,14 @@ def test_clearing_forgets() -> None:
     curve.clear()
     assert curve.newest == -1
     assert np.isnan(curve.block(curve.start)).all()
+
+
+@pytest.mark.filterwarnings("error")
+def test_numbers_beyond_a_chart_s_are_drawn_at_its_edge() -> None:
+    line = np.array([1e300, -np.inf, np.nan, 2.5])
+    _, drawn = compact(np.arange(4.0), [line], 1.0)
+    assert drawn.dtype == np.float32
+    assert np.array_equal(np.isfinite(drawn), [True, True, False, True])
+    assert drawn[0] > 1e38
+    assert drawn[1] < -1e38
+    assert drawn[3] == 2.5

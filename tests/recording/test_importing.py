@@ -1,5 +1,6 @@
 """What was exported, or recorded elsewhere, becomes a run of the library again: the same bits, and it still replays."""
 
+import io
 import json
 from collections.abc import Callable
 from dataclasses import fields, replace
@@ -99,12 +100,25 @@ def test_a_recording_comes_in_as_it_is_beside_its_original(original: Recording, 
     assert read_notes(path)["rows"] == 251
 
 
+def objects() -> bytes:
+    """An archive of NumPy with Python objects."""
+    archive = io.BytesIO()
+    np.savez(archive, a=np.array([{}], dtype=object))
+    return archive.getvalue()
+
+
 @pytest.mark.parametrize(
     ("name", "content", "says"),
     [
         ("x.rrd", b"garbage", "is not a rerun recording"),
         ("x.rrd", b"RRF2garbage", "is damaged beyond repair"),
-        ("x.csv", b"a,b\n1,2\n", "is not a run exported by flexlab"),
+        ("x.csv", b"a,b\n1,2\n", r"is not a run exported by flexlab \(its first line has no metadata\)"),
+        ("x.csv", b"", r"\(its first line has no metadata\)"),
+        ("x.csv", b"# {}\n", r"\(it has no columns\)"),
+        ("x.csv", b"# {}\na\n1\n", r"\(its metadata are missing or not complete\)"),
+        ("x.csv", b"# {nothing\na\n1\n", r"\(its metadata are no JSON\)"),
+        ("x.csv", b"# " + b'{"a":' * 100_000 + b"\na\n1\n", r"\(its metadata are nested too deeply\)"),
+        ("x.npz", objects(), r"\(it holds Python objects\)"),
         ("x.npz", b"PK", "is not a run exported by flexlab"),
         ("x.xlsx", b"PK", "let its name end in .rrd, .csv, .parquet, .npz"),
     ],

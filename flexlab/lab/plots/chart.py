@@ -186,10 +186,17 @@ def limit_series(limit: Limit) -> list[uplot.Series]:
     return [cast(uplot.Series, {**style, "label": limit.label}), cast(uplot.Series, second)]
 
 
+LARGEST = float(np.finfo(np.float32).max)
+"""Beyond it a chart has no numbers; runs that reach it have stopped."""
+
+
 def compact(time: np.ndarray, lines: Sequence[np.ndarray], spacing: float) -> tuple[np.ndarray, ...]:
     """The columns of a chart in single precision; `time`, `spacing` s apart, only while that is exact to a tenth of it."""
     narrow = np.spacing(np.float32(np.abs(time).max())) < 0.1 * spacing
-    return (time.astype(np.float32) if narrow else time, *(line.astype(np.float32) for line in lines))
+    return (
+        time.astype(np.float32) if narrow else time,
+        *(np.clip(line, -LARGEST, LARGEST).astype(np.float32) for line in lines),
+    )
 
 
 class Chart:

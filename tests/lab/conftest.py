@@ -1,6 +1,7 @@
 """Real labs and a real headless Chromium for the tests of the lab."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from browser_window import PAUSE
@@ -64,8 +65,18 @@ def _lasting_window(chromium: Browser) -> Iterator[LastingWindow]:
     lasting.close()
 
 
+NEXT = pytest.StashKey[pytest.Item | None]()
+"""The test that follows."""
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
+    """Remember which test follows: the window stays as it is for one that uses it."""
+    item.session.stash[NEXT] = nextitem
+
+
 @pytest.fixture(scope="module")
-def window(_lasting_window: LastingWindow) -> Iterator[LastingWindow]:
+def window(_lasting_window: LastingWindow, request: pytest.FixtureRequest) -> Iterator[LastingWindow]:
     """The window, while labs send as many pictures as it draws."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(render_loop, "FRAME_TIME", PAUSE / 1000)
@@ -74,7 +85,11 @@ def window(_lasting_window: LastingWindow) -> Iterator[LastingWindow]:
         for module in (number_control, panel):
             patch.setattr(module, "READING_TIME", PATIENCE)
         yield _lasting_window
-        _lasting_window.rest()
+        follows = request.session.stash[NEXT]
+        if follows is None or Path(__file__).parent not in follows.path.parents:
+            _lasting_window.close()
+        elif "window" not in getattr(follows, "fixturenames", ()):
+            _lasting_window.rest()
 
 
 @pytest.fixture

@@ -92,6 +92,20 @@ def plain(size: Decimal) -> str:
     return text.rstrip("0").rstrip(".") if "." in text else text
 
 
+_INDEXED = re.compile(r"(?<![\w.\\-])([^\W\d_][\u0300-\u036f]*)_((?:(?![²³])[^\W_]){1,4})(?!(?![²³])\w|\.[^\W\d_])")
+"""A letter with an index, f_d or |w_qs|, and no name in code. `language.js` finds the same ones in pages."""
+
+
+def with_subscripts(html: str) -> str:
+    """Escaped text whose symbols have real subscripts: f_d becomes f<sub>d</sub>."""
+    return _INDEXED.sub(r"\1<sub>\2</sub>", html)
+
+
+def in_mathtext(text: str) -> str:
+    """Text of a figure whose symbols have real subscripts, in matplotlib's notation."""
+    return _INDEXED.sub(r"\1$_{\\mathrm{\2}}$", text)
+
+
 REPLACEMENT = "\N{REPLACEMENT CHARACTER}"
 CONTROL_PICTURES = 0x2400
 """Unicode's pictures of the 32 control characters follow one another from here: escape is ␛."""
@@ -278,10 +292,10 @@ def html_table(rows: Iterable[Sequence[object]], heads: Sequence[str] = (), capt
     """An HTML table of plain texts; without `heads`, each row's first cell is its head."""
     lines = []
     if heads:
-        lines.append("".join(f"<th>{escape(head)}</th>" for head in heads))
+        lines.append("".join(f"<th>{with_subscripts(escape(head))}</th>" for head in heads))
     for first, *others in rows:
         mark = "td" if heads else "th"
-        cells = "".join(f"<td>{escape(str(cell))}</td>" for cell in others)
-        lines.append(f"<{mark}>{escape(str(first))}</{mark}>{cells}")
+        cells = "".join(f"<td>{with_subscripts(escape(str(cell)))}</td>" for cell in others)
+        lines.append(f"<{mark}>{with_subscripts(escape(str(first)))}</{mark}>{cells}")
     title = f"<caption>{escape(caption)}</caption>" if caption else ""
     return f"<table>{title}{''.join(f'<tr>{line}</tr>' for line in lines)}</table>"

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from flexlab.presets import load_preset
 from flexlab.recording.store.run_index import duration_text, size_text
 from flexlab.scenario.field_text import differences, field_title, told, value_text
-from flexlab.text import difference_text, fixed_text, number_text, result_text
+from flexlab.text import difference_text, fixed_text, in_mathtext, number_text, result_text, with_subscripts
 
 
 def test_numbers_have_no_letters_and_a_real_minus_sign() -> None:
@@ -18,6 +18,21 @@ def test_numbers_have_no_letters_and_a_real_minus_sign() -> None:
         assert number_text(value) == text
     assert number_text(float("nan")) == number_text(float("inf")) == "–"
     assert number_text(2.0, signed=True) == "+2"
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("Frequency f_d (Hz)", "Frequency f<sub>d</sub> (Hz)"),
+        ("|w|/|w_qs| − 1 ≈ r², r = f_path/f_1", "|w|/|w<sub>qs</sub>| − 1 ≈ r², r = f<sub>path</sub>/f<sub>1</sub>"),
+        ("√(e_x² + F_1x²)", "√(e<sub>x</sub>² + F<sub>1x</sub>²)"),
+        ("M̄_i and t_μ", "M̄<sub>i</sub> and t<sub>μ</sub>"),
+        ("my_law.py, a_b.csv, x_longer, payload.bending_stiffness", None),
+    ],
+)
+def test_an_index_is_a_real_subscript_and_a_name_in_code_stays(text: str, shown: str | None) -> None:
+    assert with_subscripts(text) == (shown or text)
+    assert (in_mathtext(text) == text) == (shown is None)
 
 
 def test_a_zero_has_no_sign_and_rounding_is_no_difference() -> None:

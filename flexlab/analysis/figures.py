@@ -24,6 +24,7 @@ from flexlab.recording.reader import within
 from flexlab.signal import COORDINATE, Signal
 from flexlab.sim.samples import Run, Samples
 from flexlab.sim.signals import DERIVED, known_signals
+from flexlab.text import in_mathtext
 from flexlab.views import DEFLECTION, ERROR, Color, View, views
 
 FORMATS = ("png", "svg")
@@ -275,7 +276,8 @@ def _of_signal(run: Run, signal: Signal) -> list[Plot]:
 
 
 def _axis_label(signal: Signal, unit: str) -> str:
-    return f"{signal.symbol} ({unit})" if unit != "1" else signal.symbol
+    symbol = in_mathtext(signal.symbol)
+    return f"{symbol} ({unit})" if unit != "1" else symbol
 
 
 def _draw(part: Axes, time: np.ndarray, plot: Plot) -> None:

@@ -1,6 +1,6 @@
 // What viser's page lacks for keyboards and screen readers: names, values in their unit, words for pictures, landmarks.
 (() => {
-  const LOOK = 100, CALM = 1000; // ms between two checks: of values, and of what changes seldom
+  const LOOK = 100, CALM = 1000; // ms between two checks: of values that change, and of what changes seldom
   const ICONS = { "list-search": "Commands (Ctrl+K)", adjustments: "Connection and scene", "arrow-back": "Back to the controls",
     maximize: "Enlarge the plot" };
   const REGIONS = { '[data-dock-region="right"]': "Controls", '[data-dock-region="left"]': "Guide",
@@ -119,7 +119,10 @@
     all(".mantine-Paper-root > .mantine-Paper-root:first-child:has(+ *)", nameFolder);
   }
 
+  let due = false;
+
   function look() {
+    due = false;
     if (document.hidden) return;
     labels = new Map([...document.getElementsByTagName("label")].map((label) => [label.htmlFor, label]));
     all('[role="slider"]', nameSlider);
@@ -147,6 +150,9 @@
       if (event.key.startsWith("Arrow") && event.target.closest?.('[role="slider"], [role="tab"]')) event.stopPropagation();
     });
   });
-  setInterval(look, LOOK);
-  setInterval(tellCalmly, CALM);
+  // Names and values are asked for when parts have come or a value has changed; each round waits for what follows at once.
+  const lookSoon = () => { if (!due) [due] = [true, setTimeout(look, LOOK)]; };
+  for (const kind of ["flexlab-structure", "input", "visibilitychange"]) addEventListener(kind, lookSoon, true);
+  new MutationObserver(lookSoon).observe(document, { subtree: true, attributes: true, attributeFilter: ["aria-valuenow", "value"] });
+  setInterval(() => { look(); tellCalmly(); }, CALM);
 })();

@@ -45,6 +45,7 @@
   }
 
   const LOOK = 100; // ms between two checks, also in a hidden page
+  const LIVELY = 1000; // ms for which places are measured at each of them after something happened; then once in so long
   const english = (part) => window.flexlabEnglish?.(part) ?? part.textContent; // the English text in any language
   const SHEET = 'div[style*="position: fixed"][style*="width: 20em"]'; // the panel of a page in one column
   // viser lays a page out in one column below 36em; beside a panel the scene has no room below 60em either.
@@ -70,6 +71,19 @@
   const format = Object.getOwnPropertyDescriptor(Intl.NumberFormat.prototype, "format");
   Object.defineProperty(Intl.NumberFormat.prototype, "format", { ...format,
     get() { const plain = format.get.call(this); return (value) => plain(value).replace("-", "−").replace(/(?<=\d),(?=\d{3})/g, ""); } });
+
+  // viser writes the lab's own address into that of a page below a path, as if it were another server's.
+  for (const name of ["pushState", "replaceState"]) {
+    const plain = history[name].bind(history);
+    history[name] = (state, title, url) => {
+      const to = new URL(url ?? location.href, location.href);
+      if (to.searchParams.get("websocket")?.split("://")[1].startsWith(location.host)) {
+        to.searchParams.delete("websocket");
+        to.search = to.search.replace(/=(?=&|$)/g, "");
+      }
+      plain(state, title, to.href);
+    };
+  }
 
   const darkSystem = matchMedia("(prefers-color-scheme: dark)");
   let seenRun = 0;
@@ -148,7 +162,7 @@
     const box = window.__viserMutable?.canvas?.getBoundingClientRect();
     if (!box?.width) return;
     const style = document.documentElement.style;
-    const [above, below] = covered();
+    const [above, below] = hidden;
     style.setProperty("--fl-picture-center", `${Math.round(box.top + (1 + above - below) / 2 * box.height)}px`);
     style.setProperty("--fl-picture-middle", `${Math.round(box.left + box.width / 2)}px`);
     style.setProperty("--fl-picture-left", `${Math.round(box.left)}px`);
@@ -156,21 +170,48 @@
     style.setProperty("--fl-picture-width", `${Math.round(box.width)}px`);
   }
 
-  // A legend shows a missing value as –, and −0 as 0.
+  // A legend shows values to a thousandth of the axis or finer, a missing one as –.
   function tellPlainly(series) {
     if (series.isPlain) return;
-    const told = series.value;
     series.isPlain = true;
-    series.value = (chart, value, ...place) => Number.isFinite(value) ? told(chart, value, ...place).replace(/^[-−]0$/, "0") : "–";
+    series.value = (chart, value) => {
+      if (!Number.isFinite(value)) return "–";
+      const { min, max } = chart.scales[series.scale];
+      const shown = value.toFixed(Math.min(Math.max(3 - Math.floor(Math.log10(Math.max(-min, max))), 0), 9));
+      return Number(shown) ? shown.replace("-", "−") : "0";
+    };
+  }
+
+  // Places change by what a person does and by what comes and goes; to measure them makes the browser lay the page out.
+  let lively = Infinity, measured = -Infinity, hidden = [0, 0], charts = {};
+  for (const kind of ["flexlab-structure", "resize", "scroll", "wheel", "pointerdown", "pointermove", "pointerup", "keydown", "keyup"]) {
+    addEventListener(kind, (event) => {
+      if (kind !== "pointermove" || event.buttons) lively = performance.now() + LIVELY;
+    }, { capture: true, passive: true });
+  }
+
+  function measure() {
+    const now = performance.now();
+    if (now > lively && now - measured < LIVELY) return;
+    measured = now;
+    if (lively === Infinity && isComplete()) lively = now + LIVELY;
+    hidden = covered();
+    measurePicture();
+    charts = openCharts();
+    keepOpenPanels();
   }
 
   // Without a cursor in a chart, its legend shows the newest values.
+  const told = new WeakMap(); // chart → the data of which its legend tells
+
   function tellNewest() {
     for (const { chart } of Object.values(window.__viserTestpoints?.uplots ?? {})) {
       chart.series.slice(1).forEach(tellPlainly);
       if (chart.root.offsetParent === null || !(chart.cursor.left < 0)) continue;
       let last = chart.data[0].length - 1;
       while (last > 0 && !Number.isFinite(chart.data[1]?.[last])) last -= 1;
+      if (told.get(chart) === chart.data && chart.legend.idx === last) continue;
+      told.set(chart, chart.data);
       chart.setLegend({ idx: last }, false);
     }
   }
@@ -255,14 +296,13 @@
     watchRun();
     watchCamera();
     tellNewest();
-    measurePicture();
     const way = document.querySelector(".fl-reports")?.dataset.way;
     if (way !== connection) someoneActed = false; // A new connection brings the panels folded.
-    keepOpenPanels();
+    measure();
     watchAge(way ?? connection);
     if (!way || !window.__viserMutable?.sendMessage) return;
-    const report = JSON.stringify({ run: drawnRun, charts: openCharts(), dark: darkSystem.matches, width: innerWidth,
-      covered: covered(), open: lastOpen, again,
+    const report = JSON.stringify({ run: drawnRun, charts, dark: darkSystem.matches, width: innerWidth,
+      covered: hidden, open: lastOpen, again,
       hears: document.querySelector(".fl-hear")?.getAttribute("aria-pressed") === "true" });
     if (sent === way + report) return;
     sent = way + report;

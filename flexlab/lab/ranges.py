@@ -1,7 +1,9 @@
-"""A plot's vertical range: it grows at once, shrinks late, and only in steps of 1, 2, 5, so that it hardly ever jumps."""
+"""A plot's vertical range: it grows at once, shrinks late, and only in steps, so that it hardly ever jumps."""
 
 import math
 
+STEPS = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0)
+"""Ends of axes, times a power of ten."""
 SHRINK_BELOW = 0.45
 """The range shrinks when the signals use less than this share of it ..."""
 SHRINK_AFTER = 15
@@ -62,11 +64,11 @@ class Span:
 
 
 def round_up(value: float) -> float:
-    """The least of 1, 2, 5 times a power of ten that is not below `value`; 0 for what is not a positive number."""
+    """The least of `STEPS` times a power of ten that is not below `value`; 0 for what is not a positive number."""
     if not value > 0 or not math.isfinite(value):
         return 0.0
     power = 10.0 ** math.floor(math.log10(value))
-    for step in (1.0, 2.0, 5.0):
+    for step in STEPS:
         if value <= step * power * (1 + 1e-9):
             return step * power
     return 10.0 * power

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from flexlab.analysis.explanations import explain_run
 from flexlab.analysis.figures import draw_signals, page_svg
@@ -25,7 +25,7 @@ from flexlab.lab.viser_internals import in_the_systems_colors
 from flexlab.lab.viser_server import open_server
 from flexlab.presets import scenario_text
 from flexlab.sim.samples import MEASURED, Run
-from flexlab.text import number_text
+from flexlab.text import number_text, with_subscripts
 
 FRAMES_PER_SECOND = 30
 """Pictures per second of the recording: smooth to the eye, and ten seconds still make a small file."""
@@ -119,6 +119,7 @@ def run_page(run: Run, name: str, version: str, noted: Noted = NOTHING) -> str:
         noted=noted,
         why=explain_run(run),
         scenario=scenario_text(run.scenario),
+        subscripts=lambda text: Markup(with_subscripts(str(escape(text)))),
     )
 
 

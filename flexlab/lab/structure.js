@@ -2,10 +2,10 @@
 // change of the page, and the lab's numbers change all the time, which took half of the page's work. Here they are asked when
 // the structure of the page has changed, and what they are about gets a mark that takes their place in the sheet.
 (() => {
-  const MARK = "data-fl-rule";
+  const MARK = "data-fl-rule", CHANGED = "flexlab-structure";
   // What such rules speak of. Numbers, curves and words that change all the time are none of it.
   const PARTS = `button, input, label, svg, img, [class*="mantine-"], .uplot-container, #server-bar, .fl-begin, .fl-scrub, .fl-back,
-    .fl-box, .fl-why, .fl-caption, .fl-float, .fl-presentation`;
+    .fl-box, .fl-why, .fl-caption, .fl-float, .fl-reports`;
   const STATES = ["class", "aria-expanded", "data-fl-play", "data-fl-panel"]; // attributes of which such rules speak
   const asked = []; // the selectors, and the parts that have their marks: [{ selector, marked }]
 
@@ -55,6 +55,7 @@
       for (const part of found) if (!question.marked.has(part)) put(part, number, true);
       question.marked = found;
     });
+    dispatchEvent(new Event(CHANGED)); // for scripts that measure or name parts
   }
 
   const isPart = (node) => node.nodeType === Node.ELEMENT_NODE && (node.matches(PARTS) || node.querySelector(PARTS) !== null);

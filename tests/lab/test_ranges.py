@@ -1,10 +1,14 @@
 """Plot ranges grow at once, shrink late and take only round values."""
 
+import pytest
+
 from flexlab.lab.ranges import SHRINK_AFTER, Range, Span, round_up
 
 
-def test_rounding_takes_the_next_of_1_2_5() -> None:
-    assert [round_up(value) for value in (0.7, 1.0, 1.01, 2.0, 4.9, 5.1, 0.0012)] == [1, 1, 2, 2, 5, 10, 0.002]
+def test_rounding_takes_the_next_step() -> None:
+    assert [round_up(value) for value in (0.7, 1.0, 1.01, 2.0, 4.9, 5.1, 8.1)] == [0.8, 1, 1.5, 2, 5, 6, 10]
+    assert round_up(0.0012) == pytest.approx(0.0015)
+    assert round_up(262 * 1.05) == 300, "262 J fill most of their axis"
     assert round_up(0.0) == 0.0
     assert round_up(float("nan")) == 0.0
     assert round_up(float("inf")) == 0.0
@@ -16,7 +20,7 @@ def test_growing_at_once_shrinking_late() -> None:
     assert span.limit == 20.0
     changes = [span.fit(0.7) for _ in range(SHRINK_AFTER)]
     assert changes == [False] * (SHRINK_AFTER - 1) + [True]
-    assert span.limit == 1.0
+    assert span.limit == 0.8
 
 
 def test_a_returning_peak_keeps_the_range() -> None:
@@ -43,9 +47,9 @@ def test_each_side_reaches_as_far_as_its_signals_go() -> None:
     assert span.ends == (-2.0, 20.0), "a small side keeps room to be read"
     span = Span(0.1)
     span.fit(0.0, 3.0)
-    assert span.ends == (0.0, 5.0), "energy does not go below 0"
+    assert span.ends == (0.0, 4.0), "energy does not go below 0"
     span.fit(-0.004, 3.0)
-    assert span.ends == (0.0, 5.0), "what nobody can see gets no room"
+    assert span.ends == (0.0, 4.0), "what nobody can see gets no room"
     span = Span(0.1)
     span.fit(-4.0, -3.0)
     assert span.ends == (-5.0, 0.0)

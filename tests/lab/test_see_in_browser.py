@@ -186,6 +186,10 @@ def test_plots_on_every_tab(page: LabPage) -> None:
             "the legend has numbers or –",
         )
         page.picture(f"plots-{tab.lower()}")
+    values = """() => Object.values(window.__viserTestpoints.uplots)
+        .map(({ chart }) => [chart, Math.max(-chart.scales.y.min, chart.scales.y.max)])
+        .map(([chart, end]) => chart.series[1].value(chart, 0.0012 * end))"""
+    assert "0" not in page.page.evaluate(values), "a thousandth of the axis is no zero"
     page.open_tab("View")
     page.choose("Plot window", "1 s")
     span = "() => { const u = Object.values(window.__viserTestpoints.uplots)[0].chart.scales.x; return u.max - u.min; }"

@@ -122,6 +122,7 @@ def test_play_screen_and_lab_have_no_grave_findings_and_are_used_by_keyboard(pag
     page.goto(f"/lab/?play&token={TEACHER}")
     page.locator(".fl-summary").wait_for(state="attached")
     page.get_by_role("img", name=re.compile("^The paper's experiment: 2 arms hold a flexible beam. ")).wait_for()
+    assert page.url.endswith("/?play"), "viser adds nothing to the address"
     findings = light_and_dark(page)
     stiffness = page.get_by_role("slider", name="Stiffness EI", exact=True)
     assert stiffness.get_attribute("aria-valuetext") == "100 N·m²"

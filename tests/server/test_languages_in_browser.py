@@ -46,6 +46,9 @@ STAYS = (
 """What every language shows as it is."""
 ENGLISH = re.compile(r"[A-Za-z]{3,}(?:[ ’'-][A-Za-z]{3,}){2,}")
 """Three words in a row."""
+INDEXED = """() => [...document.querySelectorAll('sub')].map(
+  (index) => `${index.previousSibling.nodeValue.slice(-1)}_${index.textContent}`)"""
+"""Symbols with an index."""
 VISIBLE = """() => {
   const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), found = [];
   while (walker.nextNode()) {
@@ -71,8 +74,11 @@ def page(plain_chromium: Browser, recorded: Path, tmp_path_factory: pytest.TempP
         window = open_window(plain_chromium, 1440, 900, base_url=f"http://127.0.0.1:{server.port}", locale="de-DE")
         opened = window.new_page()
         opened.route("**/viewer/**", lambda request: request.abort())
+        said: list[str] = []
+        opened.on("console", lambda message: said.append(message.text))
         opened.goto("/")
         yield opened
+        assert not [text for text in said if "Content Security Policy" in text]
         window.close()
 
 
@@ -113,6 +119,9 @@ def test_every_page_speaks_german_chinese_and_english(page: Page) -> None:
         page.locator("h1").wait_for()
         page.locator(".progress[data-working]").wait_for(state="detached")
         missing |= left(page)
+    page.goto("/leaderboard")
+    page.wait_for_function("document.querySelector('img.figure')?.src.startsWith('data:')")
+    assert {"w_qs", "e_x"} <= set(page.evaluate(INDEXED)), "symbols have real subscripts"
     page.goto("/lab/?play")
     page.get_by_role("button", name="Antippen").wait_for()
     page.get_by_role("slider", name="Steifigkeit EI", exact=True).wait_for()

@@ -16,6 +16,7 @@ from flexlab.analysis.result import number_column
 from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.plan import Plan
 from flexlab.errors import StudyError
+from flexlab.text import in_mathtext
 
 SIZE = (6.0, 4.2)
 """Inches."""
@@ -187,5 +188,5 @@ def _label(plan: Plan, axis: Axis) -> str:
     if not plan.scenario.has(axis.path):
         return axis.path
     about = plan.scenario.about(axis.path)
-    symbol = f", {about.symbol}" if about.symbol else ""
+    symbol = f", {in_mathtext(about.symbol)}" if about.symbol else ""
     return f"{about.title}{symbol}{f' ({about.unit})' if about.unit not in ('', '1') else ''}"

@@ -1,9 +1,11 @@
 // In the viewer's page. By itself the viewer asks for recordings without cookies: then a hub's login keeps it out. And it asks for
-// them whole: then proxies that hold an answer until it is complete pass on no long ones.
+// them whole: then proxies that hold an answer until it is complete pass on no long ones. And it asks its makers for news and
+// tells them of its use, which the page's policy refuses with complaints.
 { const plain = fetch, PART = 8e6;
   const ask = (what, options) => plain(new Request(new Request(what, options), { credentials: "same-origin" }));
   fetch = async (what, options) => {
     const asked = new Request(what, options);
+    if (/^https?:/.test(asked.url) && new URL(asked.url).origin !== location.origin) return new Response(null, { status: 503 });
     if (asked.method !== "GET" || !new URL(asked.url).pathname.endsWith(".rrd")) return ask(asked);
     const part = from => ask(new Request(asked, { headers: { Range: `bytes=${from}-${from + PART - 1}` } }));
     const first = await part(0), size = +(first.headers.get("Content-Range") ?? "").split("/")[1];

@@ -1,5 +1,6 @@
 // Shows the page in the language that the browser prefers, or that was chosen here: texts are replaced where they stand, by the
-// catalogue of that language (/static/de.json). English, and what a catalogue lacks, stays as it came.
+// catalogue of that language (/static/de.json). English, and what a catalogue lacks, stays as it came. In all languages symbols
+// such as f_d get a real subscript.
 (() => {
   const script = document.currentScript;
   const base = script.src.replace(/\/static\/[^/]*$/, ""); // A proxy may have a path before ours.
@@ -20,9 +21,14 @@
   const NUMERAL = "([+−-]?\\d[\\d.e+−-]*)";
   const KINDS = { n: NUMERAL, m: NUMERAL, code: "([a-z\\d]\\S*)", symbol: "([A-Za-z]?[^\\sa-z]\\S*|[A-Za-z])" }; // else any part
 
+  const SYMBOL = /(?<![\p{L}\p{Nd}_.\\-])(\p{L}\p{M}*)_([\p{L}\p{Nd}]{1,4})(?![\p{L}\p{Nd}_]|\.\p{L})/u;
+  const PLAIN = "option, title, code, kbd, svg";
+
   let exact = new Map(), patterns = new Map(), kept = new Map(), watching = null, language = "en";
   const texts = new WeakMap(), attributes = new WeakMap(); // node → { source: English, shown: what stands there }
   const pictures = new WeakMap(); // image → its file
+  const lowered = new WeakMap(); // text → { whole: what it shows, head: what stands in it, tail: the nodes behind it }
+  const own = new WeakSet(); // the nodes of such tails
   const untranslated = new Set();
 
   function read(catalogue) {
@@ -104,14 +110,42 @@
     if (isWords(text) && untranslated.size < MOST_KEPT) untranslated.add(text.replace(NUMBER, "0"));
   }
 
+  function shownBy(text) {
+    const parts = lowered.get(text);
+    return parts?.head === text.nodeValue ? parts.whole : text.nodeValue;
+  }
+
   function current(text) {
     const seen = texts.get(text);
-    return seen?.shown === text.nodeValue ? seen.source : text.nodeValue;
+    return seen?.shown === shownBy(text) ? seen.source : shownBy(text);
   }
 
   function put(text, source, shown) {
     texts.set(text, { source, shown });
-    if (text.nodeValue !== shown) text.nodeValue = shown;
+    if (shownBy(text) === shown && (lowered.has(text) || !SYMBOL.test(shown))) return;
+    raise(text);
+    const [head, ...rest] = text.parentElement?.closest(PLAIN) ? [shown] : shown.split(SYMBOL);
+    if (text.nodeValue !== head) text.nodeValue = head;
+    if (rest.length) lower(text, shown, head, rest);
+  }
+
+  // `rest`: letter, subscript and what follows, for each symbol.
+  function lower(text, whole, head, rest) {
+    const tail = [];
+    text.nodeValue = head + rest[0];
+    for (let k = 0; k < rest.length; k += 3) {
+      const index = document.createElement("sub");
+      index.textContent = rest[k + 1];
+      tail.push(index, document.createTextNode(rest[k + 2] + (rest[k + 3] ?? "")));
+    }
+    for (const node of tail) own.add(node).add(node.firstChild ?? node);
+    lowered.set(text, { whole, head: text.nodeValue, tail });
+    text.after(...tail);
+  }
+
+  function raise(text) {
+    lowered.get(text)?.tail.forEach((node) => node.remove());
+    lowered.delete(text);
   }
 
   // The texts and inline elements beside a text make one sentence; its marks are those of markdown.
@@ -128,6 +162,7 @@
 
   function flatten(nodes, parts = []) { // → marks (strings) and texts (nodes) in their order
     for (const node of nodes) {
+      if (own.has(node)) continue;
       if (node.nodeType === Node.TEXT_NODE) parts.push(node);
       else if (node.tagName in MARKS) {
         const [before, after] = MARKS[node.tagName];
@@ -143,9 +178,13 @@
 
   function showRun(parts) {
     const whole = spaces(parts.map((part) => typeof part === "string" ? part : current(part)).join(""));
-    const found = language === "en" || !isWords(whole) ? undefined : exact.get(whole.trim()) ??
+    let found = language === "en" || !isWords(whole) ? undefined : exact.get(whole.trim()) ??
       byPattern(whole.trim(), false) ?? byPattern(whole.trim(), true);
-    if (found === undefined) return whole.trim();
+    if (found === undefined) {
+      if (!SYMBOL.test(whole) || parts.some((part) => typeof part === "string")) return whole.trim();
+      found = whole.trim(); // viser breaks it behind the _ of its symbol
+      if (language !== "en") miss(found);
+    }
     let rest = whole.match(/^ ?/)[0] + found + whole.match(/ ?$/)[0];
     const shown = [];
     for (const [k, part] of parts.entries()) {
@@ -193,7 +232,8 @@
     pictures.set(image, file);
     const answer = await fetch(file);
     if (!answer.ok) return;
-    const drawing = new DOMParser().parseFromString(await answer.text(), "image/svg+xml");
+    // Styles rest while the drawing is no image: the policy of a page, which holds for what it reads too, has none in a text.
+    const drawing = new DOMParser().parseFromString((await answer.text()).replaceAll("style", "resting"), "image/svg+xml");
     for (const text of drawing.querySelectorAll("text")) {
       const source = text.textContent.trim();
       const shown = source.split("  ").map((part) => {
@@ -204,13 +244,13 @@
       if (shown !== source) text.textContent = shown; // Else its raised exponents stay.
     }
     image.src = language === "en" ? file
-      : `data:image/svg+xml,${encodeURIComponent(new XMLSerializer().serializeToString(drawing))}`;
+      : `data:image/svg+xml,${encodeURIComponent(new XMLSerializer().serializeToString(drawing).replaceAll("resting", "style"))}`;
   }
 
   function show(nodes, named = []) {
     const done = new Set();
     const text = (node) => {
-      if (done.has(node) || !node.isConnected || node.parentElement?.closest(ALONE)) return;
+      if (done.has(node) || own.has(node) || !node.isConnected || node.parentElement?.closest(ALONE)) return;
       const run = runOf(node), parts = flatten(run), among = parts.filter((part) => typeof part !== "string");
       for (const part of among) done.add(part);
       const flows = parts.length > 1 && run.some((part) => part.nodeType === Node.TEXT_NODE && isWords(current(part)));
@@ -241,10 +281,17 @@
 
   function changed(records) {
     const nodes = new Set(), named = [];
-    for (const { type, target, addedNodes, attributeName } of records) {
-      if (type === "characterData") { if (texts.get(target)?.shown !== target.nodeValue) nodes.add(target); }
+    const english = language === "en"; // Then nothing but symbols is looked for.
+    const isNew = (text) => !own.has(text) && texts.get(text)?.shown !== shownBy(text) && (!english || texts.has(text) || SYMBOL.test(text.nodeValue));
+    for (const { type, target, addedNodes, removedNodes, attributeName } of records) {
+      if (type === "characterData") { if (isNew(target)) nodes.add(target); }
       else if (type === "attributes") named.push([target, attributeName]);
-      else for (const node of addedNodes) if (texts.get(node)?.shown !== node.nodeValue || node.nodeType === Node.ELEMENT_NODE) nodes.add(node);
+      else {
+        for (const node of removedNodes) raise(node);
+        for (const node of addedNodes) {
+          if (node.nodeType === Node.TEXT_NODE ? isNew(node) : !own.has(node) && (!english || node.textContent.includes("_"))) nodes.add(node);
+        }
+      }
     }
     show(nodes, named);
   }
@@ -257,10 +304,8 @@
     show([document.documentElement]);
     watching ??= new MutationObserver(changed);
     watching.disconnect();
-    if (code !== "en") {
-      watching.observe(document.documentElement,
-        { subtree: true, childList: true, characterData: true, attributes: true, attributeFilter: ATTRIBUTES });
-    }
+    const attributes = code === "en" ? {} : { attributes: true, attributeFilter: ATTRIBUTES };
+    watching.observe(document.documentElement, { subtree: true, childList: true, characterData: true, ...attributes });
   }
 
   // For scripts that read the page: the English text of a part, or of its attribute, whatever is shown.
@@ -270,7 +315,7 @@
       return known?.shown === value ? known.source : value;
     }
     return flatten([...part.childNodes].flatMap(function inner(node) {
-      return node.nodeType === Node.TEXT_NODE ? [node] : [...node.childNodes].flatMap(inner);
+      return own.has(node) ? [] : node.nodeType === Node.TEXT_NODE ? [node] : [...node.childNodes].flatMap(inner);
     })).map(current).join("");
   };
   window.flexlabUntranslated = untranslated; // for whoever completes a catalogue
@@ -294,7 +339,8 @@
   try { before = localStorage.getItem(KEPT); } catch { /* No storage: the browser's languages count. */ }
   const preferred = [before, ...navigator.languages.map((name) => name.split("-")[0])];
   const chosen = preferred.find((code) => Object.hasOwn(offered, code)) ?? "en";
-  if (chosen !== "en") {
+  if (chosen === "en") turnTo(chosen);
+  else {
     const root = document.documentElement, appear = () => root.style.removeProperty("visibility");
     root.style.visibility = "hidden";
     setTimeout(appear, LONGEST_WAIT);

@@ -6,7 +6,8 @@ document.querySelector(".progress")?.addEventListener("progress", async ({ detai
   if (bar && detail.share > bar.value) await refresh();
 });
 
-const titled = (axis) => [axis.title, axis.symbol].filter(Boolean).join(" ") + (axis.unit ? ` (${axis.unit})` : "");
+// A drawing has no subscripts.
+const titled = (axis) => [axis.title, axis.symbol?.includes("_") ? "" : axis.symbol].filter(Boolean).join(" ") + (axis.unit ? ` (${axis.unit})` : "");
 
 const shortened = (word, most) => (word.length * 6.6 + 14 > most ? `${word.slice(0, Math.max(Math.floor((most - 14) / 6.6) - 1, 3))}…` : word);
 

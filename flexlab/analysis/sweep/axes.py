@@ -192,10 +192,9 @@ class VariedField:
 
     @property
     def words(self) -> str:
-        """Title, symbol and unit of the field, for a menu, which has no subscripts: without a symbol that needs one."""
+        """Title, symbol and unit of the field."""
         unit = f" ({self.about.unit})" if self.about.unit not in ("", "1") else ""
-        symbol = "" if "_" in self.about.symbol else self.about.symbol
-        return " ".join(filter(None, (self.about.title, symbol))) + unit
+        return " ".join(filter(None, (self.about.title, self.about.symbol))) + unit
 
     @property
     def part(self) -> str:

@@ -22,7 +22,7 @@
   const KINDS = { n: NUMERAL, m: NUMERAL, code: "([a-z\\d]\\S*)", symbol: "([A-Za-z]?[^\\sa-z]\\S*|[A-Za-z])" }; // else any part
 
   const SYMBOL = /(?<![\p{L}\p{Nd}_.\\-])(\p{L}\p{M}*)_([\p{L}\p{Nd}]{1,4})(?![\p{L}\p{Nd}_]|\.\p{L})/u;
-  const PLAIN = "option, title, code, kbd, svg";
+  const PLAIN = "option, title, code, kbd, svg", FIELDS = "select[name^=field]"; // A menu of fields goes without such symbols.
 
   let exact = new Map(), patterns = new Map(), kept = new Map(), watching = null, language = "en";
   const texts = new WeakMap(), attributes = new WeakMap(); // node → { source: English, shown: what stands there }
@@ -124,15 +124,16 @@
     texts.set(text, { source, shown });
     if (shownBy(text) === shown && (lowered.has(text) || !SYMBOL.test(shown))) return;
     raise(text);
-    const [head, ...rest] = text.parentElement?.closest(PLAIN) ? [shown] : shown.split(SYMBOL);
-    if (text.nodeValue !== head) text.nodeValue = head;
-    if (rest.length) lower(text, shown, head, rest);
+    const part = text.parentElement;
+    if (part?.closest(FIELDS)) lower(text, shown, [shown.replace(new RegExp(` ${SYMBOL.source}(?= \\(|$)`, "u"), "")]);
+    else lower(text, shown, part?.closest(PLAIN) ? [shown] : shown.split(SYMBOL));
   }
 
   // `rest`: letter, subscript and what follows, for each symbol.
-  function lower(text, whole, head, rest) {
+  function lower(text, whole, [head, ...rest]) {
     const tail = [];
-    text.nodeValue = head + rest[0];
+    if (text.nodeValue !== head + (rest[0] ?? "")) text.nodeValue = head + (rest[0] ?? "");
+    if (text.nodeValue === whole) return;
     for (let k = 0; k < rest.length; k += 3) {
       const index = document.createElement("sub");
       index.textContent = rest[k + 1];

@@ -22,7 +22,14 @@ from flexlab.recording.recorder import Recorder
 from flexlab.recording.repair import Mending, finish
 from flexlab.recording.rerun_internals.rrd_file import has_footer
 from flexlab.recording.run_info import RunInfo
-from flexlab.recording.store.run_files import check_folder, claim_run_file, list_runs, newest_run, run_state
+from flexlab.recording.store.run_files import (
+    check_folder,
+    claim_named_file,
+    claim_run_file,
+    list_runs,
+    newest_run,
+    run_state,
+)
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Run
 from flexlab.sim.world import World
@@ -51,6 +58,15 @@ def test_a_folder_is_made_if_it_is_not_there(tmp_path: Path) -> None:
 def test_a_finished_run_says_where_it_cannot_go(blocked: Path, run: Run) -> None:
     with pytest.raises(RecordingError, match="cannot be written"):
         write_run(run, blocked, "paper")
+
+
+def test_a_file_where_the_folder_should_be_is_told_as_such(tmp_path: Path) -> None:
+    (tmp_path / "logs").write_text("in the way")
+    for place in (tmp_path / "logs", tmp_path / "logs" / "deeper"):
+        with pytest.raises(RecordingError, match=r"cannot be written \(it is no folder\): the run is not recorded"):
+            claim_run_file(place, "paper", datetime.now().astimezone())
+        with pytest.raises(RecordingError, match=r"cannot be written \(it is no folder\)"):
+            claim_named_file(place / "run.rrd")
 
 
 def test_no_recording_is_said(tmp_path: Path) -> None:

@@ -79,10 +79,19 @@ def check_folder(logs: Path) -> None:
         ) from None
 
 
+def _make_folder(folder: Path) -> None:
+    """Make a folder for recordings if it is not there. Raises `RecordingError`."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        reason = "it is no folder" if isinstance(error, FileExistsError | NotADirectoryError) else error.strerror
+        raise RecordingError(f"{folder} cannot be written ({reason}): the run is not recorded.") from None
+
+
 def claim_named_file(path: Path) -> RunFile:
     """Create a file of this name. Raises `RecordingError`, also if there is one."""
+    _make_folder(path.parent)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
         return claim(path, "xb")
     except FileExistsError:
         raise RecordingError(f"{path} is there already: give another name, or a folder.") from None
@@ -93,10 +102,10 @@ def claim_named_file(path: Path) -> RunFile:
 def claim_run_file(logs: Path, name: str, started: datetime, part: int = 1) -> RunFile:
     """Create `<time>-<name>.rrd`, with a number added if that name is taken. Raises `RecordingError`."""
     stem = f"{started.strftime(TIME_FORMAT)}-{file_word(name)}" + (f"-part{part}" if part > 1 else "")
+    _make_folder(logs)
     for number in range(1, MAX_SAME_NAME):
         path = logs / (f"{stem}-{number}{SUFFIX}" if number > 1 else stem + SUFFIX)
         try:
-            logs.mkdir(parents=True, exist_ok=True)
             file = claim(path, "xb")
             if not file.in_place:  # Another process removed it as an empty file.
                 file.release()

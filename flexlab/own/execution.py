@@ -308,29 +308,28 @@ class RunningPath:
 
         options: the numbers of the options in the order of their declaration, flat.
         """
-        with self._lock:  # Runs of several threads share the object.
-            return self._poses(options, shares)
-
-    def _poses(self, options: np.ndarray, shares: np.ndarray) -> tuple[float, np.ndarray]:
-        self._text.set(self.declaration.settings, options)
         try:
-            span = self._span()
-            found = np.empty((len(shares), 3))
-            for k, t in enumerate((shares * span).tolist()):
-                given = self._path.position(t)
-                try:
-                    pose = real_numbers(given)
-                    fits = pose.shape == (3,) and np.isfinite(pose).all()
-                    found[k] = pose if fits else np.nan
-                except (TypeError, ValueError):
-                    fits = False
-                if not fits:
-                    raise TextProblem(self._wrong(t, given))
+            with self._lock:  # Runs of several threads share the object.
+                self._text.set(self.declaration.settings, options)
+                span = self._span()
+                return span, np.array([self._pose(t) for t in (shares * span).tolist()]).reshape(-1, 3)
         except (TextProblem, KeyboardInterrupt):
             raise
         except BaseException as error:  # SystemExit too.
             raise TextProblem(self._text.where(error)) from None
-        return span, found
+
+    def _pose(self, t: float) -> np.ndarray:
+        given = self._path.position(t)
+        try:
+            pose = real_numbers(given)
+            fits = pose.shape == (3,) and np.isfinite(pose).all()
+        except (TypeError, ValueError):
+            fits = False
+        if not fits:
+            where = self._text.at_return("position", lambda: self._path.position(t))
+            what = "nothing" if given is None else short(given)
+            raise TextProblem(f"{where}: position({t:g}) returned {what}, which is not three finite numbers x, y, θ.")
+        return pose
 
     def _span(self) -> float:
         given = getattr(self._path, self._lasts)
@@ -345,8 +344,3 @@ class RunningPath:
                 where = self._text.first_line(self._lasts)
             raise TextProblem(f"{where}: {self._lasts} = {short(span)} s is outside {SHORTEST:g} to {LONGEST:g} s.")
         return seconds
-
-    def _wrong(self, t: float, given: Any) -> str:
-        where = self._text.at_return("position", lambda: self._path.position(t))
-        what = "nothing" if given is None else short(given)
-        return f"{where}: position({t:g}) returned {what}, which is not three finite numbers x, y, θ."

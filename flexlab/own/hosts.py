@@ -8,9 +8,10 @@ import numpy as np
 
 from flexlab.compiled import PLAIN_PYTHON
 from flexlab.errors import FlexlabError, ScenarioError
+from flexlab.own.apart import LawApart, PathApart
 from flexlab.own.execution import RunningLaw, RunningPath
 from flexlab.own.link import address_in
-from flexlab.own.process import LawApart, OwnProcess, PathApart
+from flexlab.own.process import OwnProcess
 from flexlab.own.reading import TextProblem, digest, is_foreign
 
 Host = TypeVar("Host", RunningLaw | LawApart, RunningPath | PathApart)

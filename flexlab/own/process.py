@@ -1,4 +1,4 @@
-"""A law or path in a process of its own, as the lab sees it: its calls, reports and end, late answers, the line at fault."""
+"""A text in a process of its own, as the lab sees it: its reports and end, late answers, the line at fault."""
 
 import contextlib
 import json
@@ -8,7 +8,6 @@ import secrets
 import select
 import signal
 import socket
-import struct
 import subprocess
 import sys
 import threading
@@ -16,10 +15,6 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-
-from flexlab.own import child
-from flexlab.own.execution import FAILED, OUTCOME, WAIT, AnswerFunction, Channel, address_of, message_at
 from flexlab.own.reading import TextProblem
 from flexlab.text import visible
 
@@ -37,14 +32,8 @@ MARK = "FLEXLAB_OWN_TEXT"
 """In the environment of all processes of a text."""
 LINE_LIMIT, LONGEST_LINE_LIMIT = 0.3, 3.0
 """s to find out which line a late process is in, without and with its waits for a processor."""
-ANSWER_LIMIT, LATE_LIMIT = 0.05, 0.03
-"""s until a law's answer is late, fifty control periods of 1 ms; and s of work in a row after that until it is given up."""
 STARVED = 0.3
 """Share of a look without a processor from which on lateness is the machine's, not the text's."""
-POSES_LIMIT = 1.0
-"""s until a path's poses are late, a fifth of a millisecond for each."""
-TURN = b"\0"
-"""The byte that whoever asks a law takes and gives back."""
 
 
 class Look(NamedTuple):
@@ -318,82 +307,3 @@ class OwnProcess:
         if code is None:
             return f"{where}: it closed the connection by which flexlab asks it, or does not come to its end."
         return f"{where}: its process ended ({f'signal {-code}' if code < 0 else f'exit code {code}'})."
-
-
-class LawApart(OwnProcess):
-    """A control law in a process of its own, which kernels ask through a socket without Python's global lock."""
-
-    sort, limit, patience, longest = "law", LATE_LIMIT, 2.0, 10.0
-    late = f"act did not answer within {1e3 * ANSWER_LIMIT:g} ms."
-
-    def __init__(self, source: str, file: str):
-        """Starts the process; `ensure` waits until it is ready."""
-        super().__init__(source, file)
-        self._turn = os.pipe()
-        """One byte goes through it; whoever has it may ask."""
-        os.write(self._turn[1], TURN)
-        self._late_function = AnswerFunction(self._when_late)
-        self.channel = Channel(0, address_of(self._late_function), self._calls.fileno(), *self._turn)
-
-    def dispose(self) -> None:
-        """As above; no kernel may ask any more."""
-        super().dispose()
-        for end in self._turn:
-            os.close(end)
-
-    def _start_again(self) -> None:
-        turn = os.read(self._turn[0], 1)
-        try:
-            super()._start_again()
-        finally:
-            os.write(self._turn[1], turn)
-
-    def _start(self) -> None:
-        super()._start()
-        self._calls.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("ll", 0, int(1e6 * ANSWER_LIMIT)))
-
-    def _when_late(self, message: int, _: int) -> None:
-        """Tells the kernel whether to wait on for an answer."""
-        outcome = message_at(message)
-        try:
-            outcome[OUTCOME] = WAIT if self._wait() else FAILED
-        except Exception as error:
-            outcome[OUTCOME], self._problem = FAILED, f"{self._name}: {type(error).__name__}: {error}."
-
-
-class PathApart(OwnProcess):
-    """A path in a process of its own."""
-
-    sort, limit, patience, longest = "path", POSES_LIMIT, POSES_LIMIT, 15.0
-    late = f"position took longer than {POSES_LIMIT:g} s for its poses."
-
-    def poses(self, options: np.ndarray, shares: np.ndarray) -> tuple[float, np.ndarray]:
-        """As `RunningPath.poses`."""
-        self.ensure()
-        with self._lock:
-            sizes = np.array([len(options), len(shares)], np.int64)
-            try:
-                self._calls.sendall(sizes.tobytes() + np.concatenate([options, shares]).tobytes())
-                count = int(np.frombuffer(self._received(8), np.int64)[0])
-                if count == child.FAILED:
-                    self._listen(PROBE)
-                    problem, self._problem = self._problem, ""
-                    raise TextProblem(problem)
-                if count != len(shares):
-                    raise self._over(f"{self._name}: it answered with {count} poses where {len(shares)} are due.")
-                answer = np.frombuffer(self._received(8 * (1 + 3 * count)), float)
-            except OSError:
-                raise self._over(self._how_it_ended()) from None
-        return float(answer[0]), answer[1:].reshape(count, 3).copy()
-
-    def _received(self, size: int) -> bytes:
-        data = b""
-        while len(data) < size:
-            if not self._wait():
-                raise TextProblem(self._problem)
-            data += self._calls.recv(size - len(data))
-        return data
-
-    def _over(self, problem: str) -> TextProblem:
-        self._give_up(problem)
-        return TextProblem(self._problem)

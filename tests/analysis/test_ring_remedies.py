@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import flexlab
+from flexlab.analysis.identification.free_ring import recent_ring
 from flexlab.analysis.identification.remedies import remedies
-from flexlab.analysis.identification.ring import fit_ring, recent_ring
+from flexlab.analysis.identification.ring import fit_ring
 from flexlab.analysis.modes import modes
 from flexlab.errors import StudyError
 from flexlab.presets import load_preset

@@ -10,7 +10,8 @@ import pyarrow as pa
 
 from flexlab.analysis.identification.beam_parameters import BeamParameters, beam_parameters, read_measured
 from flexlab.analysis.identification.evidence import ring_begins
-from flexlab.analysis.identification.ring import Estimate, RingFit, fit_ring, ring_of_run
+from flexlab.analysis.identification.free_ring import ring_of_run
+from flexlab.analysis.identification.ring import Estimate, RingFit, fit_ring
 from flexlab.analysis.result import Result, provenance
 from flexlab.analysis.run_summary import note_metrics
 from flexlab.errors import RecordingError, StudyError

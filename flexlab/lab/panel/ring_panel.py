@@ -9,8 +9,9 @@ from functools import partial
 
 import viser
 
+from flexlab.analysis.identification.free_ring import recent_ring
 from flexlab.analysis.identification.remedies import SHAPERS, WANTED_RATIO, Remedies, remedies
-from flexlab.analysis.identification.ring import RingFit, fit_ring, recent_ring
+from flexlab.analysis.identification.ring import RingFit, fit_ring
 from flexlab.errors import FlexlabError, LabError
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.widgets import add_button, put

@@ -1,0 +1,84 @@
+"""Which samples of a run ring freely: after a tap, a release or a stop, until the next change of the run."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flexlab.analysis.identification.evidence import ring_begins
+from flexlab.errors import StudyError
+from flexlab.recording.reader import Recording
+from flexlab.sim.commands import ChangeScenario, Pull, Tap
+from flexlab.sim.samples import Samples
+from flexlab.sim.signals import DERIVED, TABLE
+from flexlab.sim.snapshot import Event
+
+LONGEST_RING = 2.0
+"""Longest ring that is fitted, s."""
+GONE = 0.005
+"""Amplitude, over the peak, at which a fitted ring ends."""
+STOOD = 0.01
+"""Time for which the target must stand still, s, so that a turning point is no stop."""
+
+
+def ring_of_run(
+    recording: Recording, name: str = "vibration", start: float | None = None, end: float | None = None
+) -> tuple[np.ndarray, np.ndarray, str]:
+    """(time s, signal, unit) of a free ring; `start` None: after the last tap, or from its beginning. Raises `StudyError`."""
+    about = {**TABLE, **DERIVED}.get(name)
+    if about is None or about.axes:
+        usable = [other for other, signal in {**TABLE, **DERIVED}.items() if not signal.axes and other != "time"]
+        raise StudyError(f"{name!r:.60} is no signal that rings: choose one of {', '.join(usable)}.")
+    samples = recording.samples
+    if len(samples) == 0:
+        raise StudyError(f"{recording.path.stem} has no samples.")
+    taps = [event.time for event in recording.events if isinstance(event.command, Tap)]
+    if start is None:
+        start = taps[-1] if taps else float(samples.time[ring_begins(np.asarray(samples[name], float))])
+    time, signal = _ring(samples, recording.events, name, start, end)
+    if not len(time):
+        raise StudyError(f"{recording.path.stem} has no samples after {start:g} s in which it rings freely.")
+    return time, signal, about.units[0]
+
+
+def recent_ring(samples: Samples, events: Sequence[Event]) -> tuple[np.ndarray, np.ndarray, str]:
+    """(time s, vibration m, what it follows) of the newest free ring in a running lab. Raises `StudyError` if there is none."""
+    pulls = [event for event in events if isinstance(event.command, Pull)]
+    if pulls and isinstance(pulls[-1].command, Pull) and pulls[-1].command.stiffness > 0:
+        raise StudyError("Somebody holds the machine: let go, and the ring that follows can be fitted.")
+    begins = [(event.time, "the tap") for event in events if isinstance(event.command, Tap)]
+    begins += [(event.time, "the release") for event in pulls]
+    stop = _stop(samples)
+    begins += [] if stop is None else [(stop, "the stop")]
+    begins = [begin for begin in begins if len(samples) and begin[0] >= samples.time[0]]
+    if not begins:
+        raise StudyError("There is no free ring to fit: tap the beam, or let a path that ends come to rest.")
+    first, what = max(begins)
+    time, signal = _ring(samples, events, "vibration", first, None)
+    if not len(time):
+        raise StudyError(f"There are no samples since {what} at t = {first:.3f} s: let the run go on for a moment.")
+    return time, signal, f"{what} at t = {first:.3f} s"
+
+
+def _ring(
+    samples: Samples, events: Sequence[Event], name: str, first: float, end: float | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Time and signal from `first`, s, until the next change of the run."""
+    disturbances = (ChangeScenario, Pull, Tap)
+    later = [event.time for event in events if isinstance(event.command, disturbances) and event.time > first]
+    last = end if end is not None else min([*later, first + LONGEST_RING, float(samples.time[-1])])
+    rows = (samples.time > first) & (samples.time <= last)
+    time, signal = samples.time[rows], np.asarray(samples[name])[rows]
+    if end is None and len(time):
+        # After the ring comes the bending by the motion, which is not part of the model.
+        loud = np.flatnonzero(np.abs(signal) > GONE * np.abs(signal).max())
+        stop = int(loud[-1]) + 1 if len(loud) else 0
+        time, signal = time[:stop], signal[:stop]
+    return time, signal
+
+
+def _stop(samples: Samples) -> float | None:
+    """Instant at which the target came to rest, s; None if it still moves or never moved."""
+    moving = np.flatnonzero(np.any(samples.desired_pose != samples.desired_pose[-1:], axis=1))
+    if not len(moving) or samples.time[-1] - samples.time[moving[-1]] < STOOD:
+        return None
+    return float(samples.time[moving[-1]])

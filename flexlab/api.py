@@ -111,15 +111,11 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
 
         It shows the scenario that the run started from. Raises `StudyError` for a run without samples.
         """
-        from contextlib import redirect_stdout
-        from io import StringIO
-
         from flexlab.lab.run_page import run_page
         from flexlab.recording.run_info import package_version
         from flexlab.text import Page
 
-        with redirect_stdout(StringIO()):  # viser says where it serves, which it does for a moment only.
-            return Page(run_page(self, self.name, package_version()))
+        return Page(run_page(self, self.name, package_version()))
 
     def to_arrow(self) -> "pyarrow.Table":
         """All signals as an Arrow table, a row per instant, with units in the columns' names, as `flexlab export` writes it."""

@@ -29,7 +29,9 @@ from flexlab.own import hosts
 from flexlab.presets import AnyLaw, AnyPath, AnyScenario, any_scenario, named_scenario
 from flexlab.recording.export import export_recording
 from flexlab.recording.reader import read_blocks, read_recording
+from flexlab.recording.run_info import package_version
 from flexlab.recording.store.run_files import find_run
+from flexlab.recording.store.run_index import RunRow, read_row
 
 AnyRun = Run | str | Path
 """A run; a recording's file, its name in the logs folder or the beginning of that; or "newest"."""
@@ -162,24 +164,19 @@ def export(
         if kind == ARCHIVE:
             write_capsule(path, target)
         elif kind == PAGE:
-            _write_page(path, target)
+            write_page(read_row(path), target)
         else:
             export_recording(read_recording(path, with_samples=False), target, first, last, read_blocks(path))
     return target
 
 
-def _write_page(path: Path, target: Path) -> None:
-    from contextlib import redirect_stdout
-    from io import StringIO
-
+def write_page(row: RunRow, target: Path) -> None:
+    """Write a recorded run as one page, with what is noted of it. Raises `StudyError`."""
     from flexlab.lab.run_page import Noted, write_run_page
-    from flexlab.recording.run_info import package_version
-    from flexlab.recording.store.run_index import read_row
 
-    recording, row = read_recording(path), read_row(path)
+    recording = read_recording(row.path)
     noted = Noted(row.heading, row.note, row.lessons, row.changes)
-    with redirect_stdout(StringIO()):  # viser says where it serves, which it does for a moment only.
-        write_run_page(recording.run, target, recording.name, package_version(), noted)
+    write_run_page(recording.run, target, recording.name, package_version(), noted)
 
 
 def _paths(runs: Iterable[AnyRun], logs: str | Path, stack: ExitStack) -> list[Path]:

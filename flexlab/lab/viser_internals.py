@@ -7,7 +7,8 @@ import gzip
 import socket
 import threading
 from collections.abc import Awaitable, Callable, Collection, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
+from io import StringIO
 from typing import Any, Literal, cast
 
 import viser
@@ -99,7 +100,8 @@ class GuardedServer(viser.ViserServer):
         """Held while a person's input is handled; other code that writes to widgets holds it too, see `_take_up_whole`."""
         # viser's page puts its own styles at the end of its head: what comes after the body has the last word.
         added = {"</head>": f"<script>{script}</script>", "</body>": f"<style>{sheet}</style>"}
-        with _serving_on(plug, admission, connection, largest_message, added):
+        # viser prints where it serves, which is flexlab's to say.
+        with _serving_on(plug, admission, connection, largest_message, added), redirect_stdout(StringIO()):
             super().__init__(host="127.0.0.1", port=plug.getsockname()[1], label=label, verbose=False)
         self._take_up_whole()
 
@@ -124,7 +126,8 @@ class GuardedServer(viser.ViserServer):
         loop = self._websock_server._background_event_loop
         if loop is not None and not loop.is_closed():
             loop.call_soon_threadsafe(loop.call_later, GOODBYE_TIME, self._cut)
-        super().stop()
+        with redirect_stdout(StringIO()):
+            super().stop()
 
     def _cut(self) -> None:
         for connection in list(self._websock_server._live_connections.values()):

@@ -5,7 +5,6 @@ When a visitor opens the library, a process at low priority measures runs that h
 
 import contextlib
 import hashlib
-import io
 import os
 import time
 import zipfile
@@ -26,7 +25,6 @@ from flexlab.recording.export import export_recording
 from flexlab.recording.importing import import_into
 from flexlab.recording.overlay import write_comparison
 from flexlab.recording.reader import read_blocks, read_range, read_recording
-from flexlab.recording.run_info import package_version
 from flexlab.recording.store.notes import is_regular, notes_path, read_notes
 from flexlab.recording.store.run_files import SUFFIX, remove_run
 from flexlab.recording.store.run_index import RunRow
@@ -146,13 +144,10 @@ def whole_into(row: RunRow, kind: str, folder: Path) -> Path:
     target = folder / f"{row.path.stem}.{kind}"
     if kind == "zip":
         write_capsule(row.path, target)
-        return target
-    from flexlab.lab.run_page import Noted, write_run_page  # Only this job needs a drawing library.
+    else:
+        from flexlab.study_api import write_page  # Only this job needs all studies.
 
-    recording = read_recording(row.path)
-    noted = Noted(row.heading, row.note, row.lessons, row.changes)
-    with contextlib.redirect_stdout(io.StringIO()):  # viser prints its address, although it serves only for a moment.
-        write_run_page(recording.run, target, recording.name, package_version(), noted)
+        write_page(row, target)
     return target
 
 

@@ -1,13 +1,11 @@
 """One lab with its recorder: the page on a loopback port, every run into the logs folder. And as the one lab of all visitors."""
 
 import asyncio
-import contextlib
 import math
 import shutil
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -118,8 +116,7 @@ class RecordedLab(Lab):
                 recorded=self._recorded,
                 recorded_as=lambda: recorder.path.stem if recorder.path is not None else "",
             )
-            with _quiet():
-                self._session.start()
+            self._session.start()
             self.port = self._session.port
             lab_state = self._session.lab_state
             self._lessons = lambda: lab_state.lessons.values()  # Its run ends after the session.
@@ -216,15 +213,9 @@ class RecordedLab(Lab):
     def close(self) -> Path | None:
         """End the lab; its run is kept in the file whose path this returns."""
         last = self._recorder.path
-        with _quiet():
-            self._session.stop()
+        self._session.stop()
         self._recorder.close()
         return last
-
-
-def _quiet() -> contextlib.AbstractContextManager[object]:
-    """Suppress viser's own banner."""
-    return contextlib.redirect_stdout(StringIO())
 
 
 class SharedLab(LabProvider):

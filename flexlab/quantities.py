@@ -120,6 +120,7 @@ def _one_or_three(value: Any) -> float | tuple[float, ...]:
 Number = Annotated[float, BeforeValidator(_number)]
 Count = Annotated[int, BeforeValidator(_whole_number)]
 Numbers = Annotated[tuple[float, ...], BeforeValidator(_numbers)]
+CountPair = Annotated[tuple[Count, Count], BeforeValidator(_fixed_length(2))]
 Pair = Annotated[tuple[float, float], BeforeValidator(_fixed_length(2))]
 Quartet = Annotated[tuple[float, float, float, float], BeforeValidator(_fixed_length(4))]
 Triple = Annotated[tuple[float, float, float], BeforeValidator(_fixed_length(3))]

@@ -1,13 +1,14 @@
 """Settings of an environment, and its worlds, which move together on several threads."""
 
 import difflib
-import numbers
 import os
 import weakref
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
+from pydantic import ValidationError, ValidationInfo, field_validator
+from pydantic_core import PydanticCustomError
 
 from flexlab.compiled import PLAIN_PYTHON, entry_point
 from flexlab.errors import StudyError
@@ -15,8 +16,10 @@ from flexlab.gym_environment.kernels import OBSERVED, Variants, Worlds, begin_wo
 from flexlab.gym_environment.standing_threads import StandingThreads
 from flexlab.physics.law_input import MOST_DELAY
 from flexlab.physics.plant import Workspace
-from flexlab.presets import AnyScenario, any_scenario
+from flexlab.presets import any_scenario
+from flexlab.quantities import Count, CountPair, Number, Pair, Part, Triple, quantity
 from flexlab.scenario import Scenario
+from flexlab.scenario.validation_errors import problem
 from flexlab.sim.assembly import Assembly
 from flexlab.sim.closed_loop import new_workspace, state_length
 from flexlab.sim.integrators.scheme import Etdrk4
@@ -27,12 +30,7 @@ from flexlab.sim.step_trial import build_assembly
 from flexlab.sim.target import desired_at
 from flexlab.sim.termination import DEFLECTION_LIMIT, check_trajectory
 
-WRENCH, TORQUES = "wrench", "torques"
-LARGEST_NOISE = 1.0
-MOST_VARIANTS = 1024
-MOST_THREADS = 1024
-SHORTEST_PERIOD, LONGEST_PERIOD = 1e-4, 0.02
-"""s of a control period."""
+WRENCH = "wrench"
 
 
 @dataclass(frozen=True)
@@ -55,79 +53,58 @@ RULES = {
 """By version of the environment; released versions do not change."""
 
 
-@dataclass(frozen=True)
-class Settings:
-    """Settings of an environment. Raises `StudyError` for values that are not usable."""
+class Settings(Part):
+    """Settings of an environment."""
 
-    scenario: AnyScenario = "paper"
+    scenario: Any = "paper"
     """Gives arms, beam and path; its control law does not act."""
-    action: str = WRENCH
+    action: Literal["wrench", "torques"] = WRENCH
     """"wrench" (3 numbers) or "torques" (3 per arm), see `environment`."""
-    control_period: float = 1e-3
-    """s between two actions."""
-    duration: float = 2.0
-    """s of an episode."""
-    stiffness: tuple[float, float] | None = None
-    """EI of an episode, N·m²: from a range, equal ratios equally likely; None: the scenario's."""
-    delay: tuple[int, int] = (0, 0)
-    """Control periods by which an episode's actions arrive late: from a range, both ends included."""
-    noise: float = 0.0
-    """Largest scale of the measuring noise, of which an episode has a random share: 1 is `environment.NOISE`."""
-    start_spread: tuple[float, float, float] = (0.005, 0.005, 0.01)
-    """Largest distance of an episode's start pose from the scenario's, m, m, rad."""
-    torque_limit: float = 200.0
-    """N·m of each joint."""
-    variants: int = 32
-    """Stiffnesses that represent the range; each takes some milliseconds when the environment is made."""
-    threads: int | None = None
-    """Threads that move the worlds; None: one per core. Few worlds use fewer."""
-    version: int = max(RULES)
+    control_period: Number = quantity(1e-3, title="Time between two actions", unit="s", low=1e-4, high=0.02)
+    duration: Number = quantity(2.0, title="Length of an episode", unit="s", low=1e-4, high=1e4)
+    stiffness: Pair | None = quantity(None, title="Bending stiffness", unit="N·m²", low=1e-3, high=1e12)
+    """EI of an episode: from a range, equal ratios equally likely; None: the scenario's."""
+    delay: CountPair = quantity((0, 0), title="Delay", unit="control periods", low=0, high=MOST_DELAY)
+    """By which an episode's actions arrive late: from a range, both ends included."""
+    noise: Number = quantity(0.0, title="Largest scale of the measuring noise", low=0.0, high=100.0)
+    """An episode has a random share of it: 1 is `NOISE`."""
+    start_spread: Triple = quantity((0.005, 0.005, 0.01), title="Spread", unit="m, m, rad", low=0.0, high=1.0)
+    """Largest distance of an episode's start pose from the scenario's."""
+    torque_limit: Number = quantity(200.0, title="Torque limit of each joint", unit="N·m", low=1e-3, high=1e6)
+    variants: Count = quantity(32, title="Stiffnesses that represent the range", low=1, high=1024)
+    """Each takes some milliseconds when the environment is made."""
+    threads: Count | None = quantity(None, title="Threads that move the worlds", low=1, high=1024)
+    """None: one per core. Few worlds use fewer."""
+    version: Literal[0, 1] = 1
     """Of the environment, see `RULES`; its name says it."""
 
     @classmethod
     def of(cls, options: dict[str, Any]) -> "Settings":
-        """From keywords. Raises `StudyError` for one that is not known."""
-        known = [each.name for each in fields(cls)]
+        """From keywords. Raises `StudyError` for what is not usable."""
+        known = cls.model_fields
         for name in options:
             if name not in known:
                 near = difflib.get_close_matches(name, known, n=1)
                 hint = f"did you mean {near[0]}?" if near else f"choose among {', '.join(known)}."
                 raise StudyError(f"The environment has no option {name:.60}: {hint}")
-        return cls(**options)
+        try:
+            return cls(**options)
+        except ValidationError as error:
+            raise StudyError(problem(cls, error.errors(include_url=False)[0])[1]) from None
 
-    def __post_init__(self) -> None:
-        if not isinstance(self.action, str) or self.action not in (WRENCH, TORQUES):
-            raise StudyError(f"action = {self.action!r:.60} is not known: choose {WRENCH} or {TORQUES}.")
-        self._check("control_period", self.control_period, SHORTEST_PERIOD, LONGEST_PERIOD, "s")
-        self._check("duration", self.duration, self.control_period, 1e4, "s")
-        self._check("noise", self.noise, 0.0, LARGEST_NOISE * 100, "times NOISE")
-        self._check("torque_limit", self.torque_limit, 1e-3, 1e6, "N·m")
-        if type(self.version) is not int or self.version not in RULES:
-            raise StudyError(f"version = {self.version!r:.60} is not known: choose {' or '.join(map(str, RULES))}.")
-        for name, count in (("stiffness", 2), ("delay", 2), ("start_spread", 3)):
-            value = getattr(self, name)
-            if not (name == "stiffness" and value is None) and np.shape(value) != (count,):
-                need = "the smaller limit first, (low, high)" if count == 2 else "three numbers, (x, y, θ)"
-                raise StudyError(f"{name} = {value!r:.60} is not usable: write {need}.")
-        for spread in self.start_spread:
-            self._check("start_spread", spread, 0.0, 1.0, "m, m, rad")
-        for number in self.delay:
-            self._check("delay", number, 0, MOST_DELAY, "control periods", numbers.Integral)
-        self._check("variants", self.variants, 1, MOST_VARIANTS, "stiffnesses", numbers.Integral)
-        if self.threads is not None:
-            self._check("threads", self.threads, 1, MOST_THREADS, "threads", numbers.Integral)
-        if self.stiffness is not None:
-            for value in self.stiffness:
-                self._check("stiffness", value, 1e-3, 1e12, "N·m²")
-        for name in ("stiffness", "delay"):
-            pair = getattr(self, name)
-            if pair is not None and pair[0] > pair[1]:
-                raise StudyError(f"{name} = {pair!r:.60} is no range: write the smaller limit first, (low, high).")
+    @field_validator("stiffness", "delay")
+    @classmethod
+    def _rises(cls, value: Any) -> Any:
+        if value is not None and value[0] > value[1]:
+            raise PydanticCustomError("order", "it is no range, so write the smaller limit first")
+        return value
 
-    def _check(self, name: str, value: Any, low: float, high: float, unit: str, kind: Any = numbers.Real) -> None:
-        if isinstance(value, bool) or not isinstance(value, kind) or not low <= value <= high:
-            what = "whole number" if kind is numbers.Integral else "number"
-            raise StudyError(f"{name} = {value!r:.60} is not usable: give a {what} from {low:g} to {high:g} {unit}.")
+    @field_validator("duration")
+    @classmethod
+    def _holds_an_action(cls, value: float, info: ValidationInfo) -> float:
+        if value < info.data.get("control_period", 0.0):
+            raise PydanticCustomError("short", "it is shorter than a control period")
+        return value
 
     @property
     def rules(self) -> Rules:

@@ -31,14 +31,10 @@ class LawApart(OwnProcess):
         self._turn = os.pipe()
         """One byte goes through it; whoever has it may ask."""
         os.write(self._turn[1], TURN)
+        for end in self._turn:
+            self._open.callback(os.close, end)
         self._late_function = AnswerFunction(self._when_late)
         self.channel = Channel(0, address_of(self._late_function), self._calls.fileno(), *self._turn)
-
-    def dispose(self) -> None:
-        """As above; no kernel may ask any more."""
-        super().dispose()
-        for end in self._turn:
-            os.close(end)
 
     def _start_again(self) -> None:
         turn = os.read(self._turn[0], 1)

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import threading
 import time
+import weakref
 from pathlib import Path
 from typing import NamedTuple
 
@@ -67,8 +68,13 @@ class OwnProcess:
         self._source, self._file = source, file
         self._mark = secrets.token_hex(8)
         self._lock = threading.RLock()
-        self._calls = socket.socket(socket.AF_UNIX)  # Its number stays the same for all processes to come.
-        self._reports: socket.socket | None = None
+        # Their numbers stay the same for all processes to come.
+        self._calls, self._reports = socket.socket(socket.AF_UNIX), socket.socket(socket.AF_UNIX)
+        self._open = contextlib.ExitStack()
+        """What is closed when nobody may ask any more, or can."""
+        for one in (self._calls, self._reports):
+            self._open.enter_context(one)
+        weakref.finalize(self, self._open.close).atexit = False
         self._said, self._trace, self._heard = b"", "", 0
         self._process: subprocess.Popen[bytes] | None = None
         self._lifeline = -1
@@ -133,9 +139,7 @@ class OwnProcess:
     def dispose(self) -> None:
         """End the process and close its sockets: nobody may ask any more."""
         self.close()
-        self._calls.close()
-        if self._reports is not None:
-            self._reports.close()
+        self._open.close()
 
     @property
     def _name(self) -> str:
@@ -170,26 +174,24 @@ class OwnProcess:
         theirs.close()
         reporting.close()
         os.close(lifeline)
-        self._reports, self._said, self._trace, self._problem, self.is_loaded = reports, b"", "", "", False
+        self._said, self._trace, self._problem, self.is_loaded = b"", "", "", False
         self._worker = 0
-        reports.setblocking(False)
         text = self._source.encode()
         with contextlib.suppress(OSError):  # A process that ended at once says why.
             ours.sendall(len(text).to_bytes(8, "little") + text)
-        os.dup2(ours.fileno(), self._calls.fileno(), inheritable=False)
-        ours.close()
+        for new, kept in ((ours, self._calls), (reports, self._reports)):
+            os.dup2(new.fileno(), kept.fileno(), inheritable=False)
+            new.close()
+        self._reports.setblocking(False)
 
     def _listen(self, patience: float) -> None:
         """Read the process's reports, and the tracebacks that it writes between them."""
-        reports = self._reports
-        if reports is None:
-            return
         with self._lock:
             if patience:
-                select.select([reports], [], [], patience)
+                select.select([self._reports], [], [], patience)
             try:
                 taken = 0
-                while taken < MOST_READ and (data := reports.recv(65536)):
+                while taken < MOST_READ and (data := self._reports.recv(65536)):
                     self._said += data
                     taken += len(data)
                     self._heard += len(data)

@@ -1,6 +1,7 @@
 """What a law or path in Python starts ends with it and with the lab, however both end, and what it reports harms nobody."""
 
 import contextlib
+import gc
 import os
 import signal
 import subprocess
@@ -97,6 +98,19 @@ def test_all_that_a_law_started_ends_although_it_stopped_its_supervisor():
     wait_until(lambda: len(marked(mark)) == 3, "its processes")
     law.dispose()
     assert marked(mark) == []
+
+
+def test_a_law_that_nobody_has_any_more_leaves_no_file_open():
+    gc.collect()
+    before = os.listdir("/proc/self/fd")
+    law = LawApart(PD, "own_pd.py")
+    law.ensure()
+    law.close()
+    law.ensure()
+    law.close()
+    del law
+    gc.collect()
+    assert len(os.listdir("/proc/self/fd")) == len(before)
 
 
 def test_all_that_a_law_started_ends_although_it_killed_its_supervisor():

@@ -19,8 +19,8 @@ def load_share(seen: Evidence) -> str | None:
         return None
     force = span.internal_force[:, 0, :2]
     predicted = (share - 0.5) * 2 * span.moving_force[:, :2]
-    size, rest = (float(np.sqrt(np.mean(np.sum(part**2, axis=1)))) for part in (force, force - predicted))
-    made = float(np.sqrt(np.mean(np.sum(predicted**2, axis=1))))
+    parts = force, force - predicted, predicted
+    size, rest, made = (float(np.sqrt((part**2).sum(axis=1).mean())) for part in parts)
     if rest > UNEXPLAINED * size:
         return None
     return (
@@ -90,14 +90,14 @@ NEAR = 0.3
 @register("nearly singular arm", "det J_i = l_1 l_2 sin θ_2, Eq. (12)", "Joint torques", 12)
 def nearly_singular_arm(seen: Evidence) -> str | None:
     """The arm whose elbow came closest to straight in the newest second."""
-    found = []
-    for index, arm in enumerate(seen.scenario.arms):
-        reach, _, _ = wrist_reach(seen.scenario, index, seen.last_second.pose)
-        found.append((float(np.min(elbow_sine(reach, arm.link_length[0], arm.link_length[1]))), index, reach))
-    sine, index, reach = min(found, key=lambda one: one[0])
+    arms = seen.scenario.arms
+    reaches = [wrist_reach(seen.scenario, index, seen.last_second.pose)[0] for index in range(len(arms))]
+    sines = [float(np.min(elbow_sine(reach, *arm.link_length[:2]))) for reach, arm in zip(reaches, arms, strict=True)]
+    index = int(np.argmin(sines))
+    sine, reach = sines[index], reaches[index]
     if sine >= NEAR:
         return None
-    l1, l2, _ = seen.scenario.arms[index].link_length
+    l1, l2, _ = arms[index].link_length
     posture = "stretched" if float(np.max(reach)) > np.hypot(l1, l2) else "folded"
     torque = largest(seen.last_second.joint_torque[:, index])
     return (

@@ -55,7 +55,7 @@ def outside_the_layer(seen: Evidence) -> str | None:
         return None
     span, layer, around = found
     size = np.linalg.norm(span.sliding_variable, axis=1)
-    share, force = float(np.mean(size > layer)), around.largest_reaction
+    share, force = float((size > layer).mean()), around.largest_reaction
     if share < OFTEN or force <= gain * layer:
         return None
     return (
@@ -163,7 +163,7 @@ def leaking_estimates(seen: Evidence) -> str | None:
     if found is None or law.leakage <= 0 or seen.steady is None:
         return None
     now, rate, k0 = found
-    size = float(np.mean(np.linalg.norm(seen.steady.sliding_variable, axis=1)))
+    size = float(np.linalg.norm(seen.steady.sliding_variable, axis=1).mean())
     balance = size / (law.leakage * k0)
     if abs(rate) > STANDS * now or (not law.sensor_noise.active and abs(now / balance - 1) > BALANCES):
         return None

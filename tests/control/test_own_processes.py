@@ -115,7 +115,9 @@ def test_a_law_that_nobody_has_any_more_leaves_no_file_open():
 
 def test_all_that_a_law_started_ends_although_it_killed_its_supervisor():
     mark = f"flexlab-test-{os.getpid()}-supervisor"
-    world = world_of(CHILDREN.format(mark=mark) + at_work("if at.time > 0.003: os.kill(os.getppid(), 9); time.sleep(9)"))
+    world = world_of(
+        CHILDREN.format(mark=mark) + at_work("if at.time > 0.003: os.kill(os.getppid(), 9); time.sleep(9)")
+    )
     wait_until(lambda: len(marked(mark)) == 3, "its processes")
     world.advance(20)
     assert world.status.failed

@@ -113,10 +113,11 @@ class Visit(web.RequestHandler):
         return answer
 
     def log_exception(self, *words: Any, **more: Any) -> None:
-        """Log in one line a visitor who took nothing of a file: aiohttp would log the timeout as a defect."""
-        if isinstance(more.get("exc_info"), TimeoutError):
+        """Log in one line a visitor who took nothing of a file, and nothing of one who left: to aiohttp both are defects."""
+        reason = more.get("exc_info")
+        if isinstance(reason, TimeoutError):
             log.warning("Left %s, who took nothing of what was sent for %g s.", self.address, STALLED_TIME)
-        else:
+        elif not isinstance(reason, ConnectionError):  # The visitor has left meanwhile.
             super().log_exception(*words, **more)
 
     def cut(self) -> None:

@@ -6,6 +6,7 @@ import logging
 import os
 import signal
 import socket
+import struct
 import tempfile
 import time
 from collections.abc import Callable
@@ -83,6 +84,23 @@ def test_slow_heads_and_slow_bodies_end(open_another: Callable[..., FrontServer]
         wait_until(lambda: is_closed(body), "the slow body ends")
         time.sleep(2 * connections.LOOK)
         assert not is_closed(lab), "whoever looks at the lab stays"
+
+
+def test_a_visitor_who_leaves_before_the_answer_is_no_failure(
+    front_server: FrontServer, recorded: Path, caplog: pytest.LogCaptureFixture
+):
+    def on_their_way() -> list[Path]:
+        return list(front_server.workshop.glob("file-*"))
+
+    form = f"run={recorded.stem}&format=rrd".encode()
+    head = f"POST /runs/export HTTP/1.1\r\nHost: 127.0.0.1:{front_server.port}\r\nContent-Type: {FORM}\r\n"
+    with plug_to(front_server) as plug:
+        plug.sendall(f"{head}Content-Length: {len(form)}\r\n\r\n".encode() + form)
+        wait_until(on_their_way, "the archive is being made")
+        plug.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+    wait_until(lambda: not on_their_way(), "nothing of it is left")
+    assert ask(front_server.url).status == 200
+    assert not [record for record in caplog.records if record.exc_info]
 
 
 def test_guesses_are_slowed_and_the_right_token_passes(open_another: Callable[..., FrontServer]):

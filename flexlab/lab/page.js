@@ -85,6 +85,9 @@
     };
   }
 
+  // A menu that is placed is wider than a phone for an instant: the phone would show all of it smaller, and close the menu.
+  document.querySelector("meta[name=viewport]")?.setAttribute("content", "width=device-width, initial-scale=1, minimum-scale=1");
+
   const darkSystem = matchMedia("(prefers-color-scheme: dark)");
   let seenRun = 0;
   let drawnRun = 0;
@@ -338,6 +341,10 @@
     if (event.key !== "Escape") return;
     const buttons = [...document.querySelectorAll(".mantine-Modal-content button")];
     buttons.find((button) => english(button).trim() === "Close")?.click();
+  }, true);
+  // A menu that a hand has chosen from lets go of the keyboard: R and its like are for the lab again, not for its search.
+  addEventListener("click", ({ target, detail }) => {
+    if (detail && target.closest?.('[role="option"]')) setTimeout(() => document.activeElement?.blur(), 0);
   }, true);
   // A menu reports nothing when the shown option is chosen again; in the menu of presets that restarts the preset.
   addEventListener("click", (event) => {

@@ -121,7 +121,7 @@ async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
         await context.guesses.slow_down(address)
         return refuse(request, 401, "This is not the token: copy the address from the terminal again, as a whole.")
     # Cookies hold no token but a signature, which nobody finds by trying: a wrong one need not be held back.
-    given = request.cookies.get(context.token_cookie, "")
+    given = request.cookies.get(context.cookie("token"), "")
     if is_teacher(request) or context.token is None or same(given, context.signed("token", context.token)):
         return await handler(request)
     log.warning("Refused %.20s %.200r from %s: no token.", request.method, request.path, request.remote)
@@ -225,8 +225,7 @@ def _sign_in(request: web.Request, kind: str, token: str) -> web.Response:
     else:
         answer = web.Response(status=303, headers={hdrs.LOCATION: to})
     context = context_of(request)
-    cookie = context.teacher_cookie if kind == "teacher" else context.token_cookie
-    set_cookie(request, answer, cookie, context.signed(kind, token), "Strict")
+    set_cookie(request, answer, context.cookie(kind), context.signed(kind, token), "Strict")
     keep_visitor(request, answer, known_visitor_of(request))
     return answer
 

@@ -116,12 +116,12 @@ def visitor_of(request: web.Request) -> Visitor:
     """The visitor; without an id if their browser has none yet."""
     context = context_of(request)
     try:
-        given = request.cookies.get(context.name_cookie, "")[:LONGEST_COOKIE]
+        given = request.cookies.get(context.cookie("name"), "")[:LONGEST_COOKIE]
         name = checked_name(unquote(given, errors="strict"))
     except (LabError, UnicodeDecodeError):
         name = UNNAMED
     return Visitor(
-        _issued(context, request.cookies.get(context.visitor_cookie, "")), name, network_of(request.remote or "")
+        _issued(context, request.cookies.get(context.cookie("visitor"), "")), name, network_of(request.remote or "")
     )
 
 
@@ -155,7 +155,7 @@ async def greet(
     """Give a new visitor a cookie, so that many at one address are told apart."""
     answer = await handler(request)
     first = answer.status == 200 and answer.content_type == "text/html" and not answer.prepared
-    known = is_teacher(request) or visitor_of(request).id or context_of(request).visitor_cookie in answer.cookies
+    known = is_teacher(request) or visitor_of(request).id or context_of(request).cookie("visitor") in answer.cookies
     if first and not known:
         keep_visitor(request, answer, known_visitor_of(request))
     return answer
@@ -165,23 +165,20 @@ def keep_visitor(request: web.Request, answer: web.StreamResponse, visitor: Visi
     """Let a visitor's browser keep their id and name."""
     context = context_of(request)
     # Lax, not strict: a visitor who follows a link from another site finds their lab, too.
-    set_cookie(request, answer, context.visitor_cookie, visitor.id)
+    set_cookie(request, answer, context.cookie("visitor"), visitor.id)
     if visitor.name != visitor_of(request).name:
-        set_cookie(request, answer, context.name_cookie, quote(visitor.name, safe=""))
+        set_cookie(request, answer, context.cookie("name"), quote(visitor.name, safe=""))
 
 
 def is_teacher(request: web.Request) -> bool:
     """Whether the visitor may do everything: they have the teacher's token, or there is none."""
-    context = context_of(request)
-    if context.teacher_token is None:
-        return True
-    return has_teacher_cookie(request)
+    return context_of(request).teacher_token is None or has_teacher_cookie(request)
 
 
 def has_teacher_cookie(request: web.Request) -> bool:
     """Whether the visitor has shown the teacher's token or, where there is none, opened the teacher's page."""
     context = context_of(request)
-    given = request.cookies.get(context.teacher_cookie, "")
+    given = request.cookies.get(context.cookie("teacher"), "")
     wanted = context.signed("teacher", context.teacher_token)
     return same(given, wanted)
 

@@ -71,25 +71,13 @@ class Context:
         """The signature of a word, which a cookie of this kind holds: it neither reveals the word nor can be guessed."""
         return hmac.new(self.cookie_key, f"{kind} {word or ''}".encode(), "sha256").hexdigest()[:SIGNATURE]
 
-    @property
-    def token_cookie(self) -> str:
-        """Browsers keep cookies by host, not by port: two servers of one machine must not sign each other out."""
-        return f"flexlab-token-{self.port}"
+    def cookie(self, kind: str) -> str:
+        """The name of a cookie: of a token, the teacher, a visitor's name, or a visitor.
 
-    @property
-    def teacher_cookie(self) -> str:
-        """A cookie of its own: a teacher who opens the students' address stays the teacher."""
-        return f"flexlab-teacher-{self.port}"
-
-    @property
-    def name_cookie(self) -> str:
-        """Holds a visitor's name."""
-        return f"flexlab-name-{self.port}"
-
-    @property
-    def visitor_cookie(self) -> str:
-        """Holds a visitor's id."""
-        return f"flexlab-visitor-{self.port}"
+        Browsers keep cookies by host, not by port: two servers of one machine must not sign each other out. The teacher's is
+        another one: a teacher who opens the students' address stays the teacher.
+        """
+        return f"flexlab-{kind}-{self.port}"
 
 
 CONTEXT = web.AppKey("context", Context)

@@ -85,7 +85,7 @@ async def teacher(request: web.Request) -> web.Response:
     )
     if context.teacher_token is None:
         # Where everybody is the teacher, other people's labs open only to those who have been on this page.
-        set_cookie(request, answer, context.teacher_cookie, context.signed("teacher", None), "Strict")
+        set_cookie(request, answer, context.cookie("teacher"), context.signed("teacher", None), "Strict")
     return answer
 
 

@@ -205,7 +205,7 @@ found["replayed"] = replay(recording).identical
 for name in ("speed", "speed_squared", "push"):
     signal = np.asarray(run[name] if name != "speed" else run.speed)
     kept = [np.asarray(getattr(samples, name)) for samples in (
-        recording.samples, decode_block(encode_block(run.slice(0, len(run)))), import_run(table)[0])]
+        recording.samples, decode_block(encode_block(run.slice(0, len(run))))[0], import_run(table)[0])]
     found[name] = {
         "values": signal.tolist(), "same": [other.tobytes() == signal.tobytes() for other in kept],
         "columns": [word for word in columns if word.split(" ")[0] in (name, name + "_left", name + "_right")],

@@ -69,16 +69,12 @@ def encode_block(samples: Samples) -> bytes:
     return packed(head, planes)
 
 
-def decode_block(data: bytes) -> Samples:
-    """The samples that `encode_block` was given, read-only. Raises `RecordingError` for other bytes.
+def decode_block(data: bytes) -> tuple[Samples, int]:
+    """The samples that `encode_block` was given, read-only, and their recording's format, on which their meaning depends.
 
-    A signal that the block lacks is absent; a signal that this version does not know is kept.
+    A signal that the block lacks is absent; a signal that this version does not know is kept. Raises `RecordingError` for other
+    bytes.
     """
-    return decode_with_format(data)[0]
-
-
-def decode_with_format(data: bytes) -> tuple[Samples, int]:
-    """As `decode_block`, with the format of the recording, on which the meaning of the signals depends."""
     try:
         return _decode(data)
     except (zlib.error, struct.error, ArithmeticError, LookupError, RecursionError, TypeError, ValueError) as error:

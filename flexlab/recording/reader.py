@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from flexlab.errors import FlexlabError, RecordingError
-from flexlab.recording.codec import command_from_json, decode_with_format, state_from_json
+from flexlab.recording.codec import command_from_json, decode_block, state_from_json
 from flexlab.recording.rerun_internals.chunks import Row, Unreadable, entity_times, stream_rows
 from flexlab.recording.rerun_internals.tool import Mending
 from flexlab.recording.store.formats import Changes, migrate, readable, same_numbers
@@ -217,7 +217,7 @@ def _changes(recording: Recording) -> Changes:
 
 def _block(path: Path, scenario: Scenario, values: dict[str, Any], history: Callable[[], Changes]) -> Samples:
     try:
-        samples, written_in = decode_with_format(values.get("data", b""))
+        samples, written_in = decode_block(values.get("data", b""))
         _check_shapes(samples, scenario)
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from None

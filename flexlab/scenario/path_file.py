@@ -42,7 +42,7 @@ def path_choice(path: Any) -> Callable[[Scenario], Scenario]:
     """A function that gives scenarios the path of `with_path`, read once. Raises `PresetError`; the function `ScenarioError`."""
     if isinstance(path, (str, Path)) and str(path).lower().endswith(".csv"):
         rows = read_path_file(path)
-        return lambda scenario: _with_rows(scenario, rows)
+        return lambda scenario: parse_scenario(dict(scenario) | {"trajectory": {"kind": "table", "rows": rows}})
     change = {"trajectory.kind": known_kind("trajectory.kind", path_kind(path))}
     return lambda scenario: scenario.replace(change)
 
@@ -52,17 +52,6 @@ def known_kind(field: str, kind: str) -> str:
     if kind not in {"controller.kind": LAWS, "trajectory.kind": PATHS}[field].all():
         Scenario().replace({field: kind})
     return kind
-
-
-def with_path_file(scenario: Scenario, file: str | Path) -> Scenario:
-    """The scenario on the path of a CSV file. Raises `PresetError` or `ScenarioError`, with the row where one is wrong."""
-    return _with_rows(scenario, read_path_file(file))
-
-
-def _with_rows(scenario: Scenario, rows: tuple[tuple[float, float, float, float], ...]) -> Scenario:
-    data = dict(scenario)
-    data["trajectory"] = {"kind": "table", "rows": rows}
-    return parse_scenario(data)
 
 
 def read_path_file(file: str | Path) -> tuple[tuple[float, float, float, float], ...]:

@@ -15,7 +15,7 @@ from flexlab.presets import load_preset
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
 from flexlab.scenario import Scenario, parse_scenario
-from flexlab.scenario.path_file import read_path_file, with_path_file
+from flexlab.scenario.path_file import read_path_file, with_path
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.simulate import simulate
 from flexlab.sim.target import build_trajectory, desired_at
@@ -57,7 +57,7 @@ def test_a_free_table_repeats_a_smooth_motion_with_its_rates():
 
 
 def test_a_file_is_followed_and_stands_in_the_recording(tmp_path: Path):
-    scenario = with_path_file(load_preset("paper"), write(tmp_path / "path.csv"))
+    scenario = with_path(load_preset("paper"), write(tmp_path / "path.csv"))
     assert scenario == on_table()
     run = simulate(scenario, 1.2)
     np.testing.assert_array_equal(run.desired_pose[-1], ROWS[-1, 1:])
@@ -101,7 +101,7 @@ WRONG = [
 def test_a_wrong_file_gets_a_sentence(tmp_path: Path, text: str, sentence: str):
     (tmp_path / "path.csv").write_text(text)
     with pytest.raises(FlexlabError) as caught:
-        with_path_file(load_preset("paper"), tmp_path / "path.csv")
+        with_path(load_preset("paper"), tmp_path / "path.csv")
     assert sentence in str(caught.value)
     assert "\n" not in str(caught.value)
 

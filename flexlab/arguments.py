@@ -55,8 +55,9 @@ def time_or_none(name: str, value: Any) -> float | None:
     return None if value is None else finite_number(name, value, "s")
 
 
-def whole_number(name: str, value: Any, low: int) -> int:
-    """A whole number of at least `low`."""
-    if isinstance(value, bool) or not isinstance(value, numbers.Integral) or value < low:
-        raise StudyError(f"{name} = {value!r:.60} is not usable: give a whole number of at least {low}.")
+def whole_number(name: str, value: Any, low: int, high: float = math.inf) -> int:
+    """A whole number from `low` to `high`."""
+    if isinstance(value, bool) or not isinstance(value, numbers.Integral) or not low <= int(value) <= high:
+        allowed = f"of at least {low}" if high == math.inf else f"from {low} to {high}"
+        raise StudyError(f"{name} = {value!r:.60} is not usable: give a whole number {allowed}.")
     return int(value)

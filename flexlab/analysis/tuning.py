@@ -215,13 +215,7 @@ def tune(
             raise StudyError(f"{axis.path}: a range is searched, not a list: write LOW:HIGH or LOW:HIGH:log.")
     if not axes:
         raise StudyError("Nothing may change: say what, as in controller.feedback_gain=50:500:log.")
-    if (
-        isinstance(candidates, bool)
-        or not isinstance(candidates, int)
-        or not FEWEST_CANDIDATES <= candidates <= MOST_CANDIDATES
-    ):
-        limits = f"{FEWEST_CANDIDATES} to {MOST_CANDIDATES}"
-        raise StudyError(f"candidates = {candidates!r:.60} is not usable: give a whole number from {limits}.")
+    candidates = whole_number("candidates", candidates, FEWEST_CANDIDATES, MOST_CANDIDATES)
     variants = [
         change_settings(scenario, dict(zip((axis.path for axis in robust), values, strict=True)))
         for values in product(*(axis.values for axis in robust))

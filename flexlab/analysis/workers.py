@@ -13,7 +13,7 @@ from itertools import islice
 from typing import Any
 
 from flexlab.analysis.metrics.own import OwnMetric, know_own_metrics, own_metrics
-from flexlab.arguments import flag
+from flexlab.arguments import flag, whole_number
 from flexlab.compiled import cache_folder
 from flexlab.errors import ScenarioError, StudyError
 from flexlab.lapack import one_blas_thread
@@ -98,7 +98,8 @@ def engine() -> str:
 def chosen_workers(workers: int | None = None, cluster: str | None = None) -> Workers:
     """`workers` threads of this machine (None: one per core), or the Dask cluster of a scheduler. Raises `StudyError`."""
     if cluster is None:
-        return partial(_on_threads, thread_count(workers))
+        count = os.cpu_count() or 1 if workers is None else whole_number("workers", workers, 1, MOST_WORKERS)
+        return partial(_on_threads, count)
     if workers is not None:
         raise StudyError("workers says how many threads this machine uses: a cluster has its own; give one of the two.")
     try:
@@ -106,16 +107,6 @@ def chosen_workers(workers: int | None = None, cluster: str | None = None) -> Wo
     except ImportError:
         raise StudyError("Dask is not installed: pip install 'flexlab[cluster]' brings it.") from None
     return partial(_on_cluster, distributed, cluster)
-
-
-def thread_count(workers: int | None) -> int:
-    """The number of threads; None gives one per core. Raises `StudyError` for an unusable number."""
-    workers = os.cpu_count() or 1 if workers is None else workers
-    if isinstance(workers, bool) or not isinstance(workers, int) or not 1 <= workers <= MOST_WORKERS:
-        raise StudyError(
-            f"workers = {workers!r:.60} is not usable: give a whole number from 1 to {MOST_WORKERS}, or None."
-        )
-    return workers
 
 
 @contextmanager

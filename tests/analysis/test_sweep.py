@@ -139,7 +139,7 @@ def test_a_cell_is_the_run_of_its_scenario_and_a_failed_one_says_why(tmp_path: P
     (tmp_path / "two").mkdir()
     with pytest.raises(StudyError, match="holds another sweep"):
         flexlab.sweep("paper", [f"{EI}=50:200:2"], 0.2, folder=tmp_path / "one")
-    with pytest.raises(StudyError, match="cell = 8 is none: give a whole number from 0 to 7"):
+    with pytest.raises(StudyError, match="cell = 8 is not usable: give a whole number from 0 to 7"):
         sweep.scenario(8)
 
 

@@ -21,6 +21,7 @@ from flexlab.analysis.result import Result, about_number, number_column
 from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.plan import Cell, Plan, run_part
 from flexlab.analysis.workers import Told, Workers
+from flexlab.arguments import whole_number
 from flexlab.errors import StudyError
 from flexlab.files import replacing, writable
 from flexlab.recording.run_info import package_version
@@ -211,9 +212,7 @@ class Sweep(Result):
 
     def scenario(self, cell: int) -> Scenario:
         """The scenario of a cell; simulated alone for the same time, it gives the same metrics. Raises `StudyError`."""
-        if isinstance(cell, bool) or not isinstance(cell, (int, np.integer)) or not 0 <= cell < len(self):
-            raise StudyError(f"cell = {cell!r:.60} is none: give a whole number from 0 to {len(self) - 1}.")
-        return self.plan.cell_scenario(int(cell))
+        return self.plan.cell_scenario(whole_number("cell", cell, 0, len(self) - 1))
 
     def plot(self, metric: str = "rms_error.y") -> "Figure":
         """A metric over the varied fields, as of `analysis.sweep.figures.draw_metric`."""

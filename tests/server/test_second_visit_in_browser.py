@@ -26,7 +26,7 @@ SWEEP = {
 }  # fmt: skip
 LAB = """() => window.__viserMutable?.nodeRefFromName?.['/beam'] != null
   && document.body.innerText.includes('Bending stiffness')"""
-VIEWER = "() => document.getElementById('viewer').contentDocument?.querySelector('canvas') != null"
+VIEWER = "() => document.getElementById('viewer')?.contentDocument?.querySelector('canvas') != null"
 SHOWS = {
     r"/": "() => document.querySelectorAll('.card').length > 10",
     r"/lab/": LAB,

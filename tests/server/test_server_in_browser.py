@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
-from browser_window import PICTURES, open_window
+from browser_window import PICTURES, SOFTWARE_RENDERING, open_window
 from get_browser import find_browser
 from http_client import ARTIFACTS, PATIENCE, wait_until
 from PIL import Image
@@ -150,7 +150,9 @@ def test_without_webgl_the_run_goes_on_and_panel_and_plots_work(
 ):
     front_server = open_another()
     (lab,) = front_server.places.running()
-    blind = chromium.browser_type.launch(executable_path=find_browser(), args=["--no-sandbox", "--disable-3d-apis"])
+    blind = chromium.browser_type.launch(
+        executable_path=find_browser(), args=[*SOFTWARE_RENDERING, "--disable-3d-apis"]
+    )
     with window(blind, f"{front_server.url}lab/") as page:
         page.get_by_text("This browser cannot draw the scene").wait_for()
         wait_until(lambda: state_of(lab) == "running", "the run goes on")

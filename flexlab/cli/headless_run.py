@@ -171,7 +171,7 @@ class EndedRun:
             "result_hash": self.result_hash,
             "metrics": self.metrics.as_data(),
             "accuracy_warning": self.world.accuracy_warning,
-            "axial_warning": self.world.axial_warning.text,
+            "model_warning": self.world.model_warning.text,
             "pace_warning": self.world.pace_warning,
             "integrator": self.world.integrator,
             "step": self.world.step,
@@ -212,8 +212,8 @@ def run_and_record(
         complain(world.accuracy_warning)
     if status.failed:
         complain(status.text)
-    elif world.axial_warning.text:
-        complain(world.axial_warning.text)
+    elif world.model_warning.text:
+        complain(world.model_warning.text)
     return ended
 
 

@@ -16,8 +16,17 @@ from flexlab.numerics.linear_algebra import product
 from flexlab.physics.plant import ETA, G, H
 from flexlab.scenario import Scenario
 from flexlab.sim.assembly import Assembly
-from flexlab.sim.run_warnings import COUNTED, Peaks, amplified, bounds, inaccurate, peaks_of, saturated
-from flexlab.sim.signals import ARMS, INTERNAL, LOAD_SHARE, MOVING, PER_ARM, POSE, SATURATED, SPIN_SHARE
+from flexlab.sim.run_warnings import (
+    COUNTED,
+    Peaks,
+    amplified,
+    bounds,
+    inaccurate,
+    peaks_of,
+    saturated,
+    with_model_shares,
+)
+from flexlab.sim.signals import ARMS, INTERNAL, MOVING, PER_ARM, POSE, SATURATED
 from flexlab.sim.step_rates import ring_decay
 
 CHECKED_TICKS = (0, 1, 2, 5, 8, 17, 32, 65)
@@ -156,15 +165,16 @@ def finer_level(estimate: Estimate, assembly: Assembly, tick: int, level: int) -
     return max(level + FINER, min(watch.disturbed, watch.most or watch.disturbed))
 
 
-def note_load(old: Estimate, row: np.ndarray) -> Estimate:
-    """The estimate after one more sample, of which only the load along the beam and its spin count."""
-    load, spin = max(old.peaks.load_share, float(row[LOAD_SHARE])), max(old.peaks.spin_share, float(row[SPIN_SHARE]))
-    return old._replace(peaks=old.peaks._replace(load_share=load, spin_share=spin))
+def note_present(old: Estimate, assembly: Assembly, row: np.ndarray) -> Estimate:
+    """The estimate with the sample where the motion begins, of which only the load on the beam, spin and bending count."""
+    scenario = assembly.scenario
+    return old._replace(peaks=with_model_shares(old.peaks, scenario.payload, len(scenario.arms), row[None]))
 
 
 def note_rows(estimate: Estimate, assembly: Assembly, rows: np.ndarray) -> tuple[Peaks, float, int]:
     """As `peaks_of`, of `rows` (N ≥ 1, row length), the samples after the newest one."""
-    return peaks_of(estimate.peaks, len(assembly.scenario.arms), rows, estimate.torque_change)
+    scenario = assembly.scenario
+    return peaks_of(estimate.peaks, scenario.payload, len(scenario.arms), rows, estimate.torque_change)
 
 
 def note(

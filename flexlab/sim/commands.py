@@ -7,7 +7,7 @@ from typing import Any
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import TITLES, value_text
 from flexlab.sim.samples import Origin
-from flexlab.text import number_text
+from flexlab.text import fixed_text, number_text
 
 
 @dataclass(frozen=True)
@@ -104,11 +104,11 @@ def command_text(command: Command) -> str:
             return f"Let go of {_held(command)}"
         x, y = command.target
         along = command.position
-        where = f" at s = {along:.3f} m" if command.link is None else f", {along:.3f} m along it,"
-        return f"Pull {_held(command)}{where} to ({x:.3f}, {y:.3f}) m, {number_text(command.stiffness)} N/m"
+        where = f" at s = {fixed_text(along, 3)} m" if command.link is None else f", {along:.3f} m along it,"
+        return f"Pull {_held(command)}{where} to ({fixed_text(x, 3)}, {fixed_text(y, 3)}) m, {number_text(command.stiffness)} N/m"
     if isinstance(command, Tap):
         x, y = command.impulse
-        return f"Tap the beam at s = {command.beam_position:.3f} m with ({number_text(x, 3)}, {number_text(y, 3)}) N·s"
+        return f"Tap the beam at s = {fixed_text(command.beam_position, 3)} m with ({number_text(x, 3)}, {number_text(y, 3)}) N·s"
     if isinstance(command, LoadScenario):
         return f"Load {command.name}" if command.origin is None else _resume_text(command.origin)
     if isinstance(command, SetSpeed):

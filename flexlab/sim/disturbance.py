@@ -13,6 +13,7 @@ from flexlab.physics.plant import AXIAL, ETA, NO_HAND, ON_BEAM, PULL, Hand, P, P
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim.build import Beam, payload_row
 from flexlab.sim.commands import Pull, Tap
+from flexlab.text import number_text
 
 MAX_PULL_STIFFNESS = 1e5
 """N/m: stiffer pulls would outdo the controller and need shorter steps."""
@@ -31,11 +32,17 @@ def _refuse(name: str, value: Any, unit: str, low: float, high: float) -> None:
     """Raise `ScenarioError` unless value lies in low..high."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise ScenarioError(
-            [(name, f"{name} = {value!r:.60} is not a number: give one from {low:g} to {high:g} {unit}.")]
+            [
+                (
+                    name,
+                    f"{name} = {value!r:.60} is not a number: give one from {number_text(low)} to {number_text(high)} {unit}.",
+                )
+            ]
         )
     if not low <= value <= high:
-        shown = f"{value:g}" if isinstance(value, float) else f"{value!r:.30}"
-        sentence = f"{name} = {shown} {unit} is outside {low:g} to {high:g} {unit}: choose a value within it."
+        shown = number_text(value) if isinstance(value, float) else f"{value!r:.30}"
+        limits = f"{number_text(low)} to {number_text(high)} {unit}"
+        sentence = f"{name} = {shown} {unit} is outside {limits}: choose a value within it."
         raise ScenarioError([(name, sentence)])
 
 

@@ -11,6 +11,7 @@ from flexlab.errors import ScenarioError
 from flexlab.physics.beam import shape_functions as element_functions
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim.samples import Samples
+from flexlab.text import number_text
 
 
 def arm_points(scenario: Scenario, samples: Samples) -> np.ndarray:
@@ -51,7 +52,7 @@ def shape_functions(payload: Payload, position: np.ndarray) -> np.ndarray:
     half = 0.5 * payload.length
     if np.any(np.abs(position) > half * (1 + 1e-9)):
         worst = float(position[np.argmax(np.abs(position))])
-        text = f"beam position = {worst:g} m is not on the beam: choose -{half:g} to {half:g} m."
+        text = f"beam position = {number_text(worst)} m is not on the beam: choose −{number_text(half)} to {number_text(half)} m."
         raise ScenarioError([("beam_position", text)])
     nodes = payload.element_count + 1
     width = payload.length / payload.element_count

@@ -15,6 +15,7 @@ from flexlab.sim.assembly import Assembly
 from flexlab.sim.samples import Samples, WorldState
 from flexlab.sim.snapshot import TICK
 from flexlab.sim.world import World
+from flexlab.text import number_text
 
 HISTORY_SECONDS = 60.0
 """How far a person can look back, s; longer than any window of the plots."""
@@ -127,5 +128,5 @@ def state_from(checkpoint: Checkpoint, tick: int) -> WorldState:
     world.restore(checkpoint.state)
     world.advance_rows(tick - world.tick)
     if world.tick != tick:
-        raise StudyError(f"The run cannot go on from t = {tick * TICK:g} s: {world.status.text}")
+        raise StudyError(f"The run cannot go on from t = {number_text(tick * TICK)} s: {world.status.text}")
     return world.state()

@@ -41,14 +41,14 @@ class LiveRun:
         self.dropped = 0
         """Samples that consumers could not take."""
         self.pace_warning = self._accuracy_warning = ""
-        self._axial_level = 0
+        self._model_level = 0
 
     def begin(self, world: World, name: str) -> None:
         """Make `world` the current run and tell the consumers, its present sample included."""
         self.world, self.name, self.start_time = world, name, world.time
         self.number += 1
         self.dropped, self.pace_warning, self._accuracy_warning = 0, "", world.accuracy_warning
-        self._axial_level = world.axial_warning.level
+        self._model_level = world.model_warning.level
         self.events.clear()
         self.history = History(world.row_length, len(world.scenario.arms), own_signals(world.scenario))
         self.checkpoints = Checkpoints(world)
@@ -77,10 +77,10 @@ class LiveRun:
         if self.world.accuracy_warning != self._accuracy_warning:
             self._accuracy_warning = self.world.accuracy_warning
             self.say(self._accuracy_warning, "warning")
-        axial = self.world.axial_warning
-        if axial.level > self._axial_level:
-            self.say(axial.text, "warning")
-        self._axial_level = axial.level
+        beyond = self.world.model_warning
+        if beyond.level > self._model_level:
+            self.say(beyond.text, "warning")
+        self._model_level = beyond.level
         self._announce_pace()
 
     def take_on_change(self) -> None:

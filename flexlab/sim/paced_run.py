@@ -16,6 +16,7 @@ from flexlab.sim.live_run import LiveRun
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import TICK, Consumer, Snapshot
 from flexlab.sim.world import World
+from flexlab.text import number_text
 
 
 def interpolate(before: Samples, after: Samples, fraction: float) -> Samples:
@@ -270,7 +271,9 @@ class PacedRun:
     def set_speed(self, speed: float) -> None:
         """Set simulated over wall time. Raises `FlexlabError` outside the allowed range."""
         if not SLOWEST <= speed <= FASTEST:
-            raise FlexlabError(f"Speed = {speed:g} is outside 1/256 to {FASTEST:g} times real time: choose within it.")
+            raise FlexlabError(
+                f"Speed = {number_text(speed)} is outside 1/256 to {number_text(FASTEST)} times real time: choose within it."
+            )
         wall = self._clock()
         time_now = min(self.pacing.target(wall), self.live.world.time + TICK)
         self.pacing.speed = speed
@@ -323,7 +326,7 @@ class PacedRun:
             start_time=run.start_time,
             waiting=self.pacing.waiting,
             accuracy_warning=world.accuracy_warning,
-            axial_warning=world.axial_warning.text,
+            model_warning=world.model_warning.text,
             pace_warning=run.pace_warning,
             answered=answered,
         )

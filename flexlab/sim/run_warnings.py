@@ -6,9 +6,10 @@ import numpy as np
 
 from flexlab.compiled import compiled
 from flexlab.physics.axial_load import buckling_load
+from flexlab.physics.beam import free_coordinates
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim.build import Beam
-from flexlab.sim.signals import ARMS, INTERNAL, LOAD_SHARE, MOVING, PER_ARM, SPIN_SHARE, TORQUE
+from flexlab.sim.signals import ARMS, INTERNAL, LOAD_SHARE, MIDSPAN, MOVING, PER_ARM, SPIN_SHARE, TORQUE
 from flexlab.text import number_text
 
 JUMP, LEAST_JUMP = 1.5, 0.05
@@ -29,9 +30,25 @@ class Peaks(NamedTuple):
     """Largest compression of the beam over its buckling load, 1."""
     spin_share: float = 0.0
     """Largest share of the linear beam's stiffness that the spin took, 1."""
+    bending: float = 0.0
+    """Largest deflection over the beam's length, 1."""
 
 
-def peaks_of(before: Peaks, arm_count: int, rows: np.ndarray, checked: float) -> tuple[Peaks, float, int]:
+def with_model_shares(before: Peaks, payload: Payload, arm_count: int, rows: np.ndarray) -> Peaks:
+    """The peaks after `rows` (N ≥ 1, row length) of what counts for `model_warning`. w is taken at mid-span and the nodes."""
+    free = free_coordinates(payload.element_count, payload.boundary)
+    columns = [MIDSPAN, *(ARMS + PER_ARM * arm_count + np.flatnonzero(free % 2 == 0))]
+    bent = float(np.abs(rows[:, columns]).max())
+    return before._replace(
+        load_share=max(before.load_share, float(rows[:, LOAD_SHARE].max())),
+        spin_share=max(before.spin_share, float(rows[:, SPIN_SHARE].max())),
+        bending=max(before.bending, bent / payload.length),
+    )
+
+
+def peaks_of(
+    before: Peaks, payload: Payload, arm_count: int, rows: np.ndarray, checked: float
+) -> tuple[Peaks, float, int]:
     """The peaks after `rows` (N ≥ 1, row length), the largest change of a torque in one of them, N·m, and the first `JUMP`.
 
     `checked`: the largest change in a checked tick so far, N·m. The jump is the index of its row; -1: there is none.
@@ -42,12 +59,8 @@ def peaks_of(before: Peaks, arm_count: int, rows: np.ndarray, checked: float) ->
     peak, strongest, change, jump = _find_peaks(
         rows, arm_count, before.torque is not None, torque, before.peak, before.strongest, checked
     )
-    pressed, spun = rows[:, LOAD_SHARE].max(), rows[:, SPIN_SHARE].max()
-    return (
-        Peaks(peak, strongest, torque, max(before.load_share, float(pressed)), max(before.spin_share, float(spun))),
-        change,
-        jump,
-    )
+    seen = with_model_shares(before, payload, arm_count, rows)
+    return seen._replace(peak=peak, strongest=strongest, torque=torque), change, jump
 
 
 @compiled
@@ -193,8 +206,12 @@ buckles or the linear beam has no stiffness left."""
 CURE = "Set the force along the beam (payload.axial_load) to first-order."
 
 
-class AxialWarning(NamedTuple):
-    """A warning about the axial load, and how grave it is."""
+LARGE_DEFLECTION = 0.05
+"""Deflection over length from which on the linear beam is no longer exact."""
+
+
+class ModelWarning(NamedTuple):
+    """A warning about what the beam's model neglects, and how grave it is."""
 
     level: int = 0
     """Number of limits exceeded."""
@@ -202,8 +219,11 @@ class AxialWarning(NamedTuple):
     """One or two sentences; empty: no limit was exceeded."""
 
 
-def axial_warning(payload: Payload, seen: Peaks) -> AxialWarning:
-    """The warning for all samples so far: at `NOTABLE` and `WHOLE` for the paper's beam, else at `WHOLE` alone."""
+def model_warning(payload: Payload, seen: Peaks) -> ModelWarning:
+    """The warning for all samples so far.
+
+    Of axial load and spin at `NOTABLE` and `WHOLE` for the paper's beam, else at `WHOLE` alone; of bending at `LARGE_DEFLECTION`.
+    """
     critical = buckling_load(payload.length, payload.bending_stiffness, payload.boundary)
     share, spin, felt = seen.load_share, seen.spin_share, payload.axial_load != "none"
     force, limit = f"up to {number_text(share * critical, 3)} N along it", f"{number_text(critical, 3)} N"
@@ -235,7 +255,13 @@ def axial_warning(payload: Payload, seen: Peaks) -> AxialWarning:
         )
     limits = (WHOLE,) if felt else (NOTABLE, WHOLE)
     passed = [share >= limit for limit in limits] + ([] if felt else [spin >= limit for limit in limits])
-    return AxialWarning(sum(passed), " ".join(said))
+    bent = seen.bending > LARGE_DEFLECTION
+    if bent:
+        said.append(
+            f"Large deflection: |w|/L = {number_text(100 * seen.bending, 2)} %, above {number_text(100 * LARGE_DEFLECTION)} %. "
+            "The beam model is linear and no longer exact here."
+        )
+    return ModelWarning(sum(passed) + bent, " ".join(said))
 
 
 def bounds(scenario: Scenario, peak: float) -> Sizes:
@@ -245,9 +271,9 @@ def bounds(scenario: Scenario, peak: float) -> Sizes:
 
 def amplified(scenario: Scenario) -> str:
     """The warning for a sampled loop in which errors of any size grow."""
-    period = scenario.controller.control_period
+    period = number_text(scenario.controller.control_period or 0.0)
     return (
-        f"Results depend on rounding: with a control period of {period:g} s this controller answers each error with a larger "
+        f"Results depend on rounding: with a control period of {period} s this controller answers each error with a larger "
         "one, whatever the step. Choose a shorter control period or lower gains."
     )
 

@@ -23,6 +23,7 @@ from flexlab.sim.signals import (
     own_signals,
     table,
 )
+from flexlab.text import number_text
 
 
 @table
@@ -40,7 +41,7 @@ class Samples(Signals):
         return len(self.time)
 
     def __repr__(self) -> str:
-        span = f"t = {self.time[0]:g} to {self.time[-1]:g} s" if len(self) else "no instants"
+        span = f"t = {number_text(self.time[0])} to {number_text(self.time[-1])} s" if len(self) else "no instants"
         return f"{type(self).__name__}({len(self)} samples, {span})"
 
     if not TYPE_CHECKING:

@@ -47,7 +47,7 @@ def simulate(
         if world.apply(command):
             if not same_motion(before, world.scenario):
                 raise StudyError(
-                    f"The command at t = {time:g} s changes the beam's mesh or restarts: simulate it on its own."
+                    f"The command at t = {number_text(time)} s changes the beam's mesh or restarts: simulate it on its own."
                 )
             parts.append(part)
             rows, begun = world.new_rows(count + 1 - done), done
@@ -61,12 +61,12 @@ def end_status(world: World) -> Status:
     """The status of a run that has ended; its sentence includes all warnings."""
     if world.status.failed:
         return failure(world)
-    return Status("finished", f"Finished at t = {world.time:g} s. {world.warnings}".rstrip(), world.time)
+    return Status("finished", f"Finished at t = {number_text(world.time)} s. {world.warnings}".rstrip(), world.time)
 
 
 def failure(world: World) -> Status:
-    """The status of a run that stopped, with the warnings about the force along the beam and its spin."""
-    text = f"{world.status.text} {world.axial_warning.text}".rstrip()
+    """The status of a run that stopped, with the warnings about the beam's model."""
+    text = f"{world.status.text} {world.model_warning.text}".rstrip()
     return Status(str(world.status), text, world.status.time)
 
 
@@ -97,7 +97,11 @@ def sample_count(duration: float, sample_period: float) -> int:
         ("sample_period", sample_period, SHORTEST_PERIOD, LONGEST_PERIOD),
     ):
         if not low <= finite_number(name, value, "s") <= high:
-            limit = f"from {number_text(low)} to {number_text(high)}" if math.isfinite(high) else f"of at least {low:g}"
+            limit = (
+                f"from {number_text(low)} to {number_text(high)}"
+                if math.isfinite(high)
+                else f"of at least {number_text(low)}"
+            )
             raise StudyError(f"{name} = {value!r:.60} s is not usable: give a number of seconds {limit}.")
     count = float(duration) / float(sample_period) * (1 + 1e-12) + 1e-9
     if count > LONGEST_RUN:

@@ -55,8 +55,8 @@ class Snapshot:
     """Whether the run waits at its first instant until somebody can see it."""
     accuracy_warning: str = ""
     """Since when and why the run's results are no longer accurate, a sentence; empty: they are."""
-    axial_warning: str = ""
-    """As `World.axial_warning`: sentences on the force along the beam."""
+    model_warning: str = ""
+    """As `World.model_warning`: sentences on what the beam's model neglects."""
     pace_warning: str = ""
     """As `World.pace_warning`: what makes the run slower than real time, and what to change."""
     answered: int = 0

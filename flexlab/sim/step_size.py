@@ -231,15 +231,12 @@ def steps_per_tick(scenario: Scenario, tick_period: float, step: float) -> Count
         tick.denominator * control.denominator
     )
     if common < SMALLEST_COMMON_STEP:
-        raise ScenarioError(
-            [
-                (
-                    "controller.control_period",
-                    f"controller.control_period = {control_period:g} s and the sample period {tick_period:g} s have no "
-                    f"common step above {SMALLEST_COMMON_STEP:g} s: choose a multiple of {SMALLEST_COMMON_STEP:g} s.",
-                )
-            ]
+        given, sampled, least = map(number_text, (control_period, tick_period, SMALLEST_COMMON_STEP))
+        text = (
+            f"controller.control_period = {given} s and the sample period {sampled} s have no common step above {least} s: "
+            f"choose a multiple of {least} s."
         )
+        raise ScenarioError([("controller.control_period", text)])
     step_count = max(1, math.ceil(float(common) / step - 1e-9))
     count = int(tick / common) * step_count
     return Count(count, int(control / common) * step_count, tick_period / count)

@@ -64,10 +64,12 @@ def steps_in(length: float, dt: float) -> int:
 
 
 def observe(motion: Motion, row: np.ndarray) -> None:
-    """Write the sample of the present instant; of a failed start the pose alone, the rest zero."""
+    """Write the sample of the present instant, zeros before; of a failed start the pose alone, the rest zero."""
     move_on(motion, row[None], first_is_present=True)
     row[samples.TIME] = motion.time
     row[samples.POSE : samples.POSE + 3] = motion.y[:3]
+    if motion.estimate.peaks.torque is None:  # Nothing has moved: later samples say the rest.
+        motion.estimate = accuracy.note_present(motion.estimate, motion.assembly, row)
 
 
 def fill(motion: Motion, rows: np.ndarray) -> int:
@@ -78,7 +80,7 @@ def fill(motion: Motion, rows: np.ndarray) -> int:
     if motion.status.failed:
         return 0
     if motion.estimate.peaks.torque is None:
-        _note_present_load(motion)
+        observe(motion, np.zeros(motion.row_length))
     before, estimate, done, code = state_of(motion), motion.estimate, 0, 0
     while done < len(rows) and code == 0:
         part = rows[done : done + accuracy.ticks_to_check(motion.estimate, motion.tick)]
@@ -104,13 +106,6 @@ def fill(motion: Motion, rows: np.ndarray) -> int:
         velocities_at(motion.assembly.system.plant, motion.y, motion.workspace)
         motion.status = runtime_fault(motion.assembly, code, motion.y, motion.workspace.velocity, motion.time)
     return done
-
-
-def _note_present_load(motion: Motion) -> None:
-    """Note the load along the beam, and its spin, where the motion begins: later samples say the rest."""
-    row = np.zeros(motion.row_length)
-    observe(motion, row)
-    motion.estimate = accuracy.note_load(motion.estimate, row)
 
 
 def _go_back(motion: Motion, state: WorldState, estimate: accuracy.Estimate) -> None:

@@ -86,7 +86,7 @@ def pose_fault(scenario: Scenario, pose: np.ndarray, time: float, what: str) -> 
             return Status(
                 "singular",
                 f"The {name} is {posture} at {what} {where}: its wrist is {distance:.3f} m from its base, "
-                f"and the elbow's sine is {elbow_sine(distance, l1, l2):.3f}, below the {SINGULAR_SINE:g} it needs. "
+                f"and the elbow's sine is {elbow_sine(distance, l1, l2):.3f}, below the {number_text(SINGULAR_SINE)} it needs. "
                 "Beyond that the elbow could flip. Make the trajectory smaller or move the arm's base.",
                 time,
             )
@@ -171,7 +171,7 @@ def runtime_fault(assembly: Assembly, code: int, y: np.ndarray, pose_rate: np.nd
         return Status(
             name,
             f"The sampled control loop ran away just after t = {time:.3f} s: with a control period of "
-            f"{law.control_period:g} s{delay}, {acts}. {kept} Reset with {cure}.",
+            f"{number_text(law.control_period)} s{delay}, {acts}. {kept} Reset with {cure}.",
             time,
         )
     if code in (UNREACHABLE, SINGULAR) and near:

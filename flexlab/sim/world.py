@@ -20,7 +20,7 @@ from flexlab.sim.commands import ChangeScenario, Pull, WorldCommand
 from flexlab.sim.disturbance import apply_axial_impulse, apply_pull, apply_tap
 from flexlab.sim.integrators.beam_flow import TICKS
 from flexlab.sim.motion import begin_motion, restore, state_of
-from flexlab.sim.run_warnings import AxialWarning, axial_warning, pace_warning
+from flexlab.sim.run_warnings import ModelWarning, model_warning, pace_warning
 from flexlab.sim.samples import Samples, Status, WorldState
 from flexlab.sim.signals import own_signals
 from flexlab.sim.snapshot import TICK
@@ -78,14 +78,14 @@ class World:
         return self._motion.estimate.warning
 
     @property
-    def axial_warning(self) -> AxialWarning:
-        """The warning for an axial force or a spin beyond the validity of the beam's model."""
-        return axial_warning(self.scenario.payload, self._motion.estimate.peaks)
+    def model_warning(self) -> ModelWarning:
+        """The warning for an axial force, a spin or a deflection beyond the validity of the beam's model."""
+        return model_warning(self.scenario.payload, self._motion.estimate.peaks)
 
     @property
     def warnings(self) -> str:
         """All warnings about the accuracy and validity of the results, as sentences; empty: none."""
-        return f"{self.accuracy_warning} {self.axial_warning.text}".strip()
+        return f"{self.accuracy_warning} {self.model_warning.text}".strip()
 
     @property
     def pace_warning(self) -> str:

@@ -31,7 +31,7 @@ def bent_at_its_free_end(share: float) -> Scenario:
 
 def test_a_free_end_that_bends_too_far_is_flagged():
     """6.3 % of L at the end are 1.6 % at mid-span."""
-    assert "Large deflection: |w|/L = 6 %, above 5 %" in notices(bent_at_its_free_end(0.063))
+    assert "Large deflection: |w|/L = 6.3 %, above 5 %" in notices(bent_at_its_free_end(0.063))
     assert "Large deflection" not in notices(bent_at_its_free_end(0.045))
 
 
@@ -53,7 +53,7 @@ def test_the_picture_is_told_in_sentences_with_what_is_wrong_and_what_the_plots_
         f"{runner.snapshot.scenario.title}: One arm holds a flexible beam. Paused at t = 0.00 s, speed 1 ×. "
     )
     assert "first beam frequency" in told
-    assert "Large deflection: |w|/L = 6 %" in told
+    assert "Large deflection: |w|/L = 6.3 %" in told
     assert told.endswith(" Deflection: The beam rings.")
 
 

@@ -177,3 +177,15 @@ def test_a_spin_that_ends_the_papers_beam_is_told_as_what_ended_it() -> None:
     assert run.status == "diverged"
     assert "exceeded the beam's length" in run.status.text
     assert "The link spins faster than the beam's first mode rings" in run.status.text
+
+
+@pytest.mark.parametrize(("share", "said"), [(0.07, "Large deflection: |w|/L = 7 %, above 5 %."), (0.045, "")])
+def test_a_run_says_that_its_beam_has_bent_far_wherever_it_did(share: float, said: str):
+    """A cantilever's free end, bent like a parabola: its middle is a quarter as far from the axis."""
+    length = load_preset("single-arm").payload.length
+    shape = [(share * s**2 * length, 2 * share * s) for s in (0.5, 1.0)]
+    bent = {"payload.element_count": 2, "initial.beam_coordinates": [value for node in shape for value in node]}
+    at_rest = {"trajectory.amplitude": (0.0, 0.0, 0.0), "initial.pose_rate": None}
+    run = simulate(load_preset("single-arm").replace(bent | at_rest), 0.05)
+    assert str(run.status) == "finished"
+    assert (said in run.status.text) and ("Large deflection" in run.status.text) is bool(said)

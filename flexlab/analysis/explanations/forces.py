@@ -4,7 +4,7 @@ import numpy as np
 
 from flexlab.analysis.explanations.explanation import Evidence, n, register
 from flexlab.analysis.lesson_measures import largest, length, newest
-from flexlab.sim.run_warnings import Peaks, axial_warning
+from flexlab.sim.run_warnings import Peaks, model_warning
 from flexlab.sim.termination import arm_name, elbow_sine, wrist_reach
 
 UNEXPLAINED = 0.5
@@ -56,7 +56,7 @@ def axial_load(seen: Evidence) -> str | None:
     """The beam's model neglects the axial load, or is not valid beyond it."""
     samples = seen.samples
     peaks = Peaks(load_share=float(samples.axial_load_share.max()), spin_share=float(samples.spin_share.max()))
-    return axial_warning(seen.scenario.payload, peaks).text or None
+    return model_warning(seen.scenario.payload, peaks).text or None
 
 
 BENDING_AGREES = 0.1

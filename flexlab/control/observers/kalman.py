@@ -36,6 +36,7 @@ from flexlab.numerics.matrix_functions import discrete_riccati, exponential
 from flexlab.physics.arm import task_input
 from flexlab.physics.law_input import MOST_DELAY, MOST_GAUGES
 from flexlab.quantities import Count, Number, Numbers, Part, Triple, quantity
+from flexlab.text import number_text
 
 MOST_MODES = 8
 """Most modes that can be observed: as many as gauges, since further modes cannot be distinguished."""
@@ -161,7 +162,7 @@ def _steady_gain(
         seen = product(C, P)
         return solve(product(seen, C.T) + R, seen).T
     except NoSolution:
-        places = ", ".join(f"{place:g}" for place in observer.gauges)
+        places = ", ".join(number_text(place) for place in observer.gauges)
         text = (
             f"controller.observer: no steady gain is found for {n - 3} modes and strain gauges at s/L = {places}: observe "
             "fewer modes, place the gauges elsewhere, or take unknown forces and a control period nearer to the usual ones."

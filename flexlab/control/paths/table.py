@@ -12,6 +12,7 @@ from flexlab.compiled import inlined, pluggable
 from flexlab.control.path import Path, Trajectory
 from flexlab.numerics.linear_algebra import product, solve
 from flexlab.quantities import Number, Quartet, quantity
+from flexlab.text import number_text
 
 MOST_ROWS = 10_000
 LARGEST_GAP = 20.0
@@ -47,19 +48,21 @@ class Table(Trajectory):
     def _goes_on_in_time(self) -> "Table":
         time = np.array([row[0] for row in self.rows])
         steps = np.diff(time)
+
+        def at(k: int) -> str:
+            return f"{number_text(time[k], 9)} s"
+
         wrong, late = np.flatnonzero(steps <= 0), np.flatnonzero(steps > LARGEST_GAP * np.median(steps))
         if time[0] < 0:
-            raise _row_error(1, f"t = {time[0]:g} s lies before the start: begin at 0 s or later")
+            raise _row_error(1, f"t = {at(0)} lies before the start: begin at 0 s or later")
         if len(wrong):
             k = int(wrong[0]) + 1
-            raise _row_error(
-                k + 1, f"t = {time[k]:g} s does not come after the {time[k - 1]:g} s of row {k}: times must rise"
-            )
+            raise _row_error(k + 1, f"t = {at(k)} does not come after the {at(k - 1)} of row {k}: times must rise")
         if len(late):
             k = int(late[0]) + 1
             raise _row_error(
                 k + 1,
-                f"t jumps from {time[k - 1]:g} s to {time[k]:g} s, more than {LARGEST_GAP:g} times the usual step: "
+                f"t jumps from {at(k - 1)} to {at(k)}, more than {number_text(LARGEST_GAP)} times the usual step: "
                 "put in the rows that are missing",
             )
         if self.ends == "free" and len(time) < FREE_ROWS:

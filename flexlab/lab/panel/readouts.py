@@ -9,7 +9,6 @@ from flexlab.analysis.explanations import Explained
 from flexlab.lab import colors
 from flexlab.lab.lab_state import Notice
 from flexlab.lab.look_back import LookBack
-from flexlab.lab.mode_computation import peak_deflection
 from flexlab.lab.picking import is_pulled
 from flexlab.lab.view_settings import Legend, ViewSettings
 from flexlab.lab.widgets import put
@@ -19,8 +18,6 @@ from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Event, Snapshot
 from flexlab.text import escaped, fixed_text, number_text, speed_text, with_units
 
-LARGE_DEFLECTION = 0.05
-"""|w|/L, anywhere along the beam, above which the linear beam model is no longer trusted."""
 CLEARLY_SLOWER = 0.95
 """Share of the wanted speed below which being too slow is worth a sentence, not just a word."""
 SHOWN_EVENTS = 40
@@ -125,13 +122,6 @@ def warnings(snapshot: Snapshot) -> list[str]:
     failed = snapshot.status.failed
     found = [snapshot.status.text] if failed else []
     found += _cautions(snapshot)
-    payload = snapshot.scenario.payload
-    bending = peak_deflection(payload, snapshot.latest.beam_coordinates[0]) / payload.length
-    if bending > LARGE_DEFLECTION and not failed:
-        found.append(
-            f"Large deflection: |w|/L = {100 * bending:.0f} %, above {100 * LARGE_DEFLECTION:.0f} %. "
-            "The beam model is linear and no longer exact here."
-        )
     if snapshot.pace_warning:
         found.append(snapshot.pace_warning)
     elif snapshot.too_slow and snapshot.actual_speed < CLEARLY_SLOWER * snapshot.target_speed:
@@ -144,7 +134,7 @@ def warnings(snapshot: Snapshot) -> list[str]:
 
 def _cautions(snapshot: Snapshot) -> list[str]:
     """Warnings about the accuracy of numbers; the play screen, which has no numbers, hides them."""
-    return [text for text in (snapshot.accuracy_warning, snapshot.axial_warning) if text]
+    return [text for text in (snapshot.accuracy_warning, snapshot.model_warning) if text]
 
 
 def _box(text: str, level: str, caution: bool = False) -> str:

@@ -89,7 +89,7 @@ WRONG = [
         "t,x,y,theta\n0,0,0.75,0\n0.2,0,0.75,0\n0.1,0,0.75,0\n",
         "row 3: t = 0.1 s does not come after the 0.2 s of row 2",
     ),
-    ("t,x,y,theta\n-1,0,0.75,0\n0.2,0,0.75,0\n", "row 1: t = -1 s lies before the start"),
+    ("t,x,y,theta\n-1,0,0.75,0\n0.2,0,0.75,0\n", "row 1: t = −1 s lies before the start"),
     (
         "t,x,y,theta\n" + "".join(f"{t},0,0.75,0\n" for t in (0, 0.1, 0.2, 0.3, 9.0)),
         "row 5: t jumps from 0.3 s to 9 s, more than 20 times the usual step",

@@ -146,7 +146,7 @@ def test_a_pull_stays_on_its_point_across_a_new_mesh():
         (Tap(float("nan"), (1.0, 0.0)), "beam position"),
         (Tap(0.0, (1e9, 0.0)), "tap"),
         (Tap(0.0, (float("nan"), 0.0)), "tap"),
-        (Pull(-0.26, (0.0, 1.0), 10.0), "beam position = -0.26 m"),
+        (Pull(-0.26, (0.0, 1.0), 10.0), "beam position = −0.26 m"),
         (Pull(0.0, (0.0, 1.0), -1.0), "stiffness"),
         (Pull(0.0, (0.0, 1.0), float("inf")), "stiffness"),
         (Pull(0.0, (float("nan"), 1.0), 10.0), "target"),

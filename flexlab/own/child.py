@@ -117,6 +117,7 @@ def _serve(load: Callable[[str, str], T], answer: Callable[[T, socket.socket, Re
         return
     reports.say(ready=True)
     answer(loaded, calls, reports)
+    _send(os.getppid(), signal.SIGCONT)  # The text may have stopped its supervisor, which ends with this process.
 
 
 def _answer_law(law: RunningLaw, calls: socket.socket, reports: Reports) -> None:

@@ -137,6 +137,18 @@ def test_a_process_that_a_law_forks_answers_nothing(text: str):
     assert np.array_equal(world.state().y, alone.state().y)
 
 
+def test_a_supervisor_that_its_law_stopped_ends_with_the_program(tmp_path: Path):
+    file = f"flexlab-test-{os.getpid()}-halted.py"
+    (tmp_path / file).write_text("import os\nos.kill(os.getppid(), 19)\n" + PD)
+    program = (
+        "from flexlab.own import hosts\nhosts.run_apart()\nfrom flexlab.own.law import add_own_law\n"
+        f"from pathlib import Path\ntext = Path('{file}').read_text()\n"
+        f"hosts.host_of(text, add_own_law(text, '{file}').kind)\nprint('ready', flush=True)\nimport os\nos._exit(0)\n"
+    )
+    subprocess.run([sys.executable, "-c", program], cwd=tmp_path, stdout=subprocess.DEVNULL, check=True)
+    wait_until(lambda: marked(file) == [], "its process and the supervisor have ended")
+
+
 def test_a_byte_order_mark_is_no_part_of_a_law(tmp_path: Path):
     (tmp_path / "own_pd.py").write_text(PD, encoding="utf-8-sig")
     assert LAW_FILES.text(tmp_path / "own_pd.py") == PD

@@ -5,6 +5,7 @@ import importlib
 import importlib.util
 import pkgutil
 import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -60,6 +61,8 @@ class Registry(Generic[K]):
         self.sort, self.what, self.constant = sort, what, constant
         self._package, self._lacks = package, lacks
         self._known: dict[str, K] = {}
+        self._lock = threading.RLock()
+        """Held while `_known` is replaced: two threads at once would lose one, or bring back a forgotten one."""
         self._built_in = False
         """Whether those of the package have been read: a person's own may come first."""
         self._listeners: list[Callable[[], None]] = []
@@ -88,7 +91,8 @@ class Registry(Generic[K]):
 
     def forget(self, kind: str) -> None:
         """Remove an added one."""
-        self._known = {name: one for name, one in self._known.items() if name != kind}
+        with self._lock:
+            self._known = {name: one for name, one in self._known.items() if name != kind}
         self._tell()
 
     def on_new(self, listener: Callable[[], None]) -> None:
@@ -96,10 +100,11 @@ class Registry(Generic[K]):
         self._listeners.append(listener)
 
     def _all(self) -> dict[str, K]:
-        if not self._built_in:
-            self._built_in = True
-            for module in modules_in(self._package):
+        with self._lock:  # Another thread sees none of the package's until all are in.
+            first, self._built_in = not self._built_in, True
+            for module in modules_in(self._package) if first else ():
                 self._enter(getattr(module, self.constant))
+        if first:
             self._tell()
         return self._known
 
@@ -107,11 +112,12 @@ class Registry(Generic[K]):
         lacking = self._lacks(one)
         if lacking:
             raise ImportError(lacking)
-        if not instead and one.kind in self._known and self._known[one.kind] != one:
-            raise ImportError(f"Two {self.what}s are called {one.kind!r}: give one of them another kind.")
-        # A new dictionary each time, as other threads may be reading the present one.
-        known = {**self._known, one.kind: one}
-        self._known = dict(sorted(known.items(), key=lambda item: (item[1].place, item[0])))
+        with self._lock:
+            if not instead and one.kind in self._known and self._known[one.kind] != one:
+                raise ImportError(f"Two {self.what}s are called {one.kind!r}: give one of them another kind.")
+            # A new dictionary each time, as other threads may be reading the present one.
+            known = {**self._known, one.kind: one}
+            self._known = dict(sorted(known.items(), key=lambda item: (item[1].place, item[0])))
 
     def _tell(self) -> None:
         for listener in self._listeners:

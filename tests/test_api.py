@@ -75,7 +75,7 @@ def test_a_run_is_a_table_and_a_figure_for_other_tools():
     assert list(frame.columns) == table.column_names
     np.testing.assert_array_equal(frame["pose_theta [rad]"], run.pose[:, 2])
     assert [part.get_ylabel() for part in run.plot("joint_torque", "tracking_error").axes] == [
-        "τ_i (N·m)", "e (m)", "e (rad)",
+        r"τ$_{\mathrm{i}}$ (N·m)", "e (m)", "e (rad)",
     ]  # fmt: skip
     assert [part.get_ylabel() for part in run.plot().axes] == ["mm", "mrad", "mm", "N", "N·m"]
     np.testing.assert_allclose(run.plot().axes[1].lines[0].get_ydata(), 1e3 * run.tracking_error[:, 2])

@@ -116,7 +116,7 @@ def test_what_cannot_be_measured_is_said():
     ):
         load_preset("paper").replace({COUNTS: (1e4,) * 3})
     with pytest.raises(StudyError, match=r"joints\.encoders are not in the environment"):
-        WorldBatch(Settings(with_counts(1e4)), 1)
+        WorldBatch(Settings(scenario=with_counts(1e4)), 1)
     run = simulate(with_counts(100.0), 1.0)
     assert run.status.failed
     assert "counts that pass for rates drive it" in run.status.text

@@ -69,7 +69,7 @@ def test_the_papers_second_coordinate_is_the_midspan_deflection() -> None:
 
 
 def test_a_point_off_the_beam_is_refused_by_name() -> None:
-    with pytest.raises(ScenarioError, match=r"beam position = 0\.3 m .* -0\.25 to 0\.25 m"):
+    with pytest.raises(ScenarioError, match=r"beam position = 0\.3 m .* −0\.25 to 0\.25 m"):
         shape_functions(Payload(), np.array([0.3]))
 
 

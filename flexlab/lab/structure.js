@@ -44,17 +44,20 @@
     part.setAttribute(MARK, [...marks].join(" "));
   }
 
-  const PAUSE = 200; // ms between two rounds of questions while a page is being built
-  let due = false, last = -Infinity;
+  const PAUSE = 200, SHARE = 10; // ms between two rounds of questions, and least pause over a round: a slow machine asks less often
+  let due = false, next = -Infinity;
 
   function ask() {
-    [due, last] = [false, performance.now()];
+    const begun = performance.now();
+    due = false;
     asked.forEach((question, number) => {
       const found = new Set(document.querySelectorAll(question.selector));
       for (const part of question.marked) if (!found.has(part)) put(part, number, false);
       for (const part of found) if (!question.marked.has(part)) put(part, number, true);
       question.marked = found;
     });
+    const now = performance.now();
+    next = now + Math.max(PAUSE, SHARE * (now - begun));
     dispatchEvent(new Event(CHANGED)); // for scripts that measure or name parts
   }
 
@@ -67,7 +70,7 @@
     for (const sheet of document.styleSheets) if (sheet.ownerNode?.textContent.includes(".fl-unseen")) takeOver(sheet.cssRules);
     new MutationObserver((changes) => {
       if (due || !changes.some(matters)) return;
-      const left = last + PAUSE - performance.now();
+      const left = next - performance.now();
       if (left <= 0) ask(); // before the change is drawn
       else [due] = [true, setTimeout(ask, left)];
     }).observe(document.documentElement, { subtree: true, childList: true, attributes: true, attributeFilter: STATES });

@@ -17,8 +17,6 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 """Addresses that only this machine can reach."""
 WILDCARDS = ("0.0.0.0", "::", "")
 """Hosts that stand for all addresses of this machine."""
-
-
 UNIX = "unix:"
 """Prefix of a host that is the path of a Unix socket."""
 
@@ -51,6 +49,12 @@ def usual_spelling(host: str) -> str:
         return host
     mapped = address.ipv4_mapped if isinstance(address, ipaddress.IPv6Address) else None
     return str(mapped or address)
+
+
+def base_address(host: str, port: int) -> str:
+    """The address of a web server, without a path; of one that listens on all addresses, as this machine finds it."""
+    host = LOOPBACK[0] if host in WILDCARDS else host
+    return f"http://{f'[{host}]' if ':' in host else host}:{port}"
 
 
 def name_in(host: str) -> str:

@@ -30,7 +30,7 @@ from flexlab.scenario import Scenario
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Origin
 from flexlab.sim.snapshot import Consumer
-from flexlab.sockets import WILDCARDS, usual_spelling
+from flexlab.sockets import base_address, usual_spelling
 
 PANEL_WIDTH, NARROW_PANEL = 330, 300
 """Width of the panel, px: holds the longest label with its unit on one line; the second in a narrow window."""
@@ -112,8 +112,7 @@ class Session:
     @property
     def url(self) -> str:
         """Where a browser on this machine finds the lab."""
-        host = "127.0.0.1" if self._host in WILDCARDS else self._host
-        return f"http://{host}:{self.port}"
+        return base_address(self._host, self.port)
 
     def start(self) -> None:
         """Serve the page and start the simulation. Raises `LabError`, and leaves nothing running, if it cannot."""

@@ -39,13 +39,13 @@ from flexlab.server.pages.templating import catalogues
 from flexlab.server.preset_cards import PresetCards
 from flexlab.server.proxy import inside_connector
 from flexlab.server.run_jobs import MOST_COMPARISONS, MOST_REPLAYS, Measuring
-from flexlab.server.settings import SECRET_BYTES, Settings, base_address, outside_addresses
+from flexlab.server.settings import SECRET_BYTES, Settings, outside_addresses
 from flexlab.server.study import MOST_AT_ONCE, MOST_STUDIES
 from flexlab.server.task_book import TaskBook
 from flexlab.server.tasks import Tasks
 from flexlab.server.visitors import cookie_key, greet
 from flexlab.server.workshop import Workshop
-from flexlab.sockets import WILDCARDS, listen
+from flexlab.sockets import base_address, listen
 
 STATIC = Path(__file__).resolve().parent / "static"
 """Style sheet, scripts and the icon of the server's pages."""
@@ -177,8 +177,8 @@ class FrontServer:
     @property
     def live_source(self) -> str:
         """Where a rerun viewer on this machine finds the shared lab's live data."""
-        host = "127.0.0.1" if self.settings.host in WILDCARDS else self.settings.host
-        return base_address(host, self.port) + self.settings.base_url + recording_path(self._pass_key, f"{LIVE}lab")
+        base = base_address(self.settings.host, self.port) + self.settings.base_url
+        return base + recording_path(self._pass_key, f"{LIVE}lab")
 
     @property
     def teacher_url(self) -> str:
@@ -191,8 +191,7 @@ class FrontServer:
         path = self.settings.base_url + path
         if self.settings.is_socket:
             return f"{path} of whoever passes it on from {self.settings.host}"
-        host = host or ("127.0.0.1" if self.settings.host in WILDCARDS else self.settings.host)
-        return f"{base_address(host, self.port)}{path}" + (f"?token={token}" if token else "")
+        return f"{base_address(host or self.settings.host, self.port)}{path}" + (f"?token={token}" if token else "")
 
     def outside_addresses(self, path: str = "/") -> list[str]:
         """Addresses of a page as other machines have it; none while the server answers this machine only."""

@@ -14,7 +14,7 @@ from pathlib import Path
 import segno
 
 from flexlab.errors import LabError
-from flexlab.sockets import LOOPBACK, UNIX, WILDCARDS, usual_spelling
+from flexlab.sockets import LOOPBACK, UNIX, WILDCARDS, base_address, usual_spelling
 
 SECRET_BYTES = 18
 """Randomness of a word that is made up."""
@@ -155,11 +155,6 @@ def network_addresses() -> list[str]:
 def _is_reachable(address: str) -> bool:
     number = ipaddress.ip_address(address.partition("%")[0])
     return not (number.is_loopback or number.is_link_local or number.is_unspecified)
-
-
-def base_address(host: str, port: int) -> str:
-    """The address of a web server, without a path."""
-    return f"http://{f'[{host}]' if ':' in host else host}:{port}"
 
 
 def outside_addresses(settings: Settings, port: int, token: str | None, path: str = "/") -> list[str]:

@@ -46,6 +46,11 @@ def test_a_busy_port_is_named_and_nothing_is_left_running() -> None:
     wait_until(lambda: threading.active_count() <= threads, "no thread is left", 10)
 
 
+@pytest.mark.parametrize(("host", "name"), [("::1", "[::1]"), ("[::1]", "[::1]"), ("::", "127.0.0.1"), ("*", "127.0.0.1")])
+def test_the_address_of_a_lab_is_one_that_a_browser_opens(host: str, name: str) -> None:
+    assert Session(load_preset("paper"), host=host, port=8080).url == f"http://{name}:8080"
+
+
 @pytest.mark.parametrize(
     ("host", "port", "said"),
     [

@@ -41,7 +41,7 @@ PROTOCOL = f"viser-v{viser.__version__}"
 OTHER_VERSION = 1002
 """Websocket close code by which viser's page knows that it is of another version: it then says so."""
 
-_OPENING = threading.Lock()
+_OPENING, _QUIET = threading.Lock(), threading.Lock()
 
 
 class _News(asyncio.Event):
@@ -100,8 +100,7 @@ class GuardedServer(viser.ViserServer):
         """Held while a person's input is handled; other code that writes to widgets holds it too, see `_take_up_whole`."""
         # viser's page puts its own styles at the end of its head: what comes after the body has the last word.
         added = {"</head>": f"<script>{script}</script>", "</body>": f"<style>{sheet}</style>"}
-        # viser prints where it serves, which is flexlab's to say.
-        with _serving_on(plug, admission, connection, largest_message, added), redirect_stdout(StringIO()):
+        with _serving_on(plug, admission, connection, largest_message, added), _quiet():
             super().__init__(host="127.0.0.1", port=plug.getsockname()[1], label=label, verbose=False)
         self._take_up_whole()
 
@@ -126,7 +125,7 @@ class GuardedServer(viser.ViserServer):
         loop = self._websock_server._background_event_loop
         if loop is not None and not loop.is_closed():
             loop.call_soon_threadsafe(loop.call_later, GOODBYE_TIME, self._cut)
-        with redirect_stdout(StringIO()):
+        with _quiet():
             super().stop()
 
     def _cut(self) -> None:
@@ -157,6 +156,16 @@ class _GuardedConnection(ServerConnection):
 
 
 @contextmanager
+def _quiet() -> Iterator[None]:
+    """While this is open, viser does not print where it serves and when it stops, which is flexlab's to say.
+
+    All threads share the standard output: two that changed it at once would not put it back.
+    """
+    with _QUIET, redirect_stdout(StringIO()):
+        yield
+
+
+@contextmanager
 def _serving_on(
     plug: socket.socket, admission: Admission, connection: Any, largest: int, added: Mapping[str, str]
 ) -> Iterator[None]:
@@ -164,7 +173,6 @@ def _serving_on(
 
     By itself viser opens a socket on the next free port, and accepts everybody.
     """
-    original: Any = websockets.asyncio.server.serve
     furnished = functools.partial(_with_additions, added=added, pages={})
 
     def serve(handler: Any, host: Any, port: Any, *, process_request: Any, **options: Any) -> Any:
@@ -188,6 +196,7 @@ def _serving_on(
         return original(greet, sock=plug, process_request=look, **options)
 
     with _OPENING:
+        original: Any = websockets.asyncio.server.serve
         websockets.asyncio.server.serve = serve  # type: ignore[assignment, misc]  # A class there, a function here.
         try:
             yield

@@ -7,6 +7,7 @@ import socket
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 
 import psutil
@@ -46,7 +47,9 @@ def test_a_busy_port_is_named_and_nothing_is_left_running() -> None:
     wait_until(lambda: threading.active_count() <= threads, "no thread is left", 10)
 
 
-@pytest.mark.parametrize(("host", "name"), [("::1", "[::1]"), ("[::1]", "[::1]"), ("::", "127.0.0.1"), ("*", "127.0.0.1")])
+@pytest.mark.parametrize(
+    ("host", "name"), [("::1", "[::1]"), ("[::1]", "[::1]"), ("::", "127.0.0.1"), ("*", "127.0.0.1")]
+)
 def test_the_address_of_a_lab_is_one_that_a_browser_opens(host: str, name: str) -> None:
     assert Session(load_preset("paper"), host=host, port=8080).url == f"http://{name}:8080"
 
@@ -73,6 +76,21 @@ def test_two_labs_in_one_process_do_not_touch_each_other() -> None:
             one.runner.submit(ChangeScenario({"payload.bending_stiffness": 7.0}))
             wait_until(lambda: one.runner.snapshot.scenario.payload.bending_stiffness == 7.0, "the change is taken", 20)
             assert two.runner.snapshot.scenario == load_preset("soft-beam")
+
+
+def test_labs_that_start_and_stop_together_are_quiet_and_leave_standard_output_alone(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    output, all_run = sys.stdout, threading.Barrier(4, timeout=60)
+
+    def live_shortly(_: int) -> None:
+        with Session(load_preset("paper"), port=0):
+            all_run.wait()
+
+    with ThreadPoolExecutor(4) as threads:
+        list(threads.map(live_shortly, range(4)))
+    assert sys.stdout is output
+    assert capsys.readouterr().out == ""
 
 
 def test_only_this_machine_may_look_unless_asked() -> None:

@@ -71,7 +71,7 @@ NEXT = pytest.StashKey[pytest.Item | None]()
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
-    """Remember which test follows: the window stays as it is for one that uses it."""
+    """Remember which test follows: the window stays open for tests of the lab."""
     item.session.stash[NEXT] = nextitem
 
 
@@ -88,8 +88,8 @@ def window(_lasting_window: LastingWindow, request: pytest.FixtureRequest) -> It
         follows = request.session.stash[NEXT]
         if follows is None or Path(__file__).parent not in follows.path.parents:
             _lasting_window.close()
-        elif "window" not in getattr(follows, "fixturenames", ()):
-            _lasting_window.rest()
+        else:
+            _lasting_window.rest()  # A file's tests leave their lab as they like, drawn a thousandfold for instance.
 
 
 @pytest.fixture

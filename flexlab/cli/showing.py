@@ -14,7 +14,7 @@ from pathlib import Path
 from flexlab.assets import web_assets_folder
 from flexlab.cli.console import output
 from flexlab.files import filled
-from flexlab.sockets import WILDCARDS, listen
+from flexlab.sockets import base_address, listen
 
 LOOK = 0.5
 """Interval of the checks for the end, s: on Windows, Ctrl-C cannot interrupt an endless wait."""
@@ -102,10 +102,8 @@ class WaitingPage:
     @property
     def url(self) -> str:
         """The page's address for a browser on this machine."""
-        from flexlab.server.settings import base_address
-
         host, port = str(self._server.server_address[0]), int(self._server.server_address[1])
-        return base_address("127.0.0.1" if host in WILDCARDS else host, port)
+        return base_address(host, port)
 
     def __enter__(self) -> "WaitingPage":
         self._thread.start()

@@ -33,6 +33,7 @@ from flexlab.server.child_processes import end_with_the_server, failures_told_pl
 from flexlab.server.labs.lab_provider import Choice
 from flexlab.server.limits import LOOK, LOOK_AGAIN, PER_SECOND, Asker, Quota
 from flexlab.server.task_book import BAD, GOOD, Outcome, Task, TaskBook
+from flexlab.sim.paced_run import FASTEST
 from flexlab.sim.samples import Samples
 
 MOST_SAMPLES = 1_200_000
@@ -175,8 +176,6 @@ def range_name(path: Path, start: float | None, end: float | None) -> str:
     return f"{path.stem}-{'start' if start is None else f'{start:g}'}-to-{'end' if end is None else f'{end:g}'}-s"
 
 
-FASTEST = 4.0
-"""Simulated seconds of one second in a lab."""
 UNSEEN = int(FASTEST * LOOK * PER_SECOND)
 """Bytes that a lab records, about, between two looks at what its owner has."""
 

@@ -290,8 +290,20 @@
     }
   }
 
+  // That no graphics card draws is worth a word, but not a corner of the scene for good.
+  const NO_CARD = "Software WebGL rendering detected", READ = 8000; // ms to read it in
+  let word = null;
+
+  function closeReadWord() {
+    const shown = document.querySelector(".mantine-Notification-root");
+    if (!shown || shown === word || !english(shown).startsWith(NO_CARD)) return;
+    word = shown;
+    setTimeout(() => shown.querySelector("button")?.click(), READ);
+  }
+
   function look() {
     markPlayScreen();
+    closeReadWord();
     showBehindUnseen();
     const name = document.querySelector(".fl-run")?.dataset.name;
     const title = document.querySelector("title");

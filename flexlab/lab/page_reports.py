@@ -23,6 +23,8 @@ PAGE_SCRIPT, PAGE_SHEET = (
     for names in (("structure.js", "page.js", "accessibility.js", "hear.js", "number_boxes.js"), ("page.css",))
 )
 """What the lab adds to viser's page."""
+GUIDE, PLOTS = "guide", "plots"
+"""Names of the foldable panels in a page's report."""
 LONGEST_SILENCE = 10.0
 """Seconds after which a browser that never reported counts as one that has drawn everything."""
 AGAIN_PERIOD = 1.0
@@ -48,7 +50,7 @@ class Report(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     covered: tuple[Share, Share]
     """Shares of the picture's height that are covered, from above and from below."""
     open: Annotated[tuple[str, ...], msgspec.Meta(max_length=2)]
-    """The panels that this browser last had open: `guide`, `plots`."""
+    """The panels that this browser last had open outside a presentation: `GUIDE`, `PLOTS`."""
     hears: bool
     """Whether its sound is on."""
     again: Count
@@ -147,13 +149,13 @@ class PageReports:
             page.show()
 
     def toggle_presentation(self, client: viser.ClientHandle) -> bool:
-        """Begin or end the presentation in one browser; returns whether it presents now."""
+        """Begin or end the presentation in one browser; returns whether its plots belong on the screen now."""
         page = self._pages.get(client.client_id)
         if page is None:
             return False
         page.presents = not page.presents
         page.show()
-        return page.presents
+        return page.presents or (page.report is not None and PLOTS in page.report.open)
 
     def _all(self) -> list[_Page]:
         with self._lock:

@@ -10,7 +10,7 @@ from flexlab.lab.lab_state import LabState
 from flexlab.lab.look_back import LookBack
 from flexlab.lab.mode_computation import ModeStudy
 from flexlab.lab.own_file_watch import OwnFileWatch
-from flexlab.lab.page_reports import PAGE_SCRIPT, PAGE_SHEET, PageReports, Report
+from flexlab.lab.page_reports import GUIDE, PAGE_SCRIPT, PAGE_SHEET, PLOTS, PageReports, Report
 from flexlab.lab.panel.guide_panel import Guide
 from flexlab.lab.panel.panel import Panel
 from flexlab.lab.panel.readouts import SpokenSummary
@@ -40,8 +40,6 @@ GUIDE_WIDTH, FOLDED_WIDTH = 280, 36
 """Width of the guide's column, px, open and folded."""
 PLOTS_HEIGHT, GAP = 300, 8
 """Height of the panel of plots, two charts with their legends, and its distance from the picture's edges, px."""
-GUIDE, PLOTS = "guide", "plots"
-"""Names of the foldable panels in a page's report."""
 FIRST_WINDOW = Window(1.0)
 """The picture that is assumed until a browser reports its own."""
 

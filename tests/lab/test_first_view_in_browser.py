@@ -38,6 +38,7 @@ BEAM = """(sides) => {
     ends = [at(sides), at(middle - middle % sides), at(position.count - 2 * sides)]; });
   return ends; }"""
 """Where the drawn beam's ends and its middle are, px."""
+KEPT = "localStorage.getItem('flexlab-open-panels')"
 CONTROLS = """() => [...document.querySelectorAll('button, [role="slider"], [role="combobox"], [role="tab"]')]
   .filter((part) => part.getClientRects().length && part.closest('[data-fl-panel] > *') && part.textContent.trim() !== '↺'
     && (part.getAttribute('aria-haspopup') === 'listbox' || !part.closest('.mantine-InputWrapper-root'))).length"""
@@ -97,9 +98,7 @@ def test_guide_and_plots_are_one_click_away_and_a_browser_remembers_them(
     page.wait_for_function(PLOTS_OPEN)
     lefts = "() => [...document.querySelectorAll('.uplot')].map((part) => part.getBoundingClientRect().left)"
     wait_until(lambda: len({round(left) for left in page.evaluate(lefts)}) > 1, "two plots stand side by side")
-    wait_until(
-        lambda: "plots" in (page.evaluate("localStorage.getItem('flexlab-open-panels')") or ""), "the page keeps it"
-    )
+    wait_until(lambda: "plots" in (page.evaluate(KEPT) or ""), "the page keeps it")
     again = opened(page.context.new_page(), address(shared_session))
     again.wait_for_function(PLOTS_OPEN)
     assert not again.evaluate(GUIDE_OPEN)
@@ -124,6 +123,25 @@ def test_a_presentation_shows_the_scene_one_plot_and_one_number(newcomer: Page, 
     page.set_viewport_size({"width": 1920, "height": 1080})
     page.keyboard.press("b")
     page.get_by_role("button", name="Reset").wait_for()
+    wait_until(lambda: not page.evaluate(PLOTS_OPEN), "the plots are folded as before")
+    page.get_by_text("Motion", exact=True).first.click()
+    page.wait_for_function(PLOTS_OPEN)
+    wait_until(lambda: "plots" in (page.evaluate(KEPT) or ""), "the page keeps it")
+    page.keyboard.press("b")
+    page.get_by_text("largest vibration").wait_for()
+    page.keyboard.press("b")
+    page.get_by_role("button", name="Reset").wait_for()
+    page.wait_for_function(PLOTS_OPEN)
+    assert "plots" in page.evaluate(KEPT)
+
+
+def test_the_word_on_a_missing_graphics_card_leaves_the_scene_by_itself(
+    newcomer: Page, shared_session: Session
+) -> None:
+    newcomer.goto(address(shared_session))
+    word = newcomer.get_by_text("Software WebGL rendering detected")
+    word.wait_for()
+    word.wait_for(state="detached")
 
 
 def test_the_play_screen_has_five_controls_and_leads_to_the_lab_with_the_same_run(

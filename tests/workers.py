@@ -1,8 +1,8 @@
-"""Folders of tests run in as many processes as there are processors, a file in one of them; single files run here.
+"""Folders of tests run in a few more processes than there are processors, a file in one of them; single files run here.
 
 So `pytest` needs no option, a debugger meets one process (`pytest tests/test_api.py`, `-n0`, `--pdb`, `-p no:xdist`), and what
-the tests of a file share is made once. All browsers are driven by one process, one after the other: two of them draw so
-slowly on two processors that pages time out. It begins with them, as they take longest; then come the servers.
+the tests of a file share is made once. Two processes drive a browser, one those of the lab, the other those of the server: more
+of them draw so slowly on two processors that pages time out. They begin, as they take longest; then come the servers.
 """
 
 import os
@@ -13,9 +13,11 @@ from pathlib import Path
 import pytest
 
 MOST = 4
-"""Processes at most: more of them wait for the one that drives the browser."""
-BROWSER = "browser"
-"""What the scheduler calls all files of browsers."""
+"""Processes at most: more of them wait for those that drive browsers."""
+WAITING = 2
+"""Processes more than there are processors: who drives a browser waits for it most of the time."""
+BROWSERS = LAB_BROWSER, SERVER_BROWSER = "browser of the lab", "browser of the server"
+"""What the scheduler calls all files of a browser."""
 
 FEW_AND_LONG = ("test_same_bits.py", "test_cluster.py", "test_bench.py", "test_documented.py", "test_plain_python.py")
 """Files of few tests that take long: as the last ones they would leave a processor without work."""
@@ -33,7 +35,7 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
         return
     chosen = [Path(config.invocation_params.dir, name) for name in config.args]
     if config.option.numprocesses is None and any(path.is_dir() for path in chosen) and not config.option.usepdb:
-        config.option.numprocesses = min(_processors(), MOST)
+        config.option.numprocesses = min(_processors() + WAITING, MOST)
     if config.option.numprocesses and config.option.dist == "no":
         config.option.dist = "loadfile"
     if config.option.numprocesses and not config.option.collectonly and Path(__file__).parent in chosen:
@@ -42,25 +44,27 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log):
-    """By files, with all files of browsers as one; what takes or waits long first, then what has most tests."""
+    """By files, with those of a folder's browsers as one; what takes or waits long first, then what has most tests."""
     if config.option.dist != "loadfile":
         return None
     from xdist.scheduler import LoadFileScheduling
 
-    class OneBrowser(LoadFileScheduling):
+    class BrowsersApart(LoadFileScheduling):
         def _split_scope(self, nodeid: str) -> str:
-            return BROWSER if is_of_browser(nodeid) else super()._split_scope(nodeid)
+            if is_of_browser(nodeid):
+                return LAB_BROWSER if nodeid.startswith("tests/lab/") else SERVER_BROWSER
+            return super()._split_scope(nodeid)
 
         def _assign_work_unit(self, node) -> None:
             self.workqueue.move_to_end(min(self.workqueue, key=_turn), last=False)
             super()._assign_work_unit(node)
 
-    return OneBrowser(config, log)
+    return BrowsersApart(config, log)
 
 
 def _turn(unit: str) -> int:
     """Which turn a file has among others; within one the order stays."""
-    return 0 if unit == BROWSER else 1 if "/server/" in unit or unit.endswith(FEW_AND_LONG) else 2
+    return 0 if unit in BROWSERS else 1 if "/server/" in unit or unit.endswith(FEW_AND_LONG) else 2
 
 
 def _processors() -> int:

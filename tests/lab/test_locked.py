@@ -1,8 +1,10 @@
 """A lab that the teacher has locked stays as it is, whatever a student's browser sends."""
 
 import json
+from pathlib import Path
 from typing import Any
 
+import pytest
 from lab_page import wait_until
 from raw_browser import RawBrowser
 from test_page_reports import report, way
@@ -28,7 +30,10 @@ def another_value(handle: Any) -> Any:
     return "other" if isinstance(present, str) else present
 
 
-def test_nothing_that_a_student_does_moves_a_locked_lab(session: Session) -> None:
+def test_nothing_that_a_student_does_moves_a_locked_lab(
+    session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)  # A student may save the scenario.
     lab_state = session.lab_state
     with RawBrowser(session) as browser:
         report(browser, session, 1)

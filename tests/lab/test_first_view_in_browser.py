@@ -117,7 +117,8 @@ def test_a_presentation_shows_the_scene_one_plot_and_one_number(newcomer: Page, 
     assert not page.get_by_role("button", name="Reset").is_visible()
     page.set_viewport_size({"width": 390, "height": 844})
     page.get_by_text("largest vibration").wait_for()
-    assert not page.get_by_text("Look back", exact=True).is_visible(), "it lay over the factor on a phone"
+    look_back = page.get_by_text("Look back", exact=True)
+    wait_until(lambda: not look_back.is_visible(), "nothing lies over the factor on a phone")
     scale = page.locator("meta[name=viewport]").get_attribute("content") or ""
     assert "minimum-scale=1" in scale, "else a menu that opens makes a phone show all of it smaller, and closes"
     page.set_viewport_size({"width": 1920, "height": 1080})

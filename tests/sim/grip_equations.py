@@ -45,22 +45,17 @@ class Machine:
     def arm_acceleration(self, i, angles, rates, force, moment, tau):
         """Of the links' angles: `force` and `moment` act at the grip, tau (3,) in the joints. From each link's own balance."""
         arm = self.scenario.arms[i]
-        reach, a, m, inertia = arm.link_length, arm.link_center, arm.link_mass, arm.inertia
         across = np.stack([-np.sin(angles), np.cos(angles)], axis=1)
         inward = -np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        mass, right = np.zeros((3, 3)), np.zeros(3)
-        turning = np.array([tau[0] - tau[1], tau[1] - tau[2], tau[2] + moment])
-        for link in range(3):
+        mass, reach = np.diag(arm.inertia), np.array(arm.link_length)
+        right = reach * (across @ force) + np.array([tau[0] - tau[1], tau[1] - tau[2], tau[2] + moment])
+        for link, m in enumerate(arm.link_mass):
             # The centre of `link` moves by d(centre)/d(angle j) = arms[j]; the virtual power of what acts there.
-            arms = [reach[j] * across[j] for j in range(link)] + [a[link] * across[link]]
-            bent = sum(length * rates[j] ** 2 * inward[j] for j, length in enumerate([*reach[:link], a[link]]))
-            for j, one in enumerate(arms):
-                for k, other in enumerate(arms):
-                    mass[j, k] += m[link] * (one @ other)
-                right[j] -= m[link] * (one @ bent) + m[link] * self.gravity * one[1]
-            mass[link, link] += inertia[link]
-        for j in range(3):
-            right[j] += reach[j] * across[j] @ force + turning[j]
+            lengths, moved = np.array([*reach[:link], arm.link_center[link]]), slice(link + 1)
+            arms = lengths[:, None] * across[moved]
+            bent = (lengths * rates[moved] ** 2) @ inward[moved]
+            mass[moved, moved] += m * arms @ arms.T
+            right[moved] -= m * (arms @ bent + self.gravity * arms[:, 1])
         return np.linalg.solve(mass, right)
 
     def grip(self, i, angles, rates, x, v):
@@ -121,6 +116,6 @@ class Machine:
     def run(self, y, torques, times):
         """States at these instants under joint torques (arms, 3) that are held."""
         found = solve_ivp(
-            lambda _, at: self.rates(at, torques), times[[0, -1]], y, "DOP853", times, rtol=1e-11, atol=1e-13
+            lambda _, at: self.rates(at, torques), times[[0, -1]], y, "LSODA", times, rtol=1e-11, atol=1e-13
         )
         return found.y.T

@@ -391,4 +391,4 @@ except ValueError as error:
 """,
     )
     file.write_text(before, encoding="utf-8")
-    assert said == "speed_squared: since is above format 2, which is written now: leave it out."
+    assert said == "speed_squared: since is above format 3, which is written now: leave it out."

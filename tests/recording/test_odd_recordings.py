@@ -138,23 +138,31 @@ HEADS: dict[str, Callable[[dict[str, Any]], Any]] = {
 }
 
 
-def with_heads(monkeypatch: pytest.MonkeyPatch, change: Callable[[dict[str, Any]], Any]) -> None:
+def by_zstd(raw: bytes) -> bytes:
+    """A block whose checksum is right, whatever it holds."""
+    frame = codec.PACKING.compress(raw, asbytes=True)
+    return frame + codec.TRAILER.pack(len(raw), zlib.adler32(frame))
+
+
+PACKINGS = {"zlib": zlib.compress, "zstd": by_zstd}
+
+
+def with_heads(monkeypatch: pytest.MonkeyPatch, change: Callable[[dict[str, Any]], Any], packing: str = "zstd") -> None:
     encode = run_encoder.encode_block
 
     def odd(samples: Samples) -> bytes:
-        data = zlib.decompress(encode(samples))
-        (length,) = struct.unpack_from("<I", data)
-        given = json.loads(data[4 : 4 + length])
+        given, planes = codec._unpack(encode(samples))
         found = change(given)
         text = json.dumps(given if found is None else found).encode()
-        return zlib.compress(struct.pack("<I", len(text)) + text + data[4 + length :])
+        return PACKINGS[packing](struct.pack("<I", len(text)) + text + planes)
 
     monkeypatch.setattr(run_encoder, "encode_block", odd)
 
 
+@pytest.mark.parametrize("packing", PACKINGS)
 @pytest.mark.parametrize("kind", HEADS)
-def test_odd_blocks(monkeypatch: pytest.MonkeyPatch, written: Callable[[], Path], kind: str) -> None:
-    with_heads(monkeypatch, HEADS[kind])
+def test_odd_blocks(monkeypatch: pytest.MonkeyPatch, written: Callable[[], Path], kind: str, packing: str) -> None:
+    with_heads(monkeypatch, HEADS[kind], packing)
     check(written(), refused=True)
 
 
@@ -171,10 +179,14 @@ def test_a_signal_that_is_called_as_what_every_run_has_hides_nothing(
 BLOCKS = {
     "nothing": b"",
     "no zlib": b"x" * 100,
-    "cut": zlib.compress(bytes(range(256)))[:50],
-    "a bomb": zlib.compress(bytes(20_000_000)),
-    "a deep head": zlib.compress(struct.pack("<I", len(DEEP)) + DEEP.encode()),
-    "a long head": zlib.compress(b"\xff\xff\xff\xff{}"),
+    "no zstd": codec.ZSTD + b"x" * 100,
+    "only a beginning": codec.ZSTD,
+    "a small size": by_zstd(bytes(1000)).replace(b"\xe8\x03", b"\xe7\x03"),
+    "a large size": by_zstd(bytes(1000)).replace(b"\xe8\x03\0\0\0\0", b"\xe8\x03\0\0\0\xff"),
+    **{f"a bomb of {name}": pack(bytes(20_000_000)) for name, pack in PACKINGS.items()},
+    **{f"a deep head in {name}": pack(struct.pack("<I", len(DEEP)) + DEEP.encode()) for name, pack in PACKINGS.items()},
+    **{f"a long head in {name}": pack(b"\xff\xff\xff\xff{}") for name, pack in PACKINGS.items()},
+    **{f"{name}, cut": pack(bytes(range(256)))[:50] for name, pack in PACKINGS.items()},
 }
 
 

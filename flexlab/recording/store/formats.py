@@ -20,10 +20,10 @@ from flexlab.sim.signals import TABLE
 from flexlab.sim.snapshot import Event
 from flexlab.sim.target import build_trajectory, change_path, desired_at
 
-FORMAT = 2
+FORMAT = 3
 """Of what is written now."""
 
-OLDEST_READER = 2
+OLDEST_READER = 3
 """Format whose reader still understands what is written now: see `readable`."""
 
 ARITHMETIC = "1"
@@ -88,14 +88,14 @@ class Changes:
 def migrate(samples: Samples, recorded_format: int, changes: Callable[[], Changes]) -> Samples:
     """Samples of an older format as they would be recorded now. `changes` is asked for only where a step needs it."""
     for number in range(recorded_format, FORMAT):
-        samples = STEPS[number](samples, changes())
+        samples = STEPS[number](samples, changes)
     return samples
 
 
-def _from_1(samples: Samples, changes: Changes) -> Samples:
+def _from_1(samples: Samples, changes: Callable[[], Changes]) -> Samples:
     """The quasi-static deflection is that of the desired motion, which the scenario still tells."""
     found = np.empty(len(samples))
-    for rows, scenario in changes.pieces(samples.time):
+    for rows, scenario in changes().pieces(samples.time):
         trajectory = build_trajectory(scenario)
         known = _compliance(scenario), scenario.gravity
         found[rows] = [quasi_static_deflection(*known, desired_at(trajectory, t)) for t in samples.time[rows]]
@@ -110,5 +110,10 @@ def _compliance(scenario: Scenario) -> np.ndarray:
     return build_plant(scenario, build_beam(scenario.payload)).compliance
 
 
-STEPS: dict[int, Callable[[Samples, Changes], Samples]] = {1: _from_1}
+def _from_2(samples: Samples, changes: Callable[[], Changes]) -> Samples:
+    """The samples mean the same; their bytes are packed in another way (`codec`)."""
+    return samples
+
+
+STEPS: dict[int, Callable[[Samples, Callable[[], Changes]], Samples]] = {1: _from_1, 2: _from_2}
 """From each older format to the next."""

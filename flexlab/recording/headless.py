@@ -1,15 +1,12 @@
 """Recording without a screen: the simulation waits for its recorder, so nothing is ever dropped."""
 
 import contextlib
-import os
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
 
 from flexlab.errors import RecordingError
-from flexlab.recording.codec import encode_block
 from flexlab.recording.file_sink import RunWriter
 from flexlab.recording.repair import finish
 from flexlab.recording.run_encoder import RunEncoder
@@ -24,9 +21,6 @@ BLOCK_ROWS = 10_000
 
 LARGE_ROWS = 2000
 """Samples of a block that need not be joined with others, which takes the whole recording into memory."""
-
-PACKERS = min(4, os.cpu_count() or 1)
-"""Threads that encode blocks ahead, without Python's global lock."""
 
 MOST_AT_ONCE = 1_000_000
 """Samples of a run that is written in one piece, which then stands in memory beside it: a third of a gigabyte."""
@@ -55,11 +49,11 @@ class HeadlessRecording:
         self._sinks = [self._writer.stream]
         self._run = RunEncoder(info, self._sinks, start_notes)
 
-    def write(self, samples: Samples, encoded: bytes | None = None) -> None:
-        """Write the next block (N >= 1); `encoded` as for `RunEncoder.write_exact`."""
+    def write(self, samples: Samples) -> None:
+        """Write the next block (N >= 1)."""
         with self._telling():
             writer = self._checked()
-            self._run.write_samples(samples, encoded)
+            self._run.write_samples(samples)
             self._blocks += 1
             if not self._in_one_piece:
                 writer.push()
@@ -146,10 +140,8 @@ def write_run(
     info = RunInfo(name, run.scenario, period)
     if started is not None:
         info = RunInfo(name, run.scenario, period, started=started)
-    blocks = [run.slice(first, min(first + BLOCK_ROWS, len(run))) for first in range(0, len(run), BLOCK_ROWS)]
-    recording = HeadlessRecording(logs, info, start_notes, len(run) <= MOST_AT_ONCE)
-    with recording, ThreadPoolExecutor(PACKERS) as pool:
-        for block, encoded in zip(blocks, pool.map(encode_block, blocks), strict=True):
-            recording.write(block, encoded)
+    with HeadlessRecording(logs, info, start_notes, len(run) <= MOST_AT_ONCE) as recording:
+        for first in range(0, len(run), BLOCK_ROWS):
+            recording.write(run.slice(first, first + BLOCK_ROWS))
         recording.end(run.status)
     return recording.path

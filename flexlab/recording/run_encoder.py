@@ -75,17 +75,14 @@ class RunEncoder:
         self.last_time = 0.0
         self._first_time: float | None = None
 
-    def write_samples(self, samples: Samples, encoded: bytes | None = None) -> None:
-        """Write a block (N >= 1), exact and shown; `encoded` as for `write_exact`."""
-        self.write_exact(samples, encoded)
+    def write_samples(self, samples: Samples) -> None:
+        """Write a block (N >= 1), exact and shown."""
+        self.write_exact(samples)
         self.write_shown(samples, (), ())
 
-    def write_exact(self, samples: Samples, encoded: bytes | None = None) -> None:
-        """Write a block (N >= 1) in full precision, at its last instant, so that no time axis ends later.
-
-        `encoded`: the block by `encode_block`, if that is done already.
-        """
-        column = blobs("flexlab.Block", "data", [encoded or encode_block(samples)])
+    def write_exact(self, samples: Samples) -> None:
+        """Write a block (N >= 1) in full precision, at its last instant, so that no time axis ends later."""
+        column = blobs("flexlab.Block", "data", [encode_block(samples)])
         self._send("exact/samples", samples.time[-1:], [column], exact=True)
         self.rows += len(samples)
         if self._first_time is None:

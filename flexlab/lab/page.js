@@ -220,7 +220,13 @@
   }
 
   // The play screen stands in the same panel as the lab; the style sheet shows the one or the other.
-  if (new URLSearchParams(location.search).has("play")) document.documentElement.classList.add("fl-playing");
+  // Until it is found there, nothing of the panel is shown: the lab's fifty controls would flash up.
+  if (new URLSearchParams(location.search).has("play")) document.documentElement.classList.add("fl-playing", "fl-searching");
+
+  addEventListener("flexlab-structure", () => {
+    if (document.querySelector("[data-fl-play]")) document.documentElement.classList.remove("fl-searching");
+    else markPlayScreen();
+  });
 
   function markPlayScreen() {
     let part = document.querySelector(".fl-play");

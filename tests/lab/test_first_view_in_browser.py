@@ -43,6 +43,10 @@ CONTROLS = """() => [...document.querySelectorAll('button, [role="slider"], [rol
   .filter((part) => part.getClientRects().length && part.closest('[data-fl-panel] > *') && part.textContent.trim() !== '↺'
     && (part.getAttribute('aria-haspopup') === 'listbox' || !part.closest('.mantine-InputWrapper-root'))).length"""
 """Controls in sight in the panel: buttons, sliders, menus and tabs."""
+COUNT_SLIDERS = """if (location.search.includes('play')) setInterval(() => {
+  const shown = [...document.querySelectorAll('[role="slider"]')].filter((part) => part.checkVisibility({ visibilityProperty: true }));
+  window.mostSliders = Math.max(window.mostSliders ?? 0, shown.length); }, 20)"""
+"""Keeps the largest number of sliders that a play screen has shown since it was loaded."""
 
 
 @pytest.fixture(scope="module")
@@ -148,9 +152,11 @@ def test_the_word_on_a_missing_graphics_card_leaves_the_scene_by_itself(
 def test_the_play_screen_has_five_controls_and_leads_to_the_lab_with_the_same_run(
     newcomer: Page, shared_session: Session
 ) -> None:
+    newcomer.add_init_script(COUNT_SLIDERS)
     session, page = shared_session, opened(newcomer, f"{address(shared_session)}&play")
     page.get_by_label("Stiffness EI (N·m²)", exact=True).wait_for()
     assert page.evaluate(CONTROLS) == 5
+    assert page.evaluate("window.mostSliders") == 2, "the lab's own do not flash up"
     run = session.runner.snapshot.run_number
     page.get_by_role("button", name="Tap", exact=True).click()
     wait_until(lambda: any("tap" in event.text.lower() for event in session.runner.snapshot.events), "a tap")

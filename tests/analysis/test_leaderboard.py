@@ -11,6 +11,7 @@ import flexlab
 from flexlab.analysis.leaderboard.board import Finding, Leaderboard, make_tasks, run_board, verify
 from flexlab.analysis.leaderboard.case import Case, Variant, cases, chosen_cases, peak_error, settled
 from flexlab.analysis.leaderboard.entry import Row, chosen_entrants, entrants
+from flexlab.analysis.leaderboard.figures import draw_case
 from flexlab.analysis.leaderboard.report import overview, sections, settings, write_report
 from flexlab.analysis.leaderboard.store import RowStore, law_source, shipped_rows
 from flexlab.errors import StudyError
@@ -232,3 +233,9 @@ def test_joints_of_machines_are_known_or_not():
     assert compliant.grips.active
     assert filled.payload.mass_change.active
     assert followed == filled.replace({"controller.model.mass_change_factor": 1.0})
+
+
+def test_a_chart_without_any_score_has_no_numbers_on_its_axis():
+    axes = draw_case(cases()["B1"], ["pd"], np.array([[np.nan]])).axes[0]
+    assert [label.get_text() for label in axes.get_xticklabels()] == []
+    assert [text.get_text() for text in axes.texts] == ["no score"]

@@ -47,13 +47,13 @@ def _draw_dots(axes: Axes, case: Case, values: np.ndarray) -> None:
     for place, variant in enumerate(case.variants):
         color, mark = MARKS[place]
         axes.plot(values[:, place], range(len(values)), mark, color=color, markersize=5, label=variant.name)
-    for line in np.flatnonzero(np.isnan(values).any(axis=1)):
-        axes.annotate(
-            "no score" if np.isnan(values[line]).all() else "", (0.99, line), xycoords=("axes fraction", "data"),
-            ha="right", va="center", fontsize="small",
-        )  # fmt: skip
+    for line in np.flatnonzero(np.isnan(values).all(axis=1)):
+        place = {"xycoords": ("axes fraction", "data"), "ha": "right", "va": "center"}
+        axes.annotate("no score", (0.99, line), **place, fontsize="small")
     if np.isfinite(values).any():
         axes.set_xscale("log")
+    else:
+        axes.set_xticks([])
     axes.grid(axis="x", which="both", alpha=0.2)
     axes.set_xlabel(f"{case.main.column.title} ({case.main.column.unit})")
     if len(case.variants) > 1:

@@ -193,7 +193,7 @@ def provenance(board: Leaderboard) -> str:
     names = ("version", "engine", "seed", "machine")
     found = {name: ", ".join(dict.fromkeys(str(getattr(row, name)) for row in board.rows)) for name in names}
     return (
-        f"{len(board.rows)} rows of flexlab {found['version']}, engine {found['engine']}, seed {found['seed']}, "
+        f"Rows: {len(board.rows)}, of flexlab {found['version']}, engine {found['engine']}, seed {found['seed']}, "
         f"computed on {found['machine']}."
     )
 

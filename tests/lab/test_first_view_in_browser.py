@@ -44,7 +44,8 @@ CONTROLS = """() => [...document.querySelectorAll('button, [role="slider"], [rol
     && (part.getAttribute('aria-haspopup') === 'listbox' || !part.closest('.mantine-InputWrapper-root'))).length"""
 """Controls in sight in the panel: buttons, sliders, menus and tabs."""
 COUNT_SLIDERS = """if (location.search.includes('play')) setInterval(() => {
-  const shown = [...document.querySelectorAll('[role="slider"]')].filter((part) => part.checkVisibility({ visibilityProperty: true }));
+  const isShown = (part) => part.checkVisibility({ visibilityProperty: true });
+  const shown = [...document.querySelectorAll('[role="slider"]')].filter(isShown);
   window.mostSliders = Math.max(window.mostSliders ?? 0, shown.length); }, 20)"""
 """Keeps the largest number of sliders that a play screen has shown since it was loaded."""
 

@@ -18,7 +18,7 @@ from flexlab.analysis.result import result_hash
 from flexlab.errors import RecordingError
 from flexlab.files import writing
 from flexlab.presets import scenario_text
-from flexlab.recording.codec import command_to_json
+from flexlab.recording.codec import command_values
 from flexlab.recording.export import export_recording
 from flexlab.recording.reader import Recording, read_recording
 from flexlab.recording.run_info import these_versions
@@ -70,7 +70,7 @@ def _fill(folder: Path, source: Path, recording: Recording) -> None:
     shutil.copyfile(source, folder / RUN)
     export_recording(recording, folder / "samples.parquet")
     commands = [
-        {"time": event.time, "text": event.text, "command": json.loads(command_to_json(event.command))}
+        {"time": event.time, "text": event.text, "command": command_values(event.command)}
         for event in recording.events
         if event.command is not None
     ]

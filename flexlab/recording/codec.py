@@ -31,6 +31,7 @@ from flexlab.sim import commands
 from flexlab.sim.commands import ChangeScenario, Command, LoadScenario
 from flexlab.sim.samples import TAKEN, Origin, Samples, WorldState, join_blocks
 from flexlab.sim.signals import TABLE
+from flexlab.sim.snapshot import Event
 from flexlab.text import visible
 
 DIFFERENCES = 3
@@ -212,31 +213,18 @@ LAYOUT, PRESENT_LAYOUT = "layout", 3
 
 def state_json(state: WorldState) -> str:
     """A world's state as JSON."""
-    return json.dumps(_state_values(state))
+    return json.dumps(state_values(state))
 
 
-def state_from_json(text: str) -> WorldState:
-    """The state that `state_json` was given. Raises ValueError, KeyError or TypeError for anything else."""
-    return _state(json.loads(text))
-
-
-def origin_values(origin: Origin) -> dict[str, Any]:
-    """An origin in JSON's types."""
-    return {"run": origin.run, "time": origin.time, "state": _state_values(origin.state)}
-
-
-def origin_from_values(values: Mapping[str, Any]) -> Origin:
-    """The origin that `origin_values` was given. Raises ValueError, KeyError or TypeError for anything else."""
-    return Origin(str(values["run"]), float(values["time"]), _state(values["state"]))
-
-
-def _state_values(state: WorldState) -> dict[str, Any]:
+def state_values(state: WorldState) -> dict[str, Any]:
+    """A world's state in JSON's types."""
     values = {field.name: getattr(state, field.name) for field in fields(WorldState)}
     numbers = {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in values.items()}
     return {LAYOUT: PRESENT_LAYOUT, **numbers}
 
 
-def _state(values: Mapping[str, Any]) -> WorldState:
+def state_from_values(values: Mapping[str, Any]) -> WorldState:
+    """The state that `state_values` was given. Raises ValueError, KeyError or TypeError for anything else."""
     # What only a newer version keeps is of no use here; what it needs and an older one lacks has a default.
     known = {field.name for field in fields(WorldState)} - {"tick"}
     arrays = {name: np.array(value, float) for name, value in values.items() if name in known}
@@ -275,36 +263,48 @@ KINDS: dict[str, type] = {
 """Every command by its class name, which is its `kind` in JSON."""
 
 
-def command_to_json(command: Any) -> str:
-    """One line of JSON: {"kind": class name, field: value, …}. Numbers keep every bit."""
-    if not is_dataclass(command):
-        return json.dumps({"kind": type(command).__name__})
-    values = {field.name: _plain(getattr(command, field.name)) for field in fields(command)}
-    return json.dumps({"kind": type(command).__name__, **values}, ensure_ascii=False)
+def event_values(event: Event) -> dict[str, Any]:
+    """An event in JSON's types."""
+    command = None if event.command is None else command_values(event.command)
+    return {"time": event.time, "text": event.text, "level": event.level, "command": command}
 
 
-def command_from_json(text: str) -> Command:
-    """The command that `command_to_json` was given. Raises `RecordingError` for anything else."""
+def event_from_values(values: Mapping[str, Any]) -> Event:
+    """The event that `event_values` was given. Raises `RecordingError`, ValueError, KeyError or TypeError for anything else."""
+    command = values["command"]
+    known = None if command is None else command_from_values(command)
+    return Event(float(values["time"]), str(values["text"]), known, str(values["level"]))
+
+
+def command_values(command: Any) -> dict[str, Any]:
+    """{"kind": class name, field: value, …} in JSON's types. Numbers keep every bit."""
+    known = fields(command) if is_dataclass(command) else ()
+    return {"kind": type(command).__name__, **{field.name: _plain(getattr(command, field.name)) for field in known}}
+
+
+def command_from_values(given: Mapping[str, Any]) -> Command:
+    """The command that `command_values` was given. Raises `RecordingError` for anything else."""
     try:
-        values = json.loads(text)
+        values = dict(given)
         kind = KINDS[values.pop("kind")]
         if kind is ChangeScenario:
             values.setdefault("keeps_target", False)
         if kind is LoadScenario:
             values["scenario"] = parse_scenario(values["scenario"])
-            if values.get("origin") is not None:
-                values["origin"] = origin_from_values(values["origin"])
+            if (origin := values.get("origin")) is not None:
+                state = state_from_values(origin["state"])
+                values["origin"] = Origin(str(origin["run"]), float(origin["time"]), state)
         return kind(**{name: _frozen(value) for name, value in values.items()})
     except (ValueError, KeyError, TypeError, AttributeError, FlexlabError) as error:
         raise RecordingError(
-            f"The recording has a command that this version of flexlab cannot read ({error}): {text[:80]}"
+            f"The recording has a command that this version of flexlab cannot read ({error}): {json.dumps(given)[:80]}"
         ) from None
 
 
 def _plain(value: Any) -> Any:
     """The value with JSON's types only."""
     if isinstance(value, Origin):
-        return origin_values(value)
+        return {"run": value.run, "time": value.time, "state": state_values(value.state)}
     if isinstance(value, BaseModel):
         return value.model_dump(mode="json")
     if isinstance(value, Mapping):

@@ -23,7 +23,7 @@ import pyarrow.parquet as parquet
 from flexlab.errors import RecordingError, StudyError
 from flexlab.files import writing
 from flexlab.presets import scenario_text
-from flexlab.recording.codec import command_from_json, command_to_json, larger_blocks, state_json
+from flexlab.recording.codec import event_from_values, event_values, larger_blocks, state_values
 from flexlab.recording.reader import Recording, within
 from flexlab.recording.run_info import package_version, these_versions
 from flexlab.recording.store.formats import FORMAT, Changes, migrate
@@ -42,7 +42,6 @@ from flexlab.scenario import Scenario, parse_scenario
 from flexlab.signal import ARM, AXIS, COORDINATE, JOINT, Signal
 from flexlab.sim.samples import Run, Samples, Status
 from flexlab.sim.signals import TABLE, own_signals
-from flexlab.sim.snapshot import Event
 from flexlab.text import visible, writable
 
 if TYPE_CHECKING:
@@ -117,8 +116,8 @@ def export_recording(
     about = {
         "preset": recording.name,
         "started": recording.started.isoformat(),
-        "start": None if recording.start is None else json.loads(state_json(recording.start)),
-        "events": [_event_values(event) for event in recording.events],
+        "start": None if recording.start is None else state_values(recording.start),
+        "events": [event_values(event) for event in recording.events],
     }
     samples = (recording.samples,) if blocks is None else blocks
     later = Changes(recording.scenario, recording.events).scenarios
@@ -131,18 +130,6 @@ def _batches(pieces: Iterable[Samples], scenario: Scenario, later: Iterable[Scen
     for piece in pieces:
         columns = columns or [c for c in table_columns(scenario, later) if c.signal not in piece.absent]
         yield to_columns(piece, columns)
-
-
-def _event_values(event: Event) -> dict[str, Any]:
-    command = None if event.command is None else json.loads(command_to_json(event.command))
-    return {"time": event.time, "text": event.text, "level": event.level, "command": command}
-
-
-def event_from_values(values: Mapping[str, Any]) -> Event:
-    """An event of an exported run's metadata. Raises ValueError, KeyError or TypeError for anything else."""
-    command = values["command"]
-    known = None if command is None else command_from_json(json.dumps(command))
-    return Event(float(values["time"]), str(values["text"]), known, str(values["level"]))
 
 
 def export_run(run: Run, path: Path, start: float | None = None, end: float | None = None) -> Path:

@@ -2,7 +2,6 @@
 
 import contextlib
 import hashlib
-import json
 import os
 import shutil
 from collections.abc import Mapping, Sequence
@@ -14,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from flexlab.errors import RecordingError
-from flexlab.recording.codec import state_from_json
-from flexlab.recording.export import FORMATS, LONGEST_REASON, event_from_values, import_run
+from flexlab.recording.codec import event_from_values, state_from_values
+from flexlab.recording.export import FORMATS, LONGEST_REASON, import_run
 from flexlab.recording.headless import BLOCK_ROWS, HeadlessRecording
 from flexlab.recording.reader import read_blocks, read_recording
 from flexlab.recording.repair import finish
@@ -27,7 +26,7 @@ from flexlab.recording.store.run_files import SUFFIX, check_recording, claim_run
 from flexlab.recording.store.run_index import LONGEST_NAME
 from flexlab.recording.table_columns import check_events, check_period, checked_blocks
 from flexlab.scenario import Scenario
-from flexlab.sim.samples import MEASURED, Run, Status, WorldState, row_length, rows_to_samples
+from flexlab.sim.samples import MEASURED, Run, Status, row_length, rows_to_samples
 from flexlab.sim.signals import MIDSPAN, QUASI_STATIC, TIME, own_signals
 from flexlab.sim.snapshot import TICK, Event
 from flexlab.text import visible
@@ -122,19 +121,16 @@ def take_run(run: Run, info: RunInfo, source: str, logs: Path, events: Sequence[
 
 def _info(run: Run, metadata: Mapping[str, Any]) -> RunInfo:
     period = float(metadata.get("sample_period_s") or (run.time[1] - run.time[0] if len(run) > 1 else TICK))
+    start = metadata.get("start")
     info = RunInfo(
         visible(metadata.get("preset", "imported"), LONGEST_NAME),
         run.scenario,
         period,
-        _state(metadata.get("start")),
+        None if start is None else state_from_values(start),
         measured=run.status.text if run.status == MEASURED else "",
         recorded_by={name: str(metadata.get(name, "unknown")) for name in these_versions()},
     )
     return replace(info, started=datetime.fromisoformat(metadata["started"])) if "started" in metadata else info
-
-
-def _state(values: Mapping[str, Any] | None) -> WorldState | None:
-    return None if values is None else state_from_json(json.dumps(values))
 
 
 def _write(recording: HeadlessRecording, run: Run, events: Sequence[Event]) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from flexlab.errors import FlexlabError, RecordingError
-from flexlab.recording.codec import command_from_json, decode_block, state_from_json
+from flexlab.recording.codec import decode_block, event_from_values, state_from_values
 from flexlab.recording.rerun_internals.chunks import Row, Unreadable, entity_times, stream_rows
 from flexlab.recording.rerun_internals.tool import Mending
 from flexlab.recording.store.formats import Changes, migrate, readable, same_numbers
@@ -178,7 +178,7 @@ def _assemble(path: Path, rows: Rows) -> Recording:
     properties, end = _properties(path, rows), _values(rows, PROPERTIES + "end")
     scenario = _scenario(properties["scenario"])
     start = _values(rows, "/exact/start").get("state")
-    state = None if start is None else state_from_json(start)
+    state = None if start is None else state_from_values(json.loads(start))
     records = [json.loads(row["record"]) for _, row in rows.get("/exact/events", [])]
     events = [_event(record) for record in sorted(records, key=lambda record: record["number"])]
     started, part = datetime.fromisoformat(properties["started"]), int(properties["part"])
@@ -234,9 +234,8 @@ def _check_shapes(samples: Samples, scenario: Scenario) -> None:
 
 
 def _event(record: dict[str, Any]) -> Event:
-    command = record["command"]
-    known = None if command is None else command_from_json(json.dumps(command))
-    return Event(_finite(record["time"]), str(record["text"]), known, str(record["level"]))
+    _finite(record["time"])
+    return event_from_values(record)
 
 
 def _finite(value: Any) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 import rerun as rr
 
 from flexlab.errors import RecordingError, ScenarioError
-from flexlab.recording.codec import command_to_json, encode_block, state_json
+from flexlab.recording.codec import encode_block, event_values, state_json
 from flexlab.recording.rerun_internals.chunks import (
     Column,
     blobs,
@@ -165,9 +165,8 @@ class RunEncoder:
 
     def _record(self, number: int, event: Event) -> str:
         """An event as JSON with its exact time."""
-        command = None if event.command is None else json.loads(command_to_json(event.command))
-        record = {"number": number, "time": event.time, "tick": round(event.time / self.info.sample_period)}
-        return json.dumps(record | {"text": event.text, "level": event.level, "command": command}, ensure_ascii=False)
+        places = {"number": number, "tick": round(event.time / self.info.sample_period)}
+        return json.dumps(places | event_values(event), ensure_ascii=False)
 
     def end(self, status: Status, dropped: int = 0) -> None:
         """Write how the run ended; close the sinks after this."""

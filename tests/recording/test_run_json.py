@@ -1,5 +1,6 @@
 """Every command comes back from JSON as it was."""
 
+import json
 from dataclasses import fields
 
 import numpy as np
@@ -9,7 +10,7 @@ from hypothesis import strategies as st
 
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
-from flexlab.recording.codec import KINDS, command_from_json, command_to_json
+from flexlab.recording.codec import KINDS, command_from_values, command_values
 from flexlab.sim.commands import (
     ChangeScenario,
     Command,
@@ -30,23 +31,28 @@ pair = st.tuples(finite, finite)
 link = st.none() | st.tuples(st.integers(1, 2), st.integers(1, 3))
 
 
+def through_json(command: Command) -> Command:
+    """The command as a recording gives it back."""
+    return command_from_values(json.loads(json.dumps(command_values(command))))
+
+
 @given(st.builds(Pull, finite, pair, finite, link) | st.builds(Tap, finite, pair) | st.builds(SetSpeed, finite))
 def test_every_bit_of_a_number_comes_back(command: Command) -> None:
-    assert repr(command_from_json(command_to_json(command))) == repr(command)
+    assert repr(through_json(command)) == repr(command)
 
 
 @pytest.mark.parametrize(
     "command", [Reset(), Play(), Pause(), StepOnce(7), LoadScenario(load_preset("paper"), "paper")]
 )
 def test_the_others_come_back(command: Command) -> None:
-    assert command_from_json(command_to_json(command)) == command
+    assert through_json(command) == command
 
 
 def test_an_origin_comes_back_with_every_bit() -> None:
     world = World(load_preset("fast-adaptation"))
     world.advance(7)
     origin = Origin("2026-01-01T00-00-00-paper", 0.007, world.state())
-    found = command_from_json(command_to_json(LoadScenario(world.scenario, "fast-adaptation", origin)))
+    found = through_json(LoadScenario(world.scenario, "fast-adaptation", origin))
     assert found == LoadScenario(world.scenario, "fast-adaptation", origin)
     assert isinstance(found, LoadScenario)
     assert found.origin is not None
@@ -57,11 +63,11 @@ def test_an_origin_comes_back_with_every_bit() -> None:
 
 def test_changes_keep_their_values() -> None:
     change = ChangeScenario({"payload.bending_stiffness": 0.1, "controller.adaptation": (1.0, 2.0, 3.0), "gravity": 0})
-    assert command_from_json(command_to_json(change)) == change
+    assert through_json(change) == change
 
 
 def test_numbers_of_numpy_become_plain() -> None:
-    found = command_from_json(command_to_json(ChangeScenario({"gravity": np.float64(9.81), "a": np.array([1.0, 2.0])})))
+    found = through_json(ChangeScenario({"gravity": np.float64(9.81), "a": np.array([1.0, 2.0])}))
     assert found == ChangeScenario({"gravity": 9.81, "a": (1.0, 2.0)})
 
 
@@ -69,7 +75,7 @@ def test_no_command_is_forgotten() -> None:
     assert set(KINDS.values()) == set(Command.__args__)
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"kind": "Explode"}', '{"kind": "Tap"}', '{"kind": "Tap", "x": 1}'])
+@pytest.mark.parametrize("text", ["5", "[]", "{}", '{"kind": "Explode"}', '{"kind": "Tap"}', '{"kind": "Tap", "x": 1}'])
 def test_what_is_no_command_is_refused_in_a_sentence(text: str) -> None:
     with pytest.raises(RecordingError, match="a command that this version of flexlab cannot read"):
-        command_from_json(text)
+        command_from_values(json.loads(text))

@@ -91,8 +91,6 @@ def _changed_run(path: Path, changes: dict[str, Any], logs: Path) -> Path:
 
 
 def _print(comparison: "Comparison") -> None:
-    from rich.text import Text
-
     for heads, *rows in (comparison.run_table(), comparison.metric_table(), comparison.setting_table()):
         table = new_table()
         for number, head in enumerate(heads):
@@ -100,7 +98,7 @@ def _print(comparison: "Comparison") -> None:
         if heads[0] == "metric":
             output().print(f"Metrics {comparison.window_text}:")
         for row in rows:
-            table.add_row(*map(Text, row))
+            table.add_row(*row)
         output().print(table)
         output().print()
     if not comparison.settings:

@@ -119,8 +119,8 @@ def _print_grid(title: str, grid: "Grid") -> None:
     table = new_table(title=title, title_justify="left")
     table.add_column("law", no_wrap=True, min_width=max((len(law) for law, _ in grid.lines), default=0))
     for head in grid.heads:
-        table.add_column(Text(head), justify="right")
+        table.add_column(head, justify="right")
     for law, cells in grid.lines:
         styles = ("bold" if cell.level == 0 else "red" if cell.level is None else "" for cell in cells)
-        table.add_row(Text(law), *(Text(cell.text, style) for cell, style in zip(cells, styles, strict=True)))
+        table.add_row(law, *(Text(cell.text, style) for cell, style in zip(cells, styles, strict=True)))
     output().print(table)

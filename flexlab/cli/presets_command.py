@@ -79,5 +79,5 @@ def _print(presets: dict[str, tuple[str, str]]) -> None:
     table.add_column(no_wrap=True, style="bold")
     table.add_column()
     for name, (title, watch) in presets.items():
-        table.add_row(Text(name), Text.assemble((title, "bold"), "\n", watch))
+        table.add_row(name, Text.assemble((title, "bold"), "\n", watch))
     output().print(table)

@@ -103,9 +103,9 @@ def print_table(rows: Sequence[RunRow], logs: Path) -> None:
 
     console = output()
     for heading in ([column.heading for column in columns], [column.unit for column in columns]):
-        console.print(Text(line(heading), style="bold"), soft_wrap=True)
+        console.print(line(heading), style="bold", soft_wrap=True)
     for row, texts in zip(rows, cells, strict=True):
-        console.print(Text(line(texts)), soft_wrap=True)
+        console.print(line(texts), soft_wrap=True)
         if more := _more(row):
             below = Text(GAP + more, style="dim")
             if console.is_terminal:
@@ -124,26 +124,15 @@ def count_text(count: int) -> str:
     return "1 run" if count == 1 else f"{count} runs"
 
 
-def _id_text(row: RunRow) -> str:
-    return row.id
-
-
-def _duration_text(row: RunRow) -> str:
-    return duration_text(row.duration)
-
-
-def _size_text(row: RunRow) -> str:
-    return size_text(row.size)
-
-
 def _columns_with_room(rows: Sequence[RunRow]) -> tuple[list[Column], list[str]]:
     """The columns that fit into the window, and the headings of the others."""
-    columns = [
-        Column("run", "", _id_text),
-        Column("duration", "", _duration_text),
-        Column("size", "", _size_text),
-        Column("state", "", state_word),
-    ]
+    texts: dict[str, Callable[[RunRow], str]] = {
+        "run": lambda row: row.id,
+        "duration": lambda row: duration_text(row.duration),
+        "size": lambda row: size_text(row.size),
+        "state": state_word,
+    }
+    columns = [Column(heading, "", text) for heading, text in texts.items()]
     # A narrow window leaves out the last columns.
     listed = [column for column in COLUMNS.values() if column.listed]
     metrics = [Column(column.heading, column.unit, _metric_text(column)) for column in listed]
@@ -177,8 +166,6 @@ def _more(row: RunRow) -> str:
 
 def print_runs(rows: Sequence[RunRow]) -> None:
     """All data of some runs."""
-    from rich.text import Text
-
     for row in rows:
         table = new_table(show_header=False)
         table.add_column(no_wrap=True)
@@ -202,6 +189,6 @@ def print_runs(rows: Sequence[RunRow]) -> None:
         ]
         for title, text in lines:
             if text:
-                table.add_row(Text(title), Text(text))
-        output().print(Text(row.id, style="bold"), soft_wrap=True)
+                table.add_row(title, text)
+        output().print(row.id, style="bold", soft_wrap=True)
         output().print(table)

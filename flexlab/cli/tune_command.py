@@ -75,17 +75,15 @@ def command(
 
 
 def _print(found: "Tuning") -> None:
-    from rich.text import Text
-
     table = new_table()
     table.add_column("")
     for head in ("before", "tuned"):
         table.add_column(head, justify="right")
     for path, value in found.best.changes.items():
-        table.add_row(Text(path), Text(str(_there(found.scenario, path))), f"{value:.6g}")
+        table.add_row(path, str(_there(found.scenario, path)), f"{value:.6g}")
     for name in found.cost.names:
         both = (candidate.numbers for candidate in (found.before, found.best))
-        table.add_row(Text(name), *(f"{values[name]:.5g}" if values else "fails" for values in both))
+        table.add_row(name, *(f"{values[name]:.5g}" if values else "fails" for values in both))
     table.add_row("cost", f"{found.before.cost:.5g}", f"{found.best.cost:.5g}")
     output().print(table)
     output().print(f"{len(found.candidates)} candidates were tried.")

@@ -30,14 +30,10 @@ def command(
         groups = {subject: [vars(check) for check in checks] for subject, checks in found.groups.items()}
         print_json(groups)
     else:
-        from rich.text import Text
-
         for subject, checks in found.groups.items():
             table = new_table("statement", "expected", "here", "holds", title=subject, title_justify="left")
             for check in checks:
-                table.add_row(
-                    *map(Text, (check.statement, check.expected, check.found)), "yes" if check.holds else "NO"
-                )
+                table.add_row(check.statement, check.expected, check.found, "yes" if check.holds else "NO")
             output().print(table)
             output().print()
     failed = sum(not check.holds for check in found.checks)

@@ -149,6 +149,12 @@ def _is_taken(name: str, base: type[BaseModel]) -> bool:
     return name.startswith("_") or (hasattr(base, name) and not is_free) or name in base.model_fields
 
 
+def flat_numbers(model: BaseModel, settings: Sequence[tuple[str, Setting]]) -> np.ndarray:
+    """The numbers of a model's gains or options, flat, in the order of their declaration."""
+    values = [np.broadcast_to(getattr(model, name), one.size) for name, one in settings]
+    return np.concatenate([np.zeros(0), *values])
+
+
 def default_source(own: Law | Path) -> str:
     """The text of a law or a path, as in its file."""
     return own.model.model_fields["source"].default

@@ -19,12 +19,7 @@ from flexlab.control.observers.believed_plant import believed_plant
 from flexlab.control.observers.kalman import padded
 from flexlab.numerics.linear_algebra import product
 from flexlab.own import hosts
-from flexlab.own.declaration import (
-    LONGEST_PERIOD,
-    SHORTEST_PERIOD,
-    Declaration,
-    read_declaration,
-)
+from flexlab.own.declaration import LONGEST_PERIOD, SHORTEST_PERIOD, Declaration, read_declaration
 from flexlab.own.execution import (
     ANSWER_SIZE,
     ANSWERED,
@@ -41,7 +36,7 @@ from flexlab.own.execution import (
     WAIT,
     Channel,
 )
-from flexlab.own.kinds import OWN_PLACE, OwnKinds, default_source, source_field
+from flexlab.own.kinds import OWN_PLACE, OwnKinds, default_source, flat_numbers, source_field
 from flexlab.own.measurement import BELIEVED, MOST_MODES, PLACES
 from flexlab.physics.beam import beam_matrices, shape_row, undamped_modes
 from flexlab.physics.law_input import LAW_INPUT, MOST_ARMS
@@ -96,8 +91,7 @@ class PythonLaw(Law):
         message = record["message"][0]
         message[PERIOD] = settings.control_period
         message[PLANT:] = self.derive(scenario)["plant"]
-        values = [np.broadcast_to(getattr(settings, name), gain.size) for name, gain in self._declared.settings]
-        flat = np.concatenate([np.zeros(0), *values])
+        flat = flat_numbers(settings, self._declared.settings)
         message[GAINS : GAINS + len(flat)] = flat
         return record.view(np.float64)
 

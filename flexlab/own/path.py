@@ -26,9 +26,9 @@ from flexlab.control.path import PATHS, Path, Trajectory
 from flexlab.control.paths.table import FREE_ROWS, along_pieces, polynomials, spline
 from flexlab.errors import FlexlabError
 from flexlab.own import hosts
-from flexlab.own.declaration import PathDeclaration, read_path_declaration
+from flexlab.own.declaration import PathDeclaration, Setting, read_path_declaration
 from flexlab.own.endless_calls import CALLS
-from flexlab.own.kinds import OWN_PLACE, OwnKinds, source_field
+from flexlab.own.kinds import OWN_PLACE, OwnKinds, flat_numbers, source_field
 from flexlab.own.reading import TextProblem, digest
 from flexlab.quantities import Number, quantity
 from flexlab.text import number_text
@@ -68,8 +68,8 @@ class OwnTrajectory(Trajectory):
     """Settings of a path in Python."""
 
     repeats: ClassVar[bool] = False
-    options: ClassVar[tuple[str, ...]] = ()
-    """Names of the options, in the order of their declaration."""
+    options: ClassVar[tuple[tuple[str, Setting], ...]] = ()
+    """The options, in the order of their declaration."""
 
     start: Number = quantity(0.0, title="Its t = 0 is at", symbol="t_0", unit="s", low=-1e6, high=1e6)
     source: str = source_field("", "path")
@@ -155,7 +155,7 @@ def _restored(data: dict[str, Any]) -> OwnTrajectory:
 
 
 def _digest_of(path: OwnTrajectory) -> str:
-    options = {name: getattr(path, name) for name in path.options}
+    options = {name: getattr(path, name) for name, _ in path.options}
     return hashlib.sha256(f"{digest(path.source)} {json.dumps(options)}".encode()).hexdigest()[:16]
 
 
@@ -185,9 +185,7 @@ def _make_table(path: OwnTrajectory, name: str) -> str:
             f"The path {path.kind} came with this scenario as Python code, which does not run by itself, and without the poses "
             "for these options. If you know who wrote it and have read it, allow it: give its file with --path."
         )
-    flat = [np.atleast_1d(np.asarray(getattr(path, option), float)) for option in path.options]
-    sizes = [_option_size(type(path), option) for option in path.options]
-    numbers = np.concatenate([np.zeros(0), *(np.broadcast_to(a, n) for a, n in zip(flat, sizes, strict=True))])
+    numbers = flat_numbers(path, path.options)
     file = hosts.file_of(path.source).replace("\\", "/").rpartition("/")[2]
 
     def poses(shares: np.ndarray) -> tuple[float, np.ndarray]:
@@ -199,10 +197,6 @@ def _make_table(path: OwnTrajectory, name: str) -> str:
         _made_tables.pop(next(iter(_made_tables)), None)
     _made_tables[name] = table
     return table
-
-
-def _option_size(model: type[OwnTrajectory], option: str) -> int:
-    return 3 if model.model_fields[option].annotation == float | tuple[float, float, float] else 1
 
 
 @pluggable
@@ -237,7 +231,7 @@ def own_path_of(source: str, file: str, kind: str = "") -> PythonPath:
     """The path that a text declares, under another name if one is given. Raises `ScenarioError` with file and line."""
     declared = read_path_declaration(source, file)
     model = OWN_PATHS.model(declared, source, file, kind or declared.kind, RESERVED)
-    model.repeats, model.options = declared.repeats, tuple(option for option, _ in declared.settings)
+    model.repeats, model.options = declared.repeats, declared.settings
 
     def rows(trajectory: Any) -> np.ndarray:
         return _pieces(trajectory.table, trajectory.repeats)
@@ -264,13 +258,8 @@ def needs_running(trajectory: Trajectory, changes: Mapping[str, Any]) -> bool:
     path = PATHS.all().get(kind)
     if not isinstance(path, PythonPath):
         return False
-    wanted = {
-        "trajectory",
-        "trajectory.kind",
-        "trajectory.source",
-        *(f"trajectory.{name}" for name in path.model.options),
-    }
-    return not wanted.isdisjoint(changes)
+    names = ("kind", "source", *(name for name, _ in path.model.options))
+    return not {"trajectory", *(f"trajectory.{name}" for name in names)}.isdisjoint(changes)
 
 
 def with_table(changes: Mapping[str, Any], changed: Trajectory) -> dict[str, Any]:

@@ -1,10 +1,12 @@
 """Recording without a screen: the simulation waits for its recorder, so nothing is ever dropped."""
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
+
+import numpy as np
 
 from flexlab.errors import RecordingError
 from flexlab.recording.file_sink import RunWriter
@@ -75,6 +77,18 @@ class HeadlessRecording:
         """Write an event; commands belong here too, so that the run can be replayed."""
         self._run.write_event(event)
 
+    def write_whole(self, run: Run, events: Iterable[Event] = ()) -> None:
+        """Write a run with its events in their order, as a change of the scenario affects the drawing of later samples."""
+        first = 0
+        for event in (*events, None):
+            end = len(run) if event is None else int(np.searchsorted(run.time, event.time, "right"))
+            for start in range(first, end, BLOCK_ROWS):
+                self.write(run.slice(start, min(start + BLOCK_ROWS, end)))
+            first = max(first, end)
+            if event is not None:
+                self.note(event)
+        self.end(run.status)
+
     def end(self, status: Status) -> None:
         """Say how the run ended."""
         self._status = status
@@ -141,7 +155,5 @@ def write_run(
     if started is not None:
         info = RunInfo(name, run.scenario, period, started=started)
     with HeadlessRecording(logs, info, start_notes, len(run) <= MOST_AT_ONCE) as recording:
-        for first in range(0, len(run), BLOCK_ROWS):
-            recording.write(run.slice(first, first + BLOCK_ROWS))
-        recording.end(run.status)
+        recording.write_whole(run)
     return recording.path

@@ -15,7 +15,7 @@ import numpy as np
 from flexlab.errors import RecordingError
 from flexlab.recording.codec import event_from_values, state_from_values
 from flexlab.recording.export import FORMATS, LONGEST_REASON, import_run
-from flexlab.recording.headless import BLOCK_ROWS, HeadlessRecording
+from flexlab.recording.headless import MOST_AT_ONCE, HeadlessRecording
 from flexlab.recording.reader import read_blocks, read_recording
 from flexlab.recording.repair import finish
 from flexlab.recording.rerun_internals.tool import crashes_readers
@@ -104,11 +104,10 @@ def take_run(run: Run, info: RunInfo, source: str, logs: Path, events: Sequence[
     Raises `RecordingError`.
     """
     check_period(source, info.sample_period)
-    recording = HeadlessRecording(logs, info)
+    recording = HeadlessRecording(logs, info, in_one_piece=len(run) <= MOST_AT_ONCE)
     try:
         with recording:
-            _write(recording, run, events)
-            recording.end(run.status)
+            recording.write_whole(run, events)
         write_notes(recording.path, imported=source, **notes)
     except BaseException as error:
         with contextlib.suppress(RecordingError):
@@ -131,22 +130,6 @@ def _info(run: Run, metadata: Mapping[str, Any]) -> RunInfo:
         recorded_by={name: str(metadata.get(name, "unknown")) for name in these_versions()},
     )
     return replace(info, started=datetime.fromisoformat(metadata["started"])) if "started" in metadata else info
-
-
-def _write(recording: HeadlessRecording, run: Run, events: Sequence[Event]) -> None:
-    """Write samples and events in order, as a change of the scenario affects the drawing of later samples."""
-    written = 0
-    for event in events:
-        row = int(np.searchsorted(run.time, event.time, "right"))
-        _write_rows(recording, run, written, row)
-        written = max(written, row)
-        recording.note(event)
-    _write_rows(recording, run, written, len(run))
-
-
-def _write_rows(recording: HeadlessRecording, run: Run, first: int, end: int) -> None:
-    for start in range(first, end, BLOCK_ROWS):
-        recording.write(run.slice(start, min(start + BLOCK_ROWS, end)))
 
 
 NOTE = "measured"

@@ -90,6 +90,12 @@ def sweep_empty(logs: Path) -> int:
     return count
 
 
+def _finish_if_possible(path: Path, mending: Mending) -> None:
+    with contextlib.suppress(RecordingError, OSError):
+        if not mending.stopped:
+            finish(path, mending)
+
+
 def finish_abandoned(logs: Path, mending: Mending | None = None) -> None:
     """Finish what dead writers left in the folder, and remove their empty files.
 
@@ -99,9 +105,7 @@ def finish_abandoned(logs: Path, mending: Mending | None = None) -> None:
     with contextlib.suppress(OSError):
         sweep_empty(logs)
         for path in unfinished_runs(logs):
-            with contextlib.suppress(RecordingError, OSError):
-                if not mending.stopped:
-                    finish(path, mending)
+            _finish_if_possible(path, mending)
 
 
 def unfinished_runs(logs: Path) -> list[Path]:
@@ -132,10 +136,4 @@ class Finisher:
     def _work(self, logs: Path) -> None:
         finish_abandoned(logs, self._mending)
         while (path := self._queue.get()) is not None:
-            self._finish(path)
-
-    def _finish(self, path: Path) -> None:
-        # A file that cannot be finished stays as it is; `run_state` tells.
-        with contextlib.suppress(RecordingError, OSError):
-            if not self._mending.stopped:
-                finish(path, self._mending)
+            _finish_if_possible(path, self._mending)

@@ -43,22 +43,14 @@ def table_columns(scenario: Scenario, later: Iterable[Scenario] = ()) -> tuple[C
 
 
 def _columns(signal: Signal, scenario: Scenario) -> list[Column]:
-    return [
-        Column(f"{'_'.join([signal.name, *words])} [{unit}]", signal.name, index)
-        for words, unit, index in _parts(signal, scenario)
-    ]
-
-
-def _parts(signal: Signal, scenario: Scenario) -> list[tuple[tuple[str, ...], str, tuple[int, ...]]]:
-    """(words, unit, index) of each entry of one row of a signal."""
-    parts: list[tuple[tuple[str, ...], str, tuple[int, ...]]] = [((), signal.units[0], ())]
+    parts: list[tuple[tuple[str, ...], str, tuple[int, ...]]] = [((signal.name,), signal.units[0], ())]
     for axis in signal.axes:
         parts = [
             (words + label, signal.units[kind % len(signal.units)], (*index, place))
             for words, _, index in parts
             for place, (label, kind) in enumerate(axis_labels(axis, scenario))
         ]
-    return parts
+    return [Column(f"{'_'.join(words)} [{unit}]", signal.name, index) for words, unit, index in parts]
 
 
 def axis_labels(axis: Axis, scenario: Scenario) -> list[tuple[tuple[str, ...], int]]:
@@ -85,17 +77,13 @@ def to_columns(samples: Samples, columns: Sequence[Column]) -> dict[str, np.ndar
 
 def check_units(names: Iterable[str], scenario: Scenario) -> None:
     """Raises `RecordingError` for a column of a known signal with another unit, which would be left out."""
-    units = {
-        "_".join([signal.name, *words]): unit
-        for signal in known_signals().values()
-        for words, unit, _ in _parts(signal, scenario)
-    }
+    columns = [column.name for signal in known_signals().values() for column in _columns(signal, scenario)]
+    known = {column.partition(" [")[0]: column for column in columns}
     for column in names:
-        name, _, unit = column.partition(" [")
-        known = units.get(name)
-        if known is not None and unit != f"{known}]":
+        right = known.get(column.partition(" [")[0], column)
+        if column != right:
             shown = visible(column, LONGEST_SHOWN)
-            raise RecordingError(f"The column {shown!r} has a unit that is not known for it: give {name} [{known}].")
+            raise RecordingError(f"The column {shown!r} has a unit that is not known for it: give {right}.")
 
 
 def _whole_signals(names: Collection[str], scenario: Scenario) -> Iterator[list[Column]]:

@@ -155,20 +155,14 @@ def file_word(name: str) -> str:
     return re.sub(r"[^\w.-]+", "-", name).strip("-.")[:60] or "run"
 
 
-_OTHER_KINDS = (
-    (stat.S_ISDIR, "a folder; name a recording in it"),
-    (stat.S_ISFIFO, "a pipe; name an ordinary file"),
-    (lambda mode: True, "no ordinary file; name one"),
-)
-
-
 def check_recording(path: Path) -> None:
     """Check that a file can be a rerun recording. Raises `RecordingError` with the reason if not."""
     name = visible(path)
     try:
         mode = path.stat().st_mode
         if not stat.S_ISREG(mode):  # Checked before it is opened: a pipe would hang.
-            kind = next(words for is_kind, words in _OTHER_KINDS if is_kind(mode))
+            kind = "a pipe; name an ordinary file" if stat.S_ISFIFO(mode) else "no ordinary file; name one"
+            kind = "a folder; name a recording in it" if stat.S_ISDIR(mode) else kind
             raise RecordingError(f"{name} cannot be read: it is {kind}.")
         with path.open("rb") as file:
             head = file.read(len(FAMILY))

@@ -16,7 +16,7 @@ import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from math import prod
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pyarrow as pa
@@ -27,7 +27,6 @@ from flexlab.errors import FlexlabError, RecordingError
 from flexlab.physics.plant import AXIAL_WORK
 from flexlab.recording.store import formats
 from flexlab.scenario import parse_scenario
-from flexlab.sim import commands
 from flexlab.sim.commands import ChangeScenario, Command, LoadScenario
 from flexlab.sim.samples import TAKEN, Origin, Samples, WorldState, join_blocks
 from flexlab.sim.signals import TABLE
@@ -230,36 +229,14 @@ def state_from_values(values: Mapping[str, Any]) -> WorldState:
     arrays = {name: np.array(value, float) for name, value in values.items() if name in known}
     layout = values.get(LAYOUT, 1)
     if layout == 1:
-        arrays["y"] = from_first_layout(arrays["y"])
+        y = arrays["y"]  # b̂ stood before the energies, and was every law's memory.
+        arrays["y"] = np.concatenate([y[:6], y[9:], y[6:9]])
     if layout <= 2:
-        arrays["y"] = from_second_layout(arrays["y"])
+        arrays["y"] = np.insert(arrays["y"], AXIAL_WORK, 0.0)  # The axial load did no work.
     return WorldState(tick=int(values["tick"]), **arrays)
 
 
-def from_first_layout(y: np.ndarray) -> np.ndarray:
-    """A state y of layout 1 in layout 2: b̂ stood before the energies, and was every law's memory."""
-    return np.concatenate([y[:6], y[9:], y[6:9]])
-
-
-def from_second_layout(y: np.ndarray) -> np.ndarray:
-    """A state y of layout 2 in the present one (`physics.plant`), which has the work of the axial load: there was none."""
-    return np.insert(y, AXIAL_WORK, 0.0)
-
-
-KINDS: dict[str, type] = {
-    kind.__name__: kind
-    for kind in (
-        ChangeScenario,
-        commands.Pull,
-        commands.Tap,
-        LoadScenario,
-        commands.Reset,
-        commands.Play,
-        commands.Pause,
-        commands.StepOnce,
-        commands.SetSpeed,
-    )
-}
+KINDS: dict[str, type] = {kind.__name__: kind for kind in get_args(Command)}
 """Every command by its class name, which is its `kind` in JSON."""
 
 

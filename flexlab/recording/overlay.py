@@ -4,7 +4,6 @@ import json
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 
-import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
@@ -12,16 +11,15 @@ from flexlab.errors import RecordingError
 from flexlab.files import replacing
 from flexlab.recording.codec import larger_blocks
 from flexlab.recording.reader import COMPARISON, NamedScenario, Recording, read_blocks
-from flexlab.recording.rerun_internals.chunks import new_stream, scalars, send_columns, send_layout
+from flexlab.recording.rerun_internals.chunks import new_stream, send_columns, send_layout
 from flexlab.recording.rerun_internals.rrd_file import messages
 from flexlab.recording.rerun_internals.tool import Mending
-from flexlab.recording.run_encoder import curves
+from flexlab.recording.run_encoder import curves, shown_columns
 from flexlab.recording.scene_and_plots import (
     FRAMES_PER_SECOND,
     MAIN_PLOTS,
     exaggeration,
     fixed_shapes,
-    moving_shapes,
     plot_view,
     scene_view,
     side_by_side,
@@ -128,14 +126,9 @@ def _send_run(stream: rr.RecordingStream, number: int, recording: Recording, fac
     yield 0
     stride = max(1, round(1 / (FRAMES_PER_SECOND * recording.sample_period)))
     for block in _from_zero(larger_blocks(read_blocks(recording.path), BLOCK_ROWS)):
-        for signal in signals:
-            values = signal.values(block)
-            if not np.isnan(values).all():  # A signal that was not recorded has no curve.
-                send_columns(stream, f"runs/{label}/{signal.entity}", block.time, [scalars(values)])
         drawn = block.take(slice(None, None, stride))
-        if not np.isnan(drawn.pose).all():
-            for entity, columns in moving_shapes(scenario, drawn, factor):
-                send_columns(stream, f"runs/{label}/{entity}", drawn.time, columns)
+        for entity, time, columns in shown_columns(scenario, signals, block, drawn, factor):
+            send_columns(stream, f"runs/{label}/{entity}", time, columns)
         yield len(block.time)
 
 

@@ -1,7 +1,7 @@
 """A run's samples and events as columns for its sinks, and the rerun stream that encodes them. No thread, no queue, no files."""
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -28,6 +28,7 @@ from flexlab.recording.scene_and_plots import (
     moving_shapes,
     run_blueprint,
 )
+from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Samples, Status
 from flexlab.sim.snapshot import Event
@@ -95,17 +96,12 @@ class RunEncoder:
 
     def write_shown(self, samples: Samples, speed_time: Sequence[float], speed: Sequence[float]) -> None:
         """Write the curves and the drawing of a block (N >= 1). `speed`: real-time factors at the times `speed_time`, s."""
-        for signal in self._signals:
-            values = signal.values(samples)
-            if not np.isnan(values).all():  # A signal that was not recorded has no curve.
-                self._send(signal.entity, samples.time, [scalars(values)])
+        drawn = self._frames(samples, float(speed[-1]) if len(speed) else 1.0)
+        for shown in shown_columns(self._scenario, self._signals, samples, drawn, self.info.exaggeration):
+            self._send(*shown)
         if len(speed):
             values = scalars(np.asarray(speed)[:, None])
             self._send(REAL_TIME_FACTOR.entity, np.asarray(speed_time), [values])
-        drawn = self._frames(samples, float(speed[-1]) if len(speed) else 1.0)
-        if len(drawn) and not np.isnan(drawn.pose).all():  # A measured run has no pose.
-            for entity, columns in moving_shapes(self._scenario, drawn, self.info.exaggeration):
-                self._send(entity, drawn.time, columns)
 
     def _send(
         self, entity: str, time: np.ndarray, columns: list[Column], exact: bool = False, kept: Kept = "no"
@@ -191,6 +187,19 @@ class RunEncoder:
             "dropped": dropped,
             **notes,
         }
+
+
+def shown_columns(
+    scenario: Scenario, signals: Iterable[View], samples: Samples, drawn: Samples, factor: float
+) -> Iterator[tuple[str, np.ndarray, list[Column]]]:
+    """(entity, times, columns) of the curves of some samples, and of the drawing of `drawn`, its deflection times `factor`."""
+    for signal in signals:
+        values = signal.values(samples)
+        if not np.isnan(values).all():  # A signal that was not recorded has no curve.
+            yield signal.entity, samples.time, [scalars(values)]
+    if len(drawn) and not np.isnan(drawn.pose).all():  # A measured run has no pose.
+        for entity, columns in moving_shapes(scenario, drawn, factor):
+            yield entity, drawn.time, columns
 
 
 APPLICATION = "flexlab"

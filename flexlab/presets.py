@@ -95,16 +95,16 @@ def load_scenario_file(path: str | Path) -> Scenario:
         raise ScenarioError([(field, f"{path}: {sentence}") for field, sentence in error.problems]) from None
 
 
-def find_scenario(name_or_path: str, own: Path = OWN_FOLDER) -> tuple[str, Scenario]:
+def find_scenario(name_or_path: str) -> tuple[str, Scenario]:
     """(short name, scenario) of a preset name or of a path to a scenario file, as people type it.
 
     Raises `PresetError` or `ScenarioError`.
     """
-    if name_or_path in preset_files(own):
-        return name_or_path, load_preset(name_or_path, own)
+    if name_or_path in preset_files():
+        return name_or_path, load_preset(name_or_path)
     if name_or_path.endswith(".json") or "/" in name_or_path or "\\" in name_or_path:
         return Path(name_or_path).stem, load_scenario_file(name_or_path)
-    raise PresetError(_unknown(name_or_path, preset_names(own)))
+    raise PresetError(_unknown(name_or_path, preset_names()))
 
 
 AnyScenario = Scenario | str | Path | Mapping[str, Any]

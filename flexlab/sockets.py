@@ -73,9 +73,9 @@ def is_of_host(origin: str, host: str) -> bool:
         return False
 
 
-def free_ports(count: int, host: str = LOOPBACK[0]) -> list[int]:
-    """Ports that are free at this moment, for a program that cannot take a listening socket. Raises `LabError`."""
-    plugs = [listen(host, 0) for _ in range(count)]
+def free_ports(count: int) -> list[int]:
+    """Ports that are free on 127.0.0.1 now, for a program that cannot take a listening socket. Raises `LabError`."""
+    plugs = [listen(LOOPBACK[0], 0) for _ in range(count)]
     try:
         return [plug.getsockname()[1] for plug in plugs]
     finally:

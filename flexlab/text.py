@@ -73,12 +73,12 @@ def fixed_text(value: float, decimals: int, signed: bool = False) -> str:
     return f"{'−' if value < 0 else '+' if signed else ''}{text}"
 
 
-def difference_text(value: float, other: float, digits: int = 3, scale: float = 1.0) -> str:
+def difference_text(value: float, other: float, scale: float = 1.0) -> str:
     """How far `other` is from `value`, both `scale` times SI, with its sign; 0 where only rounding tells them apart."""
     difference = other - value
     if isfinite(difference) and abs(difference) <= max(RESIDUE * scale, ROUNDING * max(abs(value), abs(other))):
         return "0"
-    return number_text(difference, digits, signed=True)
+    return number_text(difference, 3, signed=True)
 
 
 def speed_text(speed: float) -> str:
@@ -278,14 +278,14 @@ CELL_HEIGHT = 640
 class Page:
     """An HTML page that notebooks show in their cell; `html` is its text, to be saved as a file."""
 
-    def __init__(self, html: str, height: int = CELL_HEIGHT):
-        self.html, self._height = html, height
+    def __init__(self, html: str):
+        self.html = html
 
     def __repr__(self) -> str:
         return f"<Page of {len(self.html.encode()) / 1e6:.1f} MB: a notebook shows it; .html is its text>"
 
     def _repr_html_(self) -> str:
-        return f'<iframe srcdoc="{escape(self.html)}" width="100%" height="{self._height}" style="border:0"></iframe>'
+        return f'<iframe srcdoc="{escape(self.html)}" width="100%" height="{CELL_HEIGHT}" style="border:0"></iframe>'
 
 
 def html_table(rows: Iterable[Sequence[object]], heads: Sequence[str] = (), caption: str = "") -> str:

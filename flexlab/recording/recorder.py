@@ -51,7 +51,6 @@ class Recorder:
         logs: Path,
         live: Take | None = None,
         on_problem: Callable[[str], None] | None = None,
-        sample_period: float = TICK,
         queue_rows: int = QUEUE_ROWS,
         start_notes: StartNotes | None = None,
         circumstances: Callable[[], Mapping[str, Any]] = dict,
@@ -63,7 +62,7 @@ class Recorder:
         `RunEncoder`. `circumstances` gives notes on a run, written as it begins and again as it ends. `refusal`: see `Refusal`.
         """
         self._logs, self._live_to, self._on_problem = logs, live, on_problem
-        self._sample_period, self._queue_rows = sample_period, queue_rows
+        self._queue_rows = queue_rows
         self._queue: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         self._lock = threading.Lock()
         self._waiting_rows = 0
@@ -103,7 +102,7 @@ class Recorder:
     def begin_run(self, run_number: int, name: str, scenario: Scenario, start: WorldState) -> None:
         """A new run starts."""
         self._dropped = 0
-        info = RunInfo(name, scenario, self._sample_period, start, begin_notes=self._circumstances())
+        info = RunInfo(name, scenario, TICK, start, begin_notes=self._circumstances())
         self._queue.put(lambda: self._begin(info))
 
     def take_samples(self, run_number: int, samples: Samples, actual_speed: float) -> int:

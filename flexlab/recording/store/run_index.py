@@ -102,9 +102,9 @@ class RunRow:
         return quote(self.id, safe="")
 
 
-def list_rows(logs: Path, most: int | None = None) -> list[RunRow]:
-    """All runs, newest first, or the newest `most`; files that vanish meanwhile are left out."""
-    return list(read_rows(list_files(logs)[:most]))
+def list_rows(logs: Path) -> list[RunRow]:
+    """All runs, newest first; files that vanish meanwhile are left out."""
+    return list(read_rows(list_files(logs)))
 
 
 def read_rows(paths: Iterable[Path]) -> Iterator[RunRow]:

@@ -52,9 +52,9 @@ def ending() -> Generator[threading.Event, None, None]:
 
 def show_review(path: Path, what: str, browser: bool, port: int) -> None:
     """Serve a recording to rerun's viewer, print its address and optionally open a browser, until the person ends it."""
-    from flexlab.recording.viewer import open_review
+    from flexlab.recording.viewer import Review
 
-    with ending() as ended, open_review(path, port) as review:
+    with ending() as ended, Review(path, port) as review:
         console = output()
         console.print(f"{what} is open at", soft_wrap=True)
         console.print(review.url, style="bold", soft_wrap=True)

@@ -103,10 +103,15 @@ class _Handler(http.server.BaseHTTPRequestHandler):
 
 
 class Review:
-    """A recording being served to the web viewer on this machine, until `close`."""
+    """A recording, or a comparison of some, served for a browser of this machine to open at `url`, until `close`."""
 
     def __init__(self, path: Path, port: int = 0):
-        """Serve; `port` of the viewer, 0 for a free one. Raises `RecordingError`."""
+        """Mend a recording that its writer left without an end, and serve it; `port` of the viewer, 0 for a free one.
+
+        Raises `RecordingError` if there is nothing that can be read.
+        """
+        check_recording(path)
+        finish(path)
         self.path = path
         application, layout = _layout_of(path)
         try:
@@ -131,17 +136,6 @@ class Review:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def open_review(path: Path, port: int = 0) -> Review:
-    """Serve a recording, or a comparison of some, for a browser to open at the `Review`'s `url`.
-
-    A recording that its writer left without an end is mended first. The caller keeps the `Review` for as long as it is to
-    be seen. Raises `RecordingError` if there is nothing that can be read.
-    """
-    check_recording(path)
-    finish(path)
-    return Review(path, port)
 
 
 def _layout_of(path: Path) -> tuple[str, rrb.Blueprint]:

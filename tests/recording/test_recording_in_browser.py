@@ -10,7 +10,7 @@ from PIL import Image
 from playwright.sync_api import Browser
 from recording_helpers import wait_until
 
-from flexlab.recording.viewer import open_review
+from flexlab.recording.viewer import Review
 from flexlab.views import BLUE, GREEN, VERMILION
 
 
@@ -22,7 +22,7 @@ def shares(image: np.ndarray) -> list[float]:
 def test_opening_a_recording_shows_arms_and_plots_and_calls_nobody(recording_file: Path, chromium: Browser) -> None:
     asked: list[str] = []
     # The window goes first, whatever happened in it: a server that is closed waits for who still looks.
-    with open_review(recording_file) as review, open_window(chromium, 900, 600, drawn=True) as window:
+    with Review(recording_file) as review, open_window(chromium, 900, 600, drawn=True) as window:
         page = window.new_page()
         page.on("request", lambda request: asked.append(urlsplit(request.url).hostname or ""))
         page.goto(review.url)

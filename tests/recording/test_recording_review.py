@@ -14,14 +14,14 @@ from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
 from flexlab.recording.recorder import Recorder
 from flexlab.recording.store.run_files import find_run, has_footer, run_state
-from flexlab.recording.viewer import VIEWER_FILES, ViewerServer, open_review, viewer_folder
+from flexlab.recording.viewer import VIEWER_FILES, Review, ViewerServer, viewer_folder
 from flexlab.sim.world import World
 
 
 def test_the_newest_recording_is_opened_and_mended_first(recording_file: Path, tmp_path: Path) -> None:
     recording_file.write_bytes(recording_file.read_bytes()[:-200])
     assert not has_footer(recording_file)
-    with open_review(find_run("newest", tmp_path)) as review:
+    with Review(find_run("newest", tmp_path)) as review:
         assert review.path == recording_file
         assert has_footer(recording_file)
         answer = urllib.request.urlopen(review.url)
@@ -33,7 +33,7 @@ def test_no_page_whose_name_leads_to_this_machine_finds_the_data(recording_file:
     """The server that gives recordings out piece by piece looks at no name, and would read any recording for who asks."""
     found: set[str] = set()
     for _ in range(3):
-        with open_review(recording_file) as review:
+        with Review(recording_file) as review:
             (source,) = parse_qs(urlsplit(review.url).query)["url"]
             place = urlsplit(source)
             assert place.hostname
@@ -54,7 +54,7 @@ def test_a_run_that_is_being_recorded_opens_without_a_warning(tmp_path: Path, re
     wait_until(lambda: recorder.path and recorder.path.stat().st_size > 150_000, "something is recorded")
     path = recorder.path
     assert path is not None
-    with open_review(path) as review:
+    with Review(path) as review:
         assert run_state(path) == "in use"
         assert urllib.request.urlopen(review.url).status == 200
     recorder.close()
@@ -63,12 +63,12 @@ def test_a_run_that_is_being_recorded_opens_without_a_warning(tmp_path: Path, re
 
 def test_what_cannot_be_reviewed_is_said(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="There is no recording in"):
-        open_review(find_run("newest", tmp_path))
+        Review(find_run("newest", tmp_path))
     with pytest.raises(RecordingError, match="There is no recording"):
-        open_review(tmp_path / "x.rrd")
+        Review(tmp_path / "x.rrd")
     (tmp_path / "x.rrd").write_text("no recording")
     with pytest.raises(RecordingError, match="is not a rerun recording"):
-        open_review(tmp_path / "x.rrd")
+        Review(tmp_path / "x.rrd")
 
 
 def test_the_viewer_serves_its_own_files_only() -> None:

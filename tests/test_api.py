@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pandas
 import pytest
+from exported import export_run
 
 import flexlab
 from flexlab.errors import FlexlabError, PresetError, RecordingError, ScenarioError, StudyError
 from flexlab.presets import scenario_text
-from flexlab.recording.export import export_run
 
 
 def test_a_scenario_is_a_name_a_file_a_value_or_plain_data(tmp_path: Path):

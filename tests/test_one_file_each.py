@@ -183,7 +183,7 @@ from flexlab.guide import lessons
 from flexlab.lab.panel.sections import entries
 from flexlab.presets import load_preset
 from flexlab.recording.codec import decode_block, encode_block
-from flexlab.recording.export import export_run, import_run
+from flexlab.recording.export import export_recording, import_run
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
 from flexlab.recording.run_info import signals_text
@@ -198,7 +198,8 @@ note_metrics(path)
 found = {"home": flexlab.__file__}
 found["metric"] = [run.metrics.peak_speed, [row.key for row in run.metrics.rows], row.metrics, list(FIELDS)]
 
-recording, table = read_recording(path), export_run(run, Path("run.csv"))
+recording = read_recording(path)
+table = export_recording(recording, Path("run.csv"))
 columns = table.read_text(encoding="utf-8").split("\\n")[1].split(",")
 lines = [line.strip(" |") for line in pydoc.render_doc(flexlab.Run, renderer=pydoc.plaintext).splitlines()]
 found["replayed"] = replay(recording).identical

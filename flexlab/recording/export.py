@@ -10,7 +10,7 @@ import io
 import json
 import math
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,7 +25,7 @@ from flexlab.files import writing
 from flexlab.presets import scenario_text
 from flexlab.recording.codec import event_from_values, event_values, larger_blocks, state_values
 from flexlab.recording.reader import Recording, within
-from flexlab.recording.run_info import package_version, these_versions
+from flexlab.recording.run_info import package_version
 from flexlab.recording.store.formats import FORMAT, Changes, migrate
 from flexlab.recording.table_columns import (
     Column,
@@ -113,15 +113,25 @@ def export_recording(
     `blocks`: its samples in the order of time, where `recording` was read without them. Raises `RecordingError` for another
     suffix, an empty range or a file that cannot be written.
     """
-    about = {
+    write, _ = _format(path)
+    scenario, status = recording.scenario, recording.status
+    metadata = {
+        "seed": scenario.controller.sensor_noise.seed,
+        **recording.properties,
         "preset": recording.name,
         "started": recording.started.isoformat(),
         "start": None if recording.start is None else state_values(recording.start),
         "events": [event_values(event) for event in recording.events],
+        "format": FORMAT,
+        "computed_in": recording.computed_in,
+        "status": [str(status), status.text, status.time],
+        "scenario": scenario.model_dump(mode="json"),
     }
-    samples = (recording.samples,) if blocks is None else blocks
-    later = Changes(recording.scenario, recording.events).scenarios
-    return _export(recording.scenario, recording.status, samples, path, start, end, recording.properties | about, later)
+    pieces = larger_blocks(within((recording.samples,) if blocks is None else blocks, start, end), BATCH_ROWS)
+    later = Changes(scenario, recording.events).scenarios
+    with writing(path, "choose another place", RecordingError) as draft:
+        write(draft, _batches(pieces, scenario, later), json.dumps(metadata, ensure_ascii=False))
+    return path
 
 
 def _batches(pieces: Iterable[Samples], scenario: Scenario, later: Iterable[Scenario]) -> Iterator[Columns]:
@@ -130,36 +140,6 @@ def _batches(pieces: Iterable[Samples], scenario: Scenario, later: Iterable[Scen
     for piece in pieces:
         columns = columns or [c for c in table_columns(scenario, later) if c.signal not in piece.absent]
         yield to_columns(piece, columns)
-
-
-def export_run(run: Run, path: Path, start: float | None = None, end: float | None = None) -> Path:
-    """Write a run to `path` (.csv, .parquet or .npz), as `export_recording` does."""
-    return _export(run.scenario, run.status, (run,), path, start, end, {})
-
-
-def _export(
-    scenario: Scenario,
-    status: Status,
-    blocks: Iterable[Samples],
-    path: Path,
-    start: float | None,
-    end: float | None,
-    about: Mapping[str, Any],
-    later: Iterable[Scenario] = (),
-) -> Path:
-    write, _ = _format(path)
-    metadata = {
-        **these_versions(),
-        "seed": scenario.controller.sensor_noise.seed,
-        **about,
-        "format": FORMAT,
-        "status": [str(status), status.text, status.time],
-        "scenario": scenario.model_dump(mode="json"),
-    }
-    pieces = larger_blocks(within(blocks, start, end), BATCH_ROWS)
-    with writing(path, "choose another place", RecordingError) as draft:
-        write(draft, _batches(pieces, scenario, later), json.dumps(metadata, ensure_ascii=False))
-    return path
 
 
 def import_run(path: Path) -> tuple[Run, dict[str, Any]]:

@@ -67,6 +67,8 @@ class Recording:
     """s."""
     part: int
     """1, or more if a full disk split the run."""
+    computed_in: int
+    """Number of the format that was current when its samples were computed: an import keeps it."""
     state: State
     properties: dict[str, Any]
     """Versions and circumstances."""
@@ -79,7 +81,7 @@ class Recording:
     @property
     def compared(self) -> frozenset[str]:
         """The table's signals that were computed then as they are today, to the last bit."""
-        return same_numbers(self.format)
+        return same_numbers(self.computed_in)
 
     @property
     def run(self) -> Run:
@@ -204,6 +206,7 @@ def _assemble(path: Path, rows: Rows) -> Recording:
         started=started,
         sample_period=period,
         part=part,
+        computed_in=int(properties.get("computed_in", properties["format"])),
         state=run_state(path),
         properties={
             name: value for name, value in (properties | end).items() if name != "scenario" and isinstance(value, PLAIN)

@@ -48,7 +48,7 @@ class RunInfo:
     measured: str = ""
     """Which data a measured run is; it cannot be drawn in space. Empty for a simulated run."""
 
-    recorded_by: Mapping[str, str] | None = None
+    recorded_by: Mapping[str, str | int] | None = None
     """Versions and machine that computed the samples, by the names of the recording's properties; None: these here."""
 
     @property

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from exported import export_run
 
 from flexlab.analysis.replay import replay
 from flexlab.control.law import Law, add_law, add_law_file, forget_law
@@ -15,7 +16,7 @@ from flexlab.errors import ScenarioError
 from flexlab.lab.panel.sections import entries
 from flexlab.lab.plots.plot_signals import tabs
 from flexlab.presets import load_preset
-from flexlab.recording.export import export_run, import_run
+from flexlab.recording.export import import_run
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
 from flexlab.scenario import Scenario, parse_scenario

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from exported import export_run
 from own_law_text import forget_own_laws
 from own_path_text import forget_own_paths
 
@@ -15,7 +16,7 @@ from flexlab.errors import FlexlabError, ScenarioError
 from flexlab.own.law import add_own_law
 from flexlab.own.path import add_own_path
 from flexlab.own.reading import with_data
-from flexlab.recording.export import export_run, import_run
+from flexlab.recording.export import import_run
 from flexlab.scenario import parse_scenario
 
 LAW = """import numpy as np

@@ -6,6 +6,7 @@ from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
+from exported import export_run
 
 from flexlab.analysis.replay import replay
 from flexlab.control.path import Path, add_path, add_path_file, forget_path
@@ -13,7 +14,7 @@ from flexlab.errors import ScenarioError
 from flexlab.lab.panel.sections import GROUPS, entries, present
 from flexlab.lab.scene.overlays import path_points
 from flexlab.presets import load_preset, load_scenario_file, save_scenario
-from flexlab.recording.export import export_run, import_run
+from flexlab.recording.export import import_run
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
 from flexlab.scenario import Scenario, parse_scenario

@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as parquet
 import pytest
+from exported import export_run
 from recording_helpers import assert_same_bits
 
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
-from flexlab.recording.export import FORMATS, export_recording, export_run, import_run
+from flexlab.recording.export import FORMATS, export_recording, import_run
 from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.reader import read_recording
 from flexlab.recording.run_info import RunInfo

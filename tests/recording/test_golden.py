@@ -15,6 +15,7 @@ from flexlab.analysis.run_summary import note_metrics
 from flexlab.recording.export import export_recording, import_run
 from flexlab.recording.importing import import_into
 from flexlab.recording.reader import read_blocks, read_range, read_recording, read_scenarios
+from flexlab.recording.run_info import these_versions
 from flexlab.recording.store.formats import FORMAT, STEPS, same_meaning, same_numbers
 from flexlab.recording.store.run_files import list_runs, run_state
 from flexlab.sim.samples import join_blocks
@@ -124,7 +125,9 @@ def test_it_is_exported_and_comes_in_again(number: int, path: Path, tmp_path: Pa
     assert again.format == FORMAT
     for name in TABLE:
         assert digest(again.samples[name]) == digest(recording.samples[name]), name
-    assert again.properties["flexlab_version"] == recording.properties["flexlab_version"]
+    for name in these_versions():
+        assert again.properties[name] == recording.properties.get(name, "unknown"), name
+    assert replay(again).agrees == replay(recording).agrees
 
 
 @every_recording

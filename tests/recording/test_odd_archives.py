@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from exported import export_run
 from recording_helpers import start_script
 
 from flexlab.analysis.capsule import METADATA, unpack_capsule
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
-from flexlab.recording.export import export_run
 from flexlab.recording.importing import import_into
 from flexlab.recording.reader import read_recording
 from flexlab.sim.simulate import simulate

@@ -5,12 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from exported import export_run
 
 import flexlab
 from flexlab.analysis.replay import replay
 from flexlab.presets import load_preset
 from flexlab.recording.codec import decode_block, encode_block
-from flexlab.recording.export import export_run, import_run
+from flexlab.recording.export import import_run
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
 from flexlab.signal import ARM, COORDINATE

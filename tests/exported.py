@@ -1,0 +1,15 @@
+"""A run as a table, by way of its recording."""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from flexlab.recording.export import export_recording
+from flexlab.recording.headless import write_run
+from flexlab.recording.reader import read_recording
+from flexlab.sim.samples import Run
+
+
+def export_run(run: Run, path: Path, start: float | None = None, end: float | None = None) -> Path:
+    """Record a run, and write the recording to `path`, from `start` to `end` s."""
+    with TemporaryDirectory() as folder:
+        return export_recording(read_recording(write_run(run, Path(folder), "run")), path, start, end)

@@ -16,6 +16,7 @@ import pytest
 
 from flexlab.presets import load_preset
 from flexlab.recording.headless import write_run
+from flexlab.recording.store.formats import FORMAT
 from flexlab.sim.simulate import simulate
 
 LEFT_OUT = shutil.ignore_patterns("__pycache__", "*.pyc", "*.nbi", "*.nbc")
@@ -379,7 +380,8 @@ print(json.dumps([said("greet", "Anna"), said("--help"), said("completion", "bas
 def test_a_signal_of_a_format_that_is_not_written_yet_is_refused(copy: Path):
     file = copy / SIGNALS
     before = file.read_text(encoding="utf-8")
-    file.write_text(before.replace('"squared speed")', '"squared speed", since=3)'), encoding="utf-8")
+    late = f'"squared speed", since={FORMAT + 1})'
+    file.write_text(before.replace('"squared speed")', late), encoding="utf-8")
     said = run(
         copy,
         """
@@ -392,4 +394,4 @@ except ValueError as error:
 """,
     )
     file.write_text(before, encoding="utf-8")
-    assert said == "speed_squared: since is above format 3, which is written now: leave it out."
+    assert said == f"speed_squared: since is above format {FORMAT}, which is written now: leave it out."

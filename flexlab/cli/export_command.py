@@ -47,12 +47,8 @@ def command(
     if to is not None and kind in (UNIT, *BODIES):
         if run == "newest" or (figures, start, end) != (None, None, None):
             raise StudyError(f"{to} is made of a scenario alone: flexlab export PRESET --to {to}.")
-        if kind == UNIT:
-            from flexlab.study_api import export
-
-            _say(export(run, to, part=part or "plant", version=fmi or 3))
-            return
-    if (part, fmi) != (None, None):
+    options = {"part": part or "plant", "version": fmi or 3} if kind == UNIT else {}
+    if not options and (part, fmi) != (None, None):
         raise StudyError("--part and --fmi are for units: write --to FILE.fmu.")
     if to is not None and kind in WHOLE_RUN and (start, end) != (None, None):
         raise StudyError(f"--start and --end are for tables: {to} holds the whole run.")
@@ -64,9 +60,7 @@ def command(
     if to is not None:
         from flexlab.study_api import export
 
-        _say(export(run, to, start, end, logs))
-    if kind in BODIES:
-        return
+        _say(export(run, to, start, end, logs, **options))
     if figures is not None:
         from flexlab.analysis.figures import paper_figures
         from flexlab.recording.reader import read_range

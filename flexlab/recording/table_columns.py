@@ -118,9 +118,9 @@ def from_columns(values: dict[str, np.ndarray], scenario: Scenario) -> Samples:
         raise RecordingError("There is no column time [s]: give every row its time.")
     signals: dict[str, np.ndarray] = {}
     rows = len(values["time [s]"])
+    size = len(scenario.arms), scenario.payload.coordinate_count
     for columns in _whole_signals(values, scenario):
-        shape = tuple(1 + max(places) for places in zip(*(column.index for column in columns), strict=True))
-        array = np.empty((rows, *shape))
+        array = np.empty((rows, *known_signals()[columns[0].signal].shape(*size)))
         for column in columns:
             given = values[column.name]
             if given.shape != (rows,) or given.dtype.kind in NO_NUMBERS:
@@ -134,8 +134,7 @@ def from_columns(values: dict[str, np.ndarray], scenario: Scenario) -> Samples:
     for axis, name in TOLD_BY.items():
         # Without any signal of arms, or of the beam's coordinates, samples would have none of them to draw.
         if not any(axis in TABLE[known].axes for known in signals if known in TABLE):
-            places = [column.index for column in _columns(TABLE[name], scenario)]
-            signals[name] = np.full((rows, *(1 + max(each) for each in zip(*places, strict=True))), np.nan)
+            signals[name] = np.full((rows, *TABLE[name].shape(*size)), np.nan)
             signals[name].flags.writeable = False
     return Samples(**signals)
 

@@ -166,10 +166,8 @@ def parameters(
             )
         ]
     for gain in gains:
-        about, size = (
-            describe(type(gain.settings), gain.field),
-            own_numbers(type(gain.settings), Controller)[gain.field],
-        )
+        part = type(gain.settings)
+        about, size = describe(part, gain.field), own_numbers(part, Controller)[gain.field]
         units, values = about.unit.split(", "), np.broadcast_to(getattr(gain.settings, gain.field), size)
         title = about.title if gain.settings is scenario.controller else f"{about.title} of the slow part"
         for k in range(size):

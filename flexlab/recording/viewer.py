@@ -20,15 +20,12 @@ from flexlab.recording.rerun_internals.tool import VIEWER_FILES, serve, viewer_f
 from flexlab.recording.run_encoder import APPLICATION
 from flexlab.recording.scene_and_plots import exaggeration, run_blueprint
 from flexlab.recording.store.run_files import check_recording
-from flexlab.sockets import LOOPBACK as LOOPBACK_NAMES
-from flexlab.sockets import name_in
+from flexlab.sockets import LOOPBACK, name_in
 
 SECURITY_POLICY = (
     "default-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' data: blob:; connect-src 'self' {source} data: blob:"
 )
 """The viewer may talk to this server and to the one of its recording."""
-
-LOOPBACK = "127.0.0.1"
 
 
 def viewer_link(page: str, source: str) -> str:
@@ -39,7 +36,7 @@ def viewer_link(page: str, source: str) -> str:
 class ViewerServer:
     """Serves the web viewer on one port of this machine until `close`."""
 
-    def __init__(self, host: str = LOOPBACK, port: int = 0, source: str = ""):
+    def __init__(self, host: str = LOOPBACK[0], port: int = 0, source: str = ""):
         """Start; port 0 takes a free one. `source`: the server that recordings may come from, besides this one.
 
         Raises `RecordingError` if the port is in use or the viewer is missing.
@@ -80,7 +77,7 @@ class _Handler(http.server.BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
 
     def do_GET(self) -> None:
-        if name_in(self.headers.get("Host", "")) not in LOOPBACK_NAMES:
+        if name_in(self.headers.get("Host", "")) not in LOOPBACK:
             self.send_error(403)  # A foreign name that leads here makes a foreign page look like this one.
             return
         name = self.path.partition("?")[0].lstrip("/") or "index.html"
@@ -120,7 +117,7 @@ class Review:
             reason = str(error).split("\n")[0]
             raise RecordingError(f"{path} cannot be served to the viewer: {reason}") from None
         try:
-            self._viewer = ViewerServer(LOOPBACK, port, f"http://{urlsplit(source).netloc}")
+            self._viewer = ViewerServer(LOOPBACK[0], port, f"http://{urlsplit(source).netloc}")
         except RecordingError:
             self._server.shutdown()
             raise

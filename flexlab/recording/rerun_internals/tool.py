@@ -22,7 +22,7 @@ from flexlab.errors import RecordingError
 from flexlab.files import replacing
 from flexlab.recording.rerun_internals.chunks import quiet_reader
 from flexlab.recording.rerun_internals.rrd_file import has_footer
-from flexlab.sockets import free_ports, hidden_loopback
+from flexlab.sockets import LOOPBACK, free_ports, hidden_loopback
 
 LARGE_FILE = 500_000_000
 """Bytes: above that the pieces are indexed but not joined, which would take the whole recording into memory."""
@@ -116,7 +116,6 @@ def crashes_readers(path: Path) -> bool:
     return tried.returncode not in HARMLESS
 
 
-LOOPBACK = "127.0.0.1"
 UNPACK_TIME = 20.0
 """s that rerun's program may take to serve its viewer."""
 
@@ -151,12 +150,12 @@ def viewer_folder() -> Path:
 
 def _unpack(folder: Path) -> None:
     grpc, web = free_ports(2)
-    options = ["--bind", LOOPBACK, "--port", str(grpc), "--web-viewer-port", str(web)]
+    options = ["--bind", LOOPBACK[0], "--port", str(grpc), "--web-viewer-port", str(web)]
     nothing = subprocess.DEVNULL
     process = subprocess.Popen([rerun_tool(), "--serve-web", *options], stdin=nothing, stdout=nothing, stderr=nothing)
     try:
         for name in VIEWER_FILES:
-            data = _fetch(f"http://{LOOPBACK}:{web}/{name}", process)
+            data = _fetch(f"http://{LOOPBACK[0]}:{web}/{name}", process)
             if name == "index.html":
                 data = _FOREIGN_LINK.sub(b"", data).replace(OPTIONS, TELLING, 1)
             with replacing(folder / name) as draft:

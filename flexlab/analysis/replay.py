@@ -167,7 +167,7 @@ def _left_out(recording: Recording, absent: frozenset[str]) -> str:
         return ""
     version = recording.properties.get("flexlab_version")
     return (
-        f" It was recorded by flexlab {version} in format {recording.format}: all that both have was compared, "
+        f" It was recorded by flexlab {version} in format {recording.computed_in}: all that both have was compared, "
         f"without {', '.join(names)}."
     )
 
@@ -295,7 +295,7 @@ def _maker(recording: Recording) -> str:
     made = recording.properties
     processor = made.get("processor", "an unknown processor")
     return (
-        f"by flexlab {made.get('flexlab_version')} (format {recording.format}) with numpy {made.get('numpy_version')} "
+        f"by flexlab {made.get('flexlab_version')} (format {recording.computed_in}) with numpy {made.get('numpy_version')} "
         f"on {made.get('machine')}, {processor}"
     )
 

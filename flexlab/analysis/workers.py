@@ -77,6 +77,8 @@ def _invalid(scenario: Scenario, reason: str) -> Run:
 
 MOST_WORKERS = 256
 """Most threads: more than any machine of today can use."""
+THREADS = "flexlab-workers"
+"""Beginning of the threads' names."""
 PATIENCE = 10.0
 """Longest wait for the scheduler's answer, s."""
 AHEAD = 3
@@ -112,7 +114,7 @@ def chosen_workers(workers: int | None = None, cluster: str | None = None) -> Wo
 @contextmanager
 def _on_threads(count: int) -> Iterator[Does]:
     """The kernels release Python's lock, so threads suffice."""
-    pool = ThreadPoolExecutor(count, thread_name_prefix="flexlab-workers")
+    pool = ThreadPoolExecutor(count, thread_name_prefix=THREADS)
 
     def run(work: Work, items: Iterable[Any]) -> Iterator[tuple[int, Any]]:
         left = enumerate(items)

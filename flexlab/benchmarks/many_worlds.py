@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexlab.analysis.workers import simulate_many
+from flexlab.analysis.workers import THREADS, simulate_many
 from flexlab.lapack import one_blas_thread
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
@@ -172,7 +172,7 @@ def _scenario(number: int) -> Scenario:
 
 def _round(batch: list[Scenario], workers: int) -> Round:
     wall, cpu = time.perf_counter(), time.process_time()
-    with ThreadWatch("flexlab-batch") as watch:
+    with ThreadWatch(THREADS) as watch:
         simulate_many(batch, DURATION, workers=workers, progress=False)
         wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     return Round(wall, cpu, watch.undisturbed)

@@ -13,7 +13,14 @@ from flexlab import benchmarks
 from flexlab.benchmarks import live_costs, many_worlds, precision
 from flexlab.benchmarks import report as report_of_bench
 from flexlab.benchmarks.fresh_process import Memory, run_probe
-from flexlab.benchmarks.many_worlds import Round, ThreadWatch, WorkerScaling, locked_share, time_in_queue
+from flexlab.benchmarks.many_worlds import (
+    Round,
+    ThreadWatch,
+    WorkerScaling,
+    locked_share,
+    time_in_queue,
+    worker_scaling,
+)
 from flexlab.benchmarks.measure import deflection_error, pose_error, this_machine, try_out, version_of
 from flexlab.benchmarks.precision import (
     ASKED_ERROR,
@@ -156,6 +163,14 @@ def test_a_watched_thread_is_seen_and_never_lives_longer_than_the_clock_says():
     else:
         assert 0 <= watch.undisturbed <= time.perf_counter() - start
     assert time_in_queue(0) is None
+
+
+def test_the_workers_of_a_batch_are_watched():
+    import threading
+
+    measured = worker_scaling(1)
+    seen = time_in_queue(threading.get_native_id()) is not None
+    assert [each.undisturbed is not None for each in (*measured.one, *measured.two)] == [seen, seen]
 
 
 def test_a_probe_that_fails_says_what_happened():

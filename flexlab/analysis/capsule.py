@@ -30,7 +30,6 @@ LARGEST_METADATA = 10_000_000
 """Most bytes of the metadata."""
 LARGEST_RUN = 50_000_000_000
 """Most bytes of a recording that is unpacked."""
-CHUNK = 1 << 20
 SAME_DATE = (1980, 1, 1, 0, 0, 0)
 """Date of all files in the archive, so that the same run gives the same bytes."""
 
@@ -175,15 +174,8 @@ def unpack_capsule(archive_path: Path, folder: Path) -> Path:
 
 def _digest(archive: zipfile.ZipFile, name: str, copy: Path | None) -> str:
     """The SHA-256 of a member, which is also written to `copy` if that is given."""
-    digest = hashlib.sha256()
-    with archive.open(name) as member:
-        out = copy.open("wb") if copy is not None else None
-        try:
-            while chunk := member.read(CHUNK):
-                digest.update(chunk)
-                if out is not None:
-                    out.write(chunk)
-        finally:
-            if out is not None:
-                out.close()
-    return digest.hexdigest()
+    if copy is not None:
+        with archive.open(name) as member, copy.open("wb") as out:
+            shutil.copyfileobj(member, out)
+    with archive.open(name) if copy is None else copy.open("rb") as data:
+        return hashlib.file_digest(data, "sha256").hexdigest()

@@ -10,12 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 
-from flexlab.analysis.figures import BLUE, FORMATS, GRAY, STYLE, VERMILION, save_figure
+from flexlab.analysis.figures import BLUE, GRAY, STYLE, VERMILION, save_figure
 from flexlab.analysis.metrics.metric import named, numbers
 from flexlab.analysis.result import number_column
 from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.plan import Plan
-from flexlab.errors import StudyError
 from flexlab.text import in_mathtext
 
 SIZE = (6.0, 4.2)
@@ -35,18 +34,15 @@ def write_figures(
     folder: Path,
     shown: Sequence[str] = (),
     pareto: Sequence[str] = DEFAULT_PARETO,
-    kind: str = "svg",
 ) -> list[Path]:
     """Write a figure of each metric of `shown` (empty: those in lists of runs), and of the two of `pareto`, into a folder.
 
-    Returns the paths. Raises `StudyError` for an unknown metric or kind of file, or a folder that cannot be written.
+    Returns the paths. Raises `StudyError` for an unknown metric, or a folder that cannot be written.
     """
-    if kind not in FORMATS:
-        raise StudyError(f"figures are written as {' or '.join(FORMATS)}, not as {kind!r:.60}.")
     listed = [number.name for number in numbers() if number.column.listed]
     figures = {name: draw_metric(plan, table, name) for name in shown or listed}
     figures["pareto"] = draw_pareto(table, *pareto)
-    return [save_figure(figure, folder / f"{name}.{kind}") for name, figure in figures.items()]
+    return [save_figure(figure, folder / f"{name}.svg") for name, figure in figures.items()]
 
 
 def draw_metric(plan: Plan, table: Any, name: str) -> Figure:

@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass
+from functools import partial
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -63,8 +64,7 @@ def measure(plan: Plan, peers: ModuleType | None, show: "Console | None") -> Rep
     """Measure everything; `show`: a console that gets each table as soon as it is complete."""
     World(load_preset("paper")).run(1)  # Compiles everything before the first measurement.
 
-    def part(what: str, work: Callable[[], Result], table: Callable[[Any], Any]) -> Result:
-        return _part(show, what, work, table)
+    part = partial(_part, show)
 
     machine = part("the machine", this_machine, lambda its: its.text + "\n")
     found = Report(
@@ -93,7 +93,7 @@ def measure(plan: Plan, peers: ModuleType | None, show: "Console | None") -> Rep
         part("chains of segments", peers.compare_chains, peers.chain_table) if peers else None,
         part("exact beams", peers.compare_beams, peers.beam_table) if peers else None,
     )
-    _part(show, "goals", lambda: found.goals, report.goals_table)
+    part("goals", lambda: found.goals, report.goals_table)
     return found
 
 

@@ -8,14 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlab.analysis.validation.check import FINE, Check, Runs, alike, below, general, subject
+from flexlab.analysis.validation.check import EVERY, FINE, Check, Runs, alike, below, general, subject
 from flexlab.analysis.validation.mass_points import MassPoints, slopes, time_derivative
 from flexlab.analysis.validation.paper import desired
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Run
 
-EVERY = 75
-"""Every 75th sample of a run is checked."""
 COMMON = {
     "controller__model__linear_density_factor": 1.3,
     "controller__model__length_factor": 0.9,

@@ -143,7 +143,7 @@ class Look:
 
     def _span(self, begin: float, end: float) -> Span:
         part = self.part(begin + SETTLED, end)
-        frequency = _upward_frequency(part) if end - begin >= SETTLED + SHORTEST else np.nan
+        frequency = upward_frequency(part) if end - begin >= SETTLED + SHORTEST else np.nan
         return Span(begin) if np.isnan(frequency) else Span(begin, -float(part.axial_load.mean()), frequency)
 
     @property
@@ -198,7 +198,7 @@ OF_A_PART: dict[str, Callable[[Look, Samples], float]] = {
 """Measures of the samples between two instants, as in `settled(0, 1)`."""
 
 
-def _upward_frequency(part: Samples) -> float:
+def upward_frequency(part: Samples) -> float:
     """Frequency of a free ring, Hz, from its upward crossings of the mean; NaN without a ring."""
     w = part.midspan_deflection - part.midspan_deflection.mean()
     upwards = np.flatnonzero((w[:-1] < 0) & (w[1:] >= 0))

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 
+from flexlab.analysis.lesson_measures import upward_frequency
 from flexlab.analysis.validation.check import Check, Runs, above, balanced, below, close, subject, true
 from flexlab.physics.axial_load import BUCKLING, buckling_load, geometric_matrices
 from flexlab.physics.beam import beam_matrices, shape_row, undamped_modes
@@ -166,9 +167,4 @@ def _squeezed_slowly() -> Iterator[Check]:
 
 def frequency(run: Run, pressed: np.ndarray, low: float, high: float) -> float:
     """Frequency of the ring while the beam is pressed with `low` to `high` N, Hz, from its crossings of the mean."""
-    part = (pressed >= low) & (pressed <= high)
-    w = run.midspan_deflection[part]
-    w = w - w.mean()
-    upwards = np.flatnonzero((w[:-1] < 0) & (w[1:] >= 0))
-    times = run.time[part][upwards] - w[upwards] * (run.time[1] - run.time[0]) / (w[upwards + 1] - w[upwards])
-    return float((len(times) - 1) / (times[-1] - times[0]))
+    return upward_frequency(run.take((pressed >= low) & (pressed <= high)))

@@ -71,9 +71,9 @@ def ring(seen: Evidence) -> str | None:
 def _by_what(seen: Evidence, number: int, mode: Ring) -> str:
     found = seen.background.modes
     own = 2 * np.pi * float(found.frequency[number - 1] * found.damping_ratio[number - 1])
-    if -mode.rate > DAMPED * own:
-        return f"; with its grips held it would fade at {n(own)} 1/s, so the law damps it"
     held = f"; with its grips held it would fade at {n(own)} 1/s"
+    if -mode.rate > DAMPED * own:
+        return f"{held}, so the law damps it"
     return (
         held
         if hasattr(seen.scenario.controller, "lateral_vibration_gain")

@@ -1,5 +1,6 @@
 """A browser that says what no proper browser would: viser's wire format, spoken by hand."""
 
+from collections.abc import Iterator
 from types import TracebackType
 from typing import Any
 
@@ -49,8 +50,20 @@ def open_socket(address: str) -> ClientConnection:
 
 def text_of(data: bytes) -> str:
     """What a window of messages from the lab says, as text."""
+    return _unpacked(data).decode("utf-8", "replace")
+
+
+def _unpacked(data: bytes) -> bytes:
     size = int.from_bytes(data[8:16], "little")
-    return zstandard.ZstdDecompressor().decompress(data[16 : 16 + size]).decode("utf-8", "replace")
+    return zstandard.ZstdDecompressor().decompress(data[16 : 16 + size])
+
+
+def _mappings(part: Any) -> Iterator[dict[str, Any]]:
+    """All mappings within decoded messages."""
+    if isinstance(part, dict):
+        yield part
+    for inner in part.values() if isinstance(part, dict) else part if isinstance(part, list) else ():
+        yield from _mappings(inner)
 
 
 class RawBrowser:
@@ -76,6 +89,12 @@ class RawBrowser:
         data = self._socket.recv(timeout=seconds)
         assert isinstance(data, bytes)
         return data
+
+    def values_of(self, handle: Any) -> list[Any]:
+        """The values of a widget in the next message from the lab."""
+        window = msgspec.msgpack.decode(_unpacked(self.receive(20.0)))
+        told = [message for message in _mappings(window) if message.get("uuid") == handle._impl.uuid]
+        return [message["updates"]["value"] for message in told if "value" in message.get("updates", {})]
 
     def __enter__(self) -> "RawBrowser":
         return self

@@ -126,6 +126,22 @@ def test_a_number_out_of_range_is_refused_and_put_right(
         still_works(session, browser)
 
 
+@pytest.mark.usefixtures("soon_put_right")
+def test_a_number_that_crosses_the_putting_right_of_another_one_is_shown(session: Session) -> None:
+    box = widget(session, EI)
+    truth, typed, shown = box.value, 0.8 * box.value, []
+    with RawBrowser(session) as browser:
+        browser.update(box, {"value": -3.0})
+        wait_until(lambda: box.value == -3.0, "the lab has heard it", 20)
+        wait_until(lambda: box.value == truth, "the box is put right", 20)
+        browser.update(box, {"value": typed})
+        until = time.monotonic() + 20
+        while shown[-1:] != [typed]:
+            assert time.monotonic() < until, f"the page shows {shown[-1:]}"
+            shown += browser.values_of(box)
+    assert truth in shown
+
+
 def test_the_first_look_at_the_run_leaves_a_complaint_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     """A page can be quicker than the panel's first update, which took every sentence away again."""
     begin = RenderLoop.start

@@ -108,9 +108,9 @@ def faults(missing: set[str]) -> list[str]:
 
 
 def test_every_page_speaks_german_chinese_and_english(page: Page) -> None:
-    missing = left(page)
-    assert page.locator("html").get_attribute("lang") == "de"
+    page.locator("html[lang=de]").wait_for()
     page.get_by_role("heading", name="Anmelden").wait_for()
+    missing = left(page)
     page.locator("input[name=token]").fill(TEACHER)
     page.get_by_role("button", name="Öffnen").click()
     page.get_by_role("link", name="Klasse").wait_for()

@@ -9,7 +9,7 @@ import viser
 
 from flexlab.errors import FlexlabError, LabError
 from flexlab.lab.lab_state import LabState
-from flexlab.lab.viser_internals import mark_slider
+from flexlab.lab.viser_internals import mark_slider, show_true_value
 from flexlab.lab.widgets import add_button, handler, put
 from flexlab.quantities import Quantity
 from flexlab.text import escaped, number_text
@@ -18,6 +18,8 @@ SETTLE_TIME = 4.0
 """How long a box keeps what a person typed but the lab did not take, wall seconds; then it shows the true value again."""
 READING_TIME = 30.0
 """How long the sentence about a value that was refused stays, wall seconds: it outlives the value itself."""
+CROSSING = 2.0
+"""How long a true value may be on its way to a page, wall seconds, on which a person types another one meanwhile."""
 SLIDER_STEPS = 200
 CROWDED = 0.12
 """Share of a slider within which the labels of two marks would overlap."""
@@ -126,7 +128,7 @@ class NumberControl:
         self._about, self._name, self._unit = about, name or about.title, about.unit if unit is None else unit
         self._ask, self._usual, self._value = ask, usual, value
         self._stays_at = value  # As the sentence below the box says.
-        self._touched, self._marked = -math.inf, []
+        self._touched, self._put_right, self._marked = -math.inf, -math.inf, []
         self._scale = Scale(about, whole) if slider else None
         self._switch = self._slider = None
         if switch is not None:
@@ -151,6 +153,8 @@ class NumberControl:
     def settle(self, value: Numbers) -> None:
         """Show the true value, unless a person is at this control."""
         if time.monotonic() - self._touched > SETTLE_TIME:
+            if self._box.value != value:
+                self._put_right = time.monotonic()
             self._show(value)
             if time.monotonic() - self._touched > READING_TIME:
                 self._complain("")
@@ -213,7 +217,11 @@ class NumberControl:
             self._box.value = self._value
 
     def _type(self, value: Numbers) -> None:
-        if self._accepted(value) and self._scale is not None and self._slider is not None:
+        if not self._accepted(value):
+            return
+        if time.monotonic() - self._put_right < CROSSING:
+            show_true_value(self._box)  # Else the page could go on showing what was on its way to it.
+        if self._scale is not None and self._slider is not None:
             self._slider.value = self._scale.place(value)
 
     def _accepted(self, value: Numbers) -> bool:

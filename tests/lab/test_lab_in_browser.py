@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from browser_window import PATIENCE
 from lab_page import EI, LabPage, wait_until
+from playwright.sync_api import expect
 
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.view_settings import fitting_exaggeration
@@ -151,7 +153,7 @@ def test_a_box_takes_numbers_as_people_write_them(page: LabPage) -> None:
     wait_until(lambda: page.snapshot.scenario.payload.damping.coefficient == 1.5e-10, "a small number is not 0", 20)
     box.fill("")
     box.blur()
-    wait_until(lambda: box.input_value() == "36", "a box that was left empty shows its number again")
+    expect(box).to_have_value("36", timeout=PATIENCE)  # Left empty, it shows its number again.
 
 
 def test_a_typed_number_acts_when_the_typing_rests(page: LabPage) -> None:

@@ -225,7 +225,7 @@
 
   addEventListener("flexlab-structure", () => {
     if (document.querySelector("[data-fl-play]")) document.documentElement.classList.remove("fl-searching");
-    else markPlayScreen();
+    markPlayScreen();
   });
 
   function markPlayScreen() {
@@ -308,7 +308,6 @@
   }
 
   function look() {
-    markPlayScreen();
     closeReadWord();
     showBehindUnseen();
     const name = document.querySelector(".fl-run")?.dataset.name;

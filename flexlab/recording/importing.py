@@ -21,7 +21,7 @@ from flexlab.recording.repair import finish
 from flexlab.recording.rerun_internals.tool import crashes_readers
 from flexlab.recording.run_encoder import END
 from flexlab.recording.run_info import RunInfo, these_versions
-from flexlab.recording.store.formats import FORMAT
+from flexlab.recording.store.formats import FORMAT, checked_format
 from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.run_files import SUFFIX, check_recording, claim_run_file, file_word, list_runs, remove_run
 from flexlab.recording.store.run_index import LONGEST_NAME
@@ -121,7 +121,8 @@ def take_run(run: Run, info: RunInfo, source: str, logs: Path, events: Sequence[
 
 def _info(run: Run, metadata: Mapping[str, Any]) -> RunInfo:
     period = float(metadata.get("sample_period_s") or (run.time[1] - run.time[0] if len(run) > 1 else TICK))
-    start, computed_in = metadata.get("start"), int(metadata.get("computed_in", metadata.get("format", 1)))
+    start = metadata.get("start")
+    computed_in = checked_format(metadata.get("computed_in", metadata.get("format", 1)))
     recorded_by: dict[str, str | int] = {name: str(metadata.get(name, "unknown")) for name in these_versions()}
     if computed_in != FORMAT:
         recorded_by |= {"computed_in": computed_in}

@@ -18,7 +18,7 @@ from flexlab.errors import FlexlabError, RecordingError
 from flexlab.recording.codec import decode_block, event_from_values, state_from_values
 from flexlab.recording.rerun_internals.chunks import Row, Unreadable, entity_times, stream_rows
 from flexlab.recording.rerun_internals.tool import Mending
-from flexlab.recording.store.formats import Changes, migrate, readable, same_numbers
+from flexlab.recording.store.formats import FORMAT, Changes, checked_format, migrate, readable, same_numbers
 from flexlab.recording.store.run_files import State, check_recording, run_state
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.signal import COORDINATE
@@ -206,7 +206,9 @@ def _assemble(path: Path, rows: Rows) -> Recording:
         started=started,
         sample_period=period,
         part=part,
-        computed_in=int(properties.get("computed_in", properties["format"])),
+        computed_in=checked_format(
+            properties.get("computed_in", properties["format"]), max(FORMAT, properties["format"])
+        ),
         state=run_state(path),
         properties={
             name: value for name, value in (properties | end).items() if name != "scenario" and isinstance(value, PLAIN)

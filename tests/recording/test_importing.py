@@ -178,6 +178,7 @@ def test_times_that_are_not_finite_and_rising_are_told_with_their_row(
         ({"scenario": 5}, "is not a run exported"),
         ({"started": "never"}, "was not exported by this version"),
         ({"start": {"tick": "x"}}, "was not exported by this version"),
+        *(({"computed_in": number}, "computed in format") for number in (-5, 0, 99, 10**30, 1.5, True, "x", None)),
     ],
 )
 def test_what_else_no_run_can_have_is_told(original: Recording, tmp_path: Path, metadata: dict, says: str) -> None:

@@ -7,6 +7,7 @@ signals, and those that it lacks are absent. A newer recording is read too, unle
 
 from collections.abc import Callable, Iterable
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -47,6 +48,13 @@ _check_table()
 def readable(properties: dict) -> bool:
     """Whether this version understands a recording with these properties."""
     return properties["format"] <= FORMAT or properties.get("oldest_reader", properties["format"]) <= FORMAT
+
+
+def checked_format(number: Any, newest: int = FORMAT) -> int:
+    """The number of a format, 1 to `newest`. Raises ValueError for anything else."""
+    if type(number) is not int or not 1 <= number <= newest:
+        raise ValueError(f"its samples were computed in format {number!r:.40}, and there are 1 to {newest}")
+    return number
 
 
 def same_meaning(recorded_format: int) -> frozenset[str]:

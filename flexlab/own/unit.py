@@ -5,6 +5,7 @@ stays where it is. Its variables' units of measure are recognised under any name
 """
 
 import hashlib
+import itertools
 import keyword
 import math
 import re
@@ -14,7 +15,9 @@ from typing import Any
 
 from flexlab.errors import ScenarioError
 from flexlab.own.declaration import DEFAULT_PERIOD, LONGEST_PERIOD, MOST_SETTINGS, MOST_SIGNALS, SHORTEST_PERIOD
+from flexlab.own.link import ASKS
 from flexlab.own.reading import is_unit
+from flexlab.physics.law_input import MOST_GAUGES
 from flexlab.quantities import base_exponents
 from flexlab.text import visible
 
@@ -44,29 +47,34 @@ def _spelt(name: str) -> str:
 
 
 SIDES, AXES, JOINTS = ("left", "right"), ("x", "y", "theta"), ("1", "2", "3")
-MOST_STRAINS = 8
-_TURNED = {"m": "rad", "m/s": "rad/s", "m/s²": "rad/s²", "N": "N·m"}
-
-
-def _of_axes(name: str, unit: str) -> dict[str, str]:
-    return {f"{name}_{axis}": _TURNED[unit] if axis == "theta" else unit for axis in AXES}
-
-
-INPUTS: dict[str, str] = {
-    **_of_axes("pose", "m"),
-    **_of_axes("pose_rate", "m/s"),
-    "beam_moment_rate_h": "kg·m/s",
-    "beam_moment_rate_g": "kg·m²/s",
-    **{f"strain_{j}": "1" for j in range(MOST_STRAINS)},
-    **_of_axes("desired_pose", "m"),
-    **_of_axes("desired_rate", "m/s"),
-    **_of_axes("desired_acceleration", "m/s²"),
-    **{f"joint_angle_{side}_{joint}": "rad" for side in SIDES for joint in JOINTS},
-    **{f"joint_rate_{side}_{joint}": "rad/s" for side in SIDES for joint in JOINTS},
-    **{name: unit for side in SIDES for name, unit in _of_axes(f"weight_{side}", "N").items()},
+_NAMED = {
+    "pose": ("pose", AXES),
+    "pose_rate": ("pose_rate", AXES),
+    "beam_rate": ("beam_moment_rate", ("h", "g")),
+    "strains": ("strain", tuple(map(str, range(MOST_GAUGES)))),
+    "desired_pose": ("desired_pose", AXES),
+    "desired_rate": ("desired_rate", AXES),
+    "desired_acceleration": ("desired_acceleration", AXES),
+    "joint_angles": ("joint_angle", JOINTS),
+    "joint_rates": ("joint_rate", JOINTS),
+    "weights": ("weight", AXES),
 }
+"""Number of `Measurement` → its name in a unit, and how the names of its parts end."""
+
+
+def _units_of_parts(asked: str) -> dict[str, str]:
+    """The names of all parts of a number of `Measurement`, in their order, with units of measure."""
+    (name, ends), (shape, units) = _NAMED[asked], ASKS[asked]
+    names = [f"{name}_{side}_{end}" for side in SIDES for end in ends]
+    if "arms" not in shape:
+        names = [f"{name}_{end}" for end in ends]
+    return dict(zip(names, itertools.cycle(units.split(", ")), strict=False))
+
+
+PARTS = {asked: _units_of_parts(asked) for asked in _NAMED}
+INPUTS = {name: unit for parts in PARTS.values() for name, unit in parts.items()}
 """Inputs that a unit may have, with units of measure: the numbers of `Measurement`."""
-GRIPS: dict[str, str] = {name: unit for side in SIDES for name, unit in _of_axes(f"input_{side}", "N").items()}
+GRIPS = {f"input_{side}_{axis}": unit for side in SIDES for axis, unit in zip(AXES, ("N", "N", "N·m"), strict=True)}
 MOTORS: dict[str, str] = {f"motor_torque_{side}_{joint}": "N·m" for side in SIDES for joint in JOINTS}
 """Outputs that a unit has: inputs of the arms at the grips, before limits and delay, or motor torques."""
 

@@ -19,7 +19,7 @@ import numpy as np
 from flexlab.compiled import cache_folder
 from flexlab.own.measurement import Measurement
 from flexlab.own.reading import TextProblem, is_unit
-from flexlab.own.unit import AXES, GRIPS, JOINTS, MOTORS, SIDES
+from flexlab.own.unit import GRIPS, MOTORS, PARTS
 from flexlab.text import visible
 
 STATES_KEPT = 4096
@@ -166,19 +166,12 @@ class Unit:
             self._unit.freeFMUState(kept.state)
 
     def _measured(self, at: Measurement) -> list[float]:
-        numbers: dict[str, float] = {}
-        for name, values in (
-            ("pose", at.pose), ("pose_rate", at.pose_rate), ("desired_pose", at.desired_pose),
-            ("desired_rate", at.desired_rate), ("desired_acceleration", at.desired_acceleration),
-        ):  # fmt: skip
-            numbers.update({f"{name}_{axis}": value for axis, value in zip(AXES, values.tolist(), strict=True)})
-        numbers["beam_moment_rate_h"], numbers["beam_moment_rate_g"] = at.beam_rate.tolist()
-        numbers.update({f"strain_{j}": value for j, value in enumerate(at.strains.tolist())})
-        for name, rows, ends in (
-            ("joint_angle", at.joint_angles, JOINTS), ("joint_rate", at.joint_rates, JOINTS), ("weight", at.weights, AXES)
-        ):  # fmt: skip
-            for side, row in zip(SIDES, rows.tolist(), strict=False):
-                numbers.update({f"{name}_{side}_{end}": value for end, value in zip(ends, row, strict=True)})
+        # One arm has fewer numbers than names, and so have few gauges.
+        numbers = {
+            name: value
+            for asked, parts in PARTS.items()
+            for name, value in zip(parts, getattr(at, asked).ravel().tolist(), strict=False)
+        }
         missing = [name for name in self._inputs if name not in numbers]
         if missing:
             raise self._problem(f"its input {missing[0]} is nothing that this scenario has")

@@ -33,7 +33,7 @@ def forget_own_paths() -> None:
     hosts.close_all()
     hosts.run_apart(False)
     hosts._allowed.clear()
-    own_path._made_tables.clear()
+    own_path._made_table.cache_clear()
     PATH_FILES._added.clear()
     for kind in [kind for kind, path in paths().items() if isinstance(path, own_path.PythonPath)]:
         forget_path(kind)

@@ -10,7 +10,7 @@ from flexlab.errors import FlexlabError
 from flexlab.lab.lab_state import LabState
 from flexlab.own import hosts
 from flexlab.own.files import LAW_FILES, PATH_FILES, add_own_law_file, add_own_path_file
-from flexlab.own.law import PythonLaw, same_declaration
+from flexlab.own.law import PythonLaw
 from flexlab.quantities import Part
 
 LOOK = 0.25
@@ -88,7 +88,7 @@ class OwnFileWatch:
             if present.kind != new.kind or getattr(present, "source", "") == source:
                 told = f"the {title} is new."
             elif isinstance(new, PythonLaw) and not (
-                isinstance(old, PythonLaw) and same_declaration(old, new) and new.goes_on
+                isinstance(old, PythonLaw) and old.declaration == new.declaration and new.goes_on
             ):
                 changed = lab_state.intended.replace({"controller": _with_text(new, present, source, OF_A_LAW)})
                 lab_state.load(changed, lab_state.name)

@@ -6,8 +6,7 @@ import struct
 
 import numpy as np
 
-from flexlab.own import child
-from flexlab.own.execution import FAILED, OUTCOME, WAIT, AnswerFunction, Channel, address_of, message_at
+from flexlab.own.execution import ANSWERED, FAILED, AnswerFunction, Channel, address_of
 from flexlab.own.process import PROBE, OwnProcess
 from flexlab.own.reading import TextProblem
 
@@ -23,6 +22,8 @@ class LawApart(OwnProcess):
     """A control law in a process of its own, which kernels ask through a socket without Python's global lock."""
 
     sort, limit, patience, longest = "law", LATE_LIMIT, 2.0, 10.0
+    running, kept = 3, 16
+    """Running: the text in use, one that was refused, and the next one."""
     late = f"act did not answer within {1e3 * ANSWER_LIMIT:g} ms."
 
     def __init__(self, source: str, file: str):
@@ -47,13 +48,13 @@ class LawApart(OwnProcess):
         super()._start()
         self._calls.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("ll", 0, int(1e6 * ANSWER_LIMIT)))
 
-    def _when_late(self, message: int, _: int) -> None:
+    def _when_late(self, _: int, __: int) -> int:
         """Tells the kernel whether to wait on for an answer."""
-        outcome = message_at(message)
         try:
-            outcome[OUTCOME] = WAIT if self._wait() else FAILED
+            return ANSWERED if self._wait() else FAILED
         except Exception as error:
-            outcome[OUTCOME], self._problem = FAILED, f"{self._name}: {type(error).__name__}: {error}."
+            self._problem = f"{self._name}: {type(error).__name__}: {error}."
+            return FAILED
 
 
 class PathApart(OwnProcess):
@@ -69,17 +70,15 @@ class PathApart(OwnProcess):
             sizes = np.array([len(options), len(shares)], np.int64)
             try:
                 self._calls.sendall(sizes.tobytes() + np.concatenate([options, shares]).tobytes())
-                count = int(np.frombuffer(self._received(8), np.int64)[0])
-                if count == child.FAILED:
-                    self._listen(PROBE)
-                    problem, self._problem = self._problem, ""
-                    raise TextProblem(problem)
-                if count != len(shares):
-                    raise self._over(f"{self._name}: it answered with {count} poses where {len(shares)} are due.")
-                answer = np.frombuffer(self._received(8 * (1 + 3 * count)), float)
+                answer = np.frombuffer(self._received(8 * (1 + 3 * len(shares))), float)
             except OSError:
-                raise self._over(self._how_it_ended()) from None
-        return float(answer[0]), answer[1:].reshape(count, 3).copy()
+                self._give_up(self._how_it_ended())
+                raise TextProblem(self._problem) from None
+            if not np.isfinite(answer).all():
+                self._listen(PROBE)
+                problem, self._problem = self._problem, ""
+                raise TextProblem(problem or f"{self._name}: it answered with what are no poses.")
+        return float(answer[0]), answer[1:].reshape(-1, 3).copy()
 
     def _received(self, size: int) -> bytes:
         data = b""
@@ -88,7 +87,3 @@ class PathApart(OwnProcess):
                 raise TextProblem(self._problem)
             data += self._calls.recv(size - len(data))
         return data
-
-    def _over(self, problem: str) -> TextProblem:
-        self._give_up(problem)
-        return TextProblem(self._problem)

@@ -4,15 +4,14 @@ python -m flexlab.own.child CALLS REPORTS LIFELINE FILE SORT  (numbers of inheri
 
 A supervisor process ends all that the text started, with the text or when the lab is gone.
 
-A law's call is a message and a `LAW_INPUT` record; its answer is the first ANSWER_SIZE numbers of the message. A path's call is
-two int64, the numbers of options and of shares, then both as float64; its answer is an int64, the number of poses, then the
-path's length and the poses as (1 + 3 poses) float64. An error is a report and, of a path, the number -1.
+A law's call is a message and a `LAW_INPUT` record; its answer is the first ANSWER_BYTES of the message. A path's call is
+two int64, the numbers of options and of shares, then both as float64; its answer is the path's length and a pose for each share
+as (1 + 3 shares) float64. An error is a report and, of a path, an answer of NaN.
 """
 
 import contextlib
 import ctypes
 import faulthandler
-import json
 import os
 import select
 import signal
@@ -23,16 +22,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
+import msgspec
 import numpy as np
 
 from flexlab.errors import FlexlabError
-from flexlab.own.execution import ANSWER_SIZE, MESSAGE_SIZE, RunningLaw, RunningPath
+from flexlab.own.execution import ANSWER_BYTES, ANSWERED, FAILED, MESSAGE, RunningLaw, RunningPath
 from flexlab.own.reading import TextProblem
 from flexlab.physics.law_input import LAW_INPUT
+from flexlab.text import visible
 
 T = TypeVar("T")
-FAILED = -1
-"""Answer of a path in place of a number of poses."""
 PERIOD = 0.25
 """s between two looks at a text's processes."""
 MOST_PROCESSES = 32
@@ -57,18 +56,20 @@ def receive(calls: socket.socket, size: int) -> bytearray | None:
     return data
 
 
-class Reports:
-    """Reports to the lab, one line of JSON each."""
+class Report(msgspec.Struct, omit_defaults=True):
+    """What the process tells the lab, one line of JSON each time."""
 
-    def __init__(self, reports: socket.socket):
-        self._reports = reports
-
-    def say(self, **what: Any) -> None:
-        """Send one report."""
-        self._reports.sendall(json.dumps(what).encode() + b"\n")
+    pid: int = 0
+    """Of the process in which the text runs."""
+    ready: bool = False
+    problem: str = ""
 
 
-def _watch_exits(reports: Reports, file: str) -> None:
+Say = Callable[..., None]
+"""Sends the lab a `Report` of these fields."""
+
+
+def _watch_exits(say: Say, file: str) -> None:
     """Make os._exit and os.abort report the line that called them."""
     own = os.getpid()
 
@@ -78,7 +79,7 @@ def _watch_exits(reports: Reports, file: str) -> None:
                 function(*words)
             lines = [frame.lineno for frame in traceback.extract_stack() if frame.filename == file]
             line = f", line {lines[-1]}" if lines else ""
-            reports.say(problem=f"{os.path.basename(file)}{line}: it ended its own process with os.{name}.")
+            say(problem=f"{os.path.basename(file)}{line}: it ended its own process with os.{name}.")
             function(*words)
 
         return end
@@ -86,20 +87,25 @@ def _watch_exits(reports: Reports, file: str) -> None:
     os._exit, os.abort = telling("_exit", os._exit), telling("abort", os.abort)  # type: ignore[assignment]  # Types say that these never return.
 
 
-def _serve(load: Callable[[str, str], T], answer: Callable[[T, socket.socket, Reports], None]) -> None:
+def _serve(load: Callable[[str, str], T], answer: Callable[[T, socket.socket, Say], None]) -> None:
     """Run one text: `load` it (text, file), then `answer` calls until the lab closes the socket.
 
     The text comes through the socket of the calls, after its length. When the lab closes the lifeline, this process ends with
     all that the text started.
     """
     calls, reported = socket.socket(fileno=int(sys.argv[1])), socket.socket(fileno=int(sys.argv[2]))
-    file, reports = sys.argv[4], Reports(reported)
+    file = sys.argv[4]
+
+    def say(pid: int = 0, ready: bool = False, problem: str = "") -> None:
+        # Half of a surrogate pair, which no UTF-8 can hold, is made visible.
+        reported.sendall(msgspec.json.encode(Report(pid, ready, visible(problem))) + b"\n")
+
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the lab, which ends this by closing the lifeline.
     name = os.path.basename(file)
-    _supervised([calls.fileno()], int(sys.argv[3]), lambda text: reports.say(problem=f"{name}: {text}."))
+    _supervised([calls.fileno()], int(sys.argv[3]), lambda text: say(problem=f"{name}: {text}."))
     for ours in (calls, reported):  # A process that the text forks would answer the same calls once more.
         os.register_at_fork(after_in_child=ours.close)
-    reports.say(pid=os.getpid())
+    say(pid=os.getpid())
     # The lab asks for a traceback when an answer is late: this handler works even while Python is busy.
     faulthandler.register(signal.SIGUSR1, file=reported.fileno(), all_threads=False, chain=False)
     faulthandler.enable(file=reported.fileno(), all_threads=False)
@@ -109,44 +115,40 @@ def _serve(load: Callable[[str, str], T], answer: Callable[[T, socket.socket, Re
     text = receive(calls, int.from_bytes(length, "little"))
     if text is None:
         return
-    _watch_exits(reports, file)
+    _watch_exits(say, file)
     try:
         loaded = load(text.decode(), file)
     except (TextProblem, FlexlabError) as error:
-        reports.say(problem=str(error))
+        say(problem=str(error))
         return
-    reports.say(ready=True)
-    answer(loaded, calls, reports)
+    say(ready=True)
+    answer(loaded, calls, say)
     _send(os.getppid(), signal.SIGCONT)  # The text may have stopped its supervisor, which ends with this process.
 
 
-def _answer_law(law: RunningLaw, calls: socket.socket, reports: Reports) -> None:
-    message_bytes = 8 * MESSAGE_SIZE
-    while True:
-        data = receive(calls, message_bytes + LAW_INPUT.itemsize)
-        if data is None:
-            return
-        message = np.frombuffer(data, float, MESSAGE_SIZE)
-        text = law.answer(message, np.frombuffer(data, np.uint8, LAW_INPUT.itemsize, message_bytes))
+def _answer_law(law: RunningLaw, calls: socket.socket, say: Say) -> None:
+    while (data := receive(calls, MESSAGE.itemsize + LAW_INPUT.itemsize)) is not None:
+        message = np.frombuffer(data, MESSAGE, 1)[0]
+        text = law.answer(message, np.frombuffer(data, LAW_INPUT, 1, MESSAGE.itemsize)[0])
         if text:
-            reports.say(problem=text)
-        calls.sendall(memoryview(data)[: 8 * ANSWER_SIZE])
+            say(problem=text)
+        message["outcome"] = FAILED if text else ANSWERED
+        calls.sendall(memoryview(data)[:ANSWER_BYTES])
 
 
-def _answer_path(path: RunningPath, calls: socket.socket, reports: Reports) -> None:
+def _answer_path(path: RunningPath, calls: socket.socket, say: Say) -> None:
     while (head := receive(calls, 16)) is not None:
         options, shares = np.frombuffer(head, np.int64).tolist()
         data = receive(calls, 8 * (options + shares))
         if data is None:
             return
-        numbers = np.frombuffer(data, float)
+        numbers, answer = np.frombuffer(data, float), np.full(1 + 3 * shares, np.nan)
         try:
             span, poses = path.poses(numbers[:options], numbers[options:])
+            answer[0], answer[1:] = span, poses.ravel()
         except TextProblem as problem:
-            reports.say(problem=str(problem))
-            calls.sendall(np.int64(FAILED).tobytes())
-            continue
-        calls.sendall(np.int64(len(poses)).tobytes() + np.append(span, poses.ravel()).tobytes())
+            say(problem=str(problem))
+        calls.sendall(answer.tobytes())
 
 
 def _supervised(calls: list[int], lifeline: int, say: Callable[[str], None]) -> None:

@@ -6,7 +6,7 @@ nobody has allowed to run.
 
 import ast
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from flexlab.own.reading import DeclaredClass, called, is_finite, kind_of
@@ -135,13 +135,13 @@ option = gain
 
 @dataclass(frozen=True)
 class Declared:
-    """What is known of a law or path without running it."""
+    """What is known of a law or path without running it. From one to an equal one, a run can go on."""
 
-    name: str
+    name: str = field(compare=False)
     """Name of the class."""
-    line: int
+    line: int = field(compare=False)
     """Where the class begins in its file."""
-    meaning: str
+    meaning: str = field(compare=False)
     """First paragraph of its docstring."""
     settings: tuple[tuple[str, Setting], ...]
     """Gains or options."""
@@ -156,9 +156,9 @@ class Declared:
 class Declaration(Declared):
     """What a law declares."""
 
-    period: float
+    period: float = field(compare=False)
     """s between control instants, unless the scenario says otherwise."""
-    goes_on: bool
+    goes_on: bool = field(compare=False)
     """Whether a run goes on, with the memory as it is, when the file is saved anew."""
     memory: tuple[tuple[str, Memory], ...]
     signals: tuple[tuple[str, OwnSignal], ...]

@@ -2,7 +2,7 @@
 
 import subprocess
 import threading
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -13,67 +13,13 @@ from flexlab.own.execution import RunningLaw, RunningPath
 from flexlab.own.link import address_in
 from flexlab.own.process import OwnProcess
 from flexlab.own.reading import TextProblem, digest, is_foreign
+from flexlab.physics.law_input import LAW_INPUT
 
-Host = TypeVar("Host", RunningLaw | LawApart, RunningPath | PathApart)
-
-
-class Hosts(Generic[Host]):
-    """What runs the laws, or the paths, by digest of their texts; the one used last stands last."""
-
-    def __init__(self, here: type[Host], apart: type[Host], running: int, kept: int):
-        """Of one file's texts, the newest `running` keep their processes and the newest `kept` their sockets."""
-        self._kinds, self._running, self._kept = {False: here, True: apart}, running, kept
-        self.known: dict[str, Host] = {}
-        self._lock = threading.Lock()
-
-    def get(self, source: str) -> Host:
-        """What runs an allowed text. Raises `TextProblem` or `ScenarioError` if it cannot be run."""
-        key = digest(source)
-        with self._lock:
-            host = self.known.pop(key, None)
-            if host is None:
-                apart = _apart or (is_foreign(_allowed[key]) and not PLAIN_PYTHON)
-                host = self._kinds[apart](source, _allowed[key])
-            self.known[key] = host
-            self._retire(_allowed[key])
-        return host
-
-    def forget(self, source: str) -> None:
-        """Make it anew when it is asked for again."""
-        with self._lock:
-            self.known.pop(digest(source), None)
-
-    def stop_loading(self) -> None:
-        """End the processes that are not ready yet, so that nobody waits for them."""
-        for process in self._processes():
-            if not process.is_loaded:
-                process.close()
-
-    def close(self) -> None:
-        """End all processes."""
-        with self._lock:
-            for process in self._processes():
-                process.close()
-            self.known.clear()
-
-    def _processes(self) -> list[OwnProcess]:
-        return [host for host in list(self.known.values()) if isinstance(host, OwnProcess)]
-
-    def _retire(self, file: str) -> None:
-        """End the processes of a file's older texts; the engine may use the newest ones until a change reaches it."""
-        hosts = reversed(self.known.items())
-        of_file = [(key, host) for key, host in hosts if isinstance(host, OwnProcess) and _allowed.get(key) == file]
-        for key, host in of_file[self._kept :]:
-            del self.known[key]
-            host.dispose()
-        for _, host in of_file[self._running : self._kept]:
-            host.close()
-
-
-TEXTS_RUNNING = 3
-"""Of one law's file: the text in use, one that was refused, and the next one."""
-LAW_HOSTS: Hosts[Any] = Hosts(RunningLaw, LawApart, TEXTS_RUNNING, 16)
-PATH_HOSTS: Hosts[Any] = Hosts(RunningPath, PathApart, 1, 1)
+_KINDS = {"law": (RunningLaw, LawApart), "path": (RunningPath, PathApart)}
+"""What runs a text in this process, and in one of its own."""
+known: dict[tuple[str, str], Any] = {}
+"""What runs the texts, by "law" or "path" and the text's digest; the one used last stands last."""
+_lock = threading.RLock()
 _allowed: dict[str, str] = {}
 _apart = False
 
@@ -91,16 +37,44 @@ def run_apart(apart: bool = True, output: int = subprocess.DEVNULL) -> None:
         _apart = apart
 
 
+def host(sort: str, source: str) -> Any:
+    """What runs an allowed text, a "law" or a "path". Raises `TextProblem` or `ScenarioError` if it cannot be run."""
+    key, file = (sort, digest(source)), file_of(source)
+    with _lock:
+        found = known.pop(key, None)
+        if found is None:
+            apart = _apart or (is_foreign(file) and not PLAIN_PYTHON)
+            found = _KINDS[sort][apart](source, file)
+        known[key] = found
+        _retire(sort, file)
+    return found
+
+
+def _retire(sort: str, file: str) -> None:
+    """End the processes of a file's older texts; the engine may use the newest ones until a change reaches it."""
+    apart = [(key, one) for key, one in reversed(known.items()) if isinstance(one, OwnProcess)]
+    of_file = [key for key, one in apart if (one.sort, one.file) == (sort, file)]
+    for number, key in enumerate(of_file):
+        if number >= known[key].kept:
+            known.pop(key).dispose()
+        elif number >= known[key].running:
+            known[key].close()
+
+
 def stop_loading() -> None:
     """End the processes that are not ready yet, so that nobody waits for them."""
-    LAW_HOSTS.stop_loading()
-    PATH_HOSTS.stop_loading()
+    for one in list(known.values()):
+        if isinstance(one, OwnProcess) and not one.is_loaded:
+            one.close()
 
 
 def close_all() -> None:
     """End all processes of laws and paths."""
-    LAW_HOSTS.close()
-    PATH_HOSTS.close()
+    with _lock:
+        for one in known.values():
+            if isinstance(one, OwnProcess):
+                one.close()
+        known.clear()
 
 
 def allow(source: str, file: str) -> None:
@@ -146,28 +120,22 @@ def host_of(source: str, kind: str) -> RunningLaw | LawApart:
     if not is_allowed(source):
         raise ScenarioError([("controller.source", not_allowed(source, kind))])
     try:
-        host = LAW_HOSTS.get(source)
-        host.ensure()
+        found = host("law", source)
+        found.ensure()
     except (TextProblem, FlexlabError) as error:
-        LAW_HOSTS.forget(source)
+        with _lock:
+            known.pop(("law", digest(source)), None)
         raise ScenarioError([("controller.source", f"The control law {kind} cannot be used: {error}")]) from None
-    return host
+    return found
 
 
-def is_ready(source: str) -> bool:
-    """Whether a law answers at once."""
-    host = LAW_HOSTS.known.get(digest(source))
-    return host is not None and host.is_ready
+def known_law(source: str) -> RunningLaw | LawApart | None:
+    """What runs a law; None if nothing does yet."""
+    return known.get(("law", digest(source)))
 
 
-def problem(source: str) -> str:
-    """What went wrong with a law last, as a sentence; empty if nothing did."""
-    host = LAW_HOSTS.known.get(digest(source))
-    return host.problem if host is not None else ""
-
-
-def ask_plainly(channel: Any, message: np.ndarray, now: Any) -> None:
-    """One call of a law where kernels are not compiled (`compiled.PLAIN_PYTHON`)."""
-    host = next(host for host in LAW_HOSTS.known.values() if host.channel.answer == int(channel.answer))
-    assert isinstance(host, RunningLaw), "laws in processes of their own need compiled kernels"
-    host.ask(message, np.frombuffer(now.tobytes(), np.uint8))
+def ask_plainly(gains: Any, now: Any) -> int:
+    """One call of a law where kernels are not compiled (`compiled.PLAIN_PYTHON`): its outcome."""
+    laws = [one for one in known.values() if isinstance(one, RunningLaw)]
+    asked = next(law for law in laws if law.channel.answer == int(gains.answer))
+    return asked.ask(gains, np.frombuffer(now.tobytes(), LAW_INPUT)[0])

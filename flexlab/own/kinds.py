@@ -52,8 +52,6 @@ class OwnKinds(Generic[K]):
     """Word for a declared setting, in sentences."""
     read: Callable[[str, str, str], K]
     """Makes a law or path of (text, file, another name or empty). Raises `ScenarioError` with file and line."""
-    same: Callable[[K, K], bool]
-    """Whether two of them declare the same, so that a run can go on from one to the other."""
 
     def add(self, source: str, file: str) -> K:
         """Make a file's law or path known in place of an earlier text, and let it run. Raises `ScenarioError`."""
@@ -99,13 +97,13 @@ class OwnKinds(Generic[K]):
         If another declaration has its name already, a part of the text's digest is added.
         """
         named = hosts.file_of(source)
-        own = self.read(source, named or f"the {self.word} of this scenario", "")
+        own: Any = self.read(source, named or f"the {self.word} of this scenario", "")
         for kind in (own.kind, f"{own.kind}-{digest(source)[:6]}"):
-            known = self.registry.all().get(kind)
+            known: Any = self.registry.all().get(kind)
             if known is None:
                 self.registry.add(own if kind == own.kind else self.read(source, named or kind, kind))
                 return kind
-            if isinstance(known, self.sort) and self.same(known, own):
+            if isinstance(known, self.sort) and known.declaration == own.declaration:
                 return kind
         return own.kind
 

@@ -12,7 +12,7 @@ import numpy as np
 from numba.extending import intrinsic
 from pydantic import field_validator
 
-from flexlab.compiled import PLAIN_PYTHON, call_kernel, pluggable
+from flexlab.compiled import PLAIN_PYTHON, call_whole_kernel, pluggable
 from flexlab.control.controller import Controller
 from flexlab.control.law import LAWS, Law, Memory, Start, usual_gauges
 from flexlab.control.observers.believed_plant import believed_plant
@@ -20,22 +20,7 @@ from flexlab.control.observers.kalman import padded
 from flexlab.numerics.linear_algebra import product
 from flexlab.own import hosts
 from flexlab.own.declaration import LONGEST_PERIOD, SHORTEST_PERIOD, Declaration, read_declaration
-from flexlab.own.execution import (
-    ANSWER_SIZE,
-    ANSWERED,
-    ASKED,
-    FAILED,
-    GAINS,
-    INPUTS,
-    MEMORY,
-    MESSAGE_SIZE,
-    OUTCOME,
-    PERIOD,
-    PLANT,
-    SIGNALS,
-    WAIT,
-    Channel,
-)
+from flexlab.own.execution import ANSWER_BYTES, ANSWERED, FAILED, MESSAGE, Channel
 from flexlab.own.kinds import OWN_PLACE, OwnKinds, default_source, flat_numbers, source_field
 from flexlab.own.measurement import BELIEVED, MOST_MODES, PLACES
 from flexlab.physics.beam import beam_matrices, shape_row, undamped_modes
@@ -43,10 +28,11 @@ from flexlab.physics.law_input import LAW_INPUT, MOST_ARMS
 from flexlab.quantities import Number, quantity
 from flexlab.signal import Signal
 
-CHANNEL = np.dtype([*((name, "i8") for name in Channel._fields), ("message", "f8", (MESSAGE_SIZE,))])
-"""How the kernel reaches a law. `answer`: address of an `AnswerFunction`, 0 for a law in a process of its own. `late`: the
-address of one to call when the answer is late. `calls`: socket to the process. `next_turn`, `done`: ends of a pipe with one
-byte, which whoever asks takes and gives back."""
+CHANNEL = np.dtype([*((name, "i8") for name in Channel._fields), *MESSAGE.descr])
+"""How the kernel reaches a law, and the message itself. `answer`: address of an `AnswerFunction`, 0 for a law in a process of its
+own. `late`: the address of one to call when the answer is late: `ANSWERED` if it may still come. `calls`: socket to the process.
+`next_turn`, `done`: ends of a pipe with one byte, which whoever asks takes and gives back."""
+MESSAGE_AT = 8 * len(Channel._fields)
 
 
 class OwnController(Controller):
@@ -70,11 +56,11 @@ def _restored(data: dict[str, Any]) -> OwnController:
     return OWN_LAWS.restored(data)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PythonLaw(Law):
     """A law in Python, compared by its declaration: another text with the same declaration is the same law."""
 
-    declaration: Declaration | None = None
+    declaration: Declaration
 
     @cached_property
     def gains_type(self) -> np.dtype:
@@ -88,11 +74,9 @@ class PythonLaw(Law):
         record = np.zeros(1, CHANNEL)
         for name, value in host.channel._asdict().items():
             record[name] = value
-        message = record["message"][0]
-        message[PERIOD] = settings.control_period
-        message[PLANT:] = self.derive(scenario)["plant"]
-        flat = flat_numbers(settings, self._declared.settings)
-        message[GAINS : GAINS + len(flat)] = flat
+        record["period"], record["plant"] = settings.control_period, self.derive(scenario)["plant"]
+        flat = flat_numbers(settings, self.declaration.settings)
+        record["gains"][0, : len(flat)] = flat
         return record.view(np.float64)
 
     def chosen(self) -> dict[str, Any]:
@@ -101,25 +85,22 @@ class PythonLaw(Law):
 
     def problem(self, settings: Any) -> str:
         """What went wrong in its text last, as a sentence; empty if nothing did."""
-        return hosts.problem(settings.source)
+        law = hosts.known_law(settings.source)
+        return "" if law is None else law.problem
 
     def is_ready(self, settings: Any) -> bool:
         """Whether it answers at once, be it with the sentence that it may not run."""
-        return hosts.is_ready(settings.source) or not hosts.is_allowed(settings.source)
+        law = hosts.known_law(settings.source)
+        return (law is not None and law.is_ready) or not hosts.is_allowed(settings.source)
 
     @property
     def goes_on(self) -> bool:
         """Whether a run goes on when the file is saved."""
-        return self._declared.goes_on
-
-    @property
-    def _declared(self) -> Declaration:
-        assert self.declaration is not None
-        return self.declaration
+        return self.declaration.goes_on
 
     def begin(self, _: Start) -> dict[str, np.ndarray]:
         """The memory at the start of a run."""
-        return {name: np.full(part.size, float(part.start)) for name, part in self._declared.memory}
+        return {name: np.full(part.size, float(part.start)) for name, part in self.declaration.memory}
 
 
 def _told(scenario: Any) -> dict[str, np.ndarray]:
@@ -169,34 +150,30 @@ def _address(typing, record):
 
 _write = numba.types.ExternalFunction("write", numba.intp(numba.int32, numba.intp, numba.intp))
 _read = numba.types.ExternalFunction("read", numba.intp(numba.int32, numba.intp, numba.intp))
-MESSAGE_BYTES, ANSWER_BYTES, INPUT_BYTES = 8 * MESSAGE_SIZE, 8 * ANSWER_SIZE, LAW_INPUT.itemsize
+MESSAGE_BYTES, INPUT_BYTES = MESSAGE.itemsize, LAW_INPUT.itemsize
 
 
-def _ask(gains, message, now):
-    """One call: of a C function in this process, or through the socket of another process, without Python's global lock."""
-    now_at = _address(now)
+def _ask(gains, now):
+    """The outcome of one call: of a C function here, or through the socket of another process, without Python's global lock."""
+    at, now_at = _address(gains) + MESSAGE_AT, _address(now)
     if gains.answer != 0:
-        call_kernel(gains.answer, message, (now_at,))
-        return
-    at = message.ctypes.data
+        return call_whole_kernel(gains.answer, (at, now_at))
     if _read(np.int32(gains.next_turn), at, 1) != 1:
-        message[OUTCOME] = FAILED
-        return
+        return FAILED
     calls = np.int32(gains.calls)
     good = _write(calls, at, MESSAGE_BYTES) == MESSAGE_BYTES and _write(calls, now_at, INPUT_BYTES) == INPUT_BYTES
     if not good:
-        call_kernel(gains.late, message, (now_at,))
+        call_whole_kernel(gains.late, (at, now_at))
     got = 0
     while good and got < ANSWER_BYTES:
         count = _read(calls, at + got, ANSWER_BYTES - got)
         got += max(count, 0)
         if count <= 0:
             # The time limit has passed or the process has ended: `late` decides whether to wait.
-            call_kernel(gains.late, message, (now_at,))
-            good = message[OUTCOME] == WAIT
-    if not good:
-        message[OUTCOME] = FAILED
+            good = call_whole_kernel(gains.late, (at, now_at)) == ANSWERED
+    outcome = gains.outcome if good else FAILED
     _write(np.int32(gains.done), at, 1)
+    return outcome
 
 
 _ask_compiled = numba.njit(nogil=True, error_model="numpy", _nrt=False)(_ask)
@@ -206,20 +183,17 @@ ask: Any = hosts.ask_plainly if PLAIN_PYTHON else _ask_compiled
 @pluggable
 def own_law(gains, now, memory, memory_rate, signals):
     """u_i as the law's `act` answers, NaN if it fails. The memory changes at once, as the law runs sampled only."""
-    message = gains.message
-    message[OUTCOME] = ASKED
     for k in range(len(memory)):
-        message[MEMORY + k] = memory[k]
-    ask(gains, message, now)
-    good = message[OUTCOME] == ANSWERED
+        gains.memory[k] = memory[k]
+    good = ask(gains, now) == ANSWERED
     for i in range(now.arm_count):
         for a in range(3):
-            now.u[i, a] = message[INPUTS + 3 * i + a] if good else np.nan
+            now.u[i, a] = gains.inputs[i, a] if good else np.nan
     if good:
         for k in range(len(memory)):
-            memory[k] = message[MEMORY + k]
+            memory[k] = gains.memory[k]
         for k in range(len(signals)):
-            signals[k] = message[SIGNALS + k]
+            signals[k] = gains.signals[k]
 
 
 @pluggable
@@ -246,13 +220,5 @@ def own_law_of(source: str, file: str, kind: str = "") -> PythonLaw:
     return replace(law, start=law.begin)
 
 
-def same_declaration(one: PythonLaw, other: PythonLaw) -> bool:
-    """Whether two laws have the same gains, memory and signals, so that a run can go on from one text to the other."""
-    parts = [(law._declared.settings, law._declared.memory, law._declared.signals) for law in (one, other)]
-    return parts[0] == parts[1]
-
-
-OWN_LAWS = OwnKinds(
-    LAWS, PythonLaw, OwnController, "controller", "law", "controller", "gain", own_law_of, same_declaration
-)
+OWN_LAWS = OwnKinds(LAWS, PythonLaw, OwnController, "controller", "law", "controller", "gain", own_law_of)
 add_own_law, with_known_law = OWN_LAWS.add, OWN_LAWS.named

@@ -87,7 +87,8 @@ class OwnTrajectory(Trajectory):
         wanted = _digest_of(self)
         if self.table_of != wanted or _rows(self.table) is None:
             try:
-                table = _made_tables.get(wanted) or _make_table(self, wanted)
+                options = flat_numbers(self, self.options).tobytes()
+                table = _made_table(self.kind, self.source, self.repeats, options)
             except (TextProblem, FlexlabError) as error:
                 raise PydanticCustomError("path", "{text}", {"text": str(error).rstrip(".")}) from None
             vars(self).update(table=table, table_of=wanted)
@@ -174,29 +175,21 @@ def _pieces(table: str, repeats: bool) -> np.ndarray:
     return polynomials(rows, "round" if repeats else "free")
 
 
-_made_tables: dict[str, str] = {}
-"""Tables made in this process, by digest of text and options, oldest first."""
-
-
-def _make_table(path: OwnTrajectory, name: str) -> str:
-    """Run the text for the table of its poses. Raises `TextProblem` or `ScenarioError`."""
-    if not hosts.is_allowed(path.source):
+@lru_cache(maxsize=TABLES_KEPT)
+def _made_table(kind: str, source: str, repeats: bool, options: bytes) -> str:
+    """Run the text for the table of its poses; `options`: their numbers. Raises `TextProblem` or `ScenarioError`."""
+    if not hosts.is_allowed(source):
         raise TextProblem(
-            f"The path {path.kind} came with this scenario as Python code, which does not run by itself, and without the poses "
+            f"The path {kind} came with this scenario as Python code, which does not run by itself, and without the poses "
             "for these options. If you know who wrote it and have read it, allow it: give its file with --path."
         )
-    numbers = flat_numbers(path, path.options)
-    file = hosts.file_of(path.source).replace("\\", "/").rpartition("/")[2]
+    file = hosts.file_of(source).replace("\\", "/").rpartition("/")[2]
 
     def poses(shares: np.ndarray) -> tuple[float, np.ndarray]:
         with CALLS.call():
-            return hosts.PATH_HOSTS.get(path.source).poses(numbers, shares)
+            return hosts.host("path", source).poses(np.frombuffer(options), shares)
 
-    table = to_text(sampled(poses, path.repeats, file))
-    while len(_made_tables) >= TABLES_KEPT:
-        _made_tables.pop(next(iter(_made_tables)), None)
-    _made_tables[name] = table
-    return table
+    return to_text(sampled(poses, repeats, file))
 
 
 @pluggable
@@ -210,11 +203,11 @@ def own_path(path, rows, t, desired):
     along_pieces(rows, own, desired)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PythonPath(Path):
     """A path in Python, compared by its declaration."""
 
-    declaration: PathDeclaration | None = None
+    declaration: PathDeclaration
 
     @property
     def record(self) -> np.dtype:  # type: ignore[override]  # Computed there, and kept: one for all here.
@@ -236,18 +229,10 @@ def own_path_of(source: str, file: str, kind: str = "") -> PythonPath:
     def rows(trajectory: Any) -> np.ndarray:
         return _pieces(trajectory.table, trajectory.repeats)
 
-    return PythonPath(model, own_path, rows, OWN_PLACE, declared)
+    return PythonPath(model, own_path, rows, OWN_PLACE, declaration=declared)
 
 
-def same_options(one: PythonPath, other: PythonPath) -> bool:
-    """Whether two paths have the same options and last in the same way."""
-    parts = [(path.declaration.repeats, path.declaration.settings) for path in (one, other) if path.declaration]
-    return parts[0] == parts[1]
-
-
-OWN_PATHS = OwnKinds(
-    PATHS, PythonPath, OwnTrajectory, "trajectory", "path", "path", "option", own_path_of, same_options
-)
+OWN_PATHS = OwnKinds(PATHS, PythonPath, OwnTrajectory, "trajectory", "path", "path", "option", own_path_of)
 add_own_path, with_known_path = OWN_PATHS.add, OWN_PATHS.named
 
 

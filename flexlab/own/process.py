@@ -1,7 +1,6 @@
 """A text in a process of its own, as the lab sees it: its reports and end, late answers, the line at fault."""
 
 import contextlib
-import json
 import os
 import re
 import secrets
@@ -16,6 +15,9 @@ import weakref
 from pathlib import Path
 from typing import NamedTuple
 
+import msgspec
+
+from flexlab.own.child import Report
 from flexlab.own.reading import TextProblem
 from flexlab.text import visible
 
@@ -62,10 +64,12 @@ class OwnProcess:
     it is given up wherever the process is."""
     late = ""
     """What a late process is said to have done."""
+    running = kept = 1
+    """Of one file's texts, the newest `running` keep their processes and the newest `kept` their sockets."""
 
     def __init__(self, source: str, file: str):
         """Starts the process; `ensure` waits until it is ready."""
-        self._source, self._file = source, file
+        self._source, self.file = source, file
         self._mark = secrets.token_hex(8)
         self._lock = threading.RLock()
         # Their numbers stay the same for all processes to come.
@@ -143,7 +147,7 @@ class OwnProcess:
 
     @property
     def _name(self) -> str:
-        return Path(self._file).name
+        return Path(self.file).name
 
     def _is_alive(self) -> bool:
         process = self._process
@@ -163,7 +167,7 @@ class OwnProcess:
         lifeline, self._lifeline = os.pipe()
         handed = theirs.fileno(), reporting.fileno(), lifeline
         self._process = subprocess.Popen(
-            [*command, *map(str, handed), self._file, self.sort],
+            [*command, *map(str, handed), self.file, self.sort],
             pass_fds=handed,
             env=os.environ | threads | {"PYTHONUNBUFFERED": "1", MARK: self._mark},
             stdin=subprocess.DEVNULL,
@@ -206,18 +210,11 @@ class OwnProcess:
             self._said = lines[-1][:MOST_READ]
 
     def _note(self, line: bytes) -> None:
-        try:
-            said = json.loads(line)
-        except (ValueError, RecursionError):
-            return
-        if not isinstance(said, dict):
-            return
-        if said.get("ready") is True:
-            self.is_loaded = True
-        elif isinstance(said.get("pid"), int):
-            self._worker = self._worker or said["pid"]
-        elif isinstance(said.get("problem"), str):
-            self._problem = self._problem or visible(said["problem"], LONGEST_PROBLEM)
+        with contextlib.suppress(ValueError, RecursionError):
+            said = msgspec.json.decode(line, type=Report)
+            self.is_loaded |= said.ready
+            self._worker = self._worker or said.pid
+            self._problem = self._problem or visible(said.problem, LONGEST_PROBLEM)
 
     def _give_up(self, problem: str) -> bool:
         self._problem = self._problem or problem
@@ -290,7 +287,7 @@ class OwnProcess:
         return ""
 
     def _traced_line(self) -> str:
-        found = re.search(rf'File "{re.escape(self._file)}", line (\d+)', self._trace)
+        found = re.search(rf'File "{re.escape(self.file)}", line (\d+)', self._trace)
         return f", line {found[1]}" if found else ""
 
     def _how_it_ended(self) -> str:

@@ -120,7 +120,9 @@ def test_a_line_of_the_file_is_the_line_of_the_text(tmp_path: Path):
     run = flexlab.simulate("paper", 0.1, law=module.Other)
     line = 1 + next(at for at, text in enumerate(TWO_OF_EACH.split("\n")) if "raise RuntimeError" in text)
     source = run.scenario.controller.source
-    assert hosts.problem(source) == f"lines_of_file.py, line {line}: RuntimeError: late."
+    law = hosts.known_law(source)
+    assert law is not None
+    assert law.problem == f"lines_of_file.py, line {line}: RuntimeError: late."
     assert "class One" not in source
     assert "not to be run" not in source
 

@@ -213,7 +213,7 @@ def test_a_process_that_ended_is_replaced():
     with pytest.raises(ScenarioError, match="it ended its own process"):
         chosen.replace({"trajectory.harm": 1.0})
     assert chosen.replace({"trajectory.harm": 0.5 - 0.5}) == chosen
-    hosts.PATH_HOSTS.get(source).poses(np.zeros(1), np.zeros(2))
+    hosts.host("path", source).poses(np.zeros(1), np.zeros(2))
 
 
 def assert_says(text: str, said: str) -> None:

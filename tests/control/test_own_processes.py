@@ -193,7 +193,7 @@ def test_saves_leave_few_processes_and_files_behind():
         assert len(world.advance(2)) == 2
         if number == 20:
             files = len(os.listdir("/proc/self/fd"))
-    assert len(marked(file)) <= 2 * hosts.TEXTS_RUNNING
+    assert len(marked(file)) <= 2 * LawApart.running
     assert len(os.listdir("/proc/self/fd")) <= files
 
 
@@ -205,7 +205,7 @@ def test_a_wait_for_a_processor_counts_while_it_goes_on():
     """Linux counts it when it ends: a law that waited was taken for one that works, and is late."""
     world = world_of(PD)
     assert len(world.advance(1)) == 1
-    (host,) = hosts.LAW_HOSTS.known.values()
+    (host,) = hosts.known.values()
     assert isinstance(host, LawApart)
     command = [sys.executable, "-c", BUSY.format(processor=min(os.sched_getaffinity(0)))]
     crowd = [subprocess.Popen(command, stdout=subprocess.PIPE) for _ in range(2)]
@@ -244,7 +244,7 @@ REPORTS = {
 def test_what_a_law_writes_where_reports_go_harms_nobody(what: str):
     writing = f"import socket\nif at.time < 0.004: socket.socket(fileno=os.dup(int(sys.argv[2]))).send({REPORTS[what]})"
     world = world_of(at_work(writing))
-    (host,) = hosts.LAW_HOSTS.known.values()
+    (host,) = hosts.known.values()
     for _ in range(4):
         assert len(world.advance(2)) == 2
         assert host.problem == ""
@@ -274,7 +274,7 @@ def test_nobody_waits_for_a_law_that_loads_when_the_lab_closes():
 
     loading = threading.Thread(target=load)
     loading.start()
-    wait_until(lambda: bool(hosts.LAW_HOSTS.known), "its process")
+    wait_until(lambda: bool(hosts.known), "its process")
     time.sleep(0.5)
     hosts.stop_loading()
     loading.join(20)
@@ -288,7 +288,7 @@ def test_a_lab_closes_while_a_law_loads():
     session = Session(load_preset("paper"), "paper", port=0)
     session.start()
     session.lab_state.change({"controller.kind": "own-pd"})
-    wait_until(lambda: bool(hosts.LAW_HOSTS.known), "its process")
+    wait_until(lambda: bool(hosts.known), "its process")
     closing = threading.Thread(target=session.stop)
     closing.start()
     closing.join(20)

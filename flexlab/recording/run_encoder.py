@@ -11,13 +11,12 @@ from flexlab.errors import RecordingError, ScenarioError
 from flexlab.recording.codec import encode_block, event_values, state_json
 from flexlab.recording.rerun_internals.chunks import (
     Column,
-    blobs,
     line_strips,
     new_stream,
     scalars,
     send_columns,
     send_layout,
-    texts,
+    single,
 )
 from flexlab.recording.run_info import RunInfo, StartNotes, parameters_text, run_properties, signals_text
 from flexlab.recording.scene_and_plots import (
@@ -83,7 +82,7 @@ class RunEncoder:
 
     def write_exact(self, samples: Samples) -> None:
         """Write a block (N >= 1) in full precision, at its last instant, so that no time axis ends later."""
-        column = blobs("flexlab.Block", "data", [encode_block(samples)])
+        column = single("flexlab.Block", "data", None, encode_block(samples))
         self._send("exact/samples", samples.time[-1:], [column], exact=True)
         self.rows += len(samples)
         if self._first_time is None:
@@ -151,10 +150,10 @@ class RunEncoder:
         """Send an event; its number keeps those of one instant in order."""
         time = np.array([event.time])
         lines = [
-            texts("TextLog", "text", "Text", [f"t = {event.time:.3f} s: {event.text}"]),
-            texts("TextLog", "level", "TextLogLevel", [LEVELS.get(event.level, "INFO")]),
+            single("TextLog", "text", "Text", f"t = {event.time:.3f} s: {event.text}"),
+            single("TextLog", "level", "TextLogLevel", LEVELS.get(event.level, "INFO")),
         ]
-        record = texts("flexlab.Event", "record", None, [self._record(self._event_count, event)])
+        record = single("flexlab.Event", "record", None, self._record(self._event_count, event))
         self._send("events", time, lines, kept="as it was")
         self._send("exact/events", time, [record], kept="as it was")
         self._event_count += 1

@@ -28,15 +28,10 @@ SECURITY_POLICY = (
 """The viewer may talk to this server and to the one of its recording."""
 
 
-def viewer_link(page: str, source: str) -> str:
-    """The address of the viewer at `page` (http://host:port/) that opens `source` (a rerun or http address)."""
-    return f"{page}?url={quote(source, safe='')}&hide_welcome_screen&renderer=webgl"
-
-
 class ViewerServer:
     """Serves the web viewer on one port of this machine until `close`."""
 
-    def __init__(self, host: str = LOOPBACK[0], port: int = 0, source: str = ""):
+    def __init__(self, port: int = 0, source: str = ""):
         """Start; port 0 takes a free one. `source`: the server that recordings may come from, besides this one.
 
         Raises `RecordingError` if the port is in use or the viewer is missing.
@@ -47,11 +42,11 @@ class ViewerServer:
             root, policy = folder, SECURITY_POLICY.format(source=source)
 
         try:
-            self._server = http.server.ThreadingHTTPServer((host, port), Handler)
+            self._server = http.server.ThreadingHTTPServer((LOOPBACK[0], port), Handler)
         except (OSError, OverflowError) as error:
             reason = error.strerror if isinstance(error, OSError) else str(error)
             raise RecordingError(
-                f"The viewer cannot be served on {host}:{port} ({reason}): choose another port, or 0 for any."
+                f"The viewer cannot be served on {LOOPBACK[0]}:{port} ({reason}): choose another port, or 0 for any."
             ) from None
         self._thread = threading.Thread(target=self._server.serve_forever, name="rerun-viewer", daemon=True)
         self._thread.start()
@@ -59,8 +54,7 @@ class ViewerServer:
     @property
     def page(self) -> str:
         """The address of the viewer."""
-        host, port = self._server.server_address[:2]
-        return f"http://{host!s}:{port}/"
+        return f"http://{LOOPBACK[0]}:{self._server.server_port}/"
 
     def close(self) -> None:
         """Stop serving."""
@@ -117,11 +111,11 @@ class Review:
             reason = str(error).split("\n")[0]
             raise RecordingError(f"{path} cannot be served to the viewer: {reason}") from None
         try:
-            self._viewer = ViewerServer(LOOPBACK[0], port, f"http://{urlsplit(source).netloc}")
+            self._viewer = ViewerServer(port, f"http://{urlsplit(source).netloc}")
         except RecordingError:
             self._server.shutdown()
             raise
-        self.url = viewer_link(self._viewer.page, source)
+        self.url = f"{self._viewer.page}?url={quote(source, safe='')}&hide_welcome_screen&renderer=webgl"
 
     def close(self) -> None:
         """Stop serving."""

@@ -11,7 +11,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from flexlab.recording.rerun_internals import chunks, rrd_file, tool
-from flexlab.recording.rerun_internals.chunks import TIMELINE, blobs, scalars, send_columns
+from flexlab.recording.rerun_internals.chunks import TIMELINE, scalars, send_columns, single
 
 INTERNALS = Path("flexlab/recording/rerun_internals")
 UNPROMISED = ("rerun.chunk", "rerun.catalog", "rerun.experimental", "rerun_bindings", "rerun_cli")
@@ -29,7 +29,7 @@ def pieces() -> list[bytes]:
     stream.send_recording_name("contract")
     send_columns(stream, "curve", TIMES, [scalars(np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]))])
     first = encoded.read(flush_timeout_sec=5.0)
-    send_columns(stream, "exact", TIMES[-1:], [blobs("flexlab.Block", "data", [b"\x00\xff"])])
+    send_columns(stream, "exact", TIMES[-1:], [single("flexlab.Block", "data", None, b"\x00\xff")])
     second = encoded.read(flush_timeout_sec=5.0)
     stream.disconnect()
     assert first, "BinaryStream.read gives no bytes of what was sent"

@@ -77,20 +77,13 @@ class Column:
         return self._values
 
 
-def nanoseconds(time: np.ndarray) -> np.ndarray:
-    """Times in s as whole nanoseconds (rerun would cut them off instead of rounding: 0.003 s would become 2999999 ns)."""
-    return np.rint(np.asarray(time) * NANOSECONDS).astype("timedelta64[ns]")
-
-
-def time_column(time: np.ndarray) -> rr.TimeColumn:
-    """The timeline's column for instants (N,) in s."""
-    return rr.TimeColumn(TIMELINE, duration=nanoseconds(time))
-
-
 def send_columns(stream: rr.RecordingStream, entity: str, time: np.ndarray, columns: Iterable[Column]) -> None:
     """Send columns for the instants `time` (N,), s."""
+    # Rerun would cut times off instead of rounding: 0.003 s would become 2999999 ns.
+    nanoseconds = np.rint(np.asarray(time) * NANOSECONDS).astype("timedelta64[ns]")
     # A `Column` is all that rerun asks of one, though not one by name.
-    stream.send_columns(entity, [time_column(time)], cast(Iterable[rr.ComponentColumn], columns))
+    given = cast(Iterable[rr.ComponentColumn], columns)
+    stream.send_columns(entity, [rr.TimeColumn(TIMELINE, duration=nanoseconds)], given)
 
 
 def scalars(values: np.ndarray) -> Column:
@@ -112,14 +105,9 @@ def line_strips(values: np.ndarray) -> Column:
     return Column("LineStrips3D", "strips", "LineStrip3D", _lists(strips, values.shape[1]))
 
 
-def texts(archetype: str, component: str, component_type: str | None, values: list[str]) -> Column:
-    """One text per instant."""
-    return Column(archetype, component, component_type, _lists(pa.array(values, pa.string()), 1))
-
-
-def blobs(archetype: str, component: str, values: list[bytes]) -> Column:
-    """One run of bytes per instant."""
-    return Column(archetype, component, None, _lists(pa.array(values, pa.binary()), 1))
+def single(archetype: str, component: str, component_type: str | None, value: str | bytes) -> Column:
+    """One text, or one run of bytes, for one instant."""
+    return Column(archetype, component, component_type, _lists(pa.array([value]), 1))
 
 
 def _flat(values: np.ndarray) -> np.ndarray:

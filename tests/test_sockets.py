@@ -3,7 +3,7 @@
 import pytest
 
 from flexlab.errors import LabError
-from flexlab.server.settings import Settings, network_addresses, outside_addresses
+from flexlab.server.settings import Settings, network_addresses
 from flexlab.sockets import LOOPBACK, WILDCARDS, listen, usual_spelling
 
 
@@ -15,7 +15,7 @@ def test_all_addresses_of_this_machine_are_known_in_every_spelling(host: str) ->
     settings = Settings(host=host, token="wordwordwordword")
     assert not settings.is_local
     assert settings.public_host() not in (host, *WILDCARDS)
-    told = outside_addresses(settings, 8080, settings.token)
+    told = settings.outside_addresses(8080)
     assert len(told) == len(network_addresses())
     assert not any(f"//{address}" in line for line in told for address in ("0", "[::"))
 

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from playwright.sync_api import Browser
 
-from flexlab.cli.showing import WaitingPage
+from flexlab.cli.showing import waiting_page
+from flexlab.sockets import free_ports
 
 
 class Lab(http.server.SimpleHTTPRequestHandler):
@@ -23,10 +24,10 @@ class Lab(http.server.SimpleHTTPRequestHandler):
 def test_a_browser_turns_to_the_lab_by_itself(tmp_path: Path, plain_chromium: Browser):
     (tmp_path / "index.html").write_text("<title>the lab</title>")
     tab = plain_chromium.new_page(locale="de-DE")
-    with WaitingPage("127.0.0.1", 0) as page:
-        tab.goto(page.url)
+    [port] = free_ports(1)
+    with waiting_page("127.0.0.1", port):
+        tab.goto(f"http://127.0.0.1:{port}")
         assert "Bewegungsgleichungen" in tab.inner_text("main")
-    port = int(page.url.rsplit(":", 1)[1])
     handler = functools.partial(Lab, directory=str(tmp_path))
     with http.server.ThreadingHTTPServer(("127.0.0.1", port), handler) as lab:
         threading.Thread(target=lab.serve_forever, args=(0.05,), daemon=True).start()

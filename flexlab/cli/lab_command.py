@@ -1,15 +1,13 @@
 """`flexlab`: the lab in the browser."""
 
 import os
-import secrets
 from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 from flexlab.cli.console import complain, output
 from flexlab.cli.options import LOGS, Law, Logs, PathChoice, Preset, option
-from flexlab.cli.showing import ending, open_browser, wait_for
+from flexlab.cli.showing import ending, open_browser, wait_for, waiting_page
 from flexlab.cli.warmup import loading
 
 if TYPE_CHECKING:
@@ -66,34 +64,17 @@ def command(
         from flexlab.own.hosts import run_apart
         from flexlab.recording.store.run_files import check_folder
         from flexlab.server.front_server import open_front_server
-        from flexlab.server.settings import SECRET_BYTES, Settings, capacity
+        from flexlab.server.settings import Settings, capacity
         from flexlab.sockets import listen
 
     run_apart()
     for problem in [*LAW_FILES.add_all(), *PATH_FILES.add_all()]:
         complain(problem)
     [(name, scenario)] = chosen_scenarios([preset], (), law, None, path)
-    most_bytes = None if max_size is None else max_size * GIGABYTE
-    settings = Settings(
-        logs,
-        host,
-        port,
-        token,
-        private,
-        capacity().labs if max_sessions is None else max_sessions,
-        idle_time,
-        most_bytes=most_bytes,
-        most_days=max_age,
-        max_per_address=max_per_address,
-        teacher_token=teacher_token,
-        most_bytes_per_visitor=None if quota is None else quota * MEGABYTE,
-        live=rerun,
-        base_url=base_url,
-        class_service="" if private else os.environ.get("FLEXLAB_CLASS", ""),
-    )
-    if not settings.is_local and token is None:
-        # Chosen here, so that a page opened while compiling can turn into the lab.
-        settings = replace(settings, token=secrets.token_urlsafe(SECRET_BYTES))
+    most = capacity().labs if max_sessions is None else max_sessions
+    access = (max_per_address, idle_time, token, teacher_token, quota, max_size, max_age)
+    service = "" if private else os.environ.get("FLEXLAB_CLASS", "")
+    settings = Settings(logs, host, port, base_url, rerun, private, most, *access, class_service=service)
     # Before compiling, which takes long.
     check_folder(logs)
     listen(settings.host, port).close()
@@ -128,16 +109,11 @@ def _read_ahead() -> None:
 @contextmanager
 def _waiting_page(settings: "Settings", browser: bool, shown: list[str]) -> Generator[None, None, None]:
     """A waiting page at the lab's address; its URL is appended to `shown` if a browser opens it."""
-    from flexlab.cli.showing import WaitingPage
-
-    with WaitingPage(settings.host, settings.port) as page:
+    with waiting_page(settings.host, settings.port):
         if browser:
-            shown.append(f"{page.url}/lab/" + (f"?token={settings.token}" if settings.token else ""))
+            shown.append(settings.address(settings.port, "/lab/", token=settings.token))
             open_browser(shown[0])
         yield
-
-
-MEGABYTE, GIGABYTE = 1e6, 1e9
 
 
 def _welcome(front_server: "FrontServer") -> None:
@@ -153,16 +129,16 @@ def _welcome(front_server: "FrontServer") -> None:
     if settings.private or not settings.is_local:
         lines.append(f"All labs at a glance, for the teacher: {front_server.teacher_url}")
     # With private labs, a visitor first gives a name.
-    addresses = front_server.outside_addresses("/" if settings.private else "/lab/")
+    addresses = settings.outside_addresses(front_server.port, "/" if settings.private else "/lab/")
     lines += [f"From other machines: {address}" for address in addresses]
     if not settings.is_local and not addresses:
         lines.append("From other machines: the same with this machine's name instead of 127.0.0.1.")
-    if settings.live and settings.private:
+    if settings.rerun and settings.private:
         lines.append("Live data of each private lab: by the button Live data in its page.")
-    elif settings.live:
+    elif settings.rerun:
         source = front_server.live_source
         lines += [f"Live data in your browser: {front_server.address('/live')}", f"or in rerun itself: rerun {source}"]
-    if settings.most_bytes is not None or settings.most_days is not None:
+    if settings.max_size is not None or settings.max_age is not None:
         lines.append("Runs over the limits are deleted, oldest first; never those that are kept.")
     lines.append(f"Runs are recorded in {settings.logs}. Ctrl-C ends the lab.")
     for line in lines:

@@ -14,7 +14,7 @@ from pathlib import Path
 from flexlab.assets import web_assets_folder
 from flexlab.cli.console import output
 from flexlab.files import filled
-from flexlab.sockets import base_address, listen
+from flexlab.sockets import listen
 
 LOOK = 0.5
 """Interval of the checks for the end, s: on Windows, Ctrl-C cannot interrupt an endless wait."""
@@ -86,34 +86,21 @@ def _page() -> str:
     return filled(Path(__file__).with_name("waiting.html"), sentences=SENTENCES, catalogues=catalogues)
 
 
-class WaitingPage:
-    """A context manager that serves a waiting page at the lab's address. Raises `LabError` if that is not available."""
-
-    def __init__(self, host: str, port: int):
-        self._server = _Server((host, port), _Handler, bind_and_activate=False)
-        self._server.socket.close()
-        self._server.socket = plug = listen(host, port)
+@contextmanager
+def waiting_page(host: str, port: int) -> Generator[None]:
+    """Serve a waiting page at the lab's address, which is free again afterwards. Raises `LabError` if it is not available."""
+    with _Server((host, port), _Handler, bind_and_activate=False) as server:
+        server.socket.close()
+        server.socket = plug = listen(host, port)
         plug.setblocking(True)
-        self._server.server_address = plug.getsockname()
-        self._thread = threading.Thread(
-            target=self._server.serve_forever, args=(0.05,), name="waiting-page", daemon=True
-        )
-
-    @property
-    def url(self) -> str:
-        """The page's address for a browser on this machine."""
-        host, port = str(self._server.server_address[0]), int(self._server.server_address[1])
-        return base_address(host, port)
-
-    def __enter__(self) -> "WaitingPage":
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Free the port for the lab."""
-        self._server.shutdown()
-        self._thread.join()
-        self._server.server_close()
+        server.server_address = plug.getsockname()
+        thread = threading.Thread(target=server.serve_forever, args=(0.05,), name="waiting-page", daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            server.shutdown()
+            thread.join()
 
 
 class _Server(ThreadingHTTPServer):

@@ -115,14 +115,14 @@ async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
         address = network_of(request.remote or "")
         if context.guesses.is_flooding(address):
             return refuse(request, 429, TOO_MANY)
-        for kind, token in (("teacher", context.teacher_token), ("token", context.token)):
+        for kind, token in (("teacher", context.settings.teacher_token), ("token", context.settings.token)):
             if token is not None and same(request.query["token"], token):
                 return _sign_in(request, kind, token)
         await context.guesses.slow_down(address)
         return refuse(request, 401, "This is not the token: copy the address from the terminal again, as a whole.")
     # Cookies hold no token but a signature, which nobody finds by trying: a wrong one need not be held back.
-    given = request.cookies.get(context.cookie("token"), "")
-    if is_teacher(request) or context.token is None or same(given, context.signed("token", context.token)):
+    given, token = request.cookies.get(context.cookie("token"), ""), context.settings.token
+    if is_teacher(request) or token is None or same(given, context.signed("token", token)):
         return await handler(request)
     log.warning("Refused %.20s %.200r from %s: no token.", request.method, request.path, request.remote)
     return ask_for_token(request)
@@ -190,7 +190,7 @@ def _is_utf8(charset: str | None) -> bool:
 
 def _foreign(request: web.Request, context: Context) -> tuple[int, str] | None:
     """Another site's page must not drive the lab through a visitor's browser."""
-    if context.token is None and context.settings.is_local and not context.settings.is_socket:
+    if context.settings.token is None and context.settings.is_local and not context.settings.is_socket:
         # A foreign name that points to 127.0.0.1 would make a foreign page look like one of ours.
         name = name_in(request.host)
         if name not in LOOPBACK:
@@ -248,12 +248,7 @@ def ask_for_token(request: web.Request, sentence: str = OPENS_WITH_TOKEN) -> web
 
 def recording_address(context: Context, run: str) -> str:
     """The address at which a signed-in visitor's viewer finds one recording, comparison or live stream, and nothing else."""
-    return recording_path(context.pass_key, run)
-
-
-def recording_path(key: str | None, run: str) -> str:
-    """The same for a server that makes its passes with this key; None: it needs none."""
-    place = quote(run)
+    key, place = context.pass_key, quote(run)
     if key is None:
         return f"/{place}{SUFFIX}" if run.startswith((COMPARISON, LIVE)) else f"/runs/{place}{SUFFIX}"
     return f"{WITH_A_PASS}{_pass(key, run)}/{place}{SUFFIX}"

@@ -18,7 +18,7 @@ from flexlab.errors import FlexlabError, LabError
 from flexlab.recording.live import LiveHub
 from flexlab.recording.store.run_files import check_folder, removable_runs, remove_run
 from flexlab.scenario import Scenario
-from flexlab.server.auth import LARGEST_BODY, LIVE, add_headers, answer_in_sentences, check, recording_path
+from flexlab.server.auth import LARGEST_BODY, LIVE, add_headers, answer_in_sentences, check, recording_address
 from flexlab.server.base_url import put_before, take_off
 from flexlab.server.connections import Connections, watch_patience
 from flexlab.server.labs.hub_labs import tell_class
@@ -39,13 +39,13 @@ from flexlab.server.pages.templating import catalogues
 from flexlab.server.preset_cards import PresetCards
 from flexlab.server.proxy import inside_connector
 from flexlab.server.run_jobs import MOST_COMPARISONS, MOST_REPLAYS, Measuring
-from flexlab.server.settings import SECRET_BYTES, Settings, outside_addresses
+from flexlab.server.settings import GIGABYTE, SECRET_BYTES, Settings
 from flexlab.server.study import MOST_AT_ONCE, MOST_STUDIES
 from flexlab.server.task_book import TaskBook
 from flexlab.server.tasks import Tasks
 from flexlab.server.visitors import cookie_key, greet
 from flexlab.server.workshop import Workshop
-from flexlab.sockets import base_address, listen
+from flexlab.sockets import listen
 
 STATIC = Path(__file__).resolve().parent / "static"
 """Style sheet, scripts and the icon of the server's pages."""
@@ -104,15 +104,16 @@ log = logging.getLogger(__name__)
 
 async def tidy_up(settings: Settings) -> None:
     """Delete runs over the limits, at once and then every minute; returns only if there are no limits."""
-    while settings.most_bytes is not None or settings.most_days is not None:
+    while settings.max_size is not None or settings.max_age is not None:
         await asyncio.to_thread(delete_over_limits, settings)
         await asyncio.sleep(LOOK)
 
 
 def delete_over_limits(settings: Settings) -> None:
     """Delete runs over the limits, and log their names."""
+    most_bytes = None if settings.max_size is None else settings.max_size * GIGABYTE
     try:
-        for path in removable_runs(settings.logs, settings.most_bytes, settings.most_days):
+        for path in removable_runs(settings.logs, most_bytes, settings.max_age):
             remove_run(path)
             log.warning("Deleted %s: it was over the limits that this lab was started with.", path.name)
     except (FlexlabError, OSError) as error:
@@ -126,33 +127,28 @@ MOST_THREADS = 32
 """Threads that wait for disks and processes, beside one for each private lab: labs that open together do not delay pages."""
 
 
+def _port_of(plug: socket.socket) -> int:
+    """The port of a listening socket; 0 of a Unix socket."""
+    return 0 if plug.family not in (socket.AF_INET, socket.AF_INET6) else plug.getsockname()[1]
+
+
 class FrontServer:
     """A front server that is open until `close`. See `open_front_server`."""
 
     def __init__(
         self,
         settings: Settings,
-        port: int,
-        token: str | None,
-        teacher_token: str | None,
         places: LabProvider,
         plug: socket.socket,
         app_of: Callable[[Context], web.Application] = build_app,
     ):
-        self.settings, self.places, self.token = settings, places, token
-        """`token`: the word that opens the server; None if it does not ask for one."""
-        self.teacher_token = teacher_token
-        """The teacher's token, which opens everything; None: there is none."""
-        has_words = token is not None or teacher_token is not None
-        # Where each visitor has a lab of their own, others need its pass even without a token.
-        self._pass_key = secrets.token_urlsafe(SECRET_BYTES) if has_words or settings.private else None
-        self._cookie_key = cookie_key(settings.logs if has_words or settings.private else None)
+        self.settings, self.places, self._plug, self._app_of = settings, places, plug, app_of
+        self.port = _port_of(plug)
+        """The public port that it listens on."""
         self._workshop = Workshop()
         self.workshop = self._workshop.path
         """For files that nobody keeps; gone when the server closes."""
-        self._plug, self._app_of = plug, app_of
-        self.port = port
-        """The public port that it listens on."""
+        self.context: Context
         self._opened = threading.Event()
         self._problem: BaseException | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -177,25 +173,18 @@ class FrontServer:
     @property
     def live_source(self) -> str:
         """Where a rerun viewer on this machine finds the shared lab's live data."""
-        base = base_address(self.settings.host, self.port) + self.settings.base_url
-        return base + recording_path(self._pass_key, f"{LIVE}lab")
+        return self.settings.address(self.port, recording_address(self.context, f"{LIVE}lab"))
 
     @property
     def teacher_url(self) -> str:
         """Where a browser on this machine finds the teacher's page, signed in as the teacher."""
-        return self.address("/teacher", token=self.teacher_token)
+        return self.address("/teacher", self.settings.teacher_token)
 
-    def address(self, path: str = "/", host: str | None = None, token: str | None = None) -> str:
-        """The address of a page, with the token if there is one. `host`: as others know this machine."""
-        token = token or self.token
-        path = self.settings.base_url + path
+    def address(self, path: str = "/", token: str | None = None) -> str:
+        """The address of a page on this machine, with a token if the server asks for one."""
         if self.settings.is_socket:
-            return f"{path} of whoever passes it on from {self.settings.host}"
-        return f"{base_address(host or self.settings.host, self.port)}{path}" + (f"?token={token}" if token else "")
-
-    def outside_addresses(self, path: str = "/") -> list[str]:
-        """Addresses of a page as other machines have it; none while the server answers this machine only."""
-        return outside_addresses(self.settings, self.port, self.token, path)
+            return f"{self.settings.address(0, path)} of whoever passes it on from {self.settings.host}"
+        return self.settings.address(self.port, path, token=token or self.settings.token)
 
     def close(self) -> Path | None:
         """Close every page and lab, runs kept; returns the newest recording. May be called twice."""
@@ -233,13 +222,13 @@ class FrontServer:
                 beside.append(asyncio.create_task(tell_class(self.settings.class_service, self.places)))
             preset_cards = PresetCards(tasks)
             beside.append(asyncio.create_task(preset_cards.read_ahead()))
-            context = Context(
+            # Where each visitor has a lab of their own, others need its pass even without a token.
+            is_closed = self.settings.teacher_token is not None or self.settings.private
+            self.context = context = Context(
                 self.settings,
                 self.port,
-                self.token,
-                self.teacher_token,
-                self._cookie_key,
-                self._pass_key,
+                cookie_key(self.settings.logs if is_closed else None),
+                secrets.token_urlsafe(SECRET_BYTES) if is_closed else None,
                 self.places,
                 inside,
                 measuring,
@@ -258,7 +247,7 @@ class FrontServer:
                 assert runner.server is not None
                 if self.settings.base_url:
                     runner.server.request_factory = take_off(self.settings.base_url, runner.server.request_factory)
-                if self.settings.teacher_token is not None:  # One that was given, so that a class goes on by it.
+                if self.settings.resumes_class:
                     await self.places.rule(await asyncio.to_thread(kept_rules, self.settings.logs))
                 connections = Connections(self._plug, runner.server)
                 self._opened.set()
@@ -291,23 +280,18 @@ def open_front_server(
     check_folder(settings.logs)
     plug = listen(settings.host, settings.port)
     try:
-        token = settings.token or (None if settings.is_local else secrets.token_urlsafe(SECRET_BYTES))
-        teacher_token = settings.teacher_token or (None if token is None else secrets.token_urlsafe(SECRET_BYTES))
         choice = Choice(scenario, name)
-        port = 0 if settings.is_socket else plug.getsockname()[1]
         # Without the token, which is for its owner to hand out: whoever follows the link is asked for it.
-        address = (
-            settings.base_url if settings.is_socket else base_address(settings.public_host(), port) + settings.base_url
-        )
+        address = settings.address(_port_of(plug), host=settings.public_host())
         if settings.private:
-            return FrontServer(settings, port, token, teacher_token, PrivateLabs(settings, choice, address), plug)
-        live = LiveHub() if settings.live else None
+            return FrontServer(settings, PrivateLabs(settings, choice, address), plug)
+        live = LiveHub() if settings.rerun else None
         secret = secrets.token_urlsafe(SECRET_BYTES)
-        order = Order(choice, settings.logs, address, settings.shadows, settings.live, secret)
+        order = Order(choice, settings.logs, address, settings.shadows, settings.rerun, secret)
         laboratory = RecordedLab(order, live.take if live else None, on_problem)
         laboratory.live = live
         try:
-            return FrontServer(settings, port, token, teacher_token, SharedLab(laboratory), plug)
+            return FrontServer(settings, SharedLab(laboratory), plug)
         except BaseException:
             laboratory.close()
             raise

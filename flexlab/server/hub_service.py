@@ -183,8 +183,8 @@ def open_hub_service(environment: Mapping[str, str]) -> FrontServer:
     """The service of the hub of an environment, open until it is closed. Raises `LabError`."""
     hub = Hub(environment)
     host, port = hub.url.hostname or "127.0.0.1", hub.url.port or 80
-    settings = Settings(host=host, port=port, base_url=hub.prefix)
-    return FrontServer(settings, port, None, None, HubLabs(), listen(host, port), lambda context: hub_app(hub, context))
+    settings = Settings(host=host, port=port, base_url=hub.prefix, is_hub_service=True)
+    return FrontServer(settings, HubLabs(), listen(host, port), lambda context: hub_app(hub, context))
 
 
 def main() -> None:

@@ -5,9 +5,11 @@ import ipaddress
 import math
 import os
 import re
+import secrets
 import socket
 import string
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from io import StringIO
 from pathlib import Path
 
@@ -28,72 +30,71 @@ SHORTEST_IDLE, LONGEST_IDLE = 1.0, 604_800.0
 """s: from what lets a page be reloaded to a week."""
 
 
+MEGABYTE, GIGABYTE = 1e6, 1e9
 BASE_URL = re.compile(r"(/(?!\.{1,2}(/|$))[A-Za-z0-9._~%@+-]+)*", re.ASCII)
 """Segments that need no quoting in pages, headers and cookies."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Where to listen, where runs are kept, and whether visitors share one lab."""
+    """Where to listen, where runs are kept, and whether visitors share one lab: named and ordered as the options of `flexlab`."""
 
     logs: Path = Path("logs")
     host: str = "127.0.0.1"
     port: int = 8080
     """0: any free one."""
-    token: str | None = None
-    """The token that opens the server; None: made up if the host is not loopback, otherwise not needed."""
+    base_url: str = ""
+    """Prefix of all addresses of the server behind a proxy, as in "/user/ann/flexlab"; a slash at its end is dropped."""
+    rerun: bool = False
+    """Whether the data of each lab are to be had live, for rerun viewers."""
     private: bool = False
     """Whether each visitor gets a lab, and a process, of their own."""
     max_sessions: int = 4
     """Private labs at once."""
-    idle_time: float = 600.0
-    """Seconds without an open page after which a private lab is closed."""
-    shadows: bool = True
-    """Whether the scene casts shadows; without a graphics card they cost most of the time."""
-    live: bool = False
-    """Whether the data of each lab are to be had live, for rerun viewers."""
-    most_bytes: float | None = None
-    """Size of all runs, bytes, over which the oldest that are not kept are deleted; None: never."""
-    most_days: float | None = None
-    """Age, days, after which a run that is not kept is deleted; None: never."""
-    teacher_token: str | None = None
-    """The token that opens everything, all labs and all runs; None: made up where `token` is, else not needed."""
-    most_bytes_per_visitor: float | None = None
-    """Bytes that the runs of one visitor with a private lab may take; None: any number."""
     max_per_address: int | None = None
     """Private labs of one address at once; None: one less than in all."""
-    base_url: str = ""
-    """Prefix of all addresses of the server behind a proxy, as in "/user/ann/flexlab"; a slash at its end is dropped."""
+    idle_time: float = 600.0
+    """Seconds without an open page after which a private lab is closed."""
+    token: str | None = None
+    """The token that opens the server; made up if the host is not loopback and none is given. None: not needed."""
+    teacher_token: str | None = None
+    """The token that opens everything, all labs and all runs; made up where there is a `token`. None: not needed."""
+    quota: float | None = None
+    """Megabytes that the runs of one visitor with a private lab may take; None: any number."""
+    max_size: float | None = None
+    """Size of all runs, gigabytes, over which the oldest that are not kept are deleted; None: never."""
+    max_age: float | None = None
+    """Age, days, after which a run that is not kept is deleted; None: never."""
+    shadows: bool = True
+    """Whether the scene casts shadows; without a graphics card they cost most of the time."""
     class_service: str = ""
     """Address of a hub's service to which the one lab reports: see `labs/hub_labs.py`; empty: none."""
+    is_hub_service: bool = False
+    """Whether this is such a service: its hub says who somebody is, so that it needs no tokens."""
+    resumes_class: bool = field(init=False)
+    """Whether a class goes on with the rules that were kept: its teacher's token was given, not made up."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "base_url", self.base_url.rstrip("/"))
-        object.__setattr__(self, "host", usual_spelling(self.host))
+        settle = partial(object.__setattr__, self)
+        settle("base_url", self.base_url.rstrip("/"))
+        settle("host", usual_spelling(self.host))
+        settle("resumes_class", self.teacher_token is not None)
         if not BASE_URL.fullmatch(self.base_url):
             raise LabError(
                 f"base-url = {self.base_url!r:.80} is no beginning of an address: write one like /user/ann/flexlab."
             )
         if self.host.startswith(UNIX) and self.private:
             raise LabError("A Unix socket is for one person behind a proxy that knows them: leave out --private.")
-        if not 0 <= self.port <= 65535:
-            raise LabError(f"port = {self.port} is not a port number: choose 0 (any free one) to 65535.")
         if not 1 <= self.max_sessions <= MOST_SESSIONS:
             raise LabError(f"max-sessions = {self.max_sessions} is outside 1 to {MOST_SESSIONS}: choose within it.")
         if not SHORTEST_IDLE <= self.idle_time <= LONGEST_IDLE:
             raise LabError(
                 f"idle-time = {self.idle_time:g} s is outside {SHORTEST_IDLE:g} to {LONGEST_IDLE:.0f} s: choose within it."
             )
-        limits = (
-            ("max-size", self.most_bytes, 1e9, "GB"),
-            ("max-age", self.most_days, 1, "days"),
-            ("quota", self.most_bytes_per_visitor, 1e6, "MB"),
-        )
-        for name, limit, scale, unit in limits:
+        limits = ("max-size", self.max_size, "GB"), ("max-age", self.max_age, "days"), ("quota", self.quota, "MB")
+        for name, limit, unit in limits:
             if limit is not None and not 0 < limit < math.inf:
-                raise LabError(
-                    f"{name} = {limit / scale:g} {unit} is no limit: give a number above 0, or leave it out."
-                )
+                raise LabError(f"{name} = {limit:g} {unit} is no limit: give a number above 0, or leave it out.")
         for name, token in (("token", self.token), ("teacher's token", self.teacher_token)):
             if token is not None:
                 _check_token(token, name)
@@ -103,20 +104,39 @@ class Settings:
             raise LabError(
                 f"max-per-address = {self.max_per_address} is outside 1 to {self.max_sessions}: choose within it."
             )
+        if self.token is None and not self.is_local:
+            settle("token", secrets.token_urlsafe(SECRET_BYTES))
+        if self.teacher_token is None and self.token is not None:
+            settle("teacher_token", secrets.token_urlsafe(SECRET_BYTES))
 
     @property
     def labs_per_address(self) -> int:
         """Private labs that the visitors of one address may have at once: unless chosen, one stays free for others."""
         return self.max_per_address or max(self.max_sessions - 1, 1)
 
+    @property
+    def bytes_of_visitor(self) -> float | None:
+        """The quota in bytes."""
+        return None if self.quota is None else self.quota * MEGABYTE
+
     def public_host(self) -> str:
         """This machine's name or address for other machines."""
         return next(iter(network_addresses()), socket.gethostname()) if self.host in WILDCARDS else self.host
 
+    def address(self, port: int, path: str = "", host: str | None = None, token: str | None = None) -> str:
+        """The address of a page; of a server on a Unix socket, what follows its proxy's. `host`: as others know this machine."""
+        base = "" if self.is_socket else base_address(host or self.host, port)
+        return base + self.base_url + path + (f"?token={token}" if token else "")
+
+    def outside_addresses(self, port: int, path: str = "/") -> list[str]:
+        """A page's addresses as other machines have them, token included; none of a server for this machine only."""
+        hosts = [] if self.is_local else network_addresses() if self.host in WILDCARDS else [self.host]
+        return [self.address(port, path, host, self.token) for host in hosts]
+
     @property
     def is_local(self) -> bool:
-        """Whether only this machine can reach the server."""
-        return self.host in LOOPBACK or self.is_socket
+        """Whether only this machine can reach the server, or another program answers for who does."""
+        return self.host in LOOPBACK or self.is_socket or self.is_hub_service
 
     @property
     def is_socket(self) -> bool:
@@ -155,16 +175,6 @@ def network_addresses() -> list[str]:
 def _is_reachable(address: str) -> bool:
     number = ipaddress.ip_address(address.partition("%")[0])
     return not (number.is_loopback or number.is_link_local or number.is_unspecified)
-
-
-def outside_addresses(settings: Settings, port: int, token: str | None, path: str = "/") -> list[str]:
-    """A page's addresses as other machines have them, token included; none of a server for this machine only."""
-    if settings.is_local:
-        return []
-    hosts = network_addresses() if settings.host in WILDCARDS else [settings.host]
-    return [
-        base_address(host, port) + settings.base_url + path + (f"?token={token}" if token else "") for host in hosts
-    ]
 
 
 def terminal_code(address: str) -> str:

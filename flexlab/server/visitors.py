@@ -172,14 +172,14 @@ def keep_visitor(request: web.Request, answer: web.StreamResponse, visitor: Visi
 
 def is_teacher(request: web.Request) -> bool:
     """Whether the visitor may do everything: they have the teacher's token, or there is none."""
-    return context_of(request).teacher_token is None or has_teacher_cookie(request)
+    return context_of(request).settings.teacher_token is None or has_teacher_cookie(request)
 
 
 def has_teacher_cookie(request: web.Request) -> bool:
     """Whether the visitor has shown the teacher's token or, where there is none, opened the teacher's page."""
     context = context_of(request)
     given = request.cookies.get(context.cookie("teacher"), "")
-    wanted = context.signed("teacher", context.teacher_token)
+    wanted = context.signed("teacher", context.settings.teacher_token)
     return same(given, wanted)
 
 

@@ -69,7 +69,7 @@ def test_every_address_stays_below_the_base(
     logs.mkdir()
     for file in (recorded, recorded.with_suffix(".json")):
         (logs / file.name).write_bytes(file.read_bytes())
-    opened = open_another(host=f"unix:{socket}", base_url=BASE + "/", live=True)
+    opened = open_another(host=f"unix:{socket}", base_url=BASE + "/", rerun=True)
     assert stat.S_IMODE(socket.stat().st_mode) == 0o600, "nobody else on this machine may come in"
     assert str(socket) in opened.url
     with ThreadPoolExecutor(1) as apart:  # A browser of other tests has this thread's event loop.

@@ -32,7 +32,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FrontServer]:
         teacher_token=TEACHER,
         private=True,
         max_sessions=1,
-        most_bytes_per_visitor=QUOTA,
+        quota=QUOTA / 1e6,
         idle_time=600.0,
         shadows=False,
     )

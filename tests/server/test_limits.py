@@ -46,11 +46,11 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FrontServer]:
         private=True,
         max_sessions=3,
         max_per_address=3,
-        live=True,
+        rerun=True,
         shadows=False,
         token=TOKEN,
         teacher_token=TEACHER,
-        most_bytes_per_visitor=20e6,
+        quota=20.0,
     )
     with open_front_server(settings, load_preset("paper"), "paper") as opened:
         yield opened
@@ -214,7 +214,7 @@ def test_live_data_of_another_s_lab_are_not_there(server: FrontServer):
 
 
 def test_without_tokens_too_live_data_need_their_pass(open_another: Callable[..., FrontServer]):
-    server = open_another(private=True, live=True, max_sessions=2, max_per_address=2)
+    server = open_another(private=True, rerun=True, max_sessions=2, max_per_address=2)
     answer = ask(server.url, "/lab/")
     live = f"/live/{answer.headers['Location'].split('/')[2]}.rrd"
     assert ask(server.url, live, "HEAD").status == 404

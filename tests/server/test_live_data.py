@@ -51,14 +51,14 @@ def entities(path: Path) -> set[str]:
 
 def test_rerun_watches_a_shared_lab_through_the_front_server(open_another: Callable[..., FrontServer], tmp_path: Path):
     before = listening()
-    front_server = open_another(live=True, token=TOKEN)
+    front_server = open_another(rerun=True, token=TOKEN)
     (lab,) = front_server.places.running()
     assert listening() - before == {front_server.port, lab.port}, "rerun has no port of its own"
     watch(front_server.live_source, tmp_path / "seen.rrd", {"/scene/beam", "/error", "/parameters"})
 
 
 def test_live_data_ask_for_the_token_and_know_their_own_host(open_another: Callable[..., FrontServer]):
-    front_server = open_another(live=True, token=TOKEN)
+    front_server = open_another(rerun=True, token=TOKEN)
     assert ask(front_server.url, "/live/lab.rrd", "HEAD").status == 401
     assert ask(front_server.url, f"/pass/{'0' * 64}/live/lab.rrd", "HEAD").status == 401
     path = urlsplit(front_server.live_source).path
@@ -83,7 +83,7 @@ def test_without_the_option_there_are_no_live_data(front_server: FrontServer):
 def test_a_foreign_name_that_leads_here_gets_no_live_data(
     open_another: Callable[..., FrontServer], headers: dict[str, str]
 ):
-    front_server = open_another(live=True)
+    front_server = open_another(rerun=True)
     assert ask(front_server.url, "/live/lab.rrd", "HEAD", **headers).status == 403
     answer = ask(front_server.url, "/live/lab.rrd", "HEAD", Origin="http://evil.example")
     assert answer.headers["Access-Control-Allow-Origin"] is None
@@ -92,7 +92,7 @@ def test_a_foreign_name_that_leads_here_gets_no_live_data(
 
 def test_a_private_lab_is_watched_by_its_own_word_only(open_another: Callable[..., FrontServer], tmp_path: Path):
     before = listening()
-    front_server = open_another(live=True, private=True, max_sessions=1)
+    front_server = open_another(rerun=True, private=True, max_sessions=1)
     answer = ask(front_server.url, "/lab/")
     (lab,) = front_server.places.running()
     assert listening() - before == {front_server.port, lab.port}

@@ -19,7 +19,7 @@ NEAR, SHARE = 24, 2e-4
 
 
 def test_the_viewer_of_a_browser_shows_live_data(open_another: Callable[..., FrontServer], chromium: Browser):
-    front_server = open_another(live=True, token=TOKEN)
+    front_server = open_another(rerun=True, token=TOKEN)
     context = open_window(chromium, 900, 600)
     page = context.new_page()
     asked: list[str] = []

@@ -4,7 +4,7 @@ import ipaddress
 from pathlib import Path
 
 from flexlab.server.labs.recorded_lab import LITTLE_SPACE, RecordingText
-from flexlab.server.settings import Settings, network_addresses, outside_addresses, picture_code, terminal_code
+from flexlab.server.settings import Settings, network_addresses, picture_code, terminal_code
 
 
 def test_addresses_are_of_this_machine_and_reachable() -> None:
@@ -15,14 +15,12 @@ def test_addresses_are_of_this_machine_and_reachable() -> None:
 
 
 def test_a_lab_for_this_machine_only_has_none(tmp_path: Path) -> None:
-    assert outside_addresses(Settings(tmp_path), 8080, None) == []
+    assert Settings(tmp_path).outside_addresses(8080) == []
 
 
 def test_a_named_address_is_told_with_the_token(tmp_path: Path) -> None:
     settings = Settings(tmp_path, "192.0.2.7", token="wordwordwordword")
-    assert outside_addresses(settings, 8080, settings.token, "/lab/") == [
-        "http://192.0.2.7:8080/lab/?token=wordwordwordword"
-    ]
+    assert settings.outside_addresses(8080, "/lab/") == ["http://192.0.2.7:8080/lab/?token=wordwordwordword"]
 
 
 def test_codes_are_text_and_picture() -> None:

@@ -56,7 +56,7 @@ def _patience() -> Iterator[None]:
 def private(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FrontServer]:
     """A server with private labs."""
     logs = tmp_path_factory.mktemp("private")
-    settings = Settings(logs, port=0, private=True, max_sessions=3, shadows=False, live=True)
+    settings = Settings(logs, port=0, private=True, max_sessions=3, shadows=False, rerun=True)
     with open_front_server(settings, load_preset("paper"), "paper") as opened:
         yield opened
 

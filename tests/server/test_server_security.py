@@ -38,7 +38,7 @@ def cookie_of(front_server: FrontServer) -> dict[str, str]:
 
 
 def test_a_local_server_listens_on_loopback_and_asks_for_nothing(front_server: FrontServer):
-    assert front_server.token is None
+    assert front_server.settings.token is None
     assert ask(front_server.url).status == 200
     with socket.socket() as probe, pytest.raises(OSError, match="refused"):
         # Another address of this very machine: nobody listens there.
@@ -53,9 +53,9 @@ def test_the_lab_itself_listens_on_loopback_only(front_server: FrontServer):
 
 def test_all_addresses_need_a_token(open_another: Callable[..., FrontServer]):
     front_server = open_another(host="0.0.0.0")
-    assert front_server.token is not None
-    assert len(front_server.token) >= 20
-    assert front_server.url == f"http://127.0.0.1:{front_server.port}/?token={front_server.token}"
+    assert front_server.settings.token is not None
+    assert len(front_server.settings.token) >= 20
+    assert front_server.url == f"http://127.0.0.1:{front_server.port}/?token={front_server.settings.token}"
     assert ask(front_server.url).status == 401
 
 

@@ -20,8 +20,8 @@ from flexlab.server.settings import Settings
         ("idle_time", 0.5, "idle-time = 0.5 s is outside 1 to 604800 s: choose within it."),
         ("idle_time", 1e9, "idle-time = 1e+09 s is outside 1 to 604800 s"),
         ("idle_time", float("nan"), "idle-time = nan s is outside"),
-        ("most_bytes", -2e9, "max-size = -2 GB is no limit: give a number above 0, or leave it out."),
-        ("most_days", 0.0, "max-age = 0 days is no limit"),
+        ("max_size", -2.0, "max-size = -2 GB is no limit: give a number above 0, or leave it out."),
+        ("max_age", 0.0, "max-age = 0 days is no limit"),
     ],
 )
 def test_a_setting_out_of_range_is_refused_in_a_sentence(field: str, value: float, says: str) -> None:
@@ -44,8 +44,8 @@ def test_runs_over_the_limits_go_oldest_first_and_kept_ones_stay(recorded: Path,
     write_notes(tmp_path / "2026-01-01T00-00-00-paper.rrd", keep=True)
     delete_over_limits(Settings(logs=tmp_path))
     assert len(list_runs(tmp_path)) == 4, "without limits nothing goes"
-    delete_over_limits(Settings(logs=tmp_path, most_bytes=2.5 * recorded.stat().st_size))
+    delete_over_limits(Settings(logs=tmp_path, max_size=2.5e-9 * recorded.stat().st_size))
     assert [run.name[:10] for run in list_runs(tmp_path)] == ["2026-01-04", "2026-01-01"]
-    delete_over_limits(Settings(logs=tmp_path, most_days=1.0))
+    delete_over_limits(Settings(logs=tmp_path, max_age=1.0))
     assert [run.name[:10] for run in list_runs(tmp_path)] == ["2026-01-01"]
     assert len(list(tmp_path.iterdir())) == 2, "notes go with their runs"

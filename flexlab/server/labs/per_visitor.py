@@ -141,11 +141,11 @@ class PrivateLabs(LabProvider):
             self._settings.logs,
             self._address,
             self._settings.shadows,
-            self._settings.live,
+            self._settings.rerun,
             secrets.token_urlsafe(SECRET_BYTES),
             owner_word(visitor),
             name,
-            self._settings.most_bytes_per_visitor,
+            self._settings.bytes_of_visitor,
             hosts.allowed(),
         )
         worker = await asyncio.to_thread(Worker, order, tell)

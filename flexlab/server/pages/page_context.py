@@ -32,10 +32,6 @@ class Context:
     settings: Settings
     port: int
     """The public port that it listens on."""
-    token: str | None
-    """The token that opens the server; None: it needs none."""
-    teacher_token: str | None
-    """The teacher's token, which opens everything; None: there is none."""
     cookie_key: bytes
     """The key that signs cookies; the same for every server of these logs, so that a restart signs nobody out."""
     pass_key: str | None
@@ -65,7 +61,7 @@ class Context:
     @property
     def is_open(self) -> bool:
         """Whether everybody who reaches the server may come in."""
-        return self.token is None and self.teacher_token is None
+        return self.settings.token is None and self.settings.teacher_token is None
 
     def signed(self, kind: str, word: str | None) -> str:
         """The signature of a word, which a cookie of this kind holds: it neither reveals the word nor can be guessed."""

@@ -151,7 +151,7 @@ def _owner(request: web.Request) -> tuple[dict[str, str], float | None]:
     if is_teacher(request) or not context_of(request).places.is_private:
         return {}, None
     notes = {"owner": visitor.owner, "visitor": visitor.name}
-    return notes, context_of(request).settings.most_bytes_per_visitor
+    return notes, context_of(request).settings.bytes_of_visitor
 
 
 async def _receive(request: web.Request, folder: Path) -> Path:

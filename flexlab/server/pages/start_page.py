@@ -11,7 +11,7 @@ from flexlab.server.labs.lab_provider import Lab, state_of
 from flexlab.server.pages.page_context import Context, context_of
 from flexlab.server.pages.runs_pages import table_values
 from flexlab.server.pages.templating import page
-from flexlab.server.settings import outside_addresses, picture_code
+from flexlab.server.settings import picture_code
 from flexlab.server.visitors import LONGEST_NAME, runs_for, visitor_of
 from flexlab.text import with_units
 
@@ -34,7 +34,7 @@ async def start_page(request: web.Request) -> web.Response:
         "pictures": pictures,
         "drawing": context.preset_cards.drawing,
         "now": _now(request, context),
-        "outside": await asyncio.to_thread(outside_addresses, context.settings, context.port, context.token, first),
+        "outside": await asyncio.to_thread(context.settings.outside_addresses, context.port, first),
         "visitor": visitor_of(request),
         "longest_name": LONGEST_NAME,
         "is_private": context.places.is_private,

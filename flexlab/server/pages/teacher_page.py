@@ -83,7 +83,7 @@ async def teacher(request: web.Request) -> web.Response:
         said=request.query.get("said", "")[:200],
         little=await asyncio.to_thread(little_space, context.settings.logs),
     )
-    if context.teacher_token is None:
+    if context.settings.teacher_token is None:
         # Where everybody is the teacher, other people's labs open only to those who have been on this page.
         set_cookie(request, answer, context.cookie("teacher"), context.signed("teacher", None), "Strict")
     return answer

@@ -26,15 +26,17 @@ from flexlab.server.labs.lab_provider import Choice, LabProvider, Order
 from flexlab.server.labs.per_visitor import PrivateLabs
 from flexlab.server.labs.recorded_lab import RecordedLab, SharedLab
 from flexlab.server.limits import Limit
-from flexlab.server.pages.compare_page import add_compare_pages
-from flexlab.server.pages.lab_pages import add_lab_pages, add_live_pages
-from flexlab.server.pages.leaderboard_page import MOST_BOARDS, add_leaderboard_pages
+from flexlab.server.pages import (
+    compare_page,
+    lab_pages,
+    leaderboard_page,
+    run_actions,
+    runs_pages,
+    start_page,
+    study_pages,
+    teacher_page,
+)
 from flexlab.server.pages.page_context import CONTEXT, Context
-from flexlab.server.pages.run_actions import add_bulk_actions, add_run_actions
-from flexlab.server.pages.runs_pages import add_runs_pages, add_upload
-from flexlab.server.pages.start_page import start_page
-from flexlab.server.pages.study_pages import add_study_pages
-from flexlab.server.pages.teacher_page import add_teacher_pages, kept_rules
 from flexlab.server.pages.templating import catalogues
 from flexlab.server.preset_cards import PresetCards
 from flexlab.server.proxy import inside_connector
@@ -49,6 +51,8 @@ from flexlab.sockets import listen
 
 STATIC = Path(__file__).resolve().parent / "static"
 """Style sheet, scripts and the icon of the server's pages."""
+FILES = web.RouteTableDef()
+"""Routes of style sheet, scripts, catalogues of languages and icon."""
 STATIC_POLICY = "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'self'"
 
 
@@ -61,29 +65,16 @@ def build_app(context: Context) -> web.Application:
     )
     app[CONTEXT] = context
     app.on_response_prepare.append(add_headers)
-    app.router.add_get("/", start_page)
-    add_lab_pages(app.router)
-    add_live_pages(app.router)
-    add_compare_pages(app.router)
-    add_leaderboard_pages(app.router)
-    add_run_actions(app.router)
-    add_bulk_actions(app.router)
-    add_teacher_pages(app.router)
-    add_upload(app.router)
-    add_runs_pages(app.router)
-    add_study_pages(app.router)
-    add_files(app.router)
+    pages = start_page, lab_pages, compare_page, leaderboard_page, run_actions, teacher_page, runs_pages, study_pages
+    for each in pages:
+        app.add_routes(each.ROUTES)
+    app.add_routes(FILES)
     # No listing of folders, no links that lead out of the folder.
     app.router.add_static("/assets/", web_assets_folder())
     return app
 
 
-def add_files(router: web.UrlDispatcher) -> None:
-    """Routes of style sheet, scripts, catalogues of languages and icon."""
-    router.add_get("/favicon.ico", _icon)
-    router.add_get("/static/{name}", _static)
-
-
+@FILES.get("/static/{name}")
 async def _static(request: web.Request) -> web.StreamResponse:
     names = await asyncio.to_thread(lambda: {path.name: path for path in (*STATIC.iterdir(), *catalogues().values())})
     if request.match_info["name"] not in names:
@@ -92,6 +83,7 @@ async def _static(request: web.Request) -> web.StreamResponse:
     return web.FileResponse(names[request.match_info["name"]], headers=headers)
 
 
+@FILES.get("/favicon.ico")
 async def _icon(request: web.Request) -> web.StreamResponse:
     return web.FileResponse(STATIC / "icon.svg")
 
@@ -236,7 +228,7 @@ class FrontServer:
                 TaskBook(tasks, self.workshop, MOST_COMPARISONS),
                 TaskBook(tasks, self.workshop, MOST_REPLAYS),
                 TaskBook(tasks, self.workshop, MOST_STUDIES, Limit("studies", *MOST_AT_ONCE), long=True),
-                TaskBook(tasks, self.workshop, MOST_BOARDS),
+                TaskBook(tasks, self.workshop, leaderboard_page.MOST_BOARDS),
                 self.workshop,
                 preset_cards,
             )
@@ -248,7 +240,7 @@ class FrontServer:
                 if self.settings.base_url:
                     runner.server.request_factory = take_off(self.settings.base_url, runner.server.request_factory)
                 if self.settings.resumes_class:
-                    await self.places.rule(await asyncio.to_thread(kept_rules, self.settings.logs))
+                    await self.places.rule(await asyncio.to_thread(teacher_page.kept_rules, self.settings.logs))
                 connections = Connections(self._plug, runner.server)
                 self._opened.set()
                 await self._closing.wait()

@@ -29,10 +29,10 @@ from flexlab.server.auth import (
 )
 from flexlab.server.base_url import put_before
 from flexlab.server.connections import watch_patience
-from flexlab.server.front_server import FrontServer, add_files
+from flexlab.server.front_server import FILES, FrontServer
 from flexlab.server.labs.hub_labs import REPORTS, HubLabs
+from flexlab.server.pages import teacher_page
 from flexlab.server.pages.page_context import CONTEXT, Context, context_of
-from flexlab.server.pages.teacher_page import add_teacher_pages
 from flexlab.server.pages.templating import OF_HUB
 from flexlab.server.settings import SECRET_BYTES, Settings
 from flexlab.server.visitors import scheme_of, set_cookie
@@ -174,8 +174,7 @@ def hub_app(hub: Hub, context: Context) -> web.Application:
     app.router.add_get("/", first_page)
     app.router.add_get(REPORTS, reports)
     app.router.add_get(CALLBACK, hub.finish_sign_in)
-    add_teacher_pages(app.router)
-    add_files(app.router)
+    app.add_routes([*teacher_page.ROUTES, *FILES])
     return app
 
 

@@ -13,6 +13,8 @@ from flexlab.server.pages.templating import button, message, page
 from flexlab.server.run_jobs import OVERLAY, ComparisonTables
 from flexlab.server.visitors import asker_of, is_teacher, run_for
 
+ROUTES = web.RouteTableDef()
+
 ALL_RUNS = button("/runs", "All runs")
 INCOMPARABLE = "These runs cannot be compared"
 
@@ -20,14 +22,7 @@ LONGEST_VALUE = 60
 """Characters of a setting that stand in the table; the whole of it is in the cell's title."""
 
 
-def add_compare_pages(router: web.UrlDispatcher) -> None:
-    """Routes of comparisons."""
-    router.add_get("/compare", comparison)
-    router.add_get("/compare/{key}/state", state)
-    router.add_get(f"/{COMPARISON}{{key}}{SUFFIX}", overlay)
-    router.add_get(f"{WITH_A_PASS}{{pass}}/{COMPARISON}{{key}}{SUFFIX}", overlay)
-
-
+@ROUTES.get("/compare")
 async def comparison(request: web.Request) -> web.Response:
     """The runs that the address names: how far their comparison is, or what came of it.
 
@@ -76,6 +71,7 @@ async def comparison(request: web.Request) -> web.Response:
     )
 
 
+@ROUTES.get("/compare/{key}/state")
 async def state(request: web.Request) -> web.Response:
     """A comparison's progress, for the script in its page."""
     task = context_of(request).comparisons.get(request.match_info["key"])
@@ -99,6 +95,8 @@ def _metrics(tables: ComparisonTables) -> list[tuple[str, list[str]]]:
     return lines
 
 
+@ROUTES.get(f"/{COMPARISON}{{key}}{SUFFIX}")
+@ROUTES.get(f"{WITH_A_PASS}{{pass}}/{COMPARISON}{{key}}{SUFFIX}")
 async def overlay(request: web.Request) -> web.StreamResponse:
     """The file that the viewer loads."""
     if not has_pass(request) and not is_teacher(request):

@@ -38,6 +38,8 @@ from flexlab.server.visitors import (
     visitor_of,
 )
 
+ROUTES = web.RouteTableDef()
+
 LINKED = "shared-scenario"
 """Name of the runs of a scenario that came by a link."""
 START_PAGE = Markup(' <a class="button quiet" href="/">Start page</a>')
@@ -45,19 +47,8 @@ NEW_LAB = Markup('<a class="button" href="/lab/">Open a new lab</a> <a class="bu
 NOT_YOURS = "This lab belongs to another browser, or was closed long ago. You can have one of your own."
 
 
-def add_lab_pages(router: web.UrlDispatcher) -> None:
-    """Routes of the lab."""
-    for path in ("/lab", "/lab/"):
-        router.add_get(path, lab)
-    router.add_get("/lab/{preset}", preset_link)
-    router.add_get("/lab/{preset}/", preset_link)
-    for path in ("/s/{lab}", "/s/{lab}/"):
-        router.add_get(path, private_lab)
-    router.add_get("/state/lab", shared_state)
-    router.add_post("/name", take_name)
-    router.add_get("/state/s/{lab}", private_state)
-
-
+@ROUTES.get("/lab")
+@ROUTES.get("/lab/")
 async def lab(request: web.Request) -> web.StreamResponse:
     """The shared lab, or the way to the visitor's own; `?scenario=` brings a scenario along."""
     context = context_of(request)
@@ -75,6 +66,8 @@ async def lab(request: web.Request) -> web.StreamResponse:
     return await proxy_page(request, await context.places.enter("", None), "")
 
 
+@ROUTES.get("/lab/{preset}")
+@ROUTES.get("/lab/{preset}/")
 async def preset_link(request: web.Request) -> web.StreamResponse:
     """`/lab/<preset>`: that preset in the lab. Other names may be files of viser's page."""
     name = request.match_info["preset"]
@@ -155,6 +148,7 @@ def _let_wait(request: web.Request, visitor: Visitor, error: FullError) -> web.R
     return answer
 
 
+@ROUTES.post("/name")
 async def take_name(request: web.Request) -> web.StreamResponse:
     """Take a visitor's name, then lead into the lab."""
     form, visitor = await request.post(), known_visitor_of(request)
@@ -169,6 +163,8 @@ async def take_name(request: web.Request) -> web.StreamResponse:
     return answer
 
 
+@ROUTES.get("/s/{lab}")
+@ROUTES.get("/s/{lab}/")
 async def private_lab(request: web.Request) -> web.StreamResponse:
     """A visitor's own lab."""
     context, place = context_of(request), _own_place(request)
@@ -204,6 +200,7 @@ def _own_place(request: web.Request) -> Lab | None:
     return next((place for place in context.places.running() if place.path == path), None)
 
 
+@ROUTES.get("/state/lab")
 async def shared_state(request: web.Request) -> web.Response:
     """The state of the shared lab, for the script in its page."""
     context: Context = context_of(request)
@@ -213,6 +210,7 @@ async def shared_state(request: web.Request) -> web.Response:
     return _state(request, place)
 
 
+@ROUTES.get("/state/s/{lab}")
 async def private_state(request: web.Request) -> web.Response:
     """The state of a visitor's own lab."""
     place = _own_place(request)
@@ -237,18 +235,12 @@ PATIENCE = 30.0
 NOT_SERVED = "Live data are served by a lab that was started with --rerun, to whoever has that lab open."
 
 
-def add_live_pages(router: web.UrlDispatcher) -> None:
-    """Routes of live data."""
-    router.add_get("/live", show)
-    router.add_get(f"/{LIVE}{{lab}}{SUFFIX}", stream)
-    router.add_get(f"{WITH_A_PASS}{{pass}}/{LIVE}{{lab}}{SUFFIX}", stream)
-
-
 def live_name(lab: Lab) -> str:
     """The name of a lab's live data in addresses; that of a private lab cannot be guessed."""
     return lab.path.rsplit("/", 1)[-1]
 
 
+@ROUTES.get("/live")
 async def show(request: web.Request) -> web.Response:
     """The viewer on the data of the visitor's lab."""
     context = context_of(request)
@@ -262,6 +254,8 @@ async def show(request: web.Request) -> web.Response:
     raise web.HTTPSeeOther(f"/viewer/?{viewer}")
 
 
+@ROUTES.get(f"/{LIVE}{{lab}}{SUFFIX}")
+@ROUTES.get(f"{WITH_A_PASS}{{pass}}/{LIVE}{{lab}}{SUFFIX}")
 async def stream(request: web.Request) -> web.StreamResponse:
     """A lab's data without an end, as a rerun file: first what is kept of the past."""
     context = context_of(request)

@@ -20,6 +20,8 @@ from flexlab.server.pages.templating import page
 from flexlab.server.task_book import IDLE, Outcome
 from flexlab.server.visitors import asker_of
 
+ROUTES = web.RouteTableDef()
+
 MOST_BOARDS = 4
 """Most tasks that a server keeps: the newest computation, and the figures of the newest tables."""
 
@@ -66,14 +68,6 @@ TABLE = "table"
 DRAWING_POLICY = "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'self'"
 
 
-def add_leaderboard_pages(router: web.UrlDispatcher) -> None:
-    """Add the routes of the leaderboard."""
-    router.add_get(PLACE, leaderboard)
-    router.add_post(PLACE, start)
-    router.add_get(f"{PLACE}/state", state)
-    router.add_get(PLACE + "/{name}/{case}.svg", figure)
-
-
 def _folder(context: Context) -> Path:
     """The folder of rows, which later servers use too."""
     return context.settings.logs.parent / FOLDER
@@ -84,6 +78,7 @@ async def _newest(context: Context) -> tuple[Leaderboard, str]:
     return await asyncio.to_thread(newest_board, _folder(context))
 
 
+@ROUTES.get(PLACE)
 async def leaderboard(request: web.Request) -> web.Response:
     """The page with the newest table."""
     context = context_of(request)
@@ -101,6 +96,7 @@ async def leaderboard(request: web.Request) -> web.Response:
     )
 
 
+@ROUTES.post(PLACE)
 async def start(request: web.Request) -> web.Response:
     """Start computing the missing rows; the page shows the progress."""
     context = context_of(request)
@@ -108,11 +104,13 @@ async def start(request: web.Request) -> web.Response:
     raise web.HTTPSeeOther(PLACE)
 
 
+@ROUTES.get(f"{PLACE}/state")
 async def state(request: web.Request) -> web.Response:
     """The progress of the computation, for the script in the page."""
     return told(context_of(request).boards.get(TABLE))
 
 
+@ROUTES.get(PLACE + "/{name}/{case}.svg")
 async def figure(request: web.Request) -> web.Response:
     """The figure of a case."""
     name, case = request.match_info["name"], request.match_info["case"]

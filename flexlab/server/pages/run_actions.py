@@ -37,6 +37,8 @@ from flexlab.server.run_jobs import (
 from flexlab.server.visitors import asker_of, run_for
 from flexlab.text import limited, shown, typed_number
 
+ROUTES = web.RouteTableDef()
+
 TABLES = {"csv": "CSV: a table as text", "parquet": "Parquet: a packed table", "npz": "NPZ: NumPy arrays"}
 FIGURES = {"png": "Figures 2–5 as PNG", "svg": "Figures 2–5 as SVG"}
 WHOLE = {
@@ -57,14 +59,6 @@ LARGEST_SHARE = {"csv": 4.0, "parquet": 1.5, "npz": 1.5, "zip": 3.0}
 BACK = Markup('<a class="button" href="/runs/{}">Back to the run</a> <a class="button quiet" href="/runs">All runs</a>')
 
 log = limited(__name__)
-
-
-def add_run_actions(router: web.UrlDispatcher) -> None:
-    """Routes of actions on one run."""
-    router.add_post("/runs/{run}/replay", start_replay)
-    router.add_get("/runs/{run}/replay", replay_state)
-    router.add_post("/runs/{run}/continue", resume)
-    router.add_get("/runs/{run}/export", export)
 
 
 async def row_of(request: web.Request) -> RunRow:
@@ -89,6 +83,7 @@ def _problem(title: str, row: RunRow, error: FlexlabError) -> web.Response:
     return message(title, str(error), 422, BACK.format(row.address))
 
 
+@ROUTES.post("/runs/{run}/replay")
 async def start_replay(request: web.Request) -> web.Response:
     """Begin to simulate the run again; the run's page tells how it goes."""
     row = await recorded_row_of(request)
@@ -96,6 +91,7 @@ async def start_replay(request: web.Request) -> web.Response:
     raise web.HTTPSeeOther(f"/runs/{row.address}")
 
 
+@ROUTES.get("/runs/{run}/replay")
 async def replay_state(request: web.Request) -> web.Response:
     """The state of the run's replay, for the script in its page."""
     task = context_of(request).replays.get(replay_key(await row_of(request)))
@@ -104,6 +100,7 @@ async def replay_state(request: web.Request) -> web.Response:
     return told(task)
 
 
+@ROUTES.post("/runs/{run}/continue")
 async def resume(request: web.Request) -> web.StreamResponse:
     """Open the lab at an instant of the run, with exactly its state."""
     row = await recorded_row_of(request)
@@ -115,6 +112,7 @@ async def resume(request: web.Request) -> web.StreamResponse:
     return await enter_lab(request, choice)
 
 
+@ROUTES.get("/runs/{run}/export")
 async def export(request: web.Request) -> web.StreamResponse:
     """The run, or a range of its time, as a file for other programs."""
     if not is_opened_by_person(request):
@@ -242,13 +240,6 @@ FORMATS = (RECORDINGS, *TABLES)
 ALL_RUNS = button("/runs", "All runs")
 
 
-def add_bulk_actions(router: web.UrlDispatcher) -> None:
-    """Routes of actions on many runs."""
-    router.add_post("/runs/tag", tag)
-    router.add_post("/runs/export", export_many)
-    router.add_post("/runs/delete", delete)
-
-
 async def _chosen(request: web.Request) -> list[RunRow]:
     """The runs that the form names. Raises `RecordingError` if it names none, too many, or one that is not the visitor's."""
     names = list(dict.fromkeys(map(str, (await request.post()).getall("run", []))))
@@ -257,6 +248,7 @@ async def _chosen(request: web.Request) -> list[RunRow]:
     return [await run_for(request, name) for name in names]
 
 
+@ROUTES.post("/runs/tag")
 async def tag(request: web.Request) -> web.StreamResponse:
     """Add tags to runs."""
     tags = str((await request.post()).get("tags", ""))
@@ -267,6 +259,7 @@ async def tag(request: web.Request) -> web.StreamResponse:
     raise web.HTTPSeeOther("/runs")
 
 
+@ROUTES.post("/runs/export")
 async def export_many(request: web.Request) -> web.StreamResponse:
     """Runs as one archive, each as it was recorded or as a table."""
     kind, rows, context = str((await request.post()).get("format", "")), await _chosen(request), context_of(request)
@@ -290,6 +283,7 @@ async def export_many(request: web.Request) -> web.StreamResponse:
         return message("Nothing was exported", str(error), 422, ALL_RUNS)
 
 
+@ROUTES.post("/runs/delete")
 async def delete(request: web.Request) -> web.StreamResponse:
     """Ask, and delete runs once that is confirmed; those that may not be deleted are named."""
     rows, sure = await _chosen(request), (await request.post()).get("sure") == "yes"

@@ -44,6 +44,8 @@ from flexlab.server.task_book import IDLE
 from flexlab.server.visitors import asker_of, is_teacher, runs_for, visitor_of
 from flexlab.text import visible
 
+ROUTES = web.RouteTableDef()
+
 
 @dataclass(frozen=True)
 class TableColumn:
@@ -127,11 +129,7 @@ warnings.filterwarnings("ignore", category=BadContentDispositionHeader)
 warnings.filterwarnings("ignore", category=BadContentDispositionParam)
 
 
-def add_upload(router: web.UrlDispatcher) -> None:
-    """Route of the upload."""
-    router.add_post("/runs/import", upload)
-
-
+@ROUTES.post("/runs/import")
 async def upload(request: web.Request) -> web.StreamResponse:
     """Take one file; its run's page follows."""
     context = context_of(request)
@@ -212,19 +210,8 @@ NO_FILE_NAME = r"[^\w.-]+"
 """What is replaced in the name of a downloaded recording."""
 
 
-def add_runs_pages(router: web.UrlDispatcher) -> None:
-    """Routes of the library."""
-    router.add_get("/runs", library)
-    router.add_get("/runs/", library)
-    router.add_get("/runs/{run}" + SUFFIX, recording)
-    router.add_get(WITH_A_PASS + "{pass}/{run}" + SUFFIX, recording)
-    router.add_get("/runs/{run}", review)
-    router.add_post("/runs/{run}/notes", save_notes)
-    router.add_get("/runs/{run}/delete", ask_to_delete)
-    router.add_post("/runs/{run}/delete", delete)
-    router.add_get("/viewer/{name:[^/]*}", viewer)
-
-
+@ROUTES.get("/runs")
+@ROUTES.get("/runs/")
 async def library(request: web.Request) -> web.Response:
     """All runs."""
     context = context_of(request)
@@ -249,6 +236,28 @@ def _no_such_run(error: RecordingError) -> web.Response:
     return message("No such run", str(error), 404, button("/runs", "All runs"))
 
 
+@ROUTES.get("/runs/{run}" + SUFFIX)
+@ROUTES.get(WITH_A_PASS + "{pass}/{run}" + SUFFIX)
+async def recording(request: web.Request) -> web.StreamResponse:
+    """The recording's file, in parts if asked for; the viewer loads it from here."""
+    try:
+        if request.path.startswith(WITH_A_PASS) and has_pass(request):
+            # The pass was given to who may see the run: rerun's viewer does not say who asks.
+            row = await asyncio.to_thread(find_row, context_of(request).settings.logs, request.match_info["run"])
+            check_recorded(row)
+        else:
+            row = await recorded_row_of(request)
+    except RecordingError as error:
+        return _no_such_run(error)
+    headers = {
+        hdrs.CONTENT_TYPE: "application/octet-stream",
+        hdrs.CONTENT_DISPOSITION: f'attachment; filename="{re.sub(NO_FILE_NAME, "-", row.id)}{SUFFIX}"',
+        hdrs.CACHE_CONTROL: "no-cache",
+    }
+    return web.FileResponse(row.path, headers=headers)
+
+
+@ROUTES.get("/runs/{run}")
 async def review(request: web.Request) -> web.Response:
     """One run in the viewer, made whole first if its writer died."""
     try:
@@ -281,25 +290,7 @@ async def review(request: web.Request) -> web.Response:
     )
 
 
-async def recording(request: web.Request) -> web.StreamResponse:
-    """The recording's file, in parts if asked for; the viewer loads it from here."""
-    try:
-        if request.path.startswith(WITH_A_PASS) and has_pass(request):
-            # The pass was given to who may see the run: rerun's viewer does not say who asks.
-            row = await asyncio.to_thread(find_row, context_of(request).settings.logs, request.match_info["run"])
-            check_recorded(row)
-        else:
-            row = await recorded_row_of(request)
-    except RecordingError as error:
-        return _no_such_run(error)
-    headers = {
-        hdrs.CONTENT_TYPE: "application/octet-stream",
-        hdrs.CONTENT_DISPOSITION: f'attachment; filename="{re.sub(NO_FILE_NAME, "-", row.id)}{SUFFIX}"',
-        hdrs.CACHE_CONTROL: "no-cache",
-    }
-    return web.FileResponse(row.path, headers=headers)
-
-
+@ROUTES.get("/viewer/{name:[^/]*}")
 async def viewer(request: web.Request) -> web.StreamResponse:
     """One of the three files that rerun's viewer is made of."""
     name = request.match_info["name"] or "index.html"
@@ -317,6 +308,7 @@ async def viewer(request: web.Request) -> web.StreamResponse:
     return web.FileResponse(folder / name, headers=headers)
 
 
+@ROUTES.post("/runs/{run}/notes")
 async def save_notes(request: web.Request) -> web.Response:
     """Note, tags and the mark that keeps a run."""
     row, form = await row_of(request), await request.post()
@@ -325,6 +317,7 @@ async def save_notes(request: web.Request) -> web.Response:
     raise web.HTTPSeeOther(f"/runs/{row.address}")
 
 
+@ROUTES.get("/runs/{run}/delete")
 async def ask_to_delete(request: web.Request) -> web.Response:
     """A run is gone for ever: ask first."""
     try:
@@ -334,6 +327,7 @@ async def ask_to_delete(request: web.Request) -> web.Response:
     return page("delete.html", "Delete?", here="/runs", going=[row], stay=[])
 
 
+@ROUTES.post("/runs/{run}/delete")
 async def delete(request: web.Request) -> web.Response:
     """Delete a run."""
     row = await row_of(request)

@@ -15,11 +15,14 @@ from flexlab.server.settings import picture_code
 from flexlab.server.visitors import LONGEST_NAME, runs_for, visitor_of
 from flexlab.text import with_units
 
+ROUTES = web.RouteTableDef()
+
 NEWEST = 5
 """Runs on the start page."""
 PICTURE_KINDS = ("webp", "png", "jpg", "svg")
 
 
+@ROUTES.get("/")
 async def start_page(request: web.Request) -> web.Response:
     """The start page."""
     context, pictures = context_of(request), _pictures()

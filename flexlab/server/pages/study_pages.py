@@ -22,6 +22,8 @@ from flexlab.server.task_book import Task
 from flexlab.server.visitors import asker_of, keep_visitor, known_visitor_of, visitor_of
 from flexlab.text import visible
 
+ROUTES = web.RouteTableDef()
+
 FROM_LAB = "lab"
 """The value of `?from=` for the lab's present scenario."""
 USUAL = ("payload.bending_stiffness", "controller.feedback_gain")
@@ -43,24 +45,13 @@ class Begun:
     """Name of the scenario: a preset's, or the lab's."""
 
 
-def add_study_pages(router: web.UrlDispatcher) -> None:
-    """Add the routes of the page and of each study."""
-    router.add_get("/studies", studies)
-    router.add_post("/studies", start)
-    router.add_get("/studies/{study}", study_page)
-    router.add_get("/studies/{study}/state", state)
-    router.add_get("/studies/{study}/data", data)
-    router.add_get("/studies/{study}/cells.parquet", table)
-    router.add_get("/studies/{study}/cells/{cell}", cell)
-    router.add_post("/studies/{study}/cancel", cancel)
-
-
 def _visitor(request: web.Request) -> str:
     """Id of the visitor whose studies a page shows; empty in a shared lab, whose visitors share all studies."""
     context = context_of(request)
     return visitor_of(request).id if context.places.is_private else ""
 
 
+@ROUTES.get("/studies")
 async def studies(request: web.Request) -> web.Response:
     """The forms for the lab's scenario or a preset, and the list of studies."""
     context = context_of(request)
@@ -126,6 +117,7 @@ def _row(task: Task) -> dict[str, Any]:
     }
 
 
+@ROUTES.post("/studies")
 async def start(request: web.Request) -> web.Response:
     """Start the study that a form asks for."""
     form = await request.post()
@@ -156,6 +148,7 @@ def _task(request: web.Request) -> Task:
     return task
 
 
+@ROUTES.get("/studies/{study}")
 async def study_page(request: web.Request) -> web.Response:
     """The page of a study: its progress, or its results."""
     try:
@@ -182,11 +175,13 @@ async def study_page(request: web.Request) -> web.Response:
     )
 
 
+@ROUTES.get("/studies/{study}/state")
 async def state(request: web.Request) -> web.Response:
     """A study's progress, for the script in its page."""
     return told(_task(request))
 
 
+@ROUTES.get("/studies/{study}/data")
 async def data(request: web.Request) -> web.Response:
     """The data that the script in a study's page draws."""
     task = _task(request)
@@ -196,6 +191,7 @@ async def data(request: web.Request) -> web.Response:
     return web.json_response(drawing, headers={hdrs.CACHE_CONTROL: "no-store"})
 
 
+@ROUTES.get("/studies/{study}/cells.parquet")
 async def table(request: web.Request) -> web.StreamResponse:
     """The file with all results of a study."""
     task = _task(request)
@@ -210,6 +206,7 @@ async def table(request: web.Request) -> web.StreamResponse:
     return web.FileResponse(path, headers=headers)
 
 
+@ROUTES.get("/studies/{study}/cells/{cell}")
 async def cell(request: web.Request) -> web.Response:
     """The scenario of a map's cell, in the lab."""
     if not is_opened_by_person(request):
@@ -223,6 +220,7 @@ async def cell(request: web.Request) -> web.Response:
     raise web.HTTPSeeOther(scenario_path(encode_scenario(scenario)))
 
 
+@ROUTES.post("/studies/{study}/cancel")
 async def cancel(request: web.Request) -> web.Response:
     """Cancel a study that is running or waiting."""
     task = _task(request)

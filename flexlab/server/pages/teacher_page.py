@@ -26,6 +26,8 @@ from flexlab.server.pages.page_context import context_of, fresh
 from flexlab.server.pages.templating import page
 from flexlab.server.visitors import is_teacher, set_cookie
 
+ROUTES = web.RouteTableDef()
+
 FILE = Path(".class")
 """File in the folder of the runs; `notes` adds its ending."""
 RULES = "rules"
@@ -55,16 +57,7 @@ NOT_YOURS = (
 )
 
 
-def add_teacher_pages(router: web.UrlDispatcher) -> None:
-    """Routes of the teacher's page."""
-    router.add_get("/teacher", teacher)
-    router.add_get("/teacher/labs", labs)
-    router.add_post("/teacher/rules", rule)
-    router.add_post("/teacher/send", send)
-    router.add_post("/teacher/pause", pause)
-    router.add_post("/teacher/resume", resume)
-
-
+@ROUTES.get("/teacher")
 async def teacher(request: web.Request) -> web.Response:
     """The page; its script asks for the labs every 0.4 s."""
     if not is_teacher(request):
@@ -89,6 +82,7 @@ async def teacher(request: web.Request) -> web.Response:
     return answer
 
 
+@ROUTES.get("/teacher/labs")
 async def labs(request: web.Request) -> web.Response:
     """All labs, what they guessed, and the class's rules as JSON, for the page's script."""
     if not is_teacher(request):
@@ -156,6 +150,7 @@ def _lessons() -> list[str]:
     return list(lesson_menu(own_lessons()))
 
 
+@ROUTES.post("/teacher/rules")
 async def rule(request: web.Request) -> web.StreamResponse:
     """Pace, lock and names of the whole class."""
     form = await _form(request)
@@ -177,6 +172,7 @@ async def rule(request: web.Request) -> web.StreamResponse:
     return _answer(request, f"{pace}; {'nobody can play' if rules.locked else 'all can play'}.")
 
 
+@ROUTES.post("/teacher/send")
 async def send(request: web.Request) -> web.StreamResponse:
     """Open a preset in one lab or in all."""
     preset = str((await _form(request)).get("preset", ""))
@@ -187,11 +183,13 @@ async def send(request: web.Request) -> web.StreamResponse:
     return _answer(request, f"{scenario.title or preset} was sent to {_count(places)}.")
 
 
+@ROUTES.post("/teacher/pause")
 async def pause(request: web.Request) -> web.StreamResponse:
     """Pause one lab or all."""
     return _answer(request, f"{_count(await _tell(request, Hold(False)))} paused.")
 
 
+@ROUTES.post("/teacher/resume")
 async def resume(request: web.Request) -> web.StreamResponse:
     """Resume one lab, or all that somebody looks at; the others wait until somebody comes back."""
     places = await _tell(request, Hold(True), watched=True)

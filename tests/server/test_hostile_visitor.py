@@ -187,9 +187,9 @@ def test_a_lab_that_hangs_is_told_and_replaced_and_its_run_kept(
     with monkeypatch.context() as soon:
         soon.setattr(per_visitor, "SILENCE", 4.0)
         soon.setattr(per_visitor, "LAST_CHANCE", 0.5)
-        os.kill(place.worker.pid, signal.SIGSTOP)
+        os.kill(place.pid, signal.SIGSTOP)
         told = wait_until(lambda: '"open": false' in state(anna, path) and state(anna, path), "its visitor is told")
-        wait_until(lambda: place.worker.exit_code is not None, "the hanging process is gone")
+        wait_until(lambda: place.exit_code is not None, "the hanging process is gone")
     sentence = json.loads(told)["sentence"]
     assert "did not answer" in sentence
     assert "your run was kept" in sentence

@@ -78,7 +78,7 @@ def test_two_visitors_do_not_disturb_each_other_even_if_one_lab_dies(private: Fr
     anna, ben = Visitor(private), Visitor(private)
     first, second = anna.enter(), ben.enter("/lab/soft-beam")
     assert first != second
-    assert anna.place.worker.pid not in (ben.place.worker.pid, os.getpid())
+    assert anna.place.pid not in (ben.place.pid, os.getpid())
     assert anna.enter() == first, "whoever comes back finds their lab again"
     assert b'<div id="root">' in anna.ask(first).body
     assert f'data-state="/state{first.rstrip("/")}"' in anna.ask(first).text
@@ -109,8 +109,8 @@ def test_two_visitors_do_not_disturb_each_other_even_if_one_lab_dies(private: Fr
         empty = begun.with_name("2026-01-01T12-00-00-empty.rrd")
         empty.touch()
         # Ctrl-C in a terminal reaches every process; closing is the server's part.
-        os.kill(ben.place.worker.pid, signal.SIGINT)
-        os.kill(anna.place.worker.pid, signal.SIGKILL)
+        os.kill(ben.place.pid, signal.SIGINT)
+        os.kill(anna.place.pid, signal.SIGKILL)
         told = wait_until(
             lambda: "ended unexpectedly (ended by signal 9)" in state(anna, first) and state(anna, first), ""
         )
@@ -149,7 +149,7 @@ def test_closing_the_server_closes_every_lab_and_keeps_the_runs(tmp_path: Path):
     )
     visitor = Visitor(front_server)
     visitor.enter()
-    pid = visitor.place.worker.pid
+    pid = visitor.place.pid
     wait_until(lambda: visitor.place.status().recording, "a recording")
     last = front_server.close()
     (run,) = list_runs(tmp_path)

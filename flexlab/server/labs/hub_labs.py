@@ -88,10 +88,10 @@ async def _follow(places: LabProvider, order: Order) -> None:
     if order.rules is not None:
         await places.rule(order.rules)
     if order.playing is not None:
-        await places.ask(place, Hold(order.playing))
+        await place.ask(Hold(order.playing))
     with contextlib.suppress(FlexlabError):  # A scenario of a later version.
         if order.scenario:
-            await places.ask(place, Choice(await asyncio.to_thread(decode_scenario, order.scenario), order.name))
+            await place.ask(Choice(await asyncio.to_thread(decode_scenario, order.scenario), order.name))
 
 
 class HubLab(Lab):
@@ -116,8 +116,12 @@ class HubLab(Lab):
                 report = msgspec.json.decode(said.data, type=Report, dec_hook=_no_path)
                 self._status, self.visitors = report.status, report.visitors
 
-    async def send(self, order: Order) -> None:
-        """Send an order, unless the lab is just leaving."""
+    async def ask(self, what: Choice | Hold | ClassRules) -> None:
+        """Pass it on, unless the lab is just leaving."""
+        if isinstance(what, Choice):
+            order = Order(await asyncio.to_thread(encode_scenario, what.scenario), what.name)
+        else:
+            order = Order(playing=what.playing) if isinstance(what, Hold) else Order(rules=what)
         with contextlib.suppress(ConnectionError):
             await self._plug.send_str(msgspec.json.encode(order).decode())
 
@@ -144,27 +148,13 @@ class HubLabs(LabProvider):
         self._labs[lab.path] = lab
         try:
             if self.rules != ClassRules():
-                await lab.send(Order(rules=self.rules))
+                await lab.ask(self.rules)
             await lab.follow_reports()
         finally:
             if self._labs.get(lab.path) is lab:
                 del self._labs[lab.path]
         await plug.close()
         return plug
-
-    async def ask(self, place: Lab, what: Choice | Hold) -> None:
-        """Pass it on."""
-        assert isinstance(place, HubLab)
-        if isinstance(what, Hold):
-            order = Order(playing=what.playing)
-        else:
-            order = Order(await asyncio.to_thread(encode_scenario, what.scenario), what.name)
-        await place.send(order)
-
-    async def rule(self, rules: ClassRules) -> None:
-        """Pass it on to all, those to come too."""
-        self.rules = rules
-        await asyncio.gather(*(lab.send(Order(rules=rules)) for lab in list(self._labs.values())))
 
     def running(self) -> Sequence[Lab]:
         """All of them, by name."""

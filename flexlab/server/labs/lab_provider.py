@@ -3,6 +3,7 @@
 Visitors who wait for a lab stand in a line: addresses take turns, and within one address the first comes first.
 """
 
+import asyncio
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -114,6 +115,10 @@ class Lab:
         """Its present state."""
         raise NotImplementedError
 
+    async def ask(self, what: Choice | Hold | ClassRules) -> None:
+        """The teacher has it show a scenario, pause, resume, or follow rules."""
+        raise NotImplementedError
+
 
 def state_of(place: Lab) -> str:
     """The state of a lab in a word: one that begins when somebody looks is waiting for them."""
@@ -147,13 +152,10 @@ class LabProvider:
         """Why a visitor's lab ended, as a sentence; empty if there never was one."""
         return ""
 
-    async def ask(self, place: Lab, what: Choice | Hold) -> None:
-        """The teacher has a lab show a scenario, pause or resume."""
-        raise NotImplementedError
-
     async def rule(self, rules: ClassRules) -> None:
         """Apply rules to all labs, also to those opened later."""
-        raise NotImplementedError
+        self.rules = rules
+        await asyncio.gather(*(lab.ask(rules) for lab in self.running()))
 
     def call(self, visitor: str, name: str) -> None:
         """A visitor has a new name."""

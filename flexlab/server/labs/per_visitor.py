@@ -17,18 +17,8 @@ from flexlab.guide import ClassRules
 from flexlab.own import hosts
 from flexlab.recording.repair import finish, finish_abandoned
 from flexlab.server.child_processes import prepare_lab_processes
-from flexlab.server.labs.lab_provider import (
-    LOOK_AGAIN,
-    Choice,
-    FullError,
-    Hold,
-    Lab,
-    LabProvider,
-    LabStatus,
-    Order,
-    WaitingLine,
-)
-from flexlab.server.labs.worker import STOP_TIME, Worker
+from flexlab.server.labs.lab_provider import LOOK_AGAIN, Choice, FullError, Lab, LabProvider, Order, WaitingLine
+from flexlab.server.labs.worker import STOP_TIME, PrivateLab
 from flexlab.server.limits import owner_word
 from flexlab.server.settings import SECRET_BYTES, Settings
 
@@ -56,24 +46,6 @@ HANGING = "This lab did not answer any more and was closed. Everybody else's lab
 CLOSED = "This lab was closed. Its run was kept."
 
 log = logging.getLogger(__name__)
-
-
-class PrivateLab(Lab):
-    """One visitor's lab."""
-
-    def __init__(self, number: int, lab: str, visitor: str, worker: Worker, order: Order):
-        self.number, self.visitor, self.worker = number, visitor, worker
-        self.path, self.secret, self.live, self.name = f"/s/{lab}", order.secret, worker.live, order.visitor
-        self.seen = time.monotonic()
-        self.why = ""
-        """Why the server closes it; empty as long as it does not."""
-        self._choice = order.choice
-
-    def status(self) -> LabStatus:
-        """Its last report; before the first one, what it is about to show."""
-        scenario, name = self._choice.scenario, self._choice.name
-        starting = LabStatus(name, scenario.title or name, 0.0, "starting", "", None, "")
-        return self.worker.status or starting
 
 
 class PrivateLabs(LabProvider):
@@ -111,7 +83,7 @@ class PrivateLabs(LabProvider):
             opening.add_done_callback(lambda _: self._opening.pop(visitor, None))
             return await asyncio.shield(opening)
         if choice is not None:
-            await asyncio.to_thread(place.worker.send, methodcaller("load", choice))
+            await asyncio.to_thread(place.send, methodcaller("load", choice))
         return place
 
     def _admit(self, visitor: str, address: str) -> None:
@@ -148,17 +120,17 @@ class PrivateLabs(LabProvider):
             self._settings.bytes_of_visitor,
             hosts.allowed(),
         )
-        worker = await asyncio.to_thread(Worker, order, tell)
-        place = self._places[lab] = PrivateLab(next(self._numbers), lab, visitor, worker, order)
-        if self.rules != ClassRules():
-            worker.send(methodcaller("ask", self.rules))
+        place = await asyncio.to_thread(PrivateLab, next(self._numbers), lab, visitor, order, tell)
+        self._places[lab] = place
         try:
-            place.port = await asyncio.to_thread(place.worker.wait_until_ready)
+            place.port = await asyncio.to_thread(place.wait_until_ready)
         except LabError:
             self._places.pop(lab, None)
-            await asyncio.to_thread(place.worker.stop, STOP_TIME)
+            await asyncio.to_thread(place.stop, STOP_TIME)
             raise
         place.seen = time.monotonic()
+        if self.rules != ClassRules():
+            await place.ask(self.rules)
         return place
 
     def _wait_for_turn(self, visitor: str, address: str) -> None:
@@ -174,24 +146,12 @@ class PrivateLabs(LabProvider):
                 place,
             )
 
-    async def ask(self, place: Lab, what: Choice | Hold) -> None:
-        """Have a lab follow the teacher."""
-        if isinstance(place, PrivateLab):
-            await asyncio.to_thread(place.worker.send, methodcaller("ask", what))
-
-    async def rule(self, rules: ClassRules) -> None:
-        """All labs follow, also those that are just being opened."""
-        self.rules = rules
-        await asyncio.gather(
-            *(asyncio.to_thread(place.worker.send, methodcaller("ask", rules)) for place in list(self._places.values()))
-        )
-
     def call(self, visitor: str, name: str) -> None:
         """The visitor's next runs are kept under another name."""
         place = self.of_visitor(visitor)
         if place is not None and place.name != name:
             place.name = name
-            self._keep(asyncio.to_thread(place.worker.send, methodcaller("rename", name)))
+            self._keep(asyncio.to_thread(place.send, methodcaller("rename", name)))
 
     def of_visitor(self, visitor: str) -> PrivateLab | None:
         """The visitor's running lab."""
@@ -222,9 +182,9 @@ class PrivateLabs(LabProvider):
             place.why = place.why or CLOSED
         now = time.monotonic()
         # Who has been silent for some reports hangs: the person who closes need not wait for it.
-        silent = [now - place.worker.heard_at > SILENT_AT_CLOSING for place in places]
+        silent = [now - place.heard_at > SILENT_AT_CLOSING for place in places]
         patience = [GOODBYE if hangs else STOP_TIME for hangs in silent]
-        stops = (asyncio.to_thread(place.worker.stop, seconds) for place, seconds in zip(places, patience, strict=True))
+        stops = (asyncio.to_thread(place.stop, seconds) for place, seconds in zip(places, patience, strict=True))
         await asyncio.gather(*stops)
         await asyncio.gather(*self._tasks, return_exceptions=True)
         recordings = [place.status().recording for place in places]
@@ -241,18 +201,18 @@ class PrivateLabs(LabProvider):
             for place in list(self._places.values()):
                 if place.port and not place.visitors and not place.why and time.monotonic() - place.seen > idle:
                     place.why = IDLE.format(time=f"{idle / 60:g} minutes" if idle >= 60 else f"{idle:g} s")
-                    self._keep(asyncio.to_thread(place.worker.stop, STOP_TIME))
-                elif place.port and not place.why and time.monotonic() - place.worker.heard_at > SILENCE:
+                    self._keep(asyncio.to_thread(place.stop, STOP_TIME))
+                elif place.port and not place.why and time.monotonic() - place.heard_at > SILENCE:
                     log.warning("A private lab has said nothing for %g s: it is closed.", SILENCE)
                     place.why = HANGING
-                    self._keep(asyncio.to_thread(place.worker.stop, LAST_CHANCE))
+                    self._keep(asyncio.to_thread(place.stop, LAST_CHANCE))
 
     def _over(self, lab: str) -> None:
         """A worker's process has ended: as it was told, or by itself."""
         place = self._places.pop(lab, None)
         if place is None:
             return
-        code, recording = place.worker.exit_code, place.status().recording
+        code, recording = place.exit_code, place.status().recording
         self._last = recording or self._last
         if not place.why:
             reason = f"ended by signal {-code}" if code is not None and code < 0 else f"exit code {code}"

@@ -162,8 +162,12 @@ class RecordedLab(Lab):
         """Its visitor has another name."""
         self.name = visitor
 
-    def ask(self, what: Choice | Hold | ClassRules) -> None:
+    async def ask(self, what: Choice | Hold | ClassRules) -> None:
         """Carry out the teacher's request."""
+        self.carry_out(what)
+
+    def carry_out(self, what: Choice | Hold | ClassRules) -> None:
+        """As `ask`, without an event loop."""
         lab_state = self._session.lab_state
         if isinstance(what, Choice):
             self._open(what)
@@ -234,15 +238,6 @@ class SharedLab(LabProvider):
     def of_visitor(self, visitor: str) -> Lab | None:
         """The lab."""
         return self._laboratory
-
-    async def ask(self, place: Lab, what: Choice | Hold) -> None:
-        """The lab follows."""
-        self._laboratory.ask(what)
-
-    async def rule(self, rules: ClassRules) -> None:
-        """The lab follows."""
-        self.rules = rules
-        self._laboratory.ask(rules)
 
     def running(self) -> Sequence[Lab]:
         """The lab."""

@@ -1,13 +1,16 @@
 """A lab in a process of its own: the code that runs in that process, and the server's handle on it."""
 
+import asyncio
 import contextlib
 import signal
 import threading
 import time
 from collections.abc import Callable
 from multiprocessing.connection import Connection
+from operator import methodcaller
 
 from flexlab.errors import FlexlabError, LabError, RecordingError
+from flexlab.guide import ClassRules
 from flexlab.own.files import know_own_files
 from flexlab.recording.live import LiveHub, Take
 from flexlab.server.child_processes import (
@@ -16,7 +19,7 @@ from flexlab.server.child_processes import (
     leave_interrupts_to_the_server,
     without_interrupt,
 )
-from flexlab.server.labs.lab_provider import LabStatus, Order
+from flexlab.server.labs.lab_provider import Choice, Hold, Lab, LabStatus, Order
 from flexlab.server.labs.recorded_lab import RecordedLab
 
 STATUS_PERIOD = 0.25
@@ -77,11 +80,19 @@ def work(order: Order, pipe: Connection, live: Connection | None) -> None:
         lab.close()
 
 
-class Worker:
-    """The server's handle on one worker process. Blocking calls are marked; they belong on a thread."""
+class PrivateLab(Lab):
+    """One visitor's lab: the server's handle on its process. Blocking calls are marked; they belong on a thread."""
 
-    def __init__(self, order: Order, on_end: Callable[[], None]):
+    def __init__(self, number: int, lab: str, visitor: str, order: Order, on_end: Callable[[], None]):
         """Start the process. `on_end` is called, on a thread, when it is over for whatever reason."""
+        self.number, self.visitor, self.path = number, visitor, f"/s/{lab}"
+        self.secret, self.name = order.secret, order.visitor
+        self.seen = time.monotonic()
+        """When the last of its pages was closed, monotonic s."""
+        self.why = ""
+        """Why the server closes it; empty as long as it does not."""
+        scenario, name = order.choice.scenario, order.choice.name
+        self._status = LabStatus(name, scenario.title or name, 0.0, "starting", "", None, "")
         context = job_processes()
         self._pipe, other = context.Pipe()
         source, target = context.Pipe(duplex=False) if order.live else (None, None)
@@ -89,21 +100,16 @@ class Worker:
         with without_interrupt():
             self._process.start()
         other.close()
-        self.live: LiveHub | None = None
-        """The live data for its visitor's viewer."""
         if source is not None and target is not None:
             target.close()
             self.live = LiveHub()
             threading.Thread(target=_feed, args=(source, self.live), name="flexlab-live", daemon=True).start()
-        self.secret = order.secret
         self._on_end = on_end
         self._answered = threading.Event()
         self._sending = threading.Lock()
         self._answer: Answer | None = None
         self.heard_at = time.monotonic()
         """When it last sent anything, monotonic s."""
-        self.status: LabStatus | None = None
-        """Its latest report."""
         self._listener = threading.Thread(target=self._listen, name="flexlab-worker", daemon=True)
         self._listener.start()
 
@@ -116,6 +122,14 @@ class Worker:
     def exit_code(self) -> int | None:
         """None while it runs; negative: the signal that ended it."""
         return self._process.exitcode
+
+    def status(self) -> LabStatus:
+        """Its last report; before the first one, what it is about to show."""
+        return self._status
+
+    async def ask(self, what: Choice | Hold | ClassRules) -> None:
+        """Pass it on."""
+        await asyncio.to_thread(self.send, methodcaller("carry_out", what))
 
     def wait_until_ready(self) -> int:
         """The port of its lab. Blocks. Raises `LabError` if it does not open."""
@@ -149,7 +163,7 @@ class Worker:
                 word = self._pipe.recv()
                 self.heard_at = time.monotonic()
                 if isinstance(word, LabStatus):
-                    self.status = word
+                    self._status = word
                 else:
                     self._answer = word
                     self._answered.set()

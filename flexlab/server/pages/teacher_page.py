@@ -210,7 +210,7 @@ async def _tell(request: web.Request, what: Choice | Hold, watched: bool = False
     if lab and not chosen:
         raise LabError("This lab is closed: look at the page again.")
     chosen = [place for place in chosen if place.visitors or not watched]
-    await asyncio.gather(*(places.ask(place, what) for place in chosen))
+    await asyncio.gather(*(place.ask(what) for place in chosen))
     return chosen
 
 

@@ -36,23 +36,36 @@ def network_of(address: str) -> str:
     return str(mapped or ipaddress.ip_network((int(number), HOUSEHOLD), strict=False))
 
 
-@dataclass(frozen=True)
-class Asker:
-    """Who asks for something that costs."""
+def owner_word(visitor: str) -> str:
+    """The mark of a visitor's runs in their notes; it does not reveal the secret that it is made from. Empty for nobody."""
+    return hashlib.sha256(f"flexlab run of {visitor}".encode("utf-8", "replace")).hexdigest()[:32] if visitor else ""
 
-    visitor: str
-    """The id of their cookie; empty without one."""
-    address: str
+
+@dataclass(frozen=True)
+class Visitor:
+    """Who asks for something."""
+
+    id: str = ""
+    """The secret word of their cookie; empty without one."""
+    address: str = ""
     """As `network_of` has it."""
     is_teacher: bool = False
+    """Whether they may do everything: they have the teacher's token, or there is none."""
+    name: str = ""
+    """What they are called; empty: they gave no name."""
 
     @property
     def person(self) -> str:
         """Identifies a visitor: by their cookie, else by their address."""
-        return self.visitor or self.address
+        return self.id or self.address
+
+    @property
+    def owner(self) -> str:
+        """The mark of their runs; empty for nobody."""
+        return owner_word(self.id)
 
 
-THE_SERVER = Asker("", "", is_teacher=True)
+THE_SERVER = Visitor(is_teacher=True)
 """The server itself, which asks for its own work."""
 
 
@@ -63,18 +76,18 @@ class Limit:
         """`what`: its name, plural. `for_teacher`: places beyond `of_all`, for the teacher, whom no other bound holds."""
         self._what, self._of_one, self._of_address, self._of_all = what, of_one, of_address, of_all
         self._for_teacher = for_teacher
-        self._taken: list[Asker] = []
+        self._taken: list[Visitor] = []
 
-    def check(self, asker: Asker) -> None:
+    def check(self, asker: Visitor) -> None:
         """Raises `BusyError` if this asker gets no place now."""
         if asker.is_teacher:
             bounds = [("This server has", len(self._taken), self._of_all + self._for_teacher)]
         else:
-            mine = sum(other.visitor == asker.visitor for other in self._taken)
+            mine = sum(other.id == asker.id for other in self._taken)
             near = sum(other.address == asker.address for other in self._taken)
             # Many visitors without a cookie may share an address, so only their address bounds them.
             bounds = [
-                ("You have", mine if asker.visitor else 0, self._of_one),
+                ("You have", mine if asker.id else 0, self._of_one),
                 ("Your address has", near, self._of_address),
                 ("This server has", len(self._taken), self._of_all),
             ]
@@ -85,7 +98,7 @@ class Limit:
                 )
 
     @contextlib.contextmanager
-    def place(self, asker: Asker) -> Generator[None]:
+    def place(self, asker: Visitor) -> Generator[None]:
         """Hold one of the places. Raises `BusyError` if there is none for this asker."""
         self.check(asker)
         self._taken.append(asker)
@@ -133,11 +146,6 @@ class Guesses:
             await asyncio.sleep(due - now)
         finally:
             self._held -= 1
-
-
-def owner_word(visitor: str) -> str:
-    """The mark of a visitor's runs in their notes; it does not reveal the secret that it is made from. Empty for nobody."""
-    return hashlib.sha256(f"flexlab run of {visitor}".encode("utf-8", "replace")).hexdigest()[:32] if visitor else ""
 
 
 LOOK, LOOK_AGAIN = 5.0, 1.0

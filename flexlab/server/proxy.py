@@ -14,7 +14,7 @@ from flexlab.lab.viser_server import SECRET_HEADER
 from flexlab.server.labs.lab_provider import Lab
 from flexlab.server.pages.page_context import context_of
 from flexlab.server.pages.templating import language_script
-from flexlab.server.visitors import asker_of
+from flexlab.server.visitors import visitor_of
 from flexlab.text import limited
 
 SOCKET_BUFFER = 64 * 1024
@@ -56,9 +56,8 @@ async def proxy_page(request: web.Request, place: Lab, path: str) -> web.StreamR
     if request.method not in ("GET", "HEAD"):
         raise web.HTTPMethodNotAllowed(request.method, ("GET", "HEAD"))
     if not path:
-        context_of(request).pages.check(
-            asker_of(request)
-        )  # Checked here, as a page without a connection could not say why.
+        # Checked here, as a page without a connection could not say why.
+        context_of(request).pages.check(visitor_of(request))
     inside = context_of(request).inside
     try:
         url = f"http://{LOOPBACK}:{place.port}/{path}"
@@ -90,7 +89,7 @@ def _furnish(body: bytes, place: Lab) -> bytes:
 
 async def proxy_websocket(request: web.Request, place: Lab) -> web.StreamResponse:
     """A visitor's live connection to the lab, for as long as both sides keep it. Raises `BusyError` for one too many."""
-    with context_of(request).pages.place(asker_of(request)):
+    with context_of(request).pages.place(visitor_of(request)):
         return await _relay(request, place)
 
 

@@ -31,7 +31,7 @@ from flexlab.recording.store.run_index import RunRow
 from flexlab.scenario.field_text import field_title
 from flexlab.server.child_processes import end_with_the_server, failures_told_plainly, job_processes
 from flexlab.server.labs.lab_provider import Choice
-from flexlab.server.limits import LOOK, LOOK_AGAIN, PER_SECOND, Asker, Quota
+from flexlab.server.limits import LOOK, LOOK_AGAIN, PER_SECOND, Quota, Visitor
 from flexlab.server.task_book import BAD, GOOD, Outcome, Task, TaskBook
 from flexlab.sim.paced_run import FASTEST
 from flexlab.sim.samples import Samples
@@ -217,7 +217,7 @@ MOST_COMPARISONS = 8
 """Most comparisons that a server keeps: enough to go back and forth."""
 
 
-def comparison(book: TaskBook, asker: Asker, rows: Sequence[RunRow]) -> Task:
+def comparison(book: TaskBook, asker: Visitor, rows: Sequence[RunRow]) -> Task:
     """The comparison of these runs, begun if it is not kept. Raises `BusyError`."""
     asked = tuple(row.id for row in rows)
     # A second visitor shares a running comparison, although a run that is being recorded has grown since.

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from flexlab.errors import FlexlabError, LabError
-from flexlab.server.limits import THE_SERVER, Asker, Limit
+from flexlab.server.limits import THE_SERVER, Limit, Visitor
 from flexlab.server.tasks import Tasks
 
 MOST_BYTES = 1_000_000_000
@@ -41,7 +41,7 @@ class Task:
     """The state of one task."""
 
     key: str
-    asker: Asker
+    asker: Visitor
     folder: Path
     """Folder for its files, which the work makes if it writes any."""
     about: Any = None
@@ -79,7 +79,7 @@ class TaskBook:
         self._jobs: dict[str, asyncio.Task[None]] = {}
 
     def start(
-        self, word: str, key: str, asker: Asker, work: Callable[..., Outcome], *arguments: Any, about: Any = None
+        self, word: str, key: str, asker: Visitor, work: Callable[..., Outcome], *arguments: Any, about: Any = None
     ) -> Task:
         """Start or queue `work(*arguments)`, unless a task with this key is running; `word` names it, as in "Replay".
 
@@ -106,7 +106,7 @@ class TaskBook:
         return task
 
     def kept(
-        self, word: str, key: str, asker: Asker, work: Callable[..., Outcome], *arguments: Any, about: Any = None
+        self, word: str, key: str, asker: Visitor, work: Callable[..., Outcome], *arguments: Any, about: Any = None
     ) -> Task:
         """The task with this key, started as by `start` if there is none or it failed. Raises `BusyError`."""
         task = self._tasks.get(key)
@@ -116,7 +116,7 @@ class TaskBook:
         return task
 
     async def finished(
-        self, word: str, key: str, asker: Asker, work: Callable[..., Outcome], *arguments: Any, about: Any = None
+        self, word: str, key: str, asker: Visitor, work: Callable[..., Outcome], *arguments: Any, about: Any = None
     ) -> Task:
         """Wait for the task that `kept` returns. Raises `FlexlabError` if it fails."""
         task = self.kept(word, key, asker, work, *arguments, about=about)

@@ -23,7 +23,7 @@ from flexlab.server.child_processes import (
     leave_interrupts_to_the_server,
     without_interrupt,
 )
-from flexlab.server.limits import Asker, Limit
+from flexlab.server.limits import Limit, Visitor
 
 AT_ONCE = 3
 """Tasks that run at once, the last of them only for the teacher; they have low priority, so more would only be slower."""
@@ -95,11 +95,11 @@ class Turns:
     """The queue of tasks. A visitor runs one task at a time, and one place is kept for the teacher."""
 
     def __init__(self) -> None:
-        self._working: list[tuple[Asker, bool]] = []
-        self._waiting: dict[asyncio.Future[None], tuple[Asker, bool]] = {}
+        self._working: list[tuple[Visitor, bool]] = []
+        self._waiting: dict[asyncio.Future[None], tuple[Visitor, bool]] = {}
 
     @contextlib.asynccontextmanager
-    async def turn(self, asker: Asker, long: bool = False) -> AsyncGenerator[None]:
+    async def turn(self, asker: Visitor, long: bool = False) -> AsyncGenerator[None]:
         """Wait for a turn and hold it. `long`: only one long turn is held at a time."""
         mine = asyncio.get_running_loop().create_future()
         self._waiting[mine] = asker, long
@@ -120,7 +120,7 @@ class Turns:
             if not turn.done():  # A cancelled asker gives its turn back.
                 turn.set_result(None)
 
-    def _may_work(self, asker: Asker, long: bool) -> bool:
+    def _may_work(self, asker: Visitor, long: bool) -> bool:
         if long and any(other for _, other in self._working):
             return False
         if asker.is_teacher:
@@ -129,7 +129,7 @@ class Turns:
         visitors = sum(not other.is_teacher for other, _ in self._working)
         return not taken and visitors < AT_ONCE - 1 and len(self._working) < AT_ONCE
 
-    def _rank(self, asker: Asker) -> tuple[bool, int]:
+    def _rank(self, asker: Visitor) -> tuple[bool, int]:
         return not asker.is_teacher, sum(other.address == asker.address for other, _ in self._working)
 
 
@@ -142,13 +142,13 @@ class Tasks:
         self._processes: set[BaseProcess] = set()
         self._closed = False
 
-    def check(self, asker: Asker) -> None:
+    def check(self, asker: Visitor) -> None:
         """Raise `BusyError` if this asker may not start a task now."""
         self._limit.check(asker)
 
     async def run(
         self,
-        asker: Asker,
+        asker: Visitor,
         work: Callable[..., T],
         *arguments: Any,
         on_progress: Callable[[float], None] = lambda share: None,

@@ -7,7 +7,7 @@ import os
 import secrets
 import unicodedata
 from collections.abc import Awaitable, Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import Literal
@@ -19,7 +19,7 @@ from flexlab.errors import LabError, RecordingError
 from flexlab.recording.store.notes import is_regular
 from flexlab.recording.store.run_files import list_files
 from flexlab.recording.store.run_index import RunRow, find_row, no_such_run, read_rows
-from flexlab.server.limits import Asker, network_of, owner_word
+from flexlab.server.limits import Visitor, network_of
 from flexlab.server.pages.page_context import Context, context_of
 
 KEY_FILE = ".flexlab-cookie-key"
@@ -35,24 +35,6 @@ MOST_PARTS = 4
 """Characters that a letter may be typed as: itself and its accents."""
 LONGEST_COOKIE = 500
 """Characters of such a name as a cookie holds it."""
-UNNAMED = ""
-"""The name of a visitor who gave none."""
-
-
-@dataclass(frozen=True)
-class Visitor:
-    """A visitor, as their cookies tell."""
-
-    id: str
-    """The secret word of their cookie."""
-    name: str = UNNAMED
-    address: str = ""
-    """Their address."""
-
-    @property
-    def owner(self) -> str:
-        """The mark of their runs; empty for nobody."""
-        return owner_word(self.id)
 
 
 def same(given: str, wanted: str) -> bool:
@@ -119,10 +101,9 @@ def visitor_of(request: web.Request) -> Visitor:
         given = request.cookies.get(context.cookie("name"), "")[:LONGEST_COOKIE]
         name = checked_name(unquote(given, errors="strict"))
     except (LabError, UnicodeDecodeError):
-        name = UNNAMED
-    return Visitor(
-        _issued(context, request.cookies.get(context.cookie("visitor"), "")), name, network_of(request.remote or "")
-    )
+        name = ""
+    word = _issued(context, request.cookies.get(context.cookie("visitor"), ""))
+    return Visitor(word, network_of(request.remote or ""), is_teacher(request), name)
 
 
 def _issued(context: Context, given: str) -> str:
@@ -132,12 +113,6 @@ def _issued(context: Context, given: str) -> str:
     return given if same(signature, wanted) else ""
 
 
-def asker_of(request: web.Request) -> Asker:
-    """The visitor as limits count them."""
-    visitor = visitor_of(request)
-    return Asker(visitor.id, visitor.address, is_teacher(request))
-
-
 def known_visitor_of(request: web.Request) -> Visitor:
     """The visitor, with a new id if they have none; `keep_visitor` lets their browser keep it."""
     visitor = visitor_of(request)
@@ -145,7 +120,7 @@ def known_visitor_of(request: web.Request) -> Visitor:
         return visitor
     word = secrets.token_urlsafe(VISITOR_BYTES)
     signature = context_of(request).signed("visitor", word)
-    return Visitor(f"{word}.{signature}", visitor.name, visitor.address)
+    return replace(visitor, id=f"{word}.{signature}")
 
 
 @web.middleware
@@ -155,7 +130,8 @@ async def greet(
     """Give a new visitor a cookie, so that many at one address are told apart."""
     answer = await handler(request)
     first = answer.status == 200 and answer.content_type == "text/html" and not answer.prepared
-    known = is_teacher(request) or visitor_of(request).id or context_of(request).cookie("visitor") in answer.cookies
+    visitor = visitor_of(request)
+    known = visitor.is_teacher or visitor.id or context_of(request).cookie("visitor") in answer.cookies
     if first and not known:
         keep_visitor(request, answer, known_visitor_of(request))
     return answer
@@ -191,10 +167,11 @@ def has_class(request: web.Request) -> bool:
 
 def may_touch(request: web.Request, row: RunRow) -> bool:
     """Whether the visitor may see a run: their own, a shared lab's, and all if they are the teacher."""
-    if is_teacher(request):
+    visitor = visitor_of(request)
+    if visitor.is_teacher:
         return True
     if row.owner:
-        return same(row.owner, visitor_of(request).owner)
+        return same(row.owner, visitor.owner)
     return not context_of(request).places.is_private
 
 

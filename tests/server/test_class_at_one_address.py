@@ -21,7 +21,7 @@ from flexlab.errors import RecordingError
 from flexlab.server import connections
 from flexlab.server.front_server import FrontServer
 from flexlab.server.labs.lab_provider import FullError, Lab
-from flexlab.server.limits import FREE, MOST_HELD, MOST_PENDING, Asker, Guesses, Limit, network_of
+from flexlab.server.limits import FREE, MOST_HELD, MOST_PENDING, Guesses, Limit, Visitor, network_of
 from flexlab.server.pages.page_context import MOST_FILES, MOST_PAGES, MOST_VIEWERS
 from flexlab.server.pages.run_actions import KEPT_FREE, _check_room
 
@@ -35,9 +35,9 @@ def test_everybody_at_one_address_finds_a_place(most: tuple[int, int, int, int],
     limit = Limit("things", *most)
     with ExitStack() as held:
         for name in names:
-            held.enter_context(limit.place(Asker(name, ADDRESS)))
-        limit.check(Asker("somebody", "198.51.100.1"))
-        limit.check(Asker("", ADDRESS, is_teacher=True))
+            held.enter_context(limit.place(Visitor(name, ADDRESS)))
+        limit.check(Visitor("somebody", "198.51.100.1"))
+        limit.check(Visitor("", ADDRESS, is_teacher=True))
 
 
 def test_whoever_sees_a_page_is_known_from_then_on(open_another: Callable[..., FrontServer]):

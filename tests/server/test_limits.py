@@ -27,7 +27,7 @@ from flexlab.recording.store.notes import write_notes
 from flexlab.recording.store.run_files import has_footer, list_runs
 from flexlab.server.front_server import FrontServer, open_front_server
 from flexlab.server.labs.lab_provider import MOST_OF_ADDRESS, FullError, WaitingLine
-from flexlab.server.limits import LOOK_AGAIN, THE_SERVER, Asker, BusyError, Limit, Quota, owner_word
+from flexlab.server.limits import LOOK_AGAIN, THE_SERVER, BusyError, Limit, Quota, Visitor, owner_word
 from flexlab.server.pages import run_actions, runs_pages
 from flexlab.server.pages.page_context import MOST_PAGES, MOST_VIEWERS
 from flexlab.server.run_jobs import take_in
@@ -89,14 +89,14 @@ def files_in(server: FrontServer) -> list[Path]:
 
 def test_a_limit_bounds_a_visitor_an_address_and_all_and_keeps_a_place_for_the_teacher():
     limit = Limit("things", 2, 3, 4, 1)
-    people = [Asker("a", "1"), Asker("a", "2"), Asker("b", "1"), Asker("c", "1"), Asker("d", "3")]
+    people = [Visitor("a", "1"), Visitor("a", "2"), Visitor("b", "1"), Visitor("c", "1"), Visitor("d", "3")]
     with contextlib.ExitStack() as held:
         held.enter_context(limit.place(people[0]))
         held.enter_context(limit.place(people[1]))
         with pytest.raises(BusyError, match="You have 2 things already, and may have 2"):
             limit.check(people[0])
         held.enter_context(limit.place(people[2]))
-        held.enter_context(limit.place(Asker("", "1")))
+        held.enter_context(limit.place(Visitor("", "1")))
         with pytest.raises(BusyError, match="Your address has 3 things"):
             limit.check(people[3])
         with pytest.raises(BusyError, match="This server has 4 things"):
@@ -110,21 +110,21 @@ def test_a_limit_bounds_a_visitor_an_address_and_all_and_keeps_a_place_for_the_t
 def test_turns_go_to_the_teacher_first_and_to_each_visitor_one_at_a_time():
     order: list[str] = []
 
-    async def work(turns: Turns, name: str, asker: Asker, over: asyncio.Event) -> None:
+    async def work(turns: Turns, name: str, asker: Visitor, over: asyncio.Event) -> None:
         async with turns.turn(asker):
             order.append(name)
             await over.wait()
 
     async def play() -> None:
         turns, over = Turns(), asyncio.Event()
-        greedy = [work(turns, f"greedy-{k}", Asker("g", "1"), over) for k in range(3)]
-        others = [work(turns, "near", Asker("n", "1"), over), work(turns, "far", Asker("f", "2"), over)]
+        greedy = [work(turns, f"greedy-{k}", Visitor("g", "1"), over) for k in range(3)]
+        others = [work(turns, "near", Visitor("n", "1"), over), work(turns, "far", Visitor("f", "2"), over)]
         tasks = [asyncio.create_task(each) for each in (*greedy, *others)]
         await asyncio.sleep(0)
         await asyncio.sleep(0)
         assert len(order) == AT_ONCE - 1
         assert order[0] == "greedy-0"
-        tasks.append(asyncio.create_task(work(turns, "teacher", Asker("t", "1", True), over)))
+        tasks.append(asyncio.create_task(work(turns, "teacher", Visitor("t", "1", True), over)))
         for _ in range(3):
             await asyncio.sleep(0)
         assert order[-1] == "teacher", "a turn is kept for who teaches"
@@ -132,7 +132,7 @@ def test_turns_go_to_the_teacher_first_and_to_each_visitor_one_at_a_time():
         over.set()
         await asyncio.gather(*tasks, return_exceptions=True)
         assert sorted(order) == ["far", "greedy-0", "greedy-2", "near", "teacher"]
-        async with asyncio.timeout(1), turns.turn(Asker("g", "1")):
+        async with asyncio.timeout(1), turns.turn(Visitor("g", "1")):
             pass  # Nothing is left taken.
 
     # Playwright keeps an event loop on this thread.

@@ -10,11 +10,11 @@ import pytest
 
 from flexlab.errors import FlexlabError, StudyError
 from flexlab.server import task_book
-from flexlab.server.limits import Asker, BusyError, Limit
+from flexlab.server.limits import BusyError, Limit, Visitor
 from flexlab.server.task_book import BAD, GOOD, Outcome, TaskBook
 from flexlab.server.tasks import Tasks
 
-ANNA = Asker("anna", "1")
+ANNA = Visitor("anna", "1")
 LIMIT = 2, 2, 2, 0
 
 
@@ -81,10 +81,10 @@ def test_what_is_there_is_not_done_again_and_what_failed_is(tmp_path: Path):
 def test_one_works_at_a_time_and_what_is_cancelled_leaves_room_and_no_files(tmp_path: Path):
     async def use(book: TaskBook) -> None:
         long = book.start("Sleep", "a", ANNA, take_long)
-        waiting = book.start("Sleep", "b", Asker("ben", "1"), take_long)
+        waiting = book.start("Sleep", "b", Visitor("ben", "1"), take_long)
         assert book.start("Sleep", "a", ANNA, take_long) is long
         with pytest.raises(BusyError, match="This server has 2 studies"):
-            book.start("Sleep", "c", Asker("carl", "2"), take_long)
+            book.start("Sleep", "c", Visitor("carl", "2"), take_long)
         async with asyncio.timeout(60):
             while book.get("a").share < 0.5:  # type: ignore[union-attr]
                 await asyncio.sleep(0.02)

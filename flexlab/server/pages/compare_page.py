@@ -11,7 +11,7 @@ from flexlab.server.auth import COMPARISON, WITH_A_PASS, has_pass, is_opened_by_
 from flexlab.server.pages.page_context import context_of, told
 from flexlab.server.pages.templating import button, message, page
 from flexlab.server.run_jobs import OVERLAY, ComparisonTables
-from flexlab.server.visitors import asker_of, is_teacher, run_for
+from flexlab.server.visitors import is_teacher, run_for, visitor_of
 
 ROUTES = web.RouteTableDef()
 
@@ -44,7 +44,7 @@ async def comparison(request: web.Request) -> web.Response:
         try:
             if odd := next((row.problem for row in rows if row.problem), ""):
                 raise RecordingError(odd)
-            task = run_jobs.comparison(context.comparisons, asker_of(request), rows)
+            task = run_jobs.comparison(context.comparisons, visitor_of(request), rows)
         except FlexlabError as error:
             return message(INCOMPARABLE, str(error), 422, ALL_RUNS)
         raise web.HTTPSeeOther(str(request.rel_url.with_query([*(("run", name) for name in names), ("of", task.key)])))

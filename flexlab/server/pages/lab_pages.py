@@ -1,6 +1,7 @@
 """`/lab/`, `/s/<id>/`, the links that lead there, and `/live`: what a lab shows, in rerun's viewer, as it comes."""
 
 import asyncio
+from dataclasses import replace
 from urllib.parse import urlencode
 
 from aiohttp import hdrs, web
@@ -22,14 +23,12 @@ from flexlab.server.auth import (
     refuse,
 )
 from flexlab.server.labs.lab_provider import LOOK_AGAIN, Choice, FullError, Lab
-from flexlab.server.limits import Asker
+from flexlab.server.limits import Visitor
 from flexlab.server.pages.page_context import Context, context_of, fresh
 from flexlab.server.pages.templating import button, message
 from flexlab.server.proxy import proxy_page, proxy_websocket
 from flexlab.server.scenario_links import decode_scenario, scenario_path
 from flexlab.server.visitors import (
-    Visitor,
-    asker_of,
     checked_name,
     has_teacher_cookie,
     keep_visitor,
@@ -153,7 +152,7 @@ async def take_name(request: web.Request) -> web.StreamResponse:
     """Take a visitor's name, then lead into the lab."""
     form, visitor = await request.post(), known_visitor_of(request)
     try:
-        named = Visitor(visitor.id, checked_name(str(form.get("name", ""))), visitor.address)
+        named = replace(visitor, name=checked_name(str(form.get("name", ""))))
     except LabError as error:
         return message("This is no name", str(error), 400)
     context_of(request).places.call(named.id, named.name)
@@ -264,9 +263,9 @@ async def stream(request: web.Request) -> web.StreamResponse:
     if lab is None or lab.live is None or not _may_watch(request, lab):
         raise web.HTTPNotFound
     # A viewer sends no cookies: whoever has the pass to a private lab counts as its visitor.
-    asker = asker_of(request)
+    asker = visitor_of(request)
     if context.places.is_private:
-        asker = Asker(live_name(lab), asker.address, asker.is_teacher)
+        asker = replace(asker, id=live_name(lab))
     with context.viewers.place(asker):
         return await _watch(request, lab.live)
 

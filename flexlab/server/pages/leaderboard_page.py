@@ -18,7 +18,7 @@ from flexlab.errors import FlexlabError
 from flexlab.server.pages.page_context import Context, context_of, told
 from flexlab.server.pages.templating import page
 from flexlab.server.task_book import IDLE, Outcome
-from flexlab.server.visitors import asker_of
+from flexlab.server.visitors import visitor_of
 
 ROUTES = web.RouteTableDef()
 
@@ -100,7 +100,7 @@ async def leaderboard(request: web.Request) -> web.Response:
 async def start(request: web.Request) -> web.Response:
     """Start computing the missing rows; the page shows the progress."""
     context = context_of(request)
-    context.boards.start("Leaderboard", TABLE, asker_of(request), compute_board, _folder(context))
+    context.boards.start("Leaderboard", TABLE, visitor_of(request), compute_board, _folder(context))
     raise web.HTTPSeeOther(PLACE)
 
 
@@ -119,7 +119,7 @@ async def figure(request: web.Request) -> web.Response:
     if name != newest or case not in [known.name for known in board.cases]:
         raise web.HTTPNotFound
     try:
-        task = await context.boards.finished("Figures", name, asker_of(request), draw_board, _folder(context))
+        task = await context.boards.finished("Figures", name, visitor_of(request), draw_board, _folder(context))
     except FlexlabError as error:
         raise web.HTTPServiceUnavailable(text=str(error)) from None
     drawn, figures = task.result

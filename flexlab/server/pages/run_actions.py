@@ -34,7 +34,7 @@ from flexlab.server.run_jobs import (
     replay_run,
     whole_into,
 )
-from flexlab.server.visitors import asker_of, run_for
+from flexlab.server.visitors import run_for, visitor_of
 from flexlab.text import limited, shown, typed_number
 
 ROUTES = web.RouteTableDef()
@@ -87,7 +87,7 @@ def _problem(title: str, row: RunRow, error: FlexlabError) -> web.Response:
 async def start_replay(request: web.Request) -> web.Response:
     """Begin to simulate the run again; the run's page tells how it goes."""
     row = await recorded_row_of(request)
-    context_of(request).replays.start("Replay", replay_key(row), asker_of(request), replay_run, row.path)
+    context_of(request).replays.start("Replay", replay_key(row), visitor_of(request), replay_run, row.path)
     raise web.HTTPSeeOther(f"/runs/{row.address}")
 
 
@@ -106,7 +106,7 @@ async def resume(request: web.Request) -> web.StreamResponse:
     row = await recorded_row_of(request)
     try:
         time = read_time("time", (await request.post()).get("time"))
-        choice = await context_of(request).tasks.run(asker_of(request), choice_at, row.path, time)
+        choice = await context_of(request).tasks.run(visitor_of(request), choice_at, row.path, time)
     except FlexlabError as error:
         return _problem("The lab cannot go on from there", row, error)
     return await enter_lab(request, choice)
@@ -128,10 +128,12 @@ async def export(request: web.Request) -> web.StreamResponse:
         async with file_on_its_way(request) as folder:
             await claim_room(request, folder, table_size(row, kind))
             if kind in WHOLE:
-                file = await context.tasks.run(asker_of(request), whole_into, _as_it_stands(request, row), kind, folder)
+                file = await context.tasks.run(
+                    visitor_of(request), whole_into, _as_it_stands(request, row), kind, folder
+                )
             else:
                 work = figures_into if kind in FIGURES else export_into
-                file = await context.tasks.run(asker_of(request), work, row.path, kind, start, end, folder)
+                file = await context.tasks.run(visitor_of(request), work, row.path, kind, start, end, folder)
             return await send_download(request, file)
     except FlexlabError as error:
         return _problem("Nothing was exported", row, error)
@@ -151,7 +153,7 @@ def _as_it_stands(request: web.Request, row: RunRow) -> RunRow:
 async def file_on_its_way(request: web.Request) -> AsyncGenerator[Path]:
     """A folder for a file that comes from a visitor or goes to one; it is gone when this ends. Raises `BusyError`."""
     context = context_of(request)
-    with context.files.place(asker_of(request)):
+    with context.files.place(visitor_of(request)):
         folder = Path(await asyncio.to_thread(tempfile.mkdtemp, prefix="file-", dir=context.workshop))
         try:
             yield folder
@@ -276,7 +278,7 @@ async def export_many(request: web.Request) -> web.StreamResponse:
         async with file_on_its_way(request) as folder:
             await claim_room(request, folder, sum(table_size(row, kind) for row in rows))
             archive = await context.tasks.run(
-                asker_of(request), archive_into, tuple(row.path for row in rows), kind, folder
+                visitor_of(request), archive_into, tuple(row.path for row in rows), kind, folder
             )
             return await send_download(request, archive)
     except FlexlabError as error:

@@ -41,7 +41,7 @@ from flexlab.server.pages.run_actions import (
 from flexlab.server.pages.templating import button, message, page, part
 from flexlab.server.run_jobs import replay_key, take_in
 from flexlab.server.task_book import IDLE
-from flexlab.server.visitors import asker_of, is_teacher, runs_for, visitor_of
+from flexlab.server.visitors import runs_for, visitor_of
 from flexlab.text import visible
 
 ROUTES = web.RouteTableDef()
@@ -133,11 +133,10 @@ warnings.filterwarnings("ignore", category=BadContentDispositionParam)
 async def upload(request: web.Request) -> web.StreamResponse:
     """Take one file; its run's page follows."""
     context = context_of(request)
-    asker = asker_of(request)
     try:
         async with file_on_its_way(request) as folder:
             path = await _receive(request, folder)
-            run = await context.tasks.run(asker, take_in, path, context.settings.logs, *_owner(request))
+            run = await context.tasks.run(visitor_of(request), take_in, path, context.settings.logs, *_owner(request))
     except FlexlabError as error:
         return message("Nothing was imported", str(error), 422, ALL_RUNS)
     raise web.HTTPSeeOther(f"/runs/{run}")
@@ -146,7 +145,7 @@ async def upload(request: web.Request) -> web.StreamResponse:
 def _owner(request: web.Request) -> tuple[dict[str, str], float | None]:
     """(notes that mark the run as the visitor's, where each has their own; bytes that all of theirs may take)."""
     visitor = visitor_of(request)
-    if is_teacher(request) or not context_of(request).places.is_private:
+    if visitor.is_teacher or not context_of(request).places.is_private:
         return {}, None
     notes = {"owner": visitor.owner, "visitor": visitor.name}
     return notes, context_of(request).settings.bytes_of_visitor

@@ -19,7 +19,7 @@ from flexlab.server.pages.templating import button, message, page
 from flexlab.server.scenario_links import decode_scenario, encode_scenario, scenario_path
 from flexlab.server.study import MOST_VALUES, Found, Study, known_studies, metric_columns, read_study
 from flexlab.server.task_book import Task
-from flexlab.server.visitors import asker_of, keep_visitor, known_visitor_of, visitor_of
+from flexlab.server.visitors import keep_visitor, known_visitor_of, visitor_of
 from flexlab.text import visible
 
 ROUTES = web.RouteTableDef()
@@ -129,7 +129,7 @@ async def start(request: web.Request) -> web.Response:
         mine = visitor.id if context.places.is_private else ""
         about = Begun(study, mine, visible(form.get("name", ""), 80))
         name = secrets.token_urlsafe(ID_BYTES)
-        context.studies.start(study.title, name, asker_of(request), study.job(), about=about)
+        context.studies.start(study.title, name, visitor_of(request), study.job(), about=about)
     except LabError as error:
         return message("Not now", str(error), 503, ALL_STUDIES)
     except FlexlabError as error:

@@ -9,6 +9,7 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import aiohttp
 from aiohttp import web
@@ -209,11 +210,11 @@ class FrontServer:
         self._loop.set_default_executor(ThreadPoolExecutor(threads, thread_name_prefix="flexlab-server-thread"))
         async with aiohttp.ClientSession(connector=inside_connector()) as inside:
             measuring, tasks = Measuring(self.settings.logs), Tasks()
-            beside = [asyncio.create_task(tidy_up(self.settings))]
+            beside: list[asyncio.Task[Any]] = [asyncio.create_task(tidy_up(self.settings))]
             if self.settings.class_service:
                 beside.append(asyncio.create_task(tell_class(self.settings.class_service, self.places)))
             preset_cards = PresetCards(tasks)
-            beside.append(asyncio.create_task(preset_cards.read_ahead()))
+            beside.append(asyncio.create_task(asyncio.to_thread(preset_cards.read)))
             # Where each visitor has a lab of their own, others need its pass even without a token.
             is_closed = self.settings.teacher_token is not None or self.settings.private
             self.context = context = Context(

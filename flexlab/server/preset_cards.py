@@ -2,7 +2,10 @@
 
 import asyncio
 from collections.abc import Collection
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import lru_cache
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +61,8 @@ def _points(points: np.ndarray) -> str:
 MOST_DRAWN = 200
 """Presets that get a picture."""
 
+MOST_READ = 1000
+"""Presets that stay read."""
 FileState = tuple[str, int, int]
 """Path, size, and time of the last change: another one is another preset."""
 
@@ -67,66 +72,48 @@ class PresetCard:
     """A preset as its card shows it."""
 
     name: str
+    state: FileState
     scenario: Scenario | None
     problem: str = ""
 
 
 class PresetCards:
-    """All cards of one server. `drawings` are ready after the first look at the page."""
+    """All cards of one server. `drawing` has what is drawn after the first look at the page."""
 
     def __init__(self, tasks: Tasks):
         self._tasks = tasks
-        self._cards: dict[FileState, PresetCard] = {}
-        self._drawings: dict[FileState, str] = {}
-        self._states: dict[str, FileState] = {}
+        self._card = lru_cache(MOST_READ)(_card)
+        self._drawings: dict[FileState, Markup] = {}
         self._drawing: asyncio.Task[None] | None = None
-        self._reading = asyncio.Lock()
 
-    async def read_ahead(self) -> None:
-        """Read all presets, so that the first visitor need not wait for that."""
-        async with self._reading:
-            await asyncio.to_thread(self._read)
+    def read(self) -> list[PresetCard]:
+        """The presets that there are now, in the order of the menu. For any thread."""
+        return [self._card(name, _state(file)) for name, file in preset_files().items()]
 
     async def look(self, pictured: Collection[str]) -> list[PresetCard]:
-        """The presets that there are now, in the order of the menu; what is not yet drawn is begun.
-
-        `pictured`: those that have a picture already.
-        """
-        async with self._reading:
-            cards = await asyncio.to_thread(self._read)
-        plain = [card for card in cards if card.name not in pictured]
-        missing = [(self._states[card.name], card.scenario) for card in plain]
-        wanted = {state: found for state, found in missing if found is not None and state not in self._drawings}
-        if wanted and (self._drawing is None or self._drawing.done()):
-            self._drawing = asyncio.create_task(self._draw(dict(list(wanted.items())[:MOST_DRAWN])))
+        """As `read`; what is not yet drawn is begun. `pictured`: those that have a picture already."""
+        cards = await asyncio.to_thread(self.read)
+        if self._drawing is None or self._drawing.done():
+            self._drawing = asyncio.create_task(self._draw([card for card in cards if card.name not in pictured]))
         return cards
 
     def drawing(self, card: PresetCard) -> Markup:
         """The picture of a preset; empty until it is drawn."""
-        return Markup(self._drawings.get(self._states[card.name], ""))
+        return self._drawings.get(card.state, Markup(""))
 
-    def _read(self) -> list[PresetCard]:
-        states: dict[str, FileState] = {}
-        cards: dict[FileState, PresetCard] = {}
-        for name, file in preset_files().items():
-            state = _state(file)
-            states[name] = state
-            cards[state] = self._cards.get(state) or _card(name, file)
-        self._states, self._cards = states, cards
-        return list(cards.values())
-
-    async def _draw(self, scenarios: dict[FileState, Scenario]) -> None:
-        try:
-            drawn = await self._tasks.run(THE_SERVER, draw_all, list(scenarios.values()))
-        except FlexlabError:
-            return  # Too much is going on: the next look begins again.
-        kept = {state: text for state, text in self._drawings.items() if state in self._cards}
-        self._drawings = kept | dict(zip(scenarios, drawn, strict=True))
+    async def _draw(self, cards: list[PresetCard]) -> None:
+        self._drawings = {card.state: self._drawings[card.state] for card in cards if card.state in self._drawings}
+        wanted = {card.state: card.scenario for card in cards if card.scenario and card.state not in self._drawings}
+        wanted = dict(islice(wanted.items(), MOST_DRAWN))
+        with suppress(FlexlabError):  # Too much is going on: the next look begins again.
+            if wanted:
+                drawn = await self._tasks.run(THE_SERVER, draw_all, list(wanted.values()))
+                self._drawings |= zip(wanted, drawn, strict=True)
 
 
-def draw_all(scenarios: list[Scenario]) -> list[str]:
+def draw_all(scenarios: list[Scenario]) -> list[Markup]:
     """A job: the pictures of some scenarios."""
-    return [str(thumbnail(scenario)) for scenario in scenarios]
+    return [thumbnail(scenario) for scenario in scenarios]
 
 
 def _state(file: Path) -> FileState:
@@ -137,8 +124,8 @@ def _state(file: Path) -> FileState:
         return str(file), 0, 0
 
 
-def _card(name: str, file: Path) -> PresetCard:
+def _card(name: str, state: FileState) -> PresetCard:
     try:
-        return PresetCard(name, load_scenario_file(file))
+        return PresetCard(name, state, load_scenario_file(Path(state[0])))
     except FlexlabError as error:
-        return PresetCard(name, None, str(error))
+        return PresetCard(name, state, None, str(error))

@@ -55,7 +55,7 @@ def _visitor(request: web.Request) -> str:
 async def studies(request: web.Request) -> web.Response:
     """The forms for the lab's scenario or a preset, and the list of studies."""
     context = context_of(request)
-    cards = await context.preset_cards.look(())
+    cards = await asyncio.to_thread(context.preset_cards.read)
     presets = [(card.name, card.scenario.title or card.name) for card in cards if card.scenario is not None]
     lab = _lab_scenario(request)
     chosen = request.query.get("from", FROM_LAB)

@@ -14,8 +14,6 @@ import pyarrow as pa  # type: ignore[import-untyped]  # It ships no types.
 
 from flexlab.analysis.explanations import LONGEST_LOOK, Background, Evidence, explain
 from flexlab.analysis.metrics import MetricCollection, RunMetrics
-from flexlab.analysis.metrics.run_metrics import value_text
-from flexlab.analysis.metrics.settling_time import SettlingTime
 from flexlab.analysis.result import ResultHash
 from flexlab.analysis.run_summary import run_notes
 from flexlab.cli.console import complain, new_table, output, progress
@@ -79,14 +77,12 @@ class Summary:
         self.count = 0
         self.time = 0.0
         self._peaks: dict[str, np.ndarray] = {}
-        self._settling = SettlingTime()
 
     def add(self, samples: Samples) -> None:
         """Take in the next block."""
         if len(samples) == 0:
             return
         self.count += len(samples)
-        self._settling.update(samples)
         self.time = float(samples.time[-1])
         signals = {
             "error": samples.tracking_error,
@@ -103,16 +99,7 @@ class Summary:
                     key = f"{name} {part}"
                     self._peaks[key] = np.maximum(self._peaks.get(key, 0.0), peak)
 
-    def settling_text(self) -> str:
-        """A sentence with the settling time of the vibration."""
-        (column,), (seconds,) = self._settling.columns, self._settling.compute()
-        return (
-            f"{column.title} {value_text(column, seconds)} s."
-            if seconds == seconds
-            else f"Vibration: {self._settling.reason() or column.missing}."
-        )
-
-    def table(self, status: Status) -> "Table":
+    def table(self) -> "Table":
         """The magnitudes as a table for the terminal."""
         table = new_table(padding=(0, 3, 0, 0))
         table.add_column("largest")
@@ -219,9 +206,11 @@ def run_and_record(
 
 def _tell(run: EndedRun, summary: Summary) -> None:
     output().print(f"{run.name}: {run.world.scenario.title}", style="bold")
-    output().print(summary.table(run.status))
+    output().print(summary.table())
     if not run.status.failed:
-        output().print(summary.settling_text())
+        [settled] = [row for row in run.metrics.rows if row.column.field == "settled"]
+        is_settled = settled.value == settled.value
+        output().print(f"{settled.title} {settled.text} s." if is_settled else f"Vibration: {settled.text}.")
     output().print(
         f"{run.samples} samples in {run.seconds:.2f} s with {run.world.integrator}, "
         f"steps of {1e6 * run.world.step:.4g} µs. Result {run.result_hash}."

@@ -41,15 +41,6 @@ MOST_SAMPLES = 1_200_000
 
 
 @dataclass(frozen=True)
-class SettingRow:
-    """A field in which the runs differ."""
-
-    title: str
-    """With symbol and unit."""
-    values: tuple[str, ...]
-
-
-@dataclass(frozen=True)
 class ComparisonTables:
     """The tables of a comparison's page."""
 
@@ -57,7 +48,8 @@ class ComparisonTables:
     """The stretch of time over which metrics are taken, in words."""
     metrics: tuple[tuple[MetricRow, ...], ...]
     """One tuple per metric, one row per run."""
-    settings: tuple[SettingRow, ...]
+    settings: tuple[tuple[str, tuple[str, ...]], ...]
+    """(title with symbol and unit, the runs' values) of each field in which they differ."""
 
 
 OVERLAY = "overlay.rrd"
@@ -92,7 +84,7 @@ def compare_runs(paths: tuple[Path, ...], folder: Path, report: Callable[[float]
     folder.mkdir(exist_ok=True)
     write_comparison(comparison.recordings, folder / OVERLAY, comparison.text(), seen)
     scenarios = [recording.scenario for recording in comparison.recordings]
-    settings = (SettingRow(field_title(path, *scenarios), values) for path, values in comparison.settings)
+    settings = ((field_title(path, *scenarios), values) for path, values in comparison.settings)
     return Outcome(ComparisonTables(comparison.window_text, comparison.metrics, tuple(settings)))
 
 

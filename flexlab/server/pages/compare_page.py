@@ -65,7 +65,7 @@ async def comparison(request: web.Request) -> web.Response:
         metric_heads=[*labels, *(f"{label} − A" for label in labels[1:])],
         metrics=_metrics(tables),
         measured=[label for label, row in zip(labels, rows, strict=True) if row.is_measured],
-        settings=[(row.title, row.values) for row in tables.settings],
+        settings=tables.settings,
         longest=LONGEST_VALUE,
         address=recording_address(context, COMPARISON + task.key),
     )

@@ -13,7 +13,9 @@ import numpy as np
 import pyarrow as pa  # type: ignore[import-untyped]  # It ships no types.
 
 from flexlab.analysis.explanations import LONGEST_LOOK, Background, Evidence, explain
-from flexlab.analysis.metrics import MetricCollection, RunMetrics
+from flexlab.analysis.metrics import Column, MetricCollection, RunMetrics
+from flexlab.analysis.metrics.metric import Peak
+from flexlab.analysis.metrics.run_metrics import value_text
 from flexlab.analysis.result import ResultHash
 from flexlab.analysis.run_summary import run_notes
 from flexlab.cli.console import complain, new_table, output, progress
@@ -24,7 +26,6 @@ from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples, Status, join_blocks
 from flexlab.sim.simulate import end_status
 from flexlab.sim.world import World
-from flexlab.text import MISSING, result_text
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -70,34 +71,42 @@ def explained(samples: Samples, scenario: Scenario) -> list[str]:
     return [f"{each.plot}: {each.sentence} ({each.equation})" for each in found[:MOST_EXPLAINED]]
 
 
+class Magnitudes(Peak):
+    """The largest magnitudes of a summary."""
+
+    columns = (
+        Column("", "tracking error x", "", "mm", 1e3),
+        Column("", "tracking error y", "", "mm", 1e3),
+        Column("", "tracking error θ", "", "mrad", 1e3),
+        Column("", "mid-span deflection", "", "mm", 1e3),
+        Column("", "of it vibration", "", "mm", 1e3),
+        Column("", "internal force", "", "N"),
+        Column("", "joint torque", "", "N·m"),
+    )
+
+    def signal(self, samples: Samples) -> np.ndarray:
+        """The columns, (N, 7)."""
+        force = np.linalg.norm(samples.internal_force[..., :2], axis=-1).max(axis=1)
+        torque = np.abs(samples.joint_torque).max(axis=(1, 2))
+        return np.column_stack([samples.tracking_error, samples.midspan_deflection, samples.vibration, force, torque])
+
+
 class Summary:
     """The largest magnitudes over the start and over the rest of a run."""
 
     def __init__(self) -> None:
         self.count = 0
         self.time = 0.0
-        self._peaks: dict[str, np.ndarray] = {}
+        self._start, self._later = Magnitudes(), Magnitudes()
 
     def add(self, samples: Samples) -> None:
         """Take in the next block."""
-        if len(samples) == 0:
-            return
         self.count += len(samples)
         self.time = float(samples.time[-1])
-        signals = {
-            "error": samples.tracking_error,
-            "deflection": samples.midspan_deflection[:, None],
-            "vibration": samples.vibration[:, None],
-            "internal": np.linalg.norm(samples.internal_force[..., :2], axis=-1),
-            "torque": samples.joint_torque.reshape(len(samples), -1),
-        }
-        early = samples.time <= START_SPAN
-        for name, signal in signals.items():
-            for part, rows in (("start", early), ("later", ~early)):
-                if rows.any():
-                    peak = np.abs(signal[rows]).max(axis=0)
-                    key = f"{name} {part}"
-                    self._peaks[key] = np.maximum(self._peaks.get(key, 0.0), peak)
+        early = int(samples.time.searchsorted(START_SPAN, side="right"))
+        for part, first, last in ((self._start, 0, early), (self._later, early, len(samples))):
+            if first < last:
+                part.update(samples.slice(first, last))
 
     def table(self) -> "Table":
         """The magnitudes as a table for the terminal."""
@@ -105,24 +114,11 @@ class Summary:
         table.add_column("largest")
         table.add_column(f"0 to {min(START_SPAN, self.time):g} s", justify="right")
         table.add_column(f"{START_SPAN:g} to {self.time:g} s" if self.time > START_SPAN else "later", justify="right")
-        rows = [
-            ("tracking error x, mm", "error", 0, 1e3),
-            ("tracking error y, mm", "error", 1, 1e3),
-            ("tracking error θ, mrad", "error", 2, 1e3),
-            ("mid-span deflection, mm", "deflection", None, 1e3),
-            ("of it vibration, mm", "vibration", None, 1e3),
-            ("internal force, N", "internal", None, 1.0),
-            ("joint torque, N·m", "torque", None, 1.0),
-        ]
-        for label, name, axis, scale in rows:
-            table.add_row(label, *(self._cell(f"{name} {part}", axis, scale) for part in ("start", "later")))
+        for column, *peaks in zip(Magnitudes.columns, self._start.compute(), self._later.compute(), strict=True):
+            table.add_row(
+                f"{column.title}, {column.unit}", *(value_text(column, column.scale * peak) for peak in peaks)
+            )
         return table
-
-    def _cell(self, key: str, axis: int | None, scale: float) -> str:
-        if key not in self._peaks:
-            return MISSING
-        peak = self._peaks[key]
-        return result_text(scale * float(peak.max() if axis is None else peak[axis]), scale)
 
 
 BLOCK = 1000

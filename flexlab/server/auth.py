@@ -12,6 +12,7 @@ from aiohttp.http_exceptions import HttpProcessingError
 
 from flexlab.errors import FlexlabError
 from flexlab.recording.store.run_files import SUFFIX
+from flexlab.recording.store.run_index import NoSuchRun
 from flexlab.server.limits import BusyError, network_of
 from flexlab.server.pages.page_context import Context, context_of
 from flexlab.server.pages.templating import HAS_CLASS, button, message, part
@@ -75,6 +76,8 @@ async def answer_in_sentences(request: web.Request, handler: Handler) -> web.Str
         return refuse(request, 400, "This is not text in UTF-8: nothing was done.")
     except BusyError as error:
         return message("Not now", str(error), 503)
+    except NoSuchRun as error:
+        return message("No such run", str(error), 404, button("/runs", "All runs"))
     except FlexlabError as error:
         return message("That did not work", str(error), 400)
     except OSError as error:

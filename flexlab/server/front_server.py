@@ -7,7 +7,7 @@ import secrets
 import socket
 import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -142,16 +142,15 @@ class FrontServer:
         self.workshop = self._workshop.path
         """For files that nobody keeps; gone when the server closes."""
         self.context: Context
-        self._opened = threading.Event()
-        self._problem: BaseException | None = None
+        self._opened: Future[None] = Future()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._closing: asyncio.Event | None = None
         self._last: Path | None = None
         self._thread = threading.Thread(target=self._run, name="flexlab-server", daemon=True)
         self._thread.start()
-        self._opened.wait()
-        if self._problem is not None:
-            raise LabError(f"The server did not start ({self._problem}).") from self._problem
+        problem = self._opened.exception()
+        if problem is not None:
+            raise LabError(f"The server did not start ({problem}).") from problem
 
     @property
     def url(self) -> str:
@@ -198,11 +197,10 @@ class FrontServer:
         try:
             asyncio.run(self._serve())
         except BaseException as error:
-            if self._opened.is_set():
+            if self._opened.done():
                 log.exception("The server failed.")
-            self._problem = error
-        finally:
-            self._opened.set()
+            else:
+                self._opened.set_exception(error)
 
     async def _serve(self) -> None:
         self._loop, self._closing = asyncio.get_running_loop(), asyncio.Event()
@@ -243,7 +241,7 @@ class FrontServer:
                 if self.settings.resumes_class:
                     await self.places.rule(await asyncio.to_thread(teacher_page.kept_rules, self.settings.logs))
                 connections = Connections(self._plug, runner.server)
-                self._opened.set()
+                self._opened.set_result(None)
                 await self._closing.wait()
             finally:
                 for task in beside:

@@ -15,10 +15,10 @@ from urllib.parse import quote, unquote
 
 from aiohttp import web
 
-from flexlab.errors import LabError, RecordingError
+from flexlab.errors import LabError
 from flexlab.recording.store.notes import is_regular
 from flexlab.recording.store.run_files import list_files
-from flexlab.recording.store.run_index import RunRow, find_row, no_such_run, read_rows
+from flexlab.recording.store.run_index import NoSuchRun, RunRow, find_row, read_rows
 from flexlab.server.limits import Visitor, network_of
 from flexlab.server.pages.page_context import Context, context_of
 
@@ -186,10 +186,8 @@ async def runs_for(request: web.Request, most: int | None = None) -> list[RunRow
 
 
 async def run_for(request: web.Request, run: str) -> RunRow:
-    """One of the runs that the visitor may see. Raises `RecordingError`, the same for another's run as for none."""
-    context: Context = context_of(request)
-    logs: Path = context.settings.logs
-    row = await asyncio.to_thread(find_row, logs, run)
+    """One of the runs that the visitor may see. Raises `NoSuchRun`, the same for another's run as for none."""
+    row = await asyncio.to_thread(find_row, context_of(request).settings.logs, run)
     if not may_touch(request, row):
-        raise RecordingError(no_such_run(run))
+        raise NoSuchRun(run)
     return row

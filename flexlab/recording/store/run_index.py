@@ -115,7 +115,7 @@ def read_rows(paths: Iterable[Path]) -> Iterator[RunRow]:
 
 
 def find_row(logs: Path, run: str) -> RunRow:
-    """The row of a run by its `id`. Raises `RecordingError` if there is none."""
+    """The row of a run by its `id`. Raises `NoSuchRun`."""
     # Found among the files of the folder: a name from an address never becomes a path.
     for path in list_files(logs):
         if run_id(path) == run:
@@ -123,12 +123,16 @@ def find_row(logs: Path, run: str) -> RunRow:
                 return read_row(path)
             except OSError:
                 break
-    raise RecordingError(no_such_run(run))
+    raise NoSuchRun(run)
 
 
-def no_such_run(run: str) -> str:
-    """The sentence about a name that no run has."""
-    return f"There is no run {visible(run, LONGEST_NAME)}: it may have been deleted. The library shows what there is."
+class NoSuchRun(RecordingError):
+    """No run has this name."""
+
+    def __init__(self, run: str):
+        super().__init__(
+            f"There is no run {visible(run, LONGEST_NAME)}: it may have been deleted. The library shows what there is."
+        )
 
 
 def run_id(path: Path) -> str:

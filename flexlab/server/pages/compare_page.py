@@ -35,10 +35,7 @@ async def comparison(request: web.Request) -> web.Response:
     if not 2 <= len(names) <= MOST_RUNS:
         said = f"Choose 2 to {MOST_RUNS} runs to compare: this address names {len(names)}."
         return message("Nothing to compare", said, 400, ALL_RUNS)
-    try:
-        rows = [await run_for(request, name) for name in names]
-    except RecordingError as error:
-        return message("No such run", str(error), 404, ALL_RUNS)
+    rows = [await run_for(request, name) for name in names]
     task = context.comparisons.get(request.query.get("of", ""))
     if task is None or task.about != tuple(row.id for row in rows):
         try:
@@ -77,11 +74,8 @@ async def state(request: web.Request) -> web.Response:
     task = context_of(request).comparisons.get(request.match_info["key"])
     if task is None:
         raise web.HTTPNotFound
-    try:
-        for run in task.about:
-            await run_for(request, run)
-    except RecordingError:
-        raise web.HTTPNotFound from None
+    for run in task.about:
+        await run_for(request, run)
     return told(task)
 
 

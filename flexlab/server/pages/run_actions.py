@@ -62,21 +62,16 @@ log = limited(__name__)
 
 
 async def row_of(request: web.Request) -> RunRow:
-    """The run that the address names, or what stands in its place. Raises `RecordingError` if there is none."""
+    """The run that the address names, or what stands in its place. Raises `NoSuchRun`."""
     return await run_for(request, request.match_info["run"])
 
 
 async def recorded_row_of(request: web.Request) -> RunRow:
     """The run that the address names. Raises `RecordingError` if there is none, or the file is no recording."""
     row = await row_of(request)
-    check_recorded(row)
-    return row
-
-
-def check_recorded(row: RunRow) -> None:
-    """Raises `RecordingError` for a file that is no recording."""
     if row.problem:
         raise RecordingError(row.problem)
+    return row
 
 
 def _problem(title: str, row: RunRow, error: FlexlabError) -> web.Response:

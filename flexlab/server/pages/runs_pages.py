@@ -32,10 +32,8 @@ from flexlab.server.pages.page_context import context_of
 from flexlab.server.pages.run_actions import (
     EXPORTS,
     TABLES,
-    check_recorded,
     claim_room,
     file_on_its_way,
-    recorded_row_of,
     row_of,
 )
 from flexlab.server.pages.templating import button, message, page, part
@@ -231,23 +229,17 @@ async def library(request: web.Request) -> web.Response:
     )
 
 
-def _no_such_run(error: RecordingError) -> web.Response:
-    return message("No such run", str(error), 404, button("/runs", "All runs"))
-
-
 @ROUTES.get("/runs/{run}" + SUFFIX)
 @ROUTES.get(WITH_A_PASS + "{pass}/{run}" + SUFFIX)
 async def recording(request: web.Request) -> web.StreamResponse:
     """The recording's file, in parts if asked for; the viewer loads it from here."""
-    try:
-        if request.path.startswith(WITH_A_PASS) and has_pass(request):
-            # The pass was given to who may see the run: rerun's viewer does not say who asks.
-            row = await asyncio.to_thread(find_row, context_of(request).settings.logs, request.match_info["run"])
-            check_recorded(row)
-        else:
-            row = await recorded_row_of(request)
-    except RecordingError as error:
-        return _no_such_run(error)
+    if request.path.startswith(WITH_A_PASS) and has_pass(request):
+        # The pass was given to who may see the run: rerun's viewer does not say who asks.
+        row = await asyncio.to_thread(find_row, context_of(request).settings.logs, request.match_info["run"])
+    else:
+        row = await row_of(request)
+    if row.problem:
+        return message("No such run", row.problem, 404, ALL_RUNS)
     headers = {
         hdrs.CONTENT_TYPE: "application/octet-stream",
         hdrs.CONTENT_DISPOSITION: f'attachment; filename="{re.sub(NO_FILE_NAME, "-", row.id)}{SUFFIX}"',
@@ -259,10 +251,7 @@ async def recording(request: web.Request) -> web.StreamResponse:
 @ROUTES.get("/runs/{run}")
 async def review(request: web.Request) -> web.Response:
     """One run in the viewer, made whole first if its writer died."""
-    try:
-        row = await row_of(request)
-    except RecordingError as error:
-        return _no_such_run(error)
+    row = await row_of(request)
     try:
         if row.problem:
             raise RecordingError(row.problem)
@@ -319,11 +308,7 @@ async def save_notes(request: web.Request) -> web.Response:
 @ROUTES.get("/runs/{run}/delete")
 async def ask_to_delete(request: web.Request) -> web.Response:
     """A run is gone for ever: ask first."""
-    try:
-        row = await row_of(request)
-    except RecordingError as error:
-        return _no_such_run(error)
-    return page("delete.html", "Delete?", here="/runs", going=[row], stay=[])
+    return page("delete.html", "Delete?", here="/runs", going=[await row_of(request)], stay=[])
 
 
 @ROUTES.post("/runs/{run}/delete")

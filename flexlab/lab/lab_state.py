@@ -52,7 +52,8 @@ class LabState:
         """`origin`: where the runner's first run went on from."""
         snapshot = runner.snapshot
         self._runner = runner
-        self._lock = threading.RLock()
+        self.lock = threading.RLock()
+        """Held while settings change; who reads them more than once holds it, too."""
         self._settings = _settings(snapshot.scenario, snapshot.name, origin)
         self._run_name = snapshot.name
         self._run_number = snapshot.run_number
@@ -123,7 +124,7 @@ class LabState:
 
     def set_view(self, **changes: Any) -> None:
         """Change settings of the screen."""
-        with self._lock:
+        with self.lock:
             self._view = dataclasses.replace(self._view, **changes)
 
     def hold_exaggeration(self, factor: float | None) -> None:
@@ -155,7 +156,7 @@ class LabState:
         self._change(changes)
 
     def _change(self, changes: Mapping[str, Any]) -> None:
-        with self._lock:
+        with self.lock:
             wanted = change_path(self.intended, changes, float(self.snapshot.latest.time[0]))
             fault = None if same_reach(self.intended, wanted) else check_trajectory(wanted)
             if fault is not None:
@@ -167,20 +168,20 @@ class LabState:
     def load(self, scenario: Scenario, name: str, origin: Origin | None = None) -> None:
         """Ask for a new run from another scenario, or one that goes on from an earlier run."""
         self._check_lock()
-        with self._lock:
+        with self.lock:
             self._undo.note(self._settings)
             self._start(_settings(scenario, name, origin))
 
     def go_on(self, scenario: Scenario, origin: Origin) -> None:
         """Ask for a run that goes on from an instant of the present one; it came from the same preset or file."""
         self._check_lock()
-        with self._lock:
+        with self.lock:
             self._undo.note(self._settings)
             self._start(Settings(scenario, self.name, self.baseline, origin))
 
     def saved(self, scenario: Scenario, name: str) -> None:
         """`scenario`, the present one apart from its title, was saved as a file: changes are counted against it."""
-        with self._lock:
+        with self.lock:
             self._settings = Settings(self.intended, name, scenario)
 
     def undo(self) -> None:
@@ -198,7 +199,7 @@ class LabState:
     def submit(self, command: Command) -> int:
         """Pass on any other command; returns its number, as `Snapshot.answered` counts."""
         self._check_lock()
-        with self._lock:
+        with self.lock:
             if isinstance(command, Reset):
                 self._pull = None
                 if self._chooses_exaggeration:
@@ -227,7 +228,7 @@ class LabState:
 
     def settle(self, snapshot: Snapshot) -> None:
         """Adopt the engine's scenario where it differs: after a change that it refused, or a change or run from elsewhere."""
-        with self._lock:
+        with self.lock:
             if snapshot.run_number != self._run_number:
                 # Nobody pulls at a new run.
                 self._run_number, self._pull = snapshot.run_number, None
@@ -265,7 +266,7 @@ class LabState:
         return notice if time.monotonic() - notice.at < NOTICE_TIME else Notice("")
 
     def _ask(self, command: Command) -> None:
-        with self._lock:
+        with self.lock:
             self._asked = self._runner.submit(command)
 
     def _check_lock(self) -> None:
@@ -275,7 +276,7 @@ class LabState:
 
     def _step(self, move: Callable[[Settings], Settings | None], otherwise: str) -> None:
         self._check_lock()
-        with self._lock:
+        with self.lock:
             present = self._settings
             wanted = move(present)
             if wanted is None:

@@ -5,7 +5,6 @@ Both are commands, so they are in the log and a replay contains them.
 
 import math
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -55,10 +54,6 @@ class Picking:
         beam.on_drag("left")(handler(self._lab_state, lambda event: self._drag(event, self._take_beam)))
         beam.on_click(handler(self._lab_state, lambda event: self._tap_at(self._on_beam(self._seen(event)))))
         links.on_drag("left")(handler(self._lab_state, lambda event: self._drag(event, self._take_link)))
-
-    def set(self, name: str, value: float) -> None:
-        """Set `stiffness`, `impulse` or `place`."""
-        setattr(self, name, float(value))
 
     def tap(self) -> None:
         """Tap at the chosen place."""
@@ -125,21 +120,30 @@ class DisturbanceSettings:
     """Controls of touch, in the GUI container that is open while it is made."""
 
     def __init__(self, gui: viser.GuiApi, lab_state: LabState, touch: Picking):
-        self._touch = touch
         words = "Drag the beam or a link to pull it with a spring; click the beam to tap it. Drag empty space to turn the camera."
         gui.add_html(f'<div class="fl fl-dim">{words}</div>')
-        self._controls = {}
-        for about, name in ((STIFFNESS, "stiffness"), (IMPULSE, "impulse"), (PLACE, "place")):
-            self._controls[name] = self._control(gui, lab_state, about, name)
+        self._controls = [
+            _control(gui, lab_state, about, touch, name)
+            for about, name in ((STIFFNESS, "stiffness"), (IMPULSE, "impulse"), (PLACE, "place"))
+        ]
         icon, hint = viser.Icon.HAND_CLICK, "An impulse across the beam"
         add_button(gui, lab_state, "Tap", lambda _: touch.tap(), icon=icon, hint=hint)
 
     def settle(self) -> None:
         """Show the true values where nobody is at them."""
-        for name, control in self._controls.items():
-            control.settle(getattr(self._touch, name))
+        for control in self._controls:
+            control.settle()
 
-    def _control(self, gui: viser.GuiApi, lab_state: LabState, about: Quantity, name: str) -> NumberControl:
-        usual = getattr(self._touch, name)
-        ask = partial(self._touch.set, name)
-        return NumberControl(gui, lab_state, about, usual, ask, lambda: usual, hint=f"Allowed: {about.range_text()}.")
+
+def _control(gui: viser.GuiApi, lab_state: LabState, about: Quantity, touch: Picking, name: str) -> NumberControl:
+    """A control of an attribute of `touch`."""
+    usual = getattr(touch, name)
+    return NumberControl(
+        gui,
+        lab_state,
+        about,
+        lambda: getattr(touch, name),
+        lambda value: setattr(touch, name, value),
+        lambda: usual,
+        hint=f"Allowed: {about.range_text()}.",
+    )

@@ -215,7 +215,7 @@ class Session:
         reports.show_run(snapshot.run_number, snapshot.name)
         self._cameras.follow(seen)
         if readouts:
-            with inputs:
+            with inputs, lab_state.lock:
                 self._panel.update(snapshot, seen, self._scene.legend(view))
                 for readout in self._readouts:
                     readout.update(snapshot)

@@ -1,12 +1,12 @@
 """Widgets of viser as the panel uses them: callbacks that show what went wrong as a sentence, and writes of what has changed."""
 
 import time
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterable
 from typing import Any
 
 import viser
 
-from flexlab.errors import FlexlabError
+from flexlab.errors import FlexlabError, LabError
 from flexlab.lab.lab_state import BY_PERSON, LabState
 from flexlab.text import limited
 
@@ -52,6 +52,48 @@ def add_button(
     button = gui.add_button(label, icon=icon, color=color, visible=visible, hint=hint)
     button.on_click(handler(lab_state, action))
     return button
+
+
+class Menu:
+    """A menu of words, in the GUI container that is open while it is made."""
+
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        lab_state: LabState,
+        label: str,
+        options: Callable[[], Iterable[str]],
+        shown: Callable[[], str],
+        choose: Callable[[str], object],
+        *,
+        hint: str | None = None,
+    ):
+        """`options` gives the words that there are now, `shown` that for what is so now; `choose` gets the chosen one."""
+        self._label, self._options, self._shown, self._choose = label, options, shown, choose
+        self.widget = gui.add_dropdown(label, tuple(options()), hint=hint)
+        """As viser has it."""
+        self.widget.on_update(handler(lab_state, lambda _: self._ask(self.widget.value)))
+        self.settle()
+
+    def settle(self, at_once: bool = False) -> None:
+        """Show what is so now, among the options that there are now: a file may bring another one."""
+        options, shown = tuple(self._options()), self._shown()
+        put(self.widget, options=options)
+        if shown in options:
+            put(self.widget, value=shown)
+
+    def remove(self) -> None:
+        """Take the menu off the screen."""
+        self.widget.remove()
+
+    def _ask(self, word: str) -> None:
+        try:
+            if word not in self._options():
+                raise LabError(f"{word[:40]!r} is not an option of {self._label}: choose one from the menu.")
+            self._choose(word)
+        finally:
+            # A refused word is not something to go on typing at: the menu shows the truth at once.
+            self.settle()
 
 
 def put(widget: Any, **values: Any) -> None:

@@ -171,8 +171,7 @@ def test_a_lesson_of_one_s_own_is_checked_in_the_lab(tmp_path: Path, monkeypatch
     stiff = load_preset("paper").replace({"payload.bending_stiffness": 600.0})
     with Session(load_preset("paper"), "paper", port=0, shadows=False) as session:
         guide = Guide(session.server.gui, session.lab_state, session.runner)
-        guide._menu.value = "Own lesson: Stiffer"
-        guide._turn_to(guide._menu.value)
+        guide._turn_to("Own lesson: Stiffer")
         assert session.lab_state.lesson == "Stiffer: step 1 of 3 (guess)"
         session.lab_state.load(stiff, "stiff")
         session.lab_state.submit(SetSpeed(4.0))
@@ -218,10 +217,10 @@ def test_lessons_that_are_new_or_saved_anew_are_taken_up(tmp_path: Path, monkeyp
     monkeypatch.chdir(tmp_path)
     with Session(load_preset("paper"), "paper", port=0, shadows=False) as session:
         guide = Guide(session.server.gui, session.lab_state, session.runner)
-        before = guide._menu.options
+        before = guide._menu.widget.options
         (tmp_path / "lessons").mkdir()
         for text, title in ((EXAMPLE.replace("t >", "zeit >"), "mine (cannot be read)"), (EXAMPLE, "Stiffer")):
             write(tmp_path / "lessons", text)
             for _ in range(EVERY):
                 guide.update(session.runner.snapshot)
-            assert guide._menu.options == (*before, f"Own lesson: {title}")
+            assert guide._menu.widget.options == (*before, f"Own lesson: {title}")

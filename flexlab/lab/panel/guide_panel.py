@@ -17,7 +17,7 @@ from flexlab.guide import (
 )
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.view_settings import fitting_exaggeration
-from flexlab.lab.widgets import add_button, handler, put
+from flexlab.lab.widgets import Menu, add_button, put
 from flexlab.presets import load_preset
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Snapshot
@@ -40,12 +40,12 @@ class Guide:
         self._files = lesson_files()
         self._pace = lab_state.rules.pace
         self._collect()
-        first = next(iter(self._pages))
+        self._shown = next(iter(self._pages))
         gui.add_html('<div class="fl-guide"></div>')  # By which the page knows whether the guide is open.
-        self._menu = gui.add_dropdown("Read", tuple(self._pages), initial_value=first)
+        self._menu = Menu(gui, lab_state, "Read", lambda: self._pages, lambda: self._shown, self._choose)
         self._text = gui.add_markdown("")
         self._guess_question = gui.add_html("", visible=False)
-        self._guess = gui.add_dropdown("What do you guess?", (OPEN,), initial_value=OPEN, visible=False)
+        self._guess = Menu(gui, lab_state, "What do you guess?", self._guessable, self._guessed, self._take_guess)
         self._steps = gui.add_markdown("", visible=False)
         self._start = add_button(
             gui, lab_state, "Load its preset", lambda _: self._load(), visible=False, hint="Starts a new run"
@@ -60,9 +60,7 @@ class Guide:
             hint="Before the check is done",
         )
         self._answer = gui.add_markdown("", visible=False)
-        self._guess.on_update(handler(lab_state, lambda _: self._take_guess(self._guess.value)))
-        self._menu.on_update(handler(lab_state, lambda _: self._choose(self._menu.value)))
-        self._turn_to(first)
+        self._turn_to(self._shown)
 
     def _collect(self) -> None:
         """Know all chapters and lessons that there are now."""
@@ -80,14 +78,12 @@ class Guide:
         files = lesson_files()
         if files == self._files:
             return
-        self._files, title = files, self._menu.value
-        before = self._pages.get(title)
+        self._files, before = files, self._pages[self._shown]
         self._collect()
-        self._menu.options = tuple(self._pages)
-        if title not in self._pages:
-            self._menu.value = next(iter(self._pages))
-        if self._pages[self._menu.value] != before:
-            self._turn_to(self._menu.value)
+        title = self._shown if self._shown in self._pages else next(iter(self._pages))
+        if self._pages[title] != before:
+            self._turn_to(title)
+        self._menu.settle()
 
     def update(self, snapshot: Snapshot) -> None:
         """Check the open lesson."""
@@ -104,14 +100,11 @@ class Guide:
         """Go to the step of the class, or show all steps again."""
         rules = self._lab_state.rules
         self._pace = rules.pace
-        if rules.lesson in self._pages:
-            self._menu.value = rules.lesson
-        self._turn_to(self._menu.value)
+        self._turn_to(rules.lesson if rules.lesson in self._pages else self._shown)
 
     def _choose(self, title: str) -> None:
         rules = self._lab_state.rules
         if rules.lesson in self._pages and title != rules.lesson and isinstance(self._pages[title], Lesson):
-            self._menu.value = self._shown
             raise LabError(rules.pace)
         self._turn_to(title)
 
@@ -123,35 +116,42 @@ class Guide:
 
     def _turn_to(self, title: str) -> None:
         page, self._shown = self._pages[title], title
+        self._menu.settle()
         self._lab_state.lesson = ""
         lesson = page if isinstance(page, Lesson) else None
         self._lab_state.hold_exaggeration(None if lesson is None else _factor(lesson))
-        for widget in (self._guess_question, self._guess, self._steps, self._start, self._verdict):
+        for widget in (self._guess_question, self._guess.widget, self._steps, self._start, self._verdict):
             put(widget, visible=lesson is not None and self._last_step > 1)
         put(self._text, content=with_units(page.question if isinstance(page, Lesson) else page.text))
         if lesson is None:
             put(self._unfold, visible=False)
             put(self._answer, visible=False)
             return
-        for widget in (self._guess_question, self._guess):
+        for widget in (self._guess_question, self._guess.widget):
             put(widget, visible=bool(lesson.options))
         put(self._guess_question, content=f'<div class="fl">{escaped(lesson.guess)}</div>')
-        self._guess.options = (OPEN, *lesson.options)
-        self._guess.value = self._guesses.get(lesson.id, OPEN)
+        self._guess.settle()
         put(self._steps, content=with_units(f"#### Do\n\n{lesson.steps}"))
         self._start.label = f"Load {lesson.preset}"
         self._check(lesson, self._lab_state.snapshot)
 
     def _lesson(self) -> Lesson | None:
-        page = self._pages[self._menu.value]
+        page = self._pages[self._shown]
         return page if isinstance(page, Lesson) else None
+
+    def _guessable(self) -> tuple[str, ...]:
+        lesson = self._lesson()
+        return (OPEN, *(() if lesson is None else lesson.options))
+
+    def _guessed(self) -> str:
+        lesson = self._lesson()
+        return OPEN if lesson is None else self._guesses.get(lesson.id, OPEN)
 
     def _take_guess(self, option: str) -> None:
         lesson = self._lesson()
-        if lesson is None or option == self._guesses.get(lesson.id, OPEN):
+        if lesson is None or option == self._guessed():
             return
         if lesson.id in self._unfolded:
-            self._guess.value = self._guesses.get(lesson.id, OPEN)
             raise LabError("The answer is open: what you guessed before stands.")
         if option in lesson.options:
             self._guesses[lesson.id] = option

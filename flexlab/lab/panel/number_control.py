@@ -34,18 +34,19 @@ LIVE_HINTS = {
 
 Numbers = float | tuple[float, ...] | None
 """The value of a control; None: its switch is off."""
+Marks = tuple[tuple[float, str], ...]
+"""Values on a slider, with what to call them."""
 
 
-def _check_range(about: Quantity, name: str, unit: str, value: Numbers) -> None:
-    """Raises `LabError` for a number outside the range of `about`, by the name and unit of its label."""
+def _check_range(about: Quantity, value: Numbers) -> None:
+    """Raises `LabError` for a number outside the range of `about`."""
     items = value if isinstance(value, tuple) else () if value is None else (value,)
-    space = f" {unit}" if unit not in ("", "1") else ""
     for place, item in enumerate(items, 1):
         if not about.low <= item <= about.high:
-            which = f"{name}, {place} of {len(items)}" if len(items) > 1 else name
+            which = f"{about.title}, {place} of {len(items)}" if len(items) > 1 else about.title
             raise LabError(
-                f"{which} = {number_text(item, 6)}{space} is outside the allowed range {number_text(about.low)} to "
-                f"{number_text(about.high)}{space}: choose a value within it."
+                f"{which} = {number_text(item, 6)}{about.unit_text()} is outside the allowed range {about.range_text()}: "
+                "choose a value within it."
             )
 
 
@@ -109,24 +110,25 @@ class NumberControl:
         gui: viser.GuiApi,
         lab_state: LabState,
         about: Quantity,
-        value: Numbers,
+        read: Callable[[], Numbers],
         ask: Callable[[Numbers], None],
         usual: Callable[[], Numbers] | None = None,
         *,
         hint: str,
-        name: str = "",
-        unit: str | None = None,
         slider: bool = True,
         whole: bool = False,
         switch: tuple[str, Callable[[], Numbers]] | None = None,
+        marks: Callable[[], Marks] = tuple,
     ):
-        """`ask` carries out what a person wants, or raises a `FlexlabError`; `usual` gives what ↺ goes back to.
+        """`read` gives the true value; `ask` carries out what a person wants, or raises a `FlexlabError`.
 
-        `name` and `unit` make the label; else those of `about` do. `slider`: only for a single number. `whole`: only whole
-        numbers count. `switch`: label of the switch that gives the field a value, and which; None: it always has one.
+        Title and unit of `about` make the label. `usual` gives what ↺ goes back to, `marks` the values between the slider's
+        ends that mean something. `slider`: only for a single number. `whole`: only whole numbers count. `switch`: label of
+        the switch that gives the field a value, and which; None: it always has one.
         """
-        self._about, self._name, self._unit = about, name or about.title, about.unit if unit is None else unit
-        self._ask, self._usual, self._value = ask, usual, value
+        self._about = about
+        self._read, self._ask, self._usual, self._marks = read, ask, usual, marks
+        self._value = value = read()
         self._stays_at = value  # As the sentence below the box says.
         self._touched, self._put_right, self._marked = -math.inf, -math.inf, []
         self._scale = Scale(about, whole) if slider else None
@@ -135,37 +137,36 @@ class NumberControl:
             self._switch = checkbox = gui.add_checkbox(switch[0], value is not None, hint=LIVE_HINTS[about.live])
             checkbox.on_update(handler(lab_state, lambda _: self._turn(switch[1]() if checkbox.value else None)))
         shown = switch[1]() if switch is not None and value is None else value
-        label = f"{self._name} ({self._unit})" if self._unit not in ("", "1") else self._name
+        label = f"{about.title} ({about.unit})" if about.unit_text() else about.title
         self._box = self._add_box(gui, label, shown, 1.0 if whole else None, hint)
         put(self._box, visible=value is not None)
         self._box.on_update(handler(lab_state, lambda _: self._type(self._box.value)))
         if self._scale is not None:
             low, high, place = self._scale.low, self._scale.high, self._scale.place(shown)
-            name = f"{self._name}, slider"
+            name = f"{about.title}, slider"
             slide = gui.add_slider(name, low, high, self._scale.step, place, marks=self._scale.marks, hint=hint)
             slide.on_update(handler(lab_state, lambda _: self._slide(slide.value)))
             self._slider = slide
-        back = f"{self._name}: back to its usual value"
+        back = f"{about.title}: back to its usual value"
         self._back = add_button(gui, lab_state, "↺", lambda _: self._go_back(), visible=False, hint=back)
         self._problem = gui.add_html("", visible=False)
-        self._show(value)
+        self.settle()
 
-    def settle(self, value: Numbers) -> None:
-        """Show the true value, unless a person is at this control."""
-        if time.monotonic() - self._touched > SETTLE_TIME:
-            if self._box.value != value:
-                self._put_right = time.monotonic()
-            self._show(value)
-            if time.monotonic() - self._touched > READING_TIME:
-                self._complain("")
-        else:
+    def settle(self, at_once: bool = False) -> None:
+        """Show the true value, unless a person is at this control; `at_once`: all the same, as after a new run.
+
+        A sentence stays while somebody may read it; after a new run, while what it says is true.
+        """
+        value, since = self._read(), time.monotonic() - self._touched
+        self._mark()
+        if since <= SETTLE_TIME and not at_once:
             self._value = value
-
-    def show(self, value: Numbers) -> None:
-        """Show the true value at once: after a reset, a preset, an undo. A sentence stays while what it says is true."""
-        if value != self._stays_at:
-            self._complain("")
+            return
+        if self._box.value != value:
+            self._put_right = time.monotonic()
         self._show(value)
+        if since > READING_TIME or (at_once and value != self._stays_at):
+            self._complain("")
 
     def _show(self, value: Numbers) -> None:
         self._value = value
@@ -181,11 +182,11 @@ class NumberControl:
             if not math.isclose(self._slider.value, place, abs_tol=self._scale.step):
                 self._slider.value = place
 
-    def mark(self, values: tuple[tuple[float, str], ...]) -> None:
+    def _mark(self) -> None:
         """Mark values on the slider, between its ends; those outside it have no place there."""
         if self._scale is None or self._slider is None:
             return
-        places = [(self._scale.place(value), label) for value, label in values if self._scale.shows(value)]
+        places = [(self._scale.place(value), label) for value, label in self._marks() if self._scale.shows(value)]
         if places != self._marked:
             self._marked = places
             mark_slider(self._slider, self._scale.marked(places))
@@ -228,7 +229,7 @@ class NumberControl:
         """Ask for a value; if it is refused, say why below and leave what was typed to be mended."""
         self._touched = time.monotonic()
         try:
-            _check_range(self._about, self._name, self._unit, value)
+            _check_range(self._about, value)
             self._ask(value)
         except FlexlabError as error:
             self._stays_at = self._value

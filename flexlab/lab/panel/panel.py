@@ -121,7 +121,7 @@ class Panel:
         with tabs.add_tab("Compare"):
             self._comparing = Comparing(gui, lab_state, runner, recorded)
         with tabs.add_tab("File"):
-            self._filing = ScenarioFiles(gui, lab_state, link, self._presets.refresh)
+            self._filing = ScenarioFiles(gui, lab_state, link, self._presets.menu.settle)
         with tabs.add_tab("Events"):
             self._events = Events(gui, lab_state)
         self._play = PlayScreen(gui, lab_state, touch, look)
@@ -144,31 +144,26 @@ class Panel:
         self._presets.update()
         self._drive.update(snapshot)
         self._scrub.update()
-        self._play.update(lab_state.intended)
+        self._play.settle()
         self._modes.update(snapshot)
         self._ring.update()
         self._comparing.update(snapshot)
         self._filing.update(snapshot)
         self._tell_three_valued(lab_state.intended)
-        if snapshot.run_number != self._run_number:
-            self._run_number = snapshot.run_number
-            self._viewing.show()
-            for section in self._sections:
-                section.show(snapshot.scenario)
-        else:
-            self._viewing.settle()
-            self._touching.settle()
-            self._settle_sections()
+        is_new, self._run_number = snapshot.run_number != self._run_number, snapshot.run_number
+        self._viewing.settle(is_new)
+        self._touching.settle()
+        self._settle_sections(is_new)
 
-    def _settle_sections(self) -> None:
+    def _settle_sections(self, is_new: bool) -> None:
         """Let the fields follow the scenario; most of the time nothing has moved it, nor is a typed value to be taken back."""
         lab_state = self._lab_state
         scenarios = lab_state.intended, lab_state.baseline
         still = all(new is old for new, old in zip(scenarios, self._settled, strict=True))
-        if not still or time.monotonic() - lab_state.touched_at < READING_TIME + SETTLE_TIME:
+        if is_new or not still or time.monotonic() - lab_state.touched_at < READING_TIME + SETTLE_TIME:
             self._settled = scenarios
             for section in self._sections:
-                section.settle(lab_state.intended)
+                section.settle(is_new)
         self._noted.write_note()
 
     def _tell_three_valued(self, scenario: Scenario) -> None:

@@ -12,13 +12,14 @@ import viser
 from flexlab.errors import LabError
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.look_back import LookBack
-from flexlab.lab.panel.field import Entry, Field
+from flexlab.lab.panel.field import Entry
 from flexlab.lab.panel.number_control import BOX_DIGITS
 from flexlab.lab.panel.readouts import events_html
+from flexlab.lab.panel.sections import Folder
 from flexlab.lab.panel.view_controls import Look
 from flexlab.lab.picking import Picking
 from flexlab.lab.scene.cameras import VIEWS
-from flexlab.lab.widgets import add_button, handler, put
+from flexlab.lab.widgets import Menu, add_button, handler, put
 from flexlab.scenario import Scenario
 from flexlab.sim.command_queue import MOST_STEPS
 from flexlab.sim.commands import Pause, Play, Reset, SetSpeed, StepOnce
@@ -37,32 +38,17 @@ KEY_REPEATS = 0.1
 """Wall seconds within which a repeated key is one that is held down."""
 
 
-class SpeedMenu:
+def speed_menu(gui: viser.GuiApi, lab_state: LabState, label: str) -> Menu:
     """The menu of speeds, in the GUI container that is open while it is made."""
-
-    def __init__(self, gui: viser.GuiApi, lab_state: LabState, label: str):
-        self._lab_state = lab_state
-        self._seen = lab_state.target_speed
-        shown = speed_text(self._seen)
-        self._menu = gui.add_dropdown(
-            label,
-            tuple(SPEED_TEXTS),
-            initial_value=shown if shown in SPEED_TEXTS else speed_text(1.0),
-            hint="Simulated time per real time",
-        )
-        self._menu.on_update(handler(lab_state, lambda _: self._choose(self._menu.value)))
-
-    def update(self, speed: float) -> None:
-        """Follow a speed that was set elsewhere."""
-        shown = speed_text(speed)
-        if speed != self._seen and shown in SPEED_TEXTS:
-            self._seen = speed
-            self._menu.value = shown
-
-    def _choose(self, choice: str) -> None:
-        if choice not in SPEED_TEXTS:
-            raise LabError(f"{choice[:40]!r} is not a speed of the menu: choose one from 1/256 × to 4 ×.")
-        self._lab_state.submit(SetSpeed(SPEED_TEXTS[choice]))
+    return Menu(
+        gui,
+        lab_state,
+        label,
+        lambda: SPEED_TEXTS,
+        lambda: speed_text(lab_state.target_speed),
+        lambda word: lab_state.submit(SetSpeed(SPEED_TEXTS[word])),
+        hint="Simulated time per real time",
+    )
 
 
 class Playback:
@@ -88,7 +74,7 @@ class Playback:
             color=None,
             visible=False,
         )
-        self._speed = SpeedMenu(gui, lab_state, "Speed")
+        self._speed = speed_menu(gui, lab_state, "Speed")
         self._play.on_click(handler(lab_state, lambda _: self._clicked()))
         # Pressing steps once and holding goes on; the click that ends it is no step, but that of the keyboard is one.
         step.on_hold(handler(lab_state, lambda _: self._held_step()), callback_hz=STEPS_PER_SECOND)
@@ -102,7 +88,7 @@ class Playback:
         begins = stands and float(snapshot.latest.time[0]) == snapshot.start_time
         put(self._begin_mark, visible=begins)
         put(self._begin, visible=begins, label=f"Play from t = {number_text(snapshot.start_time, 5)} s")
-        self._speed.update(snapshot.target_speed)
+        self._speed.settle()
 
     def pressed_key(self) -> None:
         """Play or pause, by the key."""
@@ -222,19 +208,21 @@ SENTENCE = (
 )
 
 
-def _damping_path(scenario: Scenario) -> str:
-    """The number of the beam's damping, whatever its kind."""
+def _play_rows(scenario: Scenario) -> list[Entry]:
+    """The beam's stiffness, and the number of its damping, whatever its kind."""
     (name,) = set(type(scenario.payload.damping).model_fields) - {"kind"}
-    return f"payload.damping.{name}"
+    damping = f"payload.damping.{name}"
+    return [
+        Entry("payload.bending_stiffness", name="Stiffness EI", unit="N·m²"),
+        Entry(damping, name="Beam's damping", unit=scenario.about(damping).unit),
+    ]
 
 
 class PlayScreen:
     """Controls of the play screen, in the GUI container that is open while it is made."""
 
     def __init__(self, gui: viser.GuiApi, lab_state: LabState, touch: Picking, look: Look):
-        self._gui, self._lab_state = gui, lab_state
-        self._folder = gui.add_folder("Play")
-        with self._folder:
+        with gui.add_folder("Play"):
             gui.add_html(f'<div class="fl fl-play">{SENTENCE}</div>')  # By which the page finds the screen.
             icon, hint = viser.Icon.HAND_CLICK, "A blow across the beam"
             add_button(gui, lab_state, "Tap", lambda _: touch.tap(), icon=icon, color=None, hint=hint)
@@ -243,22 +231,10 @@ class PlayScreen:
             gui.add_html('<i class="fl-back"></i>')
             hint = "The camera back to where it stood, in this browser"
             add_button(gui, lab_state, "Reset view", lambda event: look(event.client, VIEWS[0]), hint=hint)
-            self._stiffness = Field(gui, lab_state, Entry("payload.bending_stiffness", None, "Stiffness EI", "N·m²"))
-        self._build_damping(lab_state.intended)
-        with self._folder:
-            self._speed = SpeedMenu(gui, lab_state, "Simulation speed")
+            self._beam = Folder(gui, lab_state, None, _play_rows, is_open=True)
+            self._speed = speed_menu(gui, lab_state, "Simulation speed")
 
-    def update(self, scenario: Scenario) -> None:
+    def settle(self) -> None:
         """Follow the run, leaving alone what a person is at."""
-        if _damping_path(scenario) != self._damping_shown or type(scenario.payload.damping) is not self._kind:
-            self._damping.remove()
-            self._build_damping(scenario)
-        for field in (self._stiffness, self._damping):
-            field.settle(scenario)
-        self._speed.update(self._lab_state.target_speed)
-
-    def _build_damping(self, scenario: Scenario) -> None:
-        self._kind, self._damping_shown = type(scenario.payload.damping), _damping_path(scenario)
-        unit = scenario.about(self._damping_shown).unit
-        with self._folder:
-            self._damping = Field(self._gui, self._lab_state, Entry(self._damping_shown, None, "Beam's damping", unit))
+        self._beam.settle()
+        self._speed.settle()

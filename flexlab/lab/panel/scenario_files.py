@@ -14,7 +14,7 @@ from flexlab.errors import PresetError, ScenarioError
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.panel.run_comparison import changes_table, told_html
 from flexlab.lab.reference_run import differences
-from flexlab.lab.widgets import add_button, handler, put
+from flexlab.lab.widgets import Menu, add_button, handler, put
 from flexlab.presets import OWN_FOLDER, load_preset, load_scenario_file, preset_names, save_scenario, scenario_text
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import field_title, told, value_text
@@ -89,27 +89,22 @@ class Presets:
 
     def __init__(self, gui: viser.GuiApi, lab_state: LabState):
         self._lab_state = lab_state
-        names = tuple(preset_names())
-        present = lab_state.snapshot.name
-        options = names if present in names else (present, *names)
         # The page's script finds the menu by this mark: choosing the shown preset once more starts it anew.
         gui.add_html('<i hidden class="fl-preset"></i>')
-        self._menu = gui.add_dropdown("Preset", options, initial_value=present, hint="Starts a new run")
+        self.menu = Menu(
+            gui,
+            lab_state,
+            "Preset",
+            self._offered,
+            lambda: lab_state.name,
+            lambda name: lab_state.load(load_preset(name), name),
+            hint="Starts a new run",
+        )
         self._text = gui.add_html("")
-        self._menu.on_update(handler(lab_state, lambda _: self._load(self._menu.value)))
-
-    def refresh(self) -> None:
-        """Offer the presets that there are now, and show which one the scenario came from."""
-        names, present = tuple(preset_names()), self._lab_state.name
-        options = names if present in names else (present, *names)
-        if options != tuple(self._menu.options):
-            self._menu.options = options
-        if self._menu.value != present:
-            self._menu.value = present
 
     def update(self) -> None:
         """Show which preset the scenario came from, its words, and whether it has been changed."""
-        self.refresh()
+        self.menu.settle()
         baseline, now = self._lab_state.baseline, self._lab_state.intended
         if not self._lab_state.changed:
             head = f'<h2 class="fl-title">{escaped(baseline.title or self._lab_state.name)}</h2>'
@@ -121,8 +116,10 @@ class Presets:
         head = f'<h2 class="fl-title">{escaped(self._lab_state.name)}, changed <span class="fl-badge">not saved</span></h2>'
         put(self._text, content=f'<div class="fl">{head}{"<br>".join(words[:CHANGES_NAMED])}{more}</div>')
 
-    def _load(self, name: str) -> None:
-        self._lab_state.load(load_preset(name), name)
+    def _offered(self) -> list[str]:
+        """The presets that there are now, and what the scenario came from."""
+        names, present = preset_names(), self._lab_state.name
+        return names if present in names else [present, *names]
 
 
 LONGEST_WORDS = 1200

@@ -9,8 +9,9 @@ import viser
 from flexlab.control.conditions import Condition
 from flexlab.control.path import Trajectory
 from flexlab.lab.lab_state import LabState
-from flexlab.lab.panel.field import Choice, Entry, Field, Switch
-from flexlab.lab.widgets import put
+from flexlab.lab.panel.field import Entry, Switch, choice, field
+from flexlab.lab.panel.number_control import NumberControl
+from flexlab.lab.widgets import Menu, put
 from flexlab.quantities import Part, Quantity, describe, own_numbers
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import short_title
@@ -254,32 +255,29 @@ class Folder:
         self,
         gui: viser.GuiApi,
         lab_state: LabState,
-        title: str,
+        title: str | None,
         rows: Callable[[Scenario], list[Entry]],
         *,
         is_open: bool,
         note: Callable[[], str] | None = None,
     ):
-        """`rows`: what it shows of a scenario. `note`: HTML below the fields, asked for at every update."""
+        """`title` None: without head and border. `rows`: what it shows of a scenario.
+
+        `note`: HTML below the fields, asked for at every update.
+        """
         self._gui, self._lab_state, self._rows, self._note = gui, lab_state, rows, note
         self._folder = gui.add_folder(title, expand_by_default=is_open)
         self._noted: viser.GuiHtmlHandle | None = None
-        self._fields: list[Field | Choice] = []
+        self._fields: list[NumberControl | Menu] = []
         self._built_for: list[Entry] | None = None
         self._followed: Scenario | None = None
         self._follow(lab_state.intended)
 
-    def settle(self, scenario: Scenario) -> None:
-        """Follow the scenario, leaving alone what a person is at."""
-        self._follow(scenario)
-        for field in self._fields:
-            field.settle(scenario)
-
-    def show(self, scenario: Scenario) -> None:
-        """Show the scenario in every field, at once."""
-        self._follow(scenario)
-        for field in self._fields:
-            field.show(scenario)
+    def settle(self, at_once: bool = False) -> None:
+        """Follow the scenario; leave alone what a person is at, unless it is to be `at_once`."""
+        self._follow(self._lab_state.intended)
+        for control in self._fields:
+            control.settle(at_once)
 
     def write_note(self) -> None:
         """Bring the note below the fields up to date."""
@@ -300,7 +298,7 @@ class Folder:
             self._fields = [self._field(row) for row in rows]
             self._noted = self._gui.add_html(self._note()) if self._note is not None else None
 
-    def _field(self, row: Entry) -> Field | Choice:
+    def _field(self, row: Entry) -> NumberControl | Menu:
         if row.is_menu:
-            return Choice(self._gui, self._lab_state, row.path)
-        return Field(self._gui, self._lab_state, row, SWITCHES.get(row.path) if row.boxes else None)
+            return choice(self._gui, self._lab_state, row.path)
+        return field(self._gui, self._lab_state, row, SWITCHES.get(row.path) if row.boxes else None)

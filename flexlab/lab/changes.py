@@ -80,12 +80,8 @@ class SlowChanges:
         self._carry_out, self._say = carry_out, say
         self._lock = threading.Lock()
         self._waiting: dict[str, Any] = {}
-        self._is_busy = False
-
-    @property
-    def is_busy(self) -> bool:
+        self.is_busy = False
         """Whether a change of the path must wait for another one."""
-        return self._is_busy
 
     def ask(self, changes: Mapping[str, Any]) -> None:
         """Carry a change out on a thread of its own. Any thread."""
@@ -93,8 +89,8 @@ class SlowChanges:
             if f"{PATH}.kind" in changes or PATH in changes:  # Fields of the path that is left mean nothing any more.
                 self._waiting = {path: value for path, value in self._waiting.items() if not path.startswith(PATH)}
             self._waiting.update(changes)
-            if not self._is_busy:
-                self._is_busy = True
+            if not self.is_busy:
+                self.is_busy = True
                 threading.Thread(target=self._work, name="flexlab-own-path", daemon=True).start()
 
     def _work(self) -> None:
@@ -102,7 +98,7 @@ class SlowChanges:
             with self._lock:
                 changes, self._waiting = self._waiting, {}
                 if not changes:
-                    self._is_busy = False
+                    self.is_busy = False
                     return
             try:
                 self._carry_out(changes)

@@ -61,7 +61,8 @@ class LabState:
         self._asked = 0
         self._asked_play, self._asked_speed = (0, False), (0, 1.0)
         self._notice = Notice("")
-        self._pull: Pull | None = None
+        self.pulled: Pull | None = None
+        """The pull that a person holds now."""
         self.kept: ReferenceRun | None = None
         """The run that is drawn behind the present one."""
         self.touched_at = -math.inf
@@ -74,7 +75,8 @@ class LabState:
         """The teacher's rules."""
         self.company: Callable[[], int] = lambda: 0
         """Number of browsers connected to this lab."""
-        self._view = ViewSettings(exaggeration=fitting_exaggeration(snapshot.scenario))
+        self.view = ViewSettings(exaggeration=fitting_exaggeration(snapshot.scenario))
+        """What the screen shows."""
         self._lesson_holds_factor = False
         self._fitted_speed = snapshot.target_speed
         self._slow = SlowChanges(self._change_slowly, self.say)
@@ -117,26 +119,21 @@ class LabState:
         """Whether the scenario differs from the preset or file that it came from, titles apart."""
         return bool(differences(self._settings.baseline, self._settings.scenario))
 
-    @property
-    def view(self) -> ViewSettings:
-        """What the screen shows."""
-        return self._view
-
     def set_view(self, **changes: Any) -> None:
         """Change settings of the screen."""
         with self.lock:
-            self._view = dataclasses.replace(self._view, **changes)
+            self.view = dataclasses.replace(self.view, **changes)
 
     def hold_exaggeration(self, factor: float | None) -> None:
         """Draw deflections by a fixed factor, as in a lesson; None: by the factor that suits each run."""
         self._lesson_holds_factor = factor is not None
-        if factor is not None and self._view.follow_deflection:
+        if factor is not None and self.view.follow_deflection:
             self.set_view(exaggeration=factor)
 
     @property
     def _chooses_exaggeration(self) -> bool:
         """Whether the factor follows the run. It stays in a lesson and beside a kept run, so that runs can be compared."""
-        return self._view.follow_deflection and not self._lesson_holds_factor and self.kept is None
+        return self.view.follow_deflection and not self._lesson_holds_factor and self.kept is None
 
     def change(self, changes: Mapping[str, Any]) -> None:
         """Ask for scenario fields by path; raises `ScenarioError`, and sends nothing, if the result is not valid.
@@ -201,7 +198,7 @@ class LabState:
         self._check_lock()
         with self.lock:
             if isinstance(command, Reset):
-                self._pull = None
+                self.pulled = None
                 if self._chooses_exaggeration:
                     self.set_view(exaggeration=fitting_exaggeration(self.intended))
             self._ask(command)
@@ -215,23 +212,18 @@ class LabState:
         """Pull beam or link, or let go (None)."""
         if pull is not None:
             self._check_lock()
-        if pull is None and self._pull is not None:
-            self._runner.submit(dataclasses.replace(self._pull, stiffness=0.0))
+        if pull is None and self.pulled is not None:
+            self._runner.submit(dataclasses.replace(self.pulled, stiffness=0.0))
         elif pull is not None:
             self._runner.submit(pull)
-        self._pull = pull
-
-    @property
-    def pulled(self) -> Pull | None:
-        """The pull that a person holds now."""
-        return self._pull
+        self.pulled = pull
 
     def settle(self, snapshot: Snapshot) -> None:
         """Adopt the engine's scenario where it differs: after a change that it refused, or a change or run from elsewhere."""
         with self.lock:
             if snapshot.run_number != self._run_number:
                 # Nobody pulls at a new run.
-                self._run_number, self._pull = snapshot.run_number, None
+                self._run_number, self.pulled = snapshot.run_number, None
             if snapshot.answered < self._asked:
                 return
             if snapshot.name != self._run_name:
@@ -244,15 +236,15 @@ class LabState:
         """Adapt exaggeration and plot window to the run, unless a person chose them; called ten times a second."""
         if snapshot.target_speed != self._fitted_speed:
             self._fitted_speed = snapshot.target_speed
-            if self._view.follow_speed:
+            if self.view.follow_speed:
                 self.set_view(plot_window=fitting_window(snapshot.target_speed))
         if not self._chooses_exaggeration or not snapshot.playing:
             return
         payload, recent = snapshot.scenario.payload, self._runner.recent(SEEN_AT_ONCE)
         if len(recent) and recent.beam_coordinates.shape[1] == payload.coordinate_count:
             deflection = peak_deflection(payload, recent.beam_coordinates)
-            factor = tamed_exaggeration(self._view.exaggeration, deflection, payload.length)
-            if factor != self._view.exaggeration:
+            factor = tamed_exaggeration(self.view.exaggeration, deflection, payload.length)
+            if factor != self.view.exaggeration:
                 self.set_view(exaggeration=factor)
 
     def say(self, text: str, level: str = "info") -> None:
@@ -292,7 +284,7 @@ class LabState:
 
     def _start(self, settings: Settings) -> None:
         self._settings, self._run_name = settings, settings.name
-        self._pull = None
+        self.pulled = None
         self.set_view(shown_mode=None)
         if self._chooses_exaggeration:
             self.set_view(exaggeration=fitting_exaggeration(settings.scenario))

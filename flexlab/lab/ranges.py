@@ -25,17 +25,12 @@ class Range:
         self.limit = least
         self._small_for = 0
 
-    def fit(self, extent: float) -> bool:
-        """Take in the greatest absolute value now in the window; returns whether the limit changed."""
+    def fit(self, extent: float) -> None:
+        """Take in the greatest absolute value now in the window."""
         wanted = max(round_up(extent * 1.05), self._least)
-        if wanted > self.limit:
-            self.limit, self._small_for = wanted, 0
-            return True
         self._small_for = self._small_for + 1 if extent < SHRINK_BELOW * self.limit and wanted < self.limit else 0
-        if self._small_for < self._patience:
-            return False
-        self.limit, self._small_for = wanted, 0
-        return True
+        if wanted > self.limit or self._small_for >= self._patience:
+            self.limit, self._small_for = wanted, 0
 
 
 class Span:

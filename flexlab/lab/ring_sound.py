@@ -61,12 +61,8 @@ class Tones:
         shapes = beam.modes.V[:, kept]
         self._to_modes = product(beam.matrices.M_q, shapes)
         self._widest = np.array([peak_deflection(payload, shape) for shape in shapes.T])
-        self._window = min(max(2 * np.pi / float(omega[0]), SHORTEST), LONGEST)
-
-    @property
-    def window(self) -> float:
+        self.window = min(max(2 * np.pi / float(omega[0]), SHORTEST), LONGEST)
         """Seconds of the run that count."""
-        return self._window
 
     def amplitudes(self, recent: Samples) -> np.ndarray:
         """Amplitude of each mode at its widest place, m, (modes,).

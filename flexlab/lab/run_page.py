@@ -19,7 +19,7 @@ from flexlab.lab.scene.beam import Beam
 from flexlab.lab.scene.cameras import FIELD_OF_VIEW, Window, overview
 from flexlab.lab.scene.forces import Forces
 from flexlab.lab.scene.overlays import Overlays
-from flexlab.lab.scene.stage import draw_floor, set_light
+from flexlab.lab.scene.stage import draw_floor, floor_extent, set_light
 from flexlab.lab.view_settings import ViewSettings, fitting_exaggeration
 from flexlab.lab.viser_internals import in_the_systems_colors
 from flexlab.lab.viser_server import open_server
@@ -31,6 +31,8 @@ FRAMES_PER_SECOND = 30
 """Pictures per second of the recording: smooth to the eye, and ten seconds still make a small file."""
 WINDOW = Window(2.0)
 """The picture's shape: twice as wide as high."""
+CAPTION_OFFSET = 0.05
+"""From the floor's far edge to the words above the picture, m."""
 MOST_FRAMES = 3000
 """Beyond this a file grows too large to send; longer runs get fewer frames a second."""
 
@@ -62,7 +64,6 @@ def animation_html(run: Run) -> str:
         raise StudyError("The run has no samples: there is nothing to draw.")
     scenario, times = run.scenario, frame_times(run)
     view = ViewSettings(exaggeration=fitting_exaggeration(scenario))
-    caption = f"beam deflection drawn × {number_text(view.exaggeration)}"
     server = open_server("127.0.0.1", 0, "flexlab", InputGuard())
     try:
         scene = server.scene
@@ -73,13 +74,16 @@ def animation_html(run: Run) -> str:
         draw_floor(scene, scenario)
         arms, beam = Arms(scene, scenario), Beam(scene, scenario)
         overlays, forces = Overlays(scene, scenario), Forces(scene, scenario)
+        x_min, x_max, _, y_max = floor_extent(scenario)
+        place, caption = ((x_min + x_max) / 2, y_max + CAPTION_OFFSET, 0.0), number_text(view.exaggeration)
+        scene.add_label("/caption", f"beam deflection drawn × {caption}", position=place, anchor="bottom-center")
         rows = np.searchsorted(run.time, times - 1e-9).clip(0, len(run) - 1)
 
         def draw(row: int) -> None:
             sample = run.slice(row, row + 1)
             arms.update(scenario, sample)
             beam.update(scenario, sample, view)
-            overlays.update(scenario, sample, view, caption)
+            overlays.update(scenario, sample, view)
             forces.update(scenario, sample, view)
 
         draw(int(rows[0]))

@@ -1,6 +1,7 @@
 """One lab: a server for browsers, the simulation behind it, and whoever records it, on one object."""
 
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 
 import viser
 
@@ -85,8 +86,7 @@ class Session:
         self._server: GuardedServer | None = None
         self._lab_state: LabState | None = None
         self._study = ModeStudy()
-        self._drawing: RenderLoop | None = None
-        self._own_files: OwnFileWatch | None = None
+        self._closing = ExitStack()
 
     @property
     def server(self) -> GuardedServer:
@@ -115,12 +115,15 @@ class Session:
     def start(self) -> None:
         """Serve the page and start the simulation. Raises `LabError`, and leaves nothing running, if it cannot."""
         self._server = open_server(self._host, self._port, "flexlab", self.guard, self._secret, PAGE_SCRIPT, PAGE_SHEET)
+        closing = self._closing
+        closing.callback(self._server.stop)
         try:
-            self._drawing = self._furnish(self._server)
-            self._own_files = OwnFileWatch(self.lab_state)
-            self._own_files.start()
+            drawing, own_files = self._furnish(self._server), OwnFileWatch(self.lab_state)
+            for part in (self.runner, self._study, drawing, own_files):
+                closing.callback(part.stop)
+            own_files.start()
             self.runner.start()
-            self._drawing.start()
+            drawing.start()
         except BaseException:
             self.stop()
             raise
@@ -128,15 +131,9 @@ class Session:
     def stop(self) -> None:
         """Stop drawing, simulation and server; returns when all threads are done. May be called twice."""
         hosts.stop_loading()
-        if self._own_files is not None:
-            self._own_files.stop()
-        if self._drawing is not None:
-            self._drawing.stop()
-        self._study.stop()
-        self.runner.stop()
-        if self._server is not None:
-            self._server.stop()
-        self._drawing = self._lab_state = self._server = None
+        self._closing.close()
+        self.runner.stop()  # If it never started, too.
+        self._lab_state = self._server = None
 
     def __enter__(self) -> "Session":
         self.start()

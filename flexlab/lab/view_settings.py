@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Annotated, get_type_hints
 
 from flexlab.guide import HIGHEST_EXAGGERATION
 from flexlab.quantities import Quantity
@@ -27,27 +28,27 @@ USUAL_WINDOW = 5.0
 
 @dataclass(frozen=True)
 class ViewSettings:
-    """Settings of the screen. `exaggeration`: factor on the drawn deflection; `plot_window`: s.
+    """Settings of the screen, those that are on or off with their names there.
 
-    `follow_deflection`: whether the lab chooses the exaggeration, for each run anew;
-    `follow_speed`: whether it chooses the window.
-    `shown_mode`: index of the mode whose shape is animated in place of the run, or None.
+    `exaggeration`: factor on the drawn deflection; `plot_window`: s. `follow_deflection`: whether the lab chooses the
+    exaggeration, for each run anew; `follow_speed`: whether it chooses the window. `shown_mode`: index of the mode whose shape
+    is animated in place of the run, or None.
     """
 
     exaggeration: float = 50.0
-    follow_deflection: bool = True
-    follow_speed: bool = True
-    strain: bool = False
-    axial: bool = False
-    forces: bool = True
-    moving_force: bool = False
-    moments: bool = False
-    ghost: bool = True
-    path: bool = True
-    trail: bool = False
-    reach: bool = False
     plot_window: float = USUAL_WINDOW
-    hold_plots: bool = False
+    follow_deflection: Annotated[bool, "Exaggeration suits each run"] = True
+    follow_speed: Annotated[bool, "Plot window follows the speed"] = True
+    strain: Annotated[bool, "Strain colours"] = False
+    axial: Annotated[bool, "Axial force colours"] = False
+    forces: Annotated[bool, "Internal force"] = True
+    moments: Annotated[bool, "Internal moment"] = False
+    moving_force: Annotated[bool, "Moving force"] = False
+    ghost: Annotated[bool, "Desired pose"] = True
+    path: Annotated[bool, "Desired path"] = True
+    trail: Annotated[bool, "Trail of the payload"] = False
+    reach: Annotated[bool, "Reach and singular poses"] = False
+    hold_plots: Annotated[bool, "Hold the plots still"] = False
     shown_mode: int | None = None
 
 
@@ -63,20 +64,8 @@ class Legend:
     """How the drawn deflection relates to the true one."""
 
 
-SWITCHES = {
-    "follow_deflection": "Exaggeration suits each run",
-    "follow_speed": "Plot window follows the speed",
-    "strain": "Strain colours",
-    "axial": "Axial force colours",
-    "forces": "Internal force",
-    "moments": "Internal moment",
-    "moving_force": "Moving force",
-    "ghost": "Desired pose",
-    "path": "Desired path",
-    "trail": "Trail of the payload",
-    "reach": "Reach and singular poses",
-    "hold_plots": "Hold the plots still",
-}
+_HINTS = get_type_hints(ViewSettings, include_extras=True)
+SWITCHES = {name: hint.__metadata__[0] for name, hint in _HINTS.items() if hasattr(hint, "__metadata__")}
 """Settings that are on or off, and their names on the screen."""
 
 

@@ -228,20 +228,18 @@ def widget_uuid(handle: Any) -> str:
 
 def set_panel_width(client: viser.ClientHandle, panel: Any, width: float) -> None:
     """Give a panel of all browsers a width, px, in one browser."""
-    gui = client.gui
-    gui._websock_interface.queue_message(
-        _messages.GuiSetPanelWidthMessage(panel._placement_uuid, width, gui._next_layout_counter(), gui._layout_run_id)
-    )
+    _lay_out(client, panel, _messages.GuiSetPanelWidthMessage, width)
 
 
 def fold_panel(client: viser.ClientHandle, panel: viser.PanelHandle, folded: bool) -> None:
     """Fold a panel of all browsers to its strip, or open it, in one browser."""
+    _lay_out(client, panel, _messages.GuiSetPanelCollapsedMessage, folded)
+
+
+def _lay_out(client: viser.ClientHandle, panel: Any, message: type, value: float) -> None:
     gui = client.gui
-    gui._websock_interface.queue_message(
-        _messages.GuiSetPanelCollapsedMessage(
-            panel._placement_uuid, folded, gui._next_layout_counter(), gui._layout_run_id
-        )
-    )
+    told = message(panel._placement_uuid, value, gui._next_layout_counter(), gui._layout_run_id)
+    gui._websock_interface.queue_message(told)
 
 
 def client_of(server: viser.ViserServer, connection: ServerConnection) -> int:

@@ -39,25 +39,18 @@ class RingStudy:
 
     def __init__(self, runner: Runner):
         self._runner = runner
-        self._lock = threading.Lock()
-        self._is_busy = False
+        self.is_busy = False
+        """Whether a fit is under way."""
         self.result: FittedRing | None = None
         """None before the first, and where there was nothing to fit."""
         self.problem = ""
         """Why there is no result, as a sentence."""
 
-    @property
-    def is_busy(self) -> bool:
-        """Whether a fit is under way."""
-        return self._is_busy
-
     def ask(self) -> None:
-        """Fit the newest ring."""
-        with self._lock:
-            if self._is_busy:
-                return
-            self._is_busy = True
-        threading.Thread(target=self._work, name="flexlab-ring", daemon=True).start()
+        """Fit the newest ring, unless a fit is under way. For one thread."""
+        if not self.is_busy:
+            self.is_busy = True
+            threading.Thread(target=self._work, name="flexlab-ring", daemon=True).start()
 
     def _work(self) -> None:
         try:
@@ -71,7 +64,7 @@ class RingStudy:
             log.exception("a fit failed")
             self.result, self.problem = None, f"The ring could not be fitted ({type(error).__name__}: {error})."
         finally:
-            self._is_busy = False
+            self.is_busy = False
 
 
 SYMBOLS = {"lateral_vibration_gain": ("k_v", "1/(kg·s)"), "angular_vibration_gain": ("k_θ", "1/(kg·m²·s)")}

@@ -150,7 +150,7 @@ class ScenarioFiles:
             ("Redo", viser.Icon.ARROW_FORWARD_UP, "Make it again (Ctrl+Shift+Z)", lab_state.redo),
             ("Back to preset", None, "A new run without your changes", lab_state.back_to_baseline),
         ):
-            add_button(gui, lab_state, label, _without_event(action), icon=icon, hint=hint)
+            add_button(gui, lab_state, label, lambda _, action=action: action(), icon=icon, hint=hint)
         self._suggested = self._suggestion()
         self.name = gui.add_text("Name", self._suggested, hint="Of the preset; its file gets it in small letters")
         self.words = gui.add_text(
@@ -241,10 +241,6 @@ class ScenarioFiles:
         rows = decoded_path(content, visible(Path(name).name, LONGEST_FILE_NAME))
         self._lab_state.change({"trajectory.kind": "table", "trajectory.rows": rows})
         self._lab_state.say(f"Follows {len(rows)} rows from now on.")
-
-
-def _without_event(action: Callable[[], None]) -> Callable[[Any], None]:
-    return lambda _: action()
 
 
 def changes_html(name: str, baseline: Scenario, scenario: Scenario) -> str:

@@ -228,6 +228,8 @@ class Chart:
             height=HEIGHT,
             padding=(6, 12, 0, 0),
         )
+        self.uuid = widget_uuid(self._handle)
+        """The page's identifier of this chart."""
         note = f'<div class="fl fl-dim">{escaped(plot.note)}</div>' if plot.note else ""
         self._note = gui.add_html(note, visible=bool(note))
 
@@ -235,11 +237,6 @@ class Chart:
     def newest(self) -> int:
         """Tick of the newest sample taken in, -1 if none."""
         return self._curve.newest
-
-    @property
-    def uuid(self) -> str:
-        """The page's identifier of this chart."""
-        return widget_uuid(self._handle)
 
     def restart(self, window: float) -> None:
         """Forget everything and go on with a window of `window` s."""

@@ -81,11 +81,8 @@ class Spectrum:
             height=2 * HEIGHT,
             padding=(6, 12, 0, 0),
         )
-
-    @property
-    def uuid(self) -> str:
+        self.uuid = widget_uuid(self._handle)
         """The page's identifier of this chart."""
-        return widget_uuid(self._handle)
 
     def clear(self) -> None:
         """Show nothing: another run has begun."""

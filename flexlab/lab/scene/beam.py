@@ -4,6 +4,8 @@ Its deflection is exaggerated by a shown factor. The beam of a kept run is drawn
 time.
 """
 
+from typing import Any
+
 import numpy as np
 import viser
 
@@ -53,43 +55,45 @@ def tube_faces(count: int, sides: int = SIDES) -> np.ndarray:
     return np.concatenate([first.reshape(-1, 3), second.reshape(-1, 3)])
 
 
+class Tube:
+    """A tube at the beam's height, to be drawn around lines of `count` points; `radius` m for the paper's arms."""
+
+    def __init__(
+        self,
+        scene: viser.SceneApi,
+        scenario: Scenario,
+        name: str,
+        count: int,
+        radius: float,
+        sides: int = SIDES,
+        **look: Any,
+    ):
+        self._size, self._radius, self._sides = scene_size(scenario), radius, sides
+        nowhere, faces = np.zeros(((count + 2) * sides, 3)), tube_faces(count, sides)
+        self.mesh = scene.add_mesh_simple(name, nowhere, faces, receive_shadow=False, **look)
+
+    def draw(self, line: np.ndarray) -> None:
+        """Bend it along a line (count, 2) m."""
+        height = arms.BEAM_HEIGHT * self._size
+        self.mesh.vertices = tube_vertices(line, self._radius * self._size, height, self._sides)
+
+
 class Beam:
     """Draws the payload; `update` bends it. `grab`: an unseen thicker tube around it, to be touched."""
 
     def __init__(self, scene: viser.SceneApi, scenario: Scenario):
-        self._size = scene_size(scenario)
-        straight = np.column_stack([np.linspace(-0.5, 0.5, STATIONS) * scenario.payload.length, np.zeros(STATIONS)])
-        self.mesh = scene.add_mesh_simple(
-            "/beam",
-            self._around(straight),
-            tube_faces(STATIONS),
-            color=colors.BEAM,
-            receive_shadow=False,
-        )
-
-        self.grab = scene.add_mesh_simple(
-            "/grab",
-            self._grab_around(straight),
-            tube_faces(len(straight[::GRAB_EVERY]), GRAB_SIDES),
-            opacity=0.0,
-            cast_shadow=False,
-            receive_shadow=False,
-        )
-
-    def _around(self, line: np.ndarray) -> np.ndarray:
-        return tube_vertices(line, TUBE_RADIUS * self._size, arms.BEAM_HEIGHT * self._size)
-
-    def _grab_around(self, line: np.ndarray) -> np.ndarray:
-        height = arms.BEAM_HEIGHT * self._size
-        return tube_vertices(line[::GRAB_EVERY], GRAB_RADIUS * self._size, height, GRAB_SIDES)
+        self._tube = Tube(scene, scenario, "/beam", STATIONS, TUBE_RADIUS, color=colors.BEAM)
+        count = len(range(0, STATIONS, GRAB_EVERY))
+        self._around = Tube(scene, scenario, "/grab", count, GRAB_RADIUS, GRAB_SIDES, opacity=0.0, cast_shadow=False)
+        self.mesh, self.grab = self._tube.mesh, self._around.mesh
 
     def update(self, scenario: Scenario, sample: Samples, view: ViewSettings) -> None:
         """Bend the tube as `sample` (N = 1) has it, exaggerated as `view` asks; hidden while strain is coloured."""
         line = beam_points(scenario, sample, STATIONS, view.exaggeration)[0]
         self.mesh.visible = not (view.strain or view.axial)
         if not (view.strain or view.axial):
-            self.mesh.vertices = self._around(line)
-        self.grab.vertices = self._grab_around(line)
+            self._tube.draw(line)
+        self._around.draw(line[::GRAB_EVERY])
 
 
 OPACITY = 0.45
@@ -101,26 +105,15 @@ class ReferenceBeam:
     """The beam of the kept run, drawn while that has a sample for the present time."""
 
     def __init__(self, scene: viser.SceneApi, scenario: Scenario):
-        self._size = scene_size(scenario)
-        self._tube = scene.add_mesh_simple(
-            "/kept",
-            np.zeros(((STATIONS + 2) * SIDES, 3)),
-            tube_faces(STATIONS),
-            color=colors.GRAY,
-            opacity=OPACITY,
-            cast_shadow=False,
-            receive_shadow=False,
-            visible=False,
-        )
+        look = {"color": colors.GRAY, "opacity": OPACITY, "cast_shadow": False, "visible": False}
+        self._tube = Tube(scene, scenario, "/kept", STATIONS, SHARE * TUBE_RADIUS, **look)
 
     def update(self, sample: Samples, view: ViewSettings, kept: ReferenceRun | None) -> None:
         """Draw `kept` at the time of `sample` (N = 1)."""
         past = kept.at(float(sample.time[0])) if kept is not None else None
-        self._tube.visible = past is not None
+        self._tube.mesh.visible = past is not None
         if kept is not None and past is not None:
-            line = beam_points(kept.scenario, past, STATIONS, view.exaggeration)[0]
-            height = arms.BEAM_HEIGHT * self._size
-            self._tube.vertices = tube_vertices(line, SHARE * TUBE_RADIUS * self._size, height)
+            self._tube.draw(beam_points(kept.scenario, past, STATIONS, view.exaggeration)[0])
 
 
 PIECES = 48

@@ -13,10 +13,9 @@ from flexlab.control.path import build_motion
 from flexlab.lab import colors
 from flexlab.lab.scene import arms
 from flexlab.lab.scene.arms import scene_size
-from flexlab.lab.scene.beam import SIDES, tube_faces, tube_vertices
+from flexlab.lab.scene.beam import Tube
 from flexlab.lab.scene.stage import floor_extent
 from flexlab.lab.view_settings import ViewSettings
-from flexlab.lab.widgets import put
 from flexlab.scenario import Scenario
 from flexlab.sim.geometry import link_points
 from flexlab.sim.samples import Samples
@@ -29,8 +28,6 @@ LONGEST_PATH_TIME = 20.0
 """The path is drawn once, but for no more than this, s."""
 TRAIL_POINTS = 91
 """Places that the trail remembers: 3 s of pictures."""
-LABEL_OFFSET = 0.05
-"""From the floor's far edge to the words above the picture, m."""
 GHOST_OPACITY = 0.3
 GHOST_RADIUS = 0.013
 """Drawn radius of the desired pose for the paper's arms, m: a little narrower than the beam, whose colour it leaves alone."""
@@ -57,22 +54,11 @@ class Overlays:
         self._height = arms.BEAM_HEIGHT * self._size
         self._path_source: object = None
         self._trail_places: deque[np.ndarray] = deque(maxlen=TRAIL_POINTS)
-        self._ghost = scene.add_mesh_simple(
-            "/overlays/desired",
-            np.zeros((4 * SIDES, 3)),
-            tube_faces(2),
-            color=colors.DESIRED,
-            opacity=GHOST_OPACITY,
-            cast_shadow=False,
-            receive_shadow=False,
-        )
+        look = {"color": colors.DESIRED, "opacity": GHOST_OPACITY, "cast_shadow": False}
+        self._ghost = Tube(scene, scenario, "/overlays/desired", 2, GHOST_RADIUS, **look)
         self._path = self._line(scene, "path", PATH_POINTS - 1, colors.DESIRED, 2.0)
         self._link = self._line(scene, "link", DASHES, colors.GRAY, 2.0)
         self._trail = self._line(scene, "trail", TRAIL_POINTS - 1, colors.BEAM, 2.5)
-        x_min, x_max, _, y_max = floor_extent(scenario)
-        # It stands still: a browser applies poses ahead of arrays, so beside a moving beam it would run away from it.
-        place = ((x_min + x_max) / 2, y_max + LABEL_OFFSET, 0.0)
-        self._caption = scene.add_label("/overlays/caption", "", position=place, anchor="bottom-center", visible=False)
 
     @staticmethod
     def _line(
@@ -81,20 +67,18 @@ class Overlays:
         points = np.zeros((count, 2, 3))
         return scene.add_line_segments(f"/overlays/{name}", points, color, thickness=width, thickness_units="screen")
 
-    def update(self, scenario: Scenario, sample: Samples, view: ViewSettings, caption: str) -> None:
-        """Move everything to where `sample` (N = 1) has it, showing what `view` asks for; `caption`: words above it, or none."""
+    def update(self, scenario: Scenario, sample: Samples, view: ViewSettings) -> None:
+        """Move everything to where `sample` (N = 1) has it, showing what `view` asks for."""
         self._update_path(scenario, view)
         self._update_trail(sample, view)
-        self._ghost.visible = view.ghost
+        self._ghost.mesh.visible = view.ghost
         # By vertices, not by node pose: the browser applies poses ahead of arrays, and the ghost would lead the beam.
-        desired = link_points(scenario, sample.desired_pose)[0]
-        self._ghost.vertices = tube_vertices(desired, GHOST_RADIUS * self._size, self._height)
+        self._ghost.draw(link_points(scenario, sample.desired_pose)[0])
         grips = link_points(scenario, sample.pose)[0]
         share = np.linspace(0, 1, 2 * DASHES)[:, None]
         dashes = grips[0] + share * (grips[1] - grips[0])
         top = np.full(2 * DASHES, self._height + 0.03 * self._size)
         self._link.points = np.column_stack([dashes, top]).reshape(DASHES, 2, 3).astype(np.float32)
-        put(self._caption, text=caption, visible=bool(caption))
 
     def forget_trail(self) -> None:
         """Begin the trail anew: after a reset."""

@@ -53,7 +53,7 @@ class Scene:
             self._arms.update(scenario, sample)
             self._beam.update(scenario, bent, view)
             self._strain.update(scenario, bent, view)
-            self._overlays.update(scenario, sample, view, "")
+            self._overlays.update(scenario, sample, view)
             self._forces.update(scenario, sample, view)
             self._pull.update(scenario, sample, view, pull)
             self._kept.update(sample, view, kept)

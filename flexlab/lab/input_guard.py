@@ -10,6 +10,7 @@ import logging
 import math
 import time
 from collections import OrderedDict
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -212,43 +213,41 @@ def _check_update(server: GuardedServer, client: int, message: GuiUpdateMessage)
     handle = find_input(server, client, message.uuid)
     if handle is None:
         raise Refused("it changes a control that is not there")
-    _, _, is_button, options = input_state(handle)
-    problem = _problem(handle, message.updates)
+    label, present, is_button, options = input_state(handle)
+    problem = _problem(present, options, message.updates)
     if problem:
         if "value" in message.updates and not is_button:
             show_true_value(handle)
-        raise Refused("its value cannot be meant", problem)
+        raise Refused("its value cannot be meant", f"{label}: {problem} Nothing was changed.")
     return PRESS_COST if is_button or options is not None else 0.0
 
 
-def _problem(handle: Any, updates: Any) -> str:
-    """What is wrong with an update, as a sentence; empty if it is valid."""
-    label, present, _, options = input_state(handle)
-    if not isinstance(updates, dict) or set(updates) != {"value"}:
-        return f"{label}: the browser sent something that is not a value. Nothing was changed."
+def _problem(present: Any, options: Collection[str] | None, updates: dict[str, Any]) -> str:
+    """What is wrong with an update of a widget that has the value `present`, as a sentence; empty if it is valid."""
+    if set(updates) != {"value"}:
+        return "the browser sent something that is not a value."
     new = updates["value"]
-    kept = "Nothing was changed."
     if isinstance(present, bool):  # That of a button, too; that of one that takes files is a file.
-        return "" if isinstance(new, bool) else f"{label}: needs on or off. {kept}"
+        return "" if isinstance(new, bool) else "needs on or off."
     if isinstance(present, (int, float)):
-        return _number_problem(label, new, kept)
+        return _number_problem(new)
     if isinstance(present, tuple):
         if not isinstance(new, (list, tuple)) or len(new) != len(present):
-            return f"{label}: needs {len(present)} numbers. {kept}"
-        return next((problem for item in new if (problem := _number_problem(label, item, kept))), "")
+            return f"needs {len(present)} numbers."
+        return next(filter(None, map(_number_problem, new)), "")
     if isinstance(present, str):
         if not isinstance(new, str):
-            return f"{label}: needs a text. {kept}"
+            return "needs a text."
         if len(new) > LONGEST_INPUT:
-            return f"{label}: a text of {len(new)} characters is too long, at most {LONGEST_INPUT}. {kept}"
+            return f"a text of {len(new)} characters is too long, at most {LONGEST_INPUT}."
         if options is not None and new not in options:
-            return f"{label}: {new[:40]!r} is not one of its options: choose one from the menu. {kept}"
+            return f"{new[:40]!r} is not one of its options: choose one from the menu."
         return ""
-    return f"{label}: cannot be changed from the browser. {kept}"
+    return "cannot be changed from the browser."
 
 
-def _number_problem(label: str, new: Any, kept: str) -> str:
+def _number_problem(new: Any) -> str:
     if isinstance(new, bool) or not isinstance(new, (int, float)) or not math.isfinite(new):
         shown = "text" if isinstance(new, str) else "NaN or infinite" if isinstance(new, float) else type(new).__name__
-        return f"{label}: needs a finite number, not {shown}. {kept}"
+        return f"needs a finite number, not {shown}."
     return ""

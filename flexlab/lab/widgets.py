@@ -1,7 +1,7 @@
 """Widgets of viser as the panel uses them: callbacks that show what went wrong as a sentence, and writes of what has changed."""
 
 import time
-from collections.abc import Callable, Coroutine, Iterable
+from collections.abc import Callable, Coroutine, Iterable, Sequence
 from typing import Any
 
 import viser
@@ -94,6 +94,13 @@ class Menu:
         finally:
             # A refused word is not something to go on typing at: the menu shows the truth at once.
             self.settle()
+
+
+def table_html(rows: Iterable[Sequence[str]], *heads: str) -> str:
+    """A table of cells and heads that are HTML already."""
+    head = "".join(f"<th>{word}</th>" for word in heads)
+    lines = ["".join(f"<td>{cell}</td>" for cell in row) for row in rows]
+    return f'<table class="fl-table">{"".join(f"<tr>{line}</tr>" for line in (head, *lines) if line)}</table>'
 
 
 def put(widget: Any, **values: Any) -> None:

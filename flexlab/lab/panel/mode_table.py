@@ -12,7 +12,7 @@ from flexlab.lab.lab_state import LabState
 from flexlab.lab.mode_computation import ModeStudy, peak_deflection
 from flexlab.lab.panel.playback import SPEEDS
 from flexlab.lab.view_settings import EXAGGERATION, nice
-from flexlab.lab.widgets import add_button, handler
+from flexlab.lab.widgets import add_button, handler, table_html
 from flexlab.sim.commands import Pause, Play, SetSpeed
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Snapshot
@@ -60,7 +60,7 @@ class ModePanel:
         """Bring the table up to date."""
         self._study.ask(snapshot.scenario)
         result = self._study.result
-        self._table.content = table_html(result) if result is not None else '<div class="fl">Computing …</div>'
+        self._table.content = modes_html(result) if result is not None else '<div class="fl">Computing …</div>'
         if self._awaited and result is not None:
             self._awaited = False
             self._show_chosen()
@@ -135,7 +135,7 @@ class ModePanel:
         )
 
 
-def table_html(result: Modes) -> str:
+def modes_html(result: Modes) -> str:
     """The beam's modes, the closed loop's poles and its margins, as tables."""
     return f'<div class="fl">{_beam_html(result)}{_poles_html(result)}{_margin_html(result.disk_margin)}</div>'
 
@@ -151,12 +151,9 @@ def _beam_html(result: Modes) -> str:
         else:
             moved = f"turning, {turning:.0f} %"
         ratio = number_text(100 * float(result.damping_ratio[k]), 2)
-        rows.append(f"<tr><td>{k + 1}</td><td>{result.frequency[k]:.2f}</td><td>{ratio}</td><td>{moved}</td></tr>")
-    return (
-        '<h2 class="fl-title">Beam with its grips held</h2>'
-        '<table class="fl-table"><tr><th>mode</th><th>f (Hz)</th><th>ζ (%)</th><th>excited by grips moving</th></tr>'
-        f"{''.join(rows)}</table>"
-    )
+        rows.append((f"{k + 1}", f"{result.frequency[k]:.2f}", ratio, moved))
+    table = table_html(rows, "mode", "f (Hz)", "ζ (%)", "excited by grips moving")
+    return f'<h2 class="fl-title">Beam with its grips held</h2>{table}'
 
 
 def _poles_html(result: Modes) -> str:
@@ -170,37 +167,29 @@ def _poles_html(result: Modes) -> str:
     rows = result.pole_rows()
     # What grows, then what swings: poles of the pose alone fade without being seen.
     seen = [row for row in rows if row.verdict == "grows" or row.frequency > 0]
-    cells = "".join(_pole_html(row) for row in seen[:MOST_POLES])
+    table = table_html(map(_pole_cells, seen[:MOST_POLES]), "f (Hz)", "ζ (%)", "rate (1/s)", "of")
     alarm = ""
     if result.unstable:
         rate = number_text(result.growth, 3)
         alarm = f'<div class="fl-box fl-error">Unstable: small motions grow at {rate} 1/s.</div>'
-    return (
-        f'<h2 class="fl-title">Poles of the {kind} loop</h2><div class="fl-dim">{sampling}</div>{alarm}'
-        '<table class="fl-table"><tr><th>f (Hz)</th><th>ζ (%)</th><th>rate (1/s)</th><th>of</th></tr>'
-        f"{cells}</table>{note}"
-    )
+    return f'<h2 class="fl-title">Poles of the {kind} loop</h2><div class="fl-dim">{sampling}</div>{alarm}{table}{note}'
 
 
-def _pole_html(row: PoleRow) -> str:
+def _pole_cells(row: PoleRow) -> list[str]:
     frequency = f"{row.frequency:.2f}" if row.frequency else "–"
-    rate, ratio = number_text(row.rate, 3), number_text(100 * row.damping_ratio, 2)
-    grows = row.verdict == "grows"
-    mark, rate = (' class="fl-bad"', f"{rate} grows") if grows else ("", rate)
-    return f"<tr{mark}><td>{frequency}</td><td>{ratio}</td><td>{rate}</td><td>{escaped(row.origin)}</td></tr>"
+    cells = [frequency, number_text(100 * row.damping_ratio, 2), number_text(row.rate, 3), escaped(row.origin)]
+    if row.verdict == "grows":
+        cells[2] += " grows"
+        return [f'<span class="fl-bad">{cell}</span>' for cell in cells]
+    return cells
 
 
 def _margin_html(margin: DiskMargin | None) -> str:
     if margin is None:
         return ""
-    rows = "".join(
-        f"<tr><td>{who}</td><td>{_margin_text(of)}</td></tr>"
-        for who, of in (("all alike", margin.alike), ("each its own way", margin.each))
-    )
-    return (
-        '<h2 class="fl-title">How much the motors may deviate</h2>'
-        f'<table class="fl-table"><tr><th>motors</th><th>gain and phase together</th></tr>{rows}</table>'
-    )
+    rows = [("all alike", _margin_text(margin.alike)), ("each its own way", _margin_text(margin.each))]
+    table = table_html(rows, "motors", "gain and phase together")
+    return f'<h2 class="fl-title">How much the motors may deviate</h2>{table}'
 
 
 def _margin_text(margin: Margin) -> str:

@@ -31,7 +31,7 @@ from flexlab.lab.panel.view_controls import Look, ViewControls
 from flexlab.lab.picking import DisturbanceSettings, Picking
 from flexlab.lab.reference_run import Recorded
 from flexlab.lab.view_settings import Legend
-from flexlab.lab.widgets import handler, put
+from flexlab.lab.widgets import handler, put, table_html
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
 from flexlab.sim.runner import Runner
@@ -233,15 +233,12 @@ def _preset_key(lab_state: LabState, number: int) -> Key:
 
 
 def _show_list(event: Any, keys: list[Key]) -> None:
-    rows = "".join(
-        f"<tr><td>{escaped(key.shown)}</td><td>{escaped(key.label)}</td><td>{escaped(key.words)}</td></tr>"
-        for key in keys
-        if key.key is not None and not key.key.isdecimal()
-    )
-    rows += f"<tr><td>1 … {NUMBER_KEYS}</td><td>Load a preset</td><td>In the order of the menu</td></tr>"
+    shown = [key for key in keys if key.key is not None and not key.key.isdecimal()]
+    rows = [(escaped(key.shown), escaped(key.label), escaped(key.words)) for key in shown]
+    rows.append((f"1 … {NUMBER_KEYS}", "Load a preset", "In the order of the menu"))
     gui = event.client.gui
     with gui.add_modal("Keys") as modal:
-        gui.add_html(f'<div class="fl"><table class="fl-table">{rows}</table>{MORE}</div>')
+        gui.add_html(f'<div class="fl">{table_html(rows)}{MORE}</div>')
         close = gui.add_button("Close")
 
     async def shut(_: Any) -> None:

@@ -14,7 +14,7 @@ from flexlab.analysis.identification.remedies import SHAPERS, WANTED_RATIO, Reme
 from flexlab.analysis.identification.ring import RingFit, fit_ring
 from flexlab.errors import FlexlabError, LabError
 from flexlab.lab.lab_state import LabState
-from flexlab.lab.widgets import add_button, put
+from flexlab.lab.widgets import add_button, put, table_html
 from flexlab.sim.runner import Runner
 from flexlab.text import escaped, limited, number_text
 
@@ -124,14 +124,13 @@ class RingPanel:
 def ring_html(found: FittedRing, has_gain: bool) -> str:
     """The fitted modes with their intervals, and what they ask for."""
     fit = found.fit
-    rows = "".join(
-        f"<tr><td>{'<b>' if mode is fit.first else ''}f{k}{'</b>' if mode is fit.first else ''}</td>"
-        f"<td>{escaped(str(mode.frequency))}</td></tr><tr><td>ζ{k}</td><td>{escaped(str(mode.damping_ratio))}</td></tr>"
-        for k, mode in enumerate(fit.modes, start=1)
-    )
+    rows: list[tuple[str, str]] = []
+    for k, mode in enumerate(fit.modes, start=1):
+        rows.append((f"<b>f{k}</b>" if mode is fit.first else f"f{k}", escaped(str(mode.frequency))))
+        rows.append((f"ζ{k}", escaped(str(mode.damping_ratio))))
     span = 1e3 * (fit.end - fit.start)
     head = f"Since {found.since}: {fit.samples} samples, {span:.0f} ms, noise {number_text(1e3 * fit.noise, 2)} mm"
-    parts = [f'<div class="fl-dim">{escaped(head)}</div><table class="fl-table">{rows}</table>']
+    parts = [f'<div class="fl-dim">{escaped(head)}</div>{table_html(rows)}']
     if found.remedies is not None:
         parts += [f'<div class="fl-line">{escaped(sentence)}</div>' for sentence in sentences(found.remedies, has_gain)]
     return f'<div class="fl">{"".join(parts)}</div>'

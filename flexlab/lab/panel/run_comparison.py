@@ -9,7 +9,7 @@ from flexlab.analysis.metrics import MetricRow
 from flexlab.errors import FlexlabError
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.reference_run import LONGEST, Recorded, ReferenceRun, common_metrics, differences, keep_run, whole_run
-from flexlab.lab.widgets import add_button, put
+from flexlab.lab.widgets import add_button, put, table_html
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import field_title, told, value_text
 from flexlab.sim.runner import Runner
@@ -94,15 +94,9 @@ def comparison_html(kept: ReferenceRun, snapshot: Snapshot, runner: Runner) -> s
     lines = []
     for old, new in rows[1:]:
         shown = change_text(100 * (new.value / old.value - 1) if old.value else math.nan)
-        lines.append(
-            f"<tr><td>{escaped(old.title)} ({old.unit})</td><td>{metric_text(old)}</td>"
-            f"<td>{metric_text(new)}</td><td>{shown}</td></tr>"
-        )
-    head = "<tr><th></th><th>kept</th><th>now</th><th>change</th></tr>"
-    return (
-        f'<div class="fl">Over t = {first:.2f} s to {last:.2f} s of both runs:'
-        f'<table class="fl-table">{head}{"".join(lines)}</table>{settings}</div>'
-    )
+        lines.append((f"{escaped(old.title)} ({old.unit})", metric_text(old), metric_text(new), shown))
+    table = table_html(lines, "", "kept", "now", "change")
+    return f'<div class="fl">Over t = {first:.2f} s to {last:.2f} s of both runs:{table}{settings}</div>'
 
 
 def metric_text(row: MetricRow) -> str:
@@ -122,11 +116,9 @@ def changes_table(before: Scenario, now: Scenario, *heads: str) -> str:
     changed = told_html(before, now)
     if not changed:
         return ""
-    lines = [f"<tr><td>{title}</td><td>{a}</td><td>{b}</td></tr>" for title, a, b in changed[:MOST_CHANGES]]
     more = len(changed) - MOST_CHANGES
     note = f"<div>… and {more} more.</div>" if more > 0 else ""
-    head = "".join(f"<th>{word}</th>" for word in heads)
-    return f'<table class="fl-table"><tr>{head}</tr>{"".join(lines)}</table>{note}'
+    return table_html(changed[:MOST_CHANGES], *heads) + note
 
 
 def told_html(before: Scenario, now: Scenario) -> list[tuple[str, str, str]]:

@@ -9,7 +9,7 @@ from flexlab.control.law import laws
 from flexlab.errors import FlexlabError
 from flexlab.lab.lab_state import LabState
 from flexlab.own import hosts
-from flexlab.own.files import LAW_FILES, PATH_FILES, add_own_law_file, add_own_path_file
+from flexlab.own.files import LAW_FILES, PATH_FILES, OwnFolder
 from flexlab.own.law import PythonLaw
 from flexlab.quantities import Part
 
@@ -66,7 +66,7 @@ class OwnFileWatch:
     def _take(self, file: Path, is_first: bool) -> None:
         folder = PATH_FILES if file.parent == self._folders[1] or PATH_FILES.holds(file) else LAW_FILES
         if folder.holds(file):
-            self._reload(file, folder is PATH_FILES)
+            self._reload(file, folder)
         elif is_first:
             try:
                 kind = folder.kind_of(file)
@@ -76,34 +76,29 @@ class OwnFileWatch:
         # So that the menus are brought up to date.
         self._lab_state.touched_at = time.monotonic()
 
-    def _reload(self, file: Path, is_path: bool) -> None:
+    def _reload(self, file: Path, folder: OwnFolder[Any]) -> None:
         """Take up a file's new text; the run goes on with it if it can."""
-        lab_state = self._lab_state
-        present = lab_state.intended.trajectory if is_path else lab_state.intended.controller
+        lab_state, kinds = self._lab_state, folder.kinds
+        present = lab_state.intended.get(kinds.field)
         try:
-            old = laws().get(present.kind)
-            new = add_own_path_file(file) if is_path else add_own_law_file(file)
+            old, new = laws().get(present.kind), folder.add(file)
             source = new.model.model_fields["source"].default
-            title = f"path {new.kind}" if is_path else f"control law {new.kind}"
+            title = f"{kinds.registry.what} {new.kind}"
             if present.kind != new.kind or getattr(present, "source", "") == source:
                 told = f"the {title} is new."
             elif isinstance(new, PythonLaw) and not (
                 isinstance(old, PythonLaw) and old.declaration == new.declaration and new.goes_on
             ):
-                changed = lab_state.intended.replace({"controller": _with_text(new, present, source, OF_A_LAW)})
-                lab_state.load(changed, lab_state.name)
+                changed = {kinds.field: _with_text(new, present, source, OF_A_LAW)}
+                lab_state.load(lab_state.intended.replace(changed), lab_state.name)
                 told = "the run starts anew with it."
             else:
-                lab_state.change(
-                    {"trajectory": _with_text(new, present, source, OF_A_PATH)}
-                    if is_path
-                    else {"controller.source": source}
-                )
+                text = {kinds.field: _with_text(new, present, source, OF_A_PATH)}
+                lab_state.change(text if folder is PATH_FILES else {f"{kinds.field}.source": source})
                 told = f"the {title} goes on with the new text."
             lab_state.say(f"{file.name} was saved: {told}")
         except FlexlabError as error:
-            goes_on = "the path goes on as it was" if is_path else "the law goes on as it was"
-            lab_state.say(f"{file.name} was saved, but {goes_on}: {error}", level="error")
+            lab_state.say(f"{file.name} was saved, but the {kinds.word} goes on as it was: {error}", level="error")
 
 
 def _with_text(kind: Any, present: Part, source: str, left_out: tuple[str, ...]) -> dict[str, Any]:

@@ -98,7 +98,8 @@ class OwnFileWatch:
                 told = f"the {title} goes on with the new text."
             lab_state.say(f"{file.name} was saved: {told}")
         except FlexlabError as error:
-            lab_state.say(f"{file.name} was saved, but the {kinds.word} goes on as it was: {error}", level="error")
+            goes_on = "the path goes on as it was" if folder is PATH_FILES else "the law goes on as it was"
+            lab_state.say(f"{file.name} was saved, but {goes_on}: {error}", level="error")
 
 
 def _with_text(kind: Any, present: Part, source: str, left_out: tuple[str, ...]) -> dict[str, Any]:

@@ -1,6 +1,5 @@
 """Comparisons: two or more runs in one rerun file, with curves over each other and time from each run's first sample."""
 
-import json
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -10,7 +9,7 @@ import rerun.blueprint as rrb
 from flexlab.errors import RecordingError
 from flexlab.files import replacing
 from flexlab.recording.codec import larger_blocks
-from flexlab.recording.reader import COMPARISON, NamedScenario, Recording, read_blocks
+from flexlab.recording.reader import Recording, read_blocks
 from flexlab.recording.rerun_internals.chunks import new_stream, send_columns, send_layout
 from flexlab.recording.rerun_internals.rrd_file import messages
 from flexlab.recording.rerun_internals.tool import Mending
@@ -24,6 +23,7 @@ from flexlab.recording.scene_and_plots import (
     scene_view,
     side_by_side,
 )
+from flexlab.scenario import Scenario
 from flexlab.sim.samples import MEASURED, Samples
 from flexlab.text import number_text
 from flexlab.views import View, views
@@ -39,6 +39,8 @@ SCENES_SHAPE = 1.2
 
 BLOCK_ROWS = 4000
 """Samples sent at once."""
+
+NamedScenario = tuple[str, Scenario]
 
 
 def write_comparison(
@@ -63,8 +65,6 @@ def write_comparison(
         measured = {number for number, recording in enumerate(recordings) if recording.status == MEASURED}
         send_layout(stream, comparison_blueprint(runs, measured))
         stream.send_recording_name(" and ".join(f"{run.name} {run.started:%H:%M:%S}" for run in recordings))
-        texts = json.dumps([(name, scenario.model_dump_json()) for name, scenario in runs], ensure_ascii=False)
-        stream.send_property(COMPARISON, rr.AnyValues(runs=texts))
         stream.log("differences", rr.TextDocument(text, media_type="text/markdown"), static=True)
         with replacing(target) as draft:
             _write(stream, encoded, recordings, draft, seen)
@@ -147,7 +147,7 @@ def _shade(color: tuple[int, int, int], number: int) -> tuple[int, int, int]:
     return red, green, blue
 
 
-def comparison_blueprint(runs: Sequence[NamedScenario], measured: Collection[int] = ()) -> rrb.Blueprint:
+def comparison_blueprint(runs: Sequence[NamedScenario], measured: Collection[int]) -> rrb.Blueprint:
     """The layout of a comparison of these runs; the `measured` ones (indices) have no drawing."""
     labels = [run_label(number) for number in range(len(runs))]
     scenarios = sorted((scenario for _, scenario in runs), key=lambda scenario: len(scenario.arms))

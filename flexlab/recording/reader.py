@@ -29,8 +29,6 @@ from flexlab.text import visible
 
 PROPERTIES = "/__properties/"
 """Where rerun keeps a recording's properties."""
-COMPARISON = "comparison"
-"""The property by which a file of several runs is known."""
 
 PLAIN = (str, int, float)
 """Types of properties."""
@@ -40,7 +38,6 @@ LONGEST_REASON = 200
 MOST_ROWS = 1000
 """Samples per block that is read: progress is reported after each."""
 
-NamedScenario = tuple[str, Scenario]
 Rows = dict[str, list[Row]]
 """Entity → its rows in the order of times."""
 
@@ -106,7 +103,7 @@ def read_blocks(path: Path | str) -> Iterator[Samples]:
     Raises `RecordingError` as `read_recording` does.
     """
     path = Path(path)
-    scenario = read_scenarios(path)[0][1]
+    scenario = read_scenario(path)
     history = cache(lambda: _changes(read_recording(path, with_samples=False)))
     for _, values in rows_in_order(path, "/exact/samples"):
         block = _block(path, scenario, values, history)
@@ -122,22 +119,11 @@ def read_range(path: Path | str, start: float | None = None, end: float | None =
     return join_blocks(list(within(read_blocks(path), start, end)))
 
 
-def read_scenarios(path: Path | str) -> tuple[NamedScenario, ...]:
-    """(name, scenario) of the run in a file, or of each run in a comparison.
-
-    Takes milliseconds for a finished file of any length. Raises `RecordingError`.
-    """
-    path = Path(path)
+def read_scenario(path: Path) -> Scenario:
+    """The scenario as the run of a file began. Takes milliseconds for a finished file of any length. Raises `RecordingError`."""
     rows = read_rows(path, [PROPERTIES + "**"])
     with _telling_what_is_strange(path, rows):
-        compared = _values(rows, PROPERTIES + COMPARISON)
-        if "runs" in compared:
-            runs = tuple((str(name), _scenario(text)) for name, text in json.loads(compared["runs"]))
-            if not runs:
-                raise ValueError("it compares no runs.")
-            return runs
-        properties = _properties(path, rows)
-        return ((str(properties["preset"]), _scenario(properties["scenario"])),)
+        return _scenario(_properties(path, rows)["scenario"])
 
 
 def _values(rows: Rows, entity: str) -> dict[str, Any]:

@@ -10,15 +10,9 @@ import threading
 from pathlib import Path
 from urllib.parse import quote, urlsplit
 
-import rerun.blueprint as rrb
-
 from flexlab.errors import RecordingError
-from flexlab.recording import overlay
-from flexlab.recording.reader import read_scenarios
 from flexlab.recording.repair import finish
 from flexlab.recording.rerun_internals.tool import VIEWER_FILES, serve, viewer_folder
-from flexlab.recording.run_encoder import APPLICATION
-from flexlab.recording.scene_and_plots import exaggeration, run_blueprint
 from flexlab.recording.store.run_files import check_recording
 from flexlab.sockets import LOOPBACK, name_in
 
@@ -104,9 +98,8 @@ class Review:
         check_recording(path)
         finish(path)
         self.path = path
-        application, layout = _layout_of(path)
         try:
-            self._server, source = serve(path, application, layout)
+            self._server, source = serve(path)
         except (RuntimeError, ValueError, OSError, LookupError) as error:
             reason = str(error).split("\n")[0]
             raise RecordingError(f"{path} cannot be served to the viewer: {reason}") from None
@@ -127,12 +120,3 @@ class Review:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def _layout_of(path: Path) -> tuple[str, rrb.Blueprint]:
-    """(application, layout) of a file. Raises `RecordingError`."""
-    runs = read_scenarios(path)
-    if len(runs) == 1:
-        name, scenario = runs[0]
-        return APPLICATION, run_blueprint(scenario, exaggeration(scenario), name)
-    return overlay.APPLICATION, overlay.comparison_blueprint(runs)

@@ -14,7 +14,7 @@ from flexlab.analysis.resume import Repetition, resume
 from flexlab.analysis.run_summary import note_metrics
 from flexlab.recording.export import export_recording, import_run
 from flexlab.recording.importing import import_into
-from flexlab.recording.reader import read_blocks, read_range, read_recording, read_scenarios
+from flexlab.recording.reader import read_blocks, read_range, read_recording, read_scenario
 from flexlab.recording.run_info import these_versions
 from flexlab.recording.store.formats import FORMAT, STEPS, same_meaning, same_numbers
 from flexlab.recording.store.run_files import list_runs, run_state
@@ -106,8 +106,7 @@ def test_it_is_listed_and_summarised(number: int, path: Path, tmp_path: Path) ->
     copy = Path(shutil.copy(path, tmp_path))
     assert list_runs(tmp_path) == [copy]
     assert run_state(copy) in ("complete", "recovered")
-    ((_, scenario),) = read_scenarios(copy)
-    assert scenario == read_recording(copy, with_samples=False).scenario
+    assert read_scenario(copy) == read_recording(copy, with_samples=False).scenario
     assert note_metrics(copy)["metrics"]["Peak vibration [mm]"] > 0
 
 

@@ -15,7 +15,7 @@ from flexlab.errors import RecordingError
 from flexlab.recording import codec, run_encoder
 from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.importing import import_into
-from flexlab.recording.reader import read_blocks, read_recording, read_scenarios
+from flexlab.recording.reader import read_blocks, read_recording, read_scenario
 from flexlab.recording.run_encoder import RunEncoder
 from flexlab.recording.run_info import RunInfo, these_versions
 from flexlab.sim.samples import Run, Samples
@@ -57,7 +57,7 @@ def check(path: Path, refused: bool) -> None:
     logs = path.parent / "logs"
     sentences: list[str] = []
     for read in (
-        read_scenarios,
+        read_scenario,
         read_recording,
         lambda odd: list(read_blocks(odd)),
         lambda odd: import_into(odd, logs),

@@ -10,7 +10,7 @@ from rerun.chunk import RrdReader
 
 from flexlab.presets import load_preset, preset_names
 from flexlab.recording.headless import HeadlessRecording, write_run
-from flexlab.recording.reader import read_blocks, read_recording, read_scenarios
+from flexlab.recording.reader import read_blocks, read_recording, read_scenario
 from flexlab.recording.rerun_internals.tool import rerun_tool
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.run_files import run_state
@@ -126,5 +126,6 @@ def test_blocks_are_read_in_the_order_of_time_however_they_stand_in_the_file(run
 
 
 def test_the_scenario_alone_is_read_too(run: Run, recording_file: Path) -> None:
-    assert read_scenarios(recording_file) == (("paper", run.scenario),)
+    assert read_scenario(recording_file) == run.scenario
+    assert read_recording(recording_file, with_samples=False).name == "paper"
     assert run_state(recording_file) == "complete"

@@ -9,6 +9,8 @@ import psutil
 import pytest
 import rerun as rr
 import rerun.blueprint as rrb
+from rerun.catalog import DatasetEntry
+from rerun_bindings import CatalogClientInternal
 
 from flexlab.recording.rerun_internals import chunks, rrd_file, tool
 from flexlab.recording.rerun_internals.chunks import TIMELINE, scalars, send_columns, single
@@ -26,6 +28,7 @@ def pieces() -> list[bytes]:
     stream = rr.RecordingStream("contract", send_properties=False)
     encoded = stream.binary_stream()
     stream.set_sinks(encoded)
+    chunks.send_layout(stream, rrb.Blueprint(rrb.TimeSeriesView(origin="/curve")))
     stream.send_recording_name("contract")
     send_columns(stream, "curve", TIMES, [scalars(np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]))])
     first = encoded.read(flush_timeout_sec=5.0)
@@ -108,12 +111,16 @@ def test_the_tool_says_which_error_the_system_gave(joined: Path, tmp_path: Path)
         tool.Mending().rewrite(joined, tmp_path / "no" / "folder.rrd")
 
 
-def test_the_server_gives_an_address_and_takes_a_layout(joined: Path, tmp_path: Path):
+def test_the_server_gives_an_address_and_takes_the_layout_of_the_file(joined: Path, tmp_path: Path):
     whole = tmp_path / "whole.rrd"
     tool.Mending().rewrite(joined, whole)
-    layout = rrb.Blueprint(rrb.TimeSeriesView(origin="/curve"))
-    server, address = tool.serve(whole, "contract", layout)
+    with chunks.quiet_reader(whole) as reader:
+        (layout,) = reader.blueprints()
+    server, address = tool.serve(whole)
+    (core,) = CatalogClientInternal(server.url()).datasets(False)
+    given = DatasetEntry(core).default_blueprint()
     server.shutdown()
+    assert given == layout.recording_id, "the server does not find a layout inside a recording"
     assert re.match(r"rerun\+http://127\.\d+\.\d+\.\d+:\d+/", address), (
         "a segment's address is no longer one that the viewer opens"
     )

@@ -9,10 +9,8 @@ import time
 import urllib.error
 import urllib.request
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import rerun as rr
-import rerun.blueprint as rrb
 import rerun_cli
 from rerun.catalog import DatasetEntry
 from rerun_bindings import CatalogClientInternal
@@ -177,24 +175,19 @@ def _fetch(address: str, process: "subprocess.Popen[bytes]") -> bytes:
 DATASET = "runs"
 
 
-def serve(path: Path, application: str, layout: rrb.Blueprint) -> tuple[rr.server.Server, str]:
+def serve(path: Path) -> tuple[rr.server.Server, str]:
     """(server, to be shut down; address that a viewer opens). Raises RuntimeError, ValueError, OSError or LookupError."""
     # It answers whoever asks, under any name.
     server = rr.server.Server(host=hidden_loopback(), port=0, datasets={DATASET: [path]})
     try:
         # Rerun's public client answers what follows only with a 43 MB library of queries, so its core is asked.
         (core,) = CatalogClientInternal(server.url()).datasets(False)
-        _lay_out(DatasetEntry(core), application, layout)
+        # The server does not look for the layout inside the file. A run that is being recorded may break off within a message,
+        # which is no layout to it: the viewer then makes one of its own.
+        with contextlib.suppress(ValueError):
+            DatasetEntry(core).register_blueprint(path.resolve().as_uri())
         with quiet_reader(path) as reader:
             return server, core.segment_url(reader.recordings()[0].recording_id)
     except BaseException:
         server.shutdown()
         raise
-
-
-def _lay_out(dataset: DatasetEntry, application: str, layout: rrb.Blueprint) -> None:
-    """Give the served recording its layout: the server does not look for the one inside the file."""
-    with TemporaryDirectory(prefix="flexlab-") as folder:
-        file = Path(folder) / "layout.rbl"
-        layout.save(application, file)
-        dataset.register_blueprint(file.as_uri())

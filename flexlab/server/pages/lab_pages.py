@@ -24,7 +24,7 @@ from flexlab.server.auth import (
 )
 from flexlab.server.labs.lab_provider import LOOK_AGAIN, Choice, FullError, Lab
 from flexlab.server.limits import Visitor
-from flexlab.server.pages.page_context import Context, context_of, fresh
+from flexlab.server.pages.page_context import context_of, fresh
 from flexlab.server.pages.templating import button, message
 from flexlab.server.proxy import proxy_page, proxy_websocket
 from flexlab.server.scenario_links import decode_scenario, scenario_path
@@ -52,8 +52,8 @@ async def lab(request: web.Request) -> web.StreamResponse:
     """The shared lab, or the way to the visitor's own; `?scenario=` brings a scenario along."""
     context = context_of(request)
     if is_websocket(request):
-        place = context.places.of_visitor("")
-        if context.places.is_private or place is None:
+        place = _place(request)
+        if place is None:
             raise web.HTTPNotFound
         return await proxy_websocket(request, place)
     if "scenario" in request.query:
@@ -87,18 +87,13 @@ async def _enter_by_link(request: web.Request, choice: Choice | None) -> web.Str
     if not is_opened_by_person(request):
         return refuse(request, 403, "A link into the lab must be opened by a person, not from inside another page.")
     if choice is not None:
-        place = _running(request)
+        # The lab whose run the link would end.
+        place = context_of(request).places.of_visitor(visitor_of(request).id)
         if place is not None and is_foreign_link(request):
             return _ask_first(request, choice, "A page of another site leads")
         if place is not None and _would_disturb(request, choice, place):
             return _ask_first(request, choice, "This link leads")
     return await enter_lab(request, choice)
-
-
-def _running(request: web.Request) -> Lab | None:
-    """The lab whose run a link would end."""
-    context = context_of(request)
-    return context.places.of_visitor(visitor_of(request).id)
 
 
 def _would_disturb(request: web.Request, choice: Choice, place: Lab) -> bool:
@@ -166,9 +161,9 @@ async def take_name(request: web.Request) -> web.StreamResponse:
 @ROUTES.get("/s/{lab}/")
 async def private_lab(request: web.Request) -> web.StreamResponse:
     """A visitor's own lab."""
-    context, place = context_of(request), _own_place(request)
+    place = _place(request)
     if place is None:
-        sentence = context.places.ended(_visitor(request), request.match_info["lab"])
+        sentence = context_of(request).places.ended(visitor_of(request).id, request.match_info["lab"])
         if is_websocket(request):
             raise web.HTTPGone if sentence else web.HTTPForbidden
         return message("This lab is closed", sentence, 410, NEW_LAB) if sentence else message(
@@ -181,45 +176,25 @@ async def private_lab(request: web.Request) -> web.StreamResponse:
     return await proxy_page(request, place, "")
 
 
-def _visitor(request: web.Request) -> str:
-    return visitor_of(request).id
-
-
-def _own_place(request: web.Request) -> Lab | None:
-    """The private lab that this request names, if it is the visitor's own."""
-    context, path = context_of(request), f"/s/{request.match_info['lab']}"
-    if not context.places.is_private:
-        return None
-    visitor = _visitor(request)
-    mine = context.places.of_visitor(visitor) if visitor else None
+def _place(request: web.Request) -> Lab | None:
+    """The lab that an address of a page or of a state names, if the visitor may enter it."""
+    places, path = context_of(request).places, request.path.removeprefix("/state").rstrip("/")
+    mine = places.of_visitor(visitor_of(request).id)
     if mine is not None and mine.path == path:
         return mine
-    if not has_teacher_cookie(request):
-        return None
-    return next((place for place in context.places.running() if place.path == path), None)
+    # The teacher enters all.
+    others = places.running() if has_teacher_cookie(request) else ()
+    return next((place for place in others if place.path == path), None)
 
 
 @ROUTES.get("/state/lab")
-async def shared_state(request: web.Request) -> web.Response:
-    """The state of the shared lab, for the script in its page."""
-    context: Context = context_of(request)
-    place = None if context.places.is_private else context.places.of_visitor("")
-    if place is None:
-        raise web.HTTPNotFound
-    return _state(request, place)
-
-
 @ROUTES.get("/state/s/{lab}")
-async def private_state(request: web.Request) -> web.Response:
-    """The state of a visitor's own lab."""
-    place = _own_place(request)
-    if place is not None:
-        return _state(request, place)
-    sentence = context_of(request).places.ended(_visitor(request), request.match_info["lab"])
-    return fresh({"open": False, "sentence": sentence or NOT_YOURS, "unknown": not sentence})
-
-
-def _state(request: web.Request, place: Lab) -> web.Response:
+async def state(request: web.Request) -> web.Response:
+    """The state of a lab, for the script in its page."""
+    place = _place(request)
+    if place is None:
+        sentence = context_of(request).places.ended(visitor_of(request).id, request.match_info.get("lab", ""))
+        return fresh({"open": False, "sentence": sentence or NOT_YOURS, "unknown": not sentence})
     status = place.status()
     live = "/live" if place.live is not None else ""
     link = scenario_path(status.link)

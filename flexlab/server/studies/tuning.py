@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 from flexlab.analysis.metrics.metric import named
@@ -68,7 +67,16 @@ class TuningStudy(Study):
 
     def job(self) -> Callable[..., Outcome]:
         """Searches the ranges."""
-        return partial(tuning_study, self.scenario, self.axes, self.cost, self.duration, self.candidates)
+        return self.search
+
+    def search(self, report: Callable[[float], None]) -> Outcome:
+        """Search the ranges for the least cost; the result is the `Tuning`."""
+
+        def told(done: int, total: int) -> None:
+            report(min(done / total, 1.0))
+
+        what = self.scenario, self.axes, self.cost, (), self.duration, self.candidates
+        return Outcome(tune(*what, told=told, workers=chosen_workers(threads())))
 
     def drawing(self, task: Task) -> dict[str, Any] | None:
         """The trade-off among all candidates."""
@@ -107,19 +115,3 @@ class TuningStudy(Study):
 
 
 STUDY = TuningStudy
-
-
-def tuning_study(
-    scenario: Scenario,
-    axes: tuple[Axis, ...],
-    cost: Cost,
-    duration: float,
-    candidates: int,
-    report: Callable[[float], None],
-) -> Outcome:
-    """Search the ranges for the least cost; the result is the `Tuning`."""
-
-    def told(done: int, total: int) -> None:
-        report(min(done / total, 1.0))
-
-    return Outcome(tune(scenario, axes, cost, (), duration, candidates, told=told, workers=chosen_workers(threads())))

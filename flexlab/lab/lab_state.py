@@ -51,7 +51,8 @@ class LabState:
     def __init__(self, runner: Runner, origin: Origin | None = None):
         """`origin`: where the runner's first run went on from."""
         snapshot = runner.snapshot
-        self._runner = runner
+        self.runner = runner
+        """Runs what the lab shows."""
         self.lock = threading.RLock()
         """Held while settings change; who reads them more than once holds it, too."""
         self._settings = _settings(snapshot.scenario, snapshot.name, origin)
@@ -85,7 +86,7 @@ class LabState:
     @property
     def snapshot(self) -> Snapshot:
         """The runner's newest snapshot."""
-        return self._runner.snapshot
+        return self.runner.snapshot
 
     @property
     def intended(self) -> Scenario:
@@ -213,9 +214,9 @@ class LabState:
         if pull is not None:
             self._check_lock()
         if pull is None and self.pulled is not None:
-            self._runner.submit(dataclasses.replace(self.pulled, stiffness=0.0))
+            self.runner.submit(dataclasses.replace(self.pulled, stiffness=0.0))
         elif pull is not None:
-            self._runner.submit(pull)
+            self.runner.submit(pull)
         self.pulled = pull
 
     def settle(self, snapshot: Snapshot) -> None:
@@ -240,7 +241,7 @@ class LabState:
                 self.set_view(plot_window=fitting_window(snapshot.target_speed))
         if not self._chooses_exaggeration or not snapshot.playing:
             return
-        payload, recent = snapshot.scenario.payload, self._runner.recent(SEEN_AT_ONCE)
+        payload, recent = snapshot.scenario.payload, self.runner.recent(SEEN_AT_ONCE)
         if len(recent) and recent.beam_coordinates.shape[1] == payload.coordinate_count:
             deflection = peak_deflection(payload, recent.beam_coordinates)
             factor = tamed_exaggeration(self.view.exaggeration, deflection, payload.length)
@@ -259,7 +260,7 @@ class LabState:
 
     def _ask(self, command: Command) -> None:
         with self.lock:
-            self._asked = self._runner.submit(command)
+            self._asked = self.runner.submit(command)
 
     def _check_lock(self) -> None:
         """Raises `LabError` if a person at the page asks while the teacher has locked the lab."""
@@ -300,7 +301,7 @@ class LabState:
         if origin is None or not (hand := Hand(*map(float, origin.state.pull))).stiffness:
             return
         held = None if hand.arm == ON_BEAM else (int(hand.arm) + 1, int(hand.link) + 1)
-        self._runner.submit(Pull(hand.position, (hand.target_x, hand.target_y), 0.0, held))
+        self.runner.submit(Pull(hand.position, (hand.target_x, hand.target_y), 0.0, held))
 
 
 def _settings(scenario: Scenario, name: str, origin: Origin | None) -> Settings:

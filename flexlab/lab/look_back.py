@@ -7,7 +7,6 @@ from flexlab.errors import LabError
 from flexlab.lab.lab_state import LabState
 from flexlab.sim.commands import Pause, Play
 from flexlab.sim.history import HISTORY_SECONDS, state_from
-from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Origin, Samples
 from flexlab.sim.snapshot import TICK, Snapshot
 
@@ -28,9 +27,9 @@ class _Past:
 class LookBack:
     """Pauses the run while somebody looks back. Thread-safe."""
 
-    def __init__(self, lab_state: LabState, runner: Runner, recorded_as: Callable[[], str]):
+    def __init__(self, lab_state: LabState, recorded_as: Callable[[], str]):
         """`recorded_as`: the name of the present run's recording; empty: there is none."""
-        self._lab_state, self._runner, self._recorded_as = lab_state, runner, recorded_as
+        self._lab_state, self._runner, self._recorded_as = lab_state, lab_state.runner, recorded_as
         self._past: _Past | None = None
 
     @property

@@ -14,7 +14,7 @@ from flexlab.errors import LabError
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.panel.number_control import NumberControl
 from flexlab.lab.scene.arms import BEAM_HEIGHT, LINK_HEIGHTS, scene_size
-from flexlab.lab.widgets import add_button, handler
+from flexlab.lab.widgets import Widgets, handler
 from flexlab.quantities import Quantity
 from flexlab.sim.commands import Pull, Tap
 from flexlab.sim.geometry import arm_points
@@ -119,15 +119,15 @@ def _meet(origin: np.ndarray, direction: np.ndarray, height: float) -> np.ndarra
 class DisturbanceSettings:
     """Controls of touch, in the GUI container that is open while it is made."""
 
-    def __init__(self, gui: viser.GuiApi, lab_state: LabState, touch: Picking):
+    def __init__(self, widgets: Widgets, touch: Picking):
         words = "Drag the beam or a link to pull it with a spring; click the beam to tap it. Drag empty space to turn the camera."
-        gui.add_html(f'<div class="fl fl-dim">{words}</div>')
+        widgets.gui.add_html(f'<div class="fl fl-dim">{words}</div>')
         self._controls = [
-            _control(gui, lab_state, about, touch, name)
+            _control(widgets, about, touch, name)
             for about, name in ((STIFFNESS, "stiffness"), (IMPULSE, "impulse"), (PLACE, "place"))
         ]
         icon, hint = viser.Icon.HAND_CLICK, "An impulse across the beam"
-        add_button(gui, lab_state, "Tap", lambda _: touch.tap(), icon=icon, hint=hint)
+        widgets.button("Tap", lambda _: touch.tap(), icon=icon, hint=hint)
 
     def settle(self) -> None:
         """Show the true values where nobody is at them."""
@@ -135,12 +135,11 @@ class DisturbanceSettings:
             control.settle()
 
 
-def _control(gui: viser.GuiApi, lab_state: LabState, about: Quantity, touch: Picking, name: str) -> NumberControl:
+def _control(widgets: Widgets, about: Quantity, touch: Picking, name: str) -> NumberControl:
     """A control of an attribute of `touch`."""
     usual = getattr(touch, name)
     return NumberControl(
-        gui,
-        lab_state,
+        widgets,
         about,
         lambda: getattr(touch, name),
         lambda value: setattr(touch, name, value),

@@ -10,7 +10,6 @@ from flexlab.lab.lab_state import LabState
 from flexlab.lab.page_reports import PageReports
 from flexlab.lab.viser_internals import GuardedServer
 from flexlab.sim.commands import Pause, Play
-from flexlab.sim.runner import Runner
 from flexlab.text import limited, number_text
 
 UNATTENDED_TIME = 60.0
@@ -22,14 +21,13 @@ class Attendance:
 
     def __init__(
         self,
-        runner: Runner,
         lab_state: LabState,
         reports: PageReports,
         longest: float = UNATTENDED_TIME,
         clock: Callable[[], float] = time.monotonic,
     ):
         """`longest`: seconds without a browser before the lab pauses."""
-        self._runner, self._lab_state, self._reports = runner, lab_state, reports
+        self._runner, self._lab_state, self._reports = lab_state.runner, lab_state, reports
         self._longest, self._clock = longest, clock
         self._seen_at = clock()
         self._held_run = 0

@@ -25,7 +25,7 @@ from flexlab.lab.scene.cameras import FIELD_OF_VIEW, ClientCameras, Window, payl
 from flexlab.lab.scene.scene import Scene
 from flexlab.lab.viser_internals import GuardedServer, fold_panel, set_panel_width
 from flexlab.lab.viser_server import open_server
-from flexlab.lab.widgets import handler
+from flexlab.lab.widgets import Widgets
 from flexlab.own import hosts
 from flexlab.scenario import Scenario
 from flexlab.sim.runner import Runner
@@ -147,16 +147,15 @@ class Session:
         lab_state = self._lab_state = LabState(self.runner, self._origin)
         lab_state.company = lambda: len(server.get_clients())
         gui, runner, study = server.gui, self.runner, self._study
-        self._look_back = look_back = LookBack(lab_state, runner, self._recorded_as)
+        widgets = Widgets(gui, lab_state)
+        self._look_back = look_back = LookBack(lab_state, self._recorded_as)
         touch = Picking(lab_state)
         self._scene = Scene(server, self._scenario, study, touch, self._shadows)
         self._cameras = ClientCameras(server, runner)
         board, reading = gui.add_panel(), gui.add_panel()
         self._panel = Panel(
-            gui,
-            lab_state,
+            widgets,
             look_back,
-            runner,
             study,
             touch,
             self._cameras.choose,
@@ -170,7 +169,7 @@ class Session:
         explanations = ExplanationList(gui, runner, study, self._plots.homes)
         summary = SpokenSummary(gui, runner, look_back, lambda: explanations.sentences)
         with reading.add_tab("Guide"):
-            guide = Guide(gui, lab_state, runner)
+            guide = Guide(widgets)
         self._readouts = (guide, explanations, summary)
 
         def arrange(client: viser.ClientHandle, report: Report) -> None:
@@ -182,7 +181,7 @@ class Session:
                     fold_panel(client, foldable, False)
 
         first = runner.snapshot
-        again = handler(lab_state, lambda _: lab_state.back_to_baseline())
+        again = widgets.handler(lambda _: lab_state.back_to_baseline())
         self._reports = PageReports(server, first.run_number, first.name, arrange, self._cameras.cover, again)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(PANEL_WIDTH)
@@ -197,7 +196,7 @@ class Session:
         server.initial_camera.position = shot.position
         self.guard.watch(server, lab_state)
         self._sound = RingSound(gui, look_back)
-        attendance = Attendance(runner, lab_state, self._reports) if self._attended else None
+        attendance = Attendance(lab_state, self._reports) if self._attended else None
         return RenderLoop(server, lab_state, self._draw, attendance)
 
     def _draw(self, readouts: bool) -> None:

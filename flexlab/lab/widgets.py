@@ -37,21 +37,38 @@ def handler(lab_state: LabState, action: Callable[[Any], None]) -> Callable[[Any
     return callback
 
 
-def add_button(
-    gui: viser.GuiApi,
-    lab_state: LabState,
-    label: str,
-    action: Callable[[Any], None],
-    *,
-    hint: str | None = None,
-    icon: viser.IconName | None = None,
-    color: Any = "gray",
-    visible: bool = True,
-) -> viser.GuiButtonHandle:
-    """A button that runs `action(event)`; `color` None: the page's accent."""
-    button = gui.add_button(label, icon=icon, color=color, visible=visible, hint=hint)
-    button.on_click(handler(lab_state, action))
-    return button
+class Widgets:
+    """Makes widgets, in the GUI container that is open, whose callbacks show what went wrong as a sentence."""
+
+    def __init__(self, gui: viser.GuiApi, lab_state: LabState):
+        self.gui, self.lab_state = gui, lab_state
+
+    def handler(self, action: Callable[[Any], None]) -> Callable[[Any], Coroutine[Any, Any, None]]:
+        """A callback for any widget, as `handler` makes it."""
+        return handler(self.lab_state, action)
+
+    def button(
+        self,
+        label: str,
+        action: Callable[[Any], None],
+        *,
+        hint: str | None = None,
+        icon: viser.IconName | None = None,
+        color: Any = "gray",
+        visible: bool = True,
+    ) -> viser.GuiButtonHandle:
+        """A button that runs `action(event)`; `color` None: the page's accent."""
+        button = self.gui.add_button(label, icon=icon, color=color, visible=visible, hint=hint)
+        button.on_click(self.handler(action))
+        return button
+
+    def checkbox(
+        self, label: str, value: bool, action: Callable[[bool], None], hint: str | None = None
+    ) -> viser.GuiCheckboxHandle:
+        """A switch that runs `action` with its new value."""
+        box = self.gui.add_checkbox(label, value, hint=hint)
+        box.on_update(self.handler(lambda _: action(bool(box.value))))
+        return box
 
 
 class Menu:
@@ -59,8 +76,7 @@ class Menu:
 
     def __init__(
         self,
-        gui: viser.GuiApi,
-        lab_state: LabState,
+        widgets: Widgets,
         label: str,
         options: Callable[[], Iterable[str]],
         shown: Callable[[], str],
@@ -70,9 +86,9 @@ class Menu:
     ):
         """`options` gives the words that there are now, `shown` that for what is so now; `choose` gets the chosen one."""
         self._label, self._options, self._shown, self._choose = label, options, shown, choose
-        self.widget = gui.add_dropdown(label, tuple(options()), hint=hint)
+        self.widget = widgets.gui.add_dropdown(label, tuple(options()), hint=hint)
         """As viser has it."""
-        self.widget.on_update(handler(lab_state, lambda _: self._ask(self.widget.value)))
+        self.widget.on_update(widgets.handler(lambda _: self._ask(self.widget.value)))
         self.settle()
 
     def settle(self, at_once: bool = False) -> None:

@@ -18,7 +18,7 @@ from flexlab.sim.samples import Samples
 def look_back(session: Session) -> LookBack:
     """Of a lab that has run for half a second."""
     wait_until(lambda: session.runner.snapshot.latest.time[0] > 0.5, "the run goes on")
-    return LookBack(session.lab_state, session.runner, lambda: "2026-01-01T00-00-00-paper")
+    return LookBack(session.lab_state, lambda: "2026-01-01T00-00-00-paper")
 
 
 def answered(session: Session) -> None:

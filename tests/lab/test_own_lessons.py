@@ -14,6 +14,7 @@ from flexlab.analysis.lesson_measures import Look
 from flexlab.analysis.own_lessons import OwnLesson, lesson_mistakes, own_lessons
 from flexlab.lab.panel.guide_panel import EVERY, Guide
 from flexlab.lab.session import Session
+from flexlab.lab.widgets import Widgets
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import Play, SetSpeed
@@ -170,7 +171,7 @@ def test_a_lesson_of_one_s_own_is_checked_in_the_lab(tmp_path: Path, monkeypatch
     monkeypatch.chdir(tmp_path)
     stiff = load_preset("paper").replace({"payload.bending_stiffness": 600.0})
     with Session(load_preset("paper"), "paper", port=0, shadows=False) as session:
-        guide = Guide(session.server.gui, session.lab_state, session.runner)
+        guide = Guide(Widgets(session.server.gui, session.lab_state))
         guide._turn_to("Own lesson: Stiffer")
         assert session.lab_state.lesson == "Stiffer: step 1 of 3 (guess)"
         session.lab_state.load(stiff, "stiff")
@@ -216,7 +217,7 @@ def test_a_check_computes_with_numbers_alone(tmp_path: Path, text: str) -> None:
 def test_lessons_that_are_new_or_saved_anew_are_taken_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     with Session(load_preset("paper"), "paper", port=0, shadows=False) as session:
-        guide = Guide(session.server.gui, session.lab_state, session.runner)
+        guide = Guide(Widgets(session.server.gui, session.lab_state))
         before = guide._menu.widget.options
         (tmp_path / "lessons").mkdir()
         for text, title in ((EXAMPLE.replace("t >", "zeit >"), "mine (cannot be read)"), (EXAMPLE, "Stiffer")):

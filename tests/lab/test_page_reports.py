@@ -85,7 +85,7 @@ def test_charts_that_nobody_sees_are_not_sent(session: Session) -> None:
 def test_a_lab_without_anybody_holds_and_goes_on_for_the_next_one(session: Session) -> None:
     clock = [0.0]
     reports: PageReports = session._reports
-    attendance = Attendance(session.runner, session.lab_state, reports, longest=60.0, clock=lambda: clock[0])
+    attendance = Attendance(session.lab_state, reports, longest=60.0, clock=lambda: clock[0])
     clock[0] = 59.0
     attendance.update()
     assert session.runner.snapshot.playing
@@ -105,7 +105,7 @@ def test_what_a_person_paused_stays_paused(session: Session) -> None:
 
     clock = [0.0]
     reports: PageReports = session._reports
-    attendance = Attendance(session.runner, session.lab_state, reports, longest=60.0, clock=lambda: clock[0])
+    attendance = Attendance(session.lab_state, reports, longest=60.0, clock=lambda: clock[0])
     session.runner.submit(Pause())
     wait_until(lambda: not session.runner.snapshot.playing, "the lab holds", 20)
     clock[0] = 600.0

@@ -6,6 +6,7 @@ from lab_page import wait_until
 from flexlab.errors import LabError
 from flexlab.lab.panel.ring_panel import RingPanel
 from flexlab.lab.session import Session
+from flexlab.lab.widgets import Widgets
 from flexlab.presets import load_preset
 from flexlab.sim.commands import StepOnce, Tap
 
@@ -14,7 +15,7 @@ def test_from_a_tap_to_a_shaper_and_a_gain():
     scenario = load_preset("paper").replace({"trajectory.kind": "hold", "controller.kind": "vibration-damping"})
     scenario = scenario.replace({"controller.lateral_vibration_gain": 5.0})
     with Session(scenario, port=0, shadows=False, playing=False) as lab:
-        panel = RingPanel(lab.server.gui, lab.lab_state, lab.runner)
+        panel = RingPanel(Widgets(lab.server.gui, lab.lab_state))
         ask, state = panel._study.ask, lab.lab_state
 
         def fitted() -> None:

@@ -7,13 +7,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-import viser
-
 from flexlab.control.law import laws
 from flexlab.errors import FlexlabError, LabError
-from flexlab.lab.lab_state import LabState
 from flexlab.lab.panel.number_control import LIVE_HINTS, Marks, NumberControl, Numbers
-from flexlab.lab.widgets import Menu
+from flexlab.lab.widgets import Menu, Widgets
 from flexlab.physics.axial_load import buckling_load
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import TITLES, in_words, options, word_of
@@ -66,9 +63,10 @@ class Entry(NamedTuple):
         return tuple(value if self.component in (None, index) else item for index, item in enumerate(present))
 
 
-def field(gui: viser.GuiApi, lab_state: LabState, entry: Entry, switch: Switch | None = None) -> NumberControl:
+def field(widgets: Widgets, entry: Entry, switch: Switch | None = None) -> NumberControl:
     """The numbers of an entry, in the GUI container that is open while it is made."""
-    path, intended = entry.path, lab_state.intended
+    path, lab_state = entry.path, widgets.lab_state
+    intended = lab_state.intended
     about = replace(intended.about(path), title=entry.name, unit=entry.unit)
 
     def ask(value: Numbers) -> None:
@@ -84,8 +82,7 @@ def field(gui: viser.GuiApi, lab_state: LabState, entry: Entry, switch: Switch |
         return entry.read(baseline if baseline.has(path) else lab_state.intended)
 
     return NumberControl(
-        gui,
-        lab_state,
+        widgets,
         about,
         lambda: entry.read(lab_state.intended),
         ask,
@@ -122,8 +119,9 @@ def changes_for(path: str, value: Any) -> dict[str, Any]:
     return laws()[value].chosen() if path == "controller.kind" else {path: value}
 
 
-def choice(gui: viser.GuiApi, lab_state: LabState, path: str) -> Menu:
+def choice(widgets: Widgets, path: str) -> Menu:
     """The menu of the field at `path`, in the GUI container that is open while it is made."""
+    lab_state = widgets.lab_state
 
     def offered() -> dict[str, Any]:
         return {in_words(word): value for word, value in options(path).items()}
@@ -139,4 +137,4 @@ def choice(gui: viser.GuiApi, lab_state: LabState, path: str) -> Menu:
     def shown() -> str:
         return in_words(word_of(lab_state.intended.get(path)))
 
-    return Menu(gui, lab_state, TITLES[path], offered, shown, choose, hint=HINTS[path])
+    return Menu(widgets, TITLES[path], offered, shown, choose, hint=HINTS[path])

@@ -1,7 +1,5 @@
 """The guide in the lab: chapters, and lessons with a guess, steps, a check and the answer."""
 
-import viser
-
 from flexlab.analysis.lesson_checks import read_check
 from flexlab.analysis.lesson_measures import SECONDS
 from flexlab.analysis.own_lessons import lesson_files, lesson_menu, own_lessons
@@ -15,11 +13,9 @@ from flexlab.guide import (
     step_text,
     without_html,
 )
-from flexlab.lab.lab_state import LabState
 from flexlab.lab.view_settings import fitting_exaggeration
-from flexlab.lab.widgets import Menu, add_button, put
+from flexlab.lab.widgets import Menu, Widgets, put
 from flexlab.presets import load_preset
-from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Snapshot
 from flexlab.text import escaped, with_units
 
@@ -31,35 +27,27 @@ OPEN = "Choose one"
 class Guide:
     """Menu, text, guess and check, in the GUI container that is open while it is made."""
 
-    def __init__(self, gui: viser.GuiApi, lab_state: LabState, runner: Runner):
-        self._lab_state, self._runner = lab_state, runner
+    def __init__(self, widgets: Widgets):
+        self._lab_state = widgets.lab_state
         self._count = 0
         self._guesses: dict[str, str] = {}
         self._unfolded: set[str] = set()
         self._done: dict[str, str] = {}
         self._files = lesson_files()
-        self._pace = lab_state.rules.pace
+        self._pace = widgets.lab_state.rules.pace
         self._collect()
         self._shown = next(iter(self._pages))
-        gui.add_html('<div class="fl-guide"></div>')  # By which the page knows whether the guide is open.
-        self._menu = Menu(gui, lab_state, "Read", lambda: self._pages, lambda: self._shown, self._choose)
-        self._text = gui.add_markdown("")
-        self._guess_question = gui.add_html("", visible=False)
-        self._guess = Menu(gui, lab_state, "What do you guess?", self._guessable, self._guessed, self._take_guess)
-        self._steps = gui.add_markdown("", visible=False)
-        self._start = add_button(
-            gui, lab_state, "Load its preset", lambda _: self._load(), visible=False, hint="Starts a new run"
-        )
-        self._verdict = gui.add_html("", visible=False)
-        self._unfold = add_button(
-            gui,
-            lab_state,
-            "Show the answer",
-            lambda _: self._show_answer(),
-            visible=False,
-            hint="Before the check is done",
-        )
-        self._answer = gui.add_markdown("", visible=False)
+        widgets.gui.add_html('<div class="fl-guide"></div>')  # By which the page knows whether the guide is open.
+        self._menu = Menu(widgets, "Read", lambda: self._pages, lambda: self._shown, self._choose)
+        self._text = widgets.gui.add_markdown("")
+        self._guess_question = widgets.gui.add_html("", visible=False)
+        self._guess = Menu(widgets, "What do you guess?", self._guessable, self._guessed, self._take_guess)
+        self._steps = widgets.gui.add_markdown("", visible=False)
+        self._start = widgets.button("Load its preset", lambda _: self._load(), visible=False, hint="Starts a new run")
+        self._verdict = widgets.gui.add_html("", visible=False)
+        hint = "Before the check is done"
+        self._unfold = widgets.button("Show the answer", lambda _: self._show_answer(), visible=False, hint=hint)
+        self._answer = widgets.gui.add_markdown("", visible=False)
         self._turn_to(self._shown)
 
     def _collect(self) -> None:
@@ -178,7 +166,7 @@ class Guide:
             self._lab_state.load(load_preset(lesson.preset), lesson.preset)
 
     def _check(self, lesson: Lesson, snapshot: Snapshot) -> None:
-        verdict = read_check(lesson).verdict(snapshot.scenario, self._runner.recent(SECONDS), snapshot.events)
+        verdict = read_check(lesson).verdict(snapshot.scenario, self._lab_state.runner.recent(SECONDS), snapshot.events)
         if verdict.done:
             self._unfolded.add(lesson.id)
             self._done[lesson.id] = verdict.sentence

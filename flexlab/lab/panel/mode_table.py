@@ -3,18 +3,15 @@
 import math
 
 import numpy as np
-import viser
 
 from flexlab.analysis.modes import Modes, PoleRow, sampling_text
 from flexlab.analysis.stability import DiskMargin, Margin
 from flexlab.errors import LabError
-from flexlab.lab.lab_state import LabState
 from flexlab.lab.mode_computation import ModeStudy, peak_deflection
 from flexlab.lab.panel.playback import SPEEDS
 from flexlab.lab.view_settings import EXAGGERATION, nice
-from flexlab.lab.widgets import add_button, handler, table_html
+from flexlab.lab.widgets import Widgets, table_html
 from flexlab.sim.commands import Pause, Play, SetSpeed
-from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Snapshot
 from flexlab.text import escaped, number_text
 
@@ -38,23 +35,23 @@ STILL_COMPUTED = "The modes are still being computed: try again in a moment."
 class ModePanel:
     """Mode table and buttons, in the GUI container that is open while it is made."""
 
-    def __init__(self, gui: viser.GuiApi, lab_state: LabState, runner: Runner, study: ModeStudy):
-        self._lab_state, self._runner, self._study = lab_state, runner, study
+    def __init__(self, widgets: Widgets, study: ModeStudy):
+        self._lab_state, self._study = widgets.lab_state, study
         self._paused_run = 0
         self._awaited = False
-        study.ask(lab_state.intended)
-        self._table = gui.add_html("")
-        self._choice = gui.add_dropdown("Mode", tuple(str(k + 1) for k in range(MOST_MODES)), initial_value="1")
+        study.ask(self._lab_state.intended)
+        self._table = widgets.gui.add_html("")
+        self._choice = widgets.gui.add_dropdown("Mode", tuple(str(k + 1) for k in range(MOST_MODES)), initial_value="1")
         seen, bent = (
             f"Speed so that it is seen below {SEEN_AT:g} Hz",
             "A new run that starts with the beam bent in this mode",
         )
-        add_button(gui, lab_state, "Slow motion for it", lambda _: self._slow_down(self._chosen()), hint=seen)
-        add_button(gui, lab_state, "Start in it", lambda _: self._start_in(self._chosen()), hint=bent)
-        self._animate = gui.add_checkbox("Animate its shape", False, hint="Draws the mode instead of the run")
-        self._problem = gui.add_html("")
-        self._animate.on_update(handler(lab_state, lambda _: self._set_animation()))
-        self._choice.on_update(handler(lab_state, lambda _: self._set_animation()))
+        widgets.button("Slow motion for it", lambda _: self._slow_down(self._chosen()), hint=seen)
+        widgets.button("Start in it", lambda _: self._start_in(self._chosen()), hint=bent)
+        hint = "Draws the mode instead of the run"
+        self._animate = widgets.checkbox("Animate its shape", False, lambda _: self._set_animation(), hint)
+        self._problem = widgets.gui.add_html("")
+        self._choice.on_update(widgets.handler(lambda _: self._set_animation()))
 
     def update(self, snapshot: Snapshot) -> None:
         """Bring the table up to date."""
@@ -103,7 +100,7 @@ class ModePanel:
         assert result is not None
         frequency = float(result.frequency[index])
         self._slow_to(frequency)
-        vibration = np.abs(self._runner.recent(LOOKED_BACK).vibration)
+        vibration = np.abs(self._lab_state.runner.recent(LOOKED_BACK).vibration)
         size = float(vibration.max()) if len(vibration) else 0.0
         if size < LEAST_VIBRATION:
             self._lab_state.say(

@@ -8,9 +8,8 @@ from typing import Any
 import viser
 
 from flexlab.errors import FlexlabError, LabError
-from flexlab.lab.lab_state import LabState
 from flexlab.lab.viser_internals import mark_slider, show_true_value
-from flexlab.lab.widgets import add_button, handler, put
+from flexlab.lab.widgets import Widgets, put
 from flexlab.quantities import Quantity
 from flexlab.text import escaped, number_text
 
@@ -107,8 +106,7 @@ class NumberControl:
 
     def __init__(
         self,
-        gui: viser.GuiApi,
-        lab_state: LabState,
+        widgets: Widgets,
         about: Quantity,
         read: Callable[[], Numbers],
         ask: Callable[[Numbers], None],
@@ -134,22 +132,26 @@ class NumberControl:
         self._scale = Scale(about, whole) if slider else None
         self._switch = self._slider = None
         if switch is not None:
-            self._switch = checkbox = gui.add_checkbox(switch[0], value is not None, hint=LIVE_HINTS[about.live])
-            checkbox.on_update(handler(lab_state, lambda _: self._turn(switch[1]() if checkbox.value else None)))
+            self._switch = widgets.checkbox(
+                switch[0],
+                value is not None,
+                lambda on: self._turn(switch[1]() if on else None),
+                LIVE_HINTS[about.live],
+            )
         shown = switch[1]() if switch is not None and value is None else value
         label = f"{about.title} ({about.unit})" if about.unit_text() else about.title
-        self._box = self._add_box(gui, label, shown, 1.0 if whole else None, hint)
+        self._box = self._add_box(widgets.gui, label, shown, 1.0 if whole else None, hint)
         put(self._box, visible=value is not None)
-        self._box.on_update(handler(lab_state, lambda _: self._type(self._box.value)))
+        self._box.on_update(widgets.handler(lambda _: self._type(self._box.value)))
         if self._scale is not None:
             low, high, place = self._scale.low, self._scale.high, self._scale.place(shown)
             name = f"{about.title}, slider"
-            slide = gui.add_slider(name, low, high, self._scale.step, place, marks=self._scale.marks, hint=hint)
-            slide.on_update(handler(lab_state, lambda _: self._slide(slide.value)))
+            slide = widgets.gui.add_slider(name, low, high, self._scale.step, place, marks=self._scale.marks, hint=hint)
+            slide.on_update(widgets.handler(lambda _: self._slide(slide.value)))
             self._slider = slide
         back = f"{about.title}: back to its usual value"
-        self._back = add_button(gui, lab_state, "↺", lambda _: self._go_back(), visible=False, hint=back)
-        self._problem = gui.add_html("", visible=False)
+        self._back = widgets.button("↺", lambda _: self._go_back(), visible=False, hint=back)
+        self._problem = widgets.gui.add_html("", visible=False)
         self.settle()
 
     def settle(self, at_once: bool = False) -> None:

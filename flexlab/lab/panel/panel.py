@@ -31,10 +31,9 @@ from flexlab.lab.panel.view_controls import Look, ViewControls
 from flexlab.lab.picking import DisturbanceSettings, Picking
 from flexlab.lab.reference_run import Recorded
 from flexlab.lab.view_settings import Legend
-from flexlab.lab.widgets import handler, put, table_html
+from flexlab.lab.widgets import Widgets, put, table_html
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
-from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Event, Snapshot
 from flexlab.text import escaped
 
@@ -68,10 +67,8 @@ class Panel:
 
     def __init__(
         self,
-        gui: viser.GuiApi,
-        lab_state: LabState,
+        widgets: Widgets,
         look_back: LookBack,
-        runner: Runner,
         study: ModeStudy,
         touch: Picking,
         look: Look,
@@ -85,47 +82,45 @@ class Panel:
 
         `recorded` as for `Comparing`.
         """
-        self._lab_state, self._look_back, self._recording = lab_state, look_back, recording
-        self._run_number = lab_state.snapshot.run_number
+        self._lab_state, self._look_back, self._recording = widgets.lab_state, look_back, recording
+        self._run_number = self._lab_state.snapshot.run_number
         self._last_event: Event | None = None
         self._told: Scenario | None = None
         self._settled: tuple[Scenario | None, Scenario | None] = (None, None)
-        self._notices = gui.add_html("")
-        self._caption, self._number = gui.add_html(""), gui.add_html("")
-        self._status = gui.add_html("")
-        self._drive = Playback(gui, lab_state)
-        self._scrub = Scrub(gui, lab_state, look_back)
-        self._presets = Presets(gui, lab_state)
-        tabs = gui.add_tab_group()
+        self._notices = widgets.gui.add_html("")
+        self._caption, self._number = widgets.gui.add_html(""), widgets.gui.add_html("")
+        self._status = widgets.gui.add_html("")
+        self._drive = Playback(widgets)
+        self._scrub = Scrub(widgets, look_back)
+        self._presets = Presets(widgets)
+        tabs = widgets.gui.add_tab_group()
         with tabs.add_tab("Parameters"):
-            self._note = gui.add_html("", visible=False)
+            self._note = widgets.gui.add_html("", visible=False)
             notes = {"controller": lambda: conditions_html(study.conditions)}
             sections = {
-                path: Folder(
-                    gui, lab_state, title, partial(section_rows, part_path=path), is_open=True, note=notes.get(path)
-                )
+                path: Folder(widgets, title, partial(section_rows, part_path=path), is_open=True, note=notes.get(path))
                 for title, path in SECTIONS
             }
             self._noted = sections["controller"]
             details = [
-                Folder(gui, lab_state, group.title, partial(group_rows, group=group), is_open=False) for group in GROUPS
+                Folder(widgets, group.title, partial(group_rows, group=group), is_open=False) for group in GROUPS
             ]
             self._sections = [*sections.values(), *details]
         with tabs.add_tab("View"):
-            self._viewing = ViewControls(gui, lab_state, look)
+            self._viewing = ViewControls(widgets, look)
         with tabs.add_tab("Touch"):
-            self._touching = DisturbanceSettings(gui, lab_state, touch)
-            self._ring = RingPanel(gui, lab_state, runner)
+            self._touching = DisturbanceSettings(widgets, touch)
+            self._ring = RingPanel(widgets)
         with tabs.add_tab("Modes"):
-            self._modes = ModePanel(gui, lab_state, runner, study)
+            self._modes = ModePanel(widgets, study)
         with tabs.add_tab("Compare"):
-            self._comparing = Comparing(gui, lab_state, runner, recorded)
+            self._comparing = Comparing(widgets, recorded)
         with tabs.add_tab("File"):
-            self._filing = ScenarioFiles(gui, lab_state, link, self._presets.menu.settle)
+            self._filing = ScenarioFiles(widgets, link, self._presets.menu.settle)
         with tabs.add_tab("Events"):
-            self._events = Events(gui, lab_state)
-        self._play = PlayScreen(gui, lab_state, touch, look)
-        add_keys(gui, lab_state, self._keys(present, say))
+            self._events = Events(widgets)
+        self._play = PlayScreen(widgets, touch, look)
+        add_keys(widgets, self._keys(present, say))
 
     def update(self, snapshot: Snapshot, seen: Snapshot, legend: Legend) -> None:
         """Bring readouts up to date; rewrite inputs after a reset or preset, and where nobody is at them.
@@ -207,19 +202,19 @@ class Panel:
         self._last_event = events[-1]
 
 
-def add_keys(gui: viser.GuiApi, lab_state: LabState, keys: list[Key]) -> None:
+def add_keys(widgets: Widgets, keys: list[Key]) -> None:
     """Give the page keys for `keys`, the presets by number, and ? for the list of all."""
-    everything = [*keys, *(_preset_key(lab_state, number) for number in range(1, NUMBER_KEYS + 1))]
+    everything = [*keys, *(_preset_key(widgets.lab_state, number) for number in range(1, NUMBER_KEYS + 1))]
     everything.append(Key("List of all keys", "This list", "?", "shift", lambda event: _show_list(event, everything)))
     for key in everything:
         # "?" is not among the keys that viser names, but its page takes any key.
-        command = gui.add_command(
+        command = widgets.gui.add_command(
             key.label,
             description=key.words,
             hotkey=key.key,  # type: ignore[arg-type]  # As above.
             modifier=key.modifier,  # type: ignore[arg-type]  # As above.
         )
-        command.on_trigger(handler(lab_state, key.action))
+        command.on_trigger(widgets.handler(key.action))
 
 
 def _preset_key(lab_state: LabState, number: int) -> Key:

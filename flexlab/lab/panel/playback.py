@@ -10,7 +10,6 @@ import time
 import viser
 
 from flexlab.errors import LabError
-from flexlab.lab.lab_state import LabState
 from flexlab.lab.look_back import LookBack
 from flexlab.lab.panel.field import Entry
 from flexlab.lab.panel.number_control import BOX_DIGITS
@@ -19,7 +18,7 @@ from flexlab.lab.panel.sections import Folder
 from flexlab.lab.panel.view_controls import Look
 from flexlab.lab.picking import Picking
 from flexlab.lab.scene.cameras import VIEWS
-from flexlab.lab.widgets import Menu, add_button, handler, put
+from flexlab.lab.widgets import Menu, Widgets, put
 from flexlab.scenario import Scenario
 from flexlab.sim.command_queue import MOST_STEPS
 from flexlab.sim.commands import Pause, Play, Reset, SetSpeed, StepOnce
@@ -38,11 +37,11 @@ KEY_REPEATS = 0.1
 """Wall seconds within which a repeated key is one that is held down."""
 
 
-def speed_menu(gui: viser.GuiApi, lab_state: LabState, label: str) -> Menu:
+def speed_menu(widgets: Widgets, label: str) -> Menu:
     """The menu of speeds, in the GUI container that is open while it is made."""
+    lab_state = widgets.lab_state
     return Menu(
-        gui,
-        lab_state,
+        widgets,
         label,
         lambda: SPEED_TEXTS,
         lambda: speed_text(lab_state.target_speed),
@@ -54,31 +53,24 @@ def speed_menu(gui: viser.GuiApi, lab_state: LabState, label: str) -> Menu:
 class Playback:
     """Play/pause, step, reset and speed, in the GUI container that is open while it is made."""
 
-    def __init__(self, gui: viser.GuiApi, lab_state: LabState):
-        self._lab_state = lab_state
+    def __init__(self, widgets: Widgets):
+        self._lab_state = widgets.lab_state
         self._key_at = self._held_at = -math.inf
-        self._play = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE, hint="Pause or continue the simulation")
-        step = gui.add_button(
-            "Step", icon=viser.Icon.PLAYER_TRACK_NEXT, color="gray", hint="Advance by 1 ms; hold the button to continue"
-        )
-        anew = "A new run from t = 0, same settings"
-        add_button(gui, lab_state, "Reset", lambda _: self.reset(), icon=viser.Icon.REFRESH, hint=anew)
-        # The style sheet puts the button that follows this mark into the middle of the picture.
-        self._begin_mark = gui.add_html('<i class="fl-begin"></i>', visible=False)
-        self._begin = add_button(
-            gui,
-            lab_state,
-            "Begin",
-            lambda _: lab_state.submit(Play()),
-            icon=viser.Icon.PLAYER_PLAY,
-            color=None,
-            visible=False,
-        )
-        self._speed = speed_menu(gui, lab_state, "Speed")
-        self._play.on_click(handler(lab_state, lambda _: self._clicked()))
+        icon, hint = viser.Icon.PLAYER_PAUSE, "Pause or continue the simulation"
+        self._play = widgets.button("Pause", lambda _: self._clicked(), icon=icon, color=None, hint=hint)
         # Pressing steps once and holding goes on; the click that ends it is no step, but that of the keyboard is one.
-        step.on_hold(handler(lab_state, lambda _: self._held_step()), callback_hz=STEPS_PER_SECOND)
-        step.on_click(handler(lab_state, lambda _: self._clicked_step()))
+        icon, hint = viser.Icon.PLAYER_TRACK_NEXT, "Advance by 1 ms; hold the button to continue"
+        step = widgets.button("Step", lambda _: self._clicked_step(), icon=icon, hint=hint)
+        step.on_hold(widgets.handler(lambda _: self._held_step()), callback_hz=STEPS_PER_SECOND)
+        anew = "A new run from t = 0, same settings"
+        widgets.button("Reset", lambda _: self.reset(), icon=viser.Icon.REFRESH, hint=anew)
+        # The style sheet puts the button that follows this mark into the middle of the picture.
+        self._begin_mark = widgets.gui.add_html('<i class="fl-begin"></i>', visible=False)
+        icon = viser.Icon.PLAYER_PLAY
+        self._begin = widgets.button(
+            "Begin", lambda _: self._lab_state.submit(Play()), icon=icon, color=None, visible=False
+        )
+        self._speed = speed_menu(widgets, "Speed")
 
     def update(self, snapshot: Snapshot) -> None:
         """Label the play button by what it will do, and follow a speed that was set elsewhere."""
@@ -137,28 +129,19 @@ FINE_REACH, FINE, COARSE = 5.0, 0.001, 0.01
 class Scrub:
     """The bar along the lower edge of the picture that goes back in time, in the GUI container that is open while it is made."""
 
-    def __init__(self, gui: viser.GuiApi, lab_state: LabState, look_back: LookBack):
+    def __init__(self, widgets: Widgets, look_back: LookBack):
         self._look_back = look_back
         # The style sheet puts what follows this mark below the picture; `accessibility.js` says its value as "3.2 s ago".
-        self._words = gui.add_html("")
-        self._bar = gui.add_slider(
+        self._words = widgets.gui.add_html("")
+        self._bar = widgets.gui.add_slider(
             "Look back", -1.0, 0.0, FINE, 0.0, visible=False, hint="Drag it to the left: the last minute of the run"
         )
         now, go_on, hint = viser.Icon.PLAYER_TRACK_NEXT, viser.Icon.PLAYER_PLAY, "A new run that begins with this state"
-        self._back = add_button(
-            gui, lab_state, "Back to now", lambda _: look_back.back_to_now(), icon=now, visible=False
+        self._back = widgets.button("Back to now", lambda _: look_back.back_to_now(), icon=now, visible=False)
+        self._go_on = widgets.button(
+            "Continue from here", lambda _: look_back.go_on(), icon=go_on, color=None, visible=False, hint=hint
         )
-        self._go_on = add_button(
-            gui,
-            lab_state,
-            "Continue from here",
-            lambda _: look_back.go_on(),
-            icon=go_on,
-            color=None,
-            visible=False,
-            hint=hint,
-        )
-        self._bar.on_update(handler(lab_state, lambda _: look_back.look(-float(self._bar.value))))
+        self._bar.on_update(widgets.handler(lambda _: look_back.look(-float(self._bar.value))))
         self._ago = 0.0
 
     def update(self) -> None:
@@ -178,13 +161,15 @@ class Scrub:
 class Events:
     """Event list and "run to", in the GUI container that is open while it is made."""
 
-    def __init__(self, gui: viser.GuiApi, lab_state: LabState):
-        self._lab_state = lab_state
-        self._goal = gui.add_number("Run to t (s)", 1.0, step=0.1, hint="As fast as this machine can, then pause")
+    def __init__(self, widgets: Widgets):
+        self._lab_state = widgets.lab_state
+        self._goal = widgets.gui.add_number(
+            "Run to t (s)", 1.0, step=0.1, hint="As fast as this machine can, then pause"
+        )
         self._goal.precision = BOX_DIGITS
         icon = viser.Icon.PLAYER_SKIP_FORWARD
-        add_button(gui, lab_state, "Run to it", lambda _: self.run_to(float(self._goal.value)), icon=icon)
-        self._list = gui.add_html("")
+        widgets.button("Run to it", lambda _: self.run_to(float(self._goal.value)), icon=icon)
+        self._list = widgets.gui.add_html("")
 
     def update(self, snapshot: Snapshot) -> None:
         """Bring the list up to date."""
@@ -221,18 +206,18 @@ def _play_rows(scenario: Scenario) -> list[Entry]:
 class PlayScreen:
     """Controls of the play screen, in the GUI container that is open while it is made."""
 
-    def __init__(self, gui: viser.GuiApi, lab_state: LabState, touch: Picking, look: Look):
-        with gui.add_folder("Play"):
-            gui.add_html(f'<div class="fl fl-play">{SENTENCE}</div>')  # By which the page finds the screen.
+    def __init__(self, widgets: Widgets, touch: Picking, look: Look):
+        with widgets.gui.add_folder("Play"):
+            widgets.gui.add_html(f'<div class="fl fl-play">{SENTENCE}</div>')  # By which the page finds the screen.
             icon, hint = viser.Icon.HAND_CLICK, "A blow across the beam"
-            add_button(gui, lab_state, "Tap", lambda _: touch.tap(), icon=icon, color=None, hint=hint)
-            gui.add_button("More", color="gray", hint="The whole lab, with this run")
+            widgets.button("Tap", lambda _: touch.tap(), icon=icon, color=None, hint=hint)
+            widgets.gui.add_button("More", color="gray", hint="The whole lab, with this run")
             # The style sheet shows the button that follows this mark once somebody has turned the view.
-            gui.add_html('<i class="fl-back"></i>')
+            widgets.gui.add_html('<i class="fl-back"></i>')
             hint = "The camera back to where it stood, in this browser"
-            add_button(gui, lab_state, "Reset view", lambda event: look(event.client, VIEWS[0]), hint=hint)
-            self._beam = Folder(gui, lab_state, None, _play_rows, is_open=True)
-            self._speed = speed_menu(gui, lab_state, "Simulation speed")
+            widgets.button("Reset view", lambda event: look(event.client, VIEWS[0]), hint=hint)
+            self._beam = Folder(widgets, None, _play_rows, is_open=True)
+            self._speed = speed_menu(widgets, "Simulation speed")
 
     def settle(self) -> None:
         """Follow the run, leaving alone what a person is at."""

@@ -13,8 +13,7 @@ from flexlab.analysis.identification.free_ring import recent_ring
 from flexlab.analysis.identification.remedies import SHAPERS, WANTED_RATIO, Remedies, remedies
 from flexlab.analysis.identification.ring import RingFit, fit_ring
 from flexlab.errors import FlexlabError, LabError
-from flexlab.lab.lab_state import LabState
-from flexlab.lab.widgets import add_button, put, table_html
+from flexlab.lab.widgets import Widgets, put, table_html
 from flexlab.sim.runner import Runner
 from flexlab.text import escaped, limited, number_text
 
@@ -73,18 +72,17 @@ SYMBOLS = {"lateral_vibration_gain": ("k_v", "1/(kg·s)"), "angular_vibration_ga
 class RingPanel:
     """Buttons and findings, in the GUI container that is open while it is made."""
 
-    def __init__(self, gui: viser.GuiApi, lab_state: LabState, runner: Runner):
-        self._lab_state, self._study = lab_state, RingStudy(runner)
+    def __init__(self, widgets: Widgets):
+        self._lab_state, self._study = widgets.lab_state, RingStudy(widgets.lab_state.runner)
         hint = "Frequency and damping of the vibration since the last tap, release or stop"
-        add_button(gui, lab_state, "Fit the ring", lambda _: self._study.ask(), icon=viser.Icon.WAVE_SINE, hint=hint)
-        self._found = gui.add_html("")
+        widgets.button("Fit the ring", lambda _: self._study.ask(), icon=viser.Icon.WAVE_SINE, hint=hint)
+        self._found = widgets.gui.add_html("")
         hint = "The path goes through this input shaper, made for the fitted ring"
         self._shapers = [
-            add_button(gui, lab_state, f"Use {name}", partial(self._use, name), visible=False, hint=hint)
-            for name in SHAPERS
+            widgets.button(f"Use {name}", partial(self._use, name), visible=False, hint=hint) for name in SHAPERS
         ]
         hint = "Sets the vibration gain of the control law"
-        self._damp = add_button(gui, lab_state, "Use this gain", lambda _: self._use_gain(), visible=False, hint=hint)
+        self._damp = widgets.button("Use this gain", lambda _: self._use_gain(), visible=False, hint=hint)
 
     def update(self) -> None:
         """Show what was found."""

@@ -7,9 +7,8 @@ import viser
 
 from flexlab.analysis.metrics import MetricRow
 from flexlab.errors import FlexlabError
-from flexlab.lab.lab_state import LabState
 from flexlab.lab.reference_run import LONGEST, Recorded, ReferenceRun, common_metrics, differences, keep_run, whole_run
-from flexlab.lab.widgets import add_button, put, table_html
+from flexlab.lab.widgets import Widgets, put, table_html
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import field_title, told, value_text
 from flexlab.sim.runner import Runner
@@ -24,19 +23,19 @@ MOST_CHANGES = 12
 class Comparing:
     """Buttons and table, in the GUI container that is open while it is made."""
 
-    def __init__(self, gui: viser.GuiApi, lab_state: LabState, runner: Runner, recorded: Recorded | None = None):
+    def __init__(self, widgets: Widgets, recorded: Recorded | None = None):
         """`recorded` reads what the engine no longer keeps of the present run; None: it is not recorded."""
-        self._lab_state, self._runner, self._recorded = lab_state, runner, recorded
+        self._lab_state, self._recorded = widgets.lab_state, recorded
         self._count = 0
         words = (
             "Keep this run, change a setting or the control law, and press Reset: the kept run stays behind the new one, "
             "its beam in grey and its curves dotted."
         )
-        gui.add_html(f'<div class="fl fl-dim">{words}</div>')
+        widgets.gui.add_html(f'<div class="fl fl-dim">{words}</div>')
         ghost, hint = viser.Icon.GHOST_2, "Remove the kept run from the screen"
-        add_button(gui, lab_state, "Keep this run", lambda _: self._keep(), icon=ghost, hint="As it was computed")
-        self._forgets = add_button(gui, lab_state, "Forget it", lambda _: self._forget(), hint=hint, visible=False)
-        self._table = gui.add_html("")
+        widgets.button("Keep this run", lambda _: self._keep(), icon=ghost, hint="As it was computed")
+        self._forgets = widgets.button("Forget it", lambda _: self._forget(), hint=hint, visible=False)
+        self._table = widgets.gui.add_html("")
 
     def update(self, snapshot: Snapshot) -> None:
         """Bring the table up to date."""
@@ -45,7 +44,7 @@ class Comparing:
             self._show(snapshot)
 
     def _keep(self) -> None:
-        kept, start = keep_run(self._runner), self._lab_state.snapshot.start_time
+        kept, start = keep_run(self._lab_state.runner), self._lab_state.snapshot.start_time
         self._lab_state.kept = kept
         self._say_kept(kept)
         self._show(self._lab_state.snapshot)
@@ -79,7 +78,7 @@ class Comparing:
     def _show(self, snapshot: Snapshot) -> None:
         kept = self._lab_state.kept
         put(self._forgets, visible=kept is not None)
-        self._table.content = "" if kept is None else comparison_html(kept, snapshot, self._runner)
+        self._table.content = "" if kept is None else comparison_html(kept, snapshot, self._lab_state.runner)
 
 
 def comparison_html(kept: ReferenceRun, snapshot: Snapshot, runner: Runner) -> str:

@@ -11,10 +11,9 @@ import viser
 
 from flexlab.assets import presets_folder
 from flexlab.errors import PresetError, ScenarioError
-from flexlab.lab.lab_state import LabState
 from flexlab.lab.panel.run_comparison import changes_table, told_html
 from flexlab.lab.reference_run import differences
-from flexlab.lab.widgets import Menu, add_button, handler, put
+from flexlab.lab.widgets import Menu, Widgets, put
 from flexlab.presets import OWN_FOLDER, load_preset, load_scenario_file, preset_names, save_scenario, scenario_text
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import field_title, told, value_text
@@ -87,20 +86,19 @@ CHANGES_NAMED = 4
 class Presets:
     """A menu of presets, in the GUI container that is open while it is made."""
 
-    def __init__(self, gui: viser.GuiApi, lab_state: LabState):
-        self._lab_state = lab_state
+    def __init__(self, widgets: Widgets):
+        self._lab_state = lab_state = widgets.lab_state
         # The page's script finds the menu by this mark: choosing the shown preset once more starts it anew.
-        gui.add_html('<i hidden class="fl-preset"></i>')
+        widgets.gui.add_html('<i hidden class="fl-preset"></i>')
         self.menu = Menu(
-            gui,
-            lab_state,
+            widgets,
             "Preset",
             self._offered,
             lambda: lab_state.name,
             lambda name: lab_state.load(load_preset(name), name),
             hint="Starts a new run",
         )
-        self._text = gui.add_html("")
+        self._text = widgets.gui.add_html("")
 
     def update(self) -> None:
         """Show which preset the scenario came from, its words, and whether it has been changed."""
@@ -135,33 +133,30 @@ class ScenarioFiles:
     `on_saved` hears that there is a new preset.
     """
 
-    def __init__(
-        self,
-        gui: viser.GuiApi,
-        lab_state: LabState,
-        link: Callable[[Scenario], str] | None,
-        on_saved: Callable[[], None],
-    ):
-        self._lab_state, self._link, self._on_saved = lab_state, link, on_saved
+    def __init__(self, widgets: Widgets, link: Callable[[Scenario], str] | None, on_saved: Callable[[], None]):
+        lab_state = widgets.lab_state
+        self._widgets, self._lab_state, self._link, self._on_saved = widgets, lab_state, link, on_saved
         self._shown_for: tuple[Scenario, Scenario] | None = None
-        self._changes = gui.add_html("")
+        self._changes = widgets.gui.add_html("")
         for label, icon, hint, action in (
             ("Undo", viser.Icon.ARROW_BACK_UP, "Take the last change back (Ctrl+Z)", lab_state.undo),
             ("Redo", viser.Icon.ARROW_FORWARD_UP, "Make it again (Ctrl+Shift+Z)", lab_state.redo),
             ("Back to preset", None, "A new run without your changes", lab_state.back_to_baseline),
         ):
-            add_button(gui, lab_state, label, lambda _, action=action: action(), icon=icon, hint=hint)
+            widgets.button(label, lambda _, action=action: action(), icon=icon, hint=hint)
         self._suggested = self._suggestion()
-        self.name = gui.add_text("Name", self._suggested, hint="Of the preset; its file gets it in small letters")
-        self.words = gui.add_text(
+        self.name = widgets.gui.add_text(
+            "Name", self._suggested, hint="Of the preset; its file gets it in small letters"
+        )
+        self.words = widgets.gui.add_text(
             "What to watch", "", multiline=True, hint="Your own words; left empty: what is changed"
         )
         save, file, hint = viser.Icon.DEVICE_FLOPPY, viser.Icon.DOWNLOAD, "Into the folder presets"
-        add_button(gui, lab_state, "Save as preset", lambda _: self.save(), icon=save, color=None, hint=hint)
-        add_button(gui, lab_state, "Download", self._download, icon=file, hint="The scenario as a file")
-        self._gui, self._front_server = gui, gui.add_folder(None)
+        widgets.button("Save as preset", lambda _: self.save(), icon=save, color=None, hint=hint)
+        widgets.button("Download", self._download, icon=file, hint="The scenario as a file")
+        self._front_server = widgets.gui.add_folder(None)
         self._offer_upload()
-        self._address = gui.add_html("")
+        self._address = widgets.gui.add_html("")
 
     def update(self, snapshot: Snapshot) -> None:
         """Say what is changed against the preset, and under which address others find it."""
@@ -215,14 +210,14 @@ class ScenarioFiles:
 
     def _offer_upload(self) -> None:
         with self._front_server:
-            self._opener = self._gui.add_upload_button(
+            self._opener = self._widgets.gui.add_upload_button(
                 "Open a file",
                 icon=viser.Icon.UPLOAD,
                 color="gray",
                 mime_type="application/json,text/csv",
                 hint="A scenario file, or a path as CSV with the columns t, x, y, theta",
             )
-        self._opener.on_upload(handler(self._lab_state, self._upload))
+        self._opener.on_upload(self._widgets.handler(self._upload))
 
     def _upload(self, event: Any) -> None:
         # A browser does not report the same file chosen again; to a new button it does.

@@ -8,10 +8,9 @@ import viser
 
 from flexlab.control.conditions import Condition
 from flexlab.control.path import Trajectory
-from flexlab.lab.lab_state import LabState
 from flexlab.lab.panel.field import Entry, Switch, choice, field
 from flexlab.lab.panel.number_control import NumberControl
-from flexlab.lab.widgets import Menu, put
+from flexlab.lab.widgets import Menu, Widgets, put
 from flexlab.quantities import Part, Quantity, describe, own_numbers
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import short_title
@@ -253,8 +252,7 @@ class Folder:
 
     def __init__(
         self,
-        gui: viser.GuiApi,
-        lab_state: LabState,
+        widgets: Widgets,
         title: str | None,
         rows: Callable[[Scenario], list[Entry]],
         *,
@@ -265,17 +263,17 @@ class Folder:
 
         `note`: HTML below the fields, asked for at every update.
         """
-        self._gui, self._lab_state, self._rows, self._note = gui, lab_state, rows, note
-        self._folder = gui.add_folder(title, expand_by_default=is_open)
+        self._widgets, self._rows, self._note = widgets, rows, note
+        self._folder = widgets.gui.add_folder(title, expand_by_default=is_open)
         self._noted: viser.GuiHtmlHandle | None = None
         self._fields: list[NumberControl | Menu] = []
         self._built_for: list[Entry] | None = None
         self._followed: Scenario | None = None
-        self._follow(lab_state.intended)
+        self._follow(widgets.lab_state.intended)
 
     def settle(self, at_once: bool = False) -> None:
         """Follow the scenario; leave alone what a person is at, unless it is to be `at_once`."""
-        self._follow(self._lab_state.intended)
+        self._follow(self._widgets.lab_state.intended)
         for control in self._fields:
             control.settle(at_once)
 
@@ -296,9 +294,9 @@ class Folder:
         self._built_for, self._folder.visible = rows, bool(rows)
         with self._folder:
             self._fields = [self._field(row) for row in rows]
-            self._noted = self._gui.add_html(self._note()) if self._note is not None else None
+            self._noted = self._widgets.gui.add_html(self._note()) if self._note is not None else None
 
     def _field(self, row: Entry) -> NumberControl | Menu:
         if row.is_menu:
-            return choice(self._gui, self._lab_state, row.path)
-        return field(self._gui, self._lab_state, row, SWITCHES.get(row.path) if row.boxes else None)
+            return choice(self._widgets, row.path)
+        return field(self._widgets, row, SWITCHES.get(row.path) if row.boxes else None)

@@ -1,14 +1,14 @@
 """What is drawn and how large: exaggeration, overlays, plot window. Settings of the screen, not of the simulation."""
 
 from collections.abc import Callable
+from functools import partial
 
 import viser
 
-from flexlab.lab.lab_state import LabState
 from flexlab.lab.panel.number_control import NumberControl
 from flexlab.lab.scene.cameras import VIEWS
 from flexlab.lab.view_settings import EXAGGERATION, PLOT_WINDOWS, SWITCHES, fitting_window
-from flexlab.lab.widgets import Menu, add_button, handler, put
+from flexlab.lab.widgets import Menu, Widgets, put
 
 Look = Callable[[viser.ClientHandle, str], None]
 """Show a named camera view in one browser."""
@@ -17,11 +17,10 @@ Look = Callable[[viser.ClientHandle, str], None]
 class ViewControls:
     """Controls of the view, in the GUI container that is open while it is made."""
 
-    def __init__(self, gui: viser.GuiApi, lab_state: LabState, look: Look):
-        self._lab_state = lab_state
+    def __init__(self, widgets: Widgets, look: Look):
+        self._lab_state = lab_state = widgets.lab_state
         self._exaggeration = NumberControl(
-            gui,
-            lab_state,
+            widgets,
             EXAGGERATION,
             lambda: lab_state.view.exaggeration,
             lambda factor: lab_state.set_view(exaggeration=factor, follow_deflection=False),
@@ -29,8 +28,7 @@ class ViewControls:
         )
         windows = {f"{window:g} s": window for window in PLOT_WINDOWS}
         self._window = Menu(
-            gui,
-            lab_state,
+            widgets,
             "Plot window",
             lambda: windows,
             lambda: f"{lab_state.view.plot_window:g} s",
@@ -38,8 +36,11 @@ class ViewControls:
         )
         for view in VIEWS:
             hint = "Camera view, in this browser"
-            add_button(gui, lab_state, view, lambda event, view=view: look(event.client, view), hint=hint)
-        self._switches = {setting: self._switch(gui, label, setting) for setting, label in SWITCHES.items()}
+            widgets.button(view, lambda event, view=view: look(event.client, view), hint=hint)
+        self._switches = {
+            setting: widgets.checkbox(label, getattr(lab_state.view, setting), partial(self._set, setting))
+            for setting, label in SWITCHES.items()
+        }
 
     def settle(self, at_once: bool) -> None:
         """Follow the view's settings; leave alone what a person is at, unless it is to be `at_once`."""
@@ -47,11 +48,6 @@ class ViewControls:
         self._window.settle()
         for setting, box in self._switches.items():
             put(box, value=getattr(self._lab_state.view, setting))
-
-    def _switch(self, gui: viser.GuiApi, label: str, setting: str) -> viser.GuiCheckboxHandle:
-        box = gui.add_checkbox(label, getattr(self._lab_state.view, setting))
-        box.on_update(handler(self._lab_state, lambda _: self._set(setting, bool(box.value))))
-        return box
 
     def _set(self, setting: str, on: bool) -> None:
         self._lab_state.set_view(**{setting: on})

@@ -88,11 +88,15 @@ def load_preset(name: str, own: Path = OWN_FOLDER) -> Scenario:
 
 def load_scenario_file(path: str | Path) -> Scenario:
     """The scenario in a JSON file. Raises `PresetError` (unreadable, not JSON) or `ScenarioError` (not valid)."""
-    path = Path(path)
+    return read_scenario(_content(Path(path)), path)
+
+
+def read_scenario(content: bytes, name: str | Path) -> Scenario:
+    """The scenario in a JSON file of that content, which sentences call `name`. Raises `PresetError` or `ScenarioError`."""
     try:
-        return parse_scenario(_read_json(path))
+        return parse_scenario(_parsed(content, name))
     except ScenarioError as error:
-        raise ScenarioError([(field, f"{path}: {sentence}") for field, sentence in error.problems]) from None
+        raise ScenarioError([(field, f"{name}: {sentence}") for field, sentence in error.problems]) from None
 
 
 def find_scenario(name_or_path: str) -> tuple[str, Scenario]:
@@ -205,7 +209,7 @@ def _menu_order(path: Path) -> float:
 @lru_cache(maxsize=1024)
 def _read_menu_order(path: Path, changed: int) -> float:
     """`_menu_order` of a file with the date `changed`."""
-    data = _read_json(path)
+    data = _parsed(_content(path), path)
     order = data.get(MENU_FIELD) if isinstance(data, dict) else None
     return order if type(order) is int else math.inf
 
@@ -217,22 +221,29 @@ def _kind_first(data: Any) -> Any:
     return {name: _kind_first(data[name]) for name in order}
 
 
-def _read_json(path: Path) -> Any:
+def _content(path: Path) -> bytes:
     try:
         if path.exists() and not path.is_file():  # A pipe would hang.
             raise PresetError(f"{path} cannot be read: it is no ordinary file.")
-        return json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=unique_fields)
+        return path.read_bytes()
     except FileNotFoundError:
         raise PresetError(f"There is no scenario file {path}: check the name.") from None
     except OSError as error:
         raise PresetError(f"{path} cannot be read: {error.strerror}.") from None
+    except ValueError as error:  # A name that no file can have.
+        raise PresetError(f"{path} cannot be read as a scenario: {_lower_first(str(error))}.") from None
+
+
+def _parsed(content: bytes, name: str | Path) -> Any:
+    try:
+        return json.loads(content.decode("utf-8-sig"), object_pairs_hook=unique_fields)
     except UnicodeDecodeError:
-        raise PresetError(f"{path} is not a text file in UTF-8: a scenario file is JSON text.") from None
+        raise PresetError(f"{name} is not a text file in UTF-8: a scenario file is JSON text.") from None
     except json.JSONDecodeError as error:
         where = f"line {error.lineno}, column {error.colno}"
-        raise PresetError(f"{path}, {where}, is not valid JSON: {_lower_first(error.msg)}.") from None
+        raise PresetError(f"{name}, {where}, is not valid JSON: {_lower_first(error.msg)}.") from None
     except (ValueError, RecursionError) as error:
-        raise PresetError(f"{path} cannot be read as a scenario: {_lower_first(str(error))}.") from None
+        raise PresetError(f"{name} cannot be read as a scenario: {_lower_first(str(error))}.") from None
 
 
 def unique_fields(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

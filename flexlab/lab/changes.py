@@ -8,7 +8,6 @@ from typing import Any
 
 from flexlab.errors import FlexlabError
 from flexlab.scenario import Scenario
-from flexlab.scenario.field_text import changes_towards as changes_towards
 from flexlab.sim.samples import Origin
 from flexlab.text import limited
 

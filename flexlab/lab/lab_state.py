@@ -12,14 +12,15 @@ from typing import Any
 
 from flexlab.errors import FlexlabError, LabError, ScenarioError
 from flexlab.guide import LOCKED, ClassRules, LessonProgress
-from flexlab.lab.changes import Settings, SlowChanges, Undo, changes_towards
+from flexlab.lab.changes import Settings, SlowChanges, Undo
 from flexlab.lab.mode_computation import peak_deflection
-from flexlab.lab.reference_run import ReferenceRun, differences
+from flexlab.lab.reference_run import ReferenceRun
 from flexlab.lab.view_settings import ViewSettings, fitting_exaggeration, fitting_window, tamed_exaggeration
 from flexlab.own.path import needs_running, with_table
 from flexlab.physics.plant import ON_BEAM, Hand
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
+from flexlab.scenario.field_text import changes_towards, differences
 from flexlab.sim.commands import ChangeScenario, Command, LoadScenario, Pause, Play, Pull, Reset, SetSpeed
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Origin

@@ -36,13 +36,16 @@ def peak_deflection(payload: Payload, shape: np.ndarray) -> float:
 
 
 class ModeStudy:
-    """Holds the newest finished result. `ask` again and again: one computation runs at a time, and few while changes go on."""
+    """Holds the newest finished result. One computation runs at a time, and few while changes go on.
+
+    One thread calls `ask` again and again; any may read.
+    """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self._lock, self._clock = threading.Lock(), clock
+        self._clock = clock
         self._thread: threading.Thread | None = None
-        self._asked: Scenario | None = None
-        self._wanted: Scenario | None = None
+        self._asked: tuple | None = None
+        self._wanted: tuple | None = None
         self._wanted_since = self._not_before = float("-inf")
         self.result: Modes | None = None
         """Modes of the scenario last computed; None before the first."""
@@ -54,18 +57,17 @@ class ModeStudy:
 
     def ask(self, scenario: Scenario) -> None:
         """Have the modes of `scenario` computed, unless they are or are being computed, or too many were just now."""
-        with self._lock:
-            now, key = self._clock(), _key(scenario)
-            if self._wanted is None or _key(self._wanted) != key:
-                self._wanted, self._wanted_since = scenario, now
-            busy = self._thread is not None and self._thread.is_alive()
-            if busy or (self._asked is not None and _key(self._asked) == key):
-                return
-            if now < self._not_before and now - self._wanted_since < REST:
-                return
-            self._asked = scenario
-            self._thread = threading.Thread(target=self._compute, args=(scenario,), name="flexlab-modes", daemon=True)
-            self._thread.start()
+        now, key = self._clock(), _key(scenario)
+        if self._wanted != key:
+            self._wanted, self._wanted_since = key, now
+        busy = self._thread is not None and self._thread.is_alive()
+        if busy or self._asked == key:
+            return
+        if now < self._not_before and now - self._wanted_since < REST:
+            return
+        self._asked = key
+        self._thread = threading.Thread(target=self._compute, args=(scenario,), name="flexlab-modes", daemon=True)
+        self._thread.start()
 
     def background(self, scenario: Scenario) -> Background | None:
         """What explanations need to know of `scenario`; None until it is computed."""
@@ -79,10 +81,8 @@ class ModeStudy:
 
     def stop(self) -> None:
         """Wait for a computation that is under way."""
-        with self._lock:
-            thread = self._thread
-        if thread is not None:
-            thread.join()
+        if self._thread is not None:
+            self._thread.join()
 
     def _compute(self, scenario: Scenario) -> None:
         begun = self._clock()

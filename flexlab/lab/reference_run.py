@@ -8,7 +8,6 @@ import numpy as np
 from flexlab.analysis.metrics import MetricRow, run_metrics
 from flexlab.errors import LabError
 from flexlab.scenario import Scenario
-from flexlab.scenario.field_text import differences as differences
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Samples, join_blocks
 from flexlab.sim.snapshot import TICK

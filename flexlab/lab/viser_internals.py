@@ -332,17 +332,6 @@ def mark_slider(handle: viser.GuiInputHandle[Any], marks: tuple[tuple[float, str
     handle._queue_update("_marks", shown)
 
 
-def message_fields(name: str) -> dict[str, Any]:
-    """Field → declared type of a message of viser's page; empty if viser has no such message."""
-    from viser.infra._messages import get_type_hints_cached, wire_field_names
-
-    message = getattr(_messages, name, None)
-    if message is None:
-        return {}
-    hints = get_type_hints_cached(message)
-    return {field: hints[field] for field in wire_field_names(message)}
-
-
 def in_the_systems_colors(page: str) -> str:
     """A serialized scene's HTML, dark where the reader's system is: viser decides it when the file is written."""
     fixed = "window.__VISER_EMBED_CONFIG__={darkMode:false};"

@@ -9,13 +9,14 @@ from flexlab.lab.panel.number_control import Scale
 from flexlab.lab.plots.chart import DASHES
 from flexlab.lab.plots.plot_signals import tabs
 from flexlab.lab.plots.plots import POINTS, amplitude_spectrum, thinned, unbroken
-from flexlab.lab.reference_run import ReferenceRun, common_metrics, differences, whole_run
+from flexlab.lab.reference_run import ReferenceRun, common_metrics, whole_run
 from flexlab.lab.scene.beam import PIECES, axial_loads, curvature_functions, strain_colors
 from flexlab.lab.scene.forces import held_point
 from flexlab.lab.scene.overlays import elbow_sines, shade
 from flexlab.presets import load_preset
 from flexlab.quantities import Quantity
 from flexlab.scenario import Scenario
+from flexlab.scenario.field_text import differences
 from flexlab.sim.commands import Pull
 from flexlab.sim.geometry import arm_points, beam_points, deflection_at
 from flexlab.sim.runner import Runner

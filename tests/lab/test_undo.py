@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 from lab_page import wait_until
 
 from flexlab.lab import changes
-from flexlab.lab.changes import Settings, Undo, changes_towards
+from flexlab.lab.changes import Settings, Undo
 from flexlab.lab.lab_state import LabState
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
+from flexlab.scenario.field_text import changes_towards
 from flexlab.sim.commands import ChangeScenario, Pause, Play, Pull, SetSpeed
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Origin

@@ -98,20 +98,16 @@ def field(widgets: Widgets, entry: Entry, switch: Switch | None = None) -> Numbe
 HINTS = {
     "controller.kind": "Keeps the motion; fields that the new law lacks are dropped.",
     "trajectory.kind": "Goes on from where the target is; fields that the new path lacks are dropped.",
-    "trajectory.shaper": "Acts at once.",
     "controller.slow.kind": "Any law. Keeps the motion.",
     "controller.observer.kind": "Rates of the beam: measured, or estimated from strain gauges by a sampled law.",
-    "payload.damping.kind": "Acts at once.",
-    "payload.boundary": "Reshapes the beam's mesh; its shape is carried over.",
     "payload.axial_load": "Whether the beam feels the force along it. Acts at once.",
     "controller.model.axial_load": "Whether the observer reckons with the steady force along the beam.",
     "grips.model": "Whether the grips give way. Starts a new run.",
     "grips.measured_at": "By the arms' joint angles, or at the payload. Acts at once.",
-    "simulation.integrator": "Acts at once.",
     "left_arm.elbow": "Sign of joint 2. Starts a new run.",
     "right_arm.elbow": "Sign of joint 2. Starts a new run.",
 }
-"""Path → what a change does."""
+"""Path → what a change does, where `LIVE_HINTS` does not tell."""
 
 
 def changes_for(path: str, value: Any) -> dict[str, Any]:
@@ -137,4 +133,5 @@ def choice(widgets: Widgets, path: str) -> Menu:
     def shown() -> str:
         return in_words(word_of(lab_state.intended.get(path)))
 
-    return Menu(widgets, TITLES[path], offered, shown, choose, hint=HINTS[path])
+    hint = HINTS.get(path, LIVE_HINTS[lab_state.intended.about(path).live])
+    return Menu(widgets, TITLES[path], offered, shown, choose, hint=hint)

@@ -7,10 +7,10 @@ import viser
 
 from flexlab.analysis.metrics import MetricRow
 from flexlab.errors import FlexlabError
-from flexlab.lab.reference_run import LONGEST, Recorded, ReferenceRun, common_metrics, differences, keep_run, whole_run
+from flexlab.lab.reference_run import LONGEST, Recorded, ReferenceRun, common_metrics, keep_run, whole_run
 from flexlab.lab.widgets import Widgets, put, table_html
 from flexlab.scenario import Scenario
-from flexlab.scenario.field_text import field_title, told, value_text
+from flexlab.scenario.field_text import differences, field_title, told, value_text
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Snapshot
 from flexlab.text import escaped, number_text

@@ -1,7 +1,6 @@
 """The scenario's files: the preset menu, own presets, download, upload, link."""
 
 import re
-import tempfile
 import unicodedata
 from collections.abc import Callable
 from pathlib import Path
@@ -10,13 +9,12 @@ from typing import Any
 import viser
 
 from flexlab.assets import presets_folder
-from flexlab.errors import PresetError, ScenarioError
+from flexlab.errors import PresetError
 from flexlab.lab.panel.run_comparison import changes_table, told_html
-from flexlab.lab.reference_run import differences
 from flexlab.lab.widgets import Menu, Widgets, put
-from flexlab.presets import OWN_FOLDER, load_preset, load_scenario_file, preset_names, save_scenario, scenario_text
+from flexlab.presets import OWN_FOLDER, load_preset, preset_names, read_scenario, save_scenario, scenario_text
 from flexlab.scenario import Scenario
-from flexlab.scenario.field_text import field_title, told, value_text
+from flexlab.scenario.field_text import differences, field_title, told, value_text
 from flexlab.scenario.path_file import decoded_path
 from flexlab.sim.snapshot import Snapshot
 from flexlab.text import escaped, visible, with_units
@@ -64,19 +62,7 @@ def file_stem(name: str) -> str:
 def read_upload(file_name: str, content: bytes) -> tuple[str, Scenario]:
     """(short name, scenario) of an uploaded file; raises `PresetError` or `ScenarioError` with the file's own name."""
     stem = file_stem(Path(file_name).stem) or "uploaded"
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"{stem}.json"
-        path.write_bytes(content)
-        try:
-            return stem, load_scenario_file(path)
-        except ScenarioError as error:
-            raise ScenarioError([(field, _own(text, path)) for field, text in error.problems]) from None
-        except PresetError as error:
-            raise PresetError(_own(str(error), path)) from None
-
-
-def _own(text: str, path: Path) -> str:
-    return text.replace(str(path), path.name)
+    return stem, read_scenario(content, f"{stem}.json")
 
 
 CHANGES_NAMED = 4

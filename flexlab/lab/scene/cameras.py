@@ -112,6 +112,7 @@ LOWEST = 0.1
 """Least height of a camera above the floor, m."""
 STILL = 1e-3
 """A camera this near to where it was put counts as not moved by the person, m."""
+NO_WINDOW = Window(0.0)
 SAME_ASPECT = 0.02
 """Changes of width over height below this do not move the camera."""
 
@@ -129,11 +130,9 @@ class _Watch:
     client: viser.ClientHandle
     view: str = VIEWS[0]
     put_at: np.ndarray | None = None
-    aspect: float = 0.0
+    put_for: Window = NO_WINDOW
     covered: tuple[float, float] = (0.0, 0.0)
     """Shares of the picture's height that are covered, from above and from below."""
-    put_for: tuple[float, float] = (0.0, 0.0)
-    """The covered shares that the camera was placed for."""
     run: int = 0
     """Number of the run that it was placed for."""
 
@@ -198,7 +197,7 @@ class ClientCameras:
         # viser puts its own first camera back some two seconds after the page has opened.
         put_back = watch.view == VIEWS[0] and _at_rest(camera.position, self._server.initial_camera.position)
         stands = watch.put_at is None or _at_rest(camera.position, watch.put_at)
-        reshaped = abs(camera.aspect - watch.aspect) > SAME_ASPECT or watch.covered != watch.put_for
+        reshaped = abs(camera.aspect - watch.put_for.aspect) > SAME_ASPECT or watch.covered != watch.put_for[1:]
         if watch.view not in (*MOVING, STANDING) and (put_back or (stands and reshaped)):
             self._aim(watch, self._runner.snapshot)
 
@@ -214,9 +213,9 @@ class ClientCameras:
 
     def _aim(self, watch: _Watch, snapshot: Snapshot) -> None:
         camera = watch.client.camera
-        window = Window(camera.aspect, *watch.covered)
-        aim = shot(watch.view, snapshot.scenario, snapshot.display, window)
-        watch.put_at, watch.aspect, watch.put_for = aim.position, camera.aspect, watch.covered
+        watch.put_for = Window(camera.aspect, *watch.covered)
+        aim = shot(watch.view, snapshot.scenario, snapshot.display, watch.put_for)
+        watch.put_at = aim.position
         # Position first: viser moves the point looked at along with it.
         with watch.client.atomic():
             camera.position = aim.position

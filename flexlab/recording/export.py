@@ -32,9 +32,7 @@ from flexlab.recording.table_columns import (
     axis_labels,
     check_events,
     check_times,
-    check_units,
     from_columns,
-    left_out_text,
     table_columns,
     to_columns,
 )
@@ -152,8 +150,7 @@ def import_run(path: Path) -> tuple[Run, dict[str, Any]]:
         columns, text = read(path)
         metadata = writable(json.loads(text))
         scenario = parse_scenario(metadata["scenario"])
-        check_units(columns, scenario)
-        samples, left_out = from_columns(columns, scenario), left_out_text(columns, scenario)
+        samples, left_out = from_columns(columns, scenario)
         check_times(path.name, samples.time)
         events = [event_from_values(event) for event in metadata.get("events", ())]
         check_events(path.name, events)

@@ -1,7 +1,7 @@
 """Every signal of `Samples` as named columns with units, for tables, and back; and checks of imported runs."""
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,52 +75,32 @@ def to_columns(samples: Samples, columns: Sequence[Column]) -> dict[str, np.ndar
     }
 
 
-def check_units(names: Iterable[str], scenario: Scenario) -> None:
-    """Raises `RecordingError` for a column of a known signal with another unit, which would be left out."""
-    columns = [column.name for signal in known_signals().values() for column in _columns(signal, scenario)]
-    known = {column.partition(" [")[0]: column for column in columns}
-    for column in names:
-        right = known.get(column.partition(" [")[0], column)
-        if column != right:
-            shown = visible(column, LONGEST_SHOWN)
-            raise RecordingError(f"The column {shown!r} has a unit that is not known for it: give {right}.")
-
-
-def _whole_signals(names: Collection[str], scenario: Scenario) -> Iterator[list[Column]]:
-    """The columns of each signal that is complete."""
-    for signal in known_signals().values():
-        columns = _columns(signal, scenario)
-        if columns and all(column.name in names for column in columns):
-            yield columns
-
-
-def left_out_text(names: Collection[str], scenario: Scenario) -> str:
-    """A sentence that names the columns that `from_columns` ignores; empty if there are none."""
-    taken = {column.name for columns in _whole_signals(names, scenario) for column in columns}
-    left = [repr(visible(name, LONGEST_SHOWN)) for name in names if name not in taken]
-    if not left:
-        return ""
-    more = f" and {len(left) - MOST_SHOWN} more" if len(left) > MOST_SHOWN else ""
-    return f"Columns left out, of no signal that is known here and whole: {', '.join(left[:MOST_SHOWN])}{more}."
-
-
 NO_NUMBERS = {"c": "complex numbers", "S": "text", "U": "text", "M": "dates", "m": "durations"}
 """NumPy's kinds of arrays that are not real numbers, though most can be converted."""
 
 
-def from_columns(values: dict[str, np.ndarray], scenario: Scenario) -> Samples:
-    """The samples that `to_columns` was given, read-only.
+def from_columns(values: dict[str, np.ndarray], scenario: Scenario) -> tuple[Samples, str]:
+    """The samples that `to_columns` was given, read-only, and a sentence that names the columns of none; empty without such.
 
-    A signal whose columns are not all there is absent. Raises `RecordingError` if there is no column of times, and for one that
-    is not a real number per row.
+    A signal whose columns are not all there is absent. Raises `RecordingError` if there is no column of times, for one that is
+    not a real number per row, and for one of a known signal with another unit, which would be left out.
     """
+    known = {signal: _columns(signal, scenario) for signal in known_signals().values()}
+    right = {column.name.partition(" [")[0]: column.name for columns in known.values() for column in columns}
+    for name in values:
+        if name != (due := right.get(name.partition(" [")[0], name)):
+            shown = visible(name, LONGEST_SHOWN)
+            raise RecordingError(f"The column {shown!r} has a unit that is not known for it: give {due}.")
     if "time [s]" not in values:
         raise RecordingError("There is no column time [s]: give every row its time.")
     signals: dict[str, np.ndarray] = {}
+    left = dict.fromkeys(values)
     rows = len(values["time [s]"])
     size = len(scenario.arms), scenario.payload.coordinate_count
-    for columns in _whole_signals(values, scenario):
-        array = np.empty((rows, *known_signals()[columns[0].signal].shape(*size)))
+    for signal, columns in known.items():
+        if not columns or any(column.name not in values for column in columns):
+            continue
+        array = np.empty((rows, *signal.shape(*size)))
         for column in columns:
             given = values[column.name]
             if given.shape != (rows,) or given.dtype.kind in NO_NUMBERS:
@@ -129,14 +109,23 @@ def from_columns(values: dict[str, np.ndarray], scenario: Scenario) -> Samples:
                     f"The column {column.name!r} holds {kind}: give {rows} real numbers, one per time."
                 )
             array[(slice(None), *column.index)] = given
+            left.pop(column.name, None)
         array.flags.writeable = False
-        signals[columns[0].signal] = array
+        signals[signal.name] = array
     for axis, name in TOLD_BY.items():
         # Without any signal of arms, or of the beam's coordinates, samples would have none of them to draw.
         if not any(axis in TABLE[known].axes for known in signals if known in TABLE):
             signals[name] = np.full((rows, *TABLE[name].shape(*size)), np.nan)
             signals[name].flags.writeable = False
-    return Samples(**signals)
+    return Samples(**signals), _left_out_text(list(left))
+
+
+def _left_out_text(names: list[str]) -> str:
+    if not names:
+        return ""
+    shown = ", ".join(repr(visible(name, LONGEST_SHOWN)) for name in names[:MOST_SHOWN])
+    more = f" and {len(names) - MOST_SHOWN} more" if len(names) > MOST_SHOWN else ""
+    return f"Columns left out, of no signal that is known here and whole: {shown}{more}."
 
 
 TOLD_BY: dict[Axis, str] = {ARM: "joint_angle", COORDINATE: "beam_coordinates"}

@@ -17,7 +17,6 @@ from flexlab.recording.run_encoder import Kept, RunStream
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.notes import write_notes
 from flexlab.recording.store.run_files import RunFile, claim_run_file
-from flexlab.views import View
 
 RETRY_PERIOD = 1.0
 """Wall seconds between attempts to open a file."""
@@ -102,7 +101,7 @@ class FileSink:
         self._writer: RunWriter | None = None
         self._past: list[Sent] = []
         self._present: dict[str, Sent] = {}
-        self._curves: list[View] = []
+        self._static: dict[str, rr.AsComponents] = {}
         self._last_time = 0.0
         self._parts = 0
         self._given_up = 0
@@ -129,17 +128,11 @@ class FileSink:
         if self._writer is not None:
             self._writer.stream.send(*sent, exact=exact)
 
-    def name_curves(self, signals: Iterable[View]) -> None:
-        """Take what the curves are called that will be sent, and how they look."""
-        new = list(signals)
-        self._curves += new
+    def log(self, entity: str, archetype: rr.AsComponents) -> None:
+        """Take what holds at all times: a curve's looks, or a property, as seen in listings."""
+        self._static[entity] = archetype
         if self._writer is not None:
-            self._writer.stream.name_curves(new)
-
-    def send_property(self, name: str, values: rr.AsComponents) -> None:
-        """Take a property, as seen in listings."""
-        if self._writer is not None:
-            self._writer.stream.send_property(name, values)
+            self._writer.stream.log(entity, archetype)
 
     def keep_up(self, now: float) -> None:
         """Write what has come since the last call. `now`: wall time, s."""
@@ -169,7 +162,8 @@ class FileSink:
 
     def _tell_the_past(self, stream: RunStream) -> None:
         """Send what a part that begins later needs to be replayed."""
-        stream.name_curves(self._curves)
+        for entity, archetype in self._static.items():
+            stream.log(entity, archetype)
         for sent in self._present.values():
             stream.send(sent.entity, np.full(len(sent.time), self._last_time), sent.columns)
         for sent in self._past:

@@ -16,7 +16,7 @@ import numpy as np
 
 from flexlab.errors import FlexlabError, RecordingError
 from flexlab.recording.codec import decode_block, event_from_values, state_from_values
-from flexlab.recording.rerun_internals.chunks import Row, Unreadable, entity_times, stream_rows
+from flexlab.recording.rerun_internals.chunks import PROPERTIES, Row, Unreadable, entity_times, stream_rows
 from flexlab.recording.rerun_internals.tool import Mending
 from flexlab.recording.store.formats import FORMAT, Changes, checked_format, migrate, readable, same_numbers
 from flexlab.recording.store.run_files import State, check_recording, run_state
@@ -26,9 +26,6 @@ from flexlab.sim.samples import Run, Samples, Status, WorldState, empty_samples,
 from flexlab.sim.signals import TABLE, own_signals
 from flexlab.sim.snapshot import Event
 from flexlab.text import visible
-
-PROPERTIES = "/__properties/"
-"""Where rerun keeps a recording's properties."""
 
 PLAIN = (str, int, float)
 """Types of properties."""

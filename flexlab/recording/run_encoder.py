@@ -10,6 +10,7 @@ import rerun as rr
 from flexlab.errors import RecordingError, ScenarioError
 from flexlab.recording.codec import encode_block, event_values, state_json
 from flexlab.recording.rerun_internals.chunks import (
+    PROPERTIES,
     Column,
     line_strips,
     new_stream,
@@ -45,11 +46,8 @@ class Sink(Protocol):
     ) -> None:
         """Take columns for the instants `time` (N,), s. `exact`: only for files, not for viewers."""
 
-    def name_curves(self, signals: Iterable[View]) -> None:
-        """Take names and looks of curves that will be sent."""
-
-    def send_property(self, name: str, values: rr.AsComponents) -> None:
-        """Take a property, as seen in listings."""
+    def log(self, entity: str, archetype: rr.AsComponents) -> None:
+        """Take what holds at all times: a curve's looks, or a property, as seen in listings."""
 
 
 LEVELS = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
@@ -108,6 +106,11 @@ class RunEncoder:
         for sink in self._sinks:
             sink.send(entity, time, columns, exact=exact, kept=kept)
 
+    def _log(self, shapes: Iterable[tuple[str, rr.AsComponents]]) -> None:
+        for entity, archetype in shapes:
+            for sink in self._sinks:
+                sink.log(entity, archetype)
+
     def _frames(self, samples: Samples, speed: float) -> Samples:
         """The samples to draw: FRAMES_PER_SECOND per simulated second, or per wall second in slow motion."""
         interval = min(max(speed, 0.0), 1.0) / FRAMES_PER_SECOND
@@ -137,8 +140,7 @@ class RunEncoder:
         known = {signal.entity for signal in self._signals}
         new = tuple(signal for signal in views(self._scenario) if signal.entity not in known)
         self._signals += new  # Another law may have signals of its own.
-        for sink in self._sinks:
-            sink.name_curves(new)
+        self._log((signal.entity, curves(signal.names, signal.colors)) for signal in new)
         if any(path.startswith("trajectory") for path in change.changes):
             self._send_path(time)
 
@@ -169,8 +171,7 @@ class RunEncoder:
             Event(status.time or self.last_time, f"{END}: {status.text}", level="error" if status.failed else "info")
         )
         values = {"status": str(status), "text": status.text, "time_s": self.last_time, "rows": self.rows}
-        for sink in self._sinks:
-            sink.send_property("end", rr.AnyValues(**values, dropped=dropped))
+        self._log([(PROPERTIES + "end", rr.AnyValues(**values, dropped=dropped))])
 
     def summary(self, status: Status, dropped: int) -> dict[str, Any]:
         """The notes on a run that has ended."""
@@ -231,24 +232,21 @@ class RunStream:
     def _introduce(self, info: RunInfo) -> None:
         stream, scenario = self._stream, info.scenario
         stream.send_recording_name(info.title)
-        stream.send_property("run", run_properties(info))
-        self._log("parameters", rr.TextDocument(parameters_text(info), media_type="text/markdown"))
-        self._log("signals", rr.TextDocument(signals_text(scenario), media_type="text/markdown"))
-        self.name_curves((*views(scenario), REAL_TIME_FACTOR))
+        self.log(PROPERTIES + "run", run_properties(info))
+        self.log("parameters", rr.TextDocument(parameters_text(info), media_type="text/markdown"))
+        self.log("signals", rr.TextDocument(signals_text(scenario), media_type="text/markdown"))
+        for signal in (*views(scenario), REAL_TIME_FACTOR):
+            self.log(signal.entity, curves(signal.names, signal.colors))
         if not info.measured:
             for entity, shape in fixed_shapes(scenario):
-                self._log(entity, shape)
+                self.log(entity, shape)
         if info.start is not None:
-            self._log("exact/start", rr.AnyValues(state=state_json(info.start)))
+            self.log("exact/start", rr.AnyValues(state=state_json(info.start)))
         # `log` goes through a batcher that `send_columns` overtakes.
         stream.flush(timeout_sec=FLUSH_TIMEOUT)
 
-    def name_curves(self, signals: Iterable[View]) -> None:
-        """Send names and looks of curves."""
-        for signal in signals:
-            self._log(signal.entity, curves(signal.names, signal.colors))
-
-    def _log(self, entity: str, archetype: rr.AsComponents) -> None:
+    def log(self, entity: str, archetype: rr.AsComponents) -> None:
+        """Send what holds at all times."""
         self._stream.log(entity, archetype, static=True)
 
     def send(
@@ -257,10 +255,6 @@ class RunStream:
         """Send columns for the instants `time` (N,), s. Returns at once."""
         if self._exact or not exact:
             send_columns(self._stream, entity, time, columns)
-
-    def send_property(self, name: str, values: rr.AsComponents) -> None:
-        """Add a property, as seen in listings."""
-        self._stream.send_property(name, values)
 
     def read(self) -> bytes:
         """What was sent since the last call as one piece of a rerun file; empty if nothing was. Raises `RecordingError`."""

@@ -16,6 +16,7 @@ from flexlab.recording import codec, run_encoder
 from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.importing import import_into
 from flexlab.recording.reader import read_blocks, read_recording, read_scenario
+from flexlab.recording.rerun_internals.chunks import PROPERTIES
 from flexlab.recording.run_encoder import RunEncoder
 from flexlab.recording.run_info import RunInfo, these_versions
 from flexlab.sim.samples import Run, Samples
@@ -251,7 +252,7 @@ def test_odd_ends(monkeypatch: pytest.MonkeyPatch, written: Callable[[], Path], 
     def end(self: RunEncoder, status: Any, dropped: int = 0) -> None:
         values = {"status": "finished", "text": "Over.", "time_s": 0.04, "rows": 40}
         for sink in self._sinks:
-            sink.send_property("end", rr.AnyValues(**changed(values, name, value)))
+            sink.log(PROPERTIES + "end", rr.AnyValues(**changed(values, name, value)))
 
     monkeypatch.setattr(RunEncoder, "end", end)
     check(written(), refused=False)

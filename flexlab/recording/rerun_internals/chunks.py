@@ -20,6 +20,9 @@ from rerun_bindings import flush_and_cleanup_orphaned_recordings
 TIMELINE = "sim_time"
 """The one timeline of a recording: simulation time. Wall clocks may jump, so none is recorded as an axis."""
 
+PROPERTIES = "/__properties/"
+"""Where rerun keeps a recording's properties."""
+
 NANOSECONDS = 1_000_000_000
 """Per second: the resolution of rerun's timelines."""
 

@@ -5,7 +5,7 @@ import shutil
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -13,7 +13,7 @@ import rerun as rr
 from flexlab.errors import RecordingError
 from flexlab.recording.rerun_internals.chunks import Column
 from flexlab.recording.rerun_internals.rrd_file import Refusal, RrdFile, allow
-from flexlab.recording.run_encoder import Kept, RunStream
+from flexlab.recording.run_encoder import EVENTS, PATH, RECORDS, RunStream
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.notes import write_notes
 from flexlab.recording.store.run_files import RunFile, claim_run_file
@@ -84,14 +84,6 @@ class RunWriter:
             self.stream.close()
 
 
-class Sent(NamedTuple):
-    """Columns that are sent again to a file that begins later."""
-
-    entity: str
-    time: np.ndarray
-    columns: list[Column]
-
-
 class FileSink:
     """The file of one run; data wait while the disk is full (see `rrd_file`)."""
 
@@ -99,8 +91,9 @@ class FileSink:
         """Open the file; if that fails, `tell` gets a sentence, and `keep_up` tries again. `refusal`: see `Refusal`."""
         self._logs, self._info, self._tell, self._refusal = logs, info, tell, refusal
         self._writer: RunWriter | None = None
-        self._past: list[Sent] = []
-        self._present: dict[str, Sent] = {}
+        self._past: list[tuple[str, np.ndarray, list[Column]]] = []
+        """What was sent of events, for a file that begins later."""
+        self._path: list[Column] = []
         self._static: dict[str, rr.AsComponents] = {}
         self._last_time = 0.0
         self._parts = 0
@@ -115,18 +108,16 @@ class FileSink:
         """The file; None while there is none."""
         return None if self._writer is None else self._writer.file.path
 
-    def send(
-        self, entity: str, time: np.ndarray, columns: Iterable[Column], *, exact: bool = False, kept: Kept = "no"
-    ) -> None:
+    def send(self, entity: str, time: np.ndarray, columns: Iterable[Column]) -> None:
         """Take columns for the instants `time` (N,), s; `keep_up` brings them into the file."""
-        sent = Sent(entity, time, list(columns))
+        sent = entity, time, list(columns)
         self._last_time = max(self._last_time, float(time[-1]))
-        if kept == "as it was":
+        if entity in (EVENTS, RECORDS):
             self._past.append(sent)
-        elif kept == "as it stands":
-            self._present[entity] = sent
+        elif entity == PATH:
+            self._path = sent[2]
         if self._writer is not None:
-            self._writer.stream.send(*sent, exact=exact)
+            self._writer.stream.send(*sent)
 
     def log(self, entity: str, archetype: rr.AsComponents) -> None:
         """Take what holds at all times: a curve's looks, or a property, as seen in listings."""
@@ -164,8 +155,8 @@ class FileSink:
         """Send what a part that begins later needs to be replayed."""
         for entity, archetype in self._static.items():
             stream.log(entity, archetype)
-        for sent in self._present.values():
-            stream.send(sent.entity, np.full(len(sent.time), self._last_time), sent.columns)
+        if self._path:
+            stream.send(PATH, np.array([self._last_time]), self._path)
         for sent in self._past:
             stream.send(*sent)
 

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, Literal, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import rerun as rr
@@ -34,17 +34,16 @@ from flexlab.sim.samples import Samples, Status
 from flexlab.sim.snapshot import Event
 from flexlab.views import REAL_TIME_FACTOR, View, views
 
-Kept = Literal["no", "as it was", "as it stands"]
-"""Whether a file that begins later in the run gets the columns too: no, at their own instants, or the latest at its start."""
+SAMPLES, EVENTS, RECORDS, PATH = "exact/samples", "events", "exact/events", "scene/path"
+"""Entities of which viewers need nothing (samples), or of which a file that begins later in the run gets what was sent before:
+events and their records at their own instants, the path as it then is."""
 
 
 class Sink(Protocol):
     """One destination of a run. It reports its own errors; the encoder does not wait for it."""
 
-    def send(
-        self, entity: str, time: np.ndarray, columns: Iterable[Column], *, exact: bool = False, kept: Kept = "no"
-    ) -> None:
-        """Take columns for the instants `time` (N,), s. `exact`: only for files, not for viewers."""
+    def send(self, entity: str, time: np.ndarray, columns: Iterable[Column]) -> None:
+        """Take columns for the instants `time` (N,), s."""
 
     def log(self, entity: str, archetype: rr.AsComponents) -> None:
         """Take what holds at all times: a curve's looks, or a property, as seen in listings."""
@@ -81,7 +80,7 @@ class RunEncoder:
     def write_exact(self, samples: Samples) -> None:
         """Write a block (N >= 1) in full precision, at its last instant, so that no time axis ends later."""
         column = single("flexlab.Block", "data", None, encode_block(samples))
-        self._send("exact/samples", samples.time[-1:], [column], exact=True)
+        self._send(SAMPLES, samples.time[-1:], [column])
         self.rows += len(samples)
         if self._first_time is None:
             self._first_time = float(samples.time[0])
@@ -100,11 +99,9 @@ class RunEncoder:
             values = scalars(np.asarray(speed)[:, None])
             self._send(REAL_TIME_FACTOR.entity, np.asarray(speed_time), [values])
 
-    def _send(
-        self, entity: str, time: np.ndarray, columns: list[Column], exact: bool = False, kept: Kept = "no"
-    ) -> None:
+    def _send(self, entity: str, time: np.ndarray, columns: list[Column]) -> None:
         for sink in self._sinks:
-            sink.send(entity, time, columns, exact=exact, kept=kept)
+            sink.send(entity, time, columns)
 
     def _log(self, shapes: Iterable[tuple[str, rr.AsComponents]]) -> None:
         for entity, archetype in shapes:
@@ -146,7 +143,7 @@ class RunEncoder:
 
     def _send_path(self, time: float) -> None:
         """Send the path at an instant of the run: the viewer's time axis begins with the first data."""
-        self._send("scene/path", np.array([time]), [line_strips(desired_path(self._scenario))], kept="as it stands")
+        self._send(PATH, np.array([time]), [line_strips(desired_path(self._scenario))])
 
     def _send_event(self, event: Event) -> None:
         """Send an event; its number keeps those of one instant in order."""
@@ -156,8 +153,8 @@ class RunEncoder:
             single("TextLog", "level", "TextLogLevel", LEVELS.get(event.level, "INFO")),
         ]
         record = single("flexlab.Event", "record", None, self._record(self._event_count, event))
-        self._send("events", time, lines, kept="as it was")
-        self._send("exact/events", time, [record], kept="as it was")
+        self._send(EVENTS, time, lines)
+        self._send(RECORDS, time, [record])
         self._event_count += 1
 
     def _record(self, number: int, event: Event) -> str:
@@ -215,7 +212,7 @@ class RunStream:
         """`live`: for viewers that watch as it comes, and have no use for exact samples. Raises `RecordingError`."""
         self._stream = new_stream(APPLICATION, info.run_id)
         self._encoded = self._stream.binary_stream()
-        self._exact = not live
+        self._live = live
         self._stream.set_sinks(self._encoded)
         # Active, not only the default: for the first pieces of a file without an index the viewer makes a layout of its own,
         # and would keep that.
@@ -249,11 +246,9 @@ class RunStream:
         """Send what holds at all times."""
         self._stream.log(entity, archetype, static=True)
 
-    def send(
-        self, entity: str, time: np.ndarray, columns: Iterable[Column], *, exact: bool = False, kept: Kept = "no"
-    ) -> None:
+    def send(self, entity: str, time: np.ndarray, columns: Iterable[Column]) -> None:
         """Send columns for the instants `time` (N,), s. Returns at once."""
-        if self._exact or not exact:
+        if not self._live or entity != SAMPLES:
             send_columns(self._stream, entity, time, columns)
 
     def read(self) -> bytes:

@@ -217,12 +217,15 @@ Told = Callable[[int, int], None]
 
 
 @contextmanager
-def progress_bar(shown: bool, what: str = "cells") -> Iterator[Told]:
-    """A progress bar, if `shown` and on a terminal."""
+def progress_bar(
+    shown: bool, what: str = "cells", how_far: str = ""
+) -> Iterator[Callable[[float, float | None], None]]:
+    """A progress bar, if `shown` and on a terminal. `how_far`: rich's text beside the bar instead of "3/10"."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     notes = console(stderr=True)
-    columns = TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+    beside = TextColumn(how_far) if how_far else MofNCompleteColumn()
+    columns = TextColumn(what), BarColumn(), beside, TimeRemainingColumn()
     hidden = not (flag("progress", shown) and notes.is_terminal)
     with Progress(*columns, console=notes, transient=True, disable=hidden) as progress:
         task = progress.add_task(what, total=None)

@@ -1,8 +1,6 @@
 """Output of the commands: results on standard output, progress and complaints on standard error."""
 
 import json
-from collections.abc import Callable, Generator
-from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -36,20 +34,6 @@ def complain(sentence: str) -> None:
 def note(sentence: str) -> None:
     """Print a remark on standard error."""
     notes().print(sentence, soft_wrap=True)
-
-
-@contextmanager
-def progress(what: str, total: float | None, shown: str) -> Generator[Callable[[float], None]]:
-    """A progress bar on a terminal; yields the function that moves it on. `shown`: rich's text beside the bar."""
-    if not notes().is_terminal:
-        yield lambda _: None
-        return
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = TextColumn(what), BarColumn(), TextColumn(shown), TimeRemainingColumn()
-    with Progress(*columns, console=notes(), transient=True) as bar:
-        task = bar.add_task(what, total=total)
-        yield lambda done: bar.update(task, completed=done)
 
 
 def new_table(*heads: str, padding: tuple[int, int, int, int] = (0, 2, 0, 0), **options: Any) -> "Table":

@@ -18,7 +18,8 @@ from flexlab.analysis.metrics.metric import Peak
 from flexlab.analysis.metrics.run_metrics import value_text
 from flexlab.analysis.result import ResultHash
 from flexlab.analysis.run_summary import run_notes
-from flexlab.cli.console import complain, new_table, output, progress
+from flexlab.analysis.workers import progress_bar
+from flexlab.cli.console import complain, new_table, output
 from flexlab.errors import FlexlabError
 from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.run_info import RunInfo
@@ -216,12 +217,12 @@ def _tell(run: EndedRun, summary: Summary) -> None:
 
 def _blocks(world: World, ticks: int) -> Iterator[Samples]:
     """The run from the present instant on, in blocks, with a progress bar on a terminal."""
-    with progress("simulating", ticks, "{task.percentage:.0f} %") as advance_to:
+    with progress_bar(True, "simulating", "{task.percentage:.0f} %") as told:
         samples = world.run(min(BLOCK, ticks))
         while True:
             if len(samples):
                 yield samples
-            advance_to(world.tick)
+            told(world.tick, ticks)
             if world.status.failed or world.tick >= ticks:
                 return
             samples = world.advance(min(BLOCK, ticks - world.tick))

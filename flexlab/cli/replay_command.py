@@ -5,7 +5,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated
 
-from flexlab.cli.console import agreed, complain, note, output, progress
+from flexlab.cli.console import agreed, complain, note, output
 from flexlab.cli.options import LOGS, Logs, Run, option
 from flexlab.errors import StudyError
 from flexlab.text import visible
@@ -98,7 +98,9 @@ def _allow(kind: str, source: str, allowed: bool) -> None:
 
 def _counted(blocks: "Iterable[Samples]", end: float) -> "Iterator[Samples]":
     """The blocks, with a progress bar up to `end` s of simulation (0: unknown)."""
-    with progress("replaying", end or None, "{task.completed:.0f} s") as advance_to:
+    from flexlab.analysis.workers import progress_bar
+
+    with progress_bar(True, "replaying", "{task.completed:.0f} s") as told:
         for block in blocks:
             yield block
-            advance_to(float(block.time[-1]))
+            told(float(block.time[-1]), end or None)

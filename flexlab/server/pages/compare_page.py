@@ -1,6 +1,6 @@
 """`/compare?run=…&run=…`: runs side by side, in tables and as curves laid over each other."""
 
-from aiohttp import hdrs, web
+from aiohttp import web
 
 from flexlab.analysis.comparison import difference_text
 from flexlab.errors import FlexlabError, RecordingError
@@ -8,7 +8,7 @@ from flexlab.recording.overlay import MOST_RUNS, run_label
 from flexlab.recording.store.run_files import SUFFIX
 from flexlab.server import run_jobs
 from flexlab.server.auth import COMPARISON, WITH_A_PASS, has_pass, is_opened_by_person, recording_address, refuse
-from flexlab.server.pages.page_context import context_of, told
+from flexlab.server.pages.page_context import context_of, file_answer, told
 from flexlab.server.pages.templating import button, message, page
 from flexlab.server.run_jobs import OVERLAY, ComparisonTables
 from flexlab.server.visitors import is_teacher, run_for, visitor_of
@@ -98,5 +98,4 @@ async def overlay(request: web.Request) -> web.StreamResponse:
     task = context_of(request).comparisons.get(request.match_info["key"])
     if task is None or task.result is None:
         raise web.HTTPNotFound
-    headers = {hdrs.CONTENT_TYPE: "application/octet-stream", hdrs.CACHE_CONTROL: "no-cache"}
-    return web.FileResponse(task.folder / OVERLAY, headers=headers)
+    return file_answer(task.folder / OVERLAY)

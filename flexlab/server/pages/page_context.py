@@ -89,6 +89,14 @@ def fresh(data: object) -> web.Response:
     return web.json_response(data, headers={hdrs.CACHE_CONTROL: "no-store"})
 
 
+def file_answer(path: Path, name: str = "") -> web.FileResponse:
+    """A file as it is: for the viewer, and under this name where a browser keeps it."""
+    headers = {hdrs.CONTENT_TYPE: "application/octet-stream", hdrs.CACHE_CONTROL: "no-cache"}
+    if name:
+        headers[hdrs.CONTENT_DISPOSITION] = f'attachment; filename="{name}"'
+    return web.FileResponse(path, headers=headers)
+
+
 def told(task: Task | None) -> web.Response:
     """The state of a task, for the script in its page; also of one that nobody has begun."""
     return fresh((task or IDLE).as_data())

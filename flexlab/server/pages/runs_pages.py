@@ -28,7 +28,7 @@ from flexlab.recording.viewer import VIEWER_FILES, viewer_folder
 from flexlab.scenario.field_text import field_title
 from flexlab.server.auth import WITH_A_PASS, has_pass, recording_address
 from flexlab.server.labs.recorded_lab import little_space
-from flexlab.server.pages.page_context import context_of
+from flexlab.server.pages.page_context import context_of, file_answer
 from flexlab.server.pages.run_actions import (
     EXPORTS,
     TABLES,
@@ -240,12 +240,7 @@ async def recording(request: web.Request) -> web.StreamResponse:
         row = await row_of(request)
     if row.problem:
         return message("No such run", row.problem, 404, ALL_RUNS)
-    headers = {
-        hdrs.CONTENT_TYPE: "application/octet-stream",
-        hdrs.CONTENT_DISPOSITION: f'attachment; filename="{re.sub(NO_FILE_NAME, "-", row.id)}{SUFFIX}"',
-        hdrs.CACHE_CONTROL: "no-cache",
-    }
-    return web.FileResponse(row.path, headers=headers)
+    return file_answer(row.path, re.sub(NO_FILE_NAME, "-", row.id) + SUFFIX)
 
 
 @ROUTES.get("/runs/{run}")

@@ -14,7 +14,7 @@ from flexlab.errors import FlexlabError, LabError
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.server.auth import is_opened_by_person, refuse
-from flexlab.server.pages.page_context import context_of, told
+from flexlab.server.pages.page_context import context_of, file_answer, fresh, told
 from flexlab.server.pages.templating import button, message, page
 from flexlab.server.scenario_links import decode_scenario, encode_scenario, scenario_path
 from flexlab.server.study import MOST_VALUES, Found, Study, known_studies, metric_columns, read_study
@@ -188,7 +188,7 @@ async def data(request: web.Request) -> web.Response:
     drawing = await asyncio.to_thread(task.about.study.drawing, task)
     if drawing is None:
         raise web.HTTPNotFound
-    return web.json_response(drawing, headers={hdrs.CACHE_CONTROL: "no-store"})
+    return fresh(drawing)
 
 
 @ROUTES.get("/studies/{study}/cells.parquet")
@@ -198,12 +198,7 @@ async def table(request: web.Request) -> web.StreamResponse:
     path = task.about.study.found(task).table if task.result is not None else None
     if path is None:
         raise web.HTTPNotFound
-    headers = {
-        hdrs.CONTENT_TYPE: "application/octet-stream",
-        hdrs.CONTENT_DISPOSITION: f'attachment; filename="{path.name}"',
-        hdrs.CACHE_CONTROL: "no-store",
-    }
-    return web.FileResponse(path, headers=headers)
+    return file_answer(path, path.name)
 
 
 @ROUTES.get("/studies/{study}/cells/{cell}")

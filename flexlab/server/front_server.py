@@ -16,7 +16,6 @@ from aiohttp import web
 
 from flexlab.assets import web_assets_folder
 from flexlab.errors import FlexlabError, LabError
-from flexlab.recording.live import LiveHub
 from flexlab.recording.store.run_files import check_folder, removable_runs, remove_run
 from flexlab.scenario import Scenario
 from flexlab.server.auth import LARGEST_BODY, LIVE, add_headers, answer_in_sentences, check, recording_address
@@ -25,7 +24,7 @@ from flexlab.server.connections import Connections, watch_patience
 from flexlab.server.labs.hub_labs import tell_class
 from flexlab.server.labs.lab_provider import Choice, LabProvider, Order
 from flexlab.server.labs.per_visitor import PrivateLabs
-from flexlab.server.labs.recorded_lab import RecordedLab, SharedLab
+from flexlab.server.labs.recorded_lab import SharedLab
 from flexlab.server.limits import Limit
 from flexlab.server.pages import (
     compare_page,
@@ -269,23 +268,19 @@ def open_front_server(
     recording fails or resumes. Raises `LabError` or `RecordingError`, and leaves nothing running, if it cannot.
     """
     check_folder(settings.logs)
-    plug = listen(settings.host, settings.port)
-    try:
+    with contextlib.ExitStack() as undoing:
+        plug = listen(settings.host, settings.port)
+        undoing.callback(plug.close)
         choice = Choice(scenario, name)
         # Without the token, which is for its owner to hand out: whoever follows the link is asked for it.
         address = settings.address(_port_of(plug), host=settings.public_host())
         if settings.private:
-            return FrontServer(settings, PrivateLabs(settings, choice, address), plug)
-        live = LiveHub() if settings.rerun else None
-        secret = secrets.token_urlsafe(SECRET_BYTES)
-        order = Order(choice, settings.logs, address, settings.shadows, settings.rerun, secret)
-        laboratory = RecordedLab(order, live.take if live else None, on_problem)
-        laboratory.live = live
-        try:
-            return FrontServer(settings, SharedLab(laboratory), plug)
-        except BaseException:
-            laboratory.close()
-            raise
-    except BaseException:
-        plug.close()
-        raise
+            places = PrivateLabs(settings, choice, address)
+        else:
+            secret = secrets.token_urlsafe(SECRET_BYTES)
+            order = Order(choice, settings.logs, address, settings.shadows, settings.rerun, secret)
+            places = SharedLab(order, on_problem)
+            undoing.callback(places.laboratory.close)
+        server = FrontServer(settings, places, plug)
+        undoing.pop_all()
+    return server

@@ -197,7 +197,7 @@ def test_a_replay_tells_its_finding_and_a_foreign_bit_is_found(
 
 def play(server: FrontServer) -> None:
     """Press the big Play of the shared lab."""
-    session: Session = server.places._laboratory._session  # type: ignore[attr-defined]
+    session: Session = server.places.laboratory._session  # type: ignore[attr-defined]
     session.lab_state.submit(Play())
 
 

@@ -13,7 +13,7 @@ from flexlab.analysis.run_summary import run_notes
 from flexlab.errors import RecordingError
 from flexlab.guide import LOCKED, ClassRules, LessonProgress
 from flexlab.lab.session import Session
-from flexlab.recording.live import Take
+from flexlab.recording.live import LiveHub, Take
 from flexlab.recording.reader import read_range
 from flexlab.recording.recorder import Recorder
 from flexlab.scenario import Scenario
@@ -225,26 +225,29 @@ class RecordedLab(Lab):
 class SharedLab(LabProvider):
     """The one lab of all visitors: they look at, and move, the same arms."""
 
-    def __init__(self, laboratory: RecordedLab):
+    def __init__(self, order: Order, on_problem: Callable[[str], None] | None = None):
+        """Raises `FlexlabError` as `RecordedLab`."""
         super().__init__()
-        self._laboratory = laboratory
+        live = LiveHub() if order.live else None
+        self.laboratory = RecordedLab(order, live.take if live else None, on_problem)
+        self.laboratory.live = live
 
     async def enter(self, visitor: str, choice: Choice | None, address: str = "", name: str = "") -> Lab:
         """The lab, with what this visitor chose."""
         if choice is not None:
-            self._laboratory.load(choice)
-        return self._laboratory
+            self.laboratory.load(choice)
+        return self.laboratory
 
     def of_visitor(self, visitor: str) -> Lab | None:
         """The lab."""
-        return self._laboratory
+        return self.laboratory
 
     def running(self) -> Sequence[Lab]:
         """The lab."""
-        return [self._laboratory]
+        return [self.laboratory]
 
     async def close(self) -> Path | None:
         """End it; returns its last recording."""
-        if self._laboratory.live is not None:
-            self._laboratory.live.close()
-        return await asyncio.to_thread(self._laboratory.close)
+        if self.laboratory.live is not None:
+            self.laboratory.live.close()
+        return await asyncio.to_thread(self.laboratory.close)

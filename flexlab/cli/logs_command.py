@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 from flexlab.cli.console import agreed, output, print_json
 from flexlab.cli.console import note as say
 from flexlab.cli.options import LOGS, Logs, Runs, option
-from flexlab.cli.runs_listing import FIELDS, count_text, plain_rows, print_runs, print_table, sorted_rows
+from flexlab.cli.runs_listing import FIELDS, count_text, plain_row, print_runs, print_table, sorted_rows
 from flexlab.errors import StudyError
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def command(
         return
     rows = sorted_rows(chosen or list_rows(logs), sort, reverse, search)
     if as_json:
-        print_json(plain_rows(rows))
+        print_json([plain_row(row) for row in rows])
     elif chosen:
         print_runs(chosen)
     elif rows:

@@ -60,12 +60,8 @@ def _all_words(row: RunRow) -> str:
     return " ".join((*words, "kept" if row.kept else "")).lower()
 
 
-def plain_rows(rows: Sequence[RunRow]) -> list[dict[str, Any]]:
-    """All data of the runs as plain data."""
-    return [_plain(row) for row in rows]
-
-
-def _plain(row: RunRow) -> dict[str, Any]:
+def plain_row(row: RunRow) -> dict[str, Any]:
+    """All data of a run as plain data."""
     return {
         "run": row.id,
         "file": str(row.path),

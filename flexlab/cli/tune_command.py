@@ -11,7 +11,6 @@ from flexlab.errors import StudyError
 
 if TYPE_CHECKING:
     from flexlab.analysis.tuning import Tuning
-    from flexlab.scenario import Scenario
 
 
 def command(
@@ -80,14 +79,11 @@ def _print(found: "Tuning") -> None:
     for head in ("before", "tuned"):
         table.add_column(head, justify="right")
     for path, value in found.best.changes.items():
-        table.add_row(path, str(_there(found.scenario, path)), f"{value:.6g}")
+        before = found.scenario.get(path) if found.scenario.has(path) else "–"
+        table.add_row(path, str(before), f"{value:.6g}")
     for name in found.cost.names:
         both = (candidate.numbers for candidate in (found.before, found.best))
         table.add_row(name, *(f"{values[name]:.5g}" if values else "fails" for values in both))
     table.add_row("cost", f"{found.before.cost:.5g}", f"{found.best.cost:.5g}")
     output().print(table)
     output().print(f"{len(found.candidates)} candidates were tried.")
-
-
-def _there(scenario: "Scenario", path: str) -> object:
-    return scenario.get(path) if scenario.has(path) else "–"

@@ -29,24 +29,10 @@ MOST_BOARDS = 4
 def newest_board(folder: Path) -> tuple[Leaderboard, str]:
     """(the newest table in a folder, or the one that ships with flexlab; its digest), with the cases that still exist."""
     known = cases()
-    rows = tuple(row for row in RowStore(folder).last() if _is_of(row.case, row.variant)) or shipped_rows()
+    variants = {(case.name, variant.name) for case in known.values() for variant in case.variants}
+    rows = tuple(row for row in RowStore(folder).last() if (row.case, row.variant) in variants) or shipped_rows()
     found = Leaderboard(tuple(known[name] for name in dict.fromkeys(row.case for row in rows)), rows)
     return found, digest(row.key for row in rows)
-
-
-def came_along(board: Leaderboard) -> bool:
-    """Whether the table is the one that ships with flexlab."""
-    return board.rows == shipped_rows()
-
-
-def _is_of(case: str, variant: str) -> bool:
-    known = cases().get(case)
-    return known is not None and any(each.name == variant for each in known.variants)
-
-
-def is_of_today(board: Leaderboard) -> bool:
-    """Whether the present engine computed all rows."""
-    return all(row.engine == engine() for row in board.rows)
 
 
 def compute_board(kept: Path, report: Callable[[float], None]) -> Outcome:
@@ -83,6 +69,8 @@ async def leaderboard(request: web.Request) -> web.Response:
     """The page with the newest table."""
     context = context_of(request)
     board, name = await _newest(context)
+    came_along = board.rows == shipped_rows()
+    present = await asyncio.to_thread(engine)
     return page(
         "leaderboard.html",
         "Leaderboard",
@@ -90,8 +78,8 @@ async def leaderboard(request: web.Request) -> web.Response:
         kind="board",
         name=name,
         task=context.boards.get(TABLE) or IDLE,
-        came_along=came_along(board),
-        outdated=not came_along(board) and not await asyncio.to_thread(is_of_today, board),
+        came_along=came_along,
+        outdated=not came_along and any(row.engine != present for row in board.rows),
         **page_values(board),
     )
 

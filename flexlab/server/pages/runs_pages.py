@@ -78,7 +78,9 @@ CHANGES_SHOWN = 3
 
 def table_values(rows: Sequence[RunRow], short: bool = False) -> dict[str, Any]:
     """The values of `runs_table.html`; the short table has no metrics, notes and actions."""
-    metrics = (TableColumn(_capital(c.heading), "number", c.key, f"[{c.unit}]") for c in METRIC_COLUMNS)
+    metrics = (
+        TableColumn(c.heading[0].upper() + c.heading[1:], "number", c.key, f"[{c.unit}]") for c in METRIC_COLUMNS
+    )
     return {
         "rows": rows,
         "short": short,
@@ -99,10 +101,6 @@ def _in_words(change: str) -> str:
     """A change against the preset, "path: old → new" in the notes, with the field's title."""
     path, colon, values = change.partition(": ")
     return f"{field_title(path)}: {values}" if colon and PATH.fullmatch(path) else change
-
-
-def _capital(heading: str) -> str:
-    return heading[0].upper() + heading[1:]
 
 
 LARGEST_UPLOAD = 1_000_000_000

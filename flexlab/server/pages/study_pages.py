@@ -2,14 +2,13 @@
 
 import asyncio
 import secrets
-from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
 from aiohttp import hdrs, web
 
-from flexlab.analysis.sweep.axes import VariedField, varied_choices, varied_fields
+from flexlab.analysis.sweep.axes import varied_choices, varied_fields
 from flexlab.errors import FlexlabError, LabError
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
@@ -65,8 +64,7 @@ async def studies(request: web.Request) -> web.Response:
         name, scenario = lab if chosen == FROM_LAB and lab is not None else await asyncio.to_thread(_preset, chosen)
     except FlexlabError as error:
         return message("No such scenario", str(error), 404, ALL_STUDIES)
-    fields = varied_fields(scenario)
-    paths = [item.path for item in fields]
+    fields = {item.path: item for item in varied_fields(scenario)}
     return page(
         "studies.html",
         "Studies",
@@ -76,8 +74,8 @@ async def studies(request: web.Request) -> web.Response:
         chosen=chosen,
         name=name,
         word=encode_scenario(scenario),
-        groups=[(part, list(items)) for part, items in groupby(fields, key=lambda item: item.part)],
-        proposed=[_proposed(fields, path) for path in (*[path for path in USUAL if path in paths], "", "")[:2]],
+        groups=[(part, list(items)) for part, items in groupby(fields.values(), key=lambda item: item.part)],
+        proposed=[*(fields[path] for path in USUAL if path in fields), None, None][:2],
         choices=varied_choices(scenario),
         metrics=metric_columns(),
         kinds=list(known_studies().values()),
@@ -98,10 +96,6 @@ def _lab_scenario(request: web.Request) -> tuple[str, Scenario] | None:
 
 def _preset(name: str) -> tuple[str, Scenario]:
     return name, load_preset(name)
-
-
-def _proposed(fields: Iterable[VariedField], path: str) -> VariedField | None:
-    return next((item for item in fields if item.path == path), None)
 
 
 def _row(task: Task) -> dict[str, Any]:

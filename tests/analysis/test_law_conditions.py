@@ -110,7 +110,6 @@ def test_every_law_says_what_it_needs_and_the_panel_shows_it(kind: str):
 
 def test_the_plot_of_the_internal_force_shows_the_wanted_one():
     scenario = load_preset("paper")
-    plot = tabs(scenario)["Motion"][2]
-    assert plot.limits(scenario) == ()
-    (level,) = plot.limits(scenario.replace({"controller.wanted_internal_force": -40.0}))
+    assert tabs(scenario)["Motion"][2].limits == ()
+    (level,) = tabs(scenario.replace({"controller.wanted_internal_force": -40.0}))["Motion"][2].limits
     assert (level.label, level.value) == ("wanted F_d (N)", 40.0)

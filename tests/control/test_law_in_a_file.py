@@ -95,7 +95,7 @@ def test_the_screen_has_its_sliders_and_its_plot(scenario: Scenario):
     assert names[:2] == ["Velocity gain D", "Largest integral I_max"]
     assert [name.split()[0] for name in names[2:]] == ["Load", "Wanted"], "what all laws share"
     plot = next(plot for plot in tabs(scenario)["Control"] if "W_u" in plot.title)
-    assert plot.limits(scenario)[0].label == "none (J)"
+    assert plot.limits[0].label == "none (J)"
 
 
 def test_a_law_that_does_not_say_its_fastest_rate_is_refused(law: Law):

@@ -202,11 +202,9 @@ def compact(time: np.ndarray, lines: Sequence[np.ndarray], spacing: float) -> tu
 class Chart:
     """A chart in the GUI container that is open while it is made."""
 
-    def __init__(
-        self, gui: viser.GuiApi, plot: Plot, scenario: Scenario, window: float, kept: ReferenceRun | None, group: str
-    ):
+    def __init__(self, gui: viser.GuiApi, plot: Plot, window: float, kept: ReferenceRun | None, group: str):
         """Charts of one `group` have their cursor, and what is zoomed into, in common."""
-        self._plot, self._limits, self._kept = plot, plot.limits(scenario), kept
+        self._plot, self._kept = plot, kept
         self._span = Span(plot.least)
         self._seen: Sequence[float] = WHOLE
         self.restart(window)
@@ -215,7 +213,7 @@ class Chart:
         series += [signal_series(label, tone, place) for place, (label, tone) in enumerate(signals)]
         if kept is not None:
             series += [kept_series(tone) for tone in plot.tones]
-        for limit in self._limits:
+        for limit in self._plot.limits:
             series += limit_series(limit)
         self._handle = gui.add_uplot(
             self._data(),
@@ -271,7 +269,7 @@ class Chart:
         if np.isfinite(lines).any():
             self._span.fit(float(np.nanmin(lines)), float(np.nanmax(lines)))
         low, high = self._span.ends
-        levels = [np.full(len(drawn), sign * limit.value) for limit in self._limits for sign in (1, -1)]
+        levels = [np.full(len(drawn), sign * limit.value) for limit in self._plot.limits for sign in (1, -1)]
         ends = np.full(len(drawn), high)
         ends[::2] = low
         return compact((start + drawn) * TICK, [*lines, *levels, ends], TICK)

@@ -23,9 +23,6 @@ class Limit:
     tone: colors.Color
 
 
-Limits = Callable[[Scenario], tuple[Limit, ...]]
-
-
 @dataclass(frozen=True)
 class Plot:
     """One plot over time: `labels` with units, one per signal; `values` gives (signals, N) in those units."""
@@ -35,32 +32,28 @@ class Plot:
     values: Callable[[Scenario, Samples], np.ndarray]
     least: float
     """The smallest vertical range, in the plot's units."""
-    limits: Limits
-    note: str
-    """A sentence below the plot."""
     tones: tuple[colors.Color, ...]
     """A colour for each signal."""
+    limits: tuple[Limit, ...] = ()
+    note: str = ""
+    """A sentence below the plot."""
 
 
-def _plot(view: View, *shown: int, title: str = "", limits: Limits = lambda _: (), note: str = "") -> Plot:
+def _plot(view: View, *shown: int, title: str = "", limits: tuple[Limit, ...] = (), note: str = "") -> Plot:
     """A view's curves, or those of the numbers `shown`, under its title or another one."""
     chosen = list(shown or range(len(view.curves)))
     curves = [view.curves[k].removeprefix("left ").removeprefix("right ") for k in chosen]
     labels = tuple(f"{curve} ({view.units[k]})" for curve, k in zip(curves, chosen, strict=True))
     tones = tuple(view.colors[k] for k in chosen)
     return Plot(
-        title or view.title, labels, lambda _, samples: view.values(samples).T[chosen], view.least, limits, note, tones
+        title or view.title, labels, lambda _, samples: view.values(samples).T[chosen], view.least, tones, limits, note
     )
 
 
-def _torque_limits(tones: Sequence[colors.Color]) -> Limits:
+def _torque_limits(scenario: Scenario, tones: Sequence[colors.Color]) -> tuple[Limit, ...]:
     """The levels of an arm's joints, in the colours of its curves."""
-
-    def limits(scenario: Scenario) -> tuple[Limit, ...]:
-        levels = zip(scenario.controller.torque_limit or (), tones, strict=False)
-        return tuple(Limit(f"limit {k} (N·m)", value, tone) for k, (value, tone) in enumerate(levels, 1))
-
-    return limits
+    levels = zip(scenario.controller.torque_limit or (), tones, strict=False)
+    return tuple(Limit(f"limit {k} (N·m)", value, tone) for k, (value, tone) in enumerate(levels, 1))
 
 
 def _wanted_force(scenario: Scenario) -> tuple[Limit, ...]:
@@ -68,14 +61,10 @@ def _wanted_force(scenario: Scenario) -> tuple[Limit, ...]:
     return (Limit("wanted F_d (N)", force, colors.GRAY),) if force else ()
 
 
-def _law_limits(view: View) -> Limits:
+def _law_limits(scenario: Scenario, view: View) -> tuple[Limit, ...]:
     """The levels that the control law knows for a signal."""
-
-    def limits(scenario: Scenario) -> tuple[Limit, ...]:
-        levels = law_of(scenario.controller).limits(scenario.controller).get(view.signals[0].name, {})
-        return tuple(Limit(label, value, colors.GRAY) for label, value in levels.items())
-
-    return limits
+    levels = law_of(scenario.controller).limits(scenario.controller).get(view.signals[0].name, {})
+    return tuple(Limit(label, value, colors.GRAY) for label, value in levels.items())
 
 
 LYAPUNOV = Plot(
@@ -83,10 +72,9 @@ LYAPUNOV = Plot(
     ("V (mJ)",),
     lambda scenario, samples: MILLI * tracking_energy(scenario, samples)[None],
     0.1,
-    lambda _: (),
-    "The proof's whole function adds ½ Σ kⱼ (bⱼ − b̂ⱼ)²: what the estimates still lack. Nobody knows the true "
-    "bounds bⱼ, so that part cannot be drawn.",
     (colors.VIOLET,),
+    note="The proof's whole function adds ½ Σ kⱼ (bⱼ − b̂ⱼ)²: what the estimates still lack. Nobody knows the true "
+    "bounds bⱼ, so that part cannot be drawn.",
 )
 LOAD_NOTE = "At 100 % of compression this beam buckles; at 100 % of spin the paper's beam has no stiffness left."
 
@@ -99,19 +87,19 @@ def tabs(scenario: Scenario) -> dict[str, tuple[Plot, ...]]:
             torque,
             *joints,
             title=f"Joint torques, {name} arm",
-            limits=_torque_limits([torque.colors[k] for k in joints]),
+            limits=_torque_limits(scenario, [torque.colors[k] for k in joints]),
         )
         for name, joints in zip(("left", "right")[: len(scenario.arms)], (range(3), range(3, 6)), strict=False)
     ]
     estimates = [_plot(views.ESTIMATES)] if BOUND_ESTIMATES in law_of(scenario.controller).memory else []
-    own = [_plot(view, limits=_law_limits(view)) for view in views.own_views(scenario)]
+    own = [_plot(view, limits=_law_limits(scenario, view)) for view in views.own_views(scenario)]
     return {
         "Motion": (
             _plot(views.ERROR),
             _plot(views.DEFLECTION, 0, 2),
-            _plot(views.INTERNAL_FORCE, limits=_wanted_force),
+            _plot(views.INTERNAL_FORCE, limits=_wanted_force(scenario)),
         ),
         "Torques": (*torques, _plot(views.AXIAL_SHARE, note=LOAD_NOTE)),
-        "Control": (_plot(views.SLIDING, limits=_law_limits(views.SLIDING)), *estimates, *own),
+        "Control": (_plot(views.SLIDING, limits=_law_limits(scenario, views.SLIDING)), *estimates, *own),
         "Energy": (_plot(views.ENERGIES, 0, 2, 3), _plot(views.ELASTIC), LYAPUNOV),
     }

@@ -214,7 +214,7 @@ class Plots:
         self._charts = []
         for name, plots in tabs(scenario).items():
             with self._homes[name]:
-                self._charts.append([Chart(self._gui, plot, scenario, self._window, kept, name) for plot in plots])
+                self._charts.append([Chart(self._gui, plot, self._window, kept, name) for plot in plots])
         self._plotted = _plotted(scenario, kept)
 
 
@@ -232,5 +232,5 @@ def unbroken(recent: Recent, newest: int, missing: float, window: float) -> Samp
 
 def _plotted(scenario: Scenario, kept: ReferenceRun | None) -> list:
     """What the charts were built for: titles, limit lines, and the kept run."""
-    keys = [(plot.title, plot.limits(scenario)) for plots in tabs(scenario).values() for plot in plots]
+    keys = [(plot.title, plot.limits) for plots in tabs(scenario).values() for plot in plots]
     return [*keys, id(kept)]

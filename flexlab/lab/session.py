@@ -212,7 +212,7 @@ class Session:
         self._cameras.follow(seen)
         if readouts:
             with inputs, lab_state.lock:
-                self._panel.update(snapshot, seen, self._scene.legend(view))
+                self._panel.update(snapshot, seen, self._scene.scales(view), self._scene.caption)
                 for readout in self._readouts:
                     readout.update(snapshot)
             self._plots.update(self._look_back.recent, seen, view, lab_state.kept, reports.open_charts())

@@ -52,18 +52,6 @@ class ViewSettings:
     shown_mode: int | None = None
 
 
-@dataclass(frozen=True)
-class Legend:
-    """Scales of the picture. `scales`: (what, how much); `strain`: µm/m at the ends of the colours, 0 without."""
-
-    scales: tuple[tuple[str, str], ...] = ()
-    strain: float = 0.0
-    axial: float = 0.0
-    """N at the ends of the colours of the force along the beam, 0 without."""
-    caption: str = ""
-    """How the drawn deflection relates to the true one."""
-
-
 _HINTS = get_type_hints(ViewSettings, include_extras=True)
 SWITCHES = {name: hint.__metadata__[0] for name, hint in _HINTS.items() if hasattr(hint, "__metadata__")}
 """Settings that are on or off, and their names on the screen."""

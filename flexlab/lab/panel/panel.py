@@ -30,7 +30,6 @@ from flexlab.lab.panel.sections import (
 from flexlab.lab.panel.view_controls import Look, ViewControls
 from flexlab.lab.picking import DisturbanceSettings, Picking
 from flexlab.lab.reference_run import Recorded
-from flexlab.lab.view_settings import Legend
 from flexlab.lab.widgets import Widgets, put, table_html
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
@@ -122,17 +121,17 @@ class Panel:
         self._play = PlayScreen(widgets, touch, look)
         add_keys(widgets, self._keys(present, say))
 
-    def update(self, snapshot: Snapshot, seen: Snapshot, legend: Legend) -> None:
+    def update(self, snapshot: Snapshot, seen: Snapshot, scales: list[tuple[str, str]], caption: str) -> None:
         """Bring readouts up to date; rewrite inputs after a reset or preset, and where nobody is at them.
 
-        `seen`: what the screen shows, the present or an instant before it.
+        `seen`: what the screen shows, the present or an instant before it. `scales` and `caption` are the picture's.
         """
         lab_state = self._lab_state
         lab_state.settle(snapshot)
         lab_state.fit_view(snapshot)
         self._announce(snapshot)
-        self._status.content = status_html(seen, lab_state.view, legend, self._recording())
-        put(self._caption, content=f'<div class="fl fl-caption">{escaped(legend.caption)}</div>')
+        self._status.content = status_html(seen, lab_state.view, scales, self._recording())
+        put(self._caption, content=f'<div class="fl fl-caption">{escaped(caption)}</div>')
         put(self._number, content=number_html(self._look_back.recent(SEEN_TOGETHER), seen))
         self._notices.content = notices_html(seen, lab_state.notice, lab_state.rules.sentences)
         self._events.update(snapshot)

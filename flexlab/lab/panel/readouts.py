@@ -10,7 +10,7 @@ from flexlab.lab import colors
 from flexlab.lab.lab_state import Notice
 from flexlab.lab.look_back import LookBack
 from flexlab.lab.picking import is_pulled
-from flexlab.lab.view_settings import Legend, ViewSettings
+from flexlab.lab.view_settings import ViewSettings
 from flexlab.lab.widgets import put
 from flexlab.sim.commands import Pull
 from flexlab.sim.runner import Runner
@@ -27,7 +27,7 @@ SMALLEST_IN_MM = 0.1
 """mm: smaller vibrations are said in µm."""
 
 
-def status_html(snapshot: Snapshot, view: ViewSettings, legend: Legend, recording: str) -> str:
+def status_html(snapshot: Snapshot, view: ViewSettings, scales: Sequence[tuple[str, str]], recording: str) -> str:
     """The head of the panel; `recording`: where the run is recorded, or empty."""
     sample = snapshot.latest
     tone, word = _status(snapshot)
@@ -40,12 +40,8 @@ def status_html(snapshot: Snapshot, view: ViewSettings, legend: Legend, recordin
         ("mid-span deflection", f"{fixed_text(bending, 3, signed=True)} mm"),
         ("largest joint torque", _torque(sample)),
         ("drawn deflection", f"{number_text(view.exaggeration)} × true size"),
-        *legend.scales,
+        *scales,
     ]
-    if legend.strain:
-        rows.append(("strain, 1 mm off the axis", _color_legend(legend.strain, "µm/m")))
-    if legend.axial:
-        rows.append(("force along the beam, compression to tension", _color_legend(legend.axial, "N")))
     if snapshot.dropped_samples:
         rows.append(("samples not recorded", f'<span class="fl-bad">{snapshot.dropped_samples}</span>'))
     grid = "".join(f"<div><span>{name}</span><span>{value}</span></div>" for name, value in rows)
@@ -79,13 +75,6 @@ def _torque(sample: Samples) -> str:
     """The largest joint torque now, and whether a motor is at its limit."""
     limit = ' <span class="fl-bad">at its limit</span>' if sample.saturated[0] else ""
     return f"{fixed_text(float(np.abs(sample.joint_torque[0]).max()), 1)} N·m{limit}"
-
-
-def _color_legend(limit: float, unit: str) -> str:
-    """A strip of the colours with its ends in their unit."""
-    ends = f"{colors.css(colors.BLUE)}, #e1e1e1, {colors.css(colors.VERMILION)}"
-    strip = f'<span class="fl-strip" style="background: linear-gradient(90deg, {ends})"></span>'
-    return f"−{number_text(limit)} {strip} +{number_text(limit)} {unit}"
 
 
 def notices_html(snapshot: Snapshot, notice: Notice, standing: Sequence[str] = ()) -> str:

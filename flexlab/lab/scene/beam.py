@@ -20,6 +20,7 @@ from flexlab.scenario import Payload, Scenario
 from flexlab.sim.geometry import beam_points
 from flexlab.sim.samples import Samples
 from flexlab.sim.signals import PLACES
+from flexlab.text import number_text
 
 STATIONS = 33
 """Points along the beam: smooth up to its eighth mode, and 4 kB a picture."""
@@ -128,6 +129,11 @@ FRAMES_BEFORE_SHRINKING = 75
 """Pictures without a large strain before the colours are spread anew (2.5 s)."""
 NEUTRAL = (225, 225, 225)
 NEGATIVE, POSITIVE = colors.BLUE, colors.VERMILION
+COLORED = {
+    "strain": ("strain, 1 mm off the axis", "µm/m"),
+    "axial": ("force along the beam, compression to tension", "N"),
+}
+"""What the colours show, by its setting of the view, and its unit."""
 
 
 def curvature_functions(payload: Payload, count: int) -> np.ndarray:
@@ -182,10 +188,15 @@ class StrainBeam:
             visible=False,
         )
 
-    @property
-    def limit(self) -> float:
-        """At the ends of the colour range: strain, µm/m at `FIBRE` from the neutral axis, or the force along the beam, N."""
-        return self._range.limit
+    def scales(self) -> list[tuple[str, str]]:
+        """(what, the colours with the values at their ends as HTML) of what is coloured now."""
+        if not self._shown:
+            return []
+        what, unit = COLORED[self._shown]
+        ends = ", ".join(map(colors.css, (NEGATIVE, NEUTRAL, POSITIVE)))
+        strip = f'<span class="fl-strip" style="background: linear-gradient(90deg, {ends})"></span>'
+        limit = number_text(self._range.limit)
+        return [(what, f"−{limit} {strip} +{limit} {unit}")]
 
     def update(self, scenario: Scenario, sample: Samples, view: ViewSettings) -> None:
         """Colour and bend as `sample` (N = 1) has it."""

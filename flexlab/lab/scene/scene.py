@@ -14,7 +14,7 @@ from flexlab.lab.scene.beam import Beam, ReferenceBeam, StrainBeam
 from flexlab.lab.scene.forces import Forces, PullArrow
 from flexlab.lab.scene.overlays import Overlays, Reach
 from flexlab.lab.scene.stage import draw_floor, set_light
-from flexlab.lab.view_settings import Legend, ViewSettings, fitting_exaggeration
+from flexlab.lab.view_settings import ViewSettings, fitting_exaggeration
 from flexlab.lab.viser_server import set_theme
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import Pull
@@ -37,7 +37,8 @@ class Scene:
         self._server, self._study, self._touch, self._shadows = server, study, touch, shadows
         self._built_for: object = None
         self._run_number = -1
-        self._caption = ""
+        self.caption = ""
+        """How the drawn deflection relates to the true one."""
         self._build(scenario)
 
     def update(self, snapshot: Snapshot, view: ViewSettings, pull: Pull | None, kept: ReferenceRun | None) -> None:
@@ -48,7 +49,7 @@ class Scene:
         if snapshot.run_number != self._run_number:
             self._run_number = snapshot.run_number
             self._overlays.forget_trail()
-        bent, self._caption = self._bent(scenario, sample, view)
+        bent, self.caption = self._bent(scenario, sample, view)
         with self._server.atomic():
             self._arms.update(scenario, sample)
             self._beam.update(scenario, bent, view)
@@ -60,11 +61,9 @@ class Scene:
             self._reach.update(scenario, sample, view.reach)
         self._server.flush()
 
-    def legend(self, view: ViewSettings) -> Legend:
-        """The present scales of the picture."""
-        limit = self._strain.limit
-        strain, axial = (limit, 0.0) if view.strain else (0.0, limit if view.axial else 0.0)
-        return Legend(tuple(self._forces.scales(view)), strain, axial, self._caption)
+    def scales(self, view: ViewSettings) -> list[tuple[str, str]]:
+        """(what, how much as HTML) of the present scales of the picture."""
+        return [*self._forces.scales(view), *self._strain.scales()]
 
     def _bent(self, scenario: Scenario, sample: Samples, view: ViewSettings) -> tuple[Samples, str]:
         """The samples that the beam is drawn from, and its caption: the run's, or those of the animated mode."""

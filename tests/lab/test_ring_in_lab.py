@@ -16,11 +16,11 @@ def test_from_a_tap_to_a_shaper_and_a_gain():
     scenario = scenario.replace({"controller.lateral_vibration_gain": 5.0})
     with Session(scenario, port=0, shadows=False, playing=False) as lab:
         panel = RingPanel(Widgets(lab.server.gui, lab.lab_state))
-        ask, state = panel._study.ask, lab.lab_state
+        state = lab.lab_state
 
         def fitted() -> None:
-            ask()
-            wait_until(lambda: not panel._study.is_busy, "the fit")
+            panel.fit()
+            wait_until(lambda: not panel.is_busy, "the fit")
             panel.update()
 
         fitted()
@@ -32,7 +32,7 @@ def test_from_a_tap_to_a_shaper_and_a_gain():
         state.submit(StepOnce(400))
         wait_until(lambda: lab.runner.snapshot.latest.time[0] >= 0.4, "the ring")
         fitted()
-        result = panel._study.result
+        result = panel.result
         assert result is not None
         assert result.fit.first.frequency.value == pytest.approx(45.0, rel=0.05)
         assert "95 % within" in panel._found.content

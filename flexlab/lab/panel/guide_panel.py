@@ -105,8 +105,7 @@ class Guide:
     def _turn_to(self, title: str) -> None:
         page, self._shown = self._pages[title], title
         self._menu.settle()
-        self._lab_state.lesson = ""
-        lesson = page if isinstance(page, Lesson) else None
+        self._lab_state.lesson, lesson = "", self._lesson()
         self._lab_state.hold_exaggeration(None if lesson is None else _factor(lesson))
         for widget in (self._guess_question, self._guess.widget, self._steps, self._start, self._verdict):
             put(widget, visible=lesson is not None and self._last_step > 1)

@@ -14,7 +14,6 @@ from flexlab.analysis.identification.remedies import SHAPERS, WANTED_RATIO, Reme
 from flexlab.analysis.identification.ring import RingFit, fit_ring
 from flexlab.errors import FlexlabError, LabError
 from flexlab.lab.widgets import Widgets, put, table_html
-from flexlab.sim.runner import Runner
 from flexlab.text import escaped, limited, number_text
 
 LOOKED_BACK = 30.0
@@ -33,39 +32,6 @@ class FittedRing:
     remedies: Remedies | None
 
 
-class RingStudy:
-    """Holds the newest result; one fit runs at a time."""
-
-    def __init__(self, runner: Runner):
-        self._runner = runner
-        self.is_busy = False
-        """Whether a fit is under way."""
-        self.result: FittedRing | None = None
-        """None before the first, and where there was nothing to fit."""
-        self.problem = ""
-        """Why there is no result, as a sentence."""
-
-    def ask(self) -> None:
-        """Fit the newest ring, unless a fit is under way. For one thread."""
-        if not self.is_busy:
-            self.is_busy = True
-            threading.Thread(target=self._work, name="flexlab-ring", daemon=True).start()
-
-    def _work(self) -> None:
-        try:
-            snapshot, samples = self._runner.snapshot, self._runner.recent(LOOKED_BACK)
-            time, signal, since = recent_ring(samples, snapshot.events)
-            fit = fit_ring(time, signal)
-            self.result, self.problem = FittedRing(fit, since, remedies(fit, snapshot.scenario)), ""
-        except FlexlabError as error:
-            self.result, self.problem = None, str(error)
-        except Exception as error:
-            log.exception("a fit failed")
-            self.result, self.problem = None, f"The ring could not be fitted ({type(error).__name__}: {error})."
-        finally:
-            self.is_busy = False
-
-
 SYMBOLS = {"lateral_vibration_gain": ("k_v", "1/(kg·s)"), "angular_vibration_gain": ("k_θ", "1/(kg·m²·s)")}
 
 
@@ -73,9 +39,14 @@ class RingPanel:
     """Buttons and findings, in the GUI container that is open while it is made."""
 
     def __init__(self, widgets: Widgets):
-        self._lab_state, self._study = widgets.lab_state, RingStudy(widgets.lab_state.runner)
+        self._lab_state = widgets.lab_state
+        self.is_busy = False
+        """Whether a fit is under way."""
+        self.result: FittedRing | None = None
+        """The newest; None before the first, and where there was nothing to fit."""
+        self._problem = ""
         hint = "Frequency and damping of the vibration since the last tap, release or stop"
-        widgets.button("Fit the ring", lambda _: self._study.ask(), icon=viser.Icon.WAVE_SINE, hint=hint)
+        widgets.button("Fit the ring", lambda _: self.fit(), icon=viser.Icon.WAVE_SINE, hint=hint)
         self._found = widgets.gui.add_html("")
         hint = "The path goes through this input shaper, made for the fitted ring"
         self._shapers = [
@@ -84,15 +55,36 @@ class RingPanel:
         hint = "Sets the vibration gain of the control law"
         self._damp = widgets.button("Use this gain", lambda _: self._use_gain(), visible=False, hint=hint)
 
+    def fit(self) -> None:
+        """Fit the newest ring, unless a fit is under way."""
+        if not self.is_busy:
+            self.is_busy = True
+            threading.Thread(target=self._work, name="flexlab-ring", daemon=True).start()
+
+    def _work(self) -> None:
+        runner = self._lab_state.runner
+        try:
+            snapshot, samples = runner.snapshot, runner.recent(LOOKED_BACK)
+            time, signal, since = recent_ring(samples, snapshot.events)
+            fit = fit_ring(time, signal)
+            self.result, self._problem = FittedRing(fit, since, remedies(fit, snapshot.scenario)), ""
+        except FlexlabError as error:
+            self.result, self._problem = None, str(error)
+        except Exception as error:
+            log.exception("a fit failed")
+            self.result, self._problem = None, f"The ring could not be fitted ({type(error).__name__}: {error})."
+        finally:
+            self.is_busy = False
+
     def update(self) -> None:
         """Show what was found."""
-        result, offered = self._study.result, self._offered()
-        if self._study.is_busy:
+        result, offered = self.result, self._offered()
+        if self.is_busy:
             text = '<div class="fl fl-dim">Fitting …</div>'
         elif result is not None:
             text = ring_html(result, offered is not None and self._has(offered.gain_field))
         else:
-            problem = self._study.problem
+            problem = self._problem
             text = f'<div class="fl"><div class="fl-box">{escaped(problem)}</div></div>' if problem else ""
         put(self._found, content=text)
         for button in self._shapers:
@@ -100,8 +92,8 @@ class RingPanel:
         put(self._damp, visible=offered is not None and self._has(offered.gain_field))
 
     def _offered(self) -> Remedies | None:
-        result = self._study.result
-        return None if result is None or self._study.is_busy else result.remedies
+        result = self.result
+        return None if result is None or self.is_busy else result.remedies
 
     def _has(self, field: str) -> bool:
         return field in type(self._lab_state.intended.controller).model_fields

@@ -3,6 +3,8 @@
 `web_assets/make/models.py` makes the parts. All lengths in m, for the paper's arm (0.7, 0.6, 0.2 m links).
 """
 
+from typing import Any
+
 import numpy as np
 import viser
 
@@ -86,7 +88,8 @@ class Arms:
         upright = turn_about_z(np.zeros(self._count * JOINTS))
         widths = np.tile(LINK_WIDTHS, self._count) * self._size
         lengths = np.array([arm.link_length for arm in scenario.arms])
-        lengths[:, -1] = np.maximum(lengths[:, -1] - GRIPPER_LENGTH * self._size, 1e-3)
+        bars = lengths.copy()
+        bars[:, -1] = np.maximum(bars[:, -1] - GRIPPER_LENGTH * self._size, 1e-3)
         joint_scales = np.tile(JOINT_SCALES, self._count) * self._size
         base = np.array([(*arm.base, 0.0) for arm in scenario.arms])
 
@@ -101,35 +104,27 @@ class Arms:
                 receive_shadow=False,
             )
 
+        def meshes(name: str, solid: tuple[np.ndarray, np.ndarray], scales: np.ndarray, **look: Any) -> Any:
+            return scene.add_batched_meshes_simple(
+                f"/arms/{name}",
+                *solid,
+                batched_wxyzs=upright,
+                batched_positions=still,
+                batched_scales=scales,
+                lod="off",
+                cast_shadow=False,
+                receive_shadow=False,
+                **look,
+            )
+
         self._bases = batch("base", base, np.full(self._count, self._size))
-        self._links = batch("link", still, np.column_stack([lengths.ravel(), widths, widths]))
+        self._links = batch("link", still, np.column_stack([bars.ravel(), widths, widths]))
         self._joints = batch("joint", still, joint_scales)
         self._grippers = batch("gripper", still[: self._count], np.full(self._count, self._size))
-        self._rings = scene.add_batched_meshes_simple(
-            "/arms/rings",
-            *accent_ring(),
-            batched_wxyzs=upright,
-            batched_positions=still,
-            batched_scales=joint_scales,
-            batched_colors=np.repeat(colors.for_instances(colors.ARMS[: self._count]), JOINTS, axis=0),
-            lod="off",
-            cast_shadow=False,
-            receive_shadow=False,
-        )
-
+        tones = np.repeat(colors.for_instances(colors.ARMS[: self._count]), JOINTS, axis=0)
+        self._rings = meshes("rings", accent_ring(), joint_scales, batched_colors=tones)
         # viser's page breaks when instances of GLB files are to be touched; those of plain meshes may be.
-        length = np.array([arm.link_length for arm in scenario.arms]).ravel()
-        self.grab = scene.add_batched_meshes_simple(
-            "/arms/grab",
-            *grab_bar(),
-            batched_wxyzs=upright,
-            batched_positions=still,
-            batched_scales=np.column_stack([length, widths, widths]),
-            opacity=0.0,
-            lod="off",
-            cast_shadow=False,
-            receive_shadow=False,
-        )
+        self.grab = meshes("grab", grab_bar(), np.column_stack([lengths.ravel(), widths, widths]), opacity=0.0)
 
     def update(self, scenario: Scenario, sample: Samples) -> None:
         """Move all parts to where `sample` (N = 1) has them."""

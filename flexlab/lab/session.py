@@ -78,13 +78,14 @@ class Session:
         hosts.run_apart()
         self._scenario, self._host, self._port = scenario, usual_spelling(host), port
         self._shadows, self._recording, self._link = shadows, recording, link
-        self._origin, self._secret, self._attended = origin, secret, attended
+        self._secret, self._attended = secret, attended
         self._recorded, self._recorded_as = recorded, recorded_as
         self.guard = InputGuard()
         """Checks every message of every browser, and counts the refused ones."""
         self.runner = Runner(scenario, name, consumers=consumers, playing=playing, origin=origin, hold_starts=attended)
+        self.lab_state = LabState(self.runner, origin)
+        """What the controls share."""
         self._server: GuardedServer | None = None
-        self._lab_state: LabState | None = None
         self._study = ModeStudy()
         self._closing = ExitStack()
 
@@ -94,13 +95,6 @@ class Session:
         if self._server is None:
             raise LabError("This lab is not running: start it first.")
         return self._server
-
-    @property
-    def lab_state(self) -> LabState:
-        """What the controls share; raises `LabError` before `start` and after `stop`."""
-        if self._lab_state is None:
-            raise LabError("This lab is not running: start it first.")
-        return self._lab_state
 
     @property
     def port(self) -> int:
@@ -133,7 +127,7 @@ class Session:
         hosts.stop_loading()
         self._closing.close()
         self.runner.stop()  # If it never started, too.
-        self._lab_state = self._server = None
+        self._server = None
 
     def __enter__(self) -> "Session":
         self.start()
@@ -144,7 +138,7 @@ class Session:
 
     def _furnish(self, server: GuardedServer) -> RenderLoop:
         """Fill the server's page."""
-        lab_state = self._lab_state = LabState(self.runner, self._origin)
+        lab_state = self.lab_state
         lab_state.company = lambda: len(server.get_clients())
         gui, runner, study = server.gui, self.runner, self._study
         widgets = Widgets(gui, lab_state)

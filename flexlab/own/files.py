@@ -5,6 +5,7 @@ The text of a class is gathered with all that it uses, so that a recording can h
 
 import ast
 import contextlib
+import dis
 import inspect
 import re
 import sys
@@ -79,19 +80,10 @@ def _loaded(tree: ast.AST) -> set[str]:
 
 def _bound(node: ast.stmt) -> set[str]:
     """Names that a statement defines."""
-    if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
-        return {node.name}
     if _is_future(node):
         return set()
-    found = set()
-    for part in ast.walk(node):
-        if isinstance(part, ast.alias):
-            found.add(part.asname or part.name.split(".")[0])
-        elif isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store):
-            found.add(part.id)
-        elif isinstance(part, (ast.FunctionDef, ast.ClassDef)):
-            found.add(part.name)
-    return found
+    code = compile(ast.Module([node], []), "", "exec", ast.PyCF_ALLOW_TOP_LEVEL_AWAIT, dont_inherit=True)
+    return {step.argval for step in dis.get_instructions(code) if step.opname == "STORE_NAME"}
 
 
 def _is_future(node: ast.stmt) -> bool:

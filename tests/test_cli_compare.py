@@ -12,7 +12,7 @@ from test_cli_review import showing
 from flexlab.analysis.metrics import run_metrics
 from flexlab.presets import load_preset
 from flexlab.recording.headless import write_run
-from flexlab.recording.viewer import Review
+from flexlab.recording.viewer import review
 from flexlab.sim.simulate import simulate
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
@@ -40,7 +40,7 @@ def test_tables_are_printed_and_the_overlay_is_saved_and_opens_again(
     assert ["Duration", "[s]", "0.2", "0.2", "0"] in rows
     assert ["Vibration", "below", "1", "%", "after", "[s]", "not", "settled", "not", "settled", "–"] in rows
     assert ["payload.bending_stiffness", "100", "60"] in rows
-    with Review(tmp_path / "both.rrd") as review, urllib.request.urlopen(review.url) as page:
+    with review(tmp_path / "both.rrd") as address, urllib.request.urlopen(address) as page:
         assert page.status == 200
 
 

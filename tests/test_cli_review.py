@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from flexlab.recording.store.run_files import find_run
-from flexlab.recording.viewer import Review
+from flexlab.recording.viewer import review
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
 
@@ -51,8 +51,10 @@ def test_the_newest_or_a_named_or_a_torn_recording_opens(flexlab_command: Comman
     older, newer = sorted((tmp_path / "logs").glob("*.rrd"), key=lambda path: path.stat().st_mtime_ns)
     assert newer.name in showing(tmp_path, "review")[0]
     for name in (str(older), older.stem[:-3]):
-        with Review(find_run(name, tmp_path / "logs")) as review:
-            assert review.path == older
+        found = find_run(name, tmp_path / "logs")
+        assert found == older
+        with review(found) as address:
+            assert urllib.request.urlopen(address).status == 200
     torn = tmp_path / "torn.rrd"
     torn.write_bytes(newer.read_bytes()[:-20_000])
     assert "torn.rrd" in showing(tmp_path, "review", "torn.rrd")[0]

@@ -52,15 +52,15 @@ def ending() -> Generator[threading.Event, None, None]:
 
 def show_review(path: Path, what: str, browser: bool, port: int) -> None:
     """Serve a recording to rerun's viewer, print its address and optionally open a browser, until the person ends it."""
-    from flexlab.recording.viewer import Review
+    from flexlab.recording.viewer import review
 
-    with ending() as ended, Review(path, port) as review:
+    with ending() as ended, review(path, port) as address:
         console = output()
         console.print(f"{what} is open at", soft_wrap=True)
-        console.print(review.url, style="bold", soft_wrap=True)
+        console.print(address, style="bold", soft_wrap=True)
         console.print("Ctrl-C ends the viewer's server.")
         if browser:
-            open_browser(review.url)
+            open_browser(address)
         wait_for(ended)
 
 

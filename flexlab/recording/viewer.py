@@ -7,12 +7,13 @@ by flexlab with a content security policy: left alone, it would fetch fonts, loo
 import contextlib
 import http.server
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import quote, urlsplit
 
 from flexlab.errors import RecordingError
 from flexlab.recording.repair import finish
-from flexlab.recording.rerun_internals.tool import VIEWER_FILES, serve, viewer_folder
+from flexlab.recording.rerun_internals.tool import VIEWER_FILES, serving, viewer_folder
 from flexlab.recording.store.run_files import check_recording
 from flexlab.sockets import LOOPBACK, name_in
 
@@ -22,39 +23,33 @@ SECURITY_POLICY = (
 """The viewer may talk to this server and to the one of its recording."""
 
 
-class ViewerServer:
-    """Serves the web viewer on one port of this machine until `close`."""
+@contextlib.contextmanager
+def serving_viewer(port: int = 0, source: str = "") -> Iterator[str]:
+    """Serve the web viewer on one port of this machine, 0 for a free one; yields its address.
 
-    def __init__(self, port: int = 0, source: str = ""):
-        """Start; port 0 takes a free one. `source`: the server that recordings may come from, besides this one.
+    `source`: the server that recordings may come from, besides this one. Raises `RecordingError` if the port is in use or the
+    viewer is missing.
+    """
+    folder = viewer_folder()
 
-        Raises `RecordingError` if the port is in use or the viewer is missing.
-        """
-        folder = viewer_folder()
+    class Handler(_Handler):
+        root, policy = folder, SECURITY_POLICY.format(source=source)
 
-        class Handler(_Handler):
-            root, policy = folder, SECURITY_POLICY.format(source=source)
-
+    try:
+        server = http.server.ThreadingHTTPServer((LOOPBACK[0], port), Handler)
+    except (OSError, OverflowError) as error:
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise RecordingError(
+            f"The viewer cannot be served on {LOOPBACK[0]}:{port} ({reason}): choose another port, or 0 for any."
+        ) from None
+    with server:
+        thread = threading.Thread(target=server.serve_forever, name="rerun-viewer", daemon=True)
+        thread.start()
         try:
-            self._server = http.server.ThreadingHTTPServer((LOOPBACK[0], port), Handler)
-        except (OSError, OverflowError) as error:
-            reason = error.strerror if isinstance(error, OSError) else str(error)
-            raise RecordingError(
-                f"The viewer cannot be served on {LOOPBACK[0]}:{port} ({reason}): choose another port, or 0 for any."
-            ) from None
-        self._thread = threading.Thread(target=self._server.serve_forever, name="rerun-viewer", daemon=True)
-        self._thread.start()
-
-    @property
-    def page(self) -> str:
-        """The address of the viewer."""
-        return f"http://{LOOPBACK[0]}:{self._server.server_port}/"
-
-    def close(self) -> None:
-        """Stop serving."""
-        self._server.shutdown()
-        self._server.server_close()
-        self._thread.join()
+            yield f"http://{LOOPBACK[0]}:{server.server_port}/"
+        finally:
+            server.shutdown()
+            thread.join()
 
 
 class _Handler(http.server.BaseHTTPRequestHandler):
@@ -87,36 +82,20 @@ class _Handler(http.server.BaseHTTPRequestHandler):
         """Quiet: a person's terminal is no place for a list of requests."""
 
 
-class Review:
-    """A recording, or a comparison of some, served for a browser of this machine to open at `url`, until `close`."""
+@contextlib.contextmanager
+def review(path: Path, port: int = 0) -> Iterator[str]:
+    """Serve a recording, or a comparison of some, to this machine's browser; yields the address to open.
 
-    def __init__(self, path: Path, port: int = 0):
-        """Mend a recording that its writer left without an end, and serve it; `port` of the viewer, 0 for a free one.
-
-        Raises `RecordingError` if there is nothing that can be read.
-        """
-        check_recording(path)
-        finish(path)
-        self.path = path
+    A recording that its writer left without an end is mended first. `port` of the viewer, 0 for a free one. Raises
+    `RecordingError` if there is nothing that can be read.
+    """
+    check_recording(path)
+    finish(path)
+    with contextlib.ExitStack() as closing:
         try:
-            self._server, source = serve(path)
+            source = closing.enter_context(serving(path))
         except (RuntimeError, ValueError, OSError, LookupError) as error:
             reason = str(error).split("\n")[0]
             raise RecordingError(f"{path} cannot be served to the viewer: {reason}") from None
-        try:
-            self._viewer = ViewerServer(port, f"http://{urlsplit(source).netloc}")
-        except RecordingError:
-            self._server.shutdown()
-            raise
-        self.url = f"{self._viewer.page}?url={quote(source, safe='')}&hide_welcome_screen&renderer=webgl"
-
-    def close(self) -> None:
-        """Stop serving."""
-        self._server.shutdown()
-        self._viewer.close()
-
-    def __enter__(self) -> "Review":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
+        page = closing.enter_context(serving_viewer(port, f"http://{urlsplit(source).netloc}"))
+        yield f"{page}?url={quote(source, safe='')}&hide_welcome_screen&renderer=webgl"

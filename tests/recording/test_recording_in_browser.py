@@ -10,7 +10,7 @@ from PIL import Image
 from playwright.sync_api import Browser
 from recording_helpers import wait_until
 
-from flexlab.recording.viewer import Review
+from flexlab.recording.viewer import review
 from flexlab.views import BLUE, GREEN, VERMILION
 
 
@@ -22,10 +22,10 @@ def shares(image: np.ndarray) -> list[float]:
 def test_opening_a_recording_shows_arms_and_plots_and_calls_nobody(recording_file: Path, chromium: Browser) -> None:
     asked: list[str] = []
     # The window goes first, whatever happened in it: a server that is closed waits for who still looks.
-    with Review(recording_file) as review, open_window(chromium, 900, 600, drawn=True) as window:
+    with review(recording_file) as address, open_window(chromium, 900, 600, drawn=True) as window:
         page = window.new_page()
         page.on("request", lambda request: asked.append(urlsplit(request.url).hostname or ""))
-        page.goto(review.url)
+        page.goto(address)
 
         def drawn() -> bool:
             page.wait_for_timeout(1000)
@@ -34,5 +34,5 @@ def test_opening_a_recording_shows_arms_and_plots_and_calls_nobody(recording_fil
             return min(shares(arms)) > 2e-4 and min(shares(plots)) > 2e-4
 
         wait_until(drawn, "arms, beam and curves are on the screen", patience=120)
-    (source,) = parse_qs(urlsplit(review.url).query)["url"]
+    (source,) = parse_qs(urlsplit(address).query)["url"]
     assert set(asked) <= {"127.0.0.1", urlsplit(source).hostname, ""}

@@ -14,17 +14,17 @@ from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
 from flexlab.recording.recorder import Recorder
 from flexlab.recording.store.run_files import find_run, has_footer, run_state
-from flexlab.recording.viewer import VIEWER_FILES, Review, ViewerServer, viewer_folder
+from flexlab.recording.viewer import VIEWER_FILES, review, serving_viewer, viewer_folder
 from flexlab.sim.world import World
 
 
 def test_the_newest_recording_is_opened_and_mended_first(recording_file: Path, tmp_path: Path) -> None:
     recording_file.write_bytes(recording_file.read_bytes()[:-200])
     assert not has_footer(recording_file)
-    with Review(find_run("newest", tmp_path)) as review:
-        assert review.path == recording_file
+    assert find_run("newest", tmp_path) == recording_file
+    with review(recording_file) as address:
         assert has_footer(recording_file)
-        answer = urllib.request.urlopen(review.url)
+        answer = urllib.request.urlopen(address)
         assert "default-src 'self'" in answer.headers["Content-Security-Policy"]
 
 
@@ -33,15 +33,15 @@ def test_no_page_whose_name_leads_to_this_machine_finds_the_data(recording_file:
     """The server that gives recordings out piece by piece looks at no name, and would read any recording for who asks."""
     found: set[str] = set()
     for _ in range(3):
-        with Review(recording_file) as review:
-            (source,) = parse_qs(urlsplit(review.url).query)["url"]
+        with review(recording_file) as address:
+            (source,) = parse_qs(urlsplit(address).query)["url"]
             place = urlsplit(source)
             assert place.hostname
             assert place.port
             found.add(place.hostname)
             with socket.create_connection((place.hostname, place.port)), pytest.raises(ConnectionRefusedError):
                 socket.create_connection(("127.0.0.1", place.port))
-            policy = urllib.request.urlopen(review.url).headers["Content-Security-Policy"]
+            policy = urllib.request.urlopen(address).headers["Content-Security-Policy"]
             assert f"connect-src 'self' http://{place.netloc} data: blob:" in policy
     assert len(found) == 3
 
@@ -54,42 +54,40 @@ def test_a_run_that_is_being_recorded_opens_without_a_warning(tmp_path: Path, re
     wait_until(lambda: recorder.path and recorder.path.stat().st_size > 150_000, "something is recorded")
     path = recorder.path
     assert path is not None
-    with Review(path) as review:
+    with review(path) as address:
         assert run_state(path) == "in use"
-        assert urllib.request.urlopen(review.url).status == 200
+        assert urllib.request.urlopen(address).status == 200
     recorder.close()
     assert [str(warning.message) for warning in recwarn.list] == []
 
 
 def test_what_cannot_be_reviewed_is_said(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="There is no recording in"):
-        Review(find_run("newest", tmp_path))
-    with pytest.raises(RecordingError, match="There is no recording"):
-        Review(tmp_path / "x.rrd")
+        find_run("newest", tmp_path)
+    with pytest.raises(RecordingError, match="There is no recording"), review(tmp_path / "x.rrd"):
+        pass
     (tmp_path / "x.rrd").write_text("no recording")
-    with pytest.raises(RecordingError, match="is not a rerun recording"):
-        Review(tmp_path / "x.rrd")
+    with pytest.raises(RecordingError, match="is not a rerun recording"), review(tmp_path / "x.rrd"):
+        pass
 
 
 def test_the_viewer_serves_its_own_files_only() -> None:
-    server = ViewerServer()
-    try:
+    with serving_viewer() as page:
         for name, kind in VIEWER_FILES.items():
-            answer = urllib.request.urlopen(server.page + name)
+            answer = urllib.request.urlopen(page + name)
             assert answer.headers["Content-Type"] == kind
             assert answer.read() == (viewer_folder() / name).read_bytes()
         for name in ("../flexlab/__init__.py", "%2e%2e/x", "etc/passwd", "re_viewer.js/"):
             with pytest.raises(urllib.error.HTTPError, match="404"):
-                urllib.request.urlopen(server.page + name)
-        port = urlsplit(server.page).port
+                urllib.request.urlopen(page + name)
+        port = urlsplit(page).port
         assert port is not None
         for host in ("evil.example", "[::::]", "[", ""):
             with pytest.raises(urllib.error.HTTPError, match="403"):
-                urllib.request.urlopen(urllib.request.Request(server.page, headers={"Host": host}))
-        with pytest.raises(RecordingError, match=rf"cannot be served on 127\.0\.0\.1:{port}"):
-            ViewerServer(port=port)
-    finally:
-        server.close()
+                urllib.request.urlopen(urllib.request.Request(page, headers={"Host": host}))
+        refused = pytest.raises(RecordingError, match=rf"cannot be served on 127\.0\.0\.1:{port}")
+        with refused, serving_viewer(port):
+            pass
 
 
 def test_the_page_names_no_outside_address_to_load() -> None:

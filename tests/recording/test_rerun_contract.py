@@ -116,10 +116,9 @@ def test_the_server_gives_an_address_and_takes_the_layout_of_the_file(joined: Pa
     tool.Mending().rewrite(joined, whole)
     with chunks.quiet_reader(whole) as reader:
         (layout,) = reader.blueprints()
-    server, address = tool.serve(whole)
-    (core,) = CatalogClientInternal(server.url()).datasets(False)
-    given = DatasetEntry(core).default_blueprint()
-    server.shutdown()
+    with tool.serving(whole) as address:
+        (core,) = CatalogClientInternal(address.partition("/dataset")[0]).datasets(False)
+        given = DatasetEntry(core).default_blueprint()
     assert given == layout.recording_id, "the server does not find a layout inside a recording"
     assert re.match(r"rerun\+http://127\.\d+\.\d+\.\d+:\d+/", address), (
         "a segment's address is no longer one that the viewer opens"

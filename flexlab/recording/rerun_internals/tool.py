@@ -8,6 +8,7 @@ import threading
 import time
 import urllib.error
 import urllib.request
+from collections.abc import Iterator
 from pathlib import Path
 
 import rerun as rr
@@ -175,8 +176,9 @@ def _fetch(address: str, process: "subprocess.Popen[bytes]") -> bytes:
 DATASET = "runs"
 
 
-def serve(path: Path) -> tuple[rr.server.Server, str]:
-    """(server, to be shut down; address that a viewer opens). Raises RuntimeError, ValueError, OSError or LookupError."""
+@contextlib.contextmanager
+def serving(path: Path) -> Iterator[str]:
+    """Serve a recording; yields the address that a viewer opens. Raises RuntimeError, ValueError, OSError or LookupError."""
     # It answers whoever asks, under any name.
     server = rr.server.Server(host=hidden_loopback(), port=0, datasets={DATASET: [path]})
     try:
@@ -187,7 +189,7 @@ def serve(path: Path) -> tuple[rr.server.Server, str]:
         with contextlib.suppress(ValueError):
             DatasetEntry(core).register_blueprint(path.resolve().as_uri())
         with quiet_reader(path) as reader:
-            return server, core.segment_url(reader.recordings()[0].recording_id)
-    except BaseException:
+            address = core.segment_url(reader.recordings()[0].recording_id)
+        yield address
+    finally:
         server.shutdown()
-        raise

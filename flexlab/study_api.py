@@ -25,7 +25,6 @@ from flexlab.analysis.workers import chosen_workers, progress_bar
 from flexlab.api import LOGS, Run, export_fmu
 from flexlab.arguments import file_path, flag, text_or_none, time_or_none
 from flexlab.errors import StudyError
-from flexlab.own import hosts
 from flexlab.presets import AnyLaw, AnyPath, AnyScenario, any_scenario, named_scenario
 from flexlab.recording.export import export_recording
 from flexlab.recording.reader import read_blocks, read_recording
@@ -111,19 +110,19 @@ def replay(run: AnyRun, logs: str | Path = LOGS, run_own_law: bool = False) -> R
     `run_own_law` lets Python code run that came with the recording. Raises `RecordingError` and `StudyError`.
     """
     may_run = flag("run_own_law", run_own_law)
+
+    def agrees(kind: str, *_: str) -> bool:
+        if not may_run:
+            raise StudyError(f"The run came with the control law {kind}, Python code: let it run by run_own_law=True.")
+        return True
+
     with ExitStack() as stack:
         if not isinstance(run, Run) and str(run).lower().endswith(ARCHIVE):
             path = unpack_capsule(Path(run), Path(stack.enter_context(TemporaryDirectory(prefix="flexlab-"))))
         else:
             (path,) = _paths([run], logs, stack)
         recording = read_recording(path, with_samples=False)
-        for kind, source in replaying.own_law_texts(recording):
-            if not hosts.is_allowed(source):
-                if not may_run:
-                    raise StudyError(
-                        f"The run came with the control law {kind}, Python code: let it run by run_own_law=True."
-                    )
-                hosts.allow(source, f"{kind.replace('-', '_')}.py")
+        replaying.allow_own_laws(recording, agrees)
         return replaying.replay(recording, read_blocks(path))
 
 

@@ -5,8 +5,9 @@ and for control laws in Python, whose rounding depends on the machine.
 """
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,13 @@ import pyarrow as pa
 
 from flexlab.analysis.result import Result, provenance
 from flexlab.analysis.resume import BLOCK_TICKS, Repetition
+from flexlab.errors import StudyError
+from flexlab.own import hosts
+from flexlab.own.files import LAW_FILES
 from flexlab.own.law import OwnController
 from flexlab.own.link import address_in
 from flexlab.own.path import OwnTrajectory
+from flexlab.own.reading import without_data
 from flexlab.own.unit import unit_in
 from flexlab.recording.reader import Recording
 from flexlab.recording.run_info import these_versions
@@ -148,6 +153,41 @@ def own_law_texts(recording: Recording) -> list[tuple[str, str]]:
             source = event.command.changes["controller.source"]
             found.append((str(event.command.changes.get("controller.kind", law.kind)), source))
     return list({source: (kind, source) for kind, source in reversed(found)}.values())[::-1]
+
+
+def allow_own_laws(recording: Recording, agrees: Callable[[str, str, str], bool]) -> None:
+    """Let the control laws run that came with a recording. Raises `StudyError` for one that nobody agrees to, or not there.
+
+    `agrees` takes the law's kind, a question, and the code that it is about; empty: no code that a person could read.
+    """
+    for kind, source in own_law_texts(recording):
+        if hosts.is_allowed(source):
+            continue
+        address, code = address_in(source), ""
+        unit, unit_file = unit_in(source, (Path(), LAW_FILES.own))
+        if unit and not unit_file:
+            raise StudyError(
+                f"The run was controlled by the unit {unit}, machine code that recordings do not hold: put that very file "
+                f"here or into {LAW_FILES.own}, then replay again."
+            )
+        if address:
+            question = (
+                f"This run was controlled by the program at {address}, which a replay needs: it has to run there now. "
+                "Connect to it?"
+            )
+        elif unit:
+            question = (
+                f"This run was controlled by the unit {unit_file}, machine code that a replay needs. Let it run here?"
+            )
+        else:
+            code = without_data(source)
+            question = (
+                f"This run was controlled by {kind}, Python code of {len(source.splitlines())} lines that stands above. "
+                "Let it run here?"
+            )
+        if not agrees(kind, question, code):
+            raise StudyError(f"The run was not replayed: its control law {kind} was not allowed to run.")
+        hosts.allow(source, address or unit_file or f"{kind.replace('-', '_')}.py")
 
 
 def own_path_texts(recording: Recording) -> list[str]:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from flexlab.cli.console import agreed, complain, note, output
 from flexlab.cli.options import LOGS, Logs, Run, option
-from flexlab.errors import StudyError
 from flexlab.text import visible
 
 if TYPE_CHECKING:
@@ -44,10 +43,14 @@ def _replay(path: Path, run_own_law: bool) -> int:
     from flexlab.recording.reader import read_blocks, read_recording
 
     recording = read_recording(path, with_samples=False)
-    from flexlab.analysis.replay import own_law_texts, replay
+    from flexlab.analysis.replay import allow_own_laws, replay
 
-    for kind, source in own_law_texts(recording):
-        _allow(kind, source, run_own_law)
+    def agrees(_: str, question: str, code: str) -> bool:
+        if code and not run_own_law:
+            note(visible(code))
+        return run_own_law or agreed(question, "give --run-own-law to let it run")
+
+    allow_own_laws(recording, agrees)
     from flexlab.cli.warmup import warm_up
 
     warm_up(recording.scenario)
@@ -57,43 +60,6 @@ def _replay(path: Path, run_own_law: bool) -> int:
         complain("The recording has no samples: there was nothing to compare.")
         return 1
     return 0 if found.agrees else 1
-
-
-def _allow(kind: str, source: str, allowed: bool) -> None:
-    """Allow a recording's own law to run if the person agrees. Raises `StudyError` if not."""
-    from flexlab.own import hosts
-    from flexlab.own.files import LAW_FILES
-    from flexlab.own.link import address_in
-    from flexlab.own.reading import without_data
-    from flexlab.own.unit import unit_in
-
-    if hosts.is_allowed(source):
-        return
-    address, lines = address_in(source), len(source.splitlines())
-    unit, unit_file = unit_in(source, (Path(), LAW_FILES.own))
-    if unit and not unit_file:
-        raise StudyError(
-            f"The run was controlled by the unit {unit}, machine code that recordings do not hold: put that very file here "
-            f"or into {LAW_FILES.own}, then replay again."
-        )
-    if not allowed:
-        question = (
-            f"This run was controlled by {kind}, Python code of {lines} lines that stands above. Let it run here?"
-        )
-        if address:
-            question = (
-                f"This run was controlled by the program at {address}, which a replay needs: it has to run there now. "
-                "Connect to it?"
-            )
-        elif unit:
-            question = (
-                f"This run was controlled by the unit {unit_file}, machine code that a replay needs. Let it run here?"
-            )
-        else:
-            note(visible(without_data(source)))
-        if not agreed(question, "give --run-own-law to let it run"):
-            raise StudyError(f"The run was not replayed: its control law {kind} was not allowed to run.")
-    hosts.allow(source, address or unit_file or f"{kind.replace('-', '_')}.py")
 
 
 def _counted(blocks: "Iterable[Samples]", end: float) -> "Iterator[Samples]":

@@ -14,7 +14,7 @@ import pytest
 from own_law_text import forget_own_laws
 
 import flexlab
-from flexlab.errors import ScenarioError
+from flexlab.errors import ScenarioError, StudyError
 from flexlab.fmi.export import write_fmu
 from flexlab.own import hosts
 from flexlab.own.files import LAW_FILES, law_kind
@@ -228,7 +228,10 @@ def test_a_unit_that_fails_stops_the_run_with_its_own_sentence(exported: Exporte
     assert "The communication step 0.0015 s is no whole number of this unit's ticks of 0.001 s" in world.status.text
 
 
-def test_a_recording_names_the_file_and_a_replay_needs_it(exported: Exported, flexlab_command: Any, tmp_path: Path):
+def test_a_recording_names_the_file_and_a_replay_needs_it(
+    exported: Exported, flexlab_command: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)
     file = Path(shutil.copy(exported(load_preset("paper")), tmp_path / "mine.fmu"))
     done = flexlab_command("run", "paper", "--law", "mine.fmu", "--duration", "0.05")
     assert done.returncode == 0, done.stderr
@@ -244,7 +247,15 @@ def test_a_recording_names_the_file_and_a_replay_needs_it(exported: Exported, fl
     assert "bit for bit" in flexlab_command("replay", "--run-own-law").stdout
     hosts.close_all()
     hosts._allowed.clear()
-    file.rename(tmp_path / "gone.fmu")
+    own = tmp_path / LAW_FILES.own / file.name
+    own.parent.mkdir(parents=True)
+    file.rename(own)
+    with pytest.raises(StudyError, match="let it run by run_own_law=True"):
+        flexlab.replay("newest")
+    assert flexlab.replay("newest", run_own_law=True).agrees, "Python finds it, too"
+    hosts.close_all()
+    hosts._allowed.clear()
+    own.rename(tmp_path / "gone.fmu")
     gone = flexlab_command("replay", "--run-own-law")
     assert gone.returncode == 2
     assert "was controlled by the unit mine.fmu, machine code that recordings do not hold" in " ".join(

@@ -51,11 +51,17 @@ class RunWriter:
             file.path.unlink(missing_ok=True)
             raise
 
+    is_lost = False
+    """Whether `check` has let go of the file: nothing can be written any more."""
+
     def check(self) -> None:
         """Let go of a file that others have taken away, replaced or changed. Raises `RecordingError`."""
         file = self.file
+        if self.is_lost:
+            raise RecordingError(f"{file.path} is not being written any more.")
         if file.in_place and self._bytes.is_whole:
             return
+        self.is_lost = True
         what = "changed by another program" if file.in_place else "replaced" if file.path.exists() else "taken away"
         self.stream.close()
         file.release()
@@ -161,20 +167,12 @@ class FileSink:
             stream.send(*sent)
 
     def _write(self, writer: RunWriter) -> None:
-        self._check(writer)
+        writer.check()
         if self.problem is not None and _free_bytes(self._logs) < ROOM_TO_RESUME:
             writer.hold()
         else:
             writer.push(self._refusal)
             self._recover(writer)
-
-    def _check(self, writer: RunWriter) -> None:
-        """Raises `RecordingError` for a file that is no longer what was written; a new part follows."""
-        try:
-            writer.check()
-        except RecordingError:
-            self._writer = None
-            raise
 
     def _recover(self, writer: RunWriter) -> None:
         if self.problem is None:
@@ -185,7 +183,9 @@ class FileSink:
         self._tell(f"Recording goes on in {writer.file.path.name}{'; a part of it is lost' if lost else ''}.")
 
     def _fail(self, reason: str) -> None:
-        """Report an error, once."""
+        """Report an error, once; after a file that is lost a new part follows."""
+        if self._writer is not None and self._writer.is_lost:
+            self._writer = None
         free = _free_bytes(self._logs)
         if free < ROOM_TO_RESUME:
             reason = f"The disk of {self._logs} is full ({free / 1e6:.1f} MB free)."
@@ -197,7 +197,7 @@ class FileSink:
         """Close the file at the end of a run and write notes beside it; returns it, if there is one."""
         try:
             if self._writer is not None:
-                self._check(self._writer)
+                self._writer.check()
                 self._writer.close(self._refusal)
         except RecordingError as error:
             self._fail(str(error))

@@ -47,35 +47,23 @@ class HeadlessRecording:
         self._safe: float | None = None
         self._blocks = 0
         self._in_one_piece = in_one_piece
-        self._writer: RunWriter | None = RunWriter(file, info, in_one_piece)
-        self._sinks = [self._writer.stream]
-        self._run = RunEncoder(info, self._sinks, start_notes)
+        self._writer = RunWriter(file, info, in_one_piece)
+        self._run = RunEncoder(info, [self._writer.stream], start_notes)
 
     def write(self, samples: Samples) -> None:
         """Write the next block (N >= 1)."""
         with self._telling():
-            writer = self._checked()
+            self._writer.check()
             self._run.write_samples(samples)
             self._blocks += 1
             if not self._in_one_piece:
-                writer.push()
+                self._writer.push()
                 self._safe = self._run.last_time
-
-    def _checked(self) -> RunWriter:
-        """The file's writer. Raises `RecordingError` once somebody else has had the file."""
-        try:
-            if self._writer is None:
-                raise RecordingError(f"{self.path} is not being written any more.")
-            self._writer.check()
-        except RecordingError:
-            self._writer = self._safe = None
-            self._sinks.clear()
-            raise
-        return self._writer
 
     def note(self, event: Event) -> None:
         """Write an event; commands belong here too, so that the run can be replayed."""
-        self._run.write_event(event)
+        if not self._writer.is_lost:
+            self._run.write_event(event)
 
     def write_whole(self, run: Run, events: Iterable[Event] = ()) -> None:
         """Write a run with its events in their order, as a change of the scenario affects the drawing of later samples."""
@@ -101,7 +89,7 @@ class HeadlessRecording:
     ) -> None:
         """Close and finish the file; of an interrupted run, what there is of it."""
         writer = self._writer
-        if writer is None:  # Somebody else has had the file: what is left of it is made whole.
+        if writer.is_lost:  # Somebody else has had the file: what is left of it is made whole.
             with contextlib.suppress(RecordingError):
                 finish(self.path)
             return
@@ -138,7 +126,7 @@ class HeadlessRecording:
             yield
         except RecordingError as error:
             saved = "nothing of the run is recorded"
-            if self._safe is not None:
+            if self._safe is not None and not self._writer.is_lost:
                 saved = f"the run is recorded up to t = {self._safe:g} s"
             raise RecordingError(f"{error} Make room, or choose another folder: {saved}.") from None
 

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import rerun as rr
 
 from flexlab.recording.store.run_files import find_run
 from flexlab.recording.viewer import review
@@ -69,6 +70,7 @@ def test_the_newest_or_a_named_or_a_torn_recording_opens(flexlab_command: Comman
         (["empty.rrd"], "empty"),
         (["junk.rrd"], "not a rerun recording"),
         (["header.rrd"], "header.rrd"),
+        (["other.rrd"], "not one of flexlab's"),
         (["."], "cannot be read"),
     ],
 )
@@ -76,6 +78,9 @@ def test_what_cannot_be_opened_is_one_sentence(flexlab_command: Command, tmp_pat
     (tmp_path / "empty.rrd").touch()
     (tmp_path / "junk.rrd").write_bytes(b"junk" * 1000)
     (tmp_path / "header.rrd").write_bytes(b"RRF2" + bytes(40))
+    with rr.RecordingStream("another program") as stream:
+        stream.save(tmp_path / "other.rrd")
+        stream.log("curve", rr.Scalars(1.0))
     done = flexlab_command("review", "--no-browser", *words)
     assert done.returncode == 2, done.stdout + done.stderr
     assert says in done.stderr

@@ -12,7 +12,10 @@ from pathlib import Path
 from urllib.parse import quote, urlsplit
 
 from flexlab.errors import RecordingError
+from flexlab.recording import overlay
+from flexlab.recording.reader import read_scenario
 from flexlab.recording.repair import finish
+from flexlab.recording.rerun_internals.chunks import quiet_reader
 from flexlab.recording.rerun_internals.tool import VIEWER_FILES, serving, viewer_folder
 from flexlab.recording.store.run_files import check_recording
 from flexlab.sockets import LOOPBACK, name_in
@@ -93,9 +96,16 @@ def review(path: Path, port: int = 0) -> Iterator[str]:
     finish(path)
     with contextlib.ExitStack() as closing:
         try:
+            if not _is_comparison(path):
+                read_scenario(path)  # Refuses what another program wrote.
             source = closing.enter_context(serving(path))
         except (RuntimeError, ValueError, OSError, LookupError) as error:
             reason = str(error).split("\n")[0]
             raise RecordingError(f"{path} cannot be served to the viewer: {reason}") from None
         page = closing.enter_context(serving_viewer(port, f"http://{urlsplit(source).netloc}"))
         yield f"{page}?url={quote(source, safe='')}&hide_welcome_screen&renderer=webgl"
+
+
+def _is_comparison(path: Path) -> bool:
+    with quiet_reader(path) as reader:
+        return any(entry.application_id == overlay.APPLICATION for entry in reader.recordings())

@@ -54,6 +54,7 @@ def test_a_malformed_request_is_one_line_that_quotes_nothing(
     guarded: FrontServer, kind: str, caplog: pytest.LogCaptureFixture
 ):
     caplog.set_level(logging.DEBUG)
+    caplog.set_level(logging.WARNING, "numba")  # It tells each line of a kernel that another thread has compiled.
     answer = send(guarded, MALFORMED[kind])
     assert answer.startswith((b"HTTP/1.1 4", b"HTTP/1.0 4")), answer[:100]
     wait_until(lambda: caplog.records, "the log tells of it")

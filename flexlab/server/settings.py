@@ -37,7 +37,7 @@ BASE_URL = re.compile(r"(/(?!\.{1,2}(/|$))[A-Za-z0-9._~%@+-]+)*", re.ASCII)
 
 @dataclass(frozen=True)
 class Settings:
-    """Where to listen, where runs are kept, and whether visitors share one lab: named and ordered as the options of `flexlab`."""
+    """Where to listen, where runs are kept, and whether visitors share one lab: named as the options of `flexlab`."""
 
     logs: Path = Path("logs")
     host: str = "127.0.0.1"

@@ -75,8 +75,16 @@ class TuningStudy(Study):
         def told(done: int, total: int) -> None:
             report(min(done / total, 1.0))
 
-        what = self.scenario, self.axes, self.cost, (), self.duration, self.candidates
-        return Outcome(tune(*what, told=told, workers=chosen_workers(threads())))
+        found = tune(
+            self.scenario,
+            self.axes,
+            self.cost,
+            duration=self.duration,
+            candidates=self.candidates,
+            told=told,
+            workers=chosen_workers(threads()),
+        )
+        return Outcome(found)
 
     def drawing(self, task: Task) -> dict[str, Any] | None:
         """The trade-off among all candidates."""

@@ -1,6 +1,6 @@
 // Number boxes take 1.5e-3 and −3 as people write and copy them: viser's drop the letter and the sign, and go on with 1.53 and 3.
 // A box that is left without a number shows its last one again. What is typed acts when the typing rests, or at once by Enter, by
-// an arrow or when the box is left: 600 would act as 6 and 60 on its way.
+// an arrow, a shortcut or when the box is left: 600 would act as 6 and 60 on its way.
 (() => {
   const POWER = /^[+-]?(\d+[.,]?\d*|[.,]\d+)e([+-]?\d*)$/i;
   const DIGITS = { useGrouping: false, maximumSignificantDigits: 15 };
@@ -60,9 +60,12 @@
     hold(event.target);
   };
   addEventListener("beforeinput", write, true);
-  addEventListener("keydown", ({ key }) => {
+  // viser's boxes note the place of each key, and lose a text that is written beyond the end of the one that they know.
+  addEventListener("keydown", (event) => {
+    const { key, ctrlKey, metaKey } = event;
     if (key.length > 1 && key !== "Shift") forget();
-    if (["Enter", "Tab", "ArrowUp", "ArrowDown"].includes(key)) act();
+    if (ctrlKey || metaKey || ["Enter", "Tab", "ArrowUp", "ArrowDown"].includes(key)) act();
+    else if (isBox(event.target) && key !== "Escape") event.stopPropagation();
   }, true);
   addEventListener("pointerdown", () => { forget(); act(); }, true);
   addEventListener("focusin", keep, true);

@@ -194,9 +194,18 @@ class LabPage:
 
     def choose(self, label: str, option: str) -> None:
         """Choose from a menu."""
-        self.page.get_by_role("combobox", name=label).or_(self.page.get_by_label(label, exact=True)).first.click()
+        menu = self.page.get_by_role("combobox", name=label).or_(self.page.get_by_label(label, exact=True)).first
         shown = in_words(option) if label in TITLES.values() else option
-        self.page.get_by_role("option", name=shown, exact=True).click()
+        offered = self.page.get_by_role("option", name=shown, exact=True)
+
+        def is_open() -> bool:
+            # A folder that is just unfolding moves its menus from under the pointer.
+            if menu.get_attribute("aria-expanded") != "true":
+                menu.click()
+            return offered.is_visible()
+
+        wait_until(is_open, f"the menu {label} offers {shown}")
+        offered.click()
         self.page.evaluate(THROUGH_THE_GATE)
 
     def press(self, button: str) -> None:

@@ -156,6 +156,20 @@ def test_a_box_takes_numbers_as_people_write_them(page: LabPage) -> None:
     expect(box).to_have_value("36", timeout=PATIENCE)  # Left empty, it shows its number again.
 
 
+def test_a_typed_number_may_be_much_longer_than_the_present_one(page: LabPage) -> None:
+    page.enter(EI, "100")
+    box = page.box(EI)
+    for keys, value in (
+        (("ControlOrMeta+a", *"30.25"), 30.25),
+        (("ControlOrMeta+a", *"100", "Enter", *"500"), 100500.0),
+        (("ControlOrMeta+a", *"2.5", "Enter", *"7777", "Backspace", "Backspace", "ArrowLeft", "1"), 2.5717),
+    ):
+        for key in keys:
+            box.press(key)
+        wait_until(lambda value=value: page.snapshot.scenario.payload.bending_stiffness == value, f"EI is {value}")
+        expect(box).to_have_value(f"{value:g}" if value < 100 else f"{value:.0f}")
+
+
 def test_a_typed_number_acts_when_the_typing_rests(page: LabPage) -> None:
     page.enter(EI, "100")
     wait_until(lambda: page.snapshot.scenario.payload.bending_stiffness == 100.0, "EI is 100")

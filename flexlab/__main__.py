@@ -1,6 +1,30 @@
-"""`python -m flexlab`."""
+"""`flexlab`, and `python -m flexlab`: Ctrl-C ends them without a traceback from here on, while modules load, too."""
 
-from flexlab.cli import main
+import os
+import signal
+from typing import Any
+
+
+def main() -> None:
+    """Entry point of the console script: `flexlab.cli.main`. Whatever fails after Ctrl-C fails by it."""
+    pressed = False
+
+    def press(number: int, frame: Any) -> None:
+        nonlocal pressed
+        pressed = True
+        signal.default_int_handler(number, frame)
+
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # In the background it is ignored.
+        signal.signal(signal.SIGINT, press)
+    try:
+        from flexlab.cli import main
+
+        main()
+    except BaseException as error:
+        if not pressed or isinstance(error, SystemExit):
+            raise
+        os._exit(128 + signal.SIGINT)
+
 
 if __name__ == "__main__":
     main()

@@ -63,9 +63,7 @@ def run_bench(as_json: bool, quick: bool = False, peers: ModuleType | None = Non
 def measure(plan: Plan, peers: ModuleType | None, show: "Console | None") -> Report:
     """Measure everything; `show`: a console that gets each table as soon as it is complete."""
     World(load_preset("paper")).run(1)  # Compiles everything before the first measurement.
-
     part = partial(_part, show)
-
     machine = part("the machine", this_machine, lambda its: its.text + "\n")
     found = Report(
         machine,
@@ -77,18 +75,10 @@ def measure(plan: Plan, peers: ModuleType | None, show: "Console | None") -> Rep
         part("all meshes", lambda: mesh_scaling(plan.duration, 2 * plan.repeats), report.scaling_table),
         part("live changes", lambda: change_costs(10 * plan.repeats), report.changes_table),
         part("many runs", lambda: worker_scaling(plan.rounds), report.workers_table),
-        part(
-            "the environment",
-            lambda: measure_environment(2 * plan.rounds),
-            lambda rates: report.environment_table(rates) if rates else "",
-        ),
-        part(
-            "a law in another program",
-            lambda: measure_round_trip(400 * plan.rounds),
-            lambda trip: report.round_trip_table(trip) if trip else "",
-        ),
+        part("the environment", lambda: measure_environment(2 * plan.rounds), report.environment_table),
+        part("a law in another program", lambda: measure_round_trip(400 * plan.rounds), report.round_trip_table),
         part("starts", lambda: start_times(plan.cold), report.start_table),
-        part("memory", measure_memory, lambda used: report.memory_table(used) if used else ""),
+        part("memory", measure_memory, report.memory_table),
         part("other engines", lambda: peers.compare_peers(plan.duration), peers.peers_table) if peers else None,
         part("chains of segments", peers.compare_chains, peers.chain_table) if peers else None,
         part("exact beams", peers.compare_beams, peers.beam_table) if peers else None,
@@ -97,12 +87,13 @@ def measure(plan: Plan, peers: ModuleType | None, show: "Console | None") -> Rep
     return found
 
 
-def _part(show: "Console | None", what: str, work: Callable[[], Result], table: Callable[[Result], Any]) -> Result:
-    """Do one measurement under a spinner and show its table."""
+def _part(show: "Console | None", what: str, work: Callable[[], Result], table: Callable[[Any], Any]) -> Result:
+    """Do one measurement under a spinner and show its table, if there is a result."""
     if show is None:
         return work()
     notes = console(stderr=True)
     with notes.status(f"measuring: {what}") if notes.is_terminal else nullcontext():
         result = work()
-    show.print(table(result))
+    if result is not None:
+        show.print(table(result))
     return result

@@ -65,16 +65,13 @@ class StartTimes:
 
 def start_times(cold: bool) -> StartTimes:
     """Measure a warm start, and a cold one if asked for (it compiles everything: minutes)."""
-    warm = min((_start(dict(os.environ)) for _ in range(2)), key=lambda start: start.cpu)
+    warm = min((Start(*run_probe(START, dict(os.environ))) for _ in range(2)), key=lambda start: start.cpu)
     if not cold:
         return StartTimes(None, warm)
     with tempfile.TemporaryDirectory(prefix="flexlab-bench-") as folder:
-        environment = os.environ | {"NUMBA_CACHE_DIR": str(Path(folder))}
-        return StartTimes(_start(environment), warm, Start(*run_probe(EVERYTHING, environment)))
-
-
-def _start(environment: dict[str, str]) -> Start:
-    return Start(*run_probe(START, environment))
+        environment = os.environ | {"NUMBA_CACHE_DIR": folder}
+        cold_start, rest = (Start(*run_probe(program, environment)) for program in (START, EVERYTHING))
+        return StartTimes(cold_start, warm, rest)
 
 
 def run_probe(program: str, environment: dict[str, str]) -> list[float]:

@@ -74,17 +74,10 @@ def try_out(
     return Trial(samples, len(samples) == ticks, min(times), world.step, ticks * sample_period)
 
 
-def pose_error(samples: Samples, reference: Samples) -> float:
-    """Largest difference of any pose coordinate at the common instants, m or rad."""
-    count = min(len(samples), len(reference))
-    return float(np.max(np.abs(samples.pose[:count] - reference.pose[:count]), initial=0.0))
-
-
-def deflection_error(samples: Samples, reference: Samples) -> float:
-    """Largest difference of the mid-span deflection at the common instants, m."""
-    count = min(len(samples), len(reference))
-    difference = samples.midspan_deflection[:count] - reference.midspan_deflection[:count]
-    return float(np.max(np.abs(difference), initial=0.0))
+def largest_difference(signal: np.ndarray, reference: np.ndarray) -> float:
+    """Largest difference of two signals (N, …) at their common instants."""
+    count = min(len(signal), len(reference))
+    return float(np.max(np.abs(signal[:count] - reference[:count]), initial=0.0))
 
 
 LIBRARIES = ("flexlab", "numpy", "numba", "scipy")
@@ -130,8 +123,6 @@ def version_of(library: str) -> str | None:
 
 def _processor() -> str:
     info = Path("/proc/cpuinfo")
-    if info.exists():
-        for line in info.read_text(encoding="utf-8", errors="replace").splitlines():
-            if line.startswith("model name"):
-                return line.split(":", 1)[1].strip()
-    return platform.processor() or platform.machine()
+    lines = info.read_text(encoding="utf-8", errors="replace").splitlines() if info.exists() else []
+    named = (line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
+    return next(named, platform.processor() or platform.machine())

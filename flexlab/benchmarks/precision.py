@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexlab.benchmarks.measure import LEAST_TIME, SAMPLE_PERIOD, Trial, deflection_error, pose_error, try_out
+from flexlab.benchmarks.measure import LEAST_TIME, SAMPLE_PERIOD, Trial, largest_difference, try_out
 from flexlab.errors import ScenarioError
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
@@ -103,7 +103,7 @@ def reference(elements: int, duration: float) -> tuple[Samples, float]:
     """The reference motion, and its pose difference, m or rad, from a solution with twice the step."""
     fine = try_out(variant(elements, "etdrk4", REFERENCE_STEP), duration, 1).samples
     coarse = try_out(variant(elements, "etdrk4", 2 * REFERENCE_STEP), duration, 1).samples
-    return fine, pose_error(coarse, fine)
+    return fine, largest_difference(coarse.pose, fine.pose)
 
 
 def paper_costs(duration: float, repeats: int) -> list[PaperCost]:
@@ -117,8 +117,7 @@ def paper_costs(duration: float, repeats: int) -> list[PaperCost]:
     ):
         scenario = variant(2, "auto" if step is None else "etdrk4", step)
         trial = try_out(scenario, duration, repeats, every * SAMPLE_PERIOD, LEAST_TIME)
-        target = Samples(**{name: values[every - 1 :: every] for name, values in vars(exact).items()})
-        error = pose_error(trial.samples, target)
+        error = largest_difference(trial.samples.pose, exact.pose[every - 1 :: every])
         costs.append(PaperCost(setting, every == 1, trial.step, trial.ms_per_second, error))
     return costs
 
@@ -158,16 +157,9 @@ def _longest_stable_rk4(elements: int, exact: Samples) -> WorkPoint:
 def _point(integrator: str, elements: int, trial: Trial, exact: Samples) -> WorkPoint:
     if not trial.completed:
         return WorkPoint(integrator, elements, trial.step, "diverged")
-    return WorkPoint(
-        integrator,
-        elements,
-        trial.step,
-        "measured",
-        trial.us_per_step,
-        trial.ms_per_second,
-        pose_error(trial.samples, exact),
-        deflection_error(trial.samples, exact),
-    )
+    names = ("pose", "midspan_deflection")
+    errors = (largest_difference(getattr(trial.samples, name), getattr(exact, name)) for name in names)
+    return WorkPoint(integrator, elements, trial.step, "measured", trial.us_per_step, trial.ms_per_second, *errors)
 
 
 EXPONENT_GOAL = 1.2

@@ -1,9 +1,10 @@
 """The results of a benchmark: goals, plain data for JSON, and tables for a terminal."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import TYPE_CHECKING, Any
 
-from flexlab.benchmarks.fresh_process import DURATION, LIVE_END, LIVE_START, Memory, Start, StartTimes
+from flexlab.benchmarks.fresh_process import DURATION, LIVE_END, LIVE_START, Memory, StartTimes
 from flexlab.benchmarks.live_costs import BEAM_GOAL, FRAME_GOAL, LIGHT_GOAL, MESHES, ChangeCost, RoundTrip
 from flexlab.benchmarks.many_worlds import RATE_GOAL, SPEED_UP_GOAL, EnvironmentRate, WorkerScaling
 from flexlab.benchmarks.measure import Machine
@@ -22,7 +23,6 @@ from flexlab.scenario.scenario import SMALLEST_STEP
 
 if TYPE_CHECKING:
     from rich.table import Table
-    from rich.text import Text
 
 RATIO_GOAL = 10.0
 """Goal for the speed of the engine over the fastest peer with the same motion."""
@@ -125,140 +125,125 @@ MEGABYTE = 1e6
 
 def paper_table(costs: list[PaperCost]) -> "Table":
     """The paper's run."""
-    table = new_table(
-        "The paper's run: ms of processor time per simulated second", ("setting", "step", "ms per s", "pose error")
+    title, heads = (
+        "The paper's run: ms of processor time per simulated second",
+        ("setting", "step", "ms per s", "pose error"),
     )
-    for cost in costs:
-        table.add_row(cost.setting, step_text(cost.step), f"{cost.ms_per_second:.2f}", error_text(cost.pose_error))
-    return table
+    rows = ((c.setting, step_text(c.step), f"{c.ms_per_second:.2f}", error_text(c.pose_error)) for c in costs)
+    return new_table(title, heads, rows)
 
 
 def precision_table(mesh: MeshPrecision) -> "Table":
     """Work and precision on one mesh; the cheapest row within `ASKED_ERROR` is bold."""
     title = f"{mesh.elements} elements: work and precision (reference known to {mesh.reference_uncertainty:.0e})"
-    table = new_table(title, ("integrator", "step", "µs/step", "ms per s", "pose error", "deflection"))
-    best = mesh.fastest
-    for point in mesh.points:
-        table.add_row(*_point_cells(point), style="bold" if point == best else None)
-    return table
+    heads = ("integrator", "step", "µs/step", "ms per s", "pose error", "deflection")
+    bold = None if mesh.fastest is None else mesh.points.index(mesh.fastest)
+    return new_table(title, heads, map(_point_cells, mesh.points), bold)
 
 
 def _point_cells(point: WorkPoint) -> tuple[str, ...]:
     if point.ms_per_second is None or point.us_per_step is None:
         shown = f"< {step_text(SMALLEST_STEP)}" if point.step is None else step_text(point.step)
         return point.integrator, shown, point.outcome
-    figures = f"{point.us_per_step:.2f}", f"{point.ms_per_second:.2f}"
-    return (
-        point.integrator,
-        step_text(point.step),
-        *figures,
-        error_text(point.pose_error),
-        error_text(point.deflection_error),
-    )
+    costs = f"{point.us_per_step:.2f}", f"{point.ms_per_second:.2f}"
+    errors = error_text(point.pose_error), error_text(point.deflection_error)
+    return point.integrator, step_text(point.step), *costs, *errors
 
 
 def scaling_table(scaling: Scaling) -> "Table":
     """Cost over the number of elements."""
     title = f"Modal damping, 1 ms steps: cost ~ elements^{scaling.exponent:.2f} from {FIRST_FITTED} elements on"
-    table = new_table(title, ("elements", "µs/step", "times real time"))
-    for mesh in scaling.meshes:
-        table.add_row(str(mesh.elements), f"{mesh.us_per_step:.2f}", f"{mesh.real_time_factor:.0f}")
-    return table
+    rows = ((str(mesh.elements), f"{mesh.us_per_step:.2f}", f"{mesh.real_time_factor:.0f}") for mesh in scaling.meshes)
+    return new_table(title, ("elements", "µs/step", "times real time"), rows)
 
 
 def changes_table(costs: list[ChangeCost]) -> "Table":
     """The cost of live changes."""
-    table = new_table("Live changes: ms of processor time", ("elements", "field", "simulation thread", "beside it"))
-    for cost in costs:
-        beside = f"{cost.ms_beside:.1f}" if cost.ms_beside else ""
-        table.add_row(str(cost.elements), cost.path, f"{cost.ms:.2f}", beside)
-    return table
+    heads = ("elements", "field", "simulation thread", "beside it")
+    rows = ((str(c.elements), c.path, f"{c.ms:.2f}", f"{c.ms_beside:.1f}" if c.ms_beside else "") for c in costs)
+    return new_table("Live changes: ms of processor time", heads, rows)
 
 
 def workers_table(result: WorkerScaling) -> "Table":
     """One worker and two."""
-    table = new_table(f"Many runs at once: {result.scenarios} scenarios, 3 s each", ("", "value"))
-    table.add_row("best round on one worker, wall time", f"{min(r.wall for r in result.one):.2f} s")
-    table.add_row("best round on two workers, wall time", f"{min(r.wall for r in result.two):.2f} s")
-    table.add_row("cores received by two workers", f"{result.cores_received:.2f}")
-    table.add_row("speed-up by wall time", f"{result.wall_speed_up:.2f}")
-    table.add_row("speed-up without waiting for a core", f"{result.speed_up:.2f}", style="bold")
-    table.add_row("share of a run outside the kernels", f"{100 * result.locked_share:.0f} %")
-    return table
+    rows = (
+        ("best round on one worker, wall time", f"{min(r.wall for r in result.one):.2f} s"),
+        ("best round on two workers, wall time", f"{min(r.wall for r in result.two):.2f} s"),
+        ("cores received by two workers", f"{result.cores_received:.2f}"),
+        ("speed-up by wall time", f"{result.wall_speed_up:.2f}"),
+        ("speed-up without waiting for a core", f"{result.speed_up:.2f}"),
+        ("share of a run outside the kernels", f"{100 * result.locked_share:.0f} %"),
+    )
+    return new_table(f"Many runs at once: {result.scenarios} scenarios, 3 s each", ("", "value"), rows, bold=4)
 
 
 def environment_table(rate: EnvironmentRate) -> "Table":
     """The vector environment."""
-    table = new_table(f"Vector environment, {rate.worlds} worlds, 1 kHz control", ("", "steps/s"))
-    table.add_row("one core, by processor time", f"{rate.one_core:.0f}")
-    table.add_row(f"all cores ({rate.cores}), by wall time", f"{rate.all_cores:.0f}", style="bold")
-    return table
+    one = ("one core, by processor time", f"{rate.one_core:.0f}")
+    every = (f"all cores ({rate.cores}), by wall time", f"{rate.all_cores:.0f}")
+    title = f"Vector environment, {rate.worlds} worlds, 1 kHz control"
+    return new_table(title, ("", "steps/s"), (one, every), bold=1)
 
 
 def round_trip_table(trip: RoundTrip) -> "Table":
     """A control law in another program."""
-    table = new_table("A control law in another program, 1 kHz control", ("", "wall time of an instant"))
-    table.add_row("p50", f"{trip.p50_ms:.3f} ms")
-    table.add_row(f"p99, of {trip.instants}", f"{trip.p99_ms:.3f} ms")
-    return table
+    rows = ("p50", f"{trip.p50_ms:.3f} ms"), (f"p99, of {trip.instants}", f"{trip.p99_ms:.3f} ms")
+    return new_table("A control law in another program, 1 kHz control", ("", "wall time of an instant"), rows)
 
 
 def start_table(times: StartTimes) -> "Table":
     """Cold and warm start."""
-    table = new_table(
-        "Start of the engine in a fresh interpreter", ("", "imports", "to first sample", "processor time")
+    title, heads = "Start of the engine in a fresh interpreter", ("", "imports", "to first sample", "processor time")
+    starts = {
+        "cold (compiles what moving arms need)": times.cold,
+        "after it, compiling meanwhile (other integrators, laws)": times.rest,
+        "warm (machine code on disk)": times.warm,
+    }
+    rows = (
+        (name, f"{start.importing:.2f} s", f"{start.preparing:.2f} s", f"{start.cpu:.2f} s")
+        for name, start in starts.items()
+        if start is not None
     )
-
-    def row(name: str, start: Start) -> None:
-        table.add_row(name, f"{start.importing:.2f} s", f"{start.preparing:.2f} s", f"{start.cpu:.2f} s")
-
-    if times.cold is not None:
-        row("cold (compiles what moving arms need)", times.cold)
-    if times.rest is not None:
-        row("after it, compiling meanwhile (other integrators, laws)", times.rest)
-    row("warm (machine code on disk)", times.warm)
-    return table
+    return new_table(title, heads, rows)
 
 
 def memory_table(memory: Memory) -> "Table":
     """Memory of a run and of the live engine."""
-    table = new_table("Memory", ("", "value"))
-    table.add_row(f"samples of a {DURATION:g} s run", f"{memory.stored / MEGABYTE:.1f} MB")
-    table.add_row("growth of the peak", f"{memory.peak_growth / MEGABYTE:.1f} MB")
-    table.add_row("growth over samples", f"{memory.overhead:.2f}")
-    table.add_row(f"live engine, growth from {LIVE_START} s to {LIVE_END} s", f"{memory.live_growth / MEGABYTE:.2f} MB")
-    return table
+    rows = (
+        (f"samples of a {DURATION:g} s run", f"{memory.stored / MEGABYTE:.1f} MB"),
+        ("growth of the peak", f"{memory.peak_growth / MEGABYTE:.1f} MB"),
+        ("growth over samples", f"{memory.overhead:.2f}"),
+        (f"live engine, growth from {LIVE_START} s to {LIVE_END} s", f"{memory.live_growth / MEGABYTE:.2f} MB"),
+    )
+    return new_table("Memory", ("", "value"), rows)
 
 
 def goals_table(goals: list[Goal]) -> "Table":
     """Every goal, and whether it is met."""
-    table = new_table(
-        f"Goals (ms/s: of processor time per simulated second, at pose error ≤ {ASKED_ERROR:g})",
-        ("", "measured", "goal", "met"),
-    )
+    from rich.text import Text
+
+    title = f"Goals (ms/s: of processor time per simulated second, at pose error ≤ {ASKED_ERROR:g})"
+    table = new_table(title, ("", "measured", "goal", "met"))
     for goal in goals:
-        sign = "≥" if goal.at_least else "≤"
-        table.add_row(goal.what, f"{goal.value:.2f} {goal.unit}", f"{sign} {goal.limit:g} {goal.unit}", _mark(goal.met))
+        sign, met = "≥" if goal.at_least else "≤", Text("yes", "green") if goal.met else Text("no", "red")
+        table.add_row(goal.what, f"{goal.value:.2f} {goal.unit}", f"{sign} {goal.limit:g} {goal.unit}", met)
     return table
 
 
-def new_table(title: str, headings: tuple[str, ...]) -> "Table":
-    """An empty table with its title and headings."""
+def new_table(
+    title: str, headings: tuple[str, ...], rows: Iterable[Sequence[str]] = (), bold: int | None = None
+) -> "Table":
+    """A table with its title, headings and rows, of which one may be bold."""
     from rich import box
     from rich.table import Table
 
     table = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
     for number, heading in enumerate(headings):
-        table.add_column(
-            heading, justify="left" if number == 0 or heading == "setting" else "right", no_wrap=number == 0
-        )
+        justify = "left" if number == 0 or heading == "setting" else "right"
+        table.add_column(heading, justify=justify, no_wrap=number == 0)
+    for number, row in enumerate(rows):
+        table.add_row(*row, style="bold" if number == bold else None)
     return table
-
-
-def _mark(good: bool) -> "Text":
-    from rich.text import Text
-
-    return Text("yes", "green") if good else Text("no", "red")
 
 
 def step_text(step: float) -> str:

@@ -7,8 +7,8 @@ import numpy as np
 
 from flexlab.analysis.validation.check import (
     DAMPING,
-    EVERY,
     FINE,
+    STILL,
     Check,
     Runs,
     above,
@@ -20,7 +20,14 @@ from flexlab.analysis.validation.check import (
     run_of,
     subject,
 )
-from flexlab.analysis.validation.mass_points import COMPLEX_STEP, MassPoints, lagrange, time_derivative
+from flexlab.analysis.validation.mass_points import (
+    COMPLEX_STEP,
+    MassPoints,
+    coordinates,
+    lagrange,
+    residual_force,
+    time_derivative,
+)
 from flexlab.presets import load_preset
 from flexlab.sim.commands import Tap
 from flexlab.sim.samples import Run
@@ -37,13 +44,13 @@ HEAVY, SOFT, FADING, HIT = 1e4, 5e3, 3.0, 1e-4
 
 
 @subject("Grips that give way", 14)
-def grips(runs: Runs) -> Iterator[Check]:
+def grips(_: Runs) -> Iterator[Check]:
     """Lagrange's equations of each body, energy, the limit of stiff grips, a ring and a sag in closed form."""
     yield from _along_a_motion()
     run = run_of("the run with compliant grips", {"grips.model": "compliant", "gravity": 9.81}, 0.4, 0.001)
     moved = float(np.abs(np.diff(run.input_work)).sum() + np.ptp(run.own["grip_loss"]))
     yield balanced("energy gained = work - energy damped - loss in the grips, as a part of what moved", run, moved)
-    yield from _stiff(runs)
+    yield from _stiff()
     yield from _ring()
     yield from _sag()
 
@@ -74,10 +81,9 @@ def pull(z: np.ndarray, rate: np.ndarray, side: float) -> np.ndarray:
 def _along_a_motion() -> Iterator[Check]:
     """Every body's own equations along a run of `general`, with poses from the joint angles."""
     given = {"model": "compliant", "stiffness": tuple(STIFFNESS), "damping": tuple(DAMPERS)}
-    run = general("the general run with compliant grips", **{f"grips__{name}": value for name, value in given.items()})
+    run = general("the general run with compliant grips", {"grips": given})
     points, half = MassPoints(run.scenario), run.scenario.payload.length / 2
-    rows = range(2, len(run) - 2, EVERY)
-    p, rate = np.hstack([run.pose, run.beam_coordinates]), np.hstack([run.pose_rate, run.beam_rates])
+    p, rate, rows = coordinates(run)
     poses = [own_pose(run, index) for index in range(2)]
     rates = [np.pad(time_derivative(pose, FINE), ((2, 2), (0, 0))) for pose in poses]
     sides = (-half, half)
@@ -87,52 +93,43 @@ def _along_a_motion() -> Iterator[Check]:
         gaps = [apart(at, sides[index]) for at in z]
         yield below(statement, 1e-12, run.own[f"{name}_grip_displacement"] - gaps)
     yield above("which it is, m or rad, at most", 1e-4, np.abs(run.own["left_grip_displacement"]).max())
-    energy, lost = [], []
+    energy, pulls = [], {}
     for k in rows:
         own = sum(0.5 * rates[i][k] @ points.arm_inertia(poses[i][k], i) @ rates[i][k] for i in range(2))
         own += 0.5 * rate[k] @ points.payload_inertia(p[k]) @ rate[k] + points.payload_potential(p[k])
         own += sum(points.arm_potential(poses[i][k], i) for i in range(2))
-        gaps = [apart(np.concatenate([run.pose[k], poses[i][k]]), sides[i]) for i in range(2)]
-        energy.append(own + sum(0.5 * STIFFNESS @ gap**2 for gap in gaps))
-        pulls = [
-            pull(np.concatenate([run.pose[k], poses[i][k]]), np.concatenate([run.pose_rate[k], rates[i][k]]), sides[i])
-            for i in range(2)
-        ]
-        lost.append(pulls)
+        both = [np.concatenate([run.pose[k], poses[i][k]]) for i in range(2)]
+        moving = [np.concatenate([run.pose_rate[k], rates[i][k]]) for i in range(2)]
+        energy.append(own + sum(0.5 * STIFFNESS @ apart(both[i], sides[i]) ** 2 for i in range(2)))
+        pulls[k] = np.array([pull(both[i], moving[i], sides[i]) for i in range(2)])
     yield alike("T + V is that of mass points and springs: relative error", 1e-9, run.total_energy[rows], energy)
-    pulls = np.array(lost)
-    grip_force = run.internal_force[rows] + run.moving_force[rows][:, None]
-    yield alike("the internal force is made of the grips' pulls: relative error", 1e-7, grip_force, pulls[:, :, :3])
-    change = time_derivative(np.array([points.payload_inertia(p[k]) @ rate[k] for k in range(len(run))]), FINE)
-    residual = []
-    for k, both in zip(rows, pulls, strict=True):
-        force = np.concatenate([both[:, :3].sum(axis=0), -DAMPING * rate[k, 3:]])
-        own = lagrange(points.payload_inertia, points.payload_potential, p[k], rate[k], change[k - 2])
-        residual.append(own - force)
-    error = np.abs(residual).max(axis=0) / np.abs(change).max(axis=0)
+    grip_force, pulled = run.internal_force[rows] + run.moving_force[rows][:, None], np.array(list(pulls.values()))
+    yield alike("the internal force is made of the grips' pulls: relative error", 1e-7, grip_force, pulled[:, :, :3])
+
+    def force(k: int) -> np.ndarray:
+        return np.concatenate([pulls[k][:, :3].sum(axis=0), -DAMPING * rate[k, 3:]])
+
+    error = residual_force(run, lambda _: (points.payload_inertia, points.payload_potential), force)
     yield below("Lagrange's equations of the payload between the grips: relative residual", 1e-6, error)
     for index, name in enumerate(("left", "right")):
         x, v = poses[index], rates[index]
         momenta = np.array([points.arm_inertia(x[k], index) @ v[k] for k in range(2, len(run) - 2)])
         change, residual = time_derivative(momenta, FINE), []
         own = partial(points.arm_inertia, index=index), partial(points.arm_potential, index=index)
-        for k, pulled in zip(rows, pulls, strict=True):
-            if 4 <= k < len(run) - 4:
-                needed = lagrange(*own, x[k], v[k], change[k - 4])
-                residual.append(needed - run.arm_input[k, index] - pulled[index, 3:])
+        for k in [k for k in rows if 4 <= k < len(run) - 4]:
+            needed = lagrange(*own, x[k], v[k], change[k - 4])
+            residual.append(needed - run.arm_input[k, index] - pulls[k][index, 3:])
         error = np.abs(residual).max(axis=0) / np.abs(run.arm_input[:, index]).max(axis=0)
         yield below(f"and those of the {name} arm, with the opposite pull: relative residual", 1e-5, error)
 
 
-def _stiff(runs: Runs) -> Iterator[Check]:
+def _stiff() -> Iterator[Check]:
     """The run comes to the paper's as k → ∞, at first order in 1/k."""
-    found = []
-    calm = {"initial.pose_rate": None}
+    found, calm = [], {"initial.pose_rate": None}
     exact = run_of("the paper's run without its jerk", {**calm, "simulation.step": 2e-5}, 0.2, 0.001)
     for stiffness in FIRM:
         firm = {"model": "compliant", "stiffness": (stiffness,) * 3, "damping": (stiffness**0.5,) * 3}
-        changes = {**calm, **{f"grips.{name}": value for name, value in firm.items()}}
-        run = run_of("the run with stiff grips", changes, 0.2, 0.001)
+        run = run_of("the run with stiff grips", {**calm, "grips": firm}, 0.2, 0.001)
         force = np.abs(run.internal_force - exact.internal_force)[BEGUN:].max() / np.abs(exact.internal_force).max()
         found.append((np.abs(run.pose - exact.pose)[BEGUN:].max(), force))
     slope = np.log(np.divide(*found)) / np.log(FIRM[1] / FIRM[0])
@@ -160,9 +157,8 @@ def _ring() -> Iterator[Check]:
 
 def _sag() -> Iterator[Check]:
     """Deflection of the grips at rest under gravity."""
-    hold = {"trajectory": {"kind": "hold", "pose": (0.0, 0.75, 0.0)}, "gravity": 9.81}
-    soft = {"grips.model": "compliant", "grips.stiffness": (1e5, 4e4, 5e3), "grips.damping": (200.0, 200.0, 20.0)}
-    run = run_of("the run at rest in compliant grips", {**hold, **soft}, 2.0, 0.001)
+    soft = {"model": "compliant", "stiffness": (1e5, 4e4, 5e3), "damping": (200.0, 200.0, 20.0)}
+    run = run_of("the run at rest in compliant grips", {**STILL, "gravity": 9.81, "grips": soft}, 2.0, 0.001)
     for name in ("left", "right"):
         found = float(run.own[f"{name}_grip_displacement"][-1, 1])
         yield close(

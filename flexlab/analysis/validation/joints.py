@@ -7,6 +7,7 @@ import numpy as np
 
 from flexlab.analysis.linearize import linearize
 from flexlab.analysis.validation.check import (
+    STILL,
     Check,
     Runs,
     above,
@@ -136,9 +137,8 @@ OFFSET, INSTANTS = (1e-4, -5e-5, 8e-5), 30
 
 
 @subject("Encoders", 11)
-def encoders(runs: Runs) -> Iterator[Check]:
+def encoders(_: Runs) -> Iterator[Check]:
     """The pose that encoders give, its rate, and the effect of the rate's lag on a loop."""
-    del runs
     for words, scenario in (
         ("one arm", load_preset("single-arm").replace({**CLOCKED, "controller.control_period": PERIOD / 5})),
         ("two arms", load_preset("paper").replace(CLOCKED)),
@@ -182,8 +182,8 @@ def _forward(scenario: Scenario, number: int, angle: np.ndarray) -> np.ndarray:
 def _rate() -> Iterator[Check]:
     """The rate by the encoders is what a law that answers the rate alone shows."""
     law = {"controller": {"kind": "pd", "position_gain": 0.0, "velocity_gain": 1.0, "control_period": PERIOD}}
-    still = {"trajectory": {"kind": "hold", "pose": (0.0, 0.75, 0.0)}, "initial.pose_rate": (0.1, -0.2, 0.3)}
-    scenario = load_preset("paper").replace({**law, **still, "joints.encoders.counts": COUNTS})
+    moving = {"initial.pose_rate": (0.1, -0.2, 0.3), "joints.encoders.counts": COUNTS}
+    scenario = load_preset("paper").replace({**law, **STILL, **moving})
     world, told, answers = World(scenario, PERIOD), [], []
     for _ in range(100):
         now = world.advance(1)
@@ -198,16 +198,14 @@ def _led_back(statement: str, joints: dict[str, Any], remembers: bool) -> Check:
 
     `remembers`: whether the law remembers the pose before, as the model's last three states.
     """
-    pose = (0.0, 0.75, 0.0)
-    still = {"trajectory": {"kind": "hold", "pose": pose}, "controller.control_period": PERIOD}
-    scenario = load_preset("paper").replace({**GAINS, **still, **joints})
+    scenario = load_preset("paper").replace({**GAINS, **STILL, "controller.control_period": PERIOD, **joints})
+    pose = scenario.trajectory.pose
     A = np.asarray(linearize(scenario, pose=pose, inputs="desired_pose", outputs="pose").A)
     z = np.zeros(len(A))
     z[:3] = OFFSET
     if remembers:
         z[-3:] = OFFSET
-    for _ in range(INSTANTS):
-        z = A @ z
+    z = np.linalg.matrix_power(A, INSTANTS) @ z
     start = tuple(np.add(pose, OFFSET))
     world = World(scenario.replace({"initial.pose": start, "initial.pose_rate": (0.0, 0.0, 0.0)}), PERIOD)
     led_back = world.advance(INSTANTS).pose[-1] - pose

@@ -6,8 +6,8 @@ import numpy as np
 
 from flexlab.analysis.validation.check import (
     DAMPING,
-    EVERY,
     FINE,
+    STILL,
     Check,
     Runs,
     above,
@@ -20,7 +20,7 @@ from flexlab.analysis.validation.check import (
     same_internal_force,
     subject,
 )
-from flexlab.analysis.validation.mass_points import MassPoints, lagrange, time_derivative
+from flexlab.analysis.validation.mass_points import MassPoints, coordinates, residual_force, time_derivative
 from flexlab.presets import load_preset
 from flexlab.sim.commands import ChangeScenario, Pull
 from flexlab.sim.samples import Samples
@@ -51,8 +51,7 @@ def mass_change(runs: Runs) -> Iterator[Check]:
 
 def _change(factor: float) -> dict[str, object]:
     """The fields that change the payload's mass by this factor."""
-    names = {"factor": factor, "begin": BEGIN, "duration": DURATION}
-    return {f"payload.mass_change.{name}": value for name, value in names.items()}
+    return {"payload.mass_change": {"factor": factor, "begin": BEGIN, "duration": DURATION}}
 
 
 def mass_ratio(time: np.ndarray, factor: float, begin: float, duration: float) -> tuple[np.ndarray, np.ndarray]:
@@ -65,32 +64,26 @@ def mass_ratio(time: np.ndarray, factor: float, begin: float, duration: float) -
 def _along_a_motion() -> Iterator[Check]:
     """A run of `general` in the middle of a fast change, against mass points that get heavier."""
     begin, duration = 0.0, 0.01
-    changes = {"factor": FILLED, "begin": begin, "duration": duration}
-    run = general(
-        "the general run with another mass",
-        **{f"payload__mass_change__{name}": value for name, value in changes.items()},
-    )
+    change = {"factor": FILLED, "begin": begin, "duration": duration}
+    run = general("the general run with another mass", {"payload.mass_change": change})
     points = MassPoints(run.scenario)
     s, s_dot = mass_ratio(run.time, FILLED, begin, duration)
     yield alike(
         "the payload weighs ρL (1 + (μ - 1)(10u³ - 15u⁴ + 6u⁵)): relative error", 1e-14, run.own["payload_mass"], s
     )
     heavy = [points.filled(factor) for factor in s]
-    p, rate = np.hstack([run.pose, run.beam_coordinates]), np.hstack([run.pose_rate, run.beam_rates])
-    rows = range(2, len(run) - 2, EVERY)
+    p, rate, rows = coordinates(run)
     yield above("mass that has joined by the end, as a part of that at the start", 0.2, s[-1] - 1)
     energy = [0.5 * rate[k] @ heavy[k].inertia(p[k]) @ rate[k] + heavy[k].potential(p[k]) for k in rows]
     yield alike(
         "T + V is that of points as heavy as they are then: relative error", 1e-10, run.total_energy[rows], energy
     )
-    change = time_derivative(np.array([heavy[k].inertia(p[k]) @ rate[k] for k in range(len(run))]), FINE)
-    residual = []
-    for k in rows:
-        force = np.concatenate([run.arm_input[k].sum(axis=0), -DAMPING * rate[k, 3:]])
+
+    def force(k: int) -> np.ndarray:
         brought = s_dot[k] * points.payload_inertia(p[k]) @ rate[k]
-        needed = lagrange(heavy[k].inertia, heavy[k].potential, p[k], rate[k], change[k - 2])
-        residual.append(needed - force - brought)
-    error = np.abs(residual).max(axis=0) / np.abs(change).max(axis=0)
+        return brought + np.concatenate([run.arm_input[k].sum(axis=0), -DAMPING * rate[k, 3:]])
+
+    error = residual_force(run, lambda k: (heavy[k].inertia, heavy[k].potential), force)
     statement = "Lagrange's equations with the momentum ṡ A v that material brings, for x0, y0, θ: relative residual"
     yield below(statement, 1e-6, error[:3].max())
     yield below("and for the beam's q: relative residual", 1e-6, error[3:].max())
@@ -103,21 +96,15 @@ def _along_a_motion() -> Iterator[Check]:
 def _afterwards(factor: float) -> Iterator[Check]:
     """After the change the motion is that of a payload which always had the new density."""
     still = {"simulation.integrator": "rk4", "simulation.step": 1e-5, "gravity": 9.81}
-    worlds = []
-    for _ in range(2):
-        world = World(load_preset("paper").replace({**_change(factor), **still}))
-        world.advance(300)
-        worlds.append(world)
-    one, other = worlds
-    other.apply(
-        ChangeScenario(
-            {
-                "payload.mass_change.factor": 1.0,
-                "payload.linear_density": factor * other.scenario.payload.linear_density,
-                "controller.model.linear_density_factor": 1 / factor,
-            }
-        )
-    )
+    one, other = (World(load_preset("paper").replace({**_change(factor), **still})) for _ in range(2))
+    one.advance(300)
+    other.advance(300)
+    denser = {
+        "payload.mass_change.factor": 1.0,
+        "payload.linear_density": factor * other.scenario.payload.linear_density,
+        "controller.model.linear_density_factor": 1 / factor,
+    }
+    other.apply(ChangeScenario(denser))
     changed, always = one.advance(300), other.advance(300)
     statement = f"mass × {factor:g}, 0.3 s after its change: pose beside that of a payload of that density, m or rad"
     yield below(statement, 1e-10, changed.pose - always.pose)
@@ -140,14 +127,9 @@ def _free(factor: float) -> Iterator[Check]:
 
 def _hanging(factor: float) -> Iterator[Check]:
     """A payload that pd holds against a weight of which it knows a part."""
-    hold = {"trajectory": {"kind": "hold", "pose": (0.0, 0.75, 0.0)}, "gravity": 9.81, "controller.kind": "pd"}
-    held = load_preset("paper").replace({**hold, **_change(factor)})
-    known = {
-        "controller.model.mass_change_factor": KNOWN,
-        "controller.position_gain": SPRINGS,
-        "controller.velocity_gain": DAMPERS,
-    }
-    run = World(held.replace(known)).run(3000)
+    law = {"kind": "pd", "position_gain": SPRINGS, "velocity_gain": DAMPERS, "model": {"mass_change_factor": KNOWN}}
+    changes = {**STILL, "gravity": 9.81, "controller": law, **_change(factor)}
+    run = World(load_preset("paper").replace(changes)).run(3000)
     statement = f"of which the law knows {KNOWN:g} of the change: pd hangs by (1 - {KNOWN:g})(μ - 1) m g/K_p"
     exact, found = -(1 - KNOWN) * (factor - 1) * 9.81 / SPRINGS[1], float(run.tracking_error[-1, 1])
     yield close(f"mass × {factor:g}, {statement}", exact, found, "m", 1e-6)

@@ -4,11 +4,14 @@ No mass matrix, Jacobian, Christoffel symbol or modal coordinate of the engine i
 complex steps, and all else follows from it and from potentials by differences.
 """
 
+from collections.abc import Callable
 from copy import copy
 
 import numpy as np
 
+from flexlab.analysis.validation.check import EVERY, FINE
 from flexlab.scenario import Scenario
+from flexlab.sim.samples import Run
 
 COMPLEX_STEP = 1e-30
 """Derivatives of positions are exact with it."""
@@ -164,6 +167,23 @@ def lagrange(inertia, potential, at: np.ndarray, rate: np.ndarray, change: np.nd
     """d(∂T/∂ṗ)/dt - ∂T/∂p + ∂V/∂p, the generalised forces of a motion; `change`: d(∂T/∂ṗ)/dt."""
     kinetic = slopes(lambda p: np.array(0.5 * rate @ inertia(p) @ rate), at)
     return change - kinetic + slopes(lambda p: np.array(potential(p)), at)
+
+
+def coordinates(run: Run) -> tuple[np.ndarray, np.ndarray, range]:
+    """p and ṗ of all samples of a run, (N, 3 + n_q) each, and the samples at which a run of `general` is compared."""
+    p, rate = np.hstack([run.pose, run.beam_coordinates]), np.hstack([run.pose_rate, run.beam_rates])
+    return p, rate, range(2, len(run) - 2, EVERY)
+
+
+def residual_force(run: Run, body: Callable, force: Callable[[int], np.ndarray]) -> np.ndarray:
+    """Largest |d(∂T/∂ṗ)/dt - ∂T/∂p + ∂V/∂p - force(k)| of each coordinate over its momentum's rate, (3 + n_q,).
+
+    `body(k)`: inertia and potential at sample k, as functions of p.
+    """
+    p, rate, rows = coordinates(run)
+    change = time_derivative(np.array([body(k)[0](p[k]) @ rate[k] for k in range(len(run))]), FINE)
+    missed = [lagrange(*body(k), p[k], rate[k], change[k - 2]) - force(k) for k in rows]
+    return np.abs(missed).max(axis=0) / np.abs(change).max(axis=0)
 
 
 def time_derivative(values: np.ndarray, period: float) -> np.ndarray:

@@ -8,7 +8,6 @@ from scipy.linalg import eigh
 
 from flexlab.analysis.validation.check import (
     DAMPING,
-    EVERY,
     FINE,
     Check,
     Runs,
@@ -20,7 +19,14 @@ from flexlab.analysis.validation.check import (
     general,
     subject,
 )
-from flexlab.analysis.validation.mass_points import MassPoints, christoffel, lagrange, slopes, time_derivative
+from flexlab.analysis.validation.mass_points import (
+    MassPoints,
+    christoffel,
+    coordinates,
+    residual_force,
+    slopes,
+    time_derivative,
+)
 from flexlab.physics.internal_force import payload_matrices
 from flexlab.presets import load_preset
 from flexlab.sim.build import build_beam
@@ -40,9 +46,7 @@ def mass_points(runs: Runs) -> Iterator[Check]:
 def _of(run: Run) -> Iterator[Check]:
     """Inertia, energy, Lagrange's equations and joint torques along a run of `general`."""
     points = MassPoints(run.scenario)
-    p = np.hstack([run.pose, run.beam_coordinates])
-    rate = np.hstack([run.pose_rate, run.beam_rates])
-    rows = range(2, len(run) - 2, EVERY)
+    p, rate, rows = coordinates(run)
     yield from _inertia(run, points, p, rate)
     energy = [0.5 * rate[k] @ points.inertia(p[k]) @ rate[k] for k in rows]
     yield alike("kinetic energy is ½ Σ m |Ṙ|²: relative error", 1e-10, energy, run.kinetic_energy[rows])
@@ -62,21 +66,18 @@ def _of(run: Run) -> Iterator[Check]:
 
 
 def lagrange_residual(run: Run, points: MassPoints, D: np.ndarray) -> np.ndarray:
-    """Largest |d(∂T/∂ṗ)/dt - ∂T/∂p + ∂V/∂p - (Σu, -D q̇)| of each coordinate over its momentum's rate, (3 + n_q,)."""
-    p, rate = np.hstack([run.pose, run.beam_coordinates]), np.hstack([run.pose_rate, run.beam_rates])
-    momentum = np.array([points.inertia(p[k]) @ rate[k] for k in range(len(run))])
-    change = time_derivative(momentum, FINE)
-    residual = []
-    for k in range(2, len(run) - 2, EVERY):
-        force = np.concatenate([run.arm_input[k].sum(axis=0), -D @ rate[k, 3:]])
-        residual.append(lagrange(points.inertia, points.potential, p[k], rate[k], change[k - 2]) - force)
-    return np.abs(residual).max(axis=0) / np.abs(change).max(axis=0)
+    """The `residual_force` of the arms' inputs and the beam's damping, (Σu, -D q̇)."""
+
+    def force(k: int) -> np.ndarray:
+        return np.concatenate([run.arm_input[k].sum(axis=0), -D @ run.beam_rates[k]])
+
+    return residual_force(run, lambda k: (points.inertia, points.potential), force)
 
 
 def _dampings() -> Iterator[Check]:
     """Stiffness damping C = β K_F, and modal damping 2ζω, both from matrices of mass points."""
     for words, field, number in (("stiffness", "coefficient", 1e-5), ("modal", "ratio", 0.2)):
-        run = general(f"the run with {words} damping", payload__damping={"kind": words, field: number})
+        run = general(f"the run with {words} damping", {"payload.damping": {"kind": words, field: number}})
         points, n = MassPoints(run.scenario), run.beam_rates.shape[1]
         straight = np.concatenate([run.pose[0], np.zeros(n)])
         K = slopes(lambda at, of=points: slopes(lambda q: np.array(of.potential(q)), at), straight)[3:, 3:]

@@ -98,6 +98,25 @@ def desired(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return sine + np.array([0.0, 0.75, 0.0]), w * cosine, -(w**2) * sine
 
 
+def bound_terms(x: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """1, ‖x‖ and ‖ẋ‖², by which the bound of Theorem 2 is made, (…, 3)."""
+    size, speed = np.linalg.norm(x, axis=-1), np.linalg.norm(v, axis=-1)
+    return np.stack([np.ones_like(size), size, speed**2], axis=-1)
+
+
+def paper_law(points: MassPoints, run: Run, k: int, b_hat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """u_i (2, 3) and the rate of b̂ (3,) of Eqs. (23), (25) at sample k."""
+    x, v, payload = run.pose[k], run.pose_rate[k], run.scenario.payload
+    goal, rate, acceleration = (part[0] for part in desired(run.time[k : k + 1]))
+    r, r_dot = rate - SLOPE * (x - goal), acceleration - SLOPE * (v - rate)
+    s = v - r
+    size, growth = np.linalg.norm(s), bound_terms(x, v)
+    weight = np.array([0.0, payload.linear_density * payload.length * points.gravity, 0.0])
+    common = points.rigid_inertia(x) @ r_dot + weight - GAIN * s - b_hat @ growth * s / max(size, LAYER)
+    terms = [points.arm_terms(x, v, arm) for arm in range(2)]
+    return np.array([M @ r_dot + C @ r + G + common / 2 for M, C, G in terms]), size * growth / ADAPTATION
+
+
 @subject("Control law and internal force", 3)
 def control_law(runs: Runs) -> Iterator[Check]:
     """Eqs. (23), (25) and (13)-(15), (26) from mass points, for the paper's boundary and for one without symmetry."""
@@ -108,33 +127,23 @@ def control_law(runs: Runs) -> Iterator[Check]:
 
 def _of(run: Run) -> Iterator[Check]:
     """Error, sliding variable, adaptation, inputs arm by arm, and the internal force by both routes."""
-    points, scenario = MassPoints(run.scenario), run.scenario
-    goal, goal_rate, goal_acceleration = desired(run.time)
+    points = MassPoints(run.scenario)
+    goal, goal_rate, _ = desired(run.time)
     e, e_dot = run.pose - goal, run.pose_rate - goal_rate
     s = e_dot + SLOPE * e
     yield below("e = x - x_d with the path of Section IV: largest error", 1e-12, run.tracking_error - e, "m")
     yield below("s = ẋ - r, r = ẋ_d - Λe: largest error", 1e-10, run.sliding_variable - s, "m/s")
-    r, r_dot = goal_rate - SLOPE * e, goal_acceleration - SLOPE * e_dot
-    size = np.linalg.norm(s, axis=1)
-    b = run.bound_estimates
-    rates = time_derivative(b, FINE)
-    x_size, v_size = np.linalg.norm(run.pose, axis=1), np.linalg.norm(run.pose_rate, axis=1)
-    wanted = (size[:, None] * np.stack([np.ones(len(run)), x_size, v_size**2], axis=1) / ADAPTATION)[2:-2]
+    rates, size = time_derivative(run.bound_estimates, FINE), np.linalg.norm(s, axis=1)
+    wanted = (size[:, None] * bound_terms(run.pose, run.pose_rate) / ADAPTATION)[2:-2]
     yield alike("b̂ adapts by ‖s‖/k0, ‖s‖‖x‖/k1, ‖s‖‖ẋ‖²/k2: relative error", 1e-6, rates, wanted)
 
     inputs, forces = [], []
     rows = range(0, len(run), LAW_EVERY)
-    weight = np.array([0.0, scenario.payload.linear_density * scenario.payload.length * scenario.gravity, 0.0])
     for k in rows:
-        x, v = run.pose[k], run.pose_rate[k]
-        rigid = points.rigid_inertia(x)
-        bound = b[k] @ np.array([1.0, x_size[k], v_size[k] ** 2])
-        common = rigid @ r_dot[k] + weight - GAIN * s[k] - bound * s[k] / max(size[k], LAYER)
-        terms = [points.arm_terms(x, v, index) for index in range(2)]
-        inputs.append([M @ r_dot[k] + C @ r[k] + G + common / 2 for M, C, G in terms])
-        pushes = [
-            run.arm_input[k, index] - M @ run.pose_acceleration[k] - C @ v - G for index, (M, C, G) in enumerate(terms)
-        ]
+        x, v, a = run.pose[k], run.pose_rate[k], run.pose_acceleration[k]
+        inputs.append(paper_law(points, run, k, run.bound_estimates[k])[0])
+        terms = [points.arm_terms(x, v, arm) for arm in range(2)]
+        pushes = [u - M @ a - C @ v - G for u, (M, C, G) in zip(run.arm_input[k], terms, strict=True)]
         forces.append([push - sum(pushes) / 2 for push in pushes])
     found, u = run.internal_force[rows], run.arm_input
     yield alike("u_i of Eqs. (23), (25), arm by arm: relative error", 1e-7, inputs, u[rows], u)

@@ -10,15 +10,15 @@ import numpy as np
 
 from flexlab.analysis.validation.check import EVERY, FINE, Check, Runs, alike, below, general, subject
 from flexlab.analysis.validation.mass_points import MassPoints, slopes, time_derivative
-from flexlab.analysis.validation.paper import desired
+from flexlab.analysis.validation.paper import bound_terms, desired
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Run
 
 COMMON = {
-    "controller__model__linear_density_factor": 1.3,
-    "controller__model__length_factor": 0.9,
-    "controller__load_share": 0.3,
-    "controller__wanted_internal_force": 15.0,
+    "controller.model.linear_density_factor": 1.3,
+    "controller.model.length_factor": 0.9,
+    "controller.load_share": 0.3,
+    "controller.wanted_internal_force": 15.0,
 }
 GAINS: dict[str, dict[str, Any]] = {
     "sliding-mode": {"bound": 40.0},
@@ -110,7 +110,7 @@ def _regressor_adaptive(at: Instant, estimates: np.ndarray) -> np.ndarray:
 
 def _adaptive(at: Instant, b_hat: np.ndarray, law: Any) -> np.ndarray:
     s, r, r_dot = at.surface()
-    bound = b_hat @ np.array([1.0, np.linalg.norm(at.x), at.v @ at.v])
+    bound = b_hat @ bound_terms(at.x, at.v)
     return at.shared(r_dot, r, -law.feedback_gain * s - bound * s / max(np.linalg.norm(s), law.boundary_layer))
 
 
@@ -181,8 +181,8 @@ def regressor(at: Instant, r: np.ndarray, r_dot: np.ndarray) -> np.ndarray:
 def rival_laws(_: Runs) -> Iterator[Check]:
     """The inputs u_i of every law, and the rate of its memory."""
     for kind, gains in GAINS.items():
-        own = {f"controller__{name}": value for name, value in gains.items()}
-        run = general(f"the law {kind}", controller__kind=kind, **own, **COMMON)
+        own = {f"controller.{name}": value for name, value in gains.items()}
+        run = general(f"the law {kind}", {"controller.kind": kind, **own, **COMMON})
         rows = range(2, len(run) - 2, EVERY)
         memory = _memory(run, kind)
         seen = [instant(run, k) for k in rows]
@@ -197,9 +197,8 @@ def rival_laws(_: Runs) -> Iterator[Check]:
 
 
 def _start() -> float:
-    run = general(
-        "the law regressor-adaptive", controller__kind="regressor-adaptive", controller__initial_estimate_factor=0.7
-    )
+    law = {"controller.kind": "regressor-adaptive", "controller.initial_estimate_factor": 0.7}
+    run = general("the law regressor-adaptive", law)
     payload, arms = run.scenario.payload, run.scenario.arms
     m = payload.linear_density * payload.length
     truth = np.array([m, m * payload.length**2 / 12, *(mass for arm in arms for mass in arm.link_mass)])
@@ -227,22 +226,22 @@ def _memory_rate(kind: str, at: Instant, run: Run, k: int) -> np.ndarray:
         rates = np.array([law.adaptation_gain_mass, law.adaptation_gain_inertia] + 6 * [law.adaptation_gain_links])
         return -rates * (regressor(at, r, r_dot).sum(axis=0).T @ s)
     law = at.law if kind == "vibration-damping" else at.law.slow
-    return size * np.array([1.0, np.linalg.norm(at.x), at.v @ at.v]) / np.array(law.adaptation)
+    return size * bound_terms(at.x, at.v) / np.array(law.adaptation)
 
 
 def instant(run: Run, k: int) -> Instant:
     """The inputs of a run's law at sample k."""
     scenario = run.scenario
-    points, believed = MassPoints(scenario), MassPoints(_believed(scenario))
+    known = _believed(scenario)
+    points, believed, payload = MassPoints(scenario), MassPoints(known), known.payload
     x, v, law = run.pose[k], run.pose_rate[k], scenario.controller
     terms = [points.arm_terms(x, v, arm) for arm in range(2)]
     M, C, G = (np.array(part) for part in zip(*terms, strict=True))
-    goal = desired(run.time[k : k + 1])
+    goal, goal_rate, acceleration = (part[0] for part in desired(run.time[k : k + 1]))
     loads = points.payload_inertia(np.concatenate([[0.0, 0.0, 0.0], np.zeros(run.beam_rates.shape[1])]))[1:3, 3:]
     along = np.array([np.cos(x[2]), np.sin(x[2]), 0.0]) * law.wanted_internal_force
-    payload = _believed(scenario).payload
     return Instant(
-        law, x, v, (goal[0][0], goal[1][0], goal[2][0]), points, believed, M, C, G, believed.rigid_inertia(x),
+        law, x, v, (goal, goal_rate, acceleration), points, believed, M, C, G, believed.rigid_inertia(x),
         np.array([0.0, payload.linear_density * payload.length * scenario.gravity, 0.0]),
         np.array([law.load_share, 1 - law.load_share]), loads @ run.beam_rates[k], np.array([along, -along]),
     )  # fmt: skip
@@ -251,9 +250,5 @@ def instant(run: Run, k: int) -> Instant:
 def _believed(scenario: Scenario) -> Scenario:
     """The scenario with its controller's model of the payload."""
     model, payload = scenario.controller.model, scenario.payload
-    return scenario.replace(
-        {
-            "payload.linear_density": payload.linear_density * model.linear_density_factor,
-            "payload.length": payload.length * model.length_factor,
-        }
-    )
+    heavy, long = payload.linear_density * model.linear_density_factor, payload.length * model.length_factor
+    return scenario.replace({"payload.linear_density": heavy, "payload.length": long})

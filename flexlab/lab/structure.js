@@ -44,7 +44,9 @@
     part.setAttribute(MARK, [...marks].join(" "));
   }
 
-  const PAUSE = 200, SHARE = 10; // ms between two rounds of questions, and least pause over a round: a slow machine asks less often
+  // ms between two rounds of questions, and the least pause over a round: a slow machine asks less often, but not so seldom that a
+  // person sees for long what has no mark yet.
+  const PAUSE = 200, SHARE = 10, LONGEST = 1000;
   let due = false, next = -Infinity;
 
   function ask() {
@@ -57,7 +59,7 @@
       question.marked = found;
     });
     const now = performance.now();
-    next = now + Math.max(PAUSE, SHARE * (now - begun));
+    next = now + Math.min(Math.max(PAUSE, SHARE * (now - begun)), LONGEST);
     dispatchEvent(new Event(CHANGED)); // for scripts that measure or name parts
   }
 

@@ -21,6 +21,7 @@ from flexlab.cli import main
 from flexlab.cli.console import notes, output
 from flexlab.control.law import LAWS
 from flexlab.control.path import PATHS
+from flexlab.own import hosts
 
 __all__ = ["pytest_cmdline_main", "pytest_xdist_make_scheduler"]
 
@@ -90,6 +91,7 @@ def flexlab_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
             notes.cache_clear()
             with redirect_stdout(said), redirect_stderr(complained), pytest.raises(SystemExit) as ended:
                 main(words)
+        hosts.run_apart(False)  # As it is in Python.
         output.cache_clear()
         notes.cache_clear()
         assert isinstance(ended.value.code, int)

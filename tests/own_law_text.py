@@ -31,6 +31,12 @@ class OwnPD(OwnLaw):
 '''
 
 
+def at_work(body: str) -> str:
+    """The PD law that first does something at each instant."""
+    lines = "".join(f"        {line}\n" for line in body.strip("\n").split("\n"))
+    return "import os, sys, json\n" + PD.replace("        e, e_dot", f"{lines}        e, e_dot", 1)
+
+
 def forget_own_laws() -> None:
     """As if no law in Python had been given."""
     hosts.run_apart(False)

@@ -15,6 +15,7 @@ import pyarrow as pa
 
 from flexlab.analysis.result import Result, provenance
 from flexlab.analysis.resume import BLOCK_TICKS, Repetition
+from flexlab.control.law import laws
 from flexlab.errors import StudyError
 from flexlab.own import hosts
 from flexlab.own.files import LAW_FILES
@@ -30,6 +31,7 @@ from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Samples
 from flexlab.sim.signals import TABLE, known_signals
+from flexlab.sim.world import World
 from flexlab.text import number_text
 
 TOLERANCE = 3e-7
@@ -113,11 +115,13 @@ def _replayed(recording: Recording, blocks: Iterable[Samples] | None) -> Replay:
             done += compared
             absent |= recorded.absent
             if difference is not None:
-                return Replay(done, difference, _difference_text(recording, difference, why))
+                text = _difference_text(recording, difference, why)
+                return Replay(done, difference, text + _why_stopped(repetition.world))
             if compared < len(recorded):
                 late = float(recorded.time[compared])
                 difference = Difference(late, "time", late, np.nan)
-                return Replay(done, difference, f"The replay stopped at t = {late:g} s, before the recording's end.")
+                text = f"The replay stopped at t = {late:g} s, before the recording's end."
+                return Replay(done, difference, text + _why_stopped(repetition.world))
     left_out = _left_out(recording, absent)
     if rounding is None or rounding.same_bits:
         return Replay(done, None, f"All {done} samples came out again, bit for bit.{left_out}")
@@ -328,6 +332,13 @@ def _difference_text(recording: Recording, difference: Difference, why: str) -> 
         f"The replay differs first at t = {difference.time:g} s in {difference.signal}{tolerance}: recorded "
         f"{difference.recorded!r}, now {difference.replayed!r}. It was recorded {_maker(recording)}; this is {_this_machine()}."
     )
+
+
+def _why_stopped(world: World) -> str:
+    """Why a repetition cannot go on, as a further sentence; empty: it can."""
+    law = world.scenario.controller
+    text = world.status.text if world.status.failed else laws()[law.kind].problem(law)
+    return f" {text}" if text else ""
 
 
 def _maker(recording: Recording) -> str:

@@ -5,7 +5,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
 
 from flexlab.cli.console import new_table, output, print_json
-from flexlab.cli.options import LOGS, Law, Logs, NoBrowser, Runs, Seed, Settings, ViewerPort, option
+from flexlab.cli.options import LOGS, Law, Logs, NoBrowser, Runs, Seed, Settings, ViewerPort, chosen_changes, option
 from flexlab.cli.showing import show_review
 from flexlab.errors import StudyError
 
@@ -33,9 +33,7 @@ def command(
     --seed the first RUN's scenario is simulated again with these changes, recorded under a name that tells them, and compared,
     too; "newest" then is the newest run that was not made so, and what was made before is not made again.
     """
-    from flexlab.scenario.settings import settings_from
-
-    changes = settings_from(set_, law, seed)
+    changes = chosen_changes(set_, law, seed)
     if len(runs) + bool(changes) < 2:
         raise StudyError("A comparison needs two runs at least: name them, as in flexlab compare newest 2026-05-01T14.")
     if save is not None and save.suffix != ".rrd":

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from flexlab.cli.console import complain, new_table, note, output
-from flexlab.cli.options import Cluster, Several, Threads, option
+from flexlab.cli.options import Cluster, Several, Threads, keep_own_texts_apart, option
 
 if TYPE_CHECKING:
     from flexlab.analysis.leaderboard.board import Leaderboard
@@ -45,6 +45,7 @@ def command(
     from flexlab.presets import load_preset
 
     known = chosen_workers(workers, cluster)
+    keep_own_texts_apart()
     cases = chosen_cases(case or None, long)
     tasks = make_tasks(cases, chosen_entrants(law_name or None, law), seed)
     store = RowStore(FOLDER)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -71,24 +71,33 @@ LOGS = Path("logs")
 def chosen_scenarios(
     presets: Sequence[str], settings: Sequence[str], law: str | None, seed: int | None, path: str | None = None
 ) -> "list[tuple[str, Scenario]]":
-    """(short name, changed scenario) of each preset. Raises `FlexlabError` before anything is run.
-
-    A law or path in Python runs in a process of its own with a time limit; its output goes to standard error.
-    """
-    from flexlab.own import hosts
-    from flexlab.own.files import law_kind
+    """(short name, changed scenario) of each preset. Raises `FlexlabError` before anything is run."""
     from flexlab.presets import find_scenario
     from flexlab.scenario.path_file import with_path
-    from flexlab.scenario.settings import change_settings, settings_from
+    from flexlab.scenario.settings import change_settings
 
     if not presets:
         raise StudyError(
             "Say what to simulate: a preset's name, as in flexlab run paper, or a scenario file; see flexlab run --help."
         )
-    if law is not None or path is not None:
-        hosts.run_apart(output=2)
-    changes = settings_from(settings, None if law is None else law_kind(law), seed)
+    changes = chosen_changes(settings, law, seed)
     found = list(map(find_scenario, presets))
     if path is not None:
         found = [(name, with_path(scenario, path)) for name, scenario in found]
     return [(name, change_settings(scenario, changes)) for name, scenario in found]
+
+
+def chosen_changes(settings: Sequence[str], law: str | None, seed: int | None) -> "dict[str, Any]":
+    """The changes of a scenario that these options mean. Raises `FlexlabError`."""
+    from flexlab.own.files import law_kind
+    from flexlab.scenario.settings import settings_from
+
+    keep_own_texts_apart()
+    return settings_from(settings, None if law is None else law_kind(law), seed)
+
+
+def keep_own_texts_apart() -> None:
+    """Run laws and paths in Python in processes of their own, with time limits; what they print goes to standard error."""
+    from flexlab.own import hosts
+
+    hosts.run_apart(output=2)

@@ -6,7 +6,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated
 
 from flexlab.cli.console import agreed, complain, note, output
-from flexlab.cli.options import LOGS, Logs, Run, option
+from flexlab.cli.options import LOGS, Logs, Run, keep_own_texts_apart, option
 from flexlab.text import visible
 
 if TYPE_CHECKING:
@@ -50,6 +50,7 @@ def _replay(path: Path, run_own_law: bool) -> int:
             note(visible(code))
         return run_own_law or agreed(question, "give --run-own-law to let it run")
 
+    keep_own_texts_apart()
     allow_own_laws(recording, agrees)
     from flexlab.cli.warmup import warm_up
 

@@ -9,6 +9,7 @@ two int64, the numbers of options and of shares, then both as float64; its answe
 as (1 + 3 shares) float64. An error is a report and, of a path, an answer of NaN.
 """
 
+import codecs
 import contextlib
 import ctypes
 import faulthandler
@@ -17,6 +18,7 @@ import select
 import signal
 import socket
 import sys
+import threading
 import traceback
 from collections.abc import Callable
 from pathlib import Path
@@ -38,6 +40,8 @@ MOST_PROCESSES = 32
 """Processes that a text may have at once."""
 MOST_MEMORY = 2_000_000_000
 """Bytes of address space for each process of a text, and of memory in use for all together."""
+MOST_PRINTED = 1_000_000
+"""Bytes that a text may print; the rest is left out, as an endless loop that prints would fill a terminal's log, or a disk."""
 SET_PARENT_DEATH_SIGNAL, SET_CHILD_SUBREAPER = 1, 36
 """Of Linux's prctl."""
 ROUNDS = 50
@@ -159,25 +163,43 @@ def _supervised(calls: list[int], lifeline: int, say: Callable[[str], None]) -> 
     """
     _control(SET_CHILD_SUBREAPER, 1)  # Orphans become this process's children, and are found.
     above, here = os.getppid(), os.getpid()
+    printed, printing = os.pipe()
     pid = os.fork()
     if pid == 0:
         os.close(lifeline)
+        os.close(printed)
+        os.dup2(printing, sys.stdout.fileno())
+        os.close(printing)
         _control(SET_PARENT_DEATH_SIGNAL, signal.SIGKILL)
         if os.getppid() != here:
             os._exit(0)
         _limit_memory()
         return
-    for number in calls:
+    for number in (*calls, printing):
         os.close(number)
+    passing_on = threading.Thread(target=_pass_on, args=(printed,), daemon=True)
+    passing_on.start()
     signal.signal(signal.SIGUSR1, lambda *_: _send(pid, signal.SIGUSR1))
     ended = _watch(pid, above, lifeline, say)
     _end(pid)
+    passing_on.join(PERIOD)
     if ended is not None and os.WIFSIGNALED(ended):
         number = os.WTERMSIG(ended)
         if number != signal.SIGKILL:
             signal.signal(number, signal.SIG_DFL)
         os.kill(here, number)
     os._exit(1 if ended is None else os.waitstatus_to_exitcode(ended))
+
+
+def _pass_on(printed: int) -> None:
+    """Print what comes through a pipe, as `visible` shows it, up to `MOST_PRINTED`."""
+    decoded, left = codecs.getincrementaldecoder("utf-8")("replace"), MOST_PRINTED
+    while data := os.read(printed, 65536):
+        if left >= 0:
+            more = f"\nWhat is printed beyond {MOST_PRINTED / 1e6:g} MB is left out.\n" if len(data) > left else ""
+            with contextlib.suppress(OSError):  # Nobody reads it any more.
+                os.write(sys.stdout.fileno(), (visible(decoded.decode(data[:left])) + more).encode())
+            left -= len(data)
 
 
 def _watch(pid: int, above: int, lifeline: int, say: Callable[[str], None]) -> int | None:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from own_law_text import PD, forget_own_laws
+from own_law_text import PD, at_work, forget_own_laws
 from waiting import wait_until
 
 from flexlab.errors import ScenarioError
@@ -64,12 +64,6 @@ def state_of(place: Path) -> str:
 
 def world_of(source: str, file: str = "own_pd.py") -> World:
     return World(load_preset("paper").replace({"controller.kind": add_own_law(source, file).kind}))
-
-
-def at_work(body: str) -> str:
-    """The PD law that first does something at each instant."""
-    lines = "".join(f"        {line}\n" for line in body.strip("\n").split("\n"))
-    return "import os, sys, json\n" + PD.replace("        e, e_dot", f"{lines}        e, e_dot", 1)
 
 
 def test_all_that_a_law_started_ends_with_it(tmp_path: Path):

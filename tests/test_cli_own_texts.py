@@ -1,0 +1,60 @@
+"""Every command runs a person's law in a process of its own, whose end is a sentence and whose output has an end."""
+
+import re
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from own_law_text import PD, at_work
+
+from flexlab.own.child import MOST_PRINTED
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+BOARD = ("leaderboard", "--law-name", "pd", "--case", "B3", "--law")
+COMMANDS = {
+    "run": ("run", "paper", "--duration", "0.1", "--law"),
+    "compare": ("compare", "newest", "--json", "--law"),
+    "sweep": ("sweep", "paper", "--duration", "0.1", "--vary", "gravity=0,1", "--law"),
+    "leaderboard": BOARD,
+}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_law_that_ends_its_process_ends_no_command(name: str, flexlab_process: Command, tmp_path: Path):
+    (tmp_path / "ends.py").write_text(at_work("if at.time > 0.02: os._exit(0)"))
+    if name == "compare":
+        assert flexlab_process("run", "paper", "--duration", "0.05").returncode == 0
+    done = flexlab_process(*COMMANDS[name], "ends.py")
+    said = " ".join((done.stdout + done.stderr).split())
+    assert re.search(r"ends\.py, line \d+: it ended its own process with os\._exit", said), said
+    assert "Traceback" not in said
+
+
+@pytest.mark.parametrize("after", [-1.0, 0.02])
+def test_the_recorded_law_of_a_replay_ends_no_command(after: float, flexlab_process: Command, tmp_path: Path):
+    (tmp_path / "ends.py").write_text(at_work(f"if at.time > {after} and os.path.exists('again'): os._exit(0)"))
+    assert flexlab_process("run", "paper", "--duration", "0.05", "--law", "ends.py").returncode == 0
+    (tmp_path / "again").touch()
+    done = flexlab_process("replay", "--run-own-law")
+    assert done.returncode == 1
+    assert "it ended its own process with os._exit" in " ".join(done.stdout.split())
+
+
+def test_what_a_law_prints_is_shown_obeyed_by_nobody_and_has_an_end(flexlab_process: Command, tmp_path: Path):
+    (tmp_path / "prints.py").write_text(at_work("while at.time > 0.02: print('\\x1b[2J', 'x' * 100_000)"))
+    done = flexlab_process("run", "paper", "--duration", "0.1", "--law", "prints.py")
+    assert done.returncode == 1
+    assert "␛[2J xxx" in done.stderr
+    assert "\x1b" not in done.stderr
+    assert len(done.stderr) < 1.1 * MOST_PRINTED
+    assert "What is printed beyond 1 MB is left out." in done.stderr
+    assert "act did not answer within 50 ms" in done.stderr
+
+
+def test_what_a_law_of_the_leaderboard_prints_is_no_part_of_the_table(flexlab_process: Command, tmp_path: Path):
+    (tmp_path / "prints.py").write_text("print('hello', flush=True)\n" + PD)
+    done = flexlab_process(*BOARD, "prints.py")
+    assert done.returncode == 0, done.stderr
+    assert "hello" in done.stderr
+    assert "hello" not in done.stdout

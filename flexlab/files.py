@@ -1,6 +1,7 @@
 """Files that are written whole or not at all, and files that are made of a template."""
 
 import errno
+import hashlib
 import os
 import threading
 from collections.abc import Iterator
@@ -43,6 +44,21 @@ def write_text(path: Path, text: str) -> None:
     """Write a text, whole or not at all. Raises `StudyError`."""
     with writing(path) as draft:
         draft.write_text(text, encoding="utf-8")
+
+
+def make_folder(folder: Path, advice: str = "choose another folder") -> None:
+    """Make a folder that need not exist yet. Raises `StudyError` with a sentence that ends in `advice`."""
+    with writable(folder, advice):
+        folder.mkdir(parents=True, exist_ok=True)
+
+
+DIGITS = 16
+"""Hexadecimal digits of a hash: two different things share one with a probability of 2⁻⁶⁴."""
+
+
+def short_hash(text: str) -> str:
+    """A hash of a text, `DIGITS` hexadecimal digits."""
+    return hashlib.sha256(text.encode()).hexdigest()[:DIGITS]
 
 
 def filled(template: Path, **values: object) -> str:

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 
 from flexlab import views as palette
 from flexlab.errors import StudyError
-from flexlab.files import writable, writing
+from flexlab.files import make_folder, writing
 from flexlab.recording.reader import within
 from flexlab.signal import COORDINATE, Signal
 from flexlab.sim.samples import Run, Samples
@@ -106,8 +106,7 @@ def paper_figures(
             f"format = {unknown[0]} is not one that figures are written in: choose {' or '.join(FORMATS)}."
         )
     (samples,) = within((run,), start, end)
-    with writable(folder, "choose another folder"):
-        folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     figures = {number: draw_figure(number, samples) for number in FIGURES}
     return [
         save_figure(figure, folder / f"{name}-figure-{number}.{kind}")

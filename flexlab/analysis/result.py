@@ -13,6 +13,7 @@ import numpy as np
 
 from flexlab.analysis.metrics.metric import Number, named
 from flexlab.errors import StudyError
+from flexlab.files import DIGITS, short_hash
 from flexlab.recording.run_info import package_version
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples
@@ -39,8 +40,7 @@ class Result(ABC):
 
 def scenario_hash(scenario: Scenario) -> str:
     """A hash of 16 digits over everything in a scenario but its texts."""
-    data = scenario.model_dump(mode="json", exclude={"title", "watch"})
-    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:16]
+    return short_hash(json.dumps(scenario.model_dump(mode="json", exclude={"title", "watch"}), sort_keys=True))
 
 
 def provenance(scenario: Scenario) -> dict[str, str]:
@@ -66,10 +66,6 @@ def number_column(table: Any, name: str) -> np.ndarray:
 def about_number(number: Number) -> dict[str, str]:
     """The metadata of a metric's column: title and unit."""
     return {"title": number.column.title, "unit": number.column.si_unit}
-
-
-DIGITS = 16
-"""Hexadecimal digits of a hash: two different results share one with a probability of 2⁻⁶⁴."""
 
 
 class ResultHash:

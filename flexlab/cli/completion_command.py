@@ -12,6 +12,7 @@ import tyro
 from flexlab.cli.console import note, output
 from flexlab.cli.options import option
 from flexlab.errors import StudyError
+from flexlab.files import writable
 
 Shell = Literal["bash", "zsh", "fish"]
 
@@ -42,11 +43,9 @@ def command(
         return
     place, then = PLACES[chosen]
     target = Path.home() / place
-    try:
+    with writable(target, "choose another home folder"):
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_text(script, encoding="utf-8")
-    except OSError as error:
-        raise StudyError(f"{target} cannot be written ({error.strerror}): choose another home folder.") from None
     output().print(str(target), soft_wrap=True)
     note(then)
 

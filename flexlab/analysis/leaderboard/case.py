@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from flexlab.analysis.metrics import Column, Metric
-from flexlab.analysis.metrics.magnitudes import PeakTorque, PeakVibration, RmsInternalForce
-from flexlab.analysis.metrics.metric import Peak, RootMeanSquare
+from flexlab.analysis.metrics import magnitudes as metrics
+from flexlab.analysis.metrics.metric import Peak, RootMeanSquare, of_signal
 from flexlab.analysis.metrics.residual_vibration import LATER, ResidualVibration
 from flexlab.analysis.metrics.run_metrics import Window, between, value_text
 from flexlab.analysis.metrics.settling_time import SettlingTime
@@ -80,30 +80,16 @@ class Tally:
         return {name: value if np.isfinite(value) else None for name, value in values.items()}
 
 
-class PeakPositionError(Peak):
+@of_signal(Peak, 0, Column("peak", "Peak position error", "peak error", "mm", 1e3))
+def peak_position_error(samples: Samples) -> np.ndarray:
     """Largest √(e_x² + e_y²), m."""
-
-    name, place = "peak_position_error", 0
-    columns = (Column("peak", "Peak position error", "peak error", "mm", 1e3),)
-
-    def signal(self, samples: Samples) -> np.ndarray:
-        """(N, 1)."""
-        return _position_error(samples)
+    return np.hypot(*samples.tracking_error[:, :2].T)[:, None]
 
 
-class RmsPositionError(RootMeanSquare):
+@of_signal(RootMeanSquare, 0, Column("rms", "RMS position error", "RMS error", "mm", 1e3))
+def rms_position_error(samples: Samples) -> np.ndarray:
     """Root mean square of √(e_x² + e_y²), m."""
-
-    name, place = "rms_position_error", 0
-    columns = (Column("rms", "RMS position error", "RMS error", "mm", 1e3),)
-
-    def signal(self, samples: Samples) -> np.ndarray:
-        """(N, 1)."""
-        return _position_error(samples)
-
-
-def _position_error(samples: Samples) -> np.ndarray:
-    return np.hypot(samples.tracking_error[:, 0], samples.tracking_error[:, 1])[:, None]
+    return np.hypot(*samples.tracking_error[:, :2].T)[:, None]
 
 
 def since(window: Window) -> str:
@@ -114,20 +100,24 @@ def since(window: Window) -> str:
     return f", t ≥ {first:g} s" if last == inf else f", {first:g} s ≤ t ≤ {last:g} s"
 
 
-def peak_error(window: Window = ALWAYS) -> Score:
+def _score(metric: type[Metric], formula: str, window: Window, **more: Any) -> Score:
+    return Score(metric.columns[0], f"{formula}{since(window)}", metric, window=window, **more)
+
+
+def peak_error() -> Score:
     """max √(e_x² + e_y²)."""
-    return Score(PeakPositionError.columns[0], f"max √(e_x² + e_y²){since(window)}", PeakPositionError, window=window)
+    return _score(peak_position_error, "max √(e_x² + e_y²)", ALWAYS)
 
 
-def rms_error(window: Window = ALWAYS) -> Score:
+def rms_error(window: Window) -> Score:
     """√(mean(e_x² + e_y²))."""
-    return Score(RmsPositionError.columns[0], f"√(mean(e_x² + e_y²)){since(window)}", RmsPositionError, window=window)
+    return _score(rms_position_error, "√(mean(e_x² + e_y²))", window)
 
 
 def largest_vibration(window: Window) -> Score:
     """max |w(0, t) - its quasi-static part|."""
     column = Column("vibration", "Largest vibration", "vibration", "µm", 1e6)
-    return Score(column, f"max |w − w_qs| at mid-span{since(window)}", PeakVibration, window=window)
+    return Score(column, f"max |w − w_qs| at mid-span{since(window)}", metrics.peak_vibration, window=window)
 
 
 def residual(later: bool = True) -> Score:
@@ -140,18 +130,17 @@ def residual(later: bool = True) -> Score:
 
 def settled(window: Window = ALWAYS) -> Score:
     """The time until the vibration stays below a hundredth of its peak."""
-    formula = f"last t with |w − w_qs| > 1 % of its peak{since(window)}"
-    return Score(SettlingTime.columns[0], formula, SettlingTime, window=window, floor=1e-3)
+    return _score(SettlingTime, "last t with |w − w_qs| > 1 % of its peak", window, floor=1e-3)
 
 
 def peak_torque(window: Window = ALWAYS) -> Score:
     """max |τ| of all joints."""
-    return Score(PeakTorque.columns[0], f"max |τ| of any joint{since(window)}", PeakTorque, window=window)
+    return _score(metrics.peak_torque, "max |τ| of any joint", window)
 
 
 def internal_force(window: Window = ALWAYS) -> Score:
     """RMS of the force with which the arms press against each other."""
-    return Score(RmsInternalForce.columns[0], f"√(mean(F_1x² + F_1y²)){since(window)}", RmsInternalForce, window=window)
+    return _score(metrics.rms_internal_force, "√(mean(F_1x² + F_1y²))", window)
 
 
 SAMPLE_PERIOD = 0.001

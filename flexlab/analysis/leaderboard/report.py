@@ -17,7 +17,7 @@ from flexlab.analysis.figures import page_svg, svg_text
 from flexlab.analysis.leaderboard.board import Leaderboard
 from flexlab.analysis.leaderboard.case import Case, Score, Variant
 from flexlab.analysis.leaderboard.entry import Row
-from flexlab.files import filled, writable, write_text, writing
+from flexlab.files import filled, make_folder, write_text, writing
 from flexlab.scenario.field_text import field_title
 from flexlab.text import number_text, typed_number
 
@@ -209,8 +209,7 @@ def _salt(case: Case) -> str:
 
 def write_figures(board: Leaderboard, folder: Path) -> list[Path]:
     """`<case>.svg` of each case in a folder; returns the paths. Raises `StudyError`."""
-    with writable(folder, "choose another folder"):
-        folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     paths = {folder / f"{case.name}.svg": case for case in board.cases}
     for path, case in paths.items():
         write_text(path, svg_text(board.plot(case.name), _salt(case)))

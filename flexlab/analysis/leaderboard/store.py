@@ -21,7 +21,7 @@ from flexlab.analysis.leaderboard.case import SAMPLE_PERIOD, Case, Variant
 from flexlab.analysis.leaderboard.entry import Row
 from flexlab.assets import web_assets_folder
 from flexlab.control.law import laws
-from flexlab.files import replacing, writable
+from flexlab.files import DIGITS, make_folder, writing
 from flexlab.own.law import PythonLaw
 from flexlab.own.link import address_in
 from flexlab.recording.run_info import package_version
@@ -29,8 +29,6 @@ from flexlab.recording.store.notes import is_regular
 from flexlab.scenario import Scenario
 from flexlab.text import syntax_tree
 
-DIGITS = 16
-"""Hexadecimal digits of a key."""
 LAWS, CASES = "flexlab.control.laws.", "flexlab.analysis.leaderboard.cases."
 COMMON = ("engine", "version", "machine", "seed")
 """Fields that are the same in all rows of a table computed on one machine at one time."""
@@ -154,8 +152,7 @@ class RowStore:
 
     def prepare(self) -> None:
         """Make the folder. Raises `StudyError` if that is not possible."""
-        with writable(self.folder / ROWS, ADVICE):
-            (self.folder / ROWS).mkdir(parents=True, exist_ok=True)
+        make_folder(self.folder / ROWS, ADVICE)
 
     def get(self, key: str) -> Row | None:
         """The row of a key; None if there is none or its file is damaged."""
@@ -188,10 +185,9 @@ class RowStore:
         return self.folder / ROWS / f"{key}.json"
 
     def _write(self, path: Path, data: object) -> None:
-        with writable(path.parent, ADVICE):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with replacing(path) as draft:
-                draft.write_text(json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False), encoding="utf-8")
+        make_folder(path.parent, ADVICE)
+        with writing(path, ADVICE) as draft:
+            draft.write_text(json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False), encoding="utf-8")
 
 
 def _read(path: Path) -> Any:

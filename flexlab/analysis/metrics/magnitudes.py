@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from flexlab.analysis.metrics.metric import Column, Metric, Peak, RootMeanSquare, register
+from flexlab.analysis.metrics.metric import Column, Metric, Peak, RootMeanSquare, of_signal, register
 
 if TYPE_CHECKING:
     from flexlab.sim.samples import Samples
@@ -35,92 +35,61 @@ class Duration(Metric):
 
 
 @register
-class RmsError(RootMeanSquare):
+@of_signal(
+    RootMeanSquare,
+    10,
+    Column("rms-x", "RMS error x", "RMS x", "mm", 1e3, listed=True, part="x"),
+    Column("rms-y", "RMS error y", "RMS y", "mm", 1e3, listed=True, part="y"),
+    Column("rms-theta", "RMS error θ", "RMS θ", "mrad", 1e3, part="theta"),
+)
+def rms_error(samples: "Samples") -> np.ndarray:
     """Root mean square of e = x - x_d, m, m, rad."""
-
-    name, place = "rms_error", 10
-    columns = (
-        Column("rms-x", "RMS error x", "RMS x", "mm", 1e3, listed=True, part="x"),
-        Column("rms-y", "RMS error y", "RMS y", "mm", 1e3, listed=True, part="y"),
-        Column("rms-theta", "RMS error θ", "RMS θ", "mrad", 1e3, part="theta"),
-    )
-
-    def signal(self, samples: "Samples") -> np.ndarray:
-        """e, (N, 3)."""
-        return samples.tracking_error
+    return samples.tracking_error
 
 
 @register
-class RmsInternalForce(RootMeanSquare):
+@of_signal(RootMeanSquare, 60, Column("force", "RMS internal force", "RMS force", "N", listed=True))
+def rms_internal_force(samples: "Samples") -> np.ndarray:
     """Root mean square of the (x, y) part of the left arm's internal force, N."""
-
-    name, place = "rms_internal_force", 60
-    columns = (Column("force", "RMS internal force", "RMS force", "N", listed=True),)
-
-    def signal(self, samples: "Samples") -> np.ndarray:
-        """The size of the force, (N, 1)."""
-        return np.hypot(samples.internal_force[:, 0, 0], samples.internal_force[:, 0, 1])[:, None]
+    return np.hypot(samples.internal_force[:, 0, 0], samples.internal_force[:, 0, 1])[:, None]
 
 
 @register
-class RmsInternalMoment(RootMeanSquare):
+@of_signal(RootMeanSquare, 61, Column("moment", "RMS internal moment", "RMS moment", "N·m"))
+def rms_internal_moment(samples: "Samples") -> np.ndarray:
     """Root mean square of its moment, N·m."""
-
-    name, place = "rms_internal_moment", 61
-    columns = (Column("moment", "RMS internal moment", "RMS moment", "N·m"),)
-
-    def signal(self, samples: "Samples") -> np.ndarray:
-        """The moment, (N, 1)."""
-        return samples.internal_force[:, 0, 2:]
+    return samples.internal_force[:, 0, 2:]
 
 
 @register
-class PeakError(Peak):
+@of_signal(
+    Peak,
+    20,
+    Column("peak-x", "Peak error x", "peak x", "mm", 1e3, part="x"),
+    Column("peak-y", "Peak error y", "peak y", "mm", 1e3, part="y"),
+    Column("peak-theta", "Peak error θ", "peak θ", "mrad", 1e3, part="theta"),
+)
+def peak_error(samples: "Samples") -> np.ndarray:
     """Largest |e|, m, m, rad."""
-
-    name, place = "peak_error", 20
-    columns = (
-        Column("peak-x", "Peak error x", "peak x", "mm", 1e3, part="x"),
-        Column("peak-y", "Peak error y", "peak y", "mm", 1e3, part="y"),
-        Column("peak-theta", "Peak error θ", "peak θ", "mrad", 1e3, part="theta"),
-    )
-
-    def signal(self, samples: "Samples") -> np.ndarray:
-        """e, (N, 3)."""
-        return samples.tracking_error
+    return samples.tracking_error
 
 
 @register
-class PeakVibration(Peak):
+@of_signal(Peak, 30, Column("vibration", "Peak vibration", "vibration", "mm", 1e3, listed=True))
+def peak_vibration(samples: "Samples") -> np.ndarray:
     """Largest magnitude of the mid-span deflection less its quasi-static part, m."""
-
-    name, place = "peak_vibration", 30
-    columns = (Column("vibration", "Peak vibration", "vibration", "mm", 1e3, listed=True),)
-
-    def signal(self, samples: "Samples") -> np.ndarray:
-        """The vibration, (N, 1)."""
-        return samples.vibration[:, None]
+    return samples.vibration[:, None]
 
 
 @register
-class PeakAxialLoad(Peak):
+@of_signal(Peak, 47, Column("axial", "Peak compression of P_cr", "compression", "%", scale=100.0))
+def peak_axial_load(samples: "Samples") -> np.ndarray:
     """Largest compression of the beam beside its buckling load, %."""
-
-    name, place = "peak_axial_load", 47
-    columns = (Column("axial", "Peak compression of P_cr", "compression", "%", scale=100.0),)
-
-    def signal(self, samples: "Samples") -> np.ndarray:
-        """The share of an instant, (N, 1)."""
-        return np.asarray(samples.axial_load_share)[:, None]
+    return np.asarray(samples.axial_load_share)[:, None]
 
 
 @register
-class PeakTorque(Peak):
+@of_signal(Peak, 50, Column("torque", "Peak joint torque", "torque", "N·m", listed=True))
+def peak_torque(samples: "Samples") -> np.ndarray:
     """Largest magnitude of any joint's torque, N·m."""
-
-    name, place = "peak_torque", 50
-    columns = (Column("torque", "Peak joint torque", "torque", "N·m", listed=True),)
-
-    def signal(self, samples: "Samples") -> np.ndarray:
-        """The largest torque of an instant, (N, 1)."""
-        return np.max(np.abs(samples.joint_torque), axis=(1, 2))[:, None]
+    return np.max(np.abs(samples.joint_torque), axis=(1, 2))[:, None]

@@ -1,4 +1,4 @@
-"""Metrics: registered classes in the files of this folder, whose state takes in samples and can be merged.
+"""Metrics: registered in the files of this folder, classes whose state takes in samples and can be merged.
 
 The same code serves a stream and a whole run: `update` takes any piece of it, in any order, `merge` another metric's
 pieces, `compute` gives the number. To add one, copy one of `magnitudes.py` into a file of its own: tables, lists, notes,
@@ -9,8 +9,9 @@ and titles with units; their numbers are in the units of tables, as they were.
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Self, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 import numpy as np
 
@@ -84,6 +85,7 @@ class Metric(ABC):
         return ""
 
 
+Signal = Callable[["Samples"], np.ndarray]
 METRICS: dict[str, type[Metric]] = {}
 """Every metric by its name, in the order of tables."""
 
@@ -158,6 +160,16 @@ class Peak(Metric):
     def compute(self) -> tuple[float, ...]:
         """The largest magnitude, a number per column."""
         return tuple(float(peak) if peak != -np.inf else np.nan for peak in self._peak)
+
+
+def of_signal(base: type[Peak | RootMeanSquare], place: int, *columns: Column, **more: Any) -> Callable[[Signal], Any]:
+    """Function decorator: makes a metric of that base, named as the function is, which returns the signal (N, columns)."""
+
+    def make(signal: Signal) -> type[Metric]:
+        about = {"__doc__": signal.__doc__, "__module__": signal.__module__, "signal": staticmethod(signal), **more}
+        return type(signal.__name__, (base,), about | {"name": signal.__name__, "place": place, "columns": columns})
+
+    return make
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ They count while the Python process lives that declared them, and travel with th
 beside the recording, where lists and later processes find them.
 """
 
-import hashlib
 import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,8 +15,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeVar
 
 import numpy as np
 
-from flexlab.analysis.metrics.metric import METRICS, Column, Metric, Peak, RootMeanSquare, forget, register
+from flexlab.analysis.metrics.metric import METRICS, Column, Metric, Peak, RootMeanSquare, forget, of_signal, register
 from flexlab.errors import StudyError
+from flexlab.files import short_hash
 
 if TYPE_CHECKING:
     from flexlab.sim.samples import Samples
@@ -52,7 +52,7 @@ class OwnMetric:
             text = inspect.getsource(self.function)
         except (OSError, TypeError):
             text = repr(self.function.__code__.co_code) + repr(self.function.__code__.co_consts)
-        return hashlib.sha256(f"{self.name} {self.unit} {self.of} {text}".encode()).hexdigest()[:16]
+        return short_hash(f"{self.name} {self.unit} {self.of} {text}")
 
 
 DECLARED: dict[str, OwnMetric] = {}
@@ -102,16 +102,17 @@ def own_metrics() -> list[OwnMetric]:
 
 
 def _made(declared: OwnMetric) -> type[Metric]:
-    about = {
-        "__doc__": declared.function.__doc__ or declared.title,
-        "name": declared.name,
-        "place": PLACE,
-        "columns": (Column(declared.name, declared.title, declared.title, declared.unit),),
-        "own": True,
-        "declared": declared,
-    }
-    base = {"run": _OfRun, "peak": _PeakOf, "rms": _RmsOf}[declared.of]
-    return type(f"Own_{declared.name}", (base,), about)
+    def signal(samples: "Samples") -> np.ndarray:
+        found = _called(declared, samples)
+        if found.shape != (len(samples),):
+            wanted = f"a signal of these samples has ({len(samples)},)"
+            raise StudyError(f"The metric {declared.name} gives an array {found.shape}: {wanted}.")
+        return found[:, None]
+
+    signal.__name__, signal.__doc__ = declared.name, declared.function.__doc__ or declared.title
+    column = Column(declared.name, declared.title, declared.title, declared.unit)
+    base: Any = {"run": _OfRun, "peak": Peak, "rms": RootMeanSquare}[declared.of]
+    return of_signal(base, PLACE, column, own=True, declared=declared)(signal)
 
 
 def _called(declared: OwnMetric, samples: "Samples") -> np.ndarray:
@@ -147,22 +148,3 @@ class _OfRun(Metric):
         if found.size != 1:
             raise StudyError(f"The metric {self.declared.name} gives {found.size} numbers: one is needed of a run.")
         return (float(found.reshape(())),)
-
-
-class _SignalOf:
-    declared: ClassVar[OwnMetric]
-
-    def signal(self, samples: "Samples") -> np.ndarray:
-        found = _called(self.declared, samples)
-        if found.shape != (len(samples),):
-            wanted = f"a signal of these samples has ({len(samples)},)"
-            raise StudyError(f"The metric {self.declared.name} gives an array {found.shape}: {wanted}.")
-        return found[:, None]
-
-
-class _PeakOf(_SignalOf, Peak):
-    pass
-
-
-class _RmsOf(_SignalOf, RootMeanSquare):
-    pass

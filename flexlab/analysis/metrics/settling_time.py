@@ -159,8 +159,3 @@ def settling_time(time: np.ndarray, signal: np.ndarray) -> float:
     metric = SettlingTime()
     metric.add(time, signal)
     return metric.compute()[0]
-
-
-def settling_text(seconds: float) -> str:
-    """A settling time in words."""
-    return NOT_SETTLED if np.isnan(seconds) else f"{seconds:.2f} s"

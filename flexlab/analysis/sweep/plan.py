@@ -3,7 +3,6 @@
 The same plan has the same key. A cell is one simulated scenario, and one row of the table.
 """
 
-import hashlib
 import json
 import threading
 import warnings
@@ -23,6 +22,7 @@ from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.workers import engine
 from flexlab.arguments import finite_number, whole_number
 from flexlab.errors import FlexlabError, StudyError
+from flexlab.files import short_hash
 from flexlab.lapack import one_blas_thread
 from flexlab.scenario import Payload, Scenario
 from flexlab.scenario.settings import change_settings
@@ -126,8 +126,7 @@ class Plan:
     @cached_property
     def key(self) -> str:
         """A hash of 16 digits over the sweep and the engine that computes it."""
-        text = json.dumps(self.as_data(), sort_keys=True, ensure_ascii=False)
-        return hashlib.sha256(text.encode()).hexdigest()[:16]
+        return short_hash(json.dumps(self.as_data(), sort_keys=True, ensure_ascii=False))
 
 
 def make_plan(

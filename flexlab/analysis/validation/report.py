@@ -9,7 +9,7 @@ from markupsafe import Markup
 from flexlab.analysis.figures import FIGURES, draw_figure, svg_text
 from flexlab.analysis.validation.check import Validation
 from flexlab.errors import FlexlabError
-from flexlab.files import filled, writable, write_text
+from flexlab.files import filled, make_folder, write_text
 from flexlab.recording.run_info import these_versions
 
 TITLES = {2: "Trajectory of the payload", 3: "Vibration", 4: "Error of the trajectory", 5: "Internal force"}
@@ -30,8 +30,7 @@ def write_report(validation: Validation, path: Path, seconds: float) -> None:
         made=f"{datetime.now().astimezone():%Y-%m-%d %H:%M}",
         seconds=seconds,
     )
-    with writable(path, "choose another file"):
-        path.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent, "choose another file")
     write_text(path, text)
 
 

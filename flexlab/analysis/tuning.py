@@ -164,6 +164,14 @@ class Tuning(Result):
         """Whether the best candidate keeps within the limits."""
         return self.best.metrics is not None and self.cost.holds(self.best.metrics)
 
+    @property
+    def problem(self) -> str:
+        """What is wrong with the best candidate, in a sentence; empty: nothing."""
+        if self.best.reason:
+            return f"Every run that was tried fails: {self.best.reason}"
+        exceeded = "Nothing that was tried keeps within the limits: widen the ranges or the limits."
+        return "" if self.holds else exceeded
+
     @cached_property
     def table(self) -> Any:
         """A row per candidate, the scenario as it was first, then the cheapest: what was changed, cost, metrics by name, SI."""

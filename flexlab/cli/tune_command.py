@@ -39,7 +39,7 @@ def command(
     """Search the ranges for the parameters that cost least, and say what they gain.
 
     Metrics are named as in rms_error.y, rms_internal_force, settling_time, peak_torque; the names of earlier versions, as in
-    rms-y, are in the units of tables. Exits with 1 if nothing keeps within the limits.
+    rms-y, are in the units of tables. Exits with 1 if nothing keeps within the limits, or every run fails.
     """
     ((_, scenario),) = chosen_scenarios([preset], set_, law, seed)
     from flexlab.analysis.figures import figure_kind, save_figure
@@ -67,8 +67,8 @@ def command(
         output().print(str(save), soft_wrap=True)
     if figure is not None:
         output().print(str(save_figure(found.plot(), figure)), soft_wrap=True)
-    if not found.holds:
-        complain("Nothing that was tried keeps within the limits: widen the bounds or the limits.")
+    if found.problem:
+        complain(found.problem)
         return 1
     return 0
 

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from own_law_text import at_work
 
 import flexlab
 from flexlab.analysis.sweep.axes import parse_axes
@@ -87,3 +88,14 @@ def test_the_command_writes_a_preset_and_the_trade_off(
     impossible = flexlab_command("tune", "paper", *words, "--candidates", "12", "--limit", "torque=1")
     assert impossible.returncode == 1
     assert "Nothing that was tried keeps within the limits" in impossible.stderr
+
+
+def test_the_command_says_why_every_run_fails(
+    flexlab_command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
+):
+    (tmp_path / "ends.py").write_text(at_work("if at.time > 0.02: os._exit(0)"))
+    words = ("--law", "ends.py", "--change", "controller.velocity_gain=100:900", "--duration", "0.05")
+    done = flexlab_command("tune", "paper", *words, "--candidates", "8")
+    assert done.returncode == 1
+    assert "Every run that was tried fails: The control law own-pd stopped" in done.stderr
+    assert "it ended its own process with os._exit" in done.stderr

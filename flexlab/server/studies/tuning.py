@@ -117,9 +117,8 @@ class TuningStudy(Study):
             )
             limit = f", at most {number_text(self.cost.limits[name])}" if name in self.cost.limits else ""
             lines.append((f"{column.title} ({column.unit}){limit}", before, after))
-        problem = "Nothing that was tried keeps within the limits: widen the ranges or the limits."
         remark = f"{len(tuned.candidates)} candidates were tried."
-        return Found(lines, remark, "" if tuned.holds else problem, tuned.tuned)
+        return Found(lines, remark, tuned.problem, tuned.tuned)
 
 
 STUDY = TuningStudy

@@ -13,7 +13,7 @@ from typing import Any
 
 from flexlab.analysis.figures import paper_figures
 from flexlab.analysis.metrics import run_metrics
-from flexlab.analysis.replay import own_law_texts, own_path_texts
+from flexlab.analysis.replay import own_texts
 from flexlab.analysis.result import result_hash
 from flexlab.errors import RecordingError
 from flexlab.files import writing
@@ -87,9 +87,8 @@ def _fill(folder: Path, source: Path, recording: Recording) -> None:
         (folder / name).write_text(text, encoding="utf-8")
     if len(recording.samples):
         paper_figures(recording.samples, folder / "figures", ["svg"])
-    laws = [source for _, source in own_law_texts(recording)]
-    for name, texts in (("law.py", laws), ("path.py", own_path_texts(recording))):
-        if texts:
+    for name, part in (("law.py", "controller"), ("path.py", "trajectory")):
+        if texts := own_texts(recording, part):
             (folder / name).write_text("\n\n".join(texts), encoding="utf-8")
 
 

@@ -18,9 +18,8 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from flexlab import views as palette
-from flexlab.errors import StudyError
+from flexlab.errors import RecordingError, StudyError
 from flexlab.files import make_folder, writing
-from flexlab.recording.reader import within
 from flexlab.signal import COORDINATE, Signal
 from flexlab.sim.samples import Run, Samples
 from flexlab.sim.signals import DERIVED, known_signals
@@ -87,27 +86,20 @@ def page_svg(figure: Figure, salt: str = STYLE["svg.hashsalt"]) -> str:
     return head + end + _PAGE_STYLE + shown
 
 
-def paper_figures(
-    run: Samples,
-    folder: Path,
-    formats: Sequence[str] = FORMATS,
-    start: float | None = None,
-    end: float | None = None,
-    name: str = "run",
-) -> list[Path]:
+def paper_figures(run: Samples, folder: Path, formats: Sequence[str] = FORMATS, name: str = "run") -> list[Path]:
     """Write Figures 2-5 of a run as `folder/<name>-figure-<number>.<format>` and return those paths.
 
-    From `start` to `end` s of simulation time. Raises `StudyError` for an unknown format or a folder that cannot be written,
-    `RecordingError` for an empty range.
+    Raises `StudyError` for an unknown format or a folder that cannot be written, `RecordingError` for a run without samples.
     """
     unknown = [kind for kind in formats if kind not in FORMATS]
     if unknown:
         raise StudyError(
             f"format = {unknown[0]} is not one that figures are written in: choose {' or '.join(FORMATS)}."
         )
-    (samples,) = within((run,), start, end)
+    if len(run) == 0:
+        raise RecordingError("The run has no samples.")
     make_folder(folder)
-    figures = {number: draw_figure(number, samples) for number in FIGURES}
+    figures = {number: draw_figure(number, run) for number in FIGURES}
     return [
         save_figure(figure, folder / f"{name}-figure-{number}.{kind}")
         for number, figure in figures.items()
@@ -188,7 +180,9 @@ FIGURES: dict[int, tuple[Callable[[list[Axes], Samples], None], int]] = {
 """Number in the paper → (function that draws it, number of plots)."""
 
 
-def _curve(axes: Axes, time: np.ndarray, values: np.ndarray, color: str, label: str = "", line: str = "-") -> None:
+def _curve(
+    axes: Axes, time: np.ndarray, values: np.ndarray, color: str | None, label: str = "", line: str = "-"
+) -> None:
     axes.plot(*thin_out(time, values), color=color, label=label, linestyle=line)
 
 
@@ -197,11 +191,11 @@ def _legend(axes: Axes) -> None:
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, frameon=False)
 
 
-def thin_out(time: np.ndarray, values: np.ndarray, points: int = POINTS) -> tuple[np.ndarray, np.ndarray]:
-    """About `points` points at most of a curve that look like all of it: the least and the largest of each stretch."""
-    if len(values) <= points:
+def thin_out(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """About `POINTS` points at most of a curve that look like all of it: the least and the largest of each stretch."""
+    if len(values) <= POINTS:
         return time, values
-    edges = np.linspace(0, len(values), points // 2 + 1).astype(int)
+    edges = np.linspace(0, len(values), POINTS // 2 + 1).astype(int)
     rows = np.concatenate([[a + np.argmin(values[a:b]), a + np.argmax(values[a:b])] for a, b in pairwise(edges)])
     rows = np.unique(np.concatenate([[0], rows, [len(values) - 1]]))
     return time[rows], values[rows]
@@ -251,37 +245,29 @@ def draw_signals(run: Run, names: Sequence[str] = ()) -> Figure:
 
 def _of_view(run: Run, view: View) -> list[Plot]:
     values, each = view.values(run), list(zip(view.curves, view.units, view.colors, strict=True))
-    return [
-        Plot(
-            view.title,
-            unit,
-            [(name, _hex(color), values[:, k]) for k, (name, of, color) in enumerate(each) if of == unit],
-        )
-        for unit in dict.fromkeys(view.units)
-    ]
+    plots = {unit: Plot(view.title, unit, []) for unit in view.units}
+    for k, (name, unit, color) in enumerate(each):
+        plots[unit].curves.append((name, _hex(color), values[:, k]))
+    return list(plots.values())
 
 
 def _of_signal(run: Run, signal: Signal) -> list[Plot]:
-    values = np.asarray(run[signal.name])
-    plots = {unit: Plot(signal.name.replace("_", " "), _axis_label(signal, unit), []) for unit in signal.units}
+    values, symbol = np.asarray(run[signal.name]), in_mathtext(signal.symbol)
+    labels = {unit: f"{symbol} ({unit})" if unit != "1" else symbol for unit in signal.units}
+    plots = {unit: Plot(signal.name.replace("_", " "), label, []) for unit, label in labels.items()}
     for index in product(*map(range, values.shape[1:])):
-        labels = [
+        names = [
             f"{axis.labels[place % 2]} {place}" if axis == COORDINATE else axis.labels[place]
             for axis, place in zip(signal.axes, index, strict=True)
         ]
         unit = signal.units[(index[-1] if index else 0) % len(signal.units)]
-        plots[unit].curves.append((" ".join(labels), None, values[(slice(None), *index)]))
+        plots[unit].curves.append((" ".join(names), None, values[(slice(None), *index)]))
     return list(plots.values())
-
-
-def _axis_label(signal: Signal, unit: str) -> str:
-    symbol = in_mathtext(signal.symbol)
-    return f"{symbol} ({unit})" if unit != "1" else symbol
 
 
 def _draw(part: Axes, time: np.ndarray, plot: Plot) -> None:
     for (name, color, values), line in zip(plot.curves, cycle(LINES), strict=False):
-        part.plot(*thin_out(time, values), label=name, color=color, linestyle=line)
+        _curve(part, time, values, color, name, line)
     part.set_ylabel(plot.label)
     part.set_title(plot.title, fontsize="medium", loc="left")
     if 1 < len(plot.curves) <= MOST_CURVES:

@@ -11,11 +11,11 @@ measured or computed from this run.
 """
 
 import re
-from collections.abc import Callable, Sequence
-from functools import cache
+from collections.abc import Sequence
+from functools import cache, partial
 from typing import NamedTuple
 
-from flexlab.analysis.lesson_expressions import Comparison, Expression, ExpressionError, LookedAt
+from flexlab.analysis.lesson_expressions import ExpressionError, LookedAt, Value, expression
 from flexlab.analysis.lesson_measures import Look, length
 from flexlab.errors import FlexlabError
 from flexlab.guide import Lesson, lessons, told_together
@@ -35,34 +35,27 @@ class Verdict(NamedTuple):
     sentence: str
 
 
-class _Sentence:
-    """A text with values in braces. Raises `ExpressionError` for braces without an expression."""
+def _sentence(text: str, known: Sequence[str]) -> Value:
+    """The text for the present state of a run. Raises `ExpressionError` for braces without an expression."""
+    if "{" in _BRACES.sub("", text):
+        raise ExpressionError(f"{text[:60]!r} holds no value: write as in {{t:.2f}}, or {{largest(vibration):length}}.")
+    values = {found[1]: expression(found[1], known) for found in _BRACES.finditer(text)}
 
-    def __init__(self, text: str, known: Sequence[str]):
-        if "{" in _BRACES.sub("", text):
-            raise ExpressionError(
-                f"{text[:60]!r} holds no value: write as in {{t:.2f}}, or {{largest(vibration):length}}."
-            )
-        self._text, self._values = text, {found[1]: Expression(found[1], known) for found in _BRACES.finditer(text)}
+    def shown(run: LookedAt, found: re.Match[str]) -> str:
+        value = values[found[1]](run)
+        return length(value) if found[2] == "length" else format(value, found[2] or "")
 
-    def value(self, run: LookedAt) -> str:
-        """The text for the present state of a run."""
-
-        def shown(found: re.Match[str]) -> str:
-            value = self._values[found[1]].value(run)
-            return length(value) if found[2] == "length" else format(value, found[2] or "")
-
-        return _BRACES.sub(shown, self._text)
+    return lambda run: _BRACES.sub(partial(shown, run), text)
 
 
 class _Rule(NamedTuple):
-    condition: Comparison | None
+    condition: Value | None
     """None: the rule always holds."""
     done: bool
-    sentence: Callable[[LookedAt], str]
+    sentence: Value
 
 
-NOTHING = Expression("0")
+NOTHING = expression("0")
 
 
 class Check:
@@ -71,11 +64,11 @@ class Check:
     def __init__(self, lesson: Lesson):
         """Raises `ExpressionError`, which names all lines that are no rules."""
         self._hint = lesson.hint
-        self._named: dict[str, Expression | _Sentence] = {}
+        self._named: dict[str, Value] = {}
         self._rules: list[_Rule] = []
         lines = [line for line in re.sub(r"\n +", " ", lesson.check).splitlines() if line.strip()]
         if len(lines) == 1:
-            self._rules.append(_Rule(Comparison(lesson.check), True, lambda _: "The check holds ✓"))
+            self._rules.append(_Rule(expression(lesson.check, truth=True), True, lambda _: "The check holds ✓"))
             self._rules.append(_Rule(None, False, lambda _: lesson.hint or "Not yet."))
         else:
             mistakes = [mistake for line in lines if (mistake := self._read(line))]
@@ -90,13 +83,13 @@ class Check:
         named, rule = _NAME.fullmatch(line), _RULE.fullmatch(line)
         try:
             if named:
-                name, text, expression = named.groups()
+                name, text, given = named.groups()
                 self._named[name] = NOTHING  # Later lines may use the name even if this line is wrong.
-                self._named[name] = _Sentence(text, known) if text else Expression(expression, known)
+                self._named[name] = _sentence(text, known) if text else expression(given, known)
             elif rule:
                 kind, condition, sentence = rule.groups()
-                when = Comparison(condition, known) if condition else None
-                self._rules.append(_Rule(when, kind.startswith("done"), _Sentence(sentence, known).value))
+                when = expression(condition, known, truth=True) if condition else None
+                self._rules.append(_Rule(when, kind.startswith("done"), _sentence(sentence, known)))
             else:
                 return (
                     f"{line[:60]!r} is no rule: write name = …, if …: sentence, done if …: sentence, or else: sentence."
@@ -109,9 +102,9 @@ class Check:
         """The verdict on a run by its newest `SECONDS` s of samples and all its events. Never raises."""
         if len(samples) < 2:
             return Verdict(False, "Press play: there is nothing to measure yet.")
-        run = LookedAt(Look(scenario, samples, events), {name: each.value for name, each in self._named.items()})
+        run = LookedAt(Look(scenario, samples, events), self._named)
         try:
-            rule = next(rule for rule in self._rules if rule.condition is None or rule.condition.holds(run))
+            rule = next(rule for rule in self._rules if rule.condition is None or rule.condition(run))
             return Verdict(rule.done, rule.sentence(run))
         except (ExpressionError, ArithmeticError, IndexError, TypeError, ValueError) as error:
             return Verdict(False, f"The check cannot be worked out in this run ({error}). {self._hint}".strip())

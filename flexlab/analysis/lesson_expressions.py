@@ -67,35 +67,6 @@ class ExpressionError(LabError):
     """An invalid expression; the text names the wrong part and the alternatives."""
 
 
-class Expression:
-    """An expression with a value."""
-
-    def __init__(self, text: str, known: Collection[str] = ()):
-        """`known`: names that a lesson defines. Raises `ExpressionError` for an expression without a value in any run."""
-        if len(text) > LONGEST:
-            raise ExpressionError(f"the check has {len(text)} characters, over {LONGEST}: shorten it.")
-        try:
-            self._tree = syntax_tree(text.strip(), "eval").body
-        except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-            raise ExpressionError(f"the check {text[:60]!r} cannot be read ({error}).") from None
-        self.value = _compiled(self._tree, known)
-        """Gives the value in the present state of a run."""
-
-
-class Comparison(Expression):
-    """An expression that is true or false."""
-
-    def __init__(self, text: str, known: Collection[str] = ()):
-        super().__init__(text, known)
-        is_truth = isinstance(self._tree, ast.Name) and self._tree.id in (*known, *TRUTHS)
-        if not isinstance(self._tree, (ast.Compare, ast.BoolOp)) and not _is_not(self._tree) and not is_truth:
-            raise ExpressionError(f"the check {text[:60]!r} is no comparison: write for example settling_time < 0.2.")
-
-    def holds(self, run: "LookedAt") -> bool:
-        """Whether it is true in the present state of a run; comparisons with a missing value (NaN) are false."""
-        return bool(self.value(run))
-
-
 class LookedAt:
     """The values of names in a run. Metrics, and the values that a lesson names, are computed once."""
 
@@ -122,6 +93,25 @@ class LookedAt:
 
 Value = Callable[[LookedAt], Any]
 """Gives the value of a part of an expression in the present state of a run."""
+
+
+def expression(text: str, known: Collection[str] = (), truth: bool = False) -> Value:
+    """The value of an expression. Raises `ExpressionError` for one without a value in any run.
+
+    `known`: names that a lesson defines. `truth`: whether it must be true or false; a comparison with NaN, a missing value, is
+    false.
+    """
+    if len(text) > LONGEST:
+        raise ExpressionError(f"the check has {len(text)} characters, over {LONGEST}: shorten it.")
+    try:
+        tree = syntax_tree(text.strip(), "eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        raise ExpressionError(f"the check {text[:60]!r} cannot be read ({error}).") from None
+    value = _compiled(tree, known)
+    is_truth = isinstance(tree, (ast.Compare, ast.BoolOp)) or _is_not(tree)
+    if truth and not is_truth and not (isinstance(tree, ast.Name) and tree.id in (*known, *TRUTHS)):
+        raise ExpressionError(f"the check {text[:60]!r} is no comparison: write for example settling_time < 0.2.")
+    return value
 
 
 def _is_not(node: ast.AST) -> bool:

@@ -1,6 +1,5 @@
 """Vibration modes of the payload and poles of the closed loop about its rest point, with their tables."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
@@ -43,18 +42,6 @@ class PoleRow(NamedTuple):
         return "stays" if self.rate > -NEUTRAL else "decays"
 
 
-def pole_rows(poles: np.ndarray, origin: Sequence[str], most: int | None = None) -> list[PoleRow]:
-    """A row for each pole or pair: growing ones first, the fastest leading, then by magnitude."""
-    rows = []
-    for pole, name in zip(poles, origin, strict=True):
-        if pole.imag >= 0:
-            size = abs(pole)
-            frequency = size / (2 * np.pi) if pole.imag > 0 else 0.0
-            rows.append(PoleRow(frequency, -pole.real / size if size else 1.0, pole.real, name))
-    growing = sorted((row for row in rows if row.verdict == "grows"), key=lambda row: -row.rate)
-    return (growing + [row for row in rows if row.verdict != "grows"])[:most]
-
-
 def sampling_text(control_period: float | None, input_delay: int) -> str:
     """As in "sampled at 1 ms, torques 1 sample late"; "continuous" without a control period."""
     if control_period is None:
@@ -63,19 +50,11 @@ def sampling_text(control_period: float | None, input_delay: int) -> str:
     return f"{text}, torques {input_delay} sample{'s' if input_delay > 1 else ''} late" if input_delay else text
 
 
-def modes_text(modes: "Modes") -> str:
-    """Modes and poles as aligned plain text."""
-    lines = ["Beam with its grips held", "", *_beam_lines(modes), "", *_pole_lines(modes)]
-    if modes.note:
-        lines += ["", modes.note]
-    return "\n".join(lines)
-
-
 def _beam_lines(modes: "Modes") -> list[str]:
     rows = [("mode", "f (Hz)", "ζ (%)", "sideways (%)", "turning (%)")]
     for k, frequency in enumerate(modes.frequency[:MOST_ROWS]):
-        shares = (modes.lateral_participation[k], modes.angular_participation[k])
-        rows.append((f"{k + 1}", f"{frequency:.2f}", f"{100 * modes.damping_ratio[k]:.3g}", *map(_percent, shares)))
+        shares = (f"{100 * each[k]:.1f}" for each in (modes.lateral_participation, modes.angular_participation))
+        rows.append((f"{k + 1}", f"{frequency:.2f}", f"{100 * modes.damping_ratio[k]:.3g}", *shares))
     lines = _aligned(rows)
     if len(modes.frequency) > MOST_ROWS:
         lines.append(f"… and {len(modes.frequency) - MOST_ROWS} higher modes")
@@ -83,10 +62,10 @@ def _beam_lines(modes: "Modes") -> list[str]:
 
 
 def _pole_lines(modes: "Modes") -> list[str]:
-    loop = "sampled" if modes.control_period is not None else "continuous"
-    detail = "" if modes.control_period is None else f", {sampling_text(modes.control_period, modes.input_delay)}"
-    pose = ", ".join(f"{value:.4g}" for value in modes.pose)
-    head = f"Poles of the {loop} loop{detail}, at rest at ({pose}) m, m, rad"
+    loop, pose = "continuous loop", ", ".join(f"{value:.4g}" for value in modes.pose)
+    if modes.control_period is not None:
+        loop = f"sampled loop, {sampling_text(modes.control_period, modes.input_delay)}"
+    head = f"Poles of the {loop}, at rest at ({pose}) m, m, rad"
     everything = modes.pole_rows()
     if not everything:
         return [f"{head}: none"]
@@ -101,10 +80,6 @@ def _pole_lines(modes: "Modes") -> list[str]:
     if modes.unstable:
         lines += ["", f"UNSTABLE: small motions grow at {number_text(modes.growth, 3)} 1/s."]
     return lines
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.1f}"
 
 
 def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
@@ -186,11 +161,18 @@ class Modes:
             return find_disk_margin(self.linearization, self.poles)
 
     def pole_rows(self, most: int | None = None) -> list[PoleRow]:
-        """A row for each pole or conjugate pair: growing ones first, then by magnitude; `most`: the number of rows at most."""
-        return pole_rows(self.poles, self.pole_origin, most)
+        """A row for each pole or conjugate pair: growing ones first, the fastest leading, then by magnitude; at most `most`."""
+        rows = []
+        for pole, name in zip(self.poles, self.pole_origin, strict=True):
+            if pole.imag >= 0:
+                size = abs(pole)
+                frequency = size / (2 * np.pi) if pole.imag > 0 else 0.0
+                rows.append(PoleRow(frequency, -pole.real / size if size else 1.0, pole.real, name))
+        return sorted(rows, key=lambda row: -max(row.rate, NEUTRAL))[:most]
 
     def __str__(self) -> str:
-        return modes_text(self)
+        lines = ["Beam with its grips held", "", *_beam_lines(self), "", *_pole_lines(self)]
+        return "\n".join(lines + (["", self.note] if self.note else []))
 
     def _repr_html_(self) -> str:
         """The tables of modes and poles, for notebooks."""
@@ -226,8 +208,7 @@ def _modes(scenario: Scenario, pose: tuple[float, float, float] | None) -> Modes
         linear, note = linearize_at(scenario, at), ""
     except StudyError as error:
         linear, note = None, str(error)
-    poles = np.zeros(0, dtype=complex)
-    origin: tuple[str, ...] = ()
+    poles, origin = np.zeros(0, dtype=complex), tuple[str, ...]()
     if linear is not None:
         found = find_poles(linear)
         rank = np.argsort(order)

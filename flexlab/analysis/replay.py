@@ -138,7 +138,7 @@ def _replayed(recording: Recording, blocks: Iterable[Samples] | None) -> Replay:
 
 def _why_rounded_otherwise(recording: Recording) -> str:
     """A legitimate reason for different bits, as a clause; empty if there is none."""
-    texts = [source for _, source in own_law_texts(recording)]
+    texts = own_texts(recording, "controller")
     if any(address_in(source) or unit_in(source, ())[0] for source in texts):
         return "its control law is computed outside of flexlab, by a program or unit that may answer otherwise now"
     if texts:
@@ -148,15 +148,15 @@ def _why_rounded_otherwise(recording: Recording) -> str:
     return ""
 
 
-def own_law_texts(recording: Recording) -> list[tuple[str, str]]:
-    """(kind, text) of the control laws in Python of a recorded run, in the order of their use."""
-    law = recording.scenario.controller
-    found = [(law.kind, law.source)] if isinstance(law, OwnController) else []
+def own_texts(recording: Recording, part: str) -> dict[str, str]:
+    """Text → kind of the laws ("controller") or paths ("trajectory") in Python of a recorded run, in the order of their use."""
+    first = getattr(recording.scenario, part)
+    found = {first.source: first.kind} if isinstance(first, (OwnController, OwnTrajectory)) else {}
     for event in recording.events:
-        if isinstance(event.command, ChangeScenario) and "controller.source" in event.command.changes:
-            source = event.command.changes["controller.source"]
-            found.append((str(event.command.changes.get("controller.kind", law.kind)), source))
-    return list({source: (kind, source) for kind, source in reversed(found)}.values())[::-1]
+        changes = event.command.changes if isinstance(event.command, ChangeScenario) else {}
+        if f"{part}.source" in changes:
+            found.setdefault(changes[f"{part}.source"], str(changes.get(f"{part}.kind", first.kind)))
+    return found
 
 
 def allow_own_laws(recording: Recording, agrees: Callable[[str, str, str], bool]) -> None:
@@ -164,7 +164,7 @@ def allow_own_laws(recording: Recording, agrees: Callable[[str, str, str], bool]
 
     `agrees` takes the law's kind, a question, and the code that it is about; empty: no code that a person could read.
     """
-    for kind, source in own_law_texts(recording):
+    for source, kind in own_texts(recording, "controller").items():
         if hosts.is_allowed(source):
             continue
         address, code = address_in(source), ""
@@ -192,16 +192,6 @@ def allow_own_laws(recording: Recording, agrees: Callable[[str, str, str], bool]
         if not agrees(kind, question, code):
             raise StudyError(f"The run was not replayed: its control law {kind} was not allowed to run.")
         hosts.allow(source, address or unit_file or f"{kind.replace('-', '_')}.py")
-
-
-def own_path_texts(recording: Recording) -> list[str]:
-    """The texts of the paths in Python of a recorded run, in the order of their use; a replay does not need them."""
-    path = recording.scenario.trajectory
-    found = [path.source] if isinstance(path, OwnTrajectory) else []
-    for event in recording.events:
-        if isinstance(event.command, ChangeScenario) and "trajectory.source" in event.command.changes:
-            found.append(event.command.changes["trajectory.source"])
-    return list(dict.fromkeys(found))
 
 
 def _left_out(recording: Recording, absent: frozenset[str]) -> str:

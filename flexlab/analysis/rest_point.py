@@ -256,7 +256,11 @@ def find_rest(probe: LoopProbe, target: np.ndarray) -> RestPoint:
     start, count = np.concatenate([target, probe.start_memory]), len(probe.start_memory)
 
     def balance(z: np.ndarray) -> np.ndarray:
-        return _unbalance(probe, z, desired)
+        """Force on the pose (3,), relative to the forces that hold the arms, and change of the memory; z: pose and memory."""
+        motion, torque = _hold(probe, z, desired)
+        change = probe.answer(motion, z[3:], desired, torque)[1]
+        size = 1 + np.abs(probe.forces(motion, 0 * torque)[:3]).max()
+        return np.concatenate([probe.forces(motion, torque)[:3] / size, change])
 
     balance(start)  # If the law fails, its own sentence says so.
     frozen = _newton(balance, start, np.arange(3))
@@ -269,29 +273,17 @@ def find_rest(probe: LoopProbe, target: np.ndarray) -> RestPoint:
         if found is not None:
             return _rest_point(probe, found, desired, np.setdiff1d(np.arange(3 + count), free))
     if frozen is None:
-        raise StudyError(_no_rest(target))
+        pose = f"x = {target[0]:.3f} m, y = {target[1]:.3f} m, θ = {target[2]:.3f} rad"
+        raise StudyError(
+            f"The loop has no rest point near {pose}: the motors do not hold the weight there. "
+            "Choose a law that holds the arms, higher gains, or no gravity."
+        )
     return _rest_point(probe, frozen, desired, np.arange(3, 3 + count))
 
 
-def _no_rest(target: np.ndarray) -> str:
-    pose = f"x = {target[0]:.3f} m, y = {target[1]:.3f} m, θ = {target[2]:.3f} rad"
-    return (
-        f"The loop has no rest point near {pose}: the motors do not hold the weight there. "
-        "Choose a law that holds the arms, higher gains, or no gravity."
-    )
-
-
-def _unbalance(probe: LoopProbe, z: np.ndarray, desired: np.ndarray) -> np.ndarray:
-    """Force on the pose (3,), relative to the forces that hold the arms, and change of the memory; z: pose and memory."""
-    motion, torque = _hold(probe, z[:3], z[3:], desired)
-    change = probe.answer(motion, z[3:], desired, torque)[1]
-    size = 1 + np.abs(probe.forces(motion, 0 * torque)[:3]).max()
-    return np.concatenate([probe.forces(motion, torque)[:3] / size, change])
-
-
-def _hold(probe: LoopProbe, pose: np.ndarray, memory: np.ndarray, desired: np.ndarray) -> tuple[Motion, np.ndarray]:
-    """The beam bent by its weight at a pose, and the law's torques there."""
-    straight = probe.at_rest(pose)
+def _hold(probe: LoopProbe, z: np.ndarray, desired: np.ndarray) -> tuple[Motion, np.ndarray]:
+    """The beam bent by its weight at a pose, and the law's torques there; z: pose and memory."""
+    straight, memory = probe.at_rest(z[:3]), z[3:]
     weight = probe.forces(straight, np.zeros(3 * probe.arm_count))[3:]
     motion = straight._replace(eta=weight / probe.beam.modes.omega**2)
     torque = np.zeros(3 * probe.arm_count)
@@ -311,9 +303,7 @@ def _rests(unbalance: np.ndarray) -> bool:
 
 
 def _rest_point(probe: LoopProbe, z: np.ndarray, desired: np.ndarray, held: np.ndarray) -> RestPoint:
-    motion, torque = _hold(probe, z[:3], z[3:], desired)
-    moving = np.isin(np.arange(3, len(z)), held)
-    return RestPoint(motion, torque, z[3:].copy(), desired, moving)
+    return RestPoint(*_hold(probe, z, desired), z[3:].copy(), desired, np.isin(np.arange(3, len(z)), held))
 
 
 def _newton(balance, start: np.ndarray, free: np.ndarray) -> np.ndarray | None:
@@ -326,10 +316,8 @@ def _newton(balance, start: np.ndarray, free: np.ndarray) -> np.ndarray | None:
                 return z
             slope = np.empty((len(free), len(free)))
             for column, unknown in enumerate(free):
-                up, down = z.copy(), z.copy()
-                up[unknown] += DIFFERENCE
-                down[unknown] -= DIFFERENCE
-                slope[:, column] = (balance(up)[free] - balance(down)[free]) / (2 * DIFFERENCE)
+                step = DIFFERENCE * np.eye(len(z))[unknown]
+                slope[:, column] = (balance(z + step)[free] - balance(z - step)[free]) / (2 * DIFFERENCE)
         except StudyError:
             return None
         change = -np.linalg.lstsq(slope, left, rcond=1e-12)[0]

@@ -179,11 +179,11 @@ class Tuning(Result):
         rows = []
         for candidate in self.candidates:
             scenario = change_settings(self.scenario, candidate.changes)
-            known = {} if candidate.metrics is None else {n: _or_none(candidate.metrics[n]) for n in number_names()}
+            found = {} if candidate.metrics is None else {name: candidate.metrics[name] for name in number_names()}
             rows.append(
                 {path: scenario.get(path) if scenario.has(path) else None for path in paths}
                 | {"cost": candidate.cost, "sentence": candidate.reason}
-                | {name: known.get(name) for name in number_names()}
+                | {name: None if math.isnan(value := found.get(name, math.nan)) else value for name in number_names()}
                 | provenance(scenario)
             )
         return pa.Table.from_pylist(rows)
@@ -196,10 +196,6 @@ class Tuning(Result):
     def __repr__(self) -> str:
         found = ", ".join(f"{path} = {value:.5g}" for path, value in self.best.changes.items()) or "nothing better"
         return f"<Tuning of {len(self.candidates)} candidates: cost {self.before.cost:.4g} → {self.best.cost:.4g}, {found}>"
-
-
-def _or_none(value: float) -> float | None:
-    return None if math.isnan(value) else value
 
 
 def tune(

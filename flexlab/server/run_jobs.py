@@ -125,39 +125,48 @@ def recorded_span(path: Path) -> tuple[float, float]:
     return times[0][0], times[-1][1]
 
 
-def export_into(path: Path, kind: str, start: float | None, end: float | None, folder: Path) -> Path:
-    """Write a run, or a range of its time, into `folder` and return the file. `kind`: csv, parquet or npz."""
-    target = folder / f"{range_name(path, start, end)}.{kind}"
-    return export_recording(read_recording(path, with_samples=False), target, start, end, read_blocks(path))
+def export_into(row: RunRow, kind: str, start: float | None, end: float | None, folder: Path) -> Path:
+    """Write a run, or a range of its time, into `folder` and return the file.
 
-
-def whole_into(row: RunRow, kind: str, folder: Path) -> Path:
-    """Write a whole run into `folder` as one page ("html") or as an archive that others can verify ("zip"); return the file."""
-    check_size(row.path)
-    target = folder / f"{row.path.stem}.{kind}"
+    `kind`: a table (csv, parquet or npz) or Figures 2-5 in an archive (png or svg); of a whole run also one page (html) or an
+    archive that others can verify (zip).
+    """
+    path, name = row.path, range_name(row.path, start, end)
+    target = folder / f"{name}.{kind}"
+    if kind in ("csv", "parquet", "npz"):
+        return export_recording(read_recording(path, with_samples=False), target, start, end, read_blocks(path))
+    if start is None and end is None:
+        check_size(path)
     if kind == "zip":
-        write_capsule(row.path, target)
-    else:
+        write_capsule(path, target)
+    elif kind == "html":
         from flexlab.study_api import write_page  # Only this job needs all studies.
 
         write_page(row, target)
+    else:
+        from flexlab.analysis.figures import paper_figures  # Only this job needs a drawing library.
+
+        target = folder / f"{name}-figures-{kind}.zip"
+        with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
+            for figure in paper_figures(read_range(path, start, end), folder, [kind], name):
+                archive.write(figure, figure.name)
     return target
 
 
-def archive_into(paths: tuple[Path, ...], kind: str, folder: Path) -> Path:
+def archive_into(rows: tuple[RunRow, ...], kind: str, folder: Path) -> Path:
     """Write runs into one archive in `folder`, as recordings with their notes ("rrd") or as tables; return the file."""
-    target = folder / f"flexlab-{len(paths)}-runs.zip"
+    target = folder / f"flexlab-{len(rows)}-runs.zip"
     # Recordings and binary tables are compressed already: compressing them again would only take time.
     with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED if kind == "csv" else zipfile.ZIP_STORED) as archive:
-        for path in paths:
+        for row in rows:
             if kind != "rrd":
-                table = export_into(path, kind, None, None, folder)
+                table = export_into(row, kind, None, None, folder)
                 archive.write(table, table.name)
                 table.unlink()
                 continue
-            archive.write(path, path.name)
-            if is_regular(notes_path(path)):
-                archive.write(notes_path(path), notes_path(path).name)
+            archive.write(row.path, row.path.name)
+            if is_regular(notes_path(row.path)):
+                archive.write(notes_path(row.path), notes_path(row.path).name)
     return target
 
 
@@ -189,20 +198,6 @@ def take_in(path: Path, logs: Path, notes: dict[str, str], quota: float | None) 
         raise RecordingError(f"{path.name} as a recording is too large: {refused}")
     note_metrics(taken)
     return taken.stem
-
-
-def figures_into(path: Path, kind: str, start: float | None, end: float | None, folder: Path) -> Path:
-    """Draw Figures 2-5 of a run, or of a range of its time, into one archive in `folder`. `kind`: png or svg."""
-    from flexlab.analysis.figures import paper_figures  # Only this job needs a drawing library.
-
-    name = range_name(path, start, end)
-    if start is None and end is None:
-        check_size(path)
-    target = folder / f"{name}-figures-{kind}.zip"
-    with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
-        for figure in paper_figures(read_range(path, start, end), folder, [kind], name=name):
-            archive.write(figure, figure.name)
-    return target
 
 
 MOST_COMPARISONS = 8

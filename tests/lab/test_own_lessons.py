@@ -9,7 +9,7 @@ from lab_page import wait_until
 
 from flexlab.analysis import own_lessons as own_lesson_files
 from flexlab.analysis.lesson_checks import Verdict, read_check
-from flexlab.analysis.lesson_expressions import Comparison, ExpressionError, LookedAt
+from flexlab.analysis.lesson_expressions import ExpressionError, LookedAt, expression
 from flexlab.analysis.lesson_measures import Look
 from flexlab.analysis.own_lessons import OwnLesson, lesson_mistakes, own_lessons
 from flexlab.lab.panel.guide_panel import EVERY, Guide
@@ -142,7 +142,7 @@ def test_all_mistakes_of_a_lesson_s_rules_are_said_at_once(tmp_path: Path) -> No
     ],
 )
 def test_expressions_over_metrics_signals_and_fields(text: str, holds: bool) -> None:
-    assert Comparison(text).holds(LookedAt(Look(load_preset("paper"), SAMPLES, ()))) is holds
+    assert expression(text, truth=True)(LookedAt(Look(load_preset("paper"), SAMPLES, ()))) is holds
 
 
 @pytest.mark.parametrize(
@@ -162,7 +162,7 @@ def test_expressions_over_metrics_signals_and_fields(text: str, holds: bool) -> 
 )
 def test_nothing_else_can_be_reached(text: str) -> None:
     with pytest.raises(ExpressionError):
-        Comparison(text)
+        expression(text, truth=True)
 
 
 def test_a_lesson_of_one_s_own_is_checked_in_the_lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -25,15 +25,7 @@ from flexlab.server.auth import is_opened_by_person, refuse
 from flexlab.server.pages.lab_pages import enter_lab
 from flexlab.server.pages.page_context import context_of, told
 from flexlab.server.pages.templating import button, message, page
-from flexlab.server.run_jobs import (
-    archive_into,
-    choice_at,
-    export_into,
-    figures_into,
-    replay_key,
-    replay_run,
-    whole_into,
-)
+from flexlab.server.run_jobs import archive_into, choice_at, export_into, replay_key, replay_run
 from flexlab.server.visitors import run_for, visitor_of
 from flexlab.text import limited, shown, typed_number
 
@@ -122,13 +114,8 @@ async def export(request: web.Request) -> web.StreamResponse:
             raise RecordingError("A lab sheet and an archive hold the whole run: leave both times empty.")
         async with file_on_its_way(request) as folder:
             await claim_room(request, folder, table_size(row, kind))
-            if kind in WHOLE:
-                file = await context.tasks.run(
-                    visitor_of(request), whole_into, _as_it_stands(request, row), kind, folder
-                )
-            else:
-                work = figures_into if kind in FIGURES else export_into
-                file = await context.tasks.run(visitor_of(request), work, row.path, kind, start, end, folder)
+            row = _as_it_stands(request, row)
+            file = await context.tasks.run(visitor_of(request), export_into, row, kind, start, end, folder)
             return await send_download(request, file)
     except FlexlabError as error:
         return _problem("Nothing was exported", row, error)
@@ -272,9 +259,7 @@ async def export_many(request: web.Request) -> web.StreamResponse:
     try:
         async with file_on_its_way(request) as folder:
             await claim_room(request, folder, sum(table_size(row, kind) for row in rows))
-            archive = await context.tasks.run(
-                visitor_of(request), archive_into, tuple(row.path for row in rows), kind, folder
-            )
+            archive = await context.tasks.run(visitor_of(request), archive_into, tuple(rows), kind, folder)
             return await send_download(request, archive)
     except FlexlabError as error:
         return message("Nothing was exported", str(error), 422, ALL_RUNS)

@@ -165,7 +165,7 @@ class Peak(Metric):
 def of_signal(base: type[Peak | RootMeanSquare], place: int, *columns: Column, **more: Any) -> Callable[[Signal], Any]:
     """Function decorator: makes a metric of that base, named as the function is, which returns the signal (N, columns)."""
 
-    def make(signal: Signal) -> type[Metric]:
+    def make(signal: Signal) -> Any:
         about = {"__doc__": signal.__doc__, "__module__": signal.__module__, "signal": staticmethod(signal), **more}
         return type(signal.__name__, (base,), about | {"name": signal.__name__, "place": place, "columns": columns})
 

@@ -260,9 +260,9 @@ def noted_text(column: Column, noted: Mapping[str, Any], stopped: bool = False) 
     return value_text(column, nan if value is None else value)
 
 
-def noted_value(column: Column, noted: Mapping[str, Any]) -> float:
-    """A number to sort by; missing values come last."""
-    value = noted.get(column.key)
+def noted_value(column: Column, noted: Mapping[str, Any], stopped: bool = False) -> float:
+    """A number to sort by, in a page; missing values come last."""
+    value = results(noted, stopped).get(column.key)
     usable = isinstance(value, (int, float)) and not isinstance(value, bool)
     return float(value) if usable else 1e300 if column.key in noted else 2e300
 

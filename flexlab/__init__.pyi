@@ -1,7 +1,7 @@
 """The names of the Python interface, said once: type checkers read them here, and `__init__.py` where each lives."""
 
 from flexlab.analysis.comparison import Comparison as Comparison
-from flexlab.analysis.explanations import Explained as Explained
+from flexlab.analysis.explanations.explanation import Explained as Explained
 from flexlab.analysis.identification.fitting import Fit as Fit
 from flexlab.analysis.internal_force import internal_force_eq_26 as internal_force_eq_26
 from flexlab.analysis.leaderboard.board import Leaderboard as Leaderboard

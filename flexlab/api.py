@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
-    from flexlab.analysis.explanations import Explained
+    from flexlab.analysis.explanations.explanation import Explained
     from flexlab.text import Page
 
 LOGS = "logs"
@@ -190,7 +190,7 @@ def explain(run: Run) -> tuple["Explained", ...]:
     """
     if not isinstance(run, samples.Run):
         raise StudyError(f"{run!r:.60} is no run: give one of flexlab.simulate or flexlab.read.")
-    from flexlab.analysis.explanations import explain_run
+    from flexlab.analysis.explanations.explanation import explain_run
 
     return explain_run(run)
 

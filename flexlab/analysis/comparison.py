@@ -66,13 +66,13 @@ class Comparison(Result):
         from flexlab.analysis.figures import draw_bars
 
         names = metrics or tuple(number.name for number in numbers() if number.column.listed)
-        shown = {named(name).title: self.table.column(named(name).number.name).to_pylist() for name in names}
-        scales = [named(name).scale for name in names]
-        scaled = {
-            title: [None if value is None else scale * value for value in values]
-            for scale, (title, values) in zip(scales, shown.items(), strict=True)
+        shown = {
+            each.title: [
+                None if value is None else each.scale * value for value in self.table[each.number.name].to_pylist()
+            ]
+            for each in map(named, names)
         }
-        return draw_bars(self.labels, scaled)
+        return draw_bars(self.labels, shown)
 
     @property
     def labels(self) -> list[str]:
@@ -174,13 +174,11 @@ def difference_text(first: MetricRow, other: MetricRow) -> str:
 
 def _metrics(path: Path, seen: Callable[[int], None], seconds: float = inf, finished: bool = True) -> RunMetrics:
     """The metrics of a run's first `seconds`, beyond which nothing is read. `finished`: whether the run reached their end."""
-    collection = None
-    last = inf
+    collection, last = None, inf
     for block in read_blocks(path):
         if collection is None:
-            first = float(block.time[0])
-            last = first + seconds
-            collection = MetricCollection((first, last))
+            last = float(block.time[0]) + seconds
+            collection = MetricCollection((float(block.time[0]), last))
         if block.time[0] > last:
             break
         collection.update(block)
@@ -189,13 +187,9 @@ def _metrics(path: Path, seen: Callable[[int], None], seconds: float = inf, fini
 
 
 def _value(recording: Recording, path: str) -> str:
-    """A field's value in words; "–" if the scenario has no such field, as with another kind of damping."""
-    value = recording.scenario
-    for name in path.split("."):
-        value = getattr(value, name, None)
-        if value is None:
-            return "–"
-    return value_text(value)
+    """A field's value in words; "–" if the scenario has no such field, as with another kind of damping, or it is not set."""
+    value = recording.scenario.get(path) if recording.scenario.has(path) else None
+    return "–" if value is None else value_text(value)
 
 
 def _markdown(table: Table) -> str:

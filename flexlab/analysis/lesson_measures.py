@@ -10,7 +10,7 @@ import numpy as np
 
 from flexlab.analysis.metrics.run_metrics import between
 from flexlab.analysis.metrics.settling_time import settling_time
-from flexlab.analysis.modes import Growth, fastest_growth, modes, rings_of
+from flexlab.analysis.modes import PoleRow, fastest_growth, modes, rings_of
 from flexlab.lapack import one_blas_thread
 from flexlab.physics.axial_load import buckling_load
 from flexlab.scenario import Payload, Scenario
@@ -32,16 +32,11 @@ SILENT = 1e-9
 """Smallest amplitude of a ring, m; squeeze-until-it-buckles falls below it 40 s after its start."""
 
 
-def first_frequency(payload: Payload) -> float:
-    """f1 of the payload with its grips held, Hz."""
-    return _first_frequency(payload.model_dump_json())
-
-
 @lru_cache(maxsize=32)
-def _first_frequency(payload: str) -> float:
-    """Cached, because the lab asks several times a second and 64 elements take a while."""
+def first_frequency(payload: Payload) -> float:
+    """f1 of the payload with its grips held, Hz; cached, as the lab asks several times a second and 64 elements take a while."""
     with one_blas_thread():
-        return float(np.min(build_beam(Payload.model_validate_json(payload)).modes.omega)) / (2 * np.pi)
+        return float(np.min(build_beam(payload).modes.omega)) / (2 * np.pi)
 
 
 def ring_frequency(samples: Samples) -> float:
@@ -155,17 +150,15 @@ class Look:
 
 VALUES: dict[str, Callable[[Look], Any]] = {
     "t": lambda look: look.now,
-    "starts": lambda look: bool(
-        look.samples.time[0] < 0.5 * tick(look.samples)
-    ),  # whether the run's first instant is seen
+    # Whether the run's first instant is seen.
+    "starts": lambda look: bool(look.samples.time[0] < 0.5 * tick(look.samples)),
     "changed": lambda look: any(isinstance(event.command, ChangeScenario) for event in look.events),
     "touched": lambda look: bool(look.touches),  # changed, pulled or tapped
     "undisturbed": lambda look: look.now - max([float(look.samples.time[0]), *look.touches]),  # for so many s
     "arms": lambda look: len(look.scenario.arms),
     "mode_count": lambda look: look.scenario.payload.coordinate_count,
-    "period": lambda look: min(
-        look.scenario.trajectory.slowest_period, SECONDS / 2
-    ),  # of the path, as far as it is seen
+    # Of the path, as far as it is seen.
+    "period": lambda look: min(look.scenario.trajectory.slowest_period, SECONDS / 2),
     "path_end": lambda look: np.nan if look.scenario.trajectory.end is None else look.scenario.trajectory.end,
     "path_speed": lambda look: float(np.linalg.norm(look.path_rate[:2])),  # at the first of the samples
     "start_jump": lambda look: float(np.linalg.norm((look.samples.pose_rate[0] - look.path_rate)[:2])),  # off it there
@@ -191,9 +184,8 @@ OF_A_PART: dict[str, Callable[[Look, Samples], float]] = {
     "ring_frequency": lambda _, part: ring_frequency(part),
     "settled": lambda _, part: settling_time(part.time, part.vibration),  # at one per cent of its peak; NaN: not yet
     "torque_jump": lambda look, part: torque_jump(torque_turns(part, look.scenario.controller.control_period)),
-    "imbalance": lambda _, part: max(
-        largest(part.internal_force.sum(axis=1)), 1e-15
-    ),  # sum of the arms' internal forces
+    # Sum of the arms' internal forces.
+    "imbalance": lambda _, part: max(largest(part.internal_force.sum(axis=1)), 1e-15),
 }
 """Measures of the samples between two instants, as in `settled(0, 1)`."""
 
@@ -210,7 +202,7 @@ def upward_frequency(part: Samples) -> float:
 
 
 @lru_cache(maxsize=8)
-def _growth(scenario: Scenario) -> Growth:
+def _growth(scenario: Scenario) -> PoleRow:
     """The fastest growing pole; cached, as the lab asks every second."""
     found = modes(scenario)
-    return fastest_growth(found, rings_of(found)) or Growth(np.nan, "", 0.0)
+    return fastest_growth(found, rings_of(found)) or PoleRow(0.0, np.nan, np.nan, "")

@@ -35,6 +35,11 @@ class PoleRow(NamedTuple):
     """What the pole belongs to, as in `Modes.pole_origin`."""
 
     @property
+    def mode(self) -> int:
+        """Number of the beam mode, from 1; 0: pose or memory."""
+        return mode_number(self.origin)
+
+    @property
     def verdict(self) -> str:
         """One of "grows", "stays" and "decays"."""
         if self.rate > NEUTRAL:
@@ -273,30 +278,16 @@ def rings_of(found: Modes) -> dict[int, Ring]:
     return rings
 
 
-class Growth(NamedTuple):
-    """The fastest growing pole."""
+def fastest_growth(found: Modes, rings: dict[int, Ring]) -> PoleRow | None:
+    """The fastest growing pole, or the one that decays least; None without poles.
 
-    rate: float
-    """1/s."""
-    origin: str
-    """As in `Modes.pole_origin`."""
-    frequency: float
-    """Hz, of a beam mode without the folding by a clock; 0 without an oscillation."""
-
-    @property
-    def mode(self) -> int:
-        """Number of the beam mode, from 1; 0: pose or memory."""
-        return mode_number(self.origin)
-
-
-def fastest_growth(found: Modes, rings: dict[int, Ring]) -> Growth | None:
-    """The fastest growing pole, or the one that decays least; None without poles."""
-    if not len(found.poles):
+    Its frequency is that of its oscillation, of a beam mode without the folding by a clock.
+    """
+    worst = max(found.pole_rows(), key=lambda row: row.rate, default=None)
+    if worst is None:
         return None
-    worst = int(np.argmax(found.poles.real))
-    origin, pole = found.pole_origin[worst], found.poles[worst]
-    ring = rings.get(mode_number(origin))
-    return Growth(float(pole.real), origin, float(abs(pole.imag)) / (2 * np.pi) if ring is None else ring.frequency)
+    seen = worst.frequency * float(np.sqrt(1 - worst.damping_ratio**2))
+    return worst._replace(frequency=rings[worst.mode].frequency if worst.mode in rings else seen)
 
 
 def check_pose(scenario: Scenario, pose: tuple[float, float, float] | None) -> np.ndarray:

@@ -30,8 +30,6 @@ class LoopMap(NamedTuple):
 
     matrix: np.ndarray
     """Matrix of dz/dt (1/s), or of z one control period later."""
-    period: float | None
-    """T_c, s; None: continuous."""
     kept_memory: np.ndarray
     """Indices of the law's memory states in it, those that change in the first order."""
 
@@ -107,7 +105,7 @@ def loop_map(linear: Linearization) -> LoopMap:
     states, k = len(A), len(kept)
     if period is None:
         matrix = np.vstack([np.hstack([A, np.zeros((states, k))]) + B @ answer, memory])
-        return LoopMap(matrix, None, kept)
+        return LoopMap(matrix, kept)
     delay = controller.input_delay
     # Torques, too, enter as forces on the pose; for a law that uses torques, those held until now are states.
     line = np.kron(np.eye(delay + 1), np.linalg.pinv(to_pose)) if law.line.shape[1] else np.zeros((0, 3 * delay))
@@ -122,7 +120,7 @@ def loop_map(linear: Linearization) -> LoopMap:
     if size > own:
         matrix[own:-3, own + 3 :] = np.eye(size - own - 3)
         matrix[-3:] = asked
-    return LoopMap(matrix, period, kept)
+    return LoopMap(matrix, kept)
 
 
 def find_poles(linear: Linearization) -> Poles:
@@ -138,9 +136,9 @@ def find_poles(linear: Linearization) -> Poles:
     groups[:, 1 : 1 + n] = share[:, 3 : 3 + n] + share[:, 6 + n : 6 + 2 * n]
     groups[:, 1 + n] = share[:, late:own].sum(axis=1)
     groups[:, 2 + n] = share[:, 6 + 2 * n : late].sum(axis=1) + share[:, own:].sum(axis=1)
-    if loop.period is not None:
+    if (period := linear.probe.original.controller.control_period) is not None:
         there = np.abs(value) > DEADBEAT
-        value, groups = np.log(value[there].astype(complex)) / loop.period, groups[there]
+        value, groups = np.log(value[there].astype(complex)) / period, groups[there]
     order = np.argsort(np.abs(value), kind="stable")
     return Poles(value[order], groups[order])
 

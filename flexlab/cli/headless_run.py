@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa  # type: ignore[import-untyped]  # It ships no types.
 
-from flexlab.analysis.explanations import LONGEST_LOOK, Background, Evidence, explain
+from flexlab.analysis.explanations.explanation import LONGEST_LOOK, Background, Evidence, explain
 from flexlab.analysis.metrics import Column, MetricCollection, RunMetrics
 from flexlab.analysis.metrics.metric import Peak
 from flexlab.analysis.metrics.run_metrics import value_text

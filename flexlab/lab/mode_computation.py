@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from flexlab.analysis.explanations import Background
+from flexlab.analysis.explanations.explanation import Background
 from flexlab.analysis.modes import Modes
 from flexlab.control.conditions import Condition
 from flexlab.errors import FlexlabError

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from markupsafe import Markup, escape
 
-from flexlab.analysis.explanations import explain_run
+from flexlab.analysis.explanations.explanation import explain_run
 from flexlab.analysis.figures import draw_signals, page_svg
 from flexlab.analysis.metrics import run_metrics
 from flexlab.analysis.result import result_hash

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import flexlab
-from flexlab.analysis.explanations import EXPLANATIONS, Background, Evidence, explain
+from flexlab.analysis.explanations.explanation import EXPLANATIONS, Background, Evidence, explain
 from flexlab.analysis.explanations.vibration import share_left
 from flexlab.analysis.modes import modes
 from flexlab.lab.plots.plot_signals import tabs

@@ -6,7 +6,7 @@ import pytest
 from lab_page import wait_until
 from raw_browser import RawBrowser, html_texts
 
-from flexlab.analysis.explanations import Explained
+from flexlab.analysis.explanations.explanation import Explained
 from flexlab.lab.lab_state import Notice
 from flexlab.lab.panel.readouts import SEEN_TOGETHER, largest_vibration, notices_html, summary_text
 from flexlab.lab.session import Session

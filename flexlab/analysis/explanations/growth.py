@@ -3,7 +3,7 @@
 import numpy as np
 
 from flexlab.analysis.explanations.explanation import Background, Evidence, n, register
-from flexlab.analysis.modes import Growth, fastest_growth
+from flexlab.analysis.modes import PoleRow, fastest_growth
 from flexlab.analysis.stability import NEUTRAL
 
 AGREES = 2.5
@@ -12,7 +12,7 @@ ROUNDING = 1e-6
 """Relative tolerance of a limit that is met exactly."""
 
 
-def growing_pole(background: Background) -> Growth | None:
+def growing_pole(background: Background) -> PoleRow | None:
     """The fastest growing pole; None if no pole grows."""
     found = fastest_growth(background.modes, background.rings)
     return None if found is None or found.rate <= NEUTRAL else found
@@ -69,12 +69,11 @@ def growing_mode(seen: Evidence) -> str | None:
     fed_from = 1 / (4 * late)
     shorter = law.control_period * fed_from / growth.frequency
     more = 100 * growth.rate / (2 * np.pi * growth.frequency)
-    cure = "" if observer else ", or the predicting observer (composite, kalman)"
-    cure = ", or an observer that predicts over the delay" if observer else cure
+    better = "an observer that predicts over the delay" if observer else "the predicting observer (composite, kalman)"
     return (
         f"{n(growth.frequency)} Hz grows at {n(growth.rate)} 1/s: mode {growth.mode}, because the torque comes "
         f"{n(1e3 * late)} ms late, which feeds modes from {n(fed_from)} Hz on. A damping ratio larger by {n(more)} %, a control "
-        f"period below {n(1e3 * shorter)} ms{cure} helps."
+        f"period below {n(1e3 * shorter)} ms, or {better} helps."
     )
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa
 
-from flexlab.analysis.leaderboard.case import Case, Variant
+from flexlab.analysis.leaderboard.case import Case, Score, Variant
 from flexlab.analysis.leaderboard.entry import INVALID, Entrant, Row, Task, compute
 from flexlab.analysis.leaderboard.store import RowStore, engine, machine, row_key
 from flexlab.analysis.result import Result
@@ -43,6 +43,11 @@ class Leaderboard(Result):
     def row(self, case: Case, variant: Variant, law: str) -> Row | None:
         """A law's row; None where the law did not enter."""
         return self._by_place.get((case.name, variant.name, law))
+
+    def value(self, case: Case, variant: Variant, law: str, score: Score) -> float | None:
+        """A law's score, SI; None where it has none."""
+        row = self.row(case, variant, law)
+        return None if row is None or row.failed else row.scores.get(score.name)
 
     @property
     def failed(self) -> tuple[Row, ...]:
@@ -85,9 +90,8 @@ class Leaderboard(Result):
 
     def _shown(self, case: Case, variant: Variant, law: str) -> float:
         """A law's main score in the unit that is shown; NaN for none."""
-        row, column = self.row(case, variant, law), case.main.column
-        value = None if row is None or row.failed else row.scores.get(case.main.name)
-        return np.nan if value is None else column.scale * max(value, case.main.floor)
+        value = self.value(case, variant, law, case.main)
+        return np.nan if value is None else case.main.column.scale * max(value, case.main.floor)
 
     def __repr__(self) -> str:
         cases = ", ".join(case.name for case in self.cases)
@@ -219,12 +223,9 @@ def _difference(kept: Row, found: Row) -> str:
 def _words(name: str, kept: object, found: object) -> str:
     if name == "scores" and isinstance(kept, Mapping) and isinstance(found, Mapping):
         odd = next(key for key in {**kept, **found} if kept.get(key) != found.get(key))
-        return f"the score {odd} is {_number(kept.get(odd))}, and {_number(found.get(odd))} here"
+        ours, theirs = ("none" if values.get(odd) is None else repr(values[odd]) for values in (found, kept))
+        return f"the score {odd} is {theirs}, and {ours} here"
     return f"{name.replace('_', ' ')} is {kept!s:.200}, and {found!s:.200} here"
-
-
-def _number(value: object) -> str:
-    return "none" if value is None else f"{value!r}"
 
 
 def _reason(kept: Row, found: Row) -> str:

@@ -16,7 +16,6 @@ from markupsafe import Markup
 from flexlab.analysis.figures import page_svg, svg_text
 from flexlab.analysis.leaderboard.board import Leaderboard
 from flexlab.analysis.leaderboard.case import Case, Score, Variant
-from flexlab.analysis.leaderboard.entry import Row
 from flexlab.files import filled, make_folder, write_text, writing
 from flexlab.scenario.field_text import field_title
 from flexlab.text import number_text, typed_number
@@ -65,14 +64,10 @@ class Section:
 
 def ratios(board: Leaderboard, case: Case, variant: Variant, score: Score) -> dict[str, float]:
     """Each law's score over the best law's; laws without a score are left out."""
-    found = {law: _value(board.row(case, variant, law), score) for law in board.laws}
+    found = {law: board.value(case, variant, law, score) for law in board.laws}
     known = {law: max(value, score.floor) for law, value in found.items() if value is not None}
     best = min(known.values(), default=1.0)
     return {law: value / best for law, value in known.items()}
-
-
-def _value(row: Row | None, score: Score) -> float | None:
-    return None if row is None or row.failed else row.scores.get(score.name)
 
 
 def _level(ratio: float) -> int:
@@ -124,7 +119,8 @@ def sections(board: Leaderboard) -> tuple[Section, ...]:
 
 def _section(board: Leaderboard, case: Case) -> Section:
     grids = tuple((variant.name, _all_scores(board, case, variant)) for variant in case.variants)
-    failures = tuple(_failure(row) for row in board.failed if row.case == case.name)
+    failed = [row for row in board.failed if row.case == case.name]
+    failures = tuple(f"{row.law}{f' ({row.variant})' if row.variant else ''}: {row.sentence}" for row in failed)
     if len(case.variants) == 1:
         return Section(case, grids[0][1], (), failures)
     columns = [_column(board, case, variant, case.main) for variant in case.variants]
@@ -157,11 +153,6 @@ def _column(board: Leaderboard, case: Case, variant: Variant, score: Score) -> d
             said = "; ".join(filter(None, (times, _in_words(row.note), row.sentence)))
             cells[law] = Cell(score.text(row.scores[score.name]), _level(found[law]), said)
     return cells
-
-
-def _failure(row: Row) -> str:
-    where = f" ({row.variant})" if row.variant else ""
-    return f"{row.law}{where}: {row.sentence}"
 
 
 def settings(board: Leaderboard) -> tuple[str, ...]:

@@ -5,7 +5,6 @@ import hashlib
 import json
 import platform
 import secrets
-import sys
 from collections.abc import Iterable, Sequence
 from functools import cache
 from importlib.util import find_spec
@@ -94,17 +93,10 @@ def _digest_of(modules: tuple[str, ...]) -> str:
 
 @cache
 def _text(module: str) -> str:
-    return _file(module).read_text(encoding="utf-8")
-
-
-def _file(module: str) -> Path:
-    loaded = sys.modules.get(module)
-    if loaded is not None and loaded.__file__:
-        return Path(loaded.__file__)
     spec = find_spec(module)
     assert spec is not None
     assert spec.origin is not None
-    return Path(spec.origin)
+    return Path(spec.origin).read_text(encoding="utf-8")
 
 
 def row_key(name: str, case: Case, variant: Variant, scenario: Scenario | None, problem: str) -> str:

@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,13 +57,8 @@ class Axis:
 
     def as_data(self) -> dict[str, Any]:
         """The axis as plain data, for a key and for a file."""
-        return {
-            "path": self.path,
-            "values": list(self.values),
-            "low": self.low,
-            "high": self.high,
-            "logarithmic": self.logarithmic,
-        }
+        names = ("path", "low", "high", "logarithmic")
+        return {name: getattr(self, name) for name in names} | {"values": list(self.values)}
 
 
 def parse_axes(vary: Mapping[str, Any] | Sequence[str], scenario: Scenario) -> tuple[Axis, ...]:
@@ -117,9 +113,9 @@ def _is_range(given: Any) -> bool:
 def _range(path: str, text: str, whole: bool) -> Axis:
     words = [word.strip() for word in text.split(":")]
     wrong = StudyError(f"{path}={_shown(text)} is no range: write LOW:HIGH, LOW:HIGH:COUNT or LOW:HIGH:log:COUNT.")
-    spacing = LINEAR
-    if len(words) > 2 and words[2] in (LINEAR, LOGARITHMIC):
-        spacing = words.pop(2)
+    logarithmic = words[2:3] == [LOGARITHMIC]
+    if words[2:3] in ([LINEAR], [LOGARITHMIC]):
+        del words[2]
     if len(words) not in (2, 3):
         raise wrong
     try:
@@ -137,7 +133,6 @@ def _range(path: str, text: str, whole: bool) -> Axis:
         raise StudyError(
             f"{path}={_shown(text)} asks for {visible(words[2], 20)} values: a range has 2 to {MOST_VALUES}."
         )
-    logarithmic = spacing == LOGARITHMIC
     if logarithmic and low <= 0:
         raise StudyError(f"{path}={text} is logarithmic and begins at {low:g}: begin above 0, or leave log out.")
     points = np.geomspace(low, high, count) if logarithmic else np.linspace(low, high, count)
@@ -238,22 +233,17 @@ def varied_choices(scenario: Scenario) -> tuple[VariedChoice, ...]:
     """The fields of a scenario whose options a sweep may compare."""
     found = []
     for path in CHOSEN:
-        try:
-            value = scenario.get(path)
-        except ScenarioError:
+        if not scenario.has(path):
             continue
-        usable = tuple(word for word in options(path) if word == value or _is_valid(scenario, path, word))
+        value = scenario.get(path)
+        usable = []
+        for word in options(path):
+            with suppress(ScenarioError):
+                scenario.replace({path: word})
+                usable.append(word)
         if len(usable) > 1:
-            found.append(VariedChoice(path, value, usable))
+            found.append(VariedChoice(path, value, tuple(usable)))
     return tuple(found)
-
-
-def _is_valid(scenario: Scenario, path: str, word: str) -> bool:
-    try:
-        scenario.replace({path: word})
-    except ScenarioError:
-        return False
-    return True
 
 
 def varied_fields(scenario: Scenario) -> tuple[VariedField, ...]:

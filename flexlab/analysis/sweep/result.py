@@ -59,25 +59,13 @@ def schema(plan: Plan) -> pa.Schema:
 
 def to_table(plan: Plan, cells: Sequence[Cell]) -> pa.Table:
     """The rows of some cells, in their order."""
-    nothing = (None,) * len(numbers())
-    version = package_version()
-    rows = [
-        (
-            cell.number,
-            *map(_plain, cell.values),
-            cell.status,
-            cell.sentence,
-            *(cell.metrics or nothing),
-            cell.scenario,
-            plan.key,
-            version,
-        )
-        for cell in cells
-    ]
-    layout = schema(plan)
-    return pa.table(
-        [pa.array(column, field.type) for column, field in zip(zip(*rows, strict=True), layout, strict=True)], layout
-    )
+    nothing, made, layout = (None,) * len(numbers()), (plan.key, package_version()), schema(plan)
+    rows = []
+    for cell in cells:
+        found = (cell.status, cell.sentence, *(cell.metrics or nothing), cell.scenario)
+        rows.append((cell.number, *map(_plain, cell.values), *found, *made))
+    columns = zip(zip(*rows, strict=True), layout, strict=True)
+    return pa.table([pa.array(column, field.type) for column, field in columns], layout)
 
 
 def _plain(value: Any) -> Any:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import viser
 
-from flexlab.analysis.explanations import Explained
+from flexlab.analysis.explanations.explanation import Explained
 from flexlab.lab import colors
 from flexlab.lab.lab_state import Notice
 from flexlab.lab.look_back import LookBack

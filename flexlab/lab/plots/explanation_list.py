@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import viser
 
-from flexlab.analysis.explanations import EXPLANATIONS, LONGEST_LOOK, Evidence, Explained, explain
+from flexlab.analysis.explanations.explanation import EXPLANATIONS, LONGEST_LOOK, Evidence, Explained, explain
 from flexlab.analysis.metrics.run_metrics import between
 from flexlab.lab.mode_computation import ModeStudy
 from flexlab.lab.picking import is_pulled

@@ -83,6 +83,7 @@ class OwnFileWatch:
         try:
             old, new = laws().get(present.kind), folder.add(file)
             source = new.model.model_fields["source"].default
+            hosts.stop_loading(str(file), source)
             title = f"{kinds.registry.what} {new.kind}"
             if present.kind != new.kind or getattr(present, "source", "") == source:
                 told = f"the {title} is new."

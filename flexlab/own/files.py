@@ -26,7 +26,7 @@ from flexlab.own.kinds import OwnKinds, default_source
 from flexlab.own.law import OWN_LAWS
 from flexlab.own.link import address_in, text_of_program
 from flexlab.own.path import OWN_PATHS
-from flexlab.own.reading import is_address, is_unit, with_data
+from flexlab.own.reading import LONGEST_SOURCE, is_address, is_unit, with_data
 from flexlab.own.unit import text_of_unit
 from flexlab.text import PARSER, syntax_tree
 
@@ -38,6 +38,8 @@ HEADER = (
 )
 """Imports at the head of a class's text."""
 FUTURE = "__future__"
+LARGEST = 4 * LONGEST_SOURCE
+"""Bytes of a file, whose characters have four at most."""
 
 
 def class_text(given: type) -> str:
@@ -217,6 +219,12 @@ class OwnFolder(Generic[K]):
         if is_unit(file.name):
             return text_of_unit(file)
         try:
+            if file.exists() and not file.is_file():  # A pipe would hang.
+                raise self._problem("source", f"{file} cannot be read: it is no ordinary file.")
+            if file.exists() and file.stat().st_size > LARGEST:
+                raise self._problem(
+                    "source", f"{file} is larger than {LARGEST / 1e6:g} MB: that is no {self.kinds.word}."
+                )
             return with_data(file.read_text(encoding="utf-8-sig"), file.parent, f"{self.kinds.field}.source")
         except FileNotFoundError:
             text = f"There is no file {file}: give the path of a Python file with {self.holding}."

@@ -61,11 +61,15 @@ def _retire(sort: str, file: str) -> None:
             known[key].close()
 
 
-def stop_loading() -> None:
-    """End the processes that are not ready yet, so that nobody waits for them."""
-    for one in list(known.values()):
-        if isinstance(one, OwnProcess) and not one.is_loaded:
+def stop_loading(file: str = "", source: str = "") -> None:
+    """End the processes that are not ready yet, so that nobody waits for them; of a `file` saved anew as `source` the others."""
+    for (_, text), one in list(known.items()):
+        if not isinstance(one, OwnProcess) or one.is_loaded:
+            continue
+        if not file:
             one.close()
+        elif one.file == file and text != digest(source):
+            one.close("it was saved anew while it was loading.")
 
 
 def close_all() -> None:

@@ -115,8 +115,10 @@ class OwnProcess:
             self.close()
             raise TextProblem(problem)
 
-    def close(self) -> None:
+    def close(self, why: str = "") -> None:
         """End the process and all that its text started, from any thread; whoever waits for it to load gets a sentence."""
+        if why:
+            self._problem = f"{self._name}: {why}"
         process, self._process = self._process, None
         if process is None:
             return

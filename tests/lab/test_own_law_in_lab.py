@@ -1,5 +1,6 @@
 """A control law in Python in a running lab: chosen, saved anew, wrong, mended."""
 
+import os
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,6 +13,7 @@ from raw_browser import RawBrowser, widget
 
 from flexlab.lab.panel.field import changes_for
 from flexlab.lab.session import Session
+from flexlab.own import hosts
 from flexlab.own.files import add_own_law_file
 from flexlab.presets import load_preset
 from flexlab.sim.commands import Play, Reset
@@ -50,6 +52,44 @@ def test_in_a_lab_a_saved_file_acts_at_once_and_a_wrong_one_leaves_all_as_it_was
         lab.lab_state.submit(Reset())
         lab.lab_state.submit(Play())
         wait_until(lambda: lab.runner.snapshot.latest.time[0] > 0.05 and lab.runner.snapshot.playing, "it runs again")
+
+
+def test_a_file_that_is_saved_anew_while_it_loads_acts_at_once(tmp_path: Path):
+    file = tmp_path / "mine.py"
+    file.write_text(PD)
+    law = add_own_law_file(file)
+    with Session(load_preset("paper").replace({"controller.kind": law.kind}), port=0, shadows=False) as lab:
+        wait_until(lambda: lab.runner.snapshot.latest.time[0] > 0.1, "the lab runs")
+        file.write_text("while True: pass\n" + PD)
+        wait_until(lambda: not all(one.is_loaded for one in list(hosts.known.values())), "it loads")
+        file.write_text(PD.replace("self.push = common[0]", "self.push = 17.0"))
+        wait_until(lambda: lab.runner.snapshot.latest["push"][0] == 17.0, "the new text acts")
+        refused = [event.text for event in lab.runner.snapshot.events if event.level == "error"]
+        assert len(refused) == 1
+        assert "mine.py: it was saved anew while it was loading." in refused[0]
+
+
+def big(file: Path) -> None:
+    with file.open("wb") as made:
+        made.truncate(4_000_000_000)
+
+
+ODD_FILES = {
+    "no ordinary file": os.mkfifo,
+    "is no ordinary file": lambda file: file.symlink_to("/dev/zero"),
+    "larger than 0.8 MB": big,
+}
+
+
+@pytest.mark.parametrize("says", ODD_FILES)
+def test_a_lab_reads_no_odd_file_among_its_laws(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, says: str):
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "presets" / "laws"
+    folder.mkdir(parents=True)
+    with Session(load_preset("paper"), port=0, shadows=False) as lab:
+        wait_until(lambda: lab.runner.snapshot.latest.time[0] > 0.1, "the lab runs")
+        ODD_FILES[says](folder / "odd.py")
+        wait_until(lambda: says in lab.lab_state.notice.text, "the sentence about it")
 
 
 @pytest.mark.parametrize("made_before", [False, True])

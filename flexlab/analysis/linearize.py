@@ -97,23 +97,29 @@ class _Drive(NamedTuple):
 
 def _drive(linear: Linearization, driven: tuple[str, ...]) -> _Drive:
     torques = linear.torque_count
-    sides = SIDES[: torques // 3]
     names: list[Named] = []
     blocks = []
     for name in driven:
         if name == TORQUE:
-            names += [Named(f"{name}_{side}_{joint}", "N·m") for side in sides for joint in (1, 2, 3)]
+            names += _of_joints(name, torques)
             blocks.append((np.eye(torques), np.zeros((9, torques))))
         elif name == TASK:
-            names += [Named(f"{name}_{s}_{a}", u) for s in sides for a, u in zip(AXES, FORCE_UNITS, strict=True)]
+            names += [each for side in SIDES[: torques // 3] for each in _of_axes(f"{name}_{side}", FORCE_UNITS)]
             back = np.linalg.inv(linear.probe.task_inputs(linear.rest.motion))
             blocks.append((back, np.zeros((9, torques))))
         else:
             order = DESIRED.index(name)
-            per = ("", "/s", "/s²")[order]
-            names += [Named(f"{name}_{axis}", unit + per) for axis, unit in zip(AXES, POSE_UNITS, strict=True)]
+            names += _of_axes(name, POSE_UNITS, ("", "/s", "/s²")[order])
             blocks.append((np.zeros((torques, 3)), np.eye(9)[:, 3 * order : 3 * order + 3]))
     return _Drive(tuple(names), *(np.hstack(part) for part in zip(*blocks, strict=True)))
+
+
+def _of_axes(name: str, units: Sequence[str], per: str = "") -> list[Named]:
+    return [Named(f"{name}_{axis}", unit + per) for axis, unit in zip(AXES, units, strict=True)]
+
+
+def _of_joints(name: str, count: int, place: str = "") -> list[Named]:
+    return [Named(f"{name}_{SIDES[k // 3]}_{k % 3 + 1}{place}", "N·m") for k in range(count)]
 
 
 def _assemble(linear: Linearization, answers: "Outputs", driven: tuple[str, ...], closed: bool) -> LinearModel:
@@ -185,20 +191,12 @@ def _about(linear: Linearization, answers: "Outputs", drive: _Drive, closed: boo
     late = linear.probe.original.controller.input_delay
     # For a law that uses torques, those held until now are states.
     places = ["held"] * (line // torques - late) + [f"in_{step}" for step in range(late)]
-    sides = SIDES[: torques // 3]
-    states = [Named(f"pose_{axis}", unit) for axis, unit in zip(AXES, POSE_UNITS, strict=True)]
-    states += [Named(f"mode_{k + 1}", "m·kg^½") for k in range(count)]
-    states += [Named(f"pose_rate_{axis}", f"{unit}/s") for axis, unit in zip(AXES, POSE_UNITS, strict=True)]
-    states += [Named(f"mode_rate_{k + 1}", "m·kg^½/s") for k in range(count)]
+    states = _of_axes("pose", POSE_UNITS) + [Named(f"mode_{k + 1}", "m·kg^½") for k in range(count)]
+    states += _of_axes("pose_rate", POSE_UNITS, "/s") + [Named(f"mode_rate_{k + 1}", "m·kg^½/s") for k in range(count)]
     if linear.probe.original.joints.motor.time_constant > 0:
-        states += [Named(f"motor_torque_{side}_{joint}", "N·m") for side in sides for joint in (1, 2, 3)]
+        states += _of_joints("motor_torque", torques)
     states += [Named(f"memory_{k + 1}", "1") for k in range(memory)]
-    states += [
-        Named(f"joint_torque_{side}_{joint}_{place}", "N·m")
-        for place in places
-        for side in sides
-        for joint in (1, 2, 3)
-    ]
+    states += [each for place in places for each in _of_joints(TORQUE, torques, f"_{place}")]
     outputs = tuple(Named(*column.name.removesuffix("]").split(" [")) for column in answers.columns)
     order = _state_order(linear, 0, 0)[: 3 + count]
     mass, damping, stiffness = (

@@ -106,17 +106,12 @@ class LoopProbe:
         growing = slices.get(BOUND_ESTIMATES.name, slice(0))
         self.growing = np.arange(len(self._y[self._memory]))[growing]
         """Indices of memory states that only grow, and rest only where nothing feeds them."""
-        self.start_memory = self._begin(self.original.trajectory.middle)
-        """The law's memory at the start of a run, (memory,)."""
-
-    def _begin(self, pose: tuple[float, ...]) -> np.ndarray:
-        """The memory with which the law starts at rest at a pose."""
         y = self._y.copy()
-        y[X : X + 3] = pose
-        start_controller(
-            self.scenario, self.system, law_start(self.scenario, self.system, 0.0, y, self._workspace, True), y
-        )
-        return y[self._memory].copy()
+        y[X : X + 3] = self.original.trajectory.middle
+        begin = law_start(scenario, self.system, 0.0, y, self._workspace, True)
+        start_controller(scenario, self.system, begin, y)
+        self.start_memory = y[self._memory].copy()
+        """The law's memory at the start of a run, (memory,)."""
 
     def at_rest(self, pose: np.ndarray) -> Motion:
         """The plant at rest at a pose with a straight beam."""

@@ -127,7 +127,9 @@ def find_poles(linear: Linearization) -> Poles:
     """The poles of the loop, without those of torques that vanish within a control period."""
     loop = loop_map(linear)
     value, left, right = eigenvectors(loop.matrix)
-    share = _participation(left, right)
+    # Participation |l_i r_i| of each state in each eigenvalue (rows), independent of the states' units; rows add up to 1.
+    product = np.abs(left.conj() * right).T
+    share = product / np.maximum(product.sum(axis=1, keepdims=True), np.finfo(float).tiny)
     groups = np.zeros((len(value), linear.probe.mode_count + 3))
     n = linear.probe.mode_count
     late = 6 + 2 * n + 3 * (linear.probe.original.joints.motor.time_constant > 0)
@@ -141,12 +143,6 @@ def find_poles(linear: Linearization) -> Poles:
         value, groups = np.log(value[there].astype(complex)) / period, groups[there]
     order = np.argsort(np.abs(value), kind="stable")
     return Poles(value[order], groups[order])
-
-
-def _participation(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Participation |l_i r_i| of each state in each eigenvalue (rows), independent of the states' units; rows add up to 1."""
-    product = np.abs(left.conj() * right).T
-    return product / np.maximum(product.sum(axis=1, keepdims=True), np.finfo(float).tiny)
 
 
 GRID = 300

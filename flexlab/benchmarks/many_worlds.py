@@ -26,25 +26,13 @@ LOOK_EVERY = 0.005
 """Interval between two observations, s; of a thread that ends, the last one counts."""
 
 
-@dataclass
-class _Life:
-    first_seen: float
-    first_waited: float
-    last_seen: float
-    last_waited: float
-
-    @property
-    def undisturbed(self) -> float:
-        """Lifetime of the thread without its time in the queue for a core, s."""
-        return (self.last_seen - self.first_seen) - (self.last_waited - self.first_waited)
-
-
 class ThreadWatch:
     """Watches this process's threads with a name prefix while a `with` block runs."""
 
     def __init__(self, prefix: str):
         self._prefix = prefix
-        self._lives: dict[int, _Life] = {}
+        self._lives: dict[int, tuple[float, float]] = {}
+        """Thread → instants at which it was seen first and last, s, less its time in the queue for a core until then."""
         self._ended = threading.Event()
         self._watcher = threading.Thread(target=self._watch, name="thread-watch", daemon=True)
 
@@ -62,7 +50,7 @@ class ThreadWatch:
 
         A thread that waits for a lock whose owner waits for a core counts as waiting for the lock.
         """
-        return max((life.undisturbed for life in self._lives.values()), default=None)
+        return max((last - first for first, last in self._lives.values()), default=None)
 
     def _watch(self) -> None:
         while not self._ended.wait(LOOK_EVERY):
@@ -72,10 +60,9 @@ class ThreadWatch:
 
     def _look(self, thread: int) -> None:
         now, waited = time.perf_counter(), time_in_queue(thread)
-        if waited is None:
-            return
-        life = self._lives.setdefault(thread, _Life(now, waited, now, waited))
-        life.last_seen, life.last_waited = now, waited
+        if waited is not None:
+            first, _ = self._lives.get(thread, (now - waited, 0.0))
+            self._lives[thread] = first, now - waited
 
 
 def time_in_queue(thread: int) -> float | None:

@@ -12,7 +12,7 @@ from pydantic import ConfigDict, TypeAdapter
 from flexlab.analysis.leaderboard.case import SAMPLE_PERIOD, Case, Tally
 from flexlab.analysis.result import ResultHash
 from flexlab.control.law import Law, laws
-from flexlab.errors import FlexlabError, ScenarioError, StudyError
+from flexlab.errors import FlexlabError, StudyError
 from flexlab.lapack import one_blas_thread
 from flexlab.own.files import law_kind
 from flexlab.scenario import Scenario
@@ -69,19 +69,11 @@ class Entrant:
         period = found.controller.control_period
         note = "" if period == plain.controller.control_period else f"sampled, {PERIOD} = {period:g} s"
         for name, value in law_fields.items():
-            owner = next((path for path in ("controller", "controller.slow") if _has(found, path, name)), None)
+            owner = next((path for path in ("controller", "controller.slow") if found.has(f"{path}.{name}")), None)
             if owner is None:
                 return None
             found = found.replace({f"{owner}.{name}": value})
         return found, note
-
-
-def _has(scenario: Scenario, owner: str, name: str) -> bool:
-    try:
-        scenario.get(f"{owner}.{name}")
-    except ScenarioError:
-        return False
-    return True
 
 
 def entrants() -> dict[str, Entrant]:

@@ -85,10 +85,7 @@ def draw_pareto(table: Any, first: str, second: str) -> Figure:
         axes.plot(x, y, "o", color=GRAY, markersize=3, alpha=0.6, label="cell")
         best = pareto_front(x, y)
         axes.step(x[best], y[best], "o-", where="post", color=VERMILION, markersize=4, label="bettered by none")
-        if len(best) and np.nanmax(x) > WIDE_SPREAD * max(np.nanmin(x), 0) > 0:
-            axes.set_xscale("log")
-        if len(best) and np.nanmax(y) > WIDE_SPREAD * max(np.nanmin(y), 0) > 0:
-            axes.set_yscale("log")
+        axes.set(xscale=_scale(x), yscale=_scale(y))
         axes.set_xlabel(f"{one.title} ({one.unit})")
         axes.set_ylabel(f"{other.title} ({other.unit})")
         axes.set_title(f"{len(best)} of {int(np.sum(~np.isnan(x + y)))} cells are bettered by none in both")
@@ -174,10 +171,14 @@ def _edges(centers: np.ndarray, logarithmic: bool) -> np.ndarray:
 
 
 def _color_scale(values: np.ndarray) -> Normalize:
+    known = values[~np.isnan(values)] if not np.isnan(values).all() else np.array([0.0, 1.0])
+    return (LogNorm if _scale(known) == "log" else Normalize)(known.min(), known.max())
+
+
+def _scale(values: np.ndarray) -> str:
+    """The kind of scale that shows all values; NaN: none."""
     known = values[~np.isnan(values)]
-    if len(known) and known.min() > 0 and known.max() > WIDE_SPREAD * known.min():
-        return LogNorm(known.min(), known.max())
-    return Normalize(known.min(initial=0.0) if not len(known) else known.min(), known.max() if len(known) else 1.0)
+    return "log" if len(known) and known.max() > WIDE_SPREAD * max(known.min(), 0) > 0 else "linear"
 
 
 def _label(plan: Plan, axis: Axis) -> str:

@@ -124,13 +124,9 @@ class Validation(Result):
     @property
     def table(self) -> Any:
         """A row per statement: subject, statement, expected, found, whether it holds, and flexlab's version."""
-        version = package_version()
-        rows = [
-            {"subject": subject, **vars(check), "version": version}
-            for subject, checks in self.groups.items()
-            for check in checks
-        ]
-        return pa.Table.from_pylist(rows)
+        checks = [(subject, check) for subject, group in self.groups.items() for check in group]
+        version = {"version": package_version()}
+        return pa.Table.from_pylist([{"subject": subject} | vars(check) | version for subject, check in checks])
 
     def plot(self, number: int = 3) -> "Figure":
         """The paper's Figure 2, 3, 4 or 5, drawn from the run of Section IV."""
@@ -180,15 +176,15 @@ def close(
     tolerance = max(relative * abs(expected), absolute)
     within = f" ± {100 * relative:g} %" if relative else f" ± {absolute:g}"
     holds = bool(isfinite(found) and abs(found - expected) <= tolerance)
-    end = f" {unit}" if unit else ""
-    return Check(statement, f"{expected:.5g}{within if tolerance else ''}{end}", f"{found:.5g}{end}", holds)
+    wanted = f"{expected:.5g}{within if tolerance else ''} {unit}".rstrip()
+    return Check(statement, wanted, f"{found:.5g} {unit}".rstrip(), holds)
 
 
 def below(statement: str, limit: float, found: ArrayLike, unit: str = "") -> Check:
     """A number, or the largest magnitude of an array, must be less than a limit."""
     value = float(np.max(np.abs(found)) if np.ndim(found) else found)
-    end = f" {unit}" if unit else ""
-    return Check(statement, f"< {limit:.3g}{end}", f"{value:.3g}{end}", bool(isfinite(value) and value < limit))
+    holds = bool(isfinite(value) and value < limit)
+    return Check(statement, f"< {limit:.3g} {unit}".rstrip(), f"{value:.3g} {unit}".rstrip(), holds)
 
 
 def alike(statement: str, limit: float, found: ArrayLike, exact: ArrayLike, whole: ArrayLike | None = None) -> Check:

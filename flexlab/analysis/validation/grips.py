@@ -25,12 +25,12 @@ from flexlab.analysis.validation.mass_points import (
     MassPoints,
     coordinates,
     lagrange,
+    pose_by_angles,
     residual_force,
     time_derivative,
 )
 from flexlab.presets import load_preset
 from flexlab.sim.commands import Tap
-from flexlab.sim.samples import Run
 from flexlab.sim.world import World
 
 STIFFNESS, DAMPERS = np.array((4e4, 3e4, 2e3)), np.array((40.0, 30.0, 2.0))
@@ -55,15 +55,6 @@ def grips(_: Runs) -> Iterator[Check]:
     yield from _sag()
 
 
-def own_pose(run: Run, index: int) -> np.ndarray:
-    """Pose that the virtual link would have if one arm's grip were rigid, from that arm's joint angles, (N, 3)."""
-    arm, side = run.scenario.arms[index], (-0.5, 0.5)[index] * run.scenario.payload.length
-    angle = np.cumsum(run.joint_angle[:, index], axis=1)
-    tip = np.array(arm.base) + np.einsum("j,njk->nk", arm.link_length, np.stack([np.cos(angle), np.sin(angle)], axis=2))
-    theta = angle[:, 2] - (0.0, np.pi)[index]
-    return np.column_stack([tip - side * np.stack([np.cos(theta), np.sin(theta)], axis=1), theta])
-
-
 def apart(z: np.ndarray, side: float) -> np.ndarray:
     """δ of a grip at `side`, m, of a payload and an arm with these poses (6,), (3,)."""
     along, across = np.array([np.cos(z[2]), np.sin(z[2])]), np.array([-np.sin(z[2]), np.cos(z[2])])
@@ -84,7 +75,7 @@ def _along_a_motion() -> Iterator[Check]:
     run = general("the general run with compliant grips", {"grips": given})
     points, half = MassPoints(run.scenario), run.scenario.payload.length / 2
     p, rate, rows = coordinates(run)
-    poses = [own_pose(run, index) for index in range(2)]
+    poses = [pose_by_angles(run.scenario, index, run.joint_angle[:, index]) for index in range(2)]
     rates = [np.pad(time_derivative(pose, FINE), ((2, 2), (0, 0))) for pose in poses]
     sides = (-half, half)
     for index, name in enumerate(("left", "right")):

@@ -19,10 +19,12 @@ from flexlab.analysis.validation.check import (
     same_internal_force,
     subject,
 )
+from flexlab.analysis.validation.mass_points import pose_by_angles
 from flexlab.physics.plant import P
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.closed_loop import own_states_of
+from flexlab.sim.samples import Samples
 from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
 
@@ -144,8 +146,10 @@ def encoders(_: Runs) -> Iterator[Check]:
         ("two arms", load_preset("paper").replace(CLOCKED)),
     ):
         arms = len(scenario.arms)
-        told, pose, angle = _readings(scenario)
-        rounded = np.stack([_forward(scenario, i, np.round(angle[:, i] / COUNT) * COUNT) for i in range(arms)])
+        told, now = _readings(scenario, READ)
+        pose, angle = (np.array([each[name][-1] for each in now]) for name in ("pose", "joint_angle"))
+        read = np.round(angle / COUNT) * COUNT
+        rounded = np.stack([pose_by_angles(scenario, i, read[:, i]) for i in range(arms)])
         statement = f"encoders of {words}: what they tell is the mean of the poses of rounded angles, m or rad"
         yield below(statement, 1e-12, told - rounded.mean(axis=0))
         off = (told - pose)[:, 2]
@@ -158,37 +162,21 @@ def encoders(_: Runs) -> Iterator[Check]:
     yield _led_back(statement, {"joints.encoders.counts": FINEST}, remembers=True)
 
 
-def _readings(scenario: Scenario) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pose by the encoders (N, 3), true pose (N, 3) and joint angles (N, arms, 3) at control instants."""
-    world, told, poses, angles = World(scenario, scenario.controller.control_period), [], [], []
-    for _ in range(READ):
-        now = world.advance(1)
+def _readings(scenario: Scenario, count: int) -> tuple[np.ndarray, list[Samples]]:
+    """Pose by the encoders (N, 3), and the samples, at control instants."""
+    world, told, samples = World(scenario, scenario.controller.control_period), [], []
+    for _ in range(count):
+        samples.append(world.advance(1))
         told.append(own_states_of(world.system, world.state().y)["reading"].copy())
-        poses.append(now.pose[-1])
-        angles.append(now.joint_angle[-1])
-    return np.array(told), np.array(poses), np.array(angles)
-
-
-def _forward(scenario: Scenario, number: int, angle: np.ndarray) -> np.ndarray:
-    """Pose (N, 3) of the payload's middle, half its length before the grip, from an arm's relative angles (N, 3)."""
-    arm, side = scenario.arms[number], 1 - 2 * number
-    turned = np.cumsum(angle, axis=1)
-    outwards = [*arm.link_length[:2], arm.link_length[2] + scenario.payload.length / 2]
-    x = arm.base[0] + np.sum(outwards * np.cos(turned), axis=1)
-    y = arm.base[1] + np.sum(outwards * np.sin(turned), axis=1)
-    return np.stack([x, y, turned[:, 2] - np.pi * (side < 0)], axis=1)
+    return np.array(told), samples
 
 
 def _rate() -> Iterator[Check]:
     """The rate by the encoders is what a law that answers the rate alone shows."""
     law = {"controller": {"kind": "pd", "position_gain": 0.0, "velocity_gain": 1.0, "control_period": PERIOD}}
     moving = {"initial.pose_rate": (0.1, -0.2, 0.3), "joints.encoders.counts": COUNTS}
-    scenario = load_preset("paper").replace({**law, **STILL, **moving})
-    world, told, answers = World(scenario, PERIOD), [], []
-    for _ in range(100):
-        now = world.advance(1)
-        told.append(own_states_of(world.system, world.state().y)["reading"].copy())
-        answers.append(-now.arm_input[-1].sum(axis=0))
+    told, samples = _readings(load_preset("paper").replace({**law, **STILL, **moving}), 100)
+    answers = [-now.arm_input[-1].sum(axis=0) for now in samples]
     differences, statement = np.diff(told, axis=0) / PERIOD, "the rate is the difference of two readings over T_c"
     yield alike(f"{statement}: largest error, as a part", 1e-3, answers[1:], differences)
 

@@ -169,6 +169,14 @@ def lagrange(inertia, potential, at: np.ndarray, rate: np.ndarray, change: np.nd
     return change - kinetic + slopes(lambda p: np.array(potential(p)), at)
 
 
+def pose_by_angles(scenario: Scenario, index: int, angle: np.ndarray) -> np.ndarray:
+    """Pose (N, 3) of the payload's middle, half its length beyond the grip, from an arm's relative joint angles (N, 3)."""
+    arm, turned = scenario.arms[index], np.cumsum(angle, axis=1)
+    outwards = np.array([*arm.link_length[:2], arm.link_length[2] + scenario.payload.length / 2])
+    x, y = arm.base[0] + np.cos(turned) @ outwards, arm.base[1] + np.sin(turned) @ outwards
+    return np.column_stack([x, y, turned[:, 2] - index * np.pi])
+
+
 def coordinates(run: Run) -> tuple[np.ndarray, np.ndarray, range]:
     """p and ṗ of all samples of a run, (N, 3 + n_q) each, and the samples at which a run of `general` is compared."""
     p, rate = np.hstack([run.pose, run.beam_coordinates]), np.hstack([run.pose_rate, run.beam_rates])

@@ -1,6 +1,7 @@
 """The command line says what it can do and answers bad input with one sentence, never a traceback."""
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -128,3 +129,16 @@ def test_a_closed_pipe_is_no_error(root: Path):
         cwd=root,
     )
     assert done.stderr == ""
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("words", [["--version"], ["--help"], ["presets", "paper"], ["completion", "bash"]])
+def test_output_that_finds_no_room_is_one_sentence(words: list[str], unbuffered: str):
+    command = [sys.executable, "-m", "flexlab", *words]
+    environment = os.environ | {"PYTHONUNBUFFERED": unbuffered}
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(command, env=environment, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 2
+    assert " ".join(done.stderr.split()) == (
+        "The output cannot be written (No space left on device): make room or send it elsewhere."
+    )

@@ -5,9 +5,11 @@ The module's first line is the command's usage and purpose for the help.
 """
 
 import difflib
+import errno
 import functools
 import importlib
 import io
+import os
 import sys
 from collections.abc import Sequence
 from contextlib import redirect_stderr
@@ -27,6 +29,8 @@ COMMANDS = tuple(
 """`flexlab` without a command means `flexlab lab`."""
 
 EXIT_OK, EXIT_BAD_INPUT = 0, 2
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""Errors of a full disk, a quota and a limit on the size of files."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -37,7 +41,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         reconfigure(errors="backslashreplace")
     tell_failures_plainly()
     try:
-        sys.exit(_dispatch(words))
+        try:
+            code = _dispatch(words)
+        finally:
+            if sys.stdout is not None:
+                sys.stdout.flush()  # What cannot be written is told here, and not by Python's last words.
+        sys.exit(code)
     except FlexlabError as error:
         complain(str(error))
         sys.exit(EXIT_BAD_INPUT)
@@ -48,6 +57,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         # The reader of the output has closed it, as in `flexlab presets | head`.
         sys.stderr.close()
         sys.exit(EXIT_OK)
+    except OSError as error:
+        if error.filename is not None or error.errno not in NO_ROOM:
+            raise
+        complain(f"The output cannot be written ({error.strerror}): make room or send it elsewhere.")
+        os._exit(EXIT_BAD_INPUT)  # Python would try to write it once more.
 
 
 def _dispatch(words: list[str]) -> int:

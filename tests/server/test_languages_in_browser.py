@@ -107,6 +107,26 @@ def faults(missing: set[str]) -> list[str]:
     return sorted(text for text in missing if not stays.fullmatch(text) and plain(text) not in files)
 
 
+def told_to_a_class(page: Page) -> set[str]:
+    """What lacks a translation while a teacher sets the class's pace, locks its labs and lets them go."""
+    page.goto("/teacher")
+    rules, said, missing = page.locator("#rules"), page.locator("#said"), set()
+    lesson, step, lock = rules.locator("[name=lesson]"), rules.locator("[name=step]"), rules.locator("[name=lock]")
+    page.get_by_text(re.compile(r"Schritt \d von 3 \(")).first.wait_for()
+    for change, sentence in (
+        (lock.check, "Jeder wählt seine Lektion; niemand kann starten."),
+        (lambda: lesson.select_option(index=1), "niemand kann starten."),
+        (lock.uncheck, "Alle sind bei Schritt 3 von 3 (beobachten) von „Lektion 1"),
+        (lambda: lesson.select_option(index=0), "Jeder wählt seine Lektion; alle können starten."),
+        (lambda: lesson.select_option(index=1), "Alle sind bei Schritt 3 von 3"),
+        (lambda: step.select_option(index=1), "Alle sind bei Schritt 2 von 3 (durchführen)"),
+    ):
+        change()
+        said.filter(has_text=sentence).wait_for()
+        missing |= left(page)
+    return missing
+
+
 def test_every_page_speaks_german_chinese_and_english(page: Page) -> None:
     page.locator("html[lang=de]").wait_for()
     page.get_by_role("heading", name="Anmelden").wait_for()
@@ -156,6 +176,10 @@ def test_every_page_speaks_german_chinese_and_english(page: Page) -> None:
     page.wait_for_timeout(CALM)
     missing |= left(page)
     page.keyboard.press("Escape")
+    missing |= told_to_a_class(page)
+    page.goto("/lab/")
+    page.get_by_text("Die Klasse ist bei Schritt 2 von 3 (durchführen)").wait_for()
+    missing |= left(page)
     lacking = faults(missing)
     assert not lacking, "these lack in web_assets/languages/*.json:\n" + "\n".join(lacking)
     assert not [text for text in page.locator(".u-value").all_inner_texts() if "," in text], (

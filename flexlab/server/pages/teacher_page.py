@@ -168,7 +168,7 @@ async def rule(request: web.Request) -> web.StreamResponse:
         raise LabError(
             f"The class follows until the server ends; its rules cannot be kept ({error.strerror})."
         ) from None
-    pace = f"All are at {step_text(rules.step)} of {lesson}" if lesson else "Each chooses their lesson"
+    pace = f"All are at {step_text(rules.step)} of “{lesson}”" if lesson else "Each chooses their lesson"
     return _answer(request, f"{pace}; {'nobody can play' if rules.locked else 'all can play'}.")
 
 

@@ -130,8 +130,7 @@ def _replayed(recording: Recording, blocks: Iterable[Samples] | None) -> Replay:
         return Replay(done, difference, _difference_text(recording, difference, why), rounding.deviation)
     text = (
         f"All {done} samples came out again within a tolerance of {number_text(TOLERANCE)} of each signal's largest value, "
-        f"by at most {number_text(rounding.deviation, 1)} of it, and not bit for bit: {why}. It was recorded "
-        f"{_maker(recording)}; this is {_this_machine()}.{left_out}"
+        f"by at most {number_text(rounding.deviation, 1)} of it, and not bit for bit: {why}. {_makers(recording)}{left_out}"
     )
     return Replay(done, None, text, rounding.deviation)
 
@@ -294,9 +293,9 @@ def _first_difference(recorded: Samples, again: Samples, compared: frozenset[str
     found: tuple[int, str] | None = None
     present = again.signals()
     for name, one in recorded.signals().items():
-        if name not in present or (name in TABLE and name not in compared):
+        other = present.get(name)
+        if other is None or (name in TABLE and name not in compared):
             continue
-        other = present[name]
         if one.shape != other.shape:
             return Difference(float(recorded.time[0]), name, np.nan, np.nan)
         unlike = _bits(one) != _bits(other)
@@ -320,7 +319,7 @@ def _difference_text(recording: Recording, difference: Difference, why: str) -> 
     tolerance = f", beyond a tolerance of {number_text(TOLERANCE)} of the signal's largest value" if why else ""
     return (
         f"The replay differs first at t = {difference.time:g} s in {difference.signal}{tolerance}: recorded "
-        f"{difference.recorded!r}, now {difference.replayed!r}. It was recorded {_maker(recording)}; this is {_this_machine()}."
+        f"{difference.recorded!r}, now {difference.replayed!r}. {_makers(recording)}"
     )
 
 
@@ -331,18 +330,11 @@ def _why_stopped(world: World) -> str:
     return f" {text}" if text else ""
 
 
-def _maker(recording: Recording) -> str:
-    """Who recorded a run, as the end of a sentence."""
-    made = recording.properties
-    processor = made.get("processor", "an unknown processor")
+def _makers(recording: Recording) -> str:
+    """A sentence on who recorded a run, and who replays it."""
+    made, here = recording.properties, these_versions()
     return (
-        f"by flexlab {made.get('flexlab_version')} (format {recording.computed_in}) with numpy {made.get('numpy_version')} "
-        f"on {made.get('machine')}, {processor}"
-    )
-
-
-def _this_machine() -> str:
-    here = these_versions()
-    return (
-        f"flexlab {here['flexlab_version']} (format {FORMAT}) with numpy {here['numpy_version']} on {here['processor']}"
+        f"It was recorded by flexlab {made.get('flexlab_version')} (format {recording.computed_in}) with numpy "
+        f"{made.get('numpy_version')} on {made.get('machine')}, {made.get('processor', 'an unknown processor')}; this is "
+        f"flexlab {here['flexlab_version']} (format {FORMAT}) with numpy {here['numpy_version']} on {here['processor']}."
     )

@@ -1,7 +1,5 @@
 """The error in steady motion, and bound estimates that drift under noise."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from flexlab.analysis.explanations.explanation import Evidence, n, register
@@ -17,19 +15,10 @@ AGREES = (0.4, 1.25)
 """Range of measured over predicted error; the prediction is a bound for a slow motion."""
 
 
-class _Layer(NamedTuple):
-    """Steady motion under a law with a boundary layer."""
-
-    span: Samples
-    width: float
-    """Width of the boundary layer, m/s."""
-    around: Circumstances
-
-
-def _layer(seen: Evidence) -> _Layer | None:
-    """The steady motion and the boundary layer, if there are both."""
+def _layer(seen: Evidence) -> tuple[Samples, float, Circumstances] | None:
+    """The steady motion, the width of the law's boundary layer, m/s, and the circumstances, if there are all three."""
     span, width, around = seen.steady, seen.field("boundary_layer"), seen.background.around
-    return None if span is None or width is None or around is None else _Layer(span, width, around)
+    return None if span is None or width is None or around is None else (span, width, around)
 
 
 def _error(span: Samples) -> float:

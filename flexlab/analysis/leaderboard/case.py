@@ -4,7 +4,7 @@ To add a case, copy one of `cases/standard.py` into a file in `cases/`; table, f
 a metric over a window of a run, with its formula; less is better.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from math import inf, nan
@@ -14,9 +14,9 @@ import numpy as np
 
 from flexlab.analysis.metrics import Column, Metric
 from flexlab.analysis.metrics import magnitudes as metrics
-from flexlab.analysis.metrics.metric import Peak, RootMeanSquare, of_signal
+from flexlab.analysis.metrics.metric import Number, Peak, RootMeanSquare, of_signal
 from flexlab.analysis.metrics.residual_vibration import LATER, ResidualVibration
-from flexlab.analysis.metrics.run_metrics import Window, between, value_text
+from flexlab.analysis.metrics.run_metrics import Window, value_text
 from flexlab.analysis.metrics.settling_time import SettlingTime
 from flexlab.errors import StudyError
 from flexlab.presets import load_preset
@@ -36,7 +36,7 @@ class Score:
     column: Column
     """Short name, title, heading and shown unit; the number itself is in SI units."""
     formula: str
-    metric: Callable[[], Metric]
+    metric: type[Metric]
     number: int = 0
     """Index among the metric's numbers."""
     window: Window = ALWAYS
@@ -52,32 +52,11 @@ class Score:
     @property
     def metric_name(self) -> str:
         """The name of the metric's number, as in "residual_vibration.later"."""
-        metric = self.metric if isinstance(self.metric, type) else type(self.metric())
-        part = metric.columns[self.number].part
-        return f"{metric.name}.{part}" if part else metric.name
+        return Number(self.metric.name, self.number, self.metric.columns[self.number]).name
 
     def text(self, value: float | None) -> str:
         """A value (SI) with four digits in the shown unit; of None, the word for a missing value."""
         return value_text(self.column, nan if value is None else self.column.scale * value)
-
-
-class Tally:
-    """The scores of a run, gathered piece by piece."""
-
-    def __init__(self, scores: tuple[Score, ...]):
-        self._parts = [(score, score.metric()) for score in scores]
-
-    def update(self, samples: Samples) -> None:
-        """Take in the next piece."""
-        for score, metric in self._parts:
-            piece = between(samples, *score.window)
-            if len(piece):
-                metric.update(piece)
-
-    def compute(self) -> dict[str, float | None]:
-        """The scores by name, SI; None where a score has no value."""
-        values = {score.name: float(metric.compute()[score.number]) for score, metric in self._parts}
-        return {name: value if np.isfinite(value) else None for name, value in values.items()}
 
 
 @of_signal(Peak, 0, Column("peak", "Peak position error", "peak error", "mm", 1e3))

@@ -4,14 +4,16 @@ import threading
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, field, replace
+from math import isfinite
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 from pydantic import ConfigDict, TypeAdapter
 
-from flexlab.analysis.leaderboard.case import SAMPLE_PERIOD, Case, Tally
+from flexlab.analysis.leaderboard.case import SAMPLE_PERIOD, Case
+from flexlab.analysis.metrics.run_metrics import between
 from flexlab.analysis.result import ResultHash
-from flexlab.control.law import Law, laws
+from flexlab.control.law import laws
 from flexlab.errors import FlexlabError, StudyError
 from flexlab.lapack import one_blas_thread
 from flexlab.own.files import law_kind
@@ -41,16 +43,6 @@ class Entrant:
     name: str
     changes: Mapping[str, Any] = field(default_factory=dict)
     """The changes that give a scenario this law, by path."""
-
-    @property
-    def kind(self) -> str:
-        """The kind of the law."""
-        return self.changes["controller.kind"]
-
-    @property
-    def law(self) -> Law:
-        """The law of this kind."""
-        return laws()[self.kind]
 
     @property
     def settings(self) -> str:
@@ -176,11 +168,13 @@ class Task(NamedTuple):
 
 def compute(task: Task, machine: str) -> Row:
     """Simulate a task. The row of a law that fails says why."""
-    hashed, tally = ResultHash(), Tally(task.case.scores)
+    hashed, metrics = ResultHash(), [(score, score.metric()) for score in task.case.scores]
 
     def take(samples: Samples) -> None:
         hashed.update(samples)
-        tally.update(samples)
+        for score, metric in metrics:
+            if len(piece := between(samples, *score.window)):
+                metric.update(piece)
 
     row = replace(task.row, machine=machine)
     if task.scenario is not None:
@@ -190,7 +184,9 @@ def compute(task: Task, machine: str) -> Row:
             if world.status.failed:
                 row = replace(row, status=str(world.status), sentence=world.status.text)
             else:
-                row = replace(row, status=FINISHED, sentence=world.accuracy_warning, scores=tally.compute())
+                values = {score.name: float(metric.compute()[score.number]) for score, metric in metrics}
+                scores = {name: value if isfinite(value) else None for name, value in values.items()}
+                row = replace(row, status=FINISHED, sentence=world.accuracy_warning, scores=scores)
         except FlexlabError as error:
             row = replace(row, sentence=str(error))
     return replace(row, sentence=" ".join(row.sentence.split()), result_hash=hashed.text())

@@ -91,25 +91,21 @@ def _overview_column(board: Leaderboard, case: Case) -> dict[str, Cell]:
     means: dict[str, float] = {}
     cells: dict[str, Cell] = {}
     for law in board.laws:
-        entered = [
-            found for variant, found in zip(case.variants, by_variant, strict=True) if board.row(case, variant, law)
-        ]
+        rows = [board.row(case, variant, law) for variant in case.variants]
+        entered = [found for row, found in zip(rows, by_variant, strict=True) if row is not None]
         missing = sum(law not in found for found in entered)
         if not entered:
             cells[law] = Cell("–", None, "does not enter")
         elif missing:
             words = "fails" if len(entered) == 1 else f"fails {missing} of {len(entered)}"
-            cells[law] = Cell(words if _failed(board, case, law) else "no score", None, "see the case")
+            failed = any(row is not None and row.failed for row in rows)
+            cells[law] = Cell(words if failed else "no score", None, "see the case")
         else:
             means[law] = exp(sum(log(found[law]) for found in entered) / len(entered))
     best = min(means.values(), default=1.0)
     return cells | {
         law: Cell(_ratio_text(mean / best), _level(mean / best), OF_THE_BEST) for law, mean in means.items()
     }
-
-
-def _failed(board: Leaderboard, case: Case, law: str) -> bool:
-    return any((row := board.row(case, variant, law)) is not None and row.failed for variant in case.variants)
 
 
 def sections(board: Leaderboard) -> tuple[Section, ...]:
@@ -158,10 +154,8 @@ def _column(board: Leaderboard, case: Case, variant: Variant, score: Score) -> d
 def settings(board: Leaderboard) -> tuple[str, ...]:
     """A sentence for each law that has settings other than its defaults, or was sampled."""
     notes = dict.fromkeys((row.law, part) for row in board.rows for part in _in_words(row.note).split("; ") if part)
-    by_law: dict[str, list[str]] = {}
-    for law, part in notes:
-        by_law.setdefault(law, []).append(part)
-    return tuple(f"{law}: {', '.join(parts)}" for law, parts in by_law.items())
+    laws = dict.fromkeys(law for law, _ in notes)
+    return tuple(f"{law}: {', '.join(part for its, part in notes if its == law)}" for law in laws)
 
 
 SETTING = re.compile(r"([a-z_]+(?:\.[a-z_]+)*) = ([^\s;,]+)(?: s\b)?")

@@ -7,7 +7,7 @@ from typing import Any, Literal, cast, get_args, get_origin
 from pydantic import BaseModel
 
 from flexlab.quantities import Part, Quantity, describe, parts_of
-from flexlab.scenario.scenario import Scenario
+from flexlab.scenario.scenario import SAID, Scenario
 from flexlab.text import MISSING, number_text
 
 TITLES = {
@@ -50,30 +50,29 @@ def in_words(word: str) -> str:
 
 def options(path: str) -> dict[str, Any]:
     """The words that the field at `path` allows, with their values."""
-    *parents, name = path.split(".")
-    owners: list[type[Part]] = [Scenario]
-    for parent in parents if name != "kind" else parents[:-1]:
-        owners = [part for owner in owners if parent in owner.model_fields for part in _parts(owner, parent)]
-    owner = next(owner for owner in owners if (parents[-1] if name == "kind" else name) in owner.model_fields)
-    if name == "kind":
-        kinds = _parts(owner, parents[-1])
-        return {kind.model_fields["kind"].default: kind.model_fields["kind"].default for kind in kinds}
+    owner, name = next(_places(path.removesuffix(".kind")))
     annotation = owner.model_fields[name].annotation
+    if path.endswith(".kind"):
+        kinds = [part.model_fields["kind"].default for part in parts_of(annotation)]
+        return dict(zip(kinds, kinds, strict=True))
     allowed = get_args(annotation) if get_origin(annotation) is Literal else ()
     return {word_of(value): value for value in allowed}
 
 
-def _parts(owner: type[Part], name: str) -> list[type[Part]]:
-    return parts_of(owner.model_fields[name].annotation)
+def _places(path: str) -> Iterator[tuple[type[Part], str]]:
+    """The parts, of whatever kinds, that have a field at a dotted path, each with the field's name."""
+    *parents, name = path.split(".")
+    owners: list[type[Part]] = [Scenario]
+    for parent in parents:
+        fields = [owner.model_fields[parent] for owner in owners if parent in owner.model_fields]
+        owners = [part for field in fields for part in parts_of(field.annotation)]
+    return ((owner, name) for owner in owners if name in owner.model_fields)
 
 
 def word_of(value: Any) -> str:
     """The word of a menu for a value."""
     return f"{value:+d}".replace("-", "−") if isinstance(value, int) else str(value)
 
-
-TEXTS = ("title", "watch")
-"""Fields with words about a scenario that change nothing in it."""
 
 ENGINE = "trajectory.transition"
 """A field that nobody sets: the transition after a change of the path in motion."""
@@ -96,12 +95,12 @@ def part_differences(one: BaseModel, other: BaseModel, path: str = "") -> Iterat
 
 
 def differences(one: BaseModel, other: BaseModel) -> list[Difference]:
-    """Every single field that differs, including those of one kind alone (None for the other), except `TEXTS`."""
+    """Every single field that differs, including those of one kind alone (None for the other), except `SAID`."""
     found: list[Difference] = []
     for path, old, new in part_differences(one, other):
         first, second = dict(_leaves(_plain(old), path)), dict(_leaves(_plain(new), path))
         both = ((name, first.get(name), second.get(name)) for name in {**first, **second})
-        found += [item for item in both if not item[0].startswith((*TEXTS, ENGINE, *FOLLOW)) and item[1] != item[2]]
+        found += [item for item in both if not item[0].startswith((*SAID, ENGINE, *FOLLOW)) and item[1] != item[2]]
     return found
 
 
@@ -141,7 +140,8 @@ def field_title(path: str, *scenarios: Scenario) -> str:
     """A field's title with symbol and unit, from the first scenario that has it or any kind of its part; else `path`."""
     if path in TITLES:
         return TITLES[path]
-    about = next((scenario.about(path) for scenario in scenarios if scenario.has(path)), None) or _of_any_kind(path)
+    known = (scenario.about(path) for scenario in scenarios if scenario.has(path))
+    about = next(known, None) or next((describe(*place) for place in _places(path)), None)
     if about is None:
         return path
     unit = f" ({about.unit})" if about.unit not in ("", "1") else ""
@@ -151,15 +151,6 @@ def field_title(path: str, *scenarios: Scenario) -> str:
 def short_title(about: Quantity) -> str:
     """The title of a field without the meaning of null, which is a word of scenario files."""
     return re.sub(r" \(null: .*\)", "", about.title)
-
-
-def _of_any_kind(path: str) -> Quantity | None:
-    *parents, name = path.split(".")
-    owners: list[type[Part]] = [Scenario]
-    for parent in parents:
-        fields = [owner.model_fields[parent] for owner in owners if parent in owner.model_fields]
-        owners = [part for field in fields for part in parts_of(field.annotation)]
-    return next((describe(owner, name) for owner in owners if name in owner.model_fields), None)
 
 
 def value_text(value: object) -> str:

@@ -14,7 +14,7 @@ from flexlab.control.paths.sine import SineTrajectory
 from flexlab.errors import ScenarioError
 from flexlab.own.law import OwnController, with_known_law
 from flexlab.own.path import OwnTrajectory, with_known_path
-from flexlab.quantities import Number, Numbers, Part, Quantity, Triple, describe, either, parts_of, quantity
+from flexlab.quantities import Number, Numbers, Part, Quantity, Triple, describe, either, quantity
 from flexlab.scenario.arms import Arm, Grips, Joints
 from flexlab.scenario.earlier_versions import in_present_terms
 from flexlab.scenario.payload import Payload
@@ -176,30 +176,27 @@ class Scenario(Part):
                 f"changes = {visible(repr(changes), LONGEST)} is not usable: give values by dotted path, {example}."
             )
             raise ScenarioError([("", sentence)])
-        changed = self._with_parts(changes)
-        if changed is not None:
-            return changed
         # Untouched parts stay as they are: they have been validated.
-        data = dict(self)
+        data = dict(vars(self))
         for path, value in changes.items():
             if not _set(data, path, value):
                 raise self._unknown(path)
-        return parse_scenario(data)
+        changed = self._with_parts(data) if all("." in path for path in changes) else None
+        return changed or parse_scenario(data)
 
-    def _with_parts(self, changes: Mapping[str, Any]) -> "Scenario | None":
-        """As `replace`, but validates only the changed parts, as a slider sends many changes; None: use `replace`.
+    def _with_parts(self, data: Mapping[str, Any]) -> "Scenario | None":
+        """As `parse_scenario`, but validates only the parts that are others now, as a slider sends many changes.
 
-        It works if all changes are valid and of fields of parts that keep their kind.
+        None if one of them is not valid, has another kind or holds a person's own code: then the whole is to be parsed.
         """
-        parts: dict[str, Part | None] = {}
+        parts: dict[str, Part] = {}
         try:
-            for name, own in _by_part(changes).items():
-                part = vars(self).get(name)
-                if not isinstance(part, Part) or type(part) not in _whole_parts or None in own:
+            for name, old in vars(self).items():
+                if data[name] is old:
+                    continue
+                if not isinstance(old, Part) or isinstance(old, (OwnController, OwnTrajectory)):
                     return None
-                parts[name] = _with_fields(part, _named(own))
-                if parts[name] is None:
-                    return None
+                parts[name] = type(old).model_validate(data[name])
             return Scenario.model_validate(self.model_copy(update=parts))
         except (ValidationError, PydanticCustomError):
             return None
@@ -253,55 +250,13 @@ def _by_name(data: Any) -> bool:
     return isinstance(data, Mapping) and all(isinstance(name, str) for name in cast("Mapping[object, Any]", data))
 
 
-def _by_part(changes: Mapping[str, Any]) -> dict[str, dict[str | None, Any]]:
-    """Changes by the first name of their paths, then by the rest; None for the part itself."""
-    grouped: dict[str, dict[str | None, Any]] = {}
-    for path, value in changes.items():
-        name, dot, rest = path.partition(".")
-        grouped.setdefault(name, {})[rest if dot else None] = value
-    return grouped
-
-
-def _named(own: Mapping[str | None, Any]) -> dict[str, Any]:
-    """A part's changes without that of the part itself."""
-    return {name: value for name, value in own.items() if name is not None}
-
-
-def _with_fields(part: Part, changes: Mapping[str, Any]) -> Part | None:
-    """A part with fields changed by dotted path, validated; None if its kind, or that of a part of it, changes."""
-    data = dict(part)
-    for name, own in _by_part(changes).items():
-        inner = data.get(name)
-        if name == "kind" or (None in own and len(own) > 1):
-            return None
-        if None in own:
-            data[name] = own[None]
-            continue
-        data[name] = _with_fields(inner, _named(own)) if isinstance(inner, Part) else None
-        if data[name] is None:
-            return None
-    return type(part).model_validate(data)
-
-
-_whole_parts: frozenset[type] = frozenset()
-"""Types of parts that need only their own validation, unlike those with a person's own code."""
-
-
-def _find_whole_parts() -> None:
-    global _whole_parts
-    parts = [part for field in Scenario.model_fields.values() for part in parts_of(field.annotation)]
-    _whole_parts = frozenset(part for part in parts if not issubclass(part, (OwnController, OwnTrajectory)))
-
-
 def _know_new_kinds() -> None:
     """Allow laws and paths in scenarios that were added after this module was imported."""
     Scenario.model_fields["controller"].annotation = _models(laws())
     Scenario.model_fields["trajectory"].annotation = _models(paths())
     Scenario.model_rebuild(force=True)
-    _find_whole_parts()
 
 
-_find_whole_parts()
 on_new_law(_know_new_kinds)
 on_new_path(_know_new_kinds)
 
@@ -342,7 +297,7 @@ def _set(data: dict[str, Any], path: str, value: Any) -> bool:
         if not isinstance(inner, (Part, dict)):
             return False
         # A shallow copy, so that the caller's data and the old scenario stay as they are.
-        inner = data[parent] = dict(cast("Part | dict[str, Any]", inner))
+        inner = data[parent] = dict(vars(inner) if isinstance(inner, Part) else cast("dict[str, Any]", inner))
         data = inner
     if name == "kind" and not (isinstance(value, str) and data.get("kind") == value):
         common = COMMON_FIELDS.get(path, frozenset())

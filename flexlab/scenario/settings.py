@@ -2,14 +2,13 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 from flexlab.errors import ScenarioError
 from flexlab.scenario.scenario import Scenario
+from flexlab.scenario.validation_errors import LONGEST
 from flexlab.text import visible
-
-LONGEST = 60
-"""Characters of a setting that a sentence repeats."""
 
 LAW, SEED = "controller.kind", "controller.sensor_noise.seed"
 """The fields behind `--law` and `--seed`."""
@@ -64,13 +63,8 @@ def with_period_if_needed(scenario: Scenario, changes: Mapping[str, Any]) -> dic
     wanted = dict(changes)
     if scenario.controller.control_period is not None or PERIOD in wanted:
         return wanted
-    try:
-        change_settings(scenario, wanted)
-    except ScenarioError:
-        clocked = {**wanted, PERIOD: USUAL_PERIOD}
-        try:
-            change_settings(scenario, clocked)
-        except ScenarioError:
-            return wanted
-        return clocked
+    for tried in (wanted, {**wanted, PERIOD: USUAL_PERIOD}):
+        with suppress(ScenarioError):
+            change_settings(scenario, tried)
+            return tried
     return wanted

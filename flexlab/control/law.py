@@ -60,21 +60,6 @@ BOUND_ESTIMATES = Memory("bound_estimates")
 USUAL_GAUGES = tuple(float(place) for place in gauge_places(1.0)[0])
 
 
-def no_slope(_: Any) -> np.ndarray:
-    """Λ = 0, for laws without a sliding surface."""
-    return np.zeros(3)
-
-
-def no_limits(_: Any) -> dict[str, dict[str, float]]:
-    """No levels."""
-    return {}
-
-
-def no_conditions(_: Circumstances) -> tuple[Condition, ...]:
-    """No conditions that can be computed."""
-    return ()
-
-
 def nothing_derived(_: Any) -> dict[str, np.ndarray]:
     """No constants besides the gains."""
     return {}
@@ -95,21 +80,21 @@ class Law:
     memory: tuple[Memory, ...] = (BOUND_ESTIMATES,)
     signals: tuple[Signal, ...] = ()
     """Signals of its own, which the kernel writes."""
-    limits: Callable[[Any], dict[str, dict[str, float]]] = no_limits
+    limits: Callable[[Any], dict[str, dict[str, float]]] = lambda _: {}
     """Levels to draw in plots, from the model's gains: signal → label with unit → value."""
     start: Callable[[Start], dict[str, np.ndarray]] | None = None
     """Memory parts that do not start at zero when a run starts or the law takes over in motion."""
     bumpless_transfer: Callable[[Start, Start, dict[str, np.ndarray]], dict[str, np.ndarray]] | None = None
     """Memory parts adjusted to a change of gains or of the believed payload in motion, so that the law's answer jumps by no more
     than the change itself: from what the law saw before, what it sees now, and the present memory."""
-    sliding_slope: Callable[[Any], np.ndarray] = no_slope
-    """Λ (3,), 1/s, of s = ė + Λe in plots, from the model's gains."""
+    sliding_slope: Callable[[Any], np.ndarray] = lambda _: np.zeros(3)
+    """Λ (3,), 1/s, of s = ė + Λe in plots, from the model's gains; 0 without a sliding surface."""
     constants: dict[str, tuple[int, ...]] = field(default_factory=dict)
     """Further fields of the gains record and their shapes, which `derive` computes from the scenario."""
     derive: Callable[[Any], dict[str, np.ndarray]] = nothing_derived
     untouched: tuple[str, ...] = ()
     """Gains on which `derive` and `start` do not depend."""
-    conditions: Callable[[Circumstances], tuple[Condition, ...]] = no_conditions
+    conditions: Callable[[Circumstances], tuple[Condition, ...]] = lambda _: ()
     """Conditions of its stability that can be computed, besides those of all laws (`analysis.law_conditions`)."""
     drives: bool = True
     """Whether the motors work at all."""

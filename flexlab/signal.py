@@ -4,10 +4,12 @@
 documentation, export columns and recordings follow from these rows.
 """
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
 from math import prod
-from typing import NamedTuple
+from typing import Any, NamedTuple, dataclass_transform
+
+import numpy as np
 
 
 class Axis(NamedTuple):
@@ -89,3 +91,34 @@ class Signal:
 def signal_lines(signals: Iterable[Signal]) -> str:
     """A docstring's list of signals, a line each."""
     return "\n".join(f"    {signal.name} -- {signal.text}" for signal in signals)
+
+
+def row(symbol: str, unit: str | tuple[str, ...], meaning: str, *axes: Axis, equation: str = "", **age: int) -> Any:
+    """A row of a `table`: a field that carries a `Signal`, whose name is the field's."""
+    units = (unit,) if isinstance(unit, str) else unit
+    return field(metadata={"signal": lambda name: Signal(name, symbol, units, meaning, axes, equation, **age)})
+
+
+class derived:
+    """A row of a `table` that follows from others: a property, (N,) unless given axes."""
+
+    def __init__(self, symbol: str, unit: str | tuple[str, ...], *axes: Axis, equation: str = "", since: int = 1):
+        self._about = symbol, (unit,) if isinstance(unit, str) else unit, axes, equation, since
+
+    def __call__(self, formula: Callable[[Any], np.ndarray]) -> "derived":
+        """Take the formula, whose docstring is the signal's meaning."""
+        symbol, units, axes, equation, since = self._about
+        meaning = " ".join((formula.__doc__ or "").split()).rstrip(".")
+        meaning = meaning[:1].lower() + meaning[1:]
+        self.signal = Signal(formula.__name__, symbol, units, meaning, axes, equation, since, derived=True)
+        self._formula, self.__doc__ = formula, self.signal.text
+        return self
+
+    def __get__(self, samples: Any, owner: type | None = None) -> np.ndarray:
+        return self if samples is None else self._formula(samples)  # type: ignore[return-value]  # Of the class, itself.
+
+
+@dataclass_transform(field_specifiers=(row,), kw_only_default=True, frozen_default=True)
+def table(cls: type) -> type:
+    """Make a class of rows a table."""
+    return dataclass(frozen=True, init=False, eq=False, repr=False)(cls)

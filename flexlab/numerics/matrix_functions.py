@@ -5,7 +5,8 @@ from functools import cache
 
 import numpy as np
 
-from flexlab.numerics.linear_algebra import NoSolution, balanced, inverse, product, solve
+from flexlab.numerics.eigenvalues import balanced
+from flexlab.numerics.linear_algebra import NoSolution, inverse, product, solve
 
 TAYLOR_NORM, TAYLOR_TERMS = 2.0, 22
 """Largest norm, and number of terms, for Taylor series of exponential and φ functions to double precision."""

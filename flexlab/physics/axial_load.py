@@ -20,7 +20,8 @@ import numpy as np
 from flexlab.compiled import disjoint, inlined
 from flexlab.numerics.linear_algebra import product, solve_symmetric
 from flexlab.physics.beam import GAUSS_POINTS, free_coordinates, gauss_rule
-from flexlab.physics.dynamics import hand_load, pose_load
+from flexlab.physics.dynamics import pose_load
+from flexlab.physics.hand import hand_load
 from flexlab.physics.internal_force import payload_force
 from flexlab.physics.mass_change import mass_factor
 from flexlab.physics.plant import (

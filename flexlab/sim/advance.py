@@ -4,8 +4,8 @@ import numpy as np
 
 from flexlab.compiled import compiled, inlined
 from flexlab.physics.arm import NOT_A_NUMBER
-from flexlab.physics.dynamics import beam_is_held
 from flexlab.physics.energy import elastic_energy, gravity_energy, kinetic_energy
+from flexlab.physics.hand import beam_is_held
 from flexlab.physics.mass_change import mass_factor
 from flexlab.physics.plant import AXIAL_WORK, BEND, DISSIPATED, ETA, WORK
 from flexlab.sim.closed_loop import law_places, rates

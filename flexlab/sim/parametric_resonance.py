@@ -10,8 +10,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from flexlab.numerics.eigenvalues import power_sizes
 from flexlab.numerics.elementary import sin_cos
-from flexlab.numerics.linear_algebra import power_sizes, product, solve
+from flexlab.numerics.linear_algebra import product, solve
 from flexlab.numerics.matrix_functions import doubled, doublings_to, phi_functions
 from flexlab.physics.plant import G
 from flexlab.sim.build import Beam

@@ -9,7 +9,7 @@ import numpy as np
 from flexlab.control.law import law_of
 from flexlab.errors import ScenarioError
 from flexlab.scenario import Scenario
-from flexlab.signal import ARM, COORDINATE, Signal, signal_lines
+from flexlab.signal import ARM, COORDINATE, Signal, signal_lines, table
 from flexlab.sim.signals import (
     ARMS,
     COLUMN,
@@ -21,7 +21,6 @@ from flexlab.sim.signals import (
     TABLE,
     Signals,
     own_signals,
-    table,
 )
 from flexlab.text import number_text
 

@@ -7,9 +7,8 @@ A control law adds signals of its own, which its kernel writes (`control.law.Law
 A row of samples holds the signals of fixed size, then those of each arm, those of the beam's coordinates, and the law's own.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
-from typing import Any, dataclass_transform
+from collections.abc import Mapping
+from dataclasses import fields
 
 import numpy as np
 
@@ -38,43 +37,13 @@ from flexlab.physics.plant import (
     memory_start,
 )
 from flexlab.scenario import Scenario
-from flexlab.signal import ARM, AXIS, COORDINATE, JOINT, Axis, Signal, numbered
+from flexlab.signal import ARM, AXIS, COORDINATE, JOINT, Signal, derived, numbered, row, table
+from flexlab.sim.extension_signals import GRIP_SIGNALS, JOINT_SIGNALS, MATERIAL_SIGNALS, grip_signals, joint_signals
 
 POSE_UNITS, RATE_UNITS, ACCELERATION_UNITS = ("m", "m", "rad"), ("m/s", "m/s", "rad/s"), ("m/s²", "m/s²", "rad/s²")
 GAUGES = 4
 """Number of places at which the axial load is given."""
 FORCE_UNITS = ("N", "N", "N·m")
-
-
-def row(symbol: str, unit: str | tuple[str, ...], meaning: str, *axes: Axis, equation: str = "", **age: int) -> Any:
-    """A row of the table: a field of `Signals` that carries a `Signal`, whose name is the field's."""
-    units = (unit,) if isinstance(unit, str) else unit
-    return field(metadata={"signal": lambda name: Signal(name, symbol, units, meaning, axes, equation, **age)})
-
-
-class derived:
-    """A row that follows from others: a property of `Signals`, (N,) unless given axes."""
-
-    def __init__(self, symbol: str, unit: str | tuple[str, ...], *axes: Axis, equation: str = "", since: int = 1):
-        self._about = symbol, (unit,) if isinstance(unit, str) else unit, axes, equation, since
-
-    def __call__(self, formula: Callable[[Any], np.ndarray]) -> "derived":
-        """Take the formula, whose docstring is the signal's meaning."""
-        symbol, units, axes, equation, since = self._about
-        meaning = " ".join((formula.__doc__ or "").split()).rstrip(".")
-        meaning = meaning[:1].lower() + meaning[1:]
-        self.signal = Signal(formula.__name__, symbol, units, meaning, axes, equation, since, derived=True)
-        self._formula, self.__doc__ = formula, self.signal.text
-        return self
-
-    def __get__(self, samples: Any, owner: type | None = None) -> np.ndarray:
-        return self if samples is None else self._formula(samples)  # type: ignore[return-value]  # Of the class, itself.
-
-
-@dataclass_transform(field_specifiers=(row,), kw_only_default=True, frozen_default=True)
-def table(cls: type) -> type:
-    """Make a class of rows a table."""
-    return dataclass(frozen=True, init=False, eq=False, repr=False)(cls)
 
 
 @table
@@ -155,70 +124,6 @@ TABLE: Mapping[str, Signal] = {f.name: f.metadata["signal"](f.name) for f in fie
 
 DERIVED: Mapping[str, Signal] = {name: part.signal for name, part in vars(Signals).items() if isinstance(part, derived)}
 """What follows from them, by name."""
-
-
-FRICTION = tuple(
-    Signal(
-        f"{side}_joint_friction",
-        "τ_f",
-        ("N·m",),
-        f"friction in the {side} arm's joints; τ less this is what u_i is made of",
-        (JOINT,),
-        "B θ̇ + [C + (σ - 1) C/(1 + (θ̇/v_s)²)] θ̇/√(θ̇² + v_0²)",
-    )
-    for side in ARM.labels
-)
-FRICTION_LOSS = Signal("friction_loss", "∫ Στ_f θ̇ dt", ("J",), "energy that friction in the joints took")
-ASKED = tuple(
-    Signal(
-        f"{side}_asked_torque", "τ_w", ("N·m",), f"what the controller asks of the {side} arm's motors", (JOINT,),
-        "T_m τ̇ = clip(τ_w, -τ_s (1 + θ̇/ω_0), τ_s (1 - θ̇/ω_0)) - τ",
-    )
-    for side in ARM.labels
-)  # fmt: skip
-JOINT_SIGNALS = (*FRICTION, FRICTION_LOSS, *ASKED)
-"""Signals of joints that are not ideal; in rows they follow the law's own."""
-
-
-MATERIAL_SIGNALS = (
-    Signal("payload_mass", "s m", ("kg",), "mass of the payload"),
-    Signal(
-        "material_energy",
-        "∫ ½ṡ vᵀA v + ṡ U dt",
-        ("J",),
-        "energy that material brought to the payload, less what it took",
-    ),
-)
-"""Signals of a payload whose mass changes; in rows they precede the law's own."""
-
-
-GRIP = Axis("3", ("along", "across", "turn"))
-"""Directions of a compliant grip."""
-GIVEN_WAY = tuple(
-    Signal(
-        f"{side}_grip_displacement", "δ", ("m", "m", "rad"), f"how far the {side} arm's grip stands off the beam's end", (GRIP,),
-        "f = k δ + c δ̇",
-    )
-    for side in ARM.labels
-)  # fmt: skip
-GRIP_ENERGIES = (
-    Signal("grip_energy", "½ Σ k δ²", ("J",), "energy in the springs of the grips, a part of the elastic energy"),
-    Signal("grip_loss", "∫ Σ c δ̇² dt", ("J",), "energy that the dampers of the grips took"),
-)
-GRIP_SIGNALS = (*GIVEN_WAY, *GRIP_ENERGIES)
-"""Signals of compliant grips; in rows they precede the law's own."""
-
-
-def grip_signals(scenario: Scenario) -> tuple[Signal, ...]:
-    """The signals that a scenario's grips add to the table; rigid ones add none."""
-    return (*GIVEN_WAY[: len(scenario.arms)], *GRIP_ENERGIES) if scenario.grips.active else ()
-
-
-def joint_signals(scenario: Scenario) -> tuple[Signal, ...]:
-    """The signals that a scenario's joints add to the table; ideal ones add none."""
-    joints, arms = scenario.joints, len(scenario.arms)
-    friction = (*FRICTION[:arms], FRICTION_LOSS) if joints.friction.active else ()
-    return (*friction, *(ASKED[:arms] if joints.motor.active else ()))
 
 
 def own_signals(scenario: Scenario) -> tuple[Signal, ...]:

@@ -10,8 +10,9 @@ from flexlab.control.law_kernels import fastest_control_rate
 from flexlab.control.motion import poses
 from flexlab.control.path import Trajectory
 from flexlab.control.rates import largest_form_ratio
+from flexlab.numerics.eigenvalues import spectral_radius
 from flexlab.numerics.elementary import each, exponentials, sin
-from flexlab.numerics.linear_algebra import product, spectral_radius
+from flexlab.numerics.linear_algebra import product
 from flexlab.physics.dynamics import configure_arms, rigid_inertia
 from flexlab.physics.grips import carried_arms, grip_forms
 from flexlab.physics.joints import friction_form

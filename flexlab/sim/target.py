@@ -14,7 +14,7 @@ import numpy as np
 from flexlab.control.motion import INSIDE, NO_TRANSITION, DesiredMotion, impulses, poses, time_of
 from flexlab.control.path import TRANSITION_TIME, Trajectory, Transition, build_motion
 from flexlab.errors import ScenarioError
-from flexlab.numerics.linear_algebra import eigenvalues, eigenvector
+from flexlab.numerics.eigenvalues import eigenvalues, eigenvector
 from flexlab.physics.plant import ETA, P, X
 from flexlab.scenario import Scenario
 from flexlab.sim.build import build_beam, build_control, build_plant

@@ -4,19 +4,8 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from flexlab.numerics.linear_algebra import (
-    NoSolution,
-    balanced,
-    cholesky,
-    eigenvalues,
-    eigenvector,
-    inverse,
-    power_sizes,
-    product,
-    singular_vectors,
-    solve,
-    spectral_radius,
-)
+from flexlab.numerics.eigenvalues import balanced, eigenvalues, eigenvector, power_sizes, spectral_radius
+from flexlab.numerics.linear_algebra import NoSolution, cholesky, inverse, product, singular_vectors, solve
 from flexlab.numerics.matrix_functions import discrete_riccati, doublings_to, exponential, phi_functions
 
 EPSILON = np.finfo(float).eps

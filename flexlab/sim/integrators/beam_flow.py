@@ -35,7 +35,8 @@ from flexlab.compiled import disjoint, inlined
 from flexlab.numerics.linear_algebra import product, solve_symmetric
 from flexlab.physics.axial_load import END, NOW, SCRATCH, STIFF_MODE, has_axial_load
 from flexlab.physics.axial_load import START as BEFORE
-from flexlab.physics.dynamics import acceleration, beam_is_held, block_product
+from flexlab.physics.dynamics import acceleration, block_product
+from flexlab.physics.hand import beam_is_held
 from flexlab.physics.plant import DG, DH, DISSIPATED, ETA, OMEGA2, G, H
 
 FEWEST_COUPLED = 16

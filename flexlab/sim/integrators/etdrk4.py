@@ -20,7 +20,7 @@ import numpy as np
 from flexlab.compiled import disjoint, inlined
 from flexlab.numerics.matrix_functions import Functions, doubled, phi_functions
 from flexlab.physics.axial_load import END, NOW, START, has_axial_load
-from flexlab.physics.dynamics import beam_is_held
+from flexlab.physics.hand import beam_is_held
 from flexlab.physics.plant import ETA, joints_start, memory_start
 from flexlab.sim.integrators.beam_flow import (
     MIDDLE,

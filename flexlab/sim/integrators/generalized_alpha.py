@@ -38,26 +38,6 @@ def effective_inverse(omega: np.ndarray, damping: np.ndarray, block_start: np.nd
     return inverse
 
 
-def numerical_damping_ratio(omega: np.ndarray, dt: float) -> np.ndarray:
-    """Numerical damping ratio of undamped modes ω (n,) at step dt, 1, (n,).
-
-    From the largest eigenvalue of the step's amplification matrix on (d, dt v, dt² a): |λ| = exp(-ζ φ), φ its angle.
-    """
-    ratios = []
-    for reach2 in (np.asarray(omega) * dt) ** 2:
-        # α-balance of a mode, solved for the new acceleration; then the Newmark formulas.
-        d, v, a = np.eye(3)
-        predicted = d + v + (0.5 - BETA) * a
-        known = -reach2 * ((1 - ALPHA_F) * predicted + ALPHA_F * d) - ALPHA_M * a
-        new_a = known / (1 - ALPHA_M + reach2 * (1 - ALPHA_F) * BETA)
-        step = np.array([predicted + BETA * new_a, v + (1 - GAMMA) * a + GAMMA * new_a, new_a])
-        eigenvalues = np.linalg.eigvals(step)
-        leading = eigenvalues[np.argmax(np.abs(eigenvalues))]
-        decay, angle = -np.log(np.abs(leading)), np.abs(np.angle(leading))
-        ratios.append(decay / np.hypot(decay, angle))
-    return np.array(ratios)
-
-
 @inlined
 def correct(system, constants, x_ddot, middle, new, ws):
     """One round: move the new accelerations (x first, then η) so that the α-point's balance M (a_true - a_m) vanishes."""

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexlab.numerics.elementary import each, sin
 from flexlab.text import number_text
 
 SEPARATION = 3.0
@@ -91,12 +92,20 @@ def slower_than_the_beam(around: Circumstances) -> Condition:
     )
 
 
+def stability_limit(delay: int) -> float:
+    """Fastest rate λ of a sampled loop times its control period up to which it is stable, 1; `delay`: its d samples.
+
+    x(k+1) = x(k) - λT_c x(k-d) is stable up to λT_c = 2 sin(π/(2 (2d + 1))) (Levin and May 1976).
+    """
+    return 2 * each(sin, [np.pi / (4 * delay + 2)])[0]
+
+
 def sampled_in_time(around: Circumstances) -> tuple[Condition, ...]:
-    """Whether held torques act in time (Levin and May 1976): λ T_c ≤ 2 sin(π/(2 (2d + 1))); none for a continuous law."""
+    """Whether held torques act in time, within the `stability_limit`; none for a continuous law."""
     law = around.scenario.controller
     if law.control_period is None:
         return ()
-    product, limit = around.fastest_rate * law.control_period, 2 * np.sin(np.pi / (2 * (2 * law.input_delay + 1)))
+    product, limit = around.fastest_rate * law.control_period, stability_limit(law.input_delay)
     return (
         Condition(
             f"λ T_c ≤ {n(limit)}: the loop's fastest rate times the control period is {n(product)} with "

@@ -41,14 +41,12 @@ from flexlab.sim.closed_loop import memory_slice
 from flexlab.sim.integrators.beam_flow import TICKS
 from flexlab.sim.integrators.scheme import Scheme
 from flexlab.sim.motion import Motion, begin_motion, start_controller
-from flexlab.sim.sampled_control import answer_sensors, control_instant
+from flexlab.sim.sampled_control import NEVER_ACTS, answer_sensors, control_instant
 from flexlab.sim.step_trial import build_assembly
 from flexlab.sim.stepping import observe
 from flexlab.sim.target import desired_at
 from flexlab.sim.termination import DEFLECTION_LIMIT
 
-NEVER = 1 << 40
-"""Steps between two control instants of a plant whose torques come from outside."""
 BLOCK = 16
 """Most ticks per call of `advance`; only the last sample is kept."""
 
@@ -144,7 +142,7 @@ def _plant(motion: Motion) -> Part:
     called = [_path(motion)]
     system, sampling = motion.assembly.system, motion.assembly.sampling
     control = system.control._replace(law=0, fastest_rate=0, gains=np.zeros_like(system.control.gains))
-    sampling = sampling._replace(steps=NEVER, kernel=0)
+    sampling = sampling._replace(steps=NEVER_ACTS, kernel=0)
     motion.assembly = motion.assembly._replace(system=system._replace(control=control), sampling=sampling)
     return _world(motion, "Arms and flexible beam", called)
 

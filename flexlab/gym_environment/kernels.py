@@ -16,9 +16,8 @@ from flexlab.sim.advance import advance
 from flexlab.sim.closed_loop import System, limit_torques
 from flexlab.sim.integrators.scheme import Etdrk4
 from flexlab.sim.sampled_control import gaussian
-from flexlab.sim.signals import ANGLE, ARMS, COLUMN, MIDSPAN, PER_ARM, QUASI_STATIC
+from flexlab.sim.signals import ANGLE, ARMS, MIDSPAN, PER_ARM, POSE, QUASI_STATIC
 
-POSE = COLUMN["pose"]
 OBSERVED = 14
 """Numbers of an observation."""
 POSITION_SCALE, ANGLE_SCALE, VIBRATION_SCALE = 0.01, 0.02, 0.001
@@ -81,6 +80,16 @@ class Worlds(NamedTuple):
 
 
 @inlined
+def _with_beam(plant, variants, v):
+    """The plant with the beam of variant v."""
+    return Plant(
+        plant.arms, plant.m, plant.I, plant.gravity, variants.modal[v], variants.damping[v], plant.block_start,
+        variants.kappa[v], variants.shapes[v], variants.compliance[v], plant.pull, plant.length,
+        variants.buckling_load[v], variants.axial[v], plant.joints, plant.mass_change, plant.grips,
+    )  # fmt: skip
+
+
+@inlined
 def _begin_row(plant, y, row, ws):
     """Fill in what is drawn of a sample: time, pose, joint angles, a straight beam."""
     for k in range(len(row)):
@@ -104,11 +113,7 @@ def begin_worlds(plant, variants, worlds, start, desired, ws):
         if not worlds.pause[w]:
             continue
         v, y = worlds.variant[w], worlds.y[w]
-        own = Plant(
-            plant.arms, plant.m, plant.I, plant.gravity, variants.modal[v], variants.damping[v], plant.block_start,
-            variants.kappa[v], variants.shapes[v], variants.compliance[v], plant.pull, plant.length,
-            variants.buckling_load[v], variants.axial[v], plant.joints, plant.mass_change, plant.grips,
-        )  # fmt: skip
+        own = _with_beam(plant, variants, v)
         for k in range(len(y)):
             y[k] = 0.0
         for k in range(ETA + 2 * n, ETA + 3 * n + 3):
@@ -163,11 +168,7 @@ def step_worlds(
         if worlds.pause[w]:
             continue
         v, y, held, line = worlds.variant[w], worlds.y[w], worlds.held[w], worlds.line[w]
-        own = Plant(
-            plant.arms, plant.m, plant.I, plant.gravity, variants.modal[v], variants.damping[v], plant.block_start,
-            variants.kappa[v], variants.shapes[v], variants.compliance[v], plant.pull, plant.length,
-            variants.buckling_load[v], variants.axial[v], plant.joints, plant.mass_change, plant.grips,
-        )  # fmt: skip
+        own = _with_beam(plant, variants, v)
         moving = System(own, system.control, system.trajectory, held)
         all_etdrk4 = variants.etdrk4
         etdrk4 = Etdrk4(all_etdrk4.operators[v], all_etdrk4.forced[v], all_etdrk4.soft_modes[v], all_etdrk4.flow[v])

@@ -23,9 +23,8 @@ from flexlab.scenario.validation_errors import problem
 from flexlab.sim.assembly import Assembly
 from flexlab.sim.closed_loop import new_workspace, state_length
 from flexlab.sim.integrators.scheme import Etdrk4
-from flexlab.sim.sampled_control import loop_variant
+from flexlab.sim.sampled_control import NEVER_ACTS, loop_variant
 from flexlab.sim.samples import Samples, row_length, rows_to_samples
-from flexlab.sim.signals import MIDSPAN
 from flexlab.sim.step_trial import build_assembly
 from flexlab.sim.target import desired_at
 from flexlab.sim.termination import DEFLECTION_LIMIT, check_trajectory
@@ -121,8 +120,6 @@ NOISE = (1e-4, 1e-4, 1e-4, 1e-2, 1e-2, 1e-2, 1e-3, 1e-4)
 """Standard deviations of the measured e (m, m, rad), ė (m/s, m/s, rad/s), hᵀq̇ (kg·m/s) and gᵀq̇ (kg·m²/s) at scale 1."""
 ACCURACY = 1e-7
 """m that the step aims at: the paper's beam then takes one step per millisecond."""
-NEVER = 2**62
-"""Steps until the law of the scenario acts."""
 LEAST_PER_THREAD = 16
 """Worlds for which handing work to another thread pays."""
 
@@ -142,7 +139,7 @@ class WorldBatch:
         first = assemblies[0]
         self.stiffness = stiffness
         self._system, self._watch = first.system, first.watch._replace(most=0)
-        self._sampling = first.sampling._replace(steps=NEVER)
+        self._sampling = first.sampling._replace(steps=NEVER_ACTS)
         self._variants = _stack(assemblies)
         self._bend_limit = DEFLECTION_LIMIT * base.payload.length
         self._desired = desired_at(first.system.trajectory, 0.0)
@@ -206,10 +203,6 @@ class WorldBatch:
     def samples(self) -> Samples:
         """What is drawn of the worlds, (count,)."""
         return rows_to_samples(self.state.row[:, 0], self.arm_count)
-
-    def deflections(self) -> np.ndarray:
-        """At mid-span, m, (count,)."""
-        return self.state.row[:, 0, MIDSPAN].copy()
 
     def close(self) -> None:
         """End the threads."""

@@ -22,9 +22,7 @@ from flexlab.sim.run_warnings import (
     amplified,
     bounds,
     inaccurate,
-    peaks_of,
     saturated,
-    with_model_shares,
 )
 from flexlab.sim.signals import ARMS, INTERNAL, MOVING, PER_ARM, POSE, SATURATED
 from flexlab.sim.step_rates import ring_decay
@@ -139,18 +137,12 @@ def jumped(estimate: Estimate, tick: int) -> Estimate:
     return estimate._replace(disturbed=tick)
 
 
-def ticks_to_check(estimate: Estimate, tick: int) -> int:
-    """Ticks from number `tick` on to move in one piece: one that is checked, or those before it."""
+def ticks_until_check(estimate: Estimate, tick: int) -> int:
+    """Ticks from number `tick` on to the next one that is checked; 0: this one is."""
     since = tick - estimate.disturbed
     if since > CHECKED_TICKS[-1]:
-        return (CHECKED_TICKS[-1] - since) % estimate.interval or 1
-    return min(number - since for number in CHECKED_TICKS if number >= since) or 1
-
-
-def is_due(estimate: Estimate, tick: int) -> bool:
-    """Whether the tick from number `tick` on is to be checked."""
-    since, last = tick - estimate.disturbed, CHECKED_TICKS[-1]
-    return since in CHECKED_TICKS or (since > last and (since - last) % estimate.interval == 0)
+        return (CHECKED_TICKS[-1] - since) % estimate.interval
+    return min(number - since for number in CHECKED_TICKS if number >= since)
 
 
 def finer_level(estimate: Estimate, assembly: Assembly, tick: int, level: int) -> int:
@@ -165,18 +157,6 @@ def finer_level(estimate: Estimate, assembly: Assembly, tick: int, level: int) -
     return max(level + FINER, min(watch.disturbed, watch.most or watch.disturbed))
 
 
-def note_present(old: Estimate, assembly: Assembly, row: np.ndarray) -> Estimate:
-    """The estimate with the sample where the motion begins, of which only the load on the beam, spin and bending count."""
-    scenario = assembly.scenario
-    return old._replace(peaks=with_model_shares(old.peaks, scenario.payload, len(scenario.arms), row[None]))
-
-
-def note_rows(estimate: Estimate, assembly: Assembly, rows: np.ndarray) -> tuple[Peaks, float, int]:
-    """As `peaks_of`, of `rows` (N ≥ 1, row length), the samples after the newest one."""
-    scenario = assembly.scenario
-    return peaks_of(estimate.peaks, scenario.payload, len(scenario.arms), rows, estimate.torque_change)
-
-
 def note(
     old: Estimate, assembly: Assembly, tick: int, row: np.ndarray, y: np.ndarray, again: np.ndarray, y_again: np.ndarray
 ) -> Estimate:
@@ -185,11 +165,8 @@ def note(
     `again`, `y_again`: the same of its repetition in finer steps.
     """
     now, limited = _tick_errors(assembly, row, y, again, y_again), row[SATURATED] > 0
-    led, scenario, tick_period = (
-        not limited and assembly.scenario.controller.kind != "none",
-        assembly.scenario,
-        assembly.tick_period,
-    )
+    scenario, tick_period = assembly.scenario, assembly.tick_period
+    led = not limited and scenario.controller.kind != "none"
     fades = ring_decay(assembly.beam)
     decay = np.concatenate([np.full(3, LOOP_DECAY if led else 0.0), fades, fades])
     # The sample shows what the tick has done itself; in later ticks, its phase is unknown.
@@ -203,9 +180,7 @@ def note(
         errors += between * exponentials(-decay * tick_period) * _ticks_kept(decay, ticks - 1, tick_period)
     found = tuple(map(max, (old.pose, old.force), _sizes(errors)))
     peak = old.peaks.peak
-    new = old._replace(
-        accumulated=errors, newest=now, checked=tick, pose=found[0], force=found[1], peak_before=old.peaks.peak
-    )
+    new = old._replace(accumulated=errors, newest=now, checked=tick, pose=found[0], force=found[1], peak_before=peak)
     if old.reported is not None:
         return _reported_anew(new, scenario, old.reported)
     if old.warning or since < FIRST_VERDICT:
@@ -229,7 +204,7 @@ def note(
             said, new = inaccurate(scenario, time, coming, found, peak), new._replace(interval=interval)
             if not said and (interval == SHORTEST_INTERVAL or not limited):
                 break
-    elif old.peaks.peak <= STEADY * old.peak_before:
+    elif peak <= STEADY * old.peak_before:
         said = inaccurate(scenario, time, coming, found, peak)
     if said and limited and new.pose > bounds(scenario, peak)[0]:
         return new._replace(warning=saturated(time, "a higher torque limit (controller.torque_limit)"))

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexlab.compiled import has_address
 from flexlab.control.law import law_of, laws, nothing_derived
 from flexlab.control.path import paths
 from flexlab.numerics.linear_algebra import product
@@ -21,10 +22,10 @@ from flexlab.sim.build import Beam, build_beam, build_control, build_plant
 from flexlab.sim.closed_loop import System, new_workspace, state_length
 from flexlab.sim.integrators.scheme import Scheme
 from flexlab.sim.parametric_resonance import may_resonate, steadiest
-from flexlab.sim.sampled_control import LoopVariant, Sampling, is_loaded, loop_variant, variant_of, with_kernel
+from flexlab.sim.sampled_control import LoopVariant, Sampling, control_instant, loop_variant, variant_of, with_kernel
 from flexlab.sim.samples import check_signal_names
 from flexlab.sim.step_levels import StepLevels, StepWatch
-from flexlab.sim.step_rates import Rates, amplifies_errors, find_rates, free_beam_rate
+from flexlab.sim.step_rates import Rates, find_rates, instability
 from flexlab.sim.step_size import Count, choose_step, steps_per_tick
 from flexlab.sim.target import build_trajectory, same_target
 
@@ -39,6 +40,11 @@ alone leaves more than half."""
 
 MUCH_SHORTER = 1.25
 """Step asked for over step taken from which on parametric resonance is said to bound it."""
+
+
+AMPLIFYING = 1.5
+"""`Assembly.instability` from which on differences in the last digit become visible: of 60 random loops those beyond diverge or
+depend on rounding, and none below does."""
 
 
 class Unprepared(Exception):
@@ -56,8 +62,6 @@ class Assembly(NamedTuple):
     tick_period: float
     """s."""
     beam: Beam
-    free_rate: float
-    """As `step_rates.free_beam_rate`, 1/s."""
     system: System
     rates: Rates
     sampling: Sampling
@@ -69,8 +73,8 @@ class Assembly(NamedTuple):
     """The same before they were made shorter to avoid parametric resonance."""
     bound: str
     """What bounds the step, as `step_size.Choice.bound`, or "accuracy" (`step_trial`)."""
-    amplifies: bool = False
-    """Whether a sampled loop amplifies errors (`step_rates.amplifies_errors`)."""
+    instability: float = 0.0
+    """As `step_rates.instability`: beyond 1 a sampled loop is unstable."""
     unrefined: "Assembly | None" = None
     """The same before its step was halved so that the run's beginning is accurate; None: it was not halved."""
 
@@ -78,6 +82,11 @@ class Assembly(NamedTuple):
     def step_count(self) -> int:
         """Integration steps per tick at level 0."""
         return self.steps.per_tick
+
+    @property
+    def amplifies(self) -> bool:
+        """Whether a sampled loop amplifies errors so much that results depend on rounding."""
+        return self.instability > AMPLIFYING
 
 
 def derive_assembly(
@@ -94,14 +103,10 @@ def derive_assembly(
     known = [old.unrefined or old for old in known]
     same_beam = [old for old in known if old.scenario.payload == scenario.payload]
     must_wait, at_once = at_once, at_once and scenario.payload.element_count > LIGHT_ELEMENTS
-    if same_beam:
-        beam, free_rate = same_beam[0].beam, same_beam[0].free_rate
-    elif at_once:
+    if at_once and not same_beam:
         raise Unprepared(scenario)
-    else:
-        beam = build_beam(scenario.payload)
-        free_rate = free_beam_rate(beam, scenario.payload.mass_change.lightest)
-    system, rates = _close_loop(scenario, beam, free_rate, same_beam[:1] or known[:1])
+    beam = same_beam[0].beam if same_beam else build_beam(scenario.payload)
+    system, rates = _close_loop(scenario, beam, next(iter(same_beam or known), None))
     integrator, step, bound = choose_step(scenario, system, beam, rates)
     asked = steps = steps_per_tick(scenario, tick_period, step)
     if integrator == "etdrk4" and bound != "given" and may_resonate(beam, rates, asked.step):
@@ -127,10 +132,8 @@ def derive_assembly(
     if (integrator, loop_variant(system.plant)) not in _loaded:
         load_loop(system, sampling, levels.scheme(0), watch, tick_period, steps.per_tick)
         _loaded.add((integrator, loop_variant(system.plant)))
-    amplifies = amplifies_errors(system, rates.poses, sampling.period, sampling.delay)
-    return Assembly(
-        scenario, tick_period, beam, free_rate, system, rates, sampling, levels, watch, steps, asked, bound, amplifies
-    )
+    unstable = instability(system, rates.poses, sampling.period, sampling.delay)
+    return Assembly(scenario, tick_period, beam, system, rates, sampling, levels, watch, steps, asked, bound, unstable)
 
 
 def _steady_steps(
@@ -164,7 +167,9 @@ def knows_kernels(scenario: Scenario) -> bool:
     variant = variant_of(scenario)
     if variant != LoopVariant() and all(loaded != variant for _, loaded in _loaded):
         return False
-    return all(part.is_loaded for part in parts) and (scenario.controller.control_period is None or is_loaded(variant))
+    return all(part.is_loaded for part in parts) and (
+        scenario.controller.control_period is None or has_address(control_instant, variant)
+    )
 
 
 def load_loop(
@@ -176,30 +181,30 @@ def load_loop(
     advance(system, sampling, *scheme, watch, 0, np.inf, 0.0, 0, tick_period, step_count, y, y.copy(), ws, rows, False)
 
 
-def _close_loop(scenario: Scenario, beam: Beam, free_rate: float, known: Sequence[Assembly]) -> tuple[System, Rates]:
-    """Plant, law and path, with parts of known assemblies; motors are off until a sampled controller first acts."""
-    plant = control = trajectory = rates = arms = forms = None
-    for old in known:
-        if same_target(old.scenario, scenario):
-            trajectory = old.system.trajectory
-        if old.scenario.arms != scenario.arms or old.scenario.payload.length != scenario.payload.length:
-            continue
-        arms = old.system.plant.arms
-        if old.beam is beam:
-            if old.scenario.controller == scenario.controller and _same_constants(old.scenario, scenario):
-                control = old.system.control
-            own = build_joints(scenario.joints, scenario.controller.model, len(scenario.arms))
-            grips = build_grips(scenario.grips, len(scenario.arms))
-            plant = old.system.plant._replace(gravity=scenario.gravity, joints=own, grips=grips)
-            alike = trajectory is not None and old.scenario.grips.active == scenario.grips.active
-            rates, forms = old.rates if alike else None, old.rates.forms
+def _close_loop(scenario: Scenario, beam: Beam, old: Assembly | None) -> tuple[System, Rates]:
+    """Plant, law and path, with parts of a known assembly; motors are off until a sampled controller first acts."""
+    if old is None:
+        system = build_system(scenario, beam)
+        return system, find_rates(beam, system, scenario.trajectory)
+    before, plant, control = old.scenario, None, None
+    trajectory = old.system.trajectory if same_target(before, scenario) else None
+    same_arms = before.arms == scenario.arms and before.payload.length == scenario.payload.length
+    same_plant = same_arms and old.beam is beam
+    if same_plant:
+        if before.controller == scenario.controller and _same_constants(before, scenario):
+            control = old.system.control
+        joints = build_joints(scenario.joints, scenario.controller.model, len(scenario.arms))
+        grips = build_grips(scenario.grips, len(scenario.arms))
+        plant = old.system.plant._replace(gravity=scenario.gravity, joints=joints, grips=grips)
     system = System(
-        plant or build_plant(scenario, beam, arms),
+        plant or build_plant(scenario, beam, old.system.plant.arms if same_arms else None),
         control or build_control(scenario, beam),
         trajectory or build_trajectory(scenario),
         np.zeros((len(scenario.arms), 3)),
     )
-    return system, rates or find_rates(beam, system, scenario.trajectory, free_rate, forms)
+    if same_plant and trajectory is not None and before.grips.active == scenario.grips.active:
+        return system, old.rates
+    return system, find_rates(beam, system, scenario.trajectory, old.rates if old.beam is beam else None)
 
 
 def _same_constants(one: Scenario, other: Scenario) -> bool:

@@ -20,7 +20,7 @@ from flexlab.sim import accuracy, samples
 from flexlab.sim.assembly import Assembly
 from flexlab.sim.build import payload_row
 from flexlab.sim.closed_loop import System, new_workspace, own_parts, own_states_of, state_length
-from flexlab.sim.commands import ChangeScenario
+from flexlab.sim.commands import MESH_FIELDS, RESTART_FIELDS, ChangeScenario
 from flexlab.sim.disturbance import set_pull_row
 from flexlab.sim.geometry import shape_functions
 from flexlab.sim.motion import (
@@ -175,14 +175,12 @@ def same_motion(one: Scenario, other: Scenario) -> bool:
 
 def _goes_on(one: Scenario, other: Scenario) -> bool:
     """Whether a run can go on when one scenario is changed to the other: with other arms or another start it begins anew."""
-    same_arms = (one.left_arm, one.right_arm) == (other.left_arm, other.right_arm)
-    return same_arms and one.payload.length == other.payload.length and one.initial == other.initial
+    return all(one.get(path) == other.get(path) for path in RESTART_FIELDS)
 
 
 def _same_mesh(one: Scenario, other: Scenario) -> bool:
     """Whether beam coordinates mean the same in two scenarios."""
-    a, b = one.payload, other.payload
-    return (a.element_count, a.boundary) == (b.element_count, b.boundary)
+    return all(one.get(path) == other.get(path) for path in MESH_FIELDS)
 
 
 def same_law(one: Scenario, other: Scenario) -> bool:

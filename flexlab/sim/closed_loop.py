@@ -39,10 +39,13 @@ class System(NamedTuple):
 
 def new_workspace(system: System) -> Workspace:
     """Scratch memory for the kernels of a system."""
+    return make_workspace(*_sizes(system))
+
+
+def _sizes(system: System) -> tuple[int, int, int, int, int]:
+    """Numbers of arms and modes, and lengths of the controller's state, of its signals and of the plant's own states."""
     plant, control = system.plant, system.control
-    return make_workspace(
-        len(plant.arms), plant.modal.shape[1], control.memory_size, control.signal_count, plant.own_size
-    )
+    return len(plant.arms), plant.modal.shape[1], control.memory_size, control.signal_count, plant.own_size
 
 
 _scratch = threading.local()
@@ -50,8 +53,7 @@ _scratch = threading.local()
 
 def scratch_workspace(system: System) -> Workspace:
     """This thread's shared workspace, valid until the next call of this function: making a new one takes 50 µs."""
-    plant, control = system.plant, system.control
-    sizes = (len(plant.arms), plant.modal.shape[1], control.memory_size, control.signal_count, plant.own_size)
+    sizes = _sizes(system)
     if getattr(_scratch, "sizes", None) != sizes:
         _scratch.workspace, _scratch.sizes = new_workspace(system), sizes
     _scratch.workspace.desired_time[0] = np.nan
@@ -60,8 +62,7 @@ def scratch_workspace(system: System) -> Workspace:
 
 def state_length(system: System) -> int:
     """Length of the state y of a system."""
-    plant, control = system.plant, system.control
-    return state_size(plant.modal.shape[1], control.memory_size, control.signal_count, plant.own_size)
+    return state_size(*_sizes(system)[1:])
 
 
 def memory_slice(system: System) -> slice:

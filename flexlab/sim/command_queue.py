@@ -15,6 +15,8 @@ from flexlab.errors import FlexlabError
 from flexlab.scenario import Scenario
 from flexlab.sim.assembly import Assembly
 from flexlab.sim.commands import (
+    MESH_FIELDS,
+    RESTART_FIELDS,
     ChangeScenario,
     Command,
     LoadScenario,
@@ -34,9 +36,6 @@ MOST_WAITING = 256
 
 MOST_STEPS = 100_000
 """Most ticks that one `StepOnce` may ask for (100 s)."""
-
-NEW_RUN_FIELDS = ("payload.length", "payload.element_count", "payload.boundary", "left_arm", "right_arm", "initial")
-"""Fields whose change begins a new run: with other arms, or with coordinates of another meaning."""
 
 ON_A_RUN = (ChangeScenario, Pull, Tap, Reset, StepOnce)
 """Commands that a new run makes pointless, or includes."""
@@ -107,7 +106,7 @@ class CommandQueue:
 def begins_run(command: Command) -> bool:
     """Whether a command begins a new run, if the scenario allows it."""
     if isinstance(command, ChangeScenario):
-        return any(overlap(path, field) for path in command.changes for field in NEW_RUN_FIELDS)
+        return any(overlap(path, field) for path in command.changes for field in (*RESTART_FIELDS, *MESH_FIELDS))
     return isinstance(command, (LoadScenario, Reset))
 
 

@@ -5,9 +5,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from flexlab.scenario import Scenario
-from flexlab.scenario.field_text import TITLES, value_text
+from flexlab.scenario.field_text import FOLLOW, TITLES, value_text
 from flexlab.sim.samples import Origin
 from flexlab.text import fixed_text, number_text
+
+RESTART_FIELDS = ("payload.length", "left_arm", "right_arm", "initial")
+"""Fields whose change cannot be made in motion: the run begins anew."""
+MESH_FIELDS = ("payload.element_count", "payload.boundary")
+"""Fields on which the meaning of the beam's coordinates depends: their change begins a new run, in which time goes on."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +94,7 @@ Command = WorldCommand | RunnerCommand
 
 TEXTS = {"controller.source": "Text of the control law", "trajectory.source": "Text of the path"}
 """Fields that hold a person's own code."""
-OF_A_TABLE = ("trajectory.source", "trajectory.table", "trajectory.table_of")
+OF_A_TABLE = ("trajectory.source", *FOLLOW)
 """Fields that come with every change of an option of a path in Python."""
 
 
@@ -115,8 +120,7 @@ def command_text(command: Command) -> str:
         return f"Speed {number_text(command.speed)} × real time"
     if isinstance(command, StepOnce):
         return f"Step {command.ticks} ms"
-    names: dict[type, str] = {Play: "Play", Pause: "Pause", Reset: "Reset"}
-    return names[type(command)]
+    return type(command).__name__  # Play, Pause, Reset
 
 
 def _held(command: Pull) -> str:

@@ -114,12 +114,7 @@ class Checkpoints:
     def before(self, tick: int) -> Checkpoint:
         """The newest checkpoint at or before `tick`; the oldest if there is none."""
         with self._lock:
-            found = self._kept[0]
-            for one in self._kept:
-                if one.state.tick > tick:
-                    break
-                found = one
-        return found
+            return next((one for one in reversed(self._kept) if one.state.tick <= tick), self._kept[0])
 
 
 def state_from(checkpoint: Checkpoint, tick: int) -> WorldState:

@@ -9,7 +9,7 @@ from flexlab.sim.commands import Command, command_text
 from flexlab.sim.history import Checkpoints, History
 from flexlab.sim.samples import Samples, Status
 from flexlab.sim.signals import own_signals
-from flexlab.sim.simulate import failure
+from flexlab.sim.simulate import end_status
 from flexlab.sim.snapshot import Consumer, Event
 from flexlab.sim.world import World
 
@@ -66,10 +66,7 @@ class LiveRun:
 
     def final_status(self) -> Status:
         """The status of the run if it ends now."""
-        world = self.world
-        if world.status.failed:
-            return failure(world)
-        return Status("finished", f"Ended at t = {world.time:.3f} s. {world.warnings}".rstrip(), world.time)
+        return end_status(self.world, f"Ended at t = {self.world.time:.3f} s.")
 
     def take_rows(self, rows: np.ndarray, speed: float) -> None:
         """Hand out the newest samples, and report new warnings. `speed`: simulated over wall time."""

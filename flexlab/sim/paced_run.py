@@ -133,27 +133,6 @@ class Pacing:
         return self.runs and wall - self._dropped_at < SPEED_WINDOW
 
 
-class BlockSize:
-    """How many ticks to advance at once, by the cost of earlier ticks."""
-
-    def __init__(self) -> None:
-        self._next = 1
-
-    def forget(self) -> None:
-        """Begin with one tick again: another world has another cost."""
-        self._next = 1
-
-    def ticks(self, most: int) -> int:
-        """Ticks of the next block."""
-        return min(most, self._next)
-
-    def note(self, ticks: int, seconds: float) -> None:
-        """Note that `ticks` took `seconds` of wall time."""
-        if ticks > 0:
-            affordable = int(BLOCK_TIME * ticks / seconds) if seconds > 0 else LARGEST_BLOCK
-            self._next = max(1, min(affordable, ticks * GROWTH, LARGEST_BLOCK))
-
-
 class RunRate:
     """How often a new run may begin: a bucket of `RUNS_AT_ONCE` that gains one every `RUN_PERIOD`."""
 
@@ -198,7 +177,9 @@ class PacedRun:
         self.steps_left = 0
         """Single steps asked for and not yet done."""
         self._clock, self._stopping, self._hold_starts = clock, stopping, hold_starts
-        self._block, self._runs = BlockSize(), RunRate()
+        self._block = 1
+        """Ticks of the next block."""
+        self._runs = RunRate()
         self._frame_end = float("inf")
         self._changed_at = float("-inf")
 
@@ -233,7 +214,7 @@ class PacedRun:
             self._changed_at = wall
         self.steps_left = 0
         self.pacing.waiting = self._hold_starts and world.tick == 0 and not dragged
-        self._block.forget()
+        self._block = 1  # Another world has another cost.
         self._runs.note(wall)
         self.live.begin(world, name)
         if time_before is None or waited or self.pacing.waiting:
@@ -249,7 +230,7 @@ class PacedRun:
 
     def take_on_change(self) -> None:
         """Follow a change of the world at this instant, which may change the cost of a tick."""
-        self._block.forget()
+        self._block = 1
         self.live.take_on_change()
 
     def release(self) -> None:
@@ -296,13 +277,16 @@ class PacedRun:
 
     def advance(self, most: int) -> int:
         """Move by a block of up to `most` ticks; returns the ticks done."""
-        ticks, begun = self._block.ticks(most), self._clock()
-        rows = self.live.world.advance_rows(ticks)
-        self._block.note(len(rows), self._clock() - begun)
+        begun = self._clock()
+        rows = self.live.world.advance_rows(min(most, self._block))
+        seconds, ticks = self._clock() - begun, len(rows)
+        if ticks > 0:
+            affordable = int(BLOCK_TIME * ticks / seconds) if seconds > 0 else LARGEST_BLOCK
+            self._block = max(1, min(affordable, ticks * GROWTH, LARGEST_BLOCK))
         self.live.take_rows(rows, self.pacing.actual_speed())
         if self.live.world.status.failed:
             self._fail()
-        return len(rows)
+        return ticks
 
     def snapshot(self, wall: float, answered: int) -> Snapshot:
         """The snapshot at `wall`, s; `answered` as in a `Snapshot`."""

@@ -34,10 +34,11 @@ class Peaks(NamedTuple):
     """Largest deflection over the beam's length, 1."""
 
 
-def with_model_shares(before: Peaks, payload: Payload, arm_count: int, rows: np.ndarray) -> Peaks:
+def with_model_shares(before: Peaks, scenario: Scenario, rows: np.ndarray) -> Peaks:
     """The peaks after `rows` (N ≥ 1, row length) of what counts for `model_warning`. w is taken at mid-span and the nodes."""
+    payload = scenario.payload
     free = free_coordinates(payload.element_count, payload.boundary)
-    columns = [MIDSPAN, *(ARMS + PER_ARM * arm_count + np.flatnonzero(free % 2 == 0))]
+    columns = [MIDSPAN, *(ARMS + PER_ARM * len(scenario.arms) + np.flatnonzero(free % 2 == 0))]
     bent = float(np.abs(rows[:, columns]).max())
     return before._replace(
         load_share=max(before.load_share, float(rows[:, LOAD_SHARE].max())),
@@ -46,20 +47,19 @@ def with_model_shares(before: Peaks, payload: Payload, arm_count: int, rows: np.
     )
 
 
-def peaks_of(
-    before: Peaks, payload: Payload, arm_count: int, rows: np.ndarray, checked: float
-) -> tuple[Peaks, float, int]:
+def peaks_of(before: Peaks, scenario: Scenario, rows: np.ndarray, checked: float) -> tuple[Peaks, float, int]:
     """The peaks after `rows` (N ≥ 1, row length), the largest change of a torque in one of them, N·m, and the first `JUMP`.
 
     `checked`: the largest change in a checked tick so far, N·m. The jump is the index of its row; -1: there is none.
     """
+    arm_count = len(scenario.arms)
     torque = np.empty(3 * arm_count)
     if before.torque is not None:
         torque[:] = before.torque
     peak, strongest, change, jump = _find_peaks(
         rows, arm_count, before.torque is not None, torque, before.peak, before.strongest, checked
     )
-    seen = with_model_shares(before, payload, arm_count, rows)
+    seen = with_model_shares(before, scenario, rows)
     return seen._replace(peak=peak, strongest=strongest, torque=torque), change, jump
 
 
@@ -107,6 +107,8 @@ STEP_COSTS = {
     "generalized-alpha": StepCost(2.6e-6, 8.5e-8, 1.4e-9),
 }
 
+COARSER = "a coarser pose accuracy (simulation.accuracy)"
+
 COUPLED_MODES = 8
 """Number of modes coupled by damping from which on they, and not the arms, dominate the cost of a step."""
 
@@ -141,23 +143,14 @@ def pace_warning(integrator: str, beam: Beam, step: float, bound: str, others: s
     }
     cures = {
         "given": ["a longer step (simulation.step), or null"],
-        "beam": ["a softer beam", "a coarser pose accuracy (simulation.accuracy)"],
+        "beam": ["a softer beam", COARSER],
         "creep": ["less damping", "a softer or lighter beam"],
         "resonance": ["some damping (payload.damping)", "a softer beam"],
         "accuracy": ["a smooth start", "more damping", "a softer beam"],
-        "joints": [
-            "a higher speed within which friction turns over (joints.friction.smoothing_speed)",
-            "a coarser pose accuracy (simulation.accuracy)",
-        ],
-        "grips": [
-            "a lower stiffness or damping of the grips (grips.stiffness, grips.damping)",
-            "a coarser pose accuracy (simulation.accuracy)",
-        ],
-        "motors": [
-            "a longer time constant of the motors (joints.motor.time_constant), or 0",
-            "a coarser pose accuracy (simulation.accuracy)",
-        ],
-        "law": ["lower gains", "a coarser pose accuracy (simulation.accuracy)"],
+        "joints": ["a higher speed within which friction turns over (joints.friction.smoothing_speed)", COARSER],
+        "grips": ["a lower stiffness or damping of the grips (grips.stiffness, grips.damping)", COARSER],
+        "motors": ["a longer time constant of the motors (joints.motor.time_constant), or 0", COARSER],
+        "law": ["lower gains", COARSER],
         "period": ["a control period that is a multiple of the sample period"],
     }[bound]
     cause, modes = causes[bound], len(beam.modes.omega)

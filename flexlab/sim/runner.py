@@ -45,6 +45,17 @@ STOP_PERIOD = 0.02
 """Wall seconds between two reminders that the thread is to stop."""
 
 
+def _new_world(
+    scenario: Scenario, origin: Origin | None, known: Sequence[Assembly] = (), at_once: bool = False
+) -> World:
+    """A world at the start of its scenario, or at `origin`; raises as `World` and `World.restore` do."""
+    if origin is None:
+        return World(scenario.anew(), TICK, known, at_once)
+    world = World(scenario, TICK, known, at_once)
+    world.restore(origin.state)
+    return world
+
+
 class Runner:
     """The owner of the world and its thread. `submit` may be called from any thread; nobody else touches the world."""
 
@@ -75,10 +86,7 @@ class Runner:
         self._preparation = Preparation(executor)
         self._released = self._answered = 0
         self._thread: threading.Thread | None = None
-        world = World(scenario if origin is not None else scenario.anew())
-        if origin is not None:
-            world.restore(origin.state)
-        self._paced.begin(world, name)
+        self._paced.begin(_new_world(scenario, origin), name)
         if origin is not None:
             self._run.note(LoadScenario(scenario, name, origin))
         self._publish(self._clock())
@@ -243,12 +251,8 @@ class Runner:
         if isinstance(command, LoadScenario):
             self._preparation.drop()
             scenario, name, origin = command.scenario, command.name, command.origin
-        if origin is None:
-            scenario = scenario.anew()
         event = Event(old.time, command_text(command), command)
-        world = World(scenario, TICK, (old.assembly, *known), at_once)
-        if origin is not None:
-            world.restore(origin.state)
+        world = _new_world(scenario, origin, (old.assembly, *known), at_once)
         self._run.report(event)
         self._run.end(self._run.final_status())
         self._paced.begin(world, name)

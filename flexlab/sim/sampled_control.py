@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.compiled import call_whole_kernel, compiled, has_address, inlined, pluggable, whole_address
+from flexlab.compiled import call_whole_kernel, compiled, inlined, pluggable, whole_address
 from flexlab.control.law_kernels import control_law, feed_forward_bending
 from flexlab.control.motion import desired_motion
 from flexlab.numerics.elementary import cos, log
@@ -33,6 +33,10 @@ class LoopVariant(NamedTuple):
 
 BEAM_CHANNEL, GAUGE_CHANNEL = 6, 8
 """First channels of random numbers for hᵀq̇, gᵀq̇ and for the strain gauges; earlier ones are for pose and pose rate."""
+
+
+NEVER_ACTS = 1 << 40
+"""`Sampling.steps` of a law that does not act, as torques come from outside."""
 
 
 class Sampling(NamedTuple):
@@ -243,11 +247,6 @@ def answer_sensors(system, sampling, instant, t, sensors, y, ws):
     for j in range(len(sampling.strain)):
         now.strain[j] = noisy_strain(sampling, instant, j, sensors[8 + j])
     return answer(system, sampling, t, y, ws)
-
-
-def is_loaded(variant: LoopVariant) -> bool:
-    """Whether `control_instant` is compiled or loaded for plants of this `loop_variant`."""
-    return has_address(control_instant, variant)
 
 
 @inlined

@@ -188,9 +188,6 @@ def check_signal_names(scenario: Scenario) -> None:
             raise ScenarioError([("controller.kind", f"{text}give its readout, or the unit's output, another name.")])
 
 
-TIME, POSE = COLUMN["time"], COLUMN["pose"]
-
-
 def row_length(arm_count: int, coordinate_count: int, own: Sequence[Signal] = ()) -> int:
     """Columns of one sample. `own`: the law's own signals."""
     beam = len(OF_THE_BEAM) * coordinate_count

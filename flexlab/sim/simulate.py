@@ -57,17 +57,12 @@ def simulate(
     return Run(**(join_blocks([*parts, samples]) if parts else samples).signals(), scenario=scenario, status=status)
 
 
-def end_status(world: World) -> Status:
-    """The status of a run that has ended; its sentence includes all warnings."""
+def end_status(world: World, finished: str = "") -> Status:
+    """The status of a run that has ended, with its warnings: why it failed, or the sentence `finished`, or the usual one."""
     if world.status.failed:
-        return failure(world)
-    return Status("finished", f"Finished at t = {number_text(world.time)} s. {world.warnings}".rstrip(), world.time)
-
-
-def failure(world: World) -> Status:
-    """The status of a run that stopped, with the warnings about the beam's model."""
-    text = f"{world.status.text} {world.model_warning.text}".rstrip()
-    return Status(str(world.status), text, world.status.time)
+        return Status(str(world.status), f"{world.status.text} {world.model_warning.text}".rstrip(), world.status.time)
+    finished = finished or f"Finished at t = {number_text(world.time)} s."
+    return Status("finished", f"{finished} {world.warnings}".rstrip(), world.time)
 
 
 def _check_commands(commands: Sequence[tuple[float, WorldCommand]]) -> None:

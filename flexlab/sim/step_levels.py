@@ -6,11 +6,11 @@ resolves how modes that are damped faster than the step answer a disturbance.
 """
 
 import math
+from copy import copy
 from typing import NamedTuple
 
 from flexlab.compiled import inlined
 from flexlab.control.law_kernels import fastest_control_rate
-from flexlab.numerics.matrix_functions import Functions
 from flexlab.physics.grips import whole_inertia
 from flexlab.physics.joints import commanded_torques, has_motors, near_possible
 from flexlab.physics.plant import ETA
@@ -106,37 +106,31 @@ def wanted_level(system, watch, y, ws):
 class StepLevels:
     """The schemes of one beam and integrator for all levels, each made when it is first used."""
 
-    def __init__(self, integrator: str, beam: Beam, step: float, whole: "StepLevels | None" = None, times: int = 0):
-        """`step`: that of level 0, s; if `whole` is given, its step halved so many times."""
+    def __init__(self, integrator: str, beam: Beam, step: float):
+        """`step`: that of level 0, s."""
         self.integrator, self.step = integrator, step
-        self._whole, self._times, self._halved = whole, times, {0: self}
-        self._beam, self._schemes = beam, {}
-        self._functions: list[list[Functions]] | None = None
+        self._beam, modes = beam, beam.modes
+        coupled = integrator == "etdrk4"
+        self._functions = block_functions(modes.omega, modes.D, modes.block_start, step) if coupled else []
+        """The beam's matrix functions for the first steps, block by block."""
+        self._schemes: dict[int, Scheme] = {}
+        self._halvings = 0
+        """Number of the first level among the schemes."""
 
     def scheme(self, level: int) -> Scheme:
         """The integrator's constants for a level."""
-        if self._whole is not None:
-            return self._whole.scheme(level + self._times)
-        if level not in self._schemes:
-            known = self._known_functions(level)
-            self._schemes[level] = build_scheme(self.integrator, self._beam, self.step / 2**level, known)
-        return self._schemes[level]
+        place = level + self._halvings
+        if place not in self._schemes:
+            known = [block[place : place + 2] for block in self._functions]
+            known = known if all(len(block) == 2 for block in known) else []
+            self._schemes[place] = build_scheme(self.integrator, self._beam, self.step / 2**level, known)
+        return self._schemes[place]
 
     def halved(self, times: int) -> "StepLevels":
         """The levels of a step that is halved so many times; schemes are shared."""
-        if times not in self._halved:
-            self._halved[times] = StepLevels(self.integrator, self._beam, self.step / 2**times, self, times)
-        return self._halved[times]
-
-    def _known_functions(self, level: int) -> list[list[Functions]]:
-        """The beam's matrix functions for a level's step and its half, if they were found with those of level 0; else none."""
-        if self.integrator != "etdrk4":
-            return []
-        if self._functions is None:
-            modes = self._beam.modes
-            self._functions = block_functions(modes.omega, modes.D, modes.block_start, self.step)
-        known = [block[level : level + 2] for block in self._functions]
-        return known if all(len(block) == 2 for block in known) else []
+        finer = copy(self)
+        finer.step, finer._halvings = self.step / 2**times, self._halvings + times
+        return finer
 
     def watch(self, fixed: bool, accuracy: float) -> StepWatch:
         """What the kernel needs to choose among them; `fixed`: the step is given, and it does not."""

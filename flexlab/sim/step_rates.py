@@ -6,12 +6,13 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlab.compiled import compiled, inlined
+from flexlab.control.conditions import stability_limit
 from flexlab.control.law_kernels import fastest_control_rate
 from flexlab.control.motion import poses
 from flexlab.control.path import Trajectory
 from flexlab.control.rates import largest_form_ratio
 from flexlab.numerics.eigenvalues import spectral_radius
-from flexlab.numerics.elementary import each, exponentials, sin
+from flexlab.numerics.elementary import exponentials
 from flexlab.numerics.linear_algebra import product
 from flexlab.physics.dynamics import configure_arms, rigid_inertia
 from flexlab.physics.grips import carried_arms, grip_forms
@@ -31,10 +32,6 @@ STABLE_CREEP = 1.0
 """Most that the grips may add to the inverse mass of modes that are damped faster than the step. Such a mode follows at once what
 the grips did in the stage before, so that from about 1.3 on each stage amplifies the last one."""
 
-AMPLIFYING = 1.5
-"""Fastest rate of a sampled loop over its stability limit from which on differences in the last digit become visible: of 60
-random loops those beyond diverge or depend on rounding, and none below does."""
-
 STEPS_TRIED = np.outer(2e-3 * np.ldexp(1.0, -np.arange(16)), [1.0, math.sqrt(0.5)]).ravel()
 """Steps that are tried for `STABLE_CREEP`, from the longest to less than the shortest in use, s."""
 
@@ -44,8 +41,10 @@ class Rates(NamedTuple):
 
     poses: np.ndarray
     """`POSES_TRIED` desired poses, (k, 3)."""
+    held: float
+    """Rate of the beam's fastest mode with its grips held, 1/s."""
     beam: float
-    """Rate of the beam's fastest mode, 1/s."""
+    """The same in the arms, 1/s."""
     coupling: float
     """Norm of the modes' coupling through the motion of the beam's ends, 1/s."""
     lasting: float
@@ -67,22 +66,19 @@ class GripRates(NamedTuple):
     """Fastest decay by the dampers, 1/s."""
 
 
-def find_rates(
-    beam: Beam, system: System, trajectory: Trajectory, free_rate: float, forms: np.ndarray | None = None
-) -> Rates:
-    """The rates of a beam in its arms on its path.
-
-    `free_rate`: of `free_beam_rate`, 1/s; `forms`: of `coupling_forms`, if they are known.
-    """
-    desired, forms = desired_poses(system, trajectory), coupling_forms(system, beam) if forms is None else forms
+def find_rates(beam: Beam, system: System, trajectory: Trajectory, known: Rates | None = None) -> Rates:
+    """The rates of a beam in its arms on its path; `known`: those of the same beam elsewhere."""
+    lightest = note_lightest(system.plant, scratch_workspace(system))
+    held = held_beam_rate(beam, lightest) if known is None else known.held
+    forms = coupling_forms(system, beam) if known is None else known.forms
+    desired = desired_poses(system, trajectory)
     gives, coupling, lasting = giving_way(system, desired, forms)
-    if system.plant.grips is not None:  # rk4, the only integrator for compliant grips, propagates nothing exactly.
-        eased = note_lightest(system.plant, scratch_workspace(system)) * gives
-        return Rates(desired, free_rate * math.sqrt(1 + eased), 0.0, 0.0, math.inf, forms)
-    creeping = longest_creeping_step(system, desired, beam, gives)
-    # In units of the beam's own inverse mass 1/s at its lightest.
-    eased = note_lightest(system.plant, scratch_workspace(system)) * gives
-    return Rates(desired, free_rate * math.sqrt(1 + eased), coupling, lasting, creeping, forms)
+    if system.plant.grips is None:
+        creeping = longest_creeping_step(system, desired, beam, gives)
+    else:  # rk4, the only integrator for compliant grips, propagates nothing exactly.
+        coupling, lasting, creeping = 0.0, 0.0, math.inf
+    # The arms give way in units of the beam's own inverse mass 1/s at its lightest.
+    return Rates(desired, held, held * math.sqrt(1 + lightest * gives), coupling, lasting, creeping, forms)
 
 
 def desired_poses(system: System, trajectory: Trajectory) -> np.ndarray:
@@ -174,14 +170,12 @@ def fastest_joint_rate_at(plant, desired, ws):
     return fastest
 
 
-def amplifies_errors(system: System, desired: np.ndarray, period: float, delay: int) -> bool:
-    """Whether a law that acts every `period`, s, with a delay of so many periods, exceeds its stability limit by `AMPLIFYING`.
+def instability(system: System, desired: np.ndarray, period: float, delay: int) -> float:
+    """Fastest rate of a loop sampled every `period`, s, over its limit of stability with so many periods of delay, 1.
 
-    Feedback x⁺ = x - k x(delayed by d) is stable up to k = 2 sin(π/(4d + 2)).
+    0: the law is continuous (period 0), or the motors are off.
     """
-    if period == 0:
-        return False
-    return control_rate(system, desired) * period > AMPLIFYING * 2 * each(sin, [math.pi / (4 * delay + 2)])[0]
+    return control_rate(system, desired) * period / stability_limit(delay) if period > 0 else 0.0
 
 
 @compiled
@@ -199,7 +193,7 @@ def fastest_rate_at(plant, control, desired, memory, ws):
     return fastest
 
 
-def free_beam_rate(beam: Beam, factor: float = 1.0) -> float:
+def held_beam_rate(beam: Beam, factor: float) -> float:
     """Fastest rate of the beam with its grips held, 1/s: the largest |eigenvalue| of (η, π) → (π, -Ω²η - Dπ).
 
     `factor`: its mass over the mass for which the modes were computed, 1.

@@ -88,10 +88,14 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
 
     Raises `ScenarioError` for a given step that is unstable.
     """
-    simulation, beam_speed, joint_speed = scenario.simulation, rates.beam, joint_rate(system, rates.poses)
-    law_speed, motor_speed = control_rate(system, rates.poses), motor_rate(system)
-    control_speed = law_speed + joint_speed + motor_speed
-    integrator, others, grips = simulation.integrator, other_integrators(scenario), grip_rates(system, rates.poses)
+    simulation, beam_speed, grips = scenario.simulation, rates.beam, grip_rates(system, rates.poses)
+    integrator, others = simulation.integrator, other_integrators(scenario)
+    speeds = {
+        "law": control_rate(system, rates.poses),
+        "joints": joint_rate(system, rates.poses),
+        "motors": motor_rate(system),
+    }
+    control_speed = sum(speeds.values())
     if integrator == "auto" and others:
         # Other integrators need a constant mass and rigid grips to propagate the modes.
         integrator = "rk4"
@@ -99,47 +103,41 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
         # Only a beam so slow that rk4 resolves all its modes saves by not propagating them exactly.
         step = simulation.step or _accurate_step("rk4", simulation.accuracy, control_speed)
         integrator = "rk4" if step * beam_speed < SOFT_BEAM else "etdrk4"
-    compliant = scenario.grips.active
-    fastest = math.sqrt(beam_speed**2 + grips.ringing**2) + grips.fading if compliant else beam_speed
+    fastest, hard = beam_speed, grips.ringing + grips.fading > beam_speed
+    if scenario.grips.active:
+        fastest = math.sqrt(beam_speed**2 + grips.ringing**2) + grips.fading
     stable = STABILITY_LIMIT / fastest if integrator == "rk4" else math.inf
-    if simulation.step is None:
-        ease = _root(simulation.accuracy / DEFAULT_ACCURACY, ORDER[integrator])
-        fades = float(beam.modes.D.diagonal().max()) / 2 > RINGING_DECAY
-        coupled, coupling = math.inf, rates.coupling
-        if coupling > 0:
-            lasting = (COUPLING_LIMIT if fades else RINGING_LIMIT) / max(rates.lasting, 1e-9 * coupling)
-            accurate = max(COUPLED_STEP, ease * min(lasting, FADING_LIMIT / coupling))
-            coupled = min(STABLE_COUPLING / coupling, accurate)
-        if integrator == "rk4":
-            third = float(np.sort(beam.modes.omega)[:RESOLVED_MODES][-1]) / math.sqrt(
-                scenario.payload.mass_change.lightest
+    if simulation.step is not None:
+        if simulation.step > stable:
+            etdrk4 = "" if others else "etdrk4, "
+            sentence = (
+                f"A step of {number_text(simulation.step)} s (simulation.step) is unstable with rk4: "
+                f"{'the grips allow at most' if hard else 'the stiffest mode of this beam allows at most'} "
+                f"{number_text(stable, 3)} s. Choose a shorter step, {etdrk4}or null for an automatic step."
             )
-            stable = min(RESOLVED * stable, RESOLVED_ANGLE / third)
-        gripped = GRIPPED_ANGLE / grips.slow if grips.slow > 0 else math.inf  # It is 0, too, if no pose can be taken.
-        hard = compliant and (gripped < stable or grips.ringing + grips.fading > beam_speed)
-        stable = min(stable, gripped)
-        creeping = rates.overdamped if integrator == "etdrk4" else math.inf
-        step = min(creeping, stable, coupled, _accurate_step(integrator, simulation.accuracy, control_speed))
-        bound = "joints" if joint_speed > law_speed else "law"
-        bound = "motors" if motor_speed > max(joint_speed, law_speed) else bound
-        firm = "grips" if hard else "beam"
-        bound = "creep" if step == creeping else firm if step == min(stable, coupled) else bound
-        _refuse_tiny(step, integrator, bound, others)
-        return Choice(integrator, step, bound)
-    etdrk4 = "" if others else "etdrk4, "
-    hard = compliant and grips.ringing + grips.fading > beam_speed
-    if simulation.step > stable:
-        raise ScenarioError(
-            [
-                (
-                    "simulation.step",
-                    f"A step of {number_text(simulation.step)} s (simulation.step) is unstable with rk4: "
-                    f"{'the grips allow at most' if hard else 'the stiffest mode of this beam allows at most'} "
-                    f"{number_text(stable, 3)} s. Choose a shorter step, {etdrk4}or null for an automatic step.",
-                )
-            ]
-        )
-    return Choice(integrator, simulation.step, "given")
+            raise ScenarioError([("simulation.step", sentence)])
+        return Choice(integrator, simulation.step, "given")
+    ease = _root(simulation.accuracy / DEFAULT_ACCURACY, ORDER[integrator])
+    fades = float(beam.modes.D.diagonal().max()) / 2 > RINGING_DECAY
+    coupled, coupling = math.inf, rates.coupling
+    if coupling > 0:
+        lasting = (COUPLING_LIMIT if fades else RINGING_LIMIT) / max(rates.lasting, 1e-9 * coupling)
+        accurate = max(COUPLED_STEP, ease * min(lasting, FADING_LIMIT / coupling))
+        coupled = min(STABLE_COUPLING / coupling, accurate)
+    if integrator == "rk4":
+        third = float(np.sort(beam.modes.omega)[:RESOLVED_MODES][-1]) / math.sqrt(scenario.payload.mass_change.lightest)
+        stable = min(RESOLVED * stable, RESOLVED_ANGLE / third)
+    gripped = GRIPPED_ANGLE / grips.slow if grips.slow > 0 else math.inf  # It is 0, too, if no pose can be taken.
+    hard, stable = hard or gripped < stable, min(stable, gripped)
+    creeping = rates.overdamped if integrator == "etdrk4" else math.inf
+    longest = {
+        "creep": creeping,
+        "grips" if hard else "beam": min(stable, coupled),
+        max(speeds, key=speeds.__getitem__): _accurate_step(integrator, simulation.accuracy, control_speed),
+    }
+    bound = min(longest, key=longest.__getitem__)
+    _refuse_tiny(longest[bound], integrator, bound, others)
+    return Choice(integrator, longest[bound], bound)
 
 
 def other_integrators(scenario: Scenario) -> str:
@@ -155,36 +153,29 @@ def _refuse_tiny(step: float, integrator: str, bound: str, others: str) -> None:
         return
     least = number_text(SHORTEST_CHOSEN)
     need = f"would need a step of {number_text(step, 2)} s with {integrator}, below the {least} s that is allowed"
-    auto = "" if integrator == "etdrk4" else "or the integrator auto, "
-    if others:
-        auto = f"or {others}, "
     if bound == "creep":
         # How short it would have to be is unknown, and nobody can set one.
         need = f"would need steps below the {least} s that are allowed with {integrator}"
-        cause = "this beam, strongly damped and heavy for arms that give way to it,"
-        cure = "Choose a softer, lighter or less damped beam, fewer elements, or heavier links"
-    elif bound == "beam":
-        cause = "the beam's fastest mode in these arms"
-        cure = (
-            f"Choose a softer or less damped beam or fewer elements, {auto}or set the step yourself (simulation.step)"
-        )
-    elif bound == "joints":
-        cause = "the joints' friction"
-        turns = "speed within which friction turns over (joints.friction.smoothing_speed)"
-        cure = f"Choose a higher {turns}, or less friction"
-    elif bound == "motors":
-        cause = "the motors' time constant"
-        cure = "Choose a longer time constant of the motors (joints.motor.time_constant), or 0"
-    elif bound == "grips":
-        cause, cure = (
-            "the grips' stiffness and damping",
-            f"Choose a lower stiffness or damping of the grips (grips.stiffness, grips.damping), {auto}or fewer elements",
-        )
-    else:
-        cause, cure = "the controller's gains", f"Lower the gains, {auto}or set the step yourself (simulation.step)"
-    raise ScenarioError(
-        [("simulation.step", f"No automatic step (simulation.step = null) is short enough: {cause} {need}. {cure}.")]
-    )
+    auto = f"or {others}, " if others else "" if integrator == "etdrk4" else "or the integrator auto, "
+    own_step = f"{auto}or set the step yourself (simulation.step)"
+    causes = {
+        "creep": "this beam, strongly damped and heavy for arms that give way to it,",
+        "beam": "the beam's fastest mode in these arms",
+        "joints": "the joints' friction",
+        "motors": "the motors' time constant",
+        "grips": "the grips' stiffness and damping",
+        "law": "the controller's gains",
+    }
+    cures = {
+        "creep": "Choose a softer, lighter or less damped beam, fewer elements, or heavier links",
+        "beam": f"Choose a softer or less damped beam or fewer elements, {own_step}",
+        "joints": "Choose a higher speed within which friction turns over (joints.friction.smoothing_speed), or less friction",
+        "motors": "Choose a longer time constant of the motors (joints.motor.time_constant), or 0",
+        "grips": f"Choose a lower stiffness or damping of the grips (grips.stiffness, grips.damping), {auto}or fewer elements",
+        "law": f"Lower the gains, {own_step}",
+    }
+    sentence = f"No automatic step (simulation.step = null) is short enough: {causes[bound]} {need}. {cures[bound]}."
+    raise ScenarioError([("simulation.step", sentence)])
 
 
 def control_limits(integrator: str, accuracy: float) -> tuple[float, float]:

@@ -19,12 +19,13 @@ from flexlab.physics.dynamics import set_momenta
 from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import ETA, P
 from flexlab.scenario import Scenario
-from flexlab.sim import accuracy, samples
+from flexlab.sim import accuracy
 from flexlab.sim.assembly import Assembly, Unprepared, derive_assembly
 from flexlab.sim.closed_loop import scratch_workspace
 from flexlab.sim.integrators.beam_flow import TICKS
 from flexlab.sim.motion import begin_motion
 from flexlab.sim.run_warnings import SLOWEST_PACE, bounds, seconds_per_second
+from flexlab.sim.signals import POSE, TIME
 from flexlab.sim.step_levels import DISTURBED_TICKS
 from flexlab.sim.step_rates import ring_decay
 from flexlab.sim.step_size import SHORTEST_CHOSEN, Count
@@ -54,8 +55,6 @@ MOST_ORDER = 4.5
 
 DISCONTINUITIES_TRIED = 2
 """Discontinuities of the path that are tried besides the start."""
-
-POSE = slice(samples.POSE, samples.POSE + 3)
 
 
 class Trial(NamedTuple):
@@ -188,7 +187,7 @@ def _rate_error(assembly: Assembly, coarse: Trial, fine: Trial) -> np.ndarray:
     """Difference of the pose's rates at the ends of two trials (3,), without what the beam's vibration adds."""
     system, y, rest = assembly.system, fine.y.copy(), np.zeros(len(assembly.beam.modes.omega))
     workspace, inertia = scratch_workspace(system), np.empty((3, 3))
-    find_mass_at(system.plant, fine.rows[-1, samples.TIME], workspace)
+    find_mass_at(system.plant, fine.rows[-1, TIME], workspace)
     for axis, rate in enumerate(np.eye(3)):
         set_momenta(system.plant, y, rate, rest, workspace)
         inertia[:, axis] = y[P : P + 3]
@@ -200,7 +199,7 @@ def _excess(assembly: Assembly, coarse: Trial, fine: Trial) -> float:
     forces, finer_forces = (accuracy.forces(trial.rows, assembly) for trial in (coarse, fine))
     peak = float(np.abs(finer_forces).max())
     force = float(np.abs(forces - finer_forces).max())
-    poses = np.abs(coarse.rows[:, POSE] - fine.rows[:, POSE])
+    poses = np.abs(coarse.rows[:, POSE : POSE + 3] - fine.rows[:, POSE : POSE + 3])
     pose = max(float(poses.max()), float((poses[-1] + np.abs(_rate_error(assembly, coarse, fine)) / RATE_DECAY).max()))
     ringing = np.where(accuracy.oscillates(assembly), accuracy.mode_forces(assembly, coarse.y - fine.y), 0.0)
     # A mode that rings on accumulates as much in each such span.

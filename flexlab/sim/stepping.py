@@ -14,14 +14,16 @@ from flexlab.compiled import entry_point
 from flexlab.physics.dynamics import velocities_at
 from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import ETA
-from flexlab.sim import accuracy, samples
+from flexlab.sim import accuracy
 from flexlab.sim.advance import INTERRUPTED, OTHER_STEP, advance
 from flexlab.sim.assembly import Assembly
 from flexlab.sim.closed_loop import scratch_workspace
 from flexlab.sim.integrators.beam_flow import TICKS
 from flexlab.sim.integrators.scheme import Scheme
 from flexlab.sim.motion import Motion, restore, state_of
+from flexlab.sim.run_warnings import peaks_of, with_model_shares
 from flexlab.sim.samples import WorldState
+from flexlab.sim.signals import POSE, TIME
 from flexlab.sim.step_levels import StepWatch
 from flexlab.sim.step_size import build_scheme
 from flexlab.sim.termination import DEFLECTION_LIMIT, runtime_fault
@@ -66,10 +68,11 @@ def steps_in(length: float, dt: float) -> int:
 def observe(motion: Motion, row: np.ndarray) -> None:
     """Write the sample of the present instant, zeros before; of a failed start the pose alone, the rest zero."""
     move_on(motion, row[None], first_is_present=True)
-    row[samples.TIME] = motion.time
-    row[samples.POSE : samples.POSE + 3] = motion.y[:3]
+    row[TIME] = motion.time
+    row[POSE : POSE + 3] = motion.y[:3]
     if motion.estimate.peaks.torque is None:  # Nothing has moved: later samples say the rest.
-        motion.estimate = accuracy.note_present(motion.estimate, motion.assembly, row)
+        peaks = with_model_shares(motion.estimate.peaks, motion.scenario, row[None])
+        motion.estimate = motion.estimate._replace(peaks=peaks)
 
 
 def fill(motion: Motion, rows: np.ndarray) -> int:
@@ -83,15 +86,18 @@ def fill(motion: Motion, rows: np.ndarray) -> int:
         observe(motion, np.zeros(motion.row_length))
     before, estimate, done, code = state_of(motion), motion.estimate, 0, 0
     while done < len(rows) and code == 0:
-        part = rows[done : done + accuracy.ticks_to_check(motion.estimate, motion.tick)]
-        start, checked = state_of(motion), accuracy.is_due(motion.estimate, motion.tick)
+        until_check = accuracy.ticks_until_check(motion.estimate, motion.tick)
+        part, checked = rows[done : done + max(until_check, 1)], until_check == 0
+        start = state_of(motion)
         ticks, code = move_on(motion, part)
         if code == INTERRUPTED:
             _go_back(motion, before, estimate)
             return 0
         if ticks == 0:
             continue
-        peaks, change, jump = accuracy.note_rows(motion.estimate, motion.assembly, part[:ticks])
+        peaks, change, jump = peaks_of(
+            motion.estimate.peaks, motion.scenario, part[:ticks], motion.estimate.torque_change
+        )
         if jump >= 0 and not checked:  # The tick with the jump has to be checked, and so have those after it.
             _go_back(motion, start, accuracy.jumped(motion.estimate, motion.tick + jump))
             code = 0
@@ -182,7 +188,7 @@ def _move_in_parts(motion: Motion, cuts: tuple[float, ...], row: np.ndarray, lim
             return code
         # The whole tick keeps the step that its beginning wanted.
         watch = watch._replace(most=0)
-    row[0, samples.TIME] = cuts[-1]
+    row[0, TIME] = cuts[-1]
     return 0
 
 

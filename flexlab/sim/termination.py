@@ -18,7 +18,6 @@ from flexlab.sim.closed_loop import own_states_of, scratch_workspace
 from flexlab.sim.parametric_resonance import growth_rate, may_resonate
 from flexlab.sim.sampled_control import gaussian
 from flexlab.sim.samples import Status
-from flexlab.sim.step_rates import control_rate
 from flexlab.sim.step_size import STABLE_COUPLING
 from flexlab.sim.target import desired_at
 from flexlab.text import fixed_text, number_text
@@ -36,6 +35,10 @@ UNSTABLE_COUPLING = 2 * STABLE_COUPLING
 
 LOUDER = 10.0
 """Growth rate times time from which on growing errors explain a divergence: 1e-10 of the motion has become 1e-6 of it."""
+
+
+OUT_OF_REACH = {UNREACHABLE: "unreachable", SINGULAR: "singular"}
+"""Fault code of a pose that an arm cannot take → its status."""
 
 
 def arm_name(scenario: Scenario, index: int) -> str:
@@ -112,18 +115,6 @@ def measurement_fault(assembly: Assembly, pose: np.ndarray, pose_rate: np.ndarra
     return ""
 
 
-def is_unstable(scenario: Scenario, assembly: Assembly) -> bool:
-    """Whether a sampled loop is unstable, because held torques overshoot: its fastest rate λ times the control period.
-
-    x(k+1) = x(k) - λT_c x(k-d), with d samples of delay, is stable up to λT_c = 2 sin(π / (2 (2d + 1))) (Levin and May 1976).
-    """
-    law, delay = scenario.controller, assembly.sampling.delay
-    if law.control_period is None or law.kind == "none":
-        return False
-    limit = 2 * math.sin(math.pi / (2 * (2 * delay + 1)))
-    return control_rate(assembly.system, assembly.rates.poses) * law.control_period > limit
-
-
 def runtime_fault(assembly: Assembly, code: int, y: np.ndarray, pose_rate: np.ndarray, time: float) -> Status:
     """The status for a kernel's fault code; `y`, `pose_rate` (3,): the last good state, at `time`, s."""
     scenario, pose = assembly.scenario, y[:3]
@@ -139,16 +130,15 @@ def runtime_fault(assembly: Assembly, code: int, y: np.ndarray, pose_rate: np.nd
         )
         return Status("law failed", text, time)
     sampled = law.control_period is not None and law.kind != "none"
-    if sampled and code in (UNREACHABLE, SINGULAR):
+    if sampled and code in OUT_OF_REACH:
         measured = measurement_fault(assembly, pose, pose_rate, time)
         if measured:
-            name = "unreachable" if code == UNREACHABLE else "singular"
             text = f"{measured}: sensor noise threw the measured pose out of the workspace."
             cure = "less noise in controller.sensor_noise.pose"
             if scenario.joints.encoders.active:
                 text = f"{measured}: what the encoders and their noise tell is out of the workspace."
                 cure = f"more joints.encoders.counts or {cure}"
-            return Status(name, f"{text} {kept} Reset with {cure}.", time)
+            return Status(OUT_OF_REACH[code], f"{text} {kept} Reset with {cure}.", time)
     margins = []
     for index in range(len(scenario.arms)):
         reach, shortest, longest = wrist_reach(scenario, index, poses[index])
@@ -161,12 +151,12 @@ def runtime_fault(assembly: Assembly, code: int, y: np.ndarray, pose_rate: np.nd
     # the computation diverged.
     near = wrist_speed < FASTEST_WRIST and margin < 10 * wrist_speed * assembly.tick_period + longest * SINGULAR_SINE
     too_long = _is_too_long(assembly)
-    near = near and not too_long
-    if sampled and (is_unstable(scenario, assembly) or (code != BENT and not near and not too_long)):
-        name = {UNREACHABLE: "unreachable", SINGULAR: "singular"}.get(code, "diverged") if near else "diverged"
+    near, unstable = near and not too_long, assembly.instability > 1
+    if sampled and (unstable or (code != BENT and not near and not too_long)):
+        name = OUT_OF_REACH.get(code, "diverged") if near else "diverged"
         delay = f" and an input delay of {law.input_delay} samples" if law.input_delay else ""
         acts, cure = "torques that are held act too late for these gains", "a shorter control period or lower gains"
-        if scenario.joints.encoders.active and not is_unstable(scenario, assembly):
+        if scenario.joints.encoders.active and not unstable:
             acts, cure = "counts that pass for rates drive it", "more joints.encoders.counts or lower gains"
         return Status(
             name,
@@ -174,10 +164,9 @@ def runtime_fault(assembly: Assembly, code: int, y: np.ndarray, pose_rate: np.nd
             f"{number_text(law.control_period)} s{delay}, {acts}. {kept} Reset with {cure}.",
             time,
         )
-    if code in (UNREACHABLE, SINGULAR) and near:
-        name = "unreachable" if code == UNREACHABLE else "singular"
+    if code in OUT_OF_REACH and near:
         return Status(
-            name,
+            OUT_OF_REACH[code],
             f"The {arm_name(scenario, index)} left its workspace just after t = {time:.3f} s, near {_pose_text(pose)}: "
             f"its wrist is {distance:.3f} m from its base, {margin:.3f} m from "
             f"the limit of what it spans (up to {longest:.3f} m). {kept} {_cure(law.kind)}",

@@ -42,7 +42,7 @@ def motion(envs: TwoArmsVector | TwoArms, actions: np.ndarray) -> np.ndarray:
     for action in actions:
         envs.step(np.tile(action, (envs.worlds.count, 1)) if isinstance(envs, TwoArmsVector) else action)
         row = envs.worlds.state
-        found.append([*row.y[0, :3], envs.worlds.deflections()[0]])
+        found.append([*row.y[0, :3], envs.worlds.samples().midspan_deflection[0]])
     return np.array(found)
 
 

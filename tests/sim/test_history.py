@@ -7,6 +7,7 @@ import pytest
 
 from flexlab.sim import samples
 from flexlab.sim.history import HISTORY_SECONDS, History
+from flexlab.sim.signals import TIME
 
 SIZE = round(HISTORY_SECONDS / 0.001) + 1
 
@@ -15,7 +16,7 @@ def rows(start: int, count: int) -> np.ndarray:
     """Sample rows of one arm and one coordinate, numbered in time and in every other column."""
     numbers = np.arange(start, start + count, dtype=float)
     block = np.repeat(numbers[:, None], samples.row_length(1, 1), axis=1)
-    block[:, samples.TIME] = numbers * 0.001
+    block[:, TIME] = numbers * 0.001
     return block
 
 

@@ -6,6 +6,7 @@ import re
 import signal
 import socket
 import subprocess
+import time
 from collections.abc import Callable, Collection
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
 from flexlab.recording.store.notes import read_notes
 from flexlab.recording.store.run_files import is_in_use, list_runs, run_state
+from flexlab.server.labs.per_visitor import LONGEST_ROUND, SILENCE
 from flexlab.sim.simulate import simulate
 
 StartLab = Callable[..., Lab]
@@ -174,6 +176,25 @@ def test_a_private_lab_that_fails_is_told_replaced_and_its_run_kept(start_lab: S
         assert ben.enter() == second, "Ben's lab runs on"
     assert anna.enter() not in (first, second), "Anna gets a new one"
     assert lab.end() == 0
+
+
+def test_a_server_that_was_stopped_for_a_while_closes_no_lab(start_lab: StartLab):
+    lab = start_lab("--private")
+    visitors = [Visitor(lab) for _ in range(2)]
+    labs = [visitor.enter() for visitor in visitors]
+    processes = [psutil.Process(lab.process.pid), *workers(lab)]
+    for process in processes:
+        process.suspend()
+    time.sleep(SILENCE + 1.0)
+    for process in processes:
+        process.resume()
+    for visitor, path in zip(visitors, labs, strict=True):
+        assert visitor.enter() == path
+    time.sleep(2 * LONGEST_ROUND)
+    for visitor, path in zip(visitors, labs, strict=True):
+        assert json.loads(visitor.state(path)).get("open"), visitor.state(path)
+    assert lab.end() == 0
+    assert lab.complained == []
 
 
 def test_nothing_is_left_of_a_killed_server(start_lab: StartLab, temporary: Path):

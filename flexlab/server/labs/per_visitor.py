@@ -195,9 +195,12 @@ class PrivateLabs(LabProvider):
         return {place.visitor for place in self._places.values() if not place.why} | set(self._opening)
 
     async def _close_idle_ones(self) -> None:
-        idle = self._settings.idle_time
+        idle, looked = self._settings.idle_time, time.monotonic()
         while True:
             await asyncio.sleep(min(idle / ROUNDS_PER_IDLE_TIME, LONGEST_ROUND))
+            before, looked = looked, time.monotonic()
+            if looked - before > SILENCE / 2:
+                continue  # The server itself was stopped: it has not yet heard what the labs said meanwhile.
             for place in list(self._places.values()):
                 if place.port and not place.visitors and not place.why and time.monotonic() - place.seen > idle:
                     place.why = IDLE.format(time=f"{idle / 60:g} minutes" if idle >= 60 else f"{idle:g} s")

@@ -13,7 +13,7 @@ import pytest
 from browser_window import BY_THE_PROCESSOR, SOFTWARE_RENDERING
 from get_browser import find_browser
 from hypothesis import settings
-from lab_process import Lab
+from lab_process import Command, Lab
 from playwright.sync_api import Browser, sync_playwright
 from workers import is_of_browser, pytest_cmdline_main, pytest_xdist_make_scheduler
 
@@ -65,8 +65,6 @@ def root() -> Path:
     """The source checkout."""
     return ROOT
 
-
-Command = Callable[..., subprocess.CompletedProcess[str]]
 
 SPOKEN_TO = {"COLUMNS": "120", "NO_COLOR": "1", "PYTHONIOENCODING": "utf-8"}
 """What a command's output depends on, set the same for all tests."""

@@ -13,8 +13,19 @@ import urllib.request
 from collections.abc import Callable
 from pathlib import Path
 
+Command = Callable[..., subprocess.CompletedProcess[str]]
+"""Does what `flexlab` and these words do: `flexlab_command`, `flexlab_process`."""
 PATIENCE = 300.0
 """s: generous, since a machine may be busy and a cache cold; no test passes or fails by speed."""
+
+
+def refused(done: subprocess.CompletedProcess[str], lines: int = 1) -> str:
+    """The sentence, of so many lines at most, with which a command refused its input; it did nothing else."""
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert done.stdout == ""
+    assert "Traceback" not in done.stderr
+    assert 1 <= done.stderr.count("\n") <= lines, done.stderr
+    return done.stderr
 
 
 class Lab:

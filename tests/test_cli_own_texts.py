@@ -1,16 +1,14 @@
 """Every command runs a person's law in a process of its own, whose end is a sentence and whose output has an end."""
 
 import re
-import subprocess
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from lab_process import Command
 from own_law_text import PD, at_work
 
 from flexlab.own.child import MOST_PRINTED
 
-Command = Callable[..., subprocess.CompletedProcess[str]]
 BOARD = ("leaderboard", "--law-name", "pd", "--case", "B3", "--law")
 COMMANDS = {
     "run": ("run", "paper", "--duration", "0.1", "--law"),
@@ -21,22 +19,22 @@ COMMANDS = {
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_a_law_that_ends_its_process_ends_no_command(name: str, flexlab_process: Command, tmp_path: Path):
+def test_a_law_that_ends_its_process_ends_no_command(name: str, flexlab_command: Command, tmp_path: Path):
     (tmp_path / "ends.py").write_text(at_work("if at.time > 0.02: os._exit(0)"))
     if name == "compare":
-        assert flexlab_process("run", "paper", "--duration", "0.05").returncode == 0
-    done = flexlab_process(*COMMANDS[name], "ends.py")
+        assert flexlab_command("run", "paper", "--duration", "0.05").returncode == 0
+    done = flexlab_command(*COMMANDS[name], "ends.py")
     said = " ".join((done.stdout + done.stderr).split())
     assert re.search(r"ends\.py, line \d+: it ended its own process with os\._exit", said), said
     assert "Traceback" not in said
 
 
 @pytest.mark.parametrize("after", [-1.0, 0.02])
-def test_the_recorded_law_of_a_replay_ends_no_command(after: float, flexlab_process: Command, tmp_path: Path):
+def test_the_recorded_law_of_a_replay_ends_no_command(after: float, flexlab_command: Command, tmp_path: Path):
     (tmp_path / "ends.py").write_text(at_work(f"if at.time > {after} and os.path.exists('again'): os._exit(0)"))
-    assert flexlab_process("run", "paper", "--duration", "0.05", "--law", "ends.py").returncode == 0
+    assert flexlab_command("run", "paper", "--duration", "0.05", "--law", "ends.py").returncode == 0
     (tmp_path / "again").touch()
-    done = flexlab_process("replay", "--run-own-law")
+    done = flexlab_command("replay", "--run-own-law")
     assert done.returncode == 1
     assert "it ended its own process with os._exit" in " ".join(done.stdout.split())
 

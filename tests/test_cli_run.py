@@ -1,18 +1,15 @@
 """`flexlab run`: simulates, records, sums up; refuses what it cannot do."""
 
 import json
-import subprocess
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from lab_process import Command, refused
 from own_law_text import PD
 
 import flexlab
 from flexlab.presets import save_scenario
 from flexlab.scenario import Scenario
-
-Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
 def test_a_run_is_recorded_and_summed_up(flexlab_process: Command, tmp_path: Path):
@@ -108,8 +105,4 @@ def test_bad_input_is_one_sentence(flexlab_command: Command, tmp_path: Path, wor
     (tmp_path / "wrong.json").write_text(json.dumps({"payload": {"bending_stiffness": -1}}))
     (tmp_path / "nan.json").write_text('{"payload": {"bending_stiffness": NaN}}')
     (tmp_path / "file").write_text("not a folder")
-    done = flexlab_command(*words)
-    assert done.returncode == 2, done.stderr
-    assert done.stdout == ""
-    assert says in done.stderr
-    assert done.stderr.count("\n") == 1, done.stderr
+    assert says in refused(flexlab_command(*words))

@@ -4,14 +4,12 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from lab_process import Command
 
 from flexlab import compiled
-
-Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
 def test_a_command_that_finds_everything_compiled_says_nothing(

@@ -14,6 +14,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
+from preset_run import run
 from units_in_fmpy import apart
 
 import flexlab
@@ -29,7 +30,6 @@ from flexlab.physics.axial_load import buckling_load
 from flexlab.physics.beam import beam_matrices
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import AdaptiveSlidingMode
-from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Run
 from flexlab.sim.simulate import simulate
 from flexlab.sim.target import shaper_impulses
@@ -37,13 +37,6 @@ from flexlab.sim.target import shaper_impulses
 EI, K, EPSILON = "payload.bending_stiffness", "controller.feedback_gain", "controller.boundary_layer"
 
 Number = Callable[[], float]
-
-
-@cache
-def run(preset: str, *changes: tuple[float, str, float], duration: float = 3.0) -> Run:
-    """A preset with live changes (time in s, path, value)."""
-    commands = [(time, ChangeScenario({path: value})) for time, path, value in changes]
-    return simulate(load_preset(preset), duration, 0.001, commands)
 
 
 def metrics(preset: str, first: float = 0.0, last: float = 3.0) -> RunMetrics:

@@ -1,20 +1,15 @@
 """What the presets tell people to watch is what happens (three simulated seconds each)."""
 
 import re
-from functools import cache
 
 import numpy as np
 import pytest
+from preset_run import run
 
 from flexlab.presets import load_preset, preset_names
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Run
 from flexlab.sim.simulate import simulate
-
-
-@cache
-def run(name: str) -> Run:
-    return simulate(load_preset(name), duration=3.0, sample_period=0.001)
 
 
 def peak(run: Run, signal: np.ndarray, start: float, stop: float) -> np.ndarray:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from lab_process import Command
 from odd_files import make_odd_folder
 
 from flexlab.cli import main
@@ -17,8 +18,6 @@ from flexlab.recording.headless import write_run
 from flexlab.scenario import parse_scenario
 from flexlab.sim.commands import Pull, Reset
 from flexlab.sim.simulate import simulate
-
-Command = Callable[..., subprocess.CompletedProcess[str]]
 
 LONGEST_ANSWER = 3000
 """Characters: what fits on a screen."""

@@ -3,13 +3,13 @@
 import importlib
 import math
 import os
-import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from lab_process import Command
 
 import flexlab
 from flexlab.analysis.metrics.metric import forget, named, number_names
@@ -23,7 +23,6 @@ from flexlab.errors import RecordingError, StudyError
 from flexlab.recording.headless import write_run
 from flexlab.recording.store.notes import read_notes
 
-Command = Callable[..., subprocess.CompletedProcess[str]]
 EI = "payload.bending_stiffness"
 
 

@@ -6,7 +6,7 @@ same bytes of SVG, so that a figure can be kept under version control.
 
 import io
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import cycle, pairwise, product
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -126,69 +126,63 @@ def save_figure(figure: Figure, path: Path) -> Path:
 
 def draw_figure(number: int, samples: Samples) -> Figure:
     """Figure 2, 3, 4 or 5 of the paper for these samples (N >= 1)."""
-    draw, rows = FIGURES[number]
+    rows = FIGURES[number](samples)
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH, ROW_HEIGHT * max(rows, 2)), layout="constrained")
-        axes = [figure.add_subplot(rows, 1, row + 1) for row in range(rows)]
-        draw(axes, samples)
-        for upper in axes[:-1]:
-            upper.tick_params(labelbottom=False)
-        for part in axes:
+        figure = Figure(figsize=(WIDTH, ROW_HEIGHT * max(len(rows), 2)), layout="constrained")
+        axes = [figure.add_subplot(len(rows), 1, row + 1) for row in range(len(rows))]
+        for part, (label, curves) in zip(axes, rows, strict=True):
+            for name, values, color, line in curves:
+                _curve(part, samples.time, values, color, name, line)
+            part.set_ylabel(label)
             part.set_xlim(samples.time[0], max(samples.time[-1], samples.time[0] + 1e-9))
+            part.tick_params(labelbottom=part is axes[-1])
+        if axes[0].get_legend_handles_labels()[1]:  # Above the plot, where no curve is.
+            axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, frameon=False)
         axes[-1].set_xlabel("t (s)")
         figure.align_ylabels()
     return figure
 
 
-def _draw_trajectory(axes: list[Axes], samples: Samples) -> None:
-    for axis, (part, unit) in enumerate(zip(axes, ("m", "m", "rad"), strict=True)):
-        _curve(part, samples.time, samples.desired_pose[:, axis], PURPLE, "desired", "--")
-        _curve(part, samples.time, samples.pose[:, axis], GREEN, "payload")
-        part.set_ylabel(f"{AXES[axis]} ({unit})")
-    _legend(axes[0])
+Rows = list[tuple[str, list[tuple[str, np.ndarray, str, str]]]]
+"""(label, curves) of each plot; (name, values (N,), colour, line style) of each curve."""
 
 
-def _draw_vibration(axes: list[Axes], samples: Samples) -> None:
+def _trajectory(samples: Samples) -> Rows:
+    desired, pose = samples.desired_pose.T, samples.pose.T
+    return [
+        (f"{axis} ({unit})", [("desired", desired[k], PURPLE, "--"), ("payload", pose[k], GREEN, "-")])
+        for k, (axis, unit) in enumerate(zip(AXES, ("m", "m", "rad"), strict=True))
+    ]
+
+
+def _vibration(samples: Samples) -> Rows:
     _, whole, bending = map(_hex, DEFLECTION.colors)
-    _curve(axes[0], samples.time, MILLI * samples.midspan_deflection, whole, "deflection at mid-span")
-    _curve(axes[0], samples.time, MILLI * samples.quasi_static_deflection, bending, "its quasi-static part", "--")
-    axes[0].set_ylabel("w(0, t) (mm)")
-    _legend(axes[0])
+    bent, held = MILLI * samples.midspan_deflection, MILLI * samples.quasi_static_deflection
+    curves = [("deflection at mid-span", bent, whole, "-"), ("its quasi-static part", held, bending, "--")]
+    return [("w(0, t) (mm)", curves)]
 
 
-def _draw_error(axes: list[Axes], samples: Samples) -> None:
-    for axis, (part, unit) in enumerate(zip(axes, ("mm", "mm", "mrad"), strict=True)):
-        _curve(part, samples.time, MILLI * samples.tracking_error[:, axis], _hex(ERROR.colors[axis]))
-        part.set_ylabel(f"error {AXES[axis]} ({unit})")
+def _error(samples: Samples) -> Rows:
+    about = zip(AXES, ("mm", "mm", "mrad"), MILLI * samples.tracking_error.T, map(_hex, ERROR.colors), strict=True)
+    return [(f"error {axis} ({unit})", [("", values, color, "-")]) for axis, unit, values, color in about]
 
 
-def _draw_internal_force(axes: list[Axes], samples: Samples) -> None:
-    for axis, (part, unit) in enumerate(zip(axes, ("N", "N", "N·m"), strict=True)):
-        for arm, (side, color) in enumerate(zip(("left arm", "right arm"), (BLUE, VERMILION), strict=True)):
-            if arm < samples.internal_force.shape[1]:
-                _curve(part, samples.time, samples.internal_force[:, arm, axis], color, side, LINES[arm])
-        part.set_ylabel(f"F {AXES[axis]} ({unit})")
-    _legend(axes[0])
+def _internal_force(samples: Samples) -> Rows:
+    force, arms = samples.internal_force, (("left arm", BLUE, LINES[0]), ("right arm", VERMILION, LINES[1]))
+    return [
+        (f"F {axis} ({unit})", [(arms[i][0], force[:, i, k], *arms[i][1:]) for i in range(force.shape[1])])
+        for k, (axis, unit) in enumerate(zip(AXES, ("N", "N", "N·m"), strict=True))
+    ]
 
 
-FIGURES: dict[int, tuple[Callable[[list[Axes], Samples], None], int]] = {
-    2: (_draw_trajectory, 3),
-    3: (_draw_vibration, 1),
-    4: (_draw_error, 3),
-    5: (_draw_internal_force, 3),
-}
-"""Number in the paper → (function that draws it, number of plots)."""
+FIGURES = {2: _trajectory, 3: _vibration, 4: _error, 5: _internal_force}
+"""Number in the paper → the plots of the figure."""
 
 
 def _curve(
     axes: Axes, time: np.ndarray, values: np.ndarray, color: str | None, label: str = "", line: str = "-"
 ) -> None:
     axes.plot(*thin_out(time, values), color=color, label=label, linestyle=line)
-
-
-def _legend(axes: Axes) -> None:
-    """Place the legend above the plot, where no curve is."""
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, frameon=False)
 
 
 def thin_out(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

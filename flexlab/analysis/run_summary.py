@@ -58,17 +58,15 @@ class MetricNotes:
         """Metrics, differences from the preset, first instant and duration, s."""
         metrics = self._known or self._metrics.compute(not status.failed)
         return {
-            "metrics": {row.key: _rounded(row.value) for row in metrics.rows},
+            # None for NaN, which JSON lacks.
+            "metrics": {
+                row.key: float(f"{row.value:.{DIGITS}g}") if isfinite(row.value) else None for row in metrics.rows
+            },
             **({"own_metrics": metrics.own} if metrics.own else {}),
             "changes": self._changes,
             "begins": self._begins if isfinite(self._begins) else 0.0,
             "duration": metrics.duration,
         }
-
-
-def _rounded(value: float) -> float | None:
-    """The value for JSON; None for NaN."""
-    return float(f"{value:.{DIGITS}g}") if isfinite(value) else None
 
 
 def run_notes(info: RunInfo) -> MetricNotes:

@@ -191,7 +191,25 @@ class Tuning(Result):
     def plot(self, first: str = "", second: str = "") -> Figure:
         """The trade-off between two metrics among all candidates; by default the first two of the cost."""
         names = [*filter(None, (first, second)), *self.cost.names, "rms_error.y", "rms_internal_force"]
-        return draw_trade_off(self, *list(dict.fromkeys(names))[:2])
+        first, second = list(dict.fromkeys(names))[:2]
+        found = [values for candidate in self.candidates if (values := candidate.numbers)]
+        x, y = (np.array([values[name] for values in found]) for name in (first, second))
+        with mpl.rc_context(STYLE):
+            figure = Figure(figsize=SIZE, layout="constrained")
+            axes = figure.add_subplot()
+            axes.plot(x, y, "o", color=GRAY, markersize=3, alpha=0.6, label="tried")
+            best = pareto_front(x, y)
+            axes.step(x[best], y[best], "-", where="post", color=GRAY, linewidth=1)
+            for candidate, color, words in ((self.before, VERMILION, "before"), (self.best, BLUE, "chosen")):
+                if values := candidate.numbers:
+                    axes.plot(values[first], values[second], "o", color=color, markersize=8, label=words)
+            axes.set_xlabel(named(first).title)
+            axes.set_ylabel(named(second).title)
+            for name, draw in ((first, axes.axvline), (second, axes.axhline)):
+                if name in self.cost.limits:
+                    draw(self.cost.limits[name], color=VERMILION, linestyle=":", linewidth=1)
+            axes.legend(frameon=False)
+        return figure
 
     def __repr__(self) -> str:
         found = ", ".join(f"{path} = {value:.5g}" for path, value in self.best.changes.items()) or "nothing better"
@@ -280,25 +298,3 @@ def _run(scenario: Scenario, changes: dict[str, Any], duration: float) -> tuple[
         return (None, world.status.text) if world.status.failed else (metrics.compute(), "")
     except StudyError as error:  # of a metric of one's own
         return None, str(error)
-
-
-def draw_trade_off(tuning: Tuning, first: str, second: str) -> Figure:
-    """Two metrics of every candidate, with the scenario as it was and the chosen one."""
-    found = [values for candidate in tuning.candidates if (values := candidate.numbers)]
-    x, y = (np.array([values[name] for values in found]) for name in (first, second))
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=SIZE, layout="constrained")
-        axes = figure.add_subplot()
-        axes.plot(x, y, "o", color=GRAY, markersize=3, alpha=0.6, label="tried")
-        best = pareto_front(x, y)
-        axes.step(x[best], y[best], "-", where="post", color=GRAY, linewidth=1)
-        for candidate, color, words in ((tuning.before, VERMILION, "before"), (tuning.best, BLUE, "chosen")):
-            if values := candidate.numbers:
-                axes.plot(values[first], values[second], "o", color=color, markersize=8, label=words)
-        axes.set_xlabel(named(first).title)
-        axes.set_ylabel(named(second).title)
-        for name, draw in ((first, axes.axvline), (second, axes.axhline)):
-            if name in tuning.cost.limits:
-                draw(tuning.cost.limits[name], color=VERMILION, linestyle=":", linewidth=1)
-        axes.legend(frameon=False)
-    return figure

@@ -203,13 +203,8 @@ def mesh_scaling(duration: float, repeats: int) -> Scaling:
     """Measure the cost over the number of elements with modal damping, which does not couple modes."""
     meshes = []
     for elements in MESHES:
-        changes = {
-            "payload.element_count": elements,
-            "payload.damping": {"kind": "modal", "ratio": 0.01},
-            "simulation.step": STEP,
-            "simulation.integrator": "etdrk4",
-        }
-        trial = try_out(load_preset("paper").replace(changes), duration, repeats, least_time=LEAST_TIME)
+        modal = variant(elements, "etdrk4", STEP).replace({"payload.damping": {"kind": "modal", "ratio": 0.01}})
+        trial = try_out(modal, duration, repeats, least_time=LEAST_TIME)
         meshes.append(MeshCost(elements, trial.us_per_step, trial.real_time_factor))
     fitted = [mesh for mesh in meshes if mesh.elements >= FIRST_FITTED]
     return Scaling(meshes, fitted_exponent([m.elements for m in fitted], [m.us_per_step for m in fitted]))

@@ -139,6 +139,14 @@ class RootMeanSquare(Metric):
         return tuple(map(float, np.sqrt(self._squares / self._count)))
 
 
+def outlasting(time: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Instants, s, and sizes that no later size reaches, in the order of time: the last ones above any limit are among them."""
+    order = np.argsort(time, kind="stable")
+    time, size = time[order], size[order]
+    largest_later = np.maximum.accumulate(np.append(size[1:], -1.0)[::-1])[::-1]
+    return time[size > largest_later], size[size > largest_later]
+
+
 class Peak(Metric):
     """Base of metrics that are the largest magnitude of a signal."""
 

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from flexlab.analysis.metrics.metric import Column, Metric, register
+from flexlab.analysis.metrics.metric import Column, Metric, outlasting, register
 
 if TYPE_CHECKING:
     from flexlab.sim.samples import Samples
@@ -65,14 +65,7 @@ class ResidualVibration(Metric):
 
     def _keep(self, time: np.ndarray, size: np.ndarray) -> None:
         after = time > self._moved
-        if not after.any():  # as long as the target moves
-            self._time, self._size = time[:0], size[:0]
-            return
-        order = np.argsort(time, kind="stable")
-        time, size = time[order], size[order]
-        largest_later = np.maximum.accumulate(np.append(size[1:], -1.0)[::-1])[::-1]
-        kept = (size > largest_later) & (time > self._moved)
-        self._time, self._size = time[kept], size[kept]
+        self._time, self._size = outlasting(time[after], size[after])
 
     def compute(self) -> tuple[float, ...]:
         """Largest |vibration| after the stop and later, m."""

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from flexlab.analysis.metrics.metric import Column, Metric, register
+from flexlab.analysis.metrics.metric import Column, Metric, outlasting, register
 
 if TYPE_CHECKING:
     from flexlab.sim.samples import Samples
@@ -85,11 +85,7 @@ class SettlingTime(Metric):
         self._peak = max(self._peak, float(np.max(size, initial=0.0)))
         time, size = np.concatenate([self._time, time]), np.concatenate([self._size, size])
         loud = size > SHARE * self._peak
-        order = np.argsort(time[loud], kind="stable")
-        time, size = time[loud][order], size[loud][order]
-        largest_later = np.maximum.accumulate(np.append(size[1:], -1.0)[::-1])[::-1]
-        kept = size > largest_later
-        self._time, self._size = time[kept], size[kept]
+        self._time, self._size = outlasting(time[loud], size[loud])
 
     def _note(self, time: np.ndarray, size: np.ndarray) -> None:
         """Add magnitudes to the pieces."""

@@ -97,17 +97,14 @@ def _axis(path: str, given: Any, scenario: Scenario) -> Axis:
         known = set(field_paths(Scenario))
         if path not in known:
             raise ScenarioError([(path, unknown_field(visible(path, LONGEST), known))]) from None
-    axis = _range(path, given, whole) if _is_range(given) else Axis(path, _list(path, given))
+    is_range = isinstance(given, str) and ":" in given and not given.lstrip().startswith(("{", "[", '"'))
+    axis = _range(path, given, whole) if is_range else Axis(path, _list(path, given))
     if about is not None and axis.numeric:
         for value in axis.values:
             if not about.low <= value <= about.high:
                 text = f"{path} = {value:g}{about.unit_text()} is outside the allowed range {about.range_text()}"
                 raise StudyError(f"{text}: choose a range within it.")
     return axis
-
-
-def _is_range(given: Any) -> bool:
-    return isinstance(given, str) and ":" in given and not given.lstrip().startswith(("{", "[", '"'))
 
 
 def _range(path: str, text: str, whole: bool) -> Axis:

@@ -69,19 +69,19 @@ def friction(runs: Runs) -> Iterator[Check]:
 
 def _coasting() -> Iterator[Check]:
     """The arm's moment of momentum about its base changes by the torque of the first joint alone."""
-    turned, fallen, _ = moment_of_momentum({"joints.friction.viscous": (VISCOUS, 2.0, 1.0)})
+    turned, fallen = moment_of_momentum({"joints.friction.viscous": (VISCOUS, 2.0, 1.0)})
     statement = "its moment of momentum falls by B times the angle of its first joint, N·m·s"
     yield close(f"one arm coasts with viscous friction B: {statement}", VISCOUS * turned, fallen, relative=1e-7)
     dry = {"joints.friction.coulomb": (COULOMB, 0.05, 0.01), "joints.friction.smoothing_speed": CREEP}
-    _, fallen, _ = moment_of_momentum(dry, 0.2)
+    _, fallen = moment_of_momentum(dry, 0.2)
     yield close("the same with Coulomb friction C: by C times the time, N·m·s", COULOMB * 0.2, fallen, relative=1e-3)
     run = simulate(load_preset("single-arm").replace({**COASTING, **dry}), 0.2)
     idle = float(np.abs(run.input_work).max() / run.own["friction_loss"][-1])
     yield below("its motors, which are off, do no work, as a part of friction's loss", 1e-6, idle)
 
 
-def moment_of_momentum(joints: dict[str, object], duration: float = 0.5) -> tuple[float, float, float]:
-    """Angle of a coasting arm's first joint, rad, loss of its moment of momentum, N·m·s, and time, s."""
+def moment_of_momentum(joints: dict[str, object], duration: float = 0.5) -> tuple[float, float]:
+    """Angle of a coasting arm's first joint, rad, and loss of its moment of momentum, N·m·s, within a duration, s."""
     world = World(load_preset("single-arm").replace({**COASTING, **joints}))
     x, y = world.scenario.left_arm.base
 
@@ -90,9 +90,8 @@ def moment_of_momentum(joints: dict[str, object], duration: float = 0.5) -> tupl
         return float(state[P + 1] * (state[0] - x) - state[P] * (state[1] - y) + state[P + 2])
 
     angle, before = world.observe().joint_angle[-1, 0, 0], moment()
-    end = world.advance(round(duration / world.tick_period))
-    sign = np.sign(end.joint_angle[-1, 0, 0] - angle)
-    return float(sign * (end.joint_angle[-1, 0, 0] - angle)), float(sign * (before - moment())), duration
+    turned = float(world.advance(round(duration / world.tick_period)).joint_angle[-1, 0, 0] - angle)
+    return abs(turned), float(np.sign(turned) * (before - moment()))
 
 
 def _creeping() -> Iterator[Check]:
@@ -159,7 +158,7 @@ def encoders(_: Runs) -> Iterator[Check]:
     yield from _rate()
     # Without the pose before among its states, the linear model would damp as if the rate did not lag by T_c/2.
     statement = "PD with differenced rates: pose 30 instants after an offset, by the linear model, as a part"
-    yield _led_back(statement, {"joints.encoders.counts": FINEST}, remembers=True)
+    yield _led_back(statement, {"joints.encoders.counts": FINEST})
 
 
 def _readings(scenario: Scenario, count: int) -> tuple[np.ndarray, list[Samples]]:
@@ -181,17 +180,14 @@ def _rate() -> Iterator[Check]:
     yield alike(f"{statement}: largest error, as a part", 1e-3, answers[1:], differences)
 
 
-def _led_back(statement: str, joints: dict[str, Any], remembers: bool) -> Check:
-    """The pose 30 control periods after an offset under PD, by the linear model and by the simulation.
-
-    `remembers`: whether the law remembers the pose before, as the model's last three states.
-    """
+def _led_back(statement: str, joints: dict[str, Any]) -> Check:
+    """The pose 30 control periods after an offset under PD, by the linear model and by the simulation."""
     scenario = load_preset("paper").replace({**GAINS, **STILL, "controller.control_period": PERIOD, **joints})
     pose = scenario.trajectory.pose
     A = np.asarray(linearize(scenario, pose=pose, inputs="desired_pose", outputs="pose").A)
     z = np.zeros(len(A))
     z[:3] = OFFSET
-    if remembers:
+    if scenario.joints.encoders.active:  # The law remembers the pose before, as the model's last three states.
         z[-3:] = OFFSET
     z = np.linalg.matrix_power(A, INSTANTS) @ z
     start = tuple(np.add(pose, OFFSET))
@@ -229,7 +225,7 @@ def motors(runs: Runs) -> Iterator[Check]:
     statement = "internal force with motors, by Eq. (26) and by Eqs. (13)-(15): largest difference, as a part"
     yield same_internal_force(statement, run)
     statement = "PD with late motors: pose 30 instants after an offset, by the linear model, as a part"
-    yield _led_back(statement, {"joints.motor.time_constant": LATE}, remembers=False)
+    yield _led_back(statement, {"joints.motor.time_constant": LATE})
 
 
 def _asked(run) -> np.ndarray:
@@ -259,7 +255,8 @@ def _ideal_limit(runs: Runs) -> Iterator[Check]:
 
 def _curve() -> Iterator[Check]:
     weak = {"joints.motor.stall_torque": (WEAK, 0.0, 0.0), "joints.motor.no_load_speed": (SLOW, 1.0, 1.0)}
-    turned, fallen, time = moment_of_momentum(weak)
+    time = 0.5
+    turned, fallen = moment_of_momentum(weak, time)
     statement = (
         "one arm coasts faster than its motor's no-load speed: its moment of momentum falls by τ_s (angle/ω_0 - t)"
     )

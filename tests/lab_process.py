@@ -25,6 +25,7 @@ def refused(done: subprocess.CompletedProcess[str], lines: int = 1) -> str:
     assert done.stdout == ""
     assert "Traceback" not in done.stderr
     assert 1 <= done.stderr.count("\n") <= lines, done.stderr
+    assert done.stderr.endswith((".\n", "?\n")), done.stderr
     return done.stderr
 
 

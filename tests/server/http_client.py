@@ -5,12 +5,12 @@ import http.client
 import json
 import re
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from email.message import Message
 from http.cookies import SimpleCookie
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import urlencode, urlsplit
 
 import msgspec.msgpack
 import viser
@@ -21,6 +21,7 @@ from waiting import wait_until as wait_until
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
+FORM = "application/x-www-form-urlencoded"
 PROTOCOL = f"viser-v{viser.__version__}"
 WAY, RUN = re.compile(r'class="fl-reports" data-way="([^"]+)"'), re.compile(r'class="fl-run" data-run="(\d+)"')
 """Where a page reports what it has drawn, and of which run it was sent a picture."""
@@ -69,6 +70,27 @@ def ask(
         return Answer(answer.status, answer.headers, answer.read())
     finally:
         connection.close()
+
+
+Fields = Mapping[str, str] | Sequence[tuple[str, str]]
+
+
+def post(url: str, path: str, fields: Fields, cookies: Mapping[str, str] | None = None, **headers: str) -> Answer:
+    """One form."""
+    return ask(url, path, "POST", urlencode(fields).encode(), cookies, Content_Type=FORM, **headers)
+
+
+def file_form(name: str, content: bytes) -> tuple[bytes, str]:
+    """(body, content type) of a form with one file."""
+    border = "border-of-the-test"
+    head = f'--{border}\r\nContent-Disposition: form-data; name="file"; filename="{name}"\r\n\r\n'
+    return head.encode() + content + f"\r\n--{border}--\r\n".encode(), f"multipart/form-data; boundary={border}"
+
+
+def upload(url: str, name: str, content: bytes, cookies: Mapping[str, str] | None = None) -> Answer:
+    """A file for the library."""
+    body, kind = file_form(name, content)
+    return ask(url, "/runs/import", "POST", body, cookies, Content_Type=kind)
 
 
 def compared(url: str, *runs: str) -> tuple[str, Answer]:

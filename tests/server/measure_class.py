@@ -11,12 +11,11 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from urllib.parse import urlencode
 
 import psutil
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # As pytest does, for who runs this file by itself.
-from http_client import ask, looking
+from http_client import ask, looking, post
 from lab_process import Lab
 from waiting import wait_until
 
@@ -85,8 +84,7 @@ def measure_teacher(server: psutil.Process, url: str, first: str) -> None:
     )
     late = []
     for action, state in 5 * (("pause", "paused"), ("resume", "running")):
-        body = urlencode({"lab": first}).encode()
-        ask(url, f"/teacher/{action}", "POST", body, Content_Type="application/x-www-form-urlencoded")
+        post(url, f"/teacher/{action}", {"lab": first})
         begun = time.monotonic()
         wait_until(lambda state=state: told(url)[first]["state"] == state, f"the page says {state}")
         late.append(time.monotonic() - begun)

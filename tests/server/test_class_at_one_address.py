@@ -15,7 +15,7 @@ from multiprocessing import forkserver
 from pathlib import Path
 
 import pytest
-from http_client import ask, wait_until
+from http_client import ask, upload, wait_until
 
 from flexlab.errors import RecordingError
 from flexlab.server import connections
@@ -179,8 +179,7 @@ def test_files_on_their_way_claim_room_together(tmp_path: Path):
 
 @pytest.mark.parametrize("name", ["odd.csv", "odd.rrd", "odd.npz", "odd.parquet"])
 def test_an_import_is_told_by_its_name_alone(front_server: FrontServer, name: str):
-    body = f'--x\r\nContent-Disposition: form-data; name="file"; filename="{name}"\r\n\r\n1,2\r\n--x--\r\n'.encode()
-    answer = ask(front_server.url, "/runs/import", "POST", body, Content_Type="multipart/form-data; boundary=x")
+    answer = upload(front_server.url, name, b"1,2")
     assert answer.status == 422
     assert name in answer.text
     assert "file-" not in answer.text

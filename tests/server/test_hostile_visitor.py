@@ -15,8 +15,8 @@ from pathlib import Path
 
 import pytest
 from fuzz import Attack
-from http_client import Answer, ask, looking, upgrade, wait_until
-from test_private_labs import Visitor, state
+from http_client import FORM, Answer, ask, looking, upgrade, wait_until
+from person import Person
 
 from flexlab.errors import LabError, PresetError, RecordingError
 from flexlab.lab.panel.scenario_files import MOST_PRESETS, save_preset
@@ -33,7 +33,6 @@ from flexlab.server.workshop import Workshop, sweep
 from flexlab.text import visible
 
 TOKEN = "a-token-for-tests"
-FORM = "application/x-www-form-urlencoded"
 
 
 def plug_to(front_server: FrontServer) -> socket.socket:
@@ -164,8 +163,8 @@ def test_control_characters_of_a_note_are_shown(front_server: FrontServer, recor
 
 def test_one_address_cannot_take_all_private_labs(open_another: Callable[..., FrontServer]):
     front_server = open_another(private=True, max_sessions=2)
-    Visitor(front_server).enter()
-    full = Visitor(front_server).ask("/lab/")
+    Person(front_server, "").enter()
+    full = Person(front_server, "").ask("/lab/")
     assert (full.status, "1 of 1 labs that one address may have" in full.text) == (503, True)
 
 
@@ -173,7 +172,7 @@ def test_a_lab_that_hangs_is_told_and_replaced_and_its_run_kept(
     open_another: Callable[..., FrontServer], monkeypatch: pytest.MonkeyPatch
 ):
     front_server = open_another(private=True, max_sessions=4)
-    anna, ben = Visitor(front_server), Visitor(front_server)
+    anna, ben = Person(front_server, ""), Person(front_server, "")
     path, bens = anna.enter(), ben.enter()
     place = anna.place
     run = wait_until(lambda: place.status().recording, "it is recorded")
@@ -188,7 +187,7 @@ def test_a_lab_that_hangs_is_told_and_replaced_and_its_run_kept(
         soon.setattr(per_visitor, "SILENCE", 4.0)
         soon.setattr(per_visitor, "LAST_CHANCE", 0.5)
         os.kill(place.pid, signal.SIGSTOP)
-        told = wait_until(lambda: '"open": false' in state(anna, path) and state(anna, path), "its visitor is told")
+        told = wait_until(lambda: '"open": false' in anna.state(path) and anna.state(path), "its visitor is told")
         wait_until(lambda: place.exit_code is not None, "the hanging process is gone")
     sentence = json.loads(told)["sentence"]
     assert "did not answer" in sentence

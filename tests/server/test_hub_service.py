@@ -11,7 +11,7 @@ from pathlib import Path
 from urllib.parse import parse_qs, urlencode, urlsplit
 
 import pytest
-from http_client import Answer, ask, wait_until
+from http_client import Answer, ask, post, wait_until
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
@@ -94,16 +94,15 @@ def test_a_teacher_sees_and_leads_the_labs_that_report(
     def labs() -> list[dict]:
         return json.loads(ask(service.url, f"{PREFIX}/teacher/labs", cookies=mine).body)["labs"]
 
-    def post(what: str, **form: str) -> str:
-        kind = {"Accept": "application/json", "Content_Type": "application/x-www-form-urlencoded"}
-        told = ask(service.url, f"{PREFIX}/teacher/{what}", "POST", urlencode(form).encode(), mine, **kind)
+    def order(what: str, **form: str) -> str:
+        told = post(service.url, f"{PREFIX}/teacher/{what}", form, mine, Accept="application/json")
         return json.loads(told.body)["sentence"]
 
     page = ask(service.url, f"{PREFIX}/teacher", cookies=mine).text
     assert f'src="{PREFIX}/static/teacher.js"' in page
     assert ">Runs<" not in page, "a hub's service has no runs"
     assert labs() == []
-    assert "nobody can play" in post("rules", lock="on")
+    assert "nobody can play" in order("rules", lock="on")
     monkeypatch.setenv("JUPYTERHUB_API_TOKEN", "ann")
     lab = open_another(
         host=f"unix:{tmp_path / 's'}",
@@ -112,16 +111,16 @@ def test_a_teacher_sees_and_leads_the_labs_that_report(
     )
     [place] = lab.places.running()
     wait_until(lambda: lab.places.rules.locked, "who comes later follows, too")
-    post("rules")
+    order("rules")
     wait_until(lambda: not lab.places.rules.locked, "the lock is gone")
     wait_until(lambda: [(told["who"], told["preset"]) for told in labs()] == [("ann", "paper")], "her lab is shown")
     [told], [seen] = labs(), service.places.running()
     assert told["lab"] == "/../../user/ann/flexlab/lab", "beside the service, whatever comes before both"
-    assert "was sent to 1 lab" in post("send", preset="soft-beam", lab=told["lab"])
+    assert "was sent to 1 lab" in order("send", preset="soft-beam", lab=told["lab"])
     wait_until(lambda: place.status().name == "soft-beam", "the preset comes")
     assert place.status().title == load_preset("soft-beam").title
     wait_until(lambda: labs()[0]["preset"] == "soft-beam", "and is told")
-    assert post("pause") == "1 lab paused."
+    assert order("pause") == "1 lab paused."
     wait_until(lambda: place.status().state == "paused", "it stands")
     assert service.places.running() == [seen], "it has been the same connection all the time"
     lab.close()

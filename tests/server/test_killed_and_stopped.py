@@ -12,8 +12,9 @@ from pathlib import Path
 
 import psutil
 import pytest
-from http_client import Answer, ask, upgrade, wait_until
+from http_client import upgrade, wait_until
 from lab_process import Lab
+from person import Visitor
 
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
@@ -31,30 +32,6 @@ SLOW_STEP, SLOW_TIME = 1e-5, 8.0
 SOON = 5.0
 """s in which a process ends that is told to, however busy the machine; the replay above takes longer."""
 IDLE_CONNECTIONS = 400
-
-
-class Visitor:
-    """Somebody with a browser of their own: keeps cookies."""
-
-    def __init__(self, lab: Lab):
-        self.address = lab.url()
-        self.cookies: dict[str, str] = {}
-
-    def ask(self, path: str, **headers: str) -> Answer:
-        """One request."""
-        answer = ask(self.address, path, cookies=self.cookies, **headers)
-        self.cookies |= answer.cookies
-        return answer
-
-    def enter(self) -> str:
-        """The path of the visitor's private lab."""
-        answer = self.ask("/lab/")
-        assert answer.status == 303, answer.text
-        return answer.headers["Location"].rstrip("/")
-
-    def state(self, lab: str) -> str:
-        """What the lab's page is told."""
-        return self.ask(f"/state{lab}").text
 
 
 def workers(lab: Lab) -> list[psutil.Process]:
@@ -86,38 +63,9 @@ def begun_run(lab: Lab, before: Collection[Path] = ()) -> Path | None:
     return None
 
 
-@pytest.fixture
-def temporary(tmp_path: Path) -> Path:
-    """A folder of temporary files of the test's own."""
-    folder = tmp_path / "temporary"
-    folder.mkdir()
-    return folder
-
-
-def test_a_replay_ends_with_its_server_and_the_next_start_sweeps(start_lab: StartLab, tmp_path: Path, temporary: Path):
-    scenario = load_preset("paper").replace({"simulation.step": SLOW_STEP})
-    run = write_run(simulate(scenario, duration=SLOW_TIME, sample_period=0.001), tmp_path / "logs", "slow")
-    lab = start_lab(TMPDIR=str(temporary))
-    visitor = Visitor(lab)
-    assert visitor.ask(f"/runs/{run.stem}/replay", method="POST").status == 303
-    (job,) = wait_until(lambda: workers(lab), "the replay's process begins")
-    said = wait_until(
-        lambda: re.search(r"Replay: ([1-9]\d?) %", visitor.ask(f"/runs/{run.stem}/replay").text), "it is under way"
-    )
-    lab.process.kill()
-    assert int(said[1]) < 50
-    wait_until(lambda: gone(job), "the replay's process ends", patience=SOON)
-    assert list(temporary.glob("flexlab-server-*")), "a killed server cannot clean up"
-    again = start_lab(TMPDIR=str(temporary))
-    again.url()
-    assert len(list(temporary.glob("flexlab-server-*"))) == 1, "that of the killed one is gone"
-    assert again.end() == 0
-    assert list(temporary.glob("flexlab-server-*")) == []
-
-
 def test_a_second_ctrl_c_ends_at_once(start_lab: StartLab):
     lab = start_lab("--private")
-    Visitor(lab).enter()
+    Visitor(lab.url()).enter()
     (worker,) = workers(lab)
     wait_until(lambda: begun_run(lab), "it is recorded")
     worker.suspend()  # A lab that hangs: closing in order waits for it.
@@ -145,7 +93,7 @@ def test_a_member_gets_in_beside_hundreds_of_idle_connections(start_lab: StartLa
             plug.settimeout(SOON)
             plug.connect(("127.0.0.1", port))
             idle.append(plug)
-        member = Visitor(lab)
+        member = Visitor(lab.url())
         assert member.ask(f"/lab/?token={TOKEN}").status == 303
         assert member.ask("/lab/").status == 200
         assert member.ask("/lab", **upgrade()).status == 101
@@ -158,7 +106,7 @@ def test_a_member_gets_in_beside_hundreds_of_idle_connections(start_lab: StartLa
 
 def test_a_private_lab_that_fails_is_told_replaced_and_its_run_kept(start_lab: StartLab):
     lab = start_lab("--private")
-    anna, ben = Visitor(lab), Visitor(lab)
+    anna, ben = Visitor(lab.url()), Visitor(lab.url())
     second = ben.enter()
     others = workers(lab)
     for how in (signal.SIGSEGV, signal.SIGKILL):
@@ -180,7 +128,7 @@ def test_a_private_lab_that_fails_is_told_replaced_and_its_run_kept(start_lab: S
 
 def test_a_server_that_was_stopped_for_a_while_closes_no_lab(start_lab: StartLab):
     lab = start_lab("--private")
-    visitors = [Visitor(lab) for _ in range(2)]
+    visitors = [Visitor(lab.url()) for _ in range(2)]
     labs = [visitor.enter() for visitor in visitors]
     processes = [psutil.Process(lab.process.pid), *workers(lab)]
     for process in processes:
@@ -197,20 +145,34 @@ def test_a_server_that_was_stopped_for_a_while_closes_no_lab(start_lab: StartLab
     assert lab.complained == []
 
 
-def test_nothing_is_left_of_a_killed_server(start_lab: StartLab, temporary: Path):
+def test_nothing_is_left_of_a_killed_server_and_the_next_start_sweeps(start_lab: StartLab, tmp_path: Path):
+    scenario = load_preset("paper").replace({"simulation.step": SLOW_STEP})
+    slow = write_run(simulate(scenario, duration=SLOW_TIME, sample_period=0.001), tmp_path / "logs", "slow")
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
     lab = start_lab("--private", TMPDIR=str(temporary))
-    visitor, port = Visitor(lab), lab.port()
+    visitor, port = Visitor(lab.url()), lab.port()
     visitor.enter()
-    wait_until(lambda: begun_run(lab), "it is recorded")
+    run = wait_until(lambda: begun_run(lab, [slow]), "it is recorded")
+    labs = workers(lab)
+    assert visitor.ask(f"/runs/{slow.stem}/replay", method="POST").status == 303
+    (job,) = wait_until(lambda: [each for each in workers(lab) if each not in labs], "the replay's process begins")
+    said = wait_until(
+        lambda: re.search(r"Replay: ([1-9]\d?) %", visitor.ask(f"/runs/{slow.stem}/replay").text), "it is under way"
+    )
     processes = psutil.Process(lab.process.pid).children(recursive=True)
-    assert processes
+    assert {job, *labs} < set(processes)
     lab.process.kill()
+    assert int(said[1]) < 50
+    wait_until(lambda: gone(job), "the replay's process ends", patience=SOON)
     wait_until(lambda: all(map(gone, processes)), "its processes end by themselves")
-    (run,) = list_runs(lab.folder / "logs")
+    assert list(temporary.glob("flexlab-server-*")), "a killed server cannot clean up"
+    assert set(list_runs(lab.folder / "logs")) == {run, slow}
     assert not is_in_use(run)
     assert read_notes(run)["ended"], "the lab closed its run itself"
     assert len(read_recording(run).samples) > 0
     again = start_lab("--private", port=port, TMPDIR=str(temporary))
-    assert Visitor(again).enter()
+    assert Visitor(again.url()).enter()
+    assert len(list(temporary.glob("flexlab-server-*"))) == 1, "that of the killed one is gone"
     assert again.end() == 0
-    assert not list(temporary.glob("flexlab-server-*"))
+    assert list(temporary.glob("flexlab-server-*")) == []

@@ -14,8 +14,8 @@ from pathlib import Path
 from urllib.parse import urlencode
 
 import pytest
-from http_client import ask, looking, upgrade, wait_until
-from person import FORM, TEACHER, TOKEN, Person
+from http_client import FORM, ask, file_form, looking, upgrade, upload, wait_until
+from person import TEACHER, TOKEN, Person
 
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
@@ -64,16 +64,6 @@ def runs_of(server: FrontServer, person: Person, recorded: Path, count: int) -> 
         shutil.copy(recorded.with_suffix(".json"), path.with_suffix(".json"))
         write_notes(path, owner=person.owner)
     return [path.stem for path in paths]
-
-
-def multipart(name: str, content: bytes) -> tuple[bytes, str]:
-    head = f'--x\r\nContent-Disposition: form-data; name="file"; filename="{name}"\r\n\r\n'
-    return head.encode() + content + b"\r\n--x--\r\n", "multipart/form-data; boundary=x"
-
-
-def send_file(person: Person, name: str, content: bytes):
-    body, kind = multipart(name, content)
-    return person.ask("/runs/import", "POST", body, Content_Type=kind)
 
 
 def head_of(person: Person, line: str, **more: str) -> bytes:
@@ -163,7 +153,7 @@ def test_one_visitor_cannot_take_all_tasks_and_the_teacher_s_import_goes_on(serv
     assert "tasks already" in answers[-1].text
     assert anna.post(f"/runs/{annas}/replay").status == 303
     table = export_recording(read_recording(recorded), server.workshop / "run.npz")
-    assert send_file(teacher, "run.npz", table.read_bytes()).status == 303
+    assert upload(server.url, "run.npz", table.read_bytes(), teacher.cookies).status == 303
     for run in (runs[0], annas):
         person = ben if run in runs else anna
         wait_until(lambda run=run, person=person: '"good"' in person.ask(f"/runs/{run}/replay").text, "it is replayed")
@@ -172,7 +162,7 @@ def test_one_visitor_cannot_take_all_tasks_and_the_teacher_s_import_goes_on(serv
 def test_uploads_that_do_not_end_are_few_and_leave_nothing(server: FrontServer, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(runs_pages, "UPLOAD_TIME", 2.0)
     ben = Person(server)
-    body, kind = multipart("run.csv", b"x" * 1_000_000)
+    body, kind = file_form("run.csv", b"x" * 1_000_000)
     head = head_of(ben, "POST /runs/import", Content_Type=kind, Content_Length="900000000")
     with contextlib.ExitStack() as closing:
         plugs = [closing.enter_context(socket.create_connection(("127.0.0.1", server.port), 30)) for _ in range(4)]
@@ -332,8 +322,8 @@ def test_imports_count_for_the_quota(server: FrontServer, recorded: Path):
     before = {path.name for path in server.settings.logs.iterdir()}
     table = export_recording(read_recording(recorded), server.workshop / "run2.npz")
     for name, content in (("more.rrd", recorded.read_bytes()), ("more.npz", table.read_bytes())):
-        refused = send_file(dora, name, content)
+        refused = upload(server.url, name, content, dora.cookies)
         assert (refused.status, "of the 20 MB that each visitor has" in refused.text) == (422, True), refused.text
     assert {path.name for path in server.settings.logs.iterdir()} == before
     (server.settings.logs / f"{run}.rrd").unlink()
-    assert send_file(dora, "more.rrd", recorded.read_bytes()).status == 303
+    assert upload(server.url, "more.rrd", recorded.read_bytes(), dora.cookies).status == 303

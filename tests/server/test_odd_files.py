@@ -6,9 +6,8 @@ from html import unescape
 from pathlib import Path
 
 import pytest
-from http_client import ask, wait_until
+from http_client import ask, upload, wait_until
 from odd_files import RUNS, SECRET, make_odd_folder
-from test_run_actions import upload
 
 from flexlab.recording.export import export_recording
 from flexlab.recording.reader import read_recording
@@ -71,7 +70,7 @@ def test_a_table_with_impossible_times_is_refused_and_harms_no_page(
     path = export_recording(read_recording(recorded), tmp_path / "x.csv")
     about, heads, first, *rest = path.read_text().splitlines(keepends=True)
     changed = f"{time},{first.partition(',')[2]}"
-    answer = upload(odd, "x.csv", "".join([about, heads, changed, *rest]).encode())
+    answer = upload(odd.url, "x.csv", "".join([about, heads, changed, *rest]).encode())
     assert answer.status == 422
     assert f"x.csv, row 1: time = {float(time):.12g} s" in answer.text
     for page in ("/", "/runs"):

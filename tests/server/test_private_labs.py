@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from http_client import PATIENCE, Answer, ask, looking, upgrade, wait_until
+from http_client import PATIENCE, ask, looking, upgrade, wait_until
+from person import Person
 
 from flexlab.presets import load_preset
 from flexlab.recording.reader import read_recording
@@ -16,31 +17,6 @@ from flexlab.recording.store.run_files import list_runs, run_state
 from flexlab.server.front_server import FrontServer, open_front_server
 from flexlab.server.labs import per_visitor
 from flexlab.server.settings import Settings
-
-
-class Visitor:
-    """Somebody with a browser of their own: keeps cookies."""
-
-    def __init__(self, front_server: FrontServer):
-        self.front_server = front_server
-        self.cookies: dict[str, str] = {}
-
-    def ask(self, path: str, **headers: str) -> Answer:
-        """One request."""
-        answer = ask(self.front_server.url, path, cookies=self.cookies, **headers)
-        self.cookies |= answer.cookies
-        return answer
-
-    def enter(self, path: str = "/lab/") -> str:
-        """The path of the lab that this visitor is sent to."""
-        answer = self.ask(path)
-        assert answer.status == 303, answer.text
-        return answer.headers["Location"]
-
-    @property
-    def place(self):
-        """What the server knows of this visitor's lab."""
-        return self.front_server.places.of_visitor(*self.cookies.values())
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -70,12 +46,8 @@ def torn(recorded: Path, tmp_path: Path) -> Path:
     return path
 
 
-def state(visitor: Visitor, path: str) -> str:
-    return visitor.ask(f"/state{path.rstrip('/')}").text
-
-
 def test_two_visitors_do_not_disturb_each_other_even_if_one_lab_dies(private: FrontServer, torn: Path):
-    anna, ben = Visitor(private), Visitor(private)
+    anna, ben = Person(private, ""), Person(private, "")
     first, second = anna.enter(), ben.enter("/lab/soft-beam")
     assert first != second
     assert anna.place.pid not in (ben.place.pid, os.getpid())
@@ -84,7 +56,7 @@ def test_two_visitors_do_not_disturb_each_other_even_if_one_lab_dies(private: Fr
     assert f'data-state="/state{first.rstrip("/")}"' in anna.ask(first).text
     assert anna.ask(first.rstrip("/"), **upgrade()).status == 101
 
-    links = [json.loads(state(*lab))["live"] for lab in ((anna, first), (ben, second))]
+    links = [json.loads(who.state(lab))["live"] for who, lab in ((anna, first), (ben, second))]
     data = [visitor.ask(link).headers["Location"] for visitor, link in zip((anna, ben), links, strict=True)]
     assert data[0] != data[1], "each lab has live data of its own"
 
@@ -92,10 +64,10 @@ def test_two_visitors_do_not_disturb_each_other_even_if_one_lab_dies(private: Fr
     assert ben.ask(first.rstrip("/"), **upgrade()).status == 403
     assert ask(private.url, first).status == 403
     assert ask(private.url, "/lab", **upgrade()).status == 404
-    wait_until(lambda: '"name": "soft-beam"' in state(ben, second), "Ben sees the soft beam")
-    assert '"name": "paper"' in state(anna, first)
+    wait_until(lambda: '"name": "soft-beam"' in ben.state(second), "Ben sees the soft beam")
+    assert '"name": "paper"' in anna.state(first)
     assert anna.enter("/lab/gravity") == first
-    wait_until(lambda: '"name": "gravity"' in state(anna, first), "Anna's lab shows gravity")
+    wait_until(lambda: '"name": "gravity"' in anna.state(first), "Anna's lab shows gravity")
     assert "2 of 3 labs in use" in anna.ask("/").text
 
     with looking(private.url, first, anna.cookies), looking(private.url, second, ben.cookies):
@@ -112,7 +84,7 @@ def test_two_visitors_do_not_disturb_each_other_even_if_one_lab_dies(private: Fr
         os.kill(ben.place.pid, signal.SIGINT)
         os.kill(anna.place.pid, signal.SIGKILL)
         told = wait_until(
-            lambda: "ended unexpectedly (ended by signal 9)" in state(anna, first) and state(anna, first), ""
+            lambda: "ended unexpectedly (ended by signal 9)" in anna.state(first) and anna.state(first), ""
         )
         assert '"open": false' in told
         page = anna.ask(first)
@@ -130,13 +102,13 @@ def test_two_visitors_do_not_disturb_each_other_even_if_one_lab_dies(private: Fr
 
 def test_a_full_house_says_so_and_a_lab_that_nobody_watches_makes_room(open_another: Callable[..., FrontServer]):
     front_server = open_another(private=True, max_sessions=1, idle_time=3.0)
-    anna, ben = Visitor(front_server), Visitor(front_server)
+    anna, ben = Person(front_server, ""), Person(front_server, "")
     assert anna.ask("/lab/", Sec_Fetch_Dest="image").status == 403, "a foreign page cannot take labs unseen"
     path = anna.enter()
     full = ben.ask("/lab/")
     assert full.status == 503
     assert "No lab is free: 1 of 1 are taken" in full.text
-    wait_until(lambda: "closed after 3 s" in state(anna, path), "the idle lab is closed")
+    wait_until(lambda: "closed after 3 s" in anna.state(path), "the idle lab is closed")
     (run,) = list_runs(front_server.settings.logs)
     wait_until(lambda: run_state(run) == "complete", "its run is kept whole")
     assert read_recording(run).status.text
@@ -147,7 +119,7 @@ def test_closing_the_server_closes_every_lab_and_keeps_the_runs(tmp_path: Path):
     front_server = open_front_server(
         Settings(logs=tmp_path, port=0, private=True, shadows=False), load_preset("paper"), "paper"
     )
-    visitor = Visitor(front_server)
+    visitor = Person(front_server, "")
     visitor.enter()
     pid = visitor.place.pid
     wait_until(lambda: visitor.place.status().recording, "a recording")

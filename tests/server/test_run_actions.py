@@ -7,11 +7,10 @@ import zipfile
 from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
-from urllib.parse import urlencode
 
 import numpy as np
 import pytest
-from http_client import Answer, ask, compared, looking, wait_until
+from http_client import ask, compared, looking, post, upload, wait_until
 from rerun.chunk import RrdReader
 
 from flexlab.analysis.replay import replay
@@ -27,8 +26,6 @@ from flexlab.recording.store.run_files import list_runs
 from flexlab.server.front_server import FrontServer
 from flexlab.sim.commands import Play
 from flexlab.sim.simulate import simulate
-
-FORM = {"Content_Type": "application/x-www-form-urlencoded"}
 
 
 @pytest.fixture(scope="module")
@@ -47,17 +44,6 @@ def library(open_another: Callable[..., FrontServer], recorded: Path, softer: Pa
         shutil.copy(run, front_server.settings.logs / run.name)
         shutil.copy(run.with_suffix(".json"), front_server.settings.logs / run.with_suffix(".json").name)
     return front_server
-
-
-def post(front_server: FrontServer, path: str, **form: str) -> Answer:
-    return ask(front_server.url, path, "POST", urlencode(form).encode(), **FORM)
-
-
-def upload(front_server: FrontServer, name: str, content: bytes) -> Answer:
-    border = "border-of-the-test"
-    head = f'--{border}\r\nContent-Disposition: form-data; name="file"; filename="{name}"\r\n\r\n'
-    body = head.encode() + content + f"\r\n--{border}--\r\n".encode()
-    return ask(front_server.url, "/runs/import", "POST", body, Content_Type=f"multipart/form-data; boundary={border}")
 
 
 def test_two_runs_are_compared_in_tables_and_in_one_overlay(library: FrontServer, recorded: Path, softer: Path) -> None:
@@ -109,7 +95,7 @@ def test_a_comparison_says_how_far_it_is_and_a_failed_one_why(library: FrontServ
 
 
 def test_a_run_is_handed_in_as_one_page_or_archive(library: FrontServer, recorded: Path) -> None:
-    post(library, f"/runs/{recorded.stem}/notes", note="<b>I saw</b> it ring.", tags="homework")
+    post(library.url, f"/runs/{recorded.stem}/notes", {"note": "<b>I saw</b> it ring.", "tags": "homework"})
     path = library.settings.logs / recorded.name
     met = LessonProgress("Lesson 1: ring", 3, "How often?", ("12 Hz", "45 Hz"), "45 Hz", "12 Hz", "It rings at 45 Hz.")
     write_notes(path, lessons=[met._asdict(), "no lesson", {"lesson": ["odd"], "step": {}}], visitor="Ada")
@@ -174,8 +160,8 @@ def test_a_replay_tells_its_finding_and_a_foreign_bit_is_found(
     library: FrontServer, recorded: Path, softer: Path
 ) -> None:
     assert ask(library.url, f"/runs/{recorded.stem}/replay").status == 404
-    assert post(library, f"/runs/{recorded.stem}/replay").headers["Location"] == f"/runs/{recorded.stem}"
-    assert post(library, f"/runs/{recorded.stem}/replay").status == 303, "asked twice, it is still one replay"
+    assert post(library.url, f"/runs/{recorded.stem}/replay", {}).headers["Location"] == f"/runs/{recorded.stem}"
+    assert post(library.url, f"/runs/{recorded.stem}/replay", {}).status == 303, "asked twice, it is still one replay"
 
     def finding(run: str) -> dict | None:
         state = json.loads(ask(library.url, f"/runs/{run}/replay").text)
@@ -188,7 +174,7 @@ def test_a_replay_tells_its_finding_and_a_foreign_bit_is_found(
     run = simulate(load_preset("paper"), duration=0.1)
     changed = type(run)(**vars(run) | {"scenario": run.scenario.replace({"payload.bending_stiffness": 99.0})})
     other = write_run(changed, library.settings.logs, "other")
-    post(library, f"/runs/{other.stem}/replay")
+    post(library.url, f"/runs/{other.stem}/replay", {})
     state = wait_until(lambda: finding(other.stem), "the replay is over")
     assert state["kind"] == "bad"
     # At t = 0 the sine has no acceleration, so that no stiffness shows.
@@ -203,14 +189,14 @@ def play(server: FrontServer) -> None:
 
 def test_the_lab_goes_on_from_an_instant_and_what_it_records_replays(library: FrontServer, recorded: Path) -> None:
     original = read_recording(recorded)
-    answer = post(library, f"/runs/{recorded.stem}/continue", time="0.2")
+    answer = post(library.url, f"/runs/{recorded.stem}/continue", {"time": "0.2"})
     assert (answer.status, answer.headers["Location"]) == (303, "/lab/")
     with looking(library.url, "/lab"):
         place = library.places.running()[0]
         wait_until(lambda: (place.status().time, place.status().state) == (0.2, "paused"), "the lab stands at 0.2 s")
         play(library)
         wait_until(lambda: place.status().time > 0.6, "the lab goes on from 0.2 s")
-        post(library, f"/runs/{recorded.stem}/continue")
+        post(library.url, f"/runs/{recorded.stem}/continue", {})
         wait_until(lambda: len(list_runs(library.settings.logs)) == 5, "a second run goes on from the end")
         wait_until(lambda: (place.status().time, place.status().state) == (0.5, "paused"), "the lab stands at 0.5 s")
         play(library)
@@ -242,7 +228,7 @@ def test_the_lab_goes_on_from_an_instant_and_what_it_records_replays(library: Fr
 def test_a_time_to_go_on_from_outside_the_run_is_refused(
     library: FrontServer, recorded: Path, time: str, says: str
 ) -> None:
-    answer = post(library, f"/runs/{recorded.stem}/continue", time=time)
+    answer = post(library.url, f"/runs/{recorded.stem}/continue", {"time": time})
     assert (answer.status, says in answer.text) == (422, True)
     assert f'href="/runs/{recorded.stem}"' in answer.text
     assert library.places.running()[0].status().name == "paper"
@@ -253,7 +239,7 @@ def test_an_export_imported_again_is_the_run_bit_for_bit(library: FrontServer, s
     answer = ask(library.url, f"/runs/{softer.stem}/export?format={kind}")
     assert answer.headers["Content-Disposition"] == f'attachment; filename="{softer.stem}.{kind}"'
     assert len(answer.body) == int(answer.headers["Content-Length"])
-    taken = upload(library, f"{softer.stem}.{kind}", answer.body)
+    taken = upload(library.url, f"{softer.stem}.{kind}", answer.body)
     assert (taken.status, taken.headers["Location"]) == (303, f"/runs/{softer.stem}-2")
     found, original = read_recording(library.settings.logs / f"{softer.stem}-2.rrd"), read_recording(softer)
     for name in vars(original.samples):
@@ -314,15 +300,15 @@ def test_other_pages_cannot_make_the_server_work(front_server: FrontServer, reco
 )
 def test_an_upload_that_is_no_run_is_refused(front_server: FrontServer, name: str, content: bytes, says: str) -> None:
     before = list_runs(front_server.settings.logs)
-    answer = upload(front_server, name, content)
+    answer = upload(front_server.url, name, content)
     assert (answer.status, says in answer.text) == (422, True), answer.text
     assert list_runs(front_server.settings.logs) == before
     assert not list(front_server.workshop.glob("upload-*"))
 
 
 def test_an_upload_without_a_file_and_one_that_is_too_large_are_refused(front_server: FrontServer) -> None:
-    assert "choose one first" in post(front_server, "/runs/import").text
-    assert "choose one first" in upload(front_server, "", b"").text
+    assert "choose one first" in post(front_server.url, "/runs/import", {}).text
+    assert "choose one first" in upload(front_server.url, "", b"").text
     said = ask(front_server.url, "/runs/import", "POST", b"", Content_Type="multipart/form-data; boundary=b",
                Content_Length="2000000000")  # fmt: skip
     assert "This file is larger than 1 GB" in said.text
@@ -338,6 +324,6 @@ def test_a_file_that_says_to_hold_more_than_it_does_is_refused(front_server: Fro
         np.lib.format.write_array_header_1_0(file, {"descr": "<f8", "fortran_order": False, "shape": (1_000_000_000,)})
         for _ in range(8):
             file.write(bytes(1_000_000))
-    answer = upload(front_server, path.name, path.read_bytes())
+    answer = upload(front_server.url, path.name, path.read_bytes())
     assert answer.status == 422
     assert "is not a run exported by flexlab" in answer.text

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
-from urllib.parse import urlencode, urlsplit
+from urllib.parse import urlsplit
 
 import pytest
 from browser_window import UNDRAWN, open_window
-from http_client import PATIENCE, ask, compared, wait_until
+from http_client import PATIENCE, ask, compared, post, wait_until
 from playwright.sync_api import Browser, Locator
 
 from flexlab.presets import load_preset, preset_names
@@ -58,8 +58,7 @@ def server(tmp_path_factory: pytest.TempPathFactory, recorded: Path) -> Iterator
 @pytest.fixture(scope="module")
 def study(server: FrontServer) -> str:
     """The address of a finished sweep of two cells."""
-    form, kind = urlencode(SWEEP).encode(), "application/x-www-form-urlencoded"
-    address = ask(server.url, "/studies", "POST", form, Content_Type=kind).headers["Location"]
+    address = post(server.url, "/studies", SWEEP).headers["Location"]
     state = f"{address}/state"
     wait_until(lambda: not json.loads(ask(server.url, state).text)["working"], "the study is done", 4 * PATIENCE)
     return address

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from http_client import ask, wait_until
+from http_client import ask, post, wait_until
 
 from flexlab.presets import load_preset, preset_names
 from flexlab.recording.store.notes import read_notes
@@ -103,9 +103,8 @@ def test_the_library_lists_serves_in_parts_and_notes(front_server: FrontServer, 
     assert whole.body == recorded.read_bytes()
     part = ask(front_server.url, f"/runs/{run}.rrd", Range="bytes=10-19")
     assert (part.status, part.body) == (206, whole.body[10:20])
-    form = "note=Rings+%3Cnicely%3E&tags=soft%2C+best%2C+soft&keep=on"
-    kind = "application/x-www-form-urlencoded"
-    saved = ask(front_server.url, f"/runs/{run}/notes", "POST", form.encode(), Content_Type=kind)
+    form = {"note": "Rings <nicely>", "tags": "soft, best, soft", "keep": "on"}
+    saved = post(front_server.url, f"/runs/{run}/notes", form)
     assert saved.status == 303
     notes = read_notes(logs / recorded.name)
     assert (notes["note"], notes["tags"], notes["keep"]) == ("Rings <nicely>", ["soft", "best"], True)

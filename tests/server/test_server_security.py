@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 
 import aiohttp
 import pytest
-from http_client import PROTOCOL, ask, upgrade, wait_until
+from http_client import FORM, PROTOCOL, ask, upgrade, wait_until
 
 from flexlab.errors import LabError
 from flexlab.server.front_server import FrontServer
@@ -173,13 +173,12 @@ def test_nothing_outside_is_served(front_server: FrontServer, path: str, caplog:
 
 
 def test_an_upload_is_refused(front_server: FrontServer, recorded: Path, caplog: pytest.LogCaptureFixture):
-    kind = "application/x-www-form-urlencoded"
     path = f"/runs/{recorded.stem}/notes"
-    answer = ask(front_server.url, path, "POST", b"note=" + b"x" * 200_000, Content_Type=kind)
+    answer = ask(front_server.url, path, "POST", b"note=" + b"x" * 200_000, Content_Type=FORM)
     assert answer.status == 413
     assert "larger than 64 kB" in answer.text
     assert "Refused" in caplog.text
-    assert "characters" in ask(front_server.url, path, "POST", b"note=" + b"x" * 3000, Content_Type=kind).text
+    assert "characters" in ask(front_server.url, path, "POST", b"note=" + b"x" * 3000, Content_Type=FORM).text
     assert ask(front_server.url, "/lab/", "POST", b"x").status == 405
 
 

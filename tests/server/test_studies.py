@@ -3,10 +3,9 @@
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from urllib.parse import urlencode
 
 import pytest
-from http_client import PATIENCE, Answer, ask, wait_until
+from http_client import PATIENCE, ask, post, wait_until
 
 import flexlab
 from flexlab.analysis.sweep.axes import parse_axes, varied_fields
@@ -21,7 +20,6 @@ from flexlab.server.studies.sweep import GrowingSweep, page_data
 from flexlab.server.study import MOST_AT_ONCE, MOST_VALUES, read_study
 
 EI, K, LENGTH = "payload.bending_stiffness", "controller.feedback_gain", "payload.length"
-FORM = {"Content_Type": "application/x-www-form-urlencoded"}
 STUDY_PATIENCE = 4 * PATIENCE
 """s: a study starts a process that stands back behind all others."""
 SWEEP = {
@@ -43,13 +41,9 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FrontServer]:
         yield opened
 
 
-def post(server: FrontServer, path: str, form: dict[str, str]) -> Answer:
-    return ask(server.url, path, "POST", urlencode(form).encode(), **FORM)
-
-
 def finished(server: FrontServer, form: dict[str, str]) -> str:
     """The address of a study that is done."""
-    address = post(server, "/studies", form).headers["Location"]
+    address = post(server.url, "/studies", form).headers["Location"]
     state = f"{address}/state"
     wait_until(lambda: not json.loads(ask(server.url, state).text)["working"], "the study is done", STUDY_PATIENCE)
     return address
@@ -121,14 +115,14 @@ def test_a_map_is_there_from_the_first_cells_on(tmp_path: Path):
 
 
 def test_a_sweep_that_is_computed_has_data(server: FrontServer):
-    address = post(server, "/studies", SWEEP | {"count1": "30", "count2": "30", "high1": "0.55", "duration": "6"})
+    address = post(server.url, "/studies", SWEEP | {"count1": "30", "count2": "30", "high1": "0.55", "duration": "6"})
     study = address.headers["Location"]
     found = json.loads(ask(server.url, f"{study}/data").text)
     assert len(found["status"]) == 900
     assert None in found["status"]
     assert 'id="chart"' in ask(server.url, study).text
     assert "cells.parquet" not in ask(server.url, study).text
-    post(server, f"{study}/cancel", {})
+    post(server.url, f"{study}/cancel", {})
 
 
 def test_laws_and_dampings_are_swept_on_the_page(server: FrontServer):
@@ -142,7 +136,7 @@ def test_laws_and_dampings_are_swept_on_the_page(server: FrontServer):
     form = [(name, value) for name, value in SWEEP.items() if name not in ("field1", "low1", "high1", "count1")]
     laws = [("field1", "controller.kind"), ("words1", "payload.boundary=pinned-pinned")]
     laws += [("words1", f"controller.kind={law}") for law in ("pd", "computed-torque")]
-    answer = ask(server.url, "/studies", "POST", urlencode(form + laws).encode(), **FORM)
+    answer = post(server.url, "/studies", form + laws)
     address = answer.headers["Location"]
     assert "Control law: pd, computed-torque" in ask(server.url, address).text
     state = f"{address}/state"
@@ -183,11 +177,11 @@ def test_a_tuning_shows_before_and_after_and_leads_to_the_lab(server: FrontServe
 def test_a_study_that_is_cancelled_ends_and_leaves_room(server: FrontServer):
     long = SWEEP | {"count1": "30", "count2": "30", "high1": "0.55", "duration": "6"}
     most = sum(MOST_AT_ONCE[2:])
-    begun = [post(server, "/studies", long).headers["Location"] for _ in range(most)]
-    refused = post(server, "/studies", long)
+    begun = [post(server.url, "/studies", long).headers["Location"] for _ in range(most)]
+    refused = post(server.url, "/studies", long)
     assert (refused.status, f"This server has {most} studies already" in refused.text) == (503, True)
     for address in begun:
-        assert post(server, f"{address}/cancel", {}).headers["Location"] == address
+        assert post(server.url, f"{address}/cancel", {}).headers["Location"] == address
         assert json.loads(ask(server.url, f"{address}/state").text)["sentence"] == "Cancelled."
         assert ask(server.url, f"{address}/data").status == 404
 
@@ -244,10 +238,10 @@ def test_what_cannot_be_studied_is_said_in_a_sentence(changes: dict[str, str], s
 
 def test_hostile_forms_are_answered_with_a_page(server: FrontServer):
     for form, status in (({}, 422), ({"scenario": "zz"}, 422), (SWEEP | {"count1": "99", "count2": "99"}, 422)):
-        answer = post(server, "/studies", form)
+        answer = post(server.url, "/studies", form)
         assert (answer.status, "Traceback" in answer.text) == (status, False)
     for path in ("/studies/none", "/studies/none/state", "/studies/none/data", "/studies/none/cells.parquet"):
         assert ask(server.url, path).status == 404
-    assert post(server, "/studies/none/cancel", {}).status == 404
-    foreign = ask(server.url, "/studies", "POST", urlencode(SWEEP).encode(), Origin="http://elsewhere.example", **FORM)
+    assert post(server.url, "/studies/none/cancel", {}).status == 404
+    foreign = post(server.url, "/studies", SWEEP, Origin="http://elsewhere.example")
     assert foreign.status == 403

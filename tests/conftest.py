@@ -50,14 +50,27 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker("browser")
 
 
-@pytest.fixture(autouse=True)
-def _forget_own_kinds() -> Iterator[None]:
-    """Laws and paths that a test makes known are its own: others draw from all that there are."""
+@contextlib.contextmanager
+def forgetting_own_kinds() -> Iterator[None]:
+    """Laws and paths that become known within it are forgotten at its end: others draw from all that there are."""
     before = [set(registry.all()) for registry in REGISTRIES]
     yield
     for registry, known in zip(REGISTRIES, before, strict=True):
         for kind in set(registry.all()) - known:
             registry.forget(kind)
+
+
+@pytest.fixture(autouse=True)
+def _forget_those_of_a_test() -> Iterator[None]:
+    with forgetting_own_kinds():
+        yield
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _forget_those_of_a_file() -> Iterator[None]:
+    """What a file's shared fixtures made known."""
+    with forgetting_own_kinds():
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -3,6 +3,7 @@
 import ast
 import json
 import re
+from collections.abc import Iterator
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -114,3 +115,71 @@ def test_a_refused_name_is_refused_in_the_visitors_language(code: str, name: str
     with pytest.raises(LabError) as caught:
         checked_name(name)
     assert {"This is no name", str(caught.value)} <= set(read_catalogue(catalogues()[code]))
+
+
+SHOWN = """lab server scenario own guide.py presets.py analysis/explanations analysis/identification/free_ring.py
+analysis/identification/ring.py analysis/lesson_checks.py analysis/lesson_expressions.py analysis/own_lessons.py
+analysis/replay.py analysis/resume.py control recording/codec.py recording/file_sink.py recording/importing.py
+recording/reader.py recording/recorder.py recording/repair.py recording/table_columns.py sim/commands.py
+sim/run_warnings.py sim/runner.py sim/samples.py sim/step_size.py sim/target.py sim/termination.py""".split()
+"""Sources of sentences that a page may show."""
+UNSEEN = {
+    "in the terminal, as the server starts": """server/settings.py; server/front_server.py; ◦ is not set: a JupyterHub;
+    law = ◦ is no address; What is printed beyond ◦; MB is left out""",
+    "in the log": "server/labs/preloaded.py; lab/viser_internals.py: This is no message",
+    "by commands that ask, or that fit and set": """analysis/replay.py: This run was controlled; Let it run here; Connect to it;
+    The run was controlled by the unit; The run was not replayed; scenario/settings.py; ◦ is no signal that rings;
+    ◦ has no samples after ◦ s in which""",
+    "to who calls flexlab from Python": """changes = ◦ is not usable; own/files.py: The; ◦ is no scenario: give a Scenario;
+    control/law.py; control/path.py; samples have no signal""",
+    "in files": "presets.py: Where; presets.py: Format; presets.py: Place; own/unit.py: ◦: computed by the unit",
+}
+"""Where sentences are told that no page shows → sources, or beginnings of them."""
+HOLE = "◦"
+"""Stands for a value in a sentence of a source."""
+UNTOLD = re.compile(r"(log|warnings)\..*|.*(Value|Runtime|Type|Key|Import|Connection)Error")
+"""Calls whose texts are for the log, or for programmers."""
+
+
+def _text_of(node: ast.AST) -> str:
+    """A text of a source with holes for its values; empty if it is none."""
+    if isinstance(node, ast.JoinedStr):
+        return "".join(str(part.value) if isinstance(part, ast.Constant) else HOLE for part in node.values)
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add) and (_text_of(node.left) or _text_of(node.right)):
+        return (_text_of(node.left) or HOLE) + (_text_of(node.right) or HOLE)
+    return node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else ""
+
+
+def _sentences(node: ast.AST) -> Iterator[str]:
+    """The texts in a part of a source that end as sentences do, without docstrings."""
+    is_docstring = isinstance(node, ast.Expr) and _text_of(node.value)
+    if is_docstring or (isinstance(node, ast.Call) and UNTOLD.fullmatch(ast.unparse(node.func))):
+        return
+    text = " ".join(re.sub("<[^>]*>", "", _text_of(node)).split())
+    if text[-1:] in (".", "!", "?") and len(WORDS.findall(text)) > 2:
+        yield text
+    for part in () if text else ast.iter_child_nodes(node):
+        yield from _sentences(part)
+
+
+def test_every_sentence_that_a_page_may_show_is_translated(root: Path) -> None:
+    keys = list(read_catalogue(catalogues()["de"]))
+    forms = [".+?".join(map(re.escape, re.split(r"\{\w+\}", key))) for key in keys]
+    known = re.compile("|".join(form for form in forms if WORDS.search(form)))
+    unseen = tuple("; ".join(" ".join(told.split()) for told in UNSEEN.values()).split("; "))
+
+    def is_translated(text: str) -> bool:
+        """Whether it is an entry, or a part of one: then its holes may be the words between."""
+        return bool(known.fullmatch(text) or re.search(".*".join(map(re.escape, text.split(HOLE))), "\n".join(keys)))
+
+    lacking: list[str] = []
+    for place in (root / "flexlab" / place for place in SHOWN):
+        for file in [place] if place.suffix else sorted(place.rglob("*.py")):
+            for text in _sentences(ast.parse(file.read_text(encoding="utf-8"))):
+                parts = [] if is_translated(text) else re.split(r"(?<=[.!?✓◦]) (?=[A-Z\d◦])", text)
+                name = file.relative_to(root / "flexlab").as_posix()
+                lacking += [f"{name}: {part}" for part in parts if not is_translated(part)]
+    lacking = [
+        told for told in lacking if not told.startswith(unseen) and not told.partition(": ")[2].startswith(unseen)
+    ]
+    assert not lacking, "these lack in web_assets/languages/*.json:\n" + "\n".join(lacking)

@@ -248,6 +248,6 @@ def _problem(present: Any, options: Collection[str] | None, updates: dict[str, A
 
 def _number_problem(new: Any) -> str:
     if isinstance(new, bool) or not isinstance(new, (int, float)) or not math.isfinite(new):
-        shown = "text" if isinstance(new, str) else "NaN or infinite" if isinstance(new, float) else type(new).__name__
+        shown = "text" if isinstance(new, str) else "NaN or infinite" if isinstance(new, float) else "something else"
         return f"needs a finite number, not {shown}."
     return ""

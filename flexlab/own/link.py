@@ -189,9 +189,10 @@ class Link:
                 raise self._problem(f"it sent nonsense: a message of {size} bytes, where {LONGEST} are the most")
             data = self._received(link, size, end)
         except TimeoutError:
-            what = "answer" if decoder is self._answer else "greet"
-            hint = "" if decoder is self._answer else ": does it serve another run?"
-            raise self._problem(f"it did not {what} within {limit:g} s{hint}") from None
+            late = f"it did not greet within {limit:g} s: does it serve another run?"
+            if decoder is self._answer:
+                late = f"it did not answer within {limit:g} s"
+            raise self._problem(late) from None
         except OSError as error:
             raise self._problem(f"the connection broke ({error.strerror or type(error).__name__})") from None
         try:

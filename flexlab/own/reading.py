@@ -97,9 +97,9 @@ class DeclaredClass:
             raise self.problem(line, f"is no Python text ({reason})") from None
         found = [node for node in tree.body if isinstance(node, ast.ClassDef) and base in map(called, node.bases)]
         if len(found) != 1:
-            what = "no class that inherits" if not found else f"{len(found)} classes that inherit"
+            what = "no class that inherits from" if not found else f"{len(found)} classes that inherit from"
             line = found[1].lineno if found else 1
-            raise self.problem(line, f"has {what} from {base}: write one class Name({base}): in a file")
+            raise self.problem(line, f"has {what} {base}: write one class Name({base}): in a file")
         self.node = found[0]
         if len(self.node.name) > LONGEST_CLASS:
             text = f"the name of the class has {len(self.node.name)} characters: {LONGEST_CLASS} are the most"

@@ -62,10 +62,14 @@ class RunWriter:
         if file.in_place and self._bytes.is_whole:
             return
         self.is_lost = True
-        what = "changed by another program" if file.in_place else "replaced" if file.path.exists() else "taken away"
+        what = "was taken away while it was being written"
+        if file.in_place:
+            what = "was changed by another program while it was being written"
+        elif file.path.exists():
+            what = "was replaced while it was being written"
         self.stream.close()
         file.release()
-        raise RecordingError(f"{file.path} was {what} while it was being written.")
+        raise RecordingError(f"{file.path} {what}.")
 
     def push(self, refusal: Refusal = allow) -> None:
         """Write what was sent, as far as `refusal` lets it; what is left waits for the next call. Raises `RecordingError`."""

@@ -1,10 +1,12 @@
-"""Ctrl-C at any moment of a command's start is no fault of the program: it ends quietly, as interrupted."""
+"""Ctrl-C at any moment, as a program loads or a law is asked, is nobody's fault: it ends quietly, as interrupted."""
 
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from own_law_text import PD, at_work
 
 PRESSING = """
 import os, runpy, signal, sys
@@ -37,3 +39,45 @@ def test_ctrl_c_while_modules_load_is_quiet(module: str, press: str, tmp_path: P
     assert done.returncode == 130, done
     assert done.stdout == ""
     assert done.stderr in ("", "Interrupted.\n")
+
+
+PRESS_AT_WORK = """
+if at.time > 0.02:
+    import signal, time
+    os.kill(int(open(f"/proc/{os.getppid()}/stat").read().rpartition(")")[2].split()[1]), signal.SIGINT)
+    time.sleep(%s)
+"""
+"""Of a law: Ctrl-C for the command that asks it, which is above its supervisor, some time before the answer, s."""
+
+
+@pytest.mark.parametrize("before", [0.005, 0.06, 600.0])
+def test_ctrl_c_while_a_law_is_asked_is_no_fault_of_the_law(
+    before: float, flexlab_process: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
+):
+    (tmp_path / "presses.py").write_text(at_work(PRESS_AT_WORK % before))
+    done = flexlab_process("run", "paper", "--duration", "1", "--law", "presses.py")
+    assert done.returncode == 130, done
+    assert done.stderr == "Interrupted.\n"
+    assert done.stdout == ""
+
+
+PRESSED_OFTEN = """
+import os, signal, threading
+import flexlab
+flexlab.simulate("paper", 0.01, law="own_pd.py")
+for number in range(40):
+    pressing = threading.Timer(0.05 + 0.001 * number, os.kill, (os.getpid(), signal.SIGINT))
+    pressing.start()
+    try:
+        print(flexlab.simulate("paper", 60.0, law="own_pd.py").status.text)
+    except KeyboardInterrupt:
+        print("ended")
+"""
+
+
+def test_ctrl_c_in_python_ends_a_run_with_a_law_wherever_it_finds_it(tmp_path: Path):
+    """In the law, or in machine code: then Python raises it before the law's next call begins, and drops it."""
+    (tmp_path / "own_pd.py").write_text(PD)
+    command = [sys.executable, "-c", PRESSED_OFTEN]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout == 40 * "ended\n"

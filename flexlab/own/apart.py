@@ -1,12 +1,14 @@
 """A law or a path in a process of its own: how it is asked."""
 
+import ctypes
 import os
 import socket
 import struct
+from collections.abc import Generator
 
 import numpy as np
 
-from flexlab.own.execution import ANSWERED, FAILED, AnswerFunction, Channel, address_of
+from flexlab.own.execution import ANSWERED, FAILED, Channel, address_of
 from flexlab.own.process import PROBE, OwnProcess
 from flexlab.own.reading import TextProblem
 
@@ -14,6 +16,8 @@ ANSWER_LIMIT, LATE_LIMIT = 0.05, 0.03
 """s until a law's answer is late, fifty control periods of 1 ms; and s of work in a row after that until it is given up."""
 POSES_LIMIT = 1.0
 """s until a path's poses are late, a fifth of a millisecond for each."""
+LateFunction = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64)
+"""C function of a message's address: whether its answer may still come."""
 TURN = b"\0"
 """The byte that whoever asks a law takes and gives back."""
 
@@ -34,7 +38,10 @@ class LawApart(OwnProcess):
         os.write(self._turn[1], TURN)
         for end in self._turn:
             self._open.callback(os.close, end)
-        self._late_function = AnswerFunction(self._when_late)
+        self._is_interrupted = False
+        outcomes = self._when_late()
+        next(outcomes)
+        self._late_function = LateFunction(outcomes.send)
         self.channel = Channel(0, address_of(self._late_function), self._calls.fileno(), *self._turn)
 
     def _start_again(self) -> None:
@@ -48,13 +55,29 @@ class LawApart(OwnProcess):
         super()._start()
         self._calls.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("ll", 0, int(1e6 * ANSWER_LIMIT)))
 
-    def _when_late(self, _: int, __: int) -> int:
-        """Tells the kernel whether to wait on for an answer."""
-        try:
-            return ANSWERED if self._wait() else FAILED
-        except Exception as error:
-            self._problem = f"{self._name}: {type(error).__name__}: {error}."
-            return FAILED
+    @property
+    def problem(self) -> str:
+        """What went wrong last, as a sentence; empty if nothing did. Raises, once, the KeyboardInterrupt that ended a call."""
+        if self._is_interrupted:
+            self._is_interrupted = False
+            raise KeyboardInterrupt
+        return super().problem
+
+    def _when_late(self) -> Generator[int, int]:
+        """Tells the kernel, each time that it asks, whether to wait on for an answer.
+
+        Ctrl-C ends the kernel's reading, and Python raises it where it goes on: here within the `try`, in a function before it.
+        """
+        outcome = FAILED
+        while True:
+            try:
+                yield outcome
+                outcome = ANSWERED if self._wait() else FAILED
+            except KeyboardInterrupt:
+                # The caller is machine code, which would drop it: the run ends, and whoever asks why gets it.
+                self._is_interrupted, outcome = True, FAILED
+            except Exception as error:
+                self._problem, outcome = f"{self._name}: {type(error).__name__}: {error}.", FAILED
 
 
 class PathApart(OwnProcess):

@@ -32,7 +32,9 @@ from flexlab.own.measurement import BELIEVED_SIZE, Believed, Measurement, real_n
 from flexlab.own.reading import TextProblem, is_foreign
 from flexlab.physics.law_input import LAW_INPUT, MOST_ARMS
 
-FAILED, ANSWERED = 0, 1
+FAILED, ANSWERED, ASKED, INTERRUPTED = 0, 1, 2, 3
+"""Outcomes of a call. Asked: it has not begun. Interrupted: the call before it ended without a beginning, as Python raises Ctrl-C
+that came in machine code before a function's first line, and drops it there."""
 MESSAGE = np.dtype(
     [
         ("outcome", "i8"),
@@ -49,7 +51,7 @@ ANSWER_BYTES = MESSAGE.fields["plant"][1]  # type: ignore[index]  # It has field
 """Bytes that go back; the ones after them go to the law only."""
 
 AnswerFunction = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64, ctypes.c_int64)
-"""C function of two addresses, a message and a `LAW_INPUT` record: the outcome."""
+"""C function of two addresses, a message, where the outcome goes, and a `LAW_INPUT` record."""
 
 
 class Channel(NamedTuple):
@@ -196,14 +198,15 @@ class RunningLaw(RunningText):
         """Forget what went wrong before: a run begins."""
         self._problem, self._is_interrupted = "", False
 
-    def _called(self, message: int, now: int) -> int:
+    def _called(self, at: int, now: int) -> int:
+        message = record_at(at, MESSAGE)
+        self._is_interrupted |= bool(message["outcome"] == INTERRUPTED)
         try:
-            if not self._is_interrupted:
-                return self.ask(record_at(message, MESSAGE), record_at(now, LAW_INPUT))
+            message["outcome"] = FAILED if self._is_interrupted else self.ask(message, record_at(now, LAW_INPUT))
         except KeyboardInterrupt:
             # The caller is machine code, which would drop it: the run ends, and whoever asks why gets it.
-            self._is_interrupted = True
-        return FAILED
+            self._is_interrupted, message["outcome"] = True, FAILED
+        return 0
 
     def ask(self, message: Any, now: Any) -> int:
         """One call, as `answer`: its outcome. A sentence goes to `problem`."""

@@ -20,7 +20,7 @@ from flexlab.control.observers.kalman import padded
 from flexlab.numerics.linear_algebra import product
 from flexlab.own import hosts
 from flexlab.own.declaration import LONGEST_PERIOD, SHORTEST_PERIOD, Declaration, read_declaration
-from flexlab.own.execution import ANSWER_BYTES, ANSWERED, FAILED, MESSAGE, Channel
+from flexlab.own.execution import ANSWER_BYTES, ANSWERED, ASKED, FAILED, INTERRUPTED, MESSAGE, Channel
 from flexlab.own.kinds import OWN_PLACE, OwnKinds, default_source, flat_numbers, source_field
 from flexlab.own.measurement import BELIEVED, MOST_MODES, PLACES
 from flexlab.physics.beam import beam_matrices, shape_row, undamped_modes
@@ -30,8 +30,8 @@ from flexlab.signal import Signal
 
 CHANNEL = np.dtype([*((name, "i8") for name in Channel._fields), *MESSAGE.descr])
 """How the kernel reaches a law, and the message itself. `answer`: address of an `AnswerFunction`, 0 for a law in a process of its
-own. `late`: the address of one to call when the answer is late: `ANSWERED` if it may still come. `calls`: socket to the process.
-`next_turn`, `done`: ends of a pipe with one byte, which whoever asks takes and gives back."""
+own. `late`: that of a function of the message to call when the answer is late: `ANSWERED` if it may still come. `calls`: socket
+to the process. `next_turn`, `done`: ends of a pipe with one byte, which whoever asks takes and gives back."""
 MESSAGE_AT = 8 * len(Channel._fields)
 
 
@@ -157,20 +157,25 @@ def _ask(gains, now):
     """The outcome of one call: of a C function here, or through the socket of another process, without Python's global lock."""
     at, now_at = _address(gains) + MESSAGE_AT, _address(now)
     if gains.answer != 0:
-        return call_whole_kernel(gains.answer, (at, now_at))
+        gains.outcome = ASKED
+        call_whole_kernel(gains.answer, (at, now_at))
+        if gains.outcome == ASKED:
+            gains.outcome = INTERRUPTED
+            call_whole_kernel(gains.answer, (at, now_at))
+        return gains.outcome
     if _read(np.int32(gains.next_turn), at, 1) != 1:
         return FAILED
     calls = np.int32(gains.calls)
     good = _write(calls, at, MESSAGE_BYTES) == MESSAGE_BYTES and _write(calls, now_at, INPUT_BYTES) == INPUT_BYTES
     if not good:
-        call_whole_kernel(gains.late, (at, now_at))
+        call_whole_kernel(gains.late, (at,))
     got = 0
     while good and got < ANSWER_BYTES:
         count = _read(calls, at + got, ANSWER_BYTES - got)
         got += max(count, 0)
         if count <= 0:
             # The time limit has passed or the process has ended: `late` decides whether to wait.
-            good = call_whole_kernel(gains.late, (at, now_at)) == ANSWERED
+            good = call_whole_kernel(gains.late, (at,)) == ANSWERED
     outcome = gains.outcome if good else FAILED
     _write(np.int32(gains.done), at, 1)
     return outcome

@@ -131,8 +131,6 @@ def fed_modes(around: Circumstances, gains: tuple[float, float]) -> tuple[Condit
     worst = int(np.argmax(growth))
     turns = f"late by {n(1e3 * late)} ms, rate feedback feeds modes from {n(1 / (4 * late))} Hz on"
     frequency = n(around.omega[worst] / (2 * np.pi))
-    if growth[worst] > 0:
-        return (
-            Condition(f"f < 1/(4 (d + ½) T_c): {turns}, and {frequency} Hz grows at {n(growth[worst])} 1/s.", False),
-        )
-    return (Condition(f"f < 1/(4 (d + ½) T_c): {turns}, but none against its own damping.", True),)
+    grows = bool(growth[worst] > 0)
+    told = f"and {frequency} Hz grows at {n(growth[worst])} 1/s" if grows else "but none against its own damping"
+    return (Condition(f"f < 1/(4 (d + ½) T_c): {turns}, {told}.", not grows),)

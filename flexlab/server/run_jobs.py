@@ -33,7 +33,7 @@ from flexlab.server.child_processes import end_with_the_server, failures_told_pl
 from flexlab.server.labs.lab_provider import Choice
 from flexlab.server.limits import LOOK, LOOK_AGAIN, PER_SECOND, Quota, Visitor
 from flexlab.server.task_book import BAD, GOOD, Outcome, Task, TaskBook
-from flexlab.sim.paced_run import FASTEST
+from flexlab.sim.pacing import FASTEST
 from flexlab.sim.samples import Samples
 
 MOST_SAMPLES = 1_200_000

@@ -27,7 +27,7 @@ from flexlab.sim.samples import check_signal_names
 from flexlab.sim.step_levels import StepLevels, StepWatch
 from flexlab.sim.step_rates import Rates, find_rates, instability
 from flexlab.sim.step_size import Count, choose_step, steps_per_tick
-from flexlab.sim.target import build_trajectory, same_target
+from flexlab.sim.target import build_system, build_trajectory, same_target
 
 LIGHT_ELEMENTS = 8
 """Elements up to which modes and matrix functions are derived in a millisecond or two."""
@@ -250,13 +250,3 @@ def gauge_noise(scenario: Scenario, beam: Beam) -> np.ndarray:
     rows = strain_rows(places, payload.length, payload.thickness, payload.element_count, payload.boundary)
     moments = load_moments(beam.matrices, payload.bending_stiffness, payload.thickness, weights, rows)
     return np.ascontiguousarray(law.sensor_noise.strain / law.control_period * moments)
-
-
-def build_system(scenario: Scenario, beam: Beam) -> System:
-    """Plant, control law and trajectory of a scenario, with motors off until a sampled controller first acts."""
-    return System(
-        build_plant(scenario, beam),
-        build_control(scenario, beam),
-        build_trajectory(scenario),
-        np.zeros((len(scenario.arms), 3)),
-    )

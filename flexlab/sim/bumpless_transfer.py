@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from flexlab.physics.dynamics import velocities_at
 from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import ETA, noted_rates
 from flexlab.physics.sensors import begin_reading
-from flexlab.quantities import Part, parts_of
+from flexlab.quantities import Part
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim import accuracy, samples
 from flexlab.sim.assembly import Assembly
@@ -197,14 +196,7 @@ def _kinds(part: Part) -> list[str]:
     """The kinds of a controller and of its parts."""
     fields = vars(part)
     own = [fields["kind"]] if "kind" in fields else []
-    inner = (fields[name] for name in _fields_of_parts(type(part)))
-    return own + [kind for value in inner if isinstance(value, Part) for kind in _kinds(value)]
-
-
-@cache
-def _fields_of_parts(model: type[Part]) -> tuple[str, ...]:
-    """Names of the fields that may hold parts of their own."""
-    return tuple(name for name, field in model.model_fields.items() if parts_of(field.annotation))
+    return own + [kind for value in fields.values() if isinstance(value, Part) for kind in _kinds(value)]
 
 
 def copy_states(

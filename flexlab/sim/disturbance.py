@@ -30,20 +30,12 @@ LINKS = (1, 2, 3)
 
 def _refuse(name: str, value: Any, unit: str, low: float, high: float) -> None:
     """Raise `ScenarioError` unless value lies in low..high."""
+    limits = f"{number_text(low)} to {number_text(high)} {unit}"
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise ScenarioError(
-            [
-                (
-                    name,
-                    f"{name} = {value!r:.60} is not a number: give one from {number_text(low)} to {number_text(high)} {unit}.",
-                )
-            ]
-        )
+        raise ScenarioError([(name, f"{name} = {value!r:.60} is not a number: give one from {limits}.")])
     if not low <= value <= high:
         shown = number_text(value) if isinstance(value, float) else f"{value!r:.30}"
-        limits = f"{number_text(low)} to {number_text(high)} {unit}"
-        sentence = f"{name} = {shown} {unit} is outside {limits}: choose a value within it."
-        raise ScenarioError([(name, sentence)])
+        raise ScenarioError([(name, f"{name} = {shown} {unit} is outside {limits}: choose a value within it.")])
 
 
 def _axes(name: str, pair: Any) -> list[tuple[str, Any]]:

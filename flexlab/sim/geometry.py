@@ -5,7 +5,6 @@ Pure NumPy on whole blocks of samples; the equations of motion do not use this f
 
 import numpy as np
 
-from flexlab.boundaries import HELD_COORDINATES as HELD_COORDINATES
 from flexlab.boundaries import held_coordinates
 from flexlab.errors import ScenarioError
 from flexlab.physics.beam import shape_functions as element_functions

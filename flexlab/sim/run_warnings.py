@@ -221,16 +221,11 @@ def model_warning(payload: Payload, seen: Peaks) -> ModelWarning:
     share, spin, felt = seen.load_share, seen.spin_share, payload.axial_load != "none"
     force, limit = f"up to {number_text(share * critical, 3)} N along it", f"{number_text(critical, 3)} N"
     said = []
-    if felt and share >= WHOLE:
-        said.append(
-            f"The beam is pressed with {force}, more than the {limit} that buckle it: it buckles, and where it bends "
-            "far the model ends."
+    if share >= WHOLE:
+        end = (
+            "it buckles, and where it bends far the model ends." if felt else f"a real beam would have buckled. {CURE}"
         )
-    elif not felt and share >= WHOLE:
-        said.append(
-            f"The beam is pressed with {force}, more than the {limit} that buckle it: a real beam would have buckled. "
-            f"{CURE}"
-        )
+        said.append(f"The beam is pressed with {force}, more than the {limit} that buckle it: {end}")
     elif not felt and share >= NOTABLE:
         said.append(
             f"The beam is pressed with {force}, {100 * share:.0f} % of what buckles it: the paper's model leaves out what that "

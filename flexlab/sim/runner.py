@@ -1,4 +1,4 @@
-"""The simulation thread: drains commands, moves a `PacedRun` by an injected clock, publishes snapshots."""
+"""The simulation thread: drains commands, moves a `LiveRun` by an injected clock, publishes snapshots."""
 
 import sys
 import threading
@@ -26,7 +26,7 @@ from flexlab.sim.commands import (
     command_text,
 )
 from flexlab.sim.history import Checkpoint
-from flexlab.sim.paced_run import PacedRun
+from flexlab.sim.live_run import LiveRun
 from flexlab.sim.samples import Origin, Samples
 from flexlab.sim.snapshot import TICK, Consumer, Event, Snapshot
 from flexlab.sim.world import World
@@ -80,13 +80,12 @@ class Runner:
         self._clock, self._sleep = clock, sleep
         self._stopping = threading.Event()
         self._news = threading.Event()
-        self._paced = PacedRun(consumers, clock, self._stopping, playing, hold_starts)
-        self._run = self._paced.live
+        self._run = LiveRun(consumers, clock, self._stopping, playing, hold_starts)
         self._commands = CommandQueue()
         self._preparation = Preparation(executor)
         self._released = self._answered = 0
         self._thread: threading.Thread | None = None
-        self._paced.begin(_new_world(scenario, origin), name)
+        self._run.begin(_new_world(scenario, origin), name)
         if origin is not None:
             self._run.note(LoadScenario(scenario, name, origin))
         self._publish(self._clock())
@@ -94,7 +93,7 @@ class Runner:
     def start(self) -> None:
         """Start the thread."""
         self._thread = threading.Thread(target=self._loop, name="flexlab-simulation", daemon=True)
-        self._paced.restart()
+        self._run.restart()
         self._thread.start()
 
     def stop(self) -> None:
@@ -145,21 +144,21 @@ class Runner:
 
     def frame(self) -> None:
         """One frame: commands, then the ticks that are due, then a snapshot. The thread's body; tests call it alone."""
-        paced = self._paced
-        paced.open_frame()
-        stepping = paced.steps_left > 0
+        run = self._run
+        run.open_frame()
+        stepping = run.steps_left > 0
         self._drain()
-        paced.open_frame()  # Whatever the commands cost, time goes on.
-        if stepping and paced.steps_left:
-            paced.work_off_steps()
-        if self._released == self._run.number:
-            paced.release()
-        run, due = self._run.number, paced.pacing.due_ticks(self._clock(), self._run.world.tick)
-        while due > 0 and paced.may_go_on and paced.pacing.playing and run == self._run.number:
-            due -= paced.advance(due)
+        run.open_frame()  # Whatever the commands cost, time goes on.
+        if stepping and run.steps_left:
+            run.work_off_steps()
+        if self._released == run.number:
+            run.release()
+        number, due = run.number, run.pacing.due_ticks(self._clock(), run.world.tick)
+        while due > 0 and run.may_go_on and run.pacing.playing and number == run.number:
+            due -= run.advance(due)
             self._drain()
         wall = self._clock()
-        paced.pacing.note(wall, self._run.world.time)
+        run.pacing.note(wall, run.world.time)
         self._publish(wall)
 
     def _loop(self) -> None:
@@ -186,7 +185,7 @@ class Runner:
     @property
     def _is_idle(self) -> bool:
         """Whether the next frame would find nothing to do unless a command comes."""
-        works = self._paced.is_busy or self._preparation.current is not None
+        works = self._run.is_busy or self._preparation.current is not None
         return not works and self._commands.is_empty
 
     def _drain(self) -> None:
@@ -204,7 +203,7 @@ class Runner:
         if current is not None and not current.is_change and not loads:
             return
         free = loads or current is None
-        groups = self._commands.take(new_runs=free and self._paced.new_run_allowed)
+        groups = self._commands.take(new_runs=free and self._run.new_run_allowed)
         while groups:
             self._try(groups.pop(0))
             if groups and self._preparation.must_wait(groups[0][0]):
@@ -234,15 +233,15 @@ class Runner:
         elif isinstance(command, (Reset, LoadScenario)):
             self._load(command, known, at_once)
         elif isinstance(command, (Play, Pause)):
-            self._paced.play(isinstance(command, Play))
+            self._run.play(isinstance(command, Play))
             self._run.note(command)
         elif isinstance(command, SetSpeed):
-            self._paced.set_speed(command.speed)
+            self._run.set_speed(command.speed)
             self._run.note(command)
         else:
-            self._paced.ask_for_steps(command.ticks)
+            self._run.ask_for_steps(command.ticks)
             self._run.note(command)
-            self._paced.work_off_steps()
+            self._run.work_off_steps()
 
     def _load(self, command: LoadScenario | Reset, known: tuple[Assembly, ...], at_once: bool) -> None:
         """Begin a run of another scenario, of an earlier run's state, or of the same scenario anew, and report it."""
@@ -255,7 +254,7 @@ class Runner:
         world = _new_world(scenario, origin, (old.assembly, *known), at_once)
         self._run.report(event)
         self._run.end(self._run.final_status())
-        self._paced.begin(world, name)
+        self._run.begin(world, name)
         if origin is not None:
             self._run.report(replace(event, time=world.time))
 
@@ -290,12 +289,12 @@ class Runner:
         self._run.report(event)
         if begins_anew:
             self._run.end(final)
-            self._paced.begin(world, self._run.name, time_before)
+            self._run.begin(world, self._run.name, time_before)
         else:
-            self._paced.take_on_change()
+            self._run.take_on_change()
 
     def _publish(self, wall: float) -> None:
         come = self._commands.count
         if self._commands.is_empty and self._preparation.current is None:
             self._answered = come
-        self._snapshot = self._paced.snapshot(wall, self._answered)
+        self._snapshot = self._run.snapshot(wall, self._answered)

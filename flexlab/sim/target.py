@@ -17,7 +17,7 @@ from flexlab.errors import ScenarioError
 from flexlab.numerics.eigenvalues import eigenvalues, eigenvector
 from flexlab.physics.plant import ETA, P, X
 from flexlab.scenario import Scenario
-from flexlab.sim.build import build_beam, build_control, build_plant
+from flexlab.sim.build import Beam, build_beam, build_control, build_plant
 from flexlab.sim.closed_loop import System, new_workspace, rates_at, state_length
 
 DIFFERENCE = 1e-5
@@ -68,9 +68,7 @@ def _continuous(scenario: Scenario) -> Scenario:
 @lru_cache(maxsize=32)
 def _found(scenario: Scenario) -> Mode:
     beam = build_beam(scenario.payload)
-    nothing = np.zeros((len(scenario.arms), 3))
-    held: DesiredMotion = build_motion(scenario.trajectory)
-    system = System(build_plant(scenario, beam), build_control(scenario, beam), held, nothing)
+    system = build_system(scenario, beam)
     n = len(beam.modes.omega)
     parts = np.concatenate([np.arange(X, X + 3), ETA + np.arange(n), np.arange(P, P + 3), ETA + n + np.arange(n)])
     scale = np.concatenate([np.ones(3), beam.modes.omega, np.ones(3 + n)])
@@ -126,6 +124,16 @@ def build_trajectory(scenario: Scenario) -> DesiredMotion:
     if len(motion.impulses) and len(motion.discontinuities):
         motion = motion._replace(inside=max(motion.inside, INSIDE * max(1.0, float(motion.discontinuities[-1]))))
     return with_transition(motion, path.transition)
+
+
+def build_system(scenario: Scenario, beam: Beam) -> System:
+    """Plant, control law and trajectory of a scenario, with motors off until a sampled controller first acts."""
+    return System(
+        build_plant(scenario, beam),
+        build_control(scenario, beam),
+        build_trajectory(scenario),
+        np.zeros((len(scenario.arms), 3)),
+    )
 
 
 def _discontinuities(path: Trajectory, motion: DesiredMotion) -> np.ndarray:

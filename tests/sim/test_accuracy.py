@@ -111,9 +111,9 @@ def test_the_runner_says_it_once_and_the_snapshot_keeps_it():
     coarse = stiff(**{"payload.element_count": 3, "payload.bending_stiffness": 5e6, "simulation.step": 8e-6})
     runner = Runner(coarse, playing=False, clock=lambda: 0.0)
     while not runner._run.world.accuracy_warning:
-        runner._paced.advance(50)
+        runner._run.advance(50)
     for _ in range(20):
-        runner._paced.advance(50)
+        runner._run.advance(50)
     runner._publish(0.0)
     told = [event for event in runner.snapshot.events if "no longer accurate" in event.text]
     assert len(told) == 1

@@ -3,7 +3,7 @@
 import numpy as np
 
 from flexlab.presets import load_preset
-from flexlab.sim.paced_run import interpolate
+from flexlab.sim.pacing import interpolate
 from flexlab.sim.world import World
 
 

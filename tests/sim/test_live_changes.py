@@ -8,7 +8,7 @@ import pytest
 
 from flexlab.presets import load_preset
 from flexlab.sim.commands import ChangeScenario, LoadScenario, Play, Pull, Reset, StepOnce, Tap
-from flexlab.sim.paced_run import RUNS_AT_ONCE
+from flexlab.sim.pacing import RUNS_AT_ONCE
 from flexlab.sim.world import World
 
 FINE = 12

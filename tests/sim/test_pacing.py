@@ -2,7 +2,7 @@
 
 import pytest
 
-from flexlab.sim.paced_run import BACKLOG_LIMIT, FASTEST, SLOWEST, SPEED_WINDOW, Pacing
+from flexlab.sim.pacing import BACKLOG_LIMIT, FASTEST, SLOWEST, SPEED_WINDOW, Pacing
 from flexlab.sim.snapshot import TICK
 
 

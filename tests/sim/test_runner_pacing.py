@@ -5,7 +5,7 @@ import pytest
 
 from flexlab.presets import load_preset
 from flexlab.sim.commands import ChangeScenario, LoadScenario, Pause, Play, Reset, SetSpeed, StepOnce
-from flexlab.sim.paced_run import BACKLOG_LIMIT
+from flexlab.sim.pacing import BACKLOG_LIMIT
 
 
 def time_of(snapshot) -> float:

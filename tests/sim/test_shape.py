@@ -5,10 +5,10 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
+from flexlab.boundaries import HELD_COORDINATES
 from flexlab.errors import ScenarioError
 from flexlab.scenario import FIXED_COORDINATES, Payload, Scenario
 from flexlab.sim.geometry import (
-    HELD_COORDINATES,
     arm_points,
     beam_points,
     deflection_at,

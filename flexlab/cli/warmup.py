@@ -1,14 +1,18 @@
 """Faster starts: modules that are loaded only when used; and the compilation of the engine at the first start."""
 
 import gc
+import math
 import os
+import shutil
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Generator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from importlib.machinery import ModuleSpec, PathFinder
 from importlib.util import LazyLoader
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexlab.cli.console import EXIT_INTERRUPTED, note, notes
@@ -18,6 +22,9 @@ if TYPE_CHECKING:
 
 UNASKED = frozenset({"numpy.f2py", "yaml", "rerun.experimental", "rerun.server", "rerun.urdf"})
 """Modules that scipy, numba and rerun load and no command uses, a twelfth of a start."""
+
+UNUSED = 30 * 86400.0
+"""s after which machine code counts as unused, 83 MB of each version. Systems note the time of reading once a day or oftener."""
 
 
 class _Later:
@@ -50,12 +57,19 @@ def loading() -> Generator[None, None, None]:
 
 def warm_up(scenario: "Scenario", meanwhile: AbstractContextManager[object] | None = None) -> None:
     """Compile the engine; if that takes long, tell the person and keep `meanwhile` entered until the end."""
-    from flexlab.compiled import COMPILATION, COMPILING
+    from flexlab.compiled import COMPILATION, COMPILING, cache_folder
+    from flexlab.files import writable
     from flexlab.sim.world import World
 
-    with ExitStack() as shown, _ending_at_once():
+    kernels = cache_folder()
+    with (
+        ExitStack() as shown,
+        _ending_at_once(),
+        writable(kernels, "make room, or set XDG_CACHE_HOME to another folder"),
+    ):
 
         def tell() -> None:
+            remove_unused(kernels)
             note(COMPILING)
             shown.callback(note, "Compiled.")
             for each in (meanwhile or nullcontext(), _wheel()):
@@ -65,6 +79,16 @@ def warm_up(scenario: "Scenario", meanwhile: AbstractContextManager[object] | No
         COMPILATION.tell = tell
         # A sample period of simulation calls every kernel.
         World(scenario).run(1)
+
+
+def remove_unused(kernels: Path) -> None:
+    """Remove the machine code of other versions than that in `kernels` which nothing has read for `UNUSED`."""
+    for folder in kernels.parent.glob(f"kernels-{len(kernels.name.partition('-')[2]) * '[0-9a-f]'}"):
+        with suppress(OSError):  # Another process removes it, too.
+            files = [file.stat() for file in folder.rglob("*") if file.is_file()]
+            last = max((max(file.st_atime, file.st_mtime) for file in files), default=math.inf)
+            if folder != kernels and not folder.is_symlink() and time.time() - last > UNUSED:
+                shutil.rmtree(folder, ignore_errors=True)
 
 
 @contextmanager

@@ -5,6 +5,7 @@ import numpy as np
 from flexlab.analysis.explanations.explanation import Background, Evidence, n, register
 from flexlab.analysis.modes import PoleRow, fastest_growth
 from flexlab.analysis.stability import NEUTRAL
+from flexlab.control.conditions import stability_limit
 
 AGREES = 2.5
 """Factor within which the growth of the mode alone must agree with the loop's if the delay is the cause."""
@@ -89,8 +90,7 @@ def growing_pose(seen: Evidence) -> str | None:
     law = seen.scenario.controller
     if growth is None or growth.mode or around is None or law.control_period is None:
         return None
-    limit = 2 * np.sin(np.pi / (2 * (2 * law.input_delay + 1)))
-    product = around.fastest_rate * law.control_period
+    product, limit = around.fastest_rate * law.control_period, stability_limit(law.input_delay)
     if product <= (1 + ROUNDING) * limit:
         return None
     return (

@@ -1,39 +1,21 @@
 """What people meet who use a keyboard, a screen reader or strong contrast: every page, light and dark, in one window."""
 
 import re
-import shutil
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from axe_playwright_python.base import AXE_SCRIPT
 from browser_window import REST, open_window
+from full_server import PAGES, full_server
 from http_client import wait_until
-from person import TEACHER, TOKEN
+from person import TEACHER
 from playwright.sync_api import Browser, Page, ViewportSize
 
-from flexlab.analysis.leaderboard.board import make_tasks, run_board
-from flexlab.analysis.leaderboard.case import cases
-from flexlab.analysis.leaderboard.entry import chosen_entrants
-from flexlab.analysis.leaderboard.store import RowStore
-from flexlab.presets import load_preset
-from flexlab.server.front_server import open_front_server
-from flexlab.server.settings import Settings
 from flexlab.text import number_text
 
 GRAVE = ("serious", "critical")
 """Findings of axe that no page has."""
-RUNS = "2026-01-01T00-00-00-alpha", "2026-01-02T00-00-00-beta"
-PAGES = (
-    "/",
-    "/runs",
-    f"/runs/{RUNS[0]}",
-    f"/compare?run={RUNS[0]}&run={RUNS[1]}",
-    "/studies",
-    "/leaderboard",
-    "/teacher",
-)
 TABS = ("Parameters", "View", "Touch", "Modes", "Compare", "File", "Events")
 FINDINGS = "async ([part, options]) => (await axe.run(part ?? document, options)).violations"
 OF_COLORS = ["color-contrast", "link-in-text-block"]
@@ -48,17 +30,8 @@ PANEL = '[data-dock-region="right"]'
 @pytest.fixture(scope="module")
 def page(plain_chromium: Browser, recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
     """One window for all tests, at the page that asks for the token; two runs and a leaderboard are there."""
-    logs = tmp_path_factory.mktemp("accessible") / "logs"
-    logs.mkdir()
-    for name in RUNS:
-        shutil.copy(recorded, logs / f"{name}.rrd")
-    quick = [replace(cases()[name], duration=0.012) for name in ("B1", "B2")]
-    run_board(make_tasks(quick, chosen_entrants(["pd", "lqr"])), RowStore(logs.parent / "leaderboard"))
-    settings = Settings(logs, port=0, token=TOKEN, teacher_token=TEACHER, private=True, shadows=False)
-    with open_front_server(settings, load_preset("paper"), "paper") as server:
-        window = open_window(
-            plain_chromium, **USUAL, base_url=f"http://127.0.0.1:{server.port}", reduced_motion="reduce"
-        )
+    with full_server(tmp_path_factory.mktemp("accessible"), recorded) as address:
+        window = open_window(plain_chromium, **USUAL, base_url=address, reduced_motion="reduce")
         opened = window.new_page()
         # Rerun's viewer is a page of its own, of others, and all of it one canvas.
         opened.route("**/viewer/**", lambda request: request.abort())

@@ -1,38 +1,20 @@
 """Every page in German, in Chinese, and back in English: what a reader sees comes from the catalogue of their language."""
 
 import re
-import shutil
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from browser_window import open_window
-from person import TEACHER, TOKEN
+from full_server import PAGES, full_server
+from person import TEACHER
 from playwright.sync_api import Browser, Page
 
-from flexlab.analysis.leaderboard.board import make_tasks, run_board
-from flexlab.analysis.leaderboard.case import cases
-from flexlab.analysis.leaderboard.entry import chosen_entrants
-from flexlab.analysis.leaderboard.store import RowStore
 from flexlab.control.law import laws
 from flexlab.control.path import PATHS
 from flexlab.guide import chapters, lessons
 from flexlab.presets import load_preset, preset_names
-from flexlab.server.front_server import open_front_server
-from flexlab.server.settings import Settings
 
-RUNS = "2026-01-01T00-00-00-alpha", "2026-01-02T00-00-00-beta"
-PAGES = (
-    "/",
-    "/runs",
-    f"/runs/{RUNS[0]}",
-    f"/compare?run={RUNS[0]}&run={RUNS[1]}",
-    "/studies",
-    "/leaderboard",
-    "/teacher",
-    "/nowhere",
-)
 GUIDE, PANEL = '[data-dock-region="left"]', '[data-dock-region="right"]'
 CALM = 1200
 """ms until a page has named what has come."""
@@ -63,15 +45,8 @@ VISIBLE = """() => {
 @pytest.fixture(scope="module")
 def page(plain_chromium: Browser, recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
     """A window whose reader prefers German, at the page that asks for the token; two runs and a leaderboard are there."""
-    logs = tmp_path_factory.mktemp("languages") / "logs"
-    logs.mkdir()
-    for name in RUNS:
-        shutil.copy(recorded, logs / f"{name}.rrd")
-    quick = [replace(cases()[name], duration=0.012) for name in ("B1", "B2")]
-    run_board(make_tasks(quick, chosen_entrants(["pd", "lqr"])), RowStore(logs.parent / "leaderboard"))
-    settings = Settings(logs, port=0, token=TOKEN, teacher_token=TEACHER, private=True, shadows=False)
-    with open_front_server(settings, load_preset("paper"), "paper") as server:
-        window = open_window(plain_chromium, 1440, 900, base_url=f"http://127.0.0.1:{server.port}", locale="de-DE")
+    with full_server(tmp_path_factory.mktemp("languages"), recorded) as address:
+        window = open_window(plain_chromium, 1440, 900, base_url=address, locale="de-DE")
         opened = window.new_page()
         opened.route("**/viewer/**", lambda request: request.abort())
         said: list[str] = []
@@ -134,7 +109,7 @@ def test_every_page_speaks_german_chinese_and_english(page: Page) -> None:
     page.locator("input[name=token]").fill(TEACHER)
     page.get_by_role("button", name="Öffnen").click()
     page.get_by_role("link", name="Klasse").wait_for()
-    for path in PAGES:
+    for path in (*PAGES, "/nowhere"):
         page.goto(path)
         page.locator("h1").wait_for()
         page.locator(".progress[data-working]").wait_for(state="detached")

@@ -1,0 +1,35 @@
+"""A server in which every page has something to show, for tests that look at all pages."""
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+from person import TEACHER, TOKEN
+
+from flexlab.analysis.leaderboard.board import make_tasks, run_board
+from flexlab.analysis.leaderboard.case import cases
+from flexlab.analysis.leaderboard.entry import chosen_entrants
+from flexlab.analysis.leaderboard.store import RowStore
+from flexlab.presets import load_preset
+from flexlab.server.front_server import open_front_server
+from flexlab.server.settings import Settings
+
+RUNS = "2026-01-01T00-00-00-alpha", "2026-01-02T00-00-00-beta"
+COMPARISON = f"/compare?run={RUNS[0]}&run={RUNS[1]}"
+PAGES = "/", "/runs", f"/runs/{RUNS[0]}", COMPARISON, "/studies", "/leaderboard", "/teacher"
+
+
+@contextmanager
+def full_server(folder: Path, recorded: Path) -> Iterator[str]:
+    """Its address, while it is open: private labs behind tokens, two runs and a leaderboard in a new folder."""
+    logs = folder / "logs"
+    logs.mkdir()
+    for name in RUNS:
+        shutil.copy(recorded, logs / f"{name}.rrd")
+    quick = [replace(cases()[name], duration=0.012) for name in ("B1", "B2")]
+    run_board(make_tasks(quick, chosen_entrants(["pd", "lqr"])), RowStore(folder / "leaderboard"))
+    settings = Settings(logs, port=0, token=TOKEN, teacher_token=TEACHER, private=True, shadows=False)
+    with open_front_server(settings, load_preset("paper"), "paper") as server:
+        yield f"http://127.0.0.1:{server.port}"

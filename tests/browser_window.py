@@ -8,7 +8,7 @@ from typing import Any
 
 from playwright.sync_api import Browser, BrowserContext
 
-PAUSE = 100
+PAUSE = 250
 """ms without drawing after each picture: else the page draws all the time, and takes a whole processor."""
 LEFT_OUT = (
     # Pages that stand ready below the address bar of every window, unseen: three quarters of an empty window's cost.

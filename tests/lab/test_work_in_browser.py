@@ -47,6 +47,31 @@ def pulls(page: LabPage) -> list[Pull]:
     return [event.command for event in page.snapshot.events if isinstance(event.command, Pull)]
 
 
+@pytest.mark.usefixtures("new_lab")
+def test_undo_redo_and_the_way_back(page: LabPage) -> None:
+    page.enter(EI, "50")
+    wait_until(lambda: stiffness(page) == 50.0, "the first change is taken")
+    page.enter("Damping c (N·s/m)", "0.5")
+    wait_until(lambda: page.snapshot.scenario.payload.damping.coefficient == 0.5, "both changes are taken")
+    page.wait_for_text(", changed")
+    page.key("Control+z")
+    wait_until(lambda: page.snapshot.scenario.payload.damping.coefficient == 0.1, "the damping is back")
+    assert stiffness(page) == 50.0
+    page.key("Control+z")
+    wait_until(lambda: stiffness(page) == 100.0, "the stiffness is back")
+    wait_until(lambda: page.box(EI).input_value() == "100", "and the box shows it", 20)
+    page.key("Control+Shift+z")
+    wait_until(lambda: stiffness(page) == 50.0, "it is made again")
+    wait_until(lambda: page.box(EI).input_value() == "50", "and the box shows it, its way back beside it", 20)
+    page.page.get_by_role("button").filter(has_text="↺").first.click()
+    wait_until(lambda: stiffness(page) == 100.0, "the small button goes back to the preset's value")
+    wait_until(lambda: ", changed" not in page.text(), "nothing is changed any more", 20)
+    page.key("Control+z")
+    page.key("Control+z")
+    page.key("Control+z")
+    page.wait_for_text("nothing to undo")
+
+
 def test_dragging_the_beam_pulls_it_and_clicking_taps_it(page: LabPage) -> None:
     page.choose("Preset", "soft-beam")
     wait_until(lambda: page.snapshot.name == "soft-beam", "the soft beam runs")
@@ -157,31 +182,6 @@ def test_a_kept_run_stands_behind_the_next_one(page: LabPage) -> None:
     page.press("Forget it")
     wait_until(lambda: page.session.lab_state.kept is None, "it is forgotten")
     assert not page.errors
-
-
-@pytest.mark.usefixtures("new_lab")
-def test_undo_redo_and_the_way_back(page: LabPage) -> None:
-    page.enter(EI, "50")
-    wait_until(lambda: stiffness(page) == 50.0, "the first change is taken")
-    page.enter("Damping c (N·s/m)", "0.5")
-    wait_until(lambda: page.snapshot.scenario.payload.damping.coefficient == 0.5, "both changes are taken")
-    page.wait_for_text(", changed")
-    page.key("Control+z")
-    wait_until(lambda: page.snapshot.scenario.payload.damping.coefficient == 0.1, "the damping is back")
-    assert stiffness(page) == 50.0
-    page.key("Control+z")
-    wait_until(lambda: stiffness(page) == 100.0, "the stiffness is back")
-    wait_until(lambda: page.box(EI).input_value() == "100", "and the box shows it", 20)
-    page.key("Control+Shift+z")
-    wait_until(lambda: stiffness(page) == 50.0, "it is made again")
-    wait_until(lambda: page.box(EI).input_value() == "50", "and the box shows it, its way back beside it", 20)
-    page.page.get_by_role("button").filter(has_text="↺").first.click()
-    wait_until(lambda: stiffness(page) == 100.0, "the small button goes back to the preset's value")
-    wait_until(lambda: ", changed" not in page.text(), "nothing is changed any more", 20)
-    page.key("Control+z")
-    page.key("Control+z")
-    page.key("Control+z")
-    page.wait_for_text("nothing to undo")
 
 
 @pytest.mark.usefixtures("new_lab")

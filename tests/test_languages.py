@@ -137,6 +137,8 @@ UNSEEN = {
 """Where sentences are told that no page shows → sources, or beginnings of them."""
 HOLE = "◦"
 """Stands for a value in a sentence of a source."""
+VALUE = f"(?:.{{1,16}}|.{{0,12}}{HOLE}.{{0,12}})"
+"""What a placeholder of an entry may hold in a sentence of a source."""
 UNTOLD = re.compile(r"(log|warnings)\..*|.*(Value|Runtime|Type|Key|Import|Connection)Error")
 """Calls whose texts are for the log, or for programmers."""
 
@@ -164,7 +166,7 @@ def _sentences(node: ast.AST) -> Iterator[str]:
 
 def test_every_sentence_that_a_page_may_show_is_translated(root: Path) -> None:
     keys = list(read_catalogue(catalogues()["de"]))
-    forms = [".+?".join(map(re.escape, re.split(r"\{\w+\}", key))) for key in keys]
+    forms = [VALUE.join(map(re.escape, re.split(r"\{\w+\}", key))) for key in keys]
     known = re.compile("|".join(form for form in forms if WORDS.search(form)))
     unseen = tuple("; ".join(" ".join(told.split()) for told in UNSEEN.values()).split("; "))
 

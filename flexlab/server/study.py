@@ -188,7 +188,10 @@ def axes_of(form: Form, scenario: Scenario, counted: bool) -> tuple[Axis, ...]:
         if path in CHOSEN:
             texts.append(f"{path}={','.join(_chosen(form, end, path, counted))}")
             continue
-        low, high = number_of(form, f"low{end}", f"From, of {path},"), number_of(form, f"high{end}", f"To, of {path},")
+        low, high = (
+            number_of(form, f"low{end}", f"The lower limit of {path}"),
+            number_of(form, f"high{end}", f"The upper limit of {path}"),
+        )
         # `parse_axes` reads the numbers again, so they keep every digit.
         parts = [repr(low), repr(high), *(["log"] if form.get(f"log{end}") else [])]
         if counted:

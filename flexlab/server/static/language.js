@@ -14,10 +14,11 @@
     SUB: ["<sub>", "</sub>"], WBR: ["", ""] };
   const ALONE = "script, noscript, style, textarea, pre, [translate=no]"; // Never translated.
   const PICTURE = 'img[src*="/assets/pictures/"], img.figure';
-  const WORD = /\p{L}{3}/u, UNITS = /\b(m?rad|kHz|min|max|RMS|NaN|flexlab|[a-z]\w*([._]\w+)+)\b/g, NUMBER = /\d[\d.e+−-]*/g;
+  const WORD = /\p{L}{3}/u, UNITS = /\b(m?rad|kHz|min|max|RMS|[Nn]a[Nn]|flexlab|[a-z]\w*([._]\w+)+)\b|(?<!\w)'[^']*'(?!\w)/g, NUMBER = /\d[\d.e+−-]*/g;
   const BEFORE_UNIT = /(?<=[\d}]) (?=(?:[kmµ]?m|[km]?s|k?Hz|[km]?N|N·m|m?rad|kg|MB\/min|%)(?!\p{L}))/gu; // no line ends here
-  const SENTENCE = /(?<=[.!?✓]) (?=[\p{Lu}\d]|[a-z_]+\.[a-z_])/u; // It may begin with the path of a field.
-  const WITHIN = "((?:(?![.!?] (?:\\p{Lu}|[a-z_]+\\.[a-z_]))[^`*])+?)"; // the value of a placeholder: part of one sentence
+  const NEXT = "(?:\\p{Lu}|[a-z]\\w*[.:]\\S|line \\d)"; // how a sentence begins: the path of a field, a file, a line of it
+  const SENTENCE = new RegExp(`(?<=[.!?✓]) (?=\\d|${NEXT})`, "u");
+  const WITHIN = `((?:(?![.!?] ${NEXT})[^\`*])+?)`; // the value of a placeholder: part of one sentence
   const NUMERAL = "([+−-]?\\d[\\d.e+−-]*)";
   const KINDS = { n: NUMERAL, m: NUMERAL, code: "([a-z\\d]\\S*)", symbol: "([A-Za-z]?[^\\sa-z]\\S*|[A-Za-z])" }; // else any part
 

@@ -19,7 +19,7 @@
   const NEXT = "(?:\\p{Lu}|[a-z]\\w*[.:]\\S|line \\d)"; // how a sentence begins: the path of a field, a file, a line of it
   const SENTENCE = new RegExp(`(?<=[.!?✓]) (?=\\d|${NEXT})`, "u");
   const WITHIN = `((?:(?![.!?] ${NEXT})[^\`*])+?)`; // the value of a placeholder: part of one sentence
-  const NUMERAL = "([+−-]?\\d[\\d.e+−-]*)";
+  const NUMERAL = "([+−-]?\\d[\\d.e+−-]*(?:(?: · 10)?[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)?)";
   const KINDS = { n: NUMERAL, m: NUMERAL, code: "([a-z\\d]\\S*)", symbol: "([A-Za-z]?[^\\sa-z]\\S*|[A-Za-z])" }; // else any part
 
   const SYMBOL = /(?<![\p{L}\p{Nd}_.\\-])(\p{L}\p{M}*)_([\p{L}\p{Nd}]{1,4})(?![\p{L}\p{Nd}_]|\.\p{L})/u;

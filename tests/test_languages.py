@@ -23,11 +23,11 @@ MARK = re.compile(r"`|\*\*|\*|\[|\]|<sub>|</sub>")
 WORDS = re.compile(r"[^\W\d_]{3,}(?:['’-][^\W\d_]+)*")
 LOOSE = 8
 """Of so many pairs of words one may be said apart."""
-OF_VISER = """About Viser; Inactive; Minimize panel; Save Canvas; Reset View; Orbit Origin Tool; Dev Settings; WebGL Stats;
-Dark Mode; Show Viser Logo; Log Camera to Console; Show Orbit Crosshair; Device Pixel Ratio; Reset Panel Layout; Scene tree;
-Expand column; Collapse column; Expand panel; Collapse panel; Connecting...; Software WebGL rendering; WebGL is;
-WebGL unavailable; This may be caused by; Could not detect browser; Your browser; It may not be; Unsupported browser; Consider updating;
-Connection rejected; Uploading; File uploaded; Receiving; Received"""
+OF_VISER = """About Viser; Inactive; Minimize panel; Save Canvas; Reset View; Orbit Origin Tool; Dev Settings; WebGL
+Stats; Dark Mode; Show Viser Logo; Log Camera to Console; Show Orbit Crosshair; Device Pixel Ratio; Reset Panel
+Layout; Scene tree; Expand column; Collapse column; Expand panel; Collapse panel; Connecting...; Software WebGL
+rendering; WebGL is; WebGL unavailable; This may be caused by; Could not detect browser; Your browser; It may not be;
+Unsupported browser; Consider updating; Connection rejected; Uploading; File uploaded; Receiving; Received"""
 """Beginnings of texts that viser says, whose page is packed."""
 
 

@@ -2,12 +2,11 @@
 
 import hashlib
 import json
-import subprocess
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from lab_process import Command
 
 import flexlab
 from flexlab.analysis.capsule import METADATA, RUN, unpack_capsule, write_capsule
@@ -17,8 +16,6 @@ from flexlab.recording.reader import read_recording
 from flexlab.recording.run_info import RunInfo
 from flexlab.sim.commands import Tap
 from flexlab.sim.snapshot import Event
-
-Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
 @pytest.fixture(scope="module")

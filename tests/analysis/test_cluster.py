@@ -52,9 +52,9 @@ def address_of(scheduler: subprocess.Popen) -> str:
     raise AssertionError("the scheduler said no address")
 
 
-@pytest.fixture
-def scheduler_process(tmp_path: Path) -> Iterator[subprocess.Popen]:
-    process = start(tmp_path, "dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+@contextlib.contextmanager
+def running_scheduler(folder: Path) -> Iterator[subprocess.Popen]:
+    process = start(folder, "dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
     try:
         yield process
     finally:
@@ -62,9 +62,19 @@ def scheduler_process(tmp_path: Path) -> Iterator[subprocess.Popen]:
         process.wait()
 
 
-@pytest.fixture
-def scheduler(scheduler_process: subprocess.Popen) -> str:
-    return address_of(scheduler_process)
+@pytest.fixture(scope="module")
+def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """One that goes on: each test has workers of its own, and ends them."""
+    with running_scheduler(tmp_path_factory.mktemp("scheduler")) as process:
+        yield address_of(process)
+
+
+@pytest.fixture(scope="module")
+def computed_here(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """The table of the sweep without a cluster."""
+    folder = tmp_path_factory.mktemp("here")
+    flexlab.sweep("paper", VARY, 0.3, folder=folder)
+    return (folder / "cells.parquet").read_bytes()
 
 
 def start_worker(folder: Path, address: str) -> subprocess.Popen:
@@ -75,7 +85,7 @@ def start_worker(folder: Path, address: str) -> subprocess.Popen:
     return process
 
 
-def test_a_killed_worker_changes_no_byte(scheduler: str, tmp_path: Path):
+def test_a_killed_worker_changes_no_byte(scheduler: str, computed_here: bytes, tmp_path: Path):
     workers = [start_worker(tmp_path, scheduler) for _ in range(2)]
     try:
         with Client(scheduler, set_as_default=False) as client:
@@ -93,8 +103,7 @@ def test_a_killed_worker_changes_no_byte(scheduler: str, tmp_path: Path):
         workers[0].kill()
         assert not (cells / "cells.parquet").exists(), "killed on the way"
         computed.join(120)
-        flexlab.sweep("paper", VARY, 0.3, folder=tmp_path / "here")
-        assert (cells / "cells.parquet").read_bytes() == (tmp_path / "here" / "cells.parquet").read_bytes()
+        assert (cells / "cells.parquet").read_bytes() == computed_here
     finally:
         for worker in workers:
             worker.kill()
@@ -206,8 +215,16 @@ def check_tuning(scheduler: str, law: Path) -> None:
     assert there.best.metrics is not None
 
 
-def test_a_killed_scheduler_is_said_and_what_is_kept_goes_on(scheduler_process: subprocess.Popen, tmp_path: Path):
-    address, told = address_of(scheduler_process), list[str]()
+@pytest.fixture
+def scheduler_to_kill(tmp_path: Path) -> Iterator[subprocess.Popen]:
+    with running_scheduler(tmp_path) as process:
+        yield process
+
+
+def test_a_killed_scheduler_is_said_and_what_is_kept_goes_on(
+    scheduler_to_kill: subprocess.Popen, computed_here: bytes, tmp_path: Path
+):
+    address, told = address_of(scheduler_to_kill), list[str]()
     worker = start_worker(tmp_path, address)
 
     def compute() -> None:
@@ -226,7 +243,7 @@ def test_a_killed_scheduler_is_said_and_what_is_kept_goes_on(scheduler_process: 
             assert time.monotonic() < deadline
             assert computed.is_alive()
             time.sleep(0.005)
-        scheduler_process.kill()
+        scheduler_to_kill.kill()
         computed.join(120)
         assert told
         assert told[0].startswith("The cluster failed (")
@@ -234,8 +251,7 @@ def test_a_killed_scheduler_is_said_and_what_is_kept_goes_on(scheduler_process: 
         kept = len(list((tmp_path / "cells" / "parts").glob("0*.parquet")))
         assert 5 <= kept < 64
         flexlab.sweep("paper", VARY, 0.3, folder=tmp_path / "cells")
-        flexlab.sweep("paper", VARY, 0.3, folder=tmp_path / "here")
-        assert (tmp_path / "cells" / "cells.parquet").read_bytes() == (tmp_path / "here" / "cells.parquet").read_bytes()
+        assert (tmp_path / "cells" / "cells.parquet").read_bytes() == computed_here
     finally:
         worker.kill()
         worker.wait()

@@ -2,12 +2,11 @@
 
 import json
 import re
-import subprocess
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from lab_process import Command
 from scipy.signal import lfilter
 
 import flexlab
@@ -22,8 +21,6 @@ from flexlab.recording.store.run_index import MEASURED_STATUS
 from flexlab.sim.commands import Tap
 from flexlab.sim.samples import MEASURED
 from flexlab.sim.snapshot import Event
-
-Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
 def ring(time: np.ndarray, f: float, zeta: float, amplitude: float = 1.0, phase: float = 0.3) -> np.ndarray:

@@ -2,10 +2,10 @@
 
 import re
 from collections.abc import Sequence
-from functools import cache
 
 import numpy as np
 import pytest
+from preset_run import run
 
 from flexlab.analysis import lesson_measures
 from flexlab.analysis.lesson_checks import Verdict, check_lesson
@@ -23,13 +23,6 @@ from flexlab.sim.snapshot import Event
 LESSONS = {lesson.id: lesson for lesson in lessons()}
 EI, K, EPSILON = "payload.bending_stiffness", "controller.feedback_gain", "controller.boundary_layer"
 ADAPTATION = "controller.adaptation"
-
-
-@cache
-def run(preset: str, *changes: tuple[float, str, float], duration: float = 3.0) -> Run:
-    """A preset with live changes (time in s, path, value)."""
-    commands = [(time, ChangeScenario({path: value})) for time, path, value in changes]
-    return simulate(load_preset(preset), duration, 0.001, commands)
 
 
 def verdict(

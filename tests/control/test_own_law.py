@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lab_process import Command
 from own_law_text import PD, forget_own_laws
 
 import flexlab
@@ -353,9 +354,9 @@ def _same(chosen: Scenario) -> Scenario:
     return chosen
 
 
-def test_presets_and_the_shell_take_a_file(tmp_path: Path, flexlab_process):
+def test_presets_and_the_shell_take_a_file(tmp_path: Path, flexlab_command: Command, flexlab_process: Command):
     (tmp_path / "mine.py").write_text(PD)
-    done = flexlab_process(
+    done = flexlab_command(
         "run", "paper", "--duration", "0.1", "--law", "mine.py", "--set", "controller.velocity_gain=900"
     )
     assert done.returncode == 0, done.stderr
@@ -367,8 +368,8 @@ def test_presets_and_the_shell_take_a_file(tmp_path: Path, flexlab_process):
     assert again.returncode != 0
     assert "give --run-own-law to let it run" in again.stderr
     assert "class OwnPD" in again.stderr
-    assert flexlab_process("replay", "--run-own-law").returncode == 0
-    unknown = flexlab_process("run", "paper", "--law", "none.py")
+    assert flexlab_command("replay", "--run-own-law").returncode == 0
+    unknown = flexlab_command("run", "paper", "--law", "none.py")
     assert "There is no file none.py" in unknown.stderr
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from going_on import whole_run_as_in_blocks
 
 import flexlab
 from flexlab.errors import ScenarioError, StudyError
@@ -50,14 +51,7 @@ def test_one_joint_alone_may_count():
 
 @pytest.mark.parametrize("noise", [{}, {"controller.sensor_noise.pose": (1e-5, 1e-5, 1e-5)}])
 def test_same_bits_in_blocks_and_from_a_state(noise):
-    scenario = with_counts(2e5, **noise)
-    whole, world = simulate(scenario, 0.2), World(scenario)
-    world.advance(37)
-    again = World(scenario)
-    again.restore(world.state())
-    last = [w.advance(163) for w in (world, again)][-1]
-    for name, values in last.signals().items():
-        assert np.array_equal(values, whole[name][38:]), name
+    whole_run_as_in_blocks(with_counts(2e5, **noise))
 
 
 def test_counts_change_in_motion():

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from going_on import check_live, whole_run_as_in_blocks
 from grip_equations import Machine
 from scipy.linalg import expm
 
@@ -239,18 +240,8 @@ def test_the_force_along_the_beam_is_the_grips():
 @pytest.mark.parametrize("further", [{}, COUNTED, {**FILLED, **JOINTS}])
 def test_same_bits_in_blocks_from_a_state_and_live(further, live):
     scenario = load_preset("paper").replace({**COMPLIANT, **further})
-    whole, world = simulate(scenario, 0.2), World(scenario)
-    world.advance(77)
-    again = World(scenario)
-    again.restore(world.state())
-    last = [w.advance(123) for w in (world, again)][-1]
-    for name, values in last.signals().items():
-        assert np.array_equal(values, whole[name][78:], equal_nan=True), name
-    stage = live(scenario)
-    stage.play(0.2)
-    for name in ("pose", "internal_force", "right_grip_displacement", "grip_loss"):
-        seen = np.concatenate([block[name] for _, block in stage.keeper.blocks])
-        assert np.array_equal(seen[:150], whole[name][:150]), name
+    whole = whole_run_as_in_blocks(scenario, equal_nan=True)
+    check_live(live(scenario), whole, "pose", "internal_force", "right_grip_displacement", "grip_loss")
 
 
 def test_a_recording_replays_to_the_bit_and_its_signals_come_back(tmp_path):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from going_on import whole_run_as_in_blocks
 from scipy.integrate import solve_ivp
 
 import flexlab
@@ -216,14 +217,7 @@ def test_a_sampled_controller_that_knows_friction_follows_better():
 
 @pytest.mark.parametrize("control", PLANT)
 def test_same_bits_in_blocks_and_from_a_state(control):
-    scenario = load_preset("paper").replace({**FRICTION, **control})
-    whole, world = simulate(scenario, 0.2), World(scenario)
-    world.advance(37)
-    again = World(scenario)
-    again.restore(world.state())
-    last = [w.advance(163) for w in (world, again)][-1]
-    for name, values in last.signals().items():
-        assert np.array_equal(values, whole[name][38:]), name
+    whole_run_as_in_blocks(load_preset("paper").replace({**FRICTION, **control}))
 
 
 def test_friction_begins_and_ends_in_motion():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from going_on import check_live, whole_run_as_in_blocks
 
 import flexlab
 from flexlab.analysis.internal_force import internal_force_eq_26
@@ -178,18 +179,7 @@ def test_a_tap_does_the_work_of_an_impulse_while_the_mass_changes(at):
 @pytest.mark.parametrize("control", CONTROL)
 def test_same_bits_in_blocks_from_a_state_and_live(control, live):
     scenario = load_preset("paper").replace({**change(2.0), **control})
-    whole, world = simulate(scenario, 0.2), World(scenario)
-    world.advance(77)
-    again = World(scenario)
-    again.restore(world.state())
-    last = [w.advance(123) for w in (world, again)][-1]
-    for name, values in last.signals().items():
-        assert np.array_equal(values, whole[name][78:]), name
-    stage = live(scenario)
-    stage.play(0.2)
-    for name in ("pose", "internal_force", "material_energy"):
-        seen = np.concatenate([block[name] for _, block in stage.keeper.blocks])
-        assert np.array_equal(seen[:150], whole[name][:150]), name
+    check_live(live(scenario), whole_run_as_in_blocks(scenario), "pose", "internal_force", "material_energy")
 
 
 def test_a_recording_replays_to_the_bit_and_its_signals_come_back(tmp_path):

@@ -1,0 +1,30 @@
+"""Runs that go on from a state in the middle, which tests of each extension look at."""
+
+import numpy as np
+
+from flexlab.scenario import Scenario
+from flexlab.sim.samples import Run
+from flexlab.sim.simulate import simulate
+from flexlab.sim.world import World
+
+ROWS, CUT = 200, 77
+"""Samples of a run, and after how many of them it is cut."""
+
+
+def whole_run_as_in_blocks(scenario: Scenario, equal_nan: bool = False) -> Run:
+    """The run; it has the same bits in two blocks, and where another world goes on from the state between them."""
+    whole, world, again = simulate(scenario, 0.001 * ROWS), World(scenario), World(scenario)
+    world.advance(CUT)
+    again.restore(world.state())
+    for block in (world.advance(ROWS - CUT), again.advance(ROWS - CUT)):
+        for name, values in block.signals().items():
+            assert np.array_equal(values, whole[name][CUT + 1 :], equal_nan=equal_nan), name
+    return whole
+
+
+def check_live(stage, whole: Run, *names: str) -> None:
+    """A live run of the same scenario has the same bits of these signals."""
+    stage.play(0.2)
+    for name in names:
+        seen = np.concatenate([block[name] for _, block in stage.keeper.blocks])
+        assert np.array_equal(seen[:150], whole[name][:150]), name

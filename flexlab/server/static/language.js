@@ -9,7 +9,7 @@
   const LONGEST_WAIT = 1500; // ms for which a page shows nothing rather than English
   const MOST_KEPT = 4000; // translations of sentences with numbers, and untranslated texts
   const LONGEST = 1000; // characters of a text that is compared with patterns: what is longer, a person wrote
-  const ATTRIBUTES = ["title", "aria-label", "placeholder", "alt", "aria-valuetext", "value"];
+  const ATTRIBUTES = ["title", "label", "aria-label", "placeholder", "alt", "aria-valuetext", "value"];
   const MARKS = { CODE: ["`", "`"], KBD: ["`", "`"], B: ["**", "**"], STRONG: ["**", "**"], EM: ["*", "*"], I: ["*", "*"], A: ["[", "]"],
     SUB: ["<sub>", "</sub>"], WBR: ["", ""] };
   const ALONE = "script, noscript, style, textarea, pre, [translate=no]"; // Never translated.

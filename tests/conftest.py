@@ -15,6 +15,7 @@ from get_browser import find_browser
 from hypothesis import settings
 from lab_process import Command, Lab
 from playwright.sync_api import Browser, sync_playwright
+from threadpoolctl import threadpool_limits
 from workers import is_of_browser, pytest_cmdline_main, pytest_xdist_make_scheduler
 
 from flexlab.cli import main
@@ -22,6 +23,7 @@ from flexlab.cli.console import notes, output
 from flexlab.control.law import LAWS
 from flexlab.control.path import PATHS
 from flexlab.own import hosts
+from flexlab.own.files import PATH_FILES
 
 __all__ = ["pytest_cmdline_main", "pytest_xdist_make_scheduler"]
 
@@ -52,9 +54,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @contextlib.contextmanager
 def forgetting_own_kinds() -> Iterator[None]:
-    """Laws and paths that become known within it are forgotten at its end: others draw from all that there are."""
+    """What becomes known, and may run, within it is forgotten at its end: others draw from all that there are."""
     before = [set(registry.all()) for registry in REGISTRIES]
+    apart, allowed = hosts._apart, hosts.allowed()
     yield
+    hosts.run_apart(apart)
+    if hosts.allowed() != allowed:
+        hosts.close_all()
+        hosts._allowed.clear()
+        hosts.allow_digests(allowed)
+        PATH_FILES._added.clear()
     for registry, known in zip(REGISTRIES, before, strict=True):
         for kind in set(registry.all()) - known:
             registry.forget(kind)
@@ -70,6 +79,13 @@ def _forget_those_of_a_test() -> Iterator[None]:
 def _forget_those_of_a_file() -> Iterator[None]:
     """What a file's shared fixtures made known."""
     with forgetting_own_kinds():
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _one_blas_thread() -> Iterator[None]:
+    """Small matrices: one thread is fastest, and idle ones would spin on the cores of other tests."""
+    with threadpool_limits(1, user_api="blas"):
         yield
 
 

@@ -1,13 +1,10 @@
 """What notebooks show: a run as a page, a live lab in a cell."""
 
 import urllib.request
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-from own_law_text import forget_own_laws
-from own_path_text import forget_own_paths
 from waiting import wait_until
 
 import flexlab
@@ -34,14 +31,6 @@ class AlongX(flexlab.OwnPath):
         return 0.05 * np.sin(np.pi * t), 0.75, 0.0
 
 
-@pytest.fixture
-def _forgotten() -> Iterator[None]:
-    yield
-    forget_own_laws()
-    forget_own_paths()
-
-
-@pytest.mark.usefixtures("_forgotten")
 def test_a_class_of_a_cell_works_wherever_scenarios_do(tmp_path: Path):
     run = flexlab.simulate("paper", 0.1, law=OfACell, path=AlongX, check=True)
     many = flexlab.simulate_many(["paper", {}, {"gravity": 99}], 0.1, progress=False, law=OfACell, path=AlongX)

@@ -1,11 +1,11 @@
 """A law that fails at its first instant: its own sentence comes out, whatever is asked of the run."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from subprocess import CompletedProcess
 
 import pytest
-from own_law_text import PD, forget_own_laws
+from own_law_text import PD
 
 import flexlab
 from flexlab.errors import FlexlabError
@@ -13,12 +13,6 @@ from flexlab.errors import FlexlabError
 FAILS = PD.replace("        e, e_dot", '        raise RuntimeError("no such gain")\n        e, e_dot')
 LINE = 1 + next(number for number, line in enumerate(FAILS.split("\n")) if "raise" in line)
 SAID = f"fails.py, line {LINE}: RuntimeError: no such gain."
-
-
-@pytest.fixture(autouse=True)
-def _forgotten() -> Iterator[None]:
-    yield
-    forget_own_laws()
 
 
 @pytest.fixture

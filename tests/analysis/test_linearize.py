@@ -7,7 +7,6 @@ import pytest
 from reference.lagrangian import Lagrangian
 from reference.linear import NEAR, hessian, open_loop_matrices
 from scipy.signal import StateSpace, cont2discrete, dlsim, lsim
-from threadpoolctl import threadpool_limits
 
 import flexlab
 from flexlab.analysis.linear_model import LinearModel
@@ -20,13 +19,6 @@ from flexlab.sim.simulate import simulate
 
 SAMPLED = {"controller.control_period": 2e-3, "controller.input_delay": 2}
 MOTORS_OFF_LATE = {"controller.control_period": 2e-3}
-
-
-@pytest.fixture(autouse=True, scope="module")
-def one_blas_thread():
-    """Small matrices: idle BLAS threads would spin on the cores of other tests."""
-    with threadpool_limits(1, user_api="blas"):
-        yield
 
 
 def still(name: str = "paper", **changes) -> Scenario:

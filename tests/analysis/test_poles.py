@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from reference.linear import open_loop_matrices
-from threadpoolctl import threadpool_limits
 
 from flexlab.analysis.linearization import Linearization
 from flexlab.analysis.modes import Modes, modes
@@ -39,13 +38,6 @@ def start_in(scenario: Scenario, weights: np.ndarray, size: float = 1e-6) -> Sce
     """The scenario begun with a little of each mode."""
     q = modes(scenario).shape[:, : len(weights)] @ weights
     return scenario.replace({"initial.beam_coordinates": tuple(size * q), "initial.pose_rate": (0.0, 0.0, 0.0)})
-
-
-@pytest.fixture(autouse=True, scope="module")
-def one_blas_thread():
-    """Small matrices: idle BLAS threads would spin on the cores of other tests."""
-    with threadpool_limits(1, user_api="blas"):
-        yield
 
 
 def linear_of(found: Modes) -> Linearization:

@@ -6,7 +6,6 @@ import linecache
 import re
 import sys
 import time
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import ModuleType
@@ -86,13 +85,6 @@ class Back(OwnPath):
 if __name__ == "__main__":
     raise SystemExit("not to be run")
 '''
-
-
-@pytest.fixture(autouse=True)
-def _forgotten() -> Iterator[None]:
-    yield
-    forget_own_laws()
-    forget_own_paths()
 
 
 def module_of(text: str, file: Path) -> ModuleType:

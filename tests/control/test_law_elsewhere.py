@@ -35,13 +35,6 @@ Answer = Callable[[dict[str, Any]], Any]
 INPUTS = [[0.0, 1.0, 0.0], [0.0, 1.0, 0.0]]
 
 
-@pytest.fixture(autouse=True)
-def _forgotten() -> Iterator[None]:
-    yield
-    hosts.close_all()
-    forget_own_laws()
-
-
 def packed(message: Any) -> bytes:
     data = msgspec.msgpack.encode(message)
     return len(data).to_bytes(4, "big") + data

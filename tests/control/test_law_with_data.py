@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import Command
+from lab_process import Command
 
 import flexlab
 from flexlab.errors import FlexlabError, ScenarioError

@@ -2,14 +2,11 @@
 
 import csv
 import warnings
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from exported import export_run
-from own_law_text import forget_own_laws
-from own_path_text import forget_own_paths
 
 import flexlab
 from flexlab.errors import FlexlabError, ScenarioError
@@ -47,13 +44,6 @@ ODD_THREE = [
     MASKED,
     "np.array([1, 2, 3], 'm8[s]')",
 ]
-
-
-@pytest.fixture(autouse=True)
-def _forgotten() -> Iterator[None]:
-    yield
-    forget_own_laws()
-    forget_own_paths()
 
 
 def law_text(body: str = "pass", scale: str = "low=0, high=2") -> str:

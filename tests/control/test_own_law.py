@@ -2,7 +2,6 @@
 
 import re
 import time
-from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
@@ -11,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from lab_process import Command
-from own_law_text import PD, forget_own_laws
+from own_law_text import PD
 
 import flexlab
 from flexlab import OwnLaw, gain
@@ -31,12 +30,6 @@ from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.motion import controller_states
 from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
-
-
-@pytest.fixture(autouse=True)
-def _forgotten() -> Iterator[None]:
-    yield
-    forget_own_laws()
 
 
 def scenario(source: str = PD, file: str = "own_pd.py", **changes: object) -> Scenario:

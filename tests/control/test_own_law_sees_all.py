@@ -1,11 +1,9 @@
 """A law in plain Python sees all that flexlab's own laws do: two of them, written again, give the same runs."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-from own_law_text import forget_own_laws
 
 import flexlab
 from flexlab.control.law import USUAL_GAUGES
@@ -24,12 +22,6 @@ NOISY = {
     "controller.model.stiffness_factor": 1.1,
     "controller.wanted_internal_force": 15.0,
 }
-
-
-@pytest.fixture(autouse=True)
-def _forgotten() -> Iterator[None]:
-    yield
-    forget_own_laws()
 
 
 @pytest.mark.parametrize("changes", [{}, NOISY], ids=["exact", "noisy and late"])

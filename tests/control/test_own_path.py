@@ -1,7 +1,6 @@
 """Paths in plain Python: the poses of their function, here and in a process of their own, and all that goes wrong."""
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -30,13 +29,6 @@ from flexlab.server.scenario_links import decode_scenario, encode_scenario
 from flexlab.sim.commands import ChangeScenario, StepOnce
 from flexlab.sim.runner import Runner
 from flexlab.sim.world import World
-
-
-@pytest.fixture(autouse=True)
-def _forgotten() -> Iterator[None]:
-    forget_own_paths()
-    yield
-    forget_own_paths()
 
 
 def scenario(source: str = ROUND, file: str = "round_trip.py", **changes: object) -> Scenario:

@@ -8,12 +8,11 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-from own_law_text import PD, at_work, forget_own_laws
+from own_law_text import PD, at_work
 from waiting import wait_until
 
 from flexlab.errors import ScenarioError
@@ -41,11 +40,8 @@ if os.fork() == 0:
 
 
 @pytest.fixture(autouse=True)
-def _forgotten() -> Iterator[None]:
+def _apart() -> None:
     hosts.run_apart()
-    yield
-    hosts.close_all()
-    forget_own_laws()
 
 
 def marked(mark: str) -> list[int]:

@@ -5,7 +5,7 @@ import re
 import shutil
 import sys
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -30,13 +30,6 @@ pytestmark = pytest.mark.skipif(
 )
 TICK = 0.001
 Exported = Callable[..., Path]
-
-
-@pytest.fixture(autouse=True)
-def _forgotten() -> Iterator[None]:
-    yield
-    hosts.close_all()
-    forget_own_laws()
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,7 @@ from waiting import wait_until as wait_until
 
 from flexlab.lab.scene.beam import GRAB_SIDES
 from flexlab.lab.session import Session
+from flexlab.own import hosts
 from flexlab.presets import load_preset
 from flexlab.scenario.field_text import TITLES, in_words
 from flexlab.sim.commands import Play, SetSpeed
@@ -273,6 +274,7 @@ class LastingWindow:
     def lab(self) -> LabPage:
         """The page, showing the paper's run from its beginning, in the last test's lab if there is one."""
         if self._session is not None and self._page is not None:
+            hosts.run_apart()  # As the lab began; the end of a test takes it back.
             self._page.begin_anew()
             return self._page
         self._session = Session(load_preset("paper"), "paper", port=self.port, shadows=False)

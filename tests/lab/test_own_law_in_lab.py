@@ -2,13 +2,12 @@
 
 import os
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from lab_page import wait_until
-from own_law_text import PD, forget_own_laws
-from own_path_text import ROUND, forget_own_paths
+from own_law_text import PD
+from own_path_text import ROUND
 from raw_browser import RawBrowser, widget
 
 from flexlab.lab.panel.field import changes_for
@@ -17,13 +16,6 @@ from flexlab.own import hosts
 from flexlab.own.files import add_own_law_file
 from flexlab.presets import load_preset
 from flexlab.sim.commands import Play, Reset
-
-
-@pytest.fixture(autouse=True)
-def _forgotten() -> Iterator[None]:
-    yield
-    forget_own_laws()
-    forget_own_paths()
 
 
 def test_in_a_lab_a_saved_file_acts_at_once_and_a_wrong_one_leaves_all_as_it_was(tmp_path: Path):

@@ -1,23 +1,15 @@
 """A path in Python in a running lab: chosen, moved by an option, saved anew, wrong, mended."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from lab_page import wait_until
-from own_path_text import ROUND, forget_own_paths
+from own_path_text import ROUND
 
 from flexlab.lab.panel.field import changes_for
 from flexlab.lab.session import Session
 from flexlab.own.files import add_own_path_file
 from flexlab.presets import load_preset
-
-
-@pytest.fixture(autouse=True)
-def _forgotten() -> Iterator[None]:
-    forget_own_paths()
-    yield
-    forget_own_paths()
 
 
 def test_in_a_lab_it_is_taken_up_moved_saved_anew_and_a_wrong_one_leaves_all_as_it_was(tmp_path: Path):

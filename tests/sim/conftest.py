@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 import pytest
-from threadpoolctl import threadpool_limits
 
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
@@ -13,13 +12,6 @@ from flexlab.sim.commands import Command
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Samples, Status, WorldState
 from flexlab.sim.snapshot import Event, Snapshot
-
-
-@pytest.fixture(autouse=True, scope="session")
-def one_blas_thread():
-    """Small matrices: idle BLAS threads would spin on the cores of other tests."""
-    with threadpool_limits(1, user_api="blas"):
-        yield
 
 
 @dataclass

@@ -19,8 +19,8 @@
   const NEXT = "(?:\\p{Lu}|[a-z]\\w*[.:]\\S|line \\d)"; // how a sentence begins: the path of a field, a file, a line of it
   const SENTENCE = new RegExp(`(?<=[.!?✓]) (?=\\d|${NEXT})`, "u");
   const WITHIN = `((?:(?![.!?] ${NEXT})[^\`*])+?)`; // the value of a placeholder: part of one sentence
-  const NUMERAL = "([+−-]?\\d[\\d.e+−-]*(?:(?: · 10)?[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)?)";
-  const KINDS = { n: NUMERAL, m: NUMERAL, code: "([a-z\\d]\\S*)", symbol: "([A-Za-z]?[^\\sa-z]\\S*|[A-Za-z])" }; // else any part
+  const NUMERAL = "([+−-]?\\d(?:[\\d.e+−-]*\\d)?(?:(?: · 10)?[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)?)";
+  const KINDS = { n: NUMERAL, m: NUMERAL, code: "([a-z\\d](?:\\S*[^\\s.])?)", symbol: "([A-Za-z]?[^\\sa-z]\\S*|[A-Za-z])" }; // else any part
 
   const SYMBOL = /(?<![\p{L}\p{Nd}_.\\-])(\p{L}\p{M}*)_([\p{L}\p{Nd}]{1,4})(?![\p{L}\p{Nd}_]|\.\p{L})/u;
   const PLAIN = "option, title, code, kbd, svg", FIELDS = "select[name^=field]"; // A menu of fields goes without such symbols.

@@ -81,3 +81,6 @@ def test_fields_and_values_are_told_in_words() -> None:
     assert field_title("controller.integral_gain", paper).startswith("Switching gain"), "of a law that no run here has"
     assert value_text({"linear_density_factor": 1.0}) == "linear density factor 1"
     assert value_text(None) == "–"
+    one, other = value_text("a = 1\nb = 2\n"), value_text("a = 1\nb = 3\n")
+    assert one != other
+    assert all(re.fullmatch(r"2 lines of text \([0-9a-f]{6}\)", text) for text in (one, other))

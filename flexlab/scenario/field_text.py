@@ -6,6 +6,7 @@ from typing import Any, Literal, cast, get_args, get_origin
 
 from pydantic import BaseModel
 
+from flexlab.files import short_hash
 from flexlab.quantities import Part, Quantity, describe, parts_of
 from flexlab.scenario.scenario import SAID, Scenario
 from flexlab.text import MISSING, number_text
@@ -134,6 +135,8 @@ SIDES = {"left_arm": ", left arm", "right_arm": ", right arm"}
 """Part of the scenario → suffix that distinguishes its fields from those of the other part."""
 DIGITS = 6
 """Digits of a value that somebody set."""
+HASH_DIGITS = 6
+"""Hexadecimal digits by which a reader tells a text of several lines, such as a law's, from another one."""
 
 
 def field_title(path: str, *scenarios: Scenario) -> str:
@@ -170,7 +173,9 @@ def value_text(value: object) -> str:
         return str(told) or MISSING
     if isinstance(value, (tuple, list)):
         return ", ".join(map(value_text, cast("Sequence[Any]", value)))
-    return str(value)
+    text = str(value)
+    lines = len(text.splitlines())
+    return f"{lines} lines of text ({short_hash(text)[:HASH_DIGITS]})" if lines > 1 else text
 
 
 def told(differences: Iterable[Difference]) -> list[Difference]:

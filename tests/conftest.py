@@ -78,6 +78,7 @@ def _forget_those_of_a_test() -> Iterator[None]:
 @pytest.fixture(scope="module", autouse=True)
 def _forget_those_of_a_file() -> Iterator[None]:
     """What a file's shared fixtures made known."""
+    hosts.run_apart(False)  # As it is in Python, whatever the fixtures of all tests began.
     with forgetting_own_kinds():
         yield
 

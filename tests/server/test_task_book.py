@@ -3,6 +3,7 @@
 import asyncio
 import time
 from collections.abc import Callable, Coroutine
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +47,8 @@ def with_book(tmp_path: Path, use: Callable[[TaskBook], Coroutine[Any, Any, None
         finally:
             tasks.close()
 
-    asyncio.run(used())
+    with ThreadPoolExecutor(1) as pool:  # In this thread a browser's loop may be running.
+        pool.submit(asyncio.run, used()).result()
 
 
 def test_the_oldest_finished_ones_go_with_their_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

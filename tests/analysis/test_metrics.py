@@ -5,11 +5,13 @@ import re
 import numpy as np
 import pytest
 
+from flexlab.analysis.identification.free_ring import recent_ring
 from flexlab.analysis.lesson_checks import check_lesson
 from flexlab.analysis.metrics import METRICS, Column, MetricCollection, register, run_metrics
 from flexlab.analysis.metrics.metric import Peak
 from flexlab.analysis.metrics.run_metrics import noted_text, noted_value
 from flexlab.analysis.metrics.settling_time import SettlingTime, settling_time
+from flexlab.errors import StudyError
 from flexlab.presets import load_preset
 from flexlab.sim.samples import Run, Samples
 from flexlab.sim.simulate import simulate
@@ -57,6 +59,19 @@ def test_the_residual_vibration_is_what_rings_after_the_target_stopped(stopped: 
     assert np.isnan(run_metrics(stopped, (0.35, 0.8)).residual_vibration).all(), "it never moved"
     assert run_metrics(stopped, (0.0, 0.4)).residual_vibration[0] == after
     assert np.isnan(run_metrics(stopped, (0.0, 0.4)).residual_vibration[1])
+
+
+@pytest.mark.parametrize("sample_period", [0.01, 0.02, 0.1, 0.7])
+def test_a_target_that_goes_on_has_not_stopped_at_its_last_sample(sample_period: float) -> None:
+    """Of a long sample period, too: between the last two samples the target moved."""
+    going_on = simulate(load_preset("paper"), 1.5, sample_period)
+    assert np.isnan(run_metrics(going_on).residual_vibration).all()
+    metric = METRICS["residual_vibration"]()
+    for number in (0, 2, 1):
+        metric.update(going_on.slice(number, number + 1))
+    assert np.isnan(metric.compute()).all()
+    with pytest.raises(StudyError, match="no free ring"):
+        recent_ring(going_on, [])
 
 
 @pytest.mark.parametrize("seed", [1, 2])

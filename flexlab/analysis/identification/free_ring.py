@@ -18,6 +18,8 @@ GONE = 0.005
 """Amplitude, over the peak, at which a fitted ring ends."""
 STOOD = 0.01
 """Time for which the target must stand still, s, so that a turning point is no stop."""
+ROUNDING = 1e-9
+"""Tolerance of that time, s."""
 
 
 def ring_of_run(
@@ -79,6 +81,7 @@ def _ring(
 def _stop(samples: Samples) -> float | None:
     """Instant at which the target came to rest, s; None if it still moves or never moved."""
     moving = np.flatnonzero(np.any(samples.desired_pose != samples.desired_pose[-1:], axis=1))
-    if not len(moving) or samples.time[-1] - samples.time[moving[-1]] < STOOD:
+    # One sample that stands still is no stop, however long the sample period.
+    if not len(moving) or samples.time[-1] - samples.time[moving[-1] + 1] < STOOD - ROUNDING:
         return None
     return float(samples.time[moving[-1]])

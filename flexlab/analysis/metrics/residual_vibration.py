@@ -13,6 +13,8 @@ LATER = 0.2
 """Time after the stop from which the second number counts, s, as for a next move that waits."""
 STOPPED = 0.01
 """Time for which the target must stand still at the end of the samples, s, so that a turning point is no stop."""
+ROUNDING = 1e-9
+"""Tolerance of that time, s, as sample instants are products of whole numbers and periods."""
 
 
 @register
@@ -36,9 +38,11 @@ class ResidualVibration(Metric):
     )
 
     # Samples that a louder one follows can never be the loudest after the stop, whenever that was: few have to be kept.
+    # A target is seen to stand from the sample after its last motion on: one still sample alone is no stop.
 
     def __init__(self) -> None:
-        self._last, self._end = -np.inf, np.full(3, np.nan)
+        self._first, self._last, self._end = np.inf, -np.inf, np.full(3, np.nan)
+        self._step = np.inf
         self._moved = -np.inf
         self._time = np.empty(0)
         self._size = np.empty(0)
@@ -47,7 +51,9 @@ class ResidualVibration(Metric):
         """Take in a piece of a run."""
         piece = ResidualVibration()
         latest = int(np.argmax(samples.time))
-        piece._last, piece._end = float(samples.time[latest]), np.array(samples.desired_pose[latest])
+        piece._first, piece._last = float(np.min(samples.time)), float(samples.time[latest])
+        piece._end = np.array(samples.desired_pose[latest])
+        piece._step = _shortest_step(samples.time)
         elsewhere = np.any(samples.desired_pose != piece._end, axis=1)
         piece._moved = float(np.max(samples.time[elsewhere], initial=-np.inf))
         piece._keep(samples.time, np.abs(samples.vibration))
@@ -60,7 +66,10 @@ class ResidualVibration(Metric):
         # Where the earlier one stood at another pose, the target has moved since.
         moved = max(late._moved, early._moved if same else early._last)
         time, size = np.concatenate([early._time, late._time]), np.concatenate([early._size, late._size])
-        self._last, self._end, self._moved = late._last, late._end, moved
+        ends = np.array([early._first, early._last, late._first, late._last])
+        self._step = min(self._step, other._step, _shortest_step(ends[np.isfinite(ends)]))
+        self._first, self._last = min(early._first, late._first), late._last
+        self._end, self._moved = late._end, moved
         self._keep(time, size)
 
     def _keep(self, time: np.ndarray, size: np.ndarray) -> None:
@@ -69,9 +78,15 @@ class ResidualVibration(Metric):
 
     def compute(self) -> tuple[float, ...]:
         """Largest |vibration| after the stop and later, m."""
-        if not np.isfinite(self._moved) or self._last - self._moved < STOPPED:
+        if not np.isfinite(self._moved) or self._last - (self._moved + self._step) < STOPPED - ROUNDING:
             return np.nan, np.nan
         return self._after(self._moved), self._after(self._moved + LATER)
 
     def _after(self, time: float) -> float:
         return float(np.max(self._size[self._time > time], initial=0.0)) if self._last > time else np.nan
+
+
+def _shortest_step(instants: np.ndarray) -> float:
+    """The shortest time between two different instants, s; infinite without any."""
+    steps = np.diff(np.sort(instants))
+    return float(np.min(steps[steps > 0], initial=np.inf))

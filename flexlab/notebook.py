@@ -34,7 +34,7 @@ class Lab:
         if self._session is None:
             from flexlab.lab.session import Session
 
-            session = Session(self._scenario, self._name, port=0)
+            session = Session(self._scenario, self._name)
             session.start()
             self._session = session
         return self

@@ -4,7 +4,7 @@ import pytest
 
 from flexlab.errors import LabError
 from flexlab.server.settings import Settings, network_addresses
-from flexlab.sockets import LOOPBACK, WILDCARDS, listen, usual_spelling
+from flexlab.sockets import LOOPBACK, WILDCARDS, base_address, listen, usual_spelling
 
 
 @pytest.mark.parametrize(
@@ -29,6 +29,21 @@ def test_loopback_is_known_in_every_spelling(host: str) -> None:
 @pytest.mark.parametrize("host", ["localhost", "lab.example", "192.0.2.7", "2001:db8::7", "unix:[x]", "[", "[]", "%"])
 def test_names_and_other_addresses_stay(host: str) -> None:
     assert usual_spelling(host) == host
+
+
+@pytest.mark.parametrize(
+    ("host", "name"), [("::1", "[::1]"), ("[::1]", "[::1]"), ("::", "127.0.0.1"), ("*", "127.0.0.1")]
+)
+def test_the_address_of_a_server_is_one_that_a_browser_opens(host: str, name: str) -> None:
+    assert base_address(usual_spelling(host), 8080) == f"http://{name}:8080"
+
+
+@pytest.mark.parametrize(
+    ("host", "port", "said"), [("127.0.0.1", 70000, "not a port number"), ("192.0.2.1", 0, "192.0.2.1")]
+)
+def test_an_address_that_cannot_be_had_is_explained(host: str, port: int, said: str) -> None:
+    with pytest.raises(LabError, match=said):
+        listen(host, port)
 
 
 @pytest.mark.parametrize("host", ["x" * 64 + ".invalid", "a..invalid", "\udcff.invalid", "[::1", "0.0.0.0."])

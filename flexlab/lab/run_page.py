@@ -64,7 +64,7 @@ def animation_html(run: Run) -> str:
         raise StudyError("The run has no samples: there is nothing to draw.")
     scenario, times = run.scenario, frame_times(run)
     view = ViewSettings(exaggeration=fitting_exaggeration(scenario))
-    server = open_server("127.0.0.1", 0, "flexlab", InputGuard())
+    server = open_server(0, InputGuard())
     try:
         scene = server.scene
         set_light(scene, shadows=False)

@@ -31,7 +31,7 @@ from flexlab.scenario import Scenario
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Origin
 from flexlab.sim.snapshot import Consumer
-from flexlab.sockets import base_address, usual_spelling
+from flexlab.sockets import LOOPBACK, base_address
 
 PANEL_WIDTH, NARROW_PANEL = 330, 300
 """Width of the panel, px: holds the longest label with its unit on one line; the second in a narrow window."""
@@ -49,7 +49,7 @@ class Session:
     """A running lab. Any number may live in one process; each is started once and stopped once.
 
     `consumers` get every sample and event (a recorder, say). `recording` gives the sentence that the panel shows about
-    the recording, `link` the address that opens a scenario in another browser. `port` 0 takes any free port. `shadows`
+    the recording, `link` the address that opens a scenario in another browser. `port`: on loopback; 0: any free one. `shadows`
     costs a slow graphics card most of its time. With an `origin` the first run goes on from there.
     With a `secret` the page answers only requests that carry it. `attended`: a run begins when a browser has drawn it, and
     pauses while no browser is connected.
@@ -63,8 +63,7 @@ class Session:
         name: str = "scenario",
         *,
         consumers: Sequence[Consumer] = (),
-        host: str = "127.0.0.1",
-        port: int = 8080,
+        port: int = 0,
         playing: bool = True,
         shadows: bool = True,
         recording: Callable[[], str] = lambda: "",
@@ -76,7 +75,7 @@ class Session:
         recorded_as: Callable[[], str] = lambda: "",
     ):
         hosts.run_apart()
-        self._scenario, self._host, self._port = scenario, usual_spelling(host), port
+        self._scenario, self._port = scenario, port
         self._shadows, self._recording, self._link = shadows, recording, link
         self._secret, self._attended = secret, attended
         self._recorded, self._recorded_as = recorded, recorded_as
@@ -104,11 +103,11 @@ class Session:
     @property
     def url(self) -> str:
         """Where a browser on this machine finds the lab."""
-        return base_address(self._host, self.port)
+        return base_address(LOOPBACK[0], self.port)
 
     def start(self) -> None:
         """Serve the page and start the simulation. Raises `LabError`, and leaves nothing running, if it cannot."""
-        self._server = open_server(self._host, self._port, "flexlab", self.guard, self._secret, PAGE_SCRIPT, PAGE_SHEET)
+        self._server = open_server(self._port, self.guard, self._secret, PAGE_SCRIPT, PAGE_SHEET)
         closing = self._closing
         closing.callback(self._server.stop)
         try:

@@ -19,6 +19,8 @@ from viser.infra._async_message_buffer import AsyncMessageBuffer
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
+from flexlab.lab.browser_messages import LARGEST_MESSAGE
+
 VERSION = "1.1"
 """The version of viser that these belong to."""
 SEND_BUFFER = 64 * 1024
@@ -83,25 +85,20 @@ class GuardedServer(viser.ViserServer):
     def __init__(
         self,
         plug: socket.socket,
-        label: str,
         admission: Admission,
         check: Check,
-        largest_message: int,
         script: str,
         sheet: str,
     ):
-        """`largest_message`: bytes that a browser may send at once; more ends its connection.
-
-        `script` and style `sheet` are added to the page.
-        """
+        """`script` and style `sheet` are added to the page."""
         self._check = check
         connection = functools.partial(_GuardedConnection, self)
         self.inputs = threading.RLock()
         """Held while a person's input is handled; other code that writes to widgets holds it too, see `_take_up_whole`."""
         # viser's page puts its own styles at the end of its head: what comes after the body has the last word.
         added = {"</head>": f"<script>{script}</script>", "</body>": f"<style>{sheet}</style>"}
-        with _serving_on(plug, admission, connection, largest_message, added), _quiet():
-            super().__init__(host="127.0.0.1", port=plug.getsockname()[1], label=label, verbose=False)
+        with _serving_on(plug, admission, connection, added), _quiet():
+            super().__init__(host="127.0.0.1", port=plug.getsockname()[1], label="flexlab", verbose=False)
         self._take_up_whole()
 
     async def verdict(self, connection: ServerConnection, raw: Any) -> Verdict:
@@ -166,9 +163,7 @@ def _quiet() -> Iterator[None]:
 
 
 @contextmanager
-def _serving_on(
-    plug: socket.socket, admission: Admission, connection: Any, largest: int, added: Mapping[str, str]
-) -> Iterator[None]:
+def _serving_on(plug: socket.socket, admission: Admission, connection: Any, added: Mapping[str, str]) -> Iterator[None]:
     """While this is open, viser's server listens on `plug` and answers only requests that `admission` accepts.
 
     By itself viser opens a socket on the next free port, and accepts everybody.
@@ -189,7 +184,7 @@ def _serving_on(
 
         options |= {
             "create_connection": connection,
-            "max_size": largest,
+            "max_size": LARGEST_MESSAGE,
             "max_queue": MOST_WAITING,
             "open_timeout": OPENING_TIME,
         }

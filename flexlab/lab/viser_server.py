@@ -1,11 +1,11 @@
 """A viser server as the lab needs it: on the asked port or not at all, for callers who may come, slow readers bounded."""
 
 import hmac
+from functools import partial
 
 import viser
 from websockets.http11 import Request
 
-from flexlab.lab.browser_messages import LARGEST_MESSAGE
 from flexlab.lab.input_guard import InputGuard
 from flexlab.lab.viser_internals import GuardedServer, bound_buffer
 from flexlab.sockets import LOOPBACK, is_of_host, listen, name_in
@@ -18,24 +18,17 @@ LIBRARY_LOGS = ("websockets.server", "asyncio")
 """Logs of libraries in which a visitor could write lines without end."""
 
 
-def open_server(
-    host: str, port: int, label: str, guard: InputGuard, secret: str = "", script: str = "", sheet: str = ""
-) -> GuardedServer:
-    """A running server on `host`:`port` (0: any free one); raises `LabError` if it cannot have exactly that.
+def open_server(port: int, guard: InputGuard, secret: str = "", script: str = "", sheet: str = "") -> GuardedServer:
+    """A running server on this machine's `port` (0: any free one); raises `LabError` if it cannot have exactly that.
 
     With a `secret` it answers only requests that carry it; without one, only what comes from its own page.
     `script` and style `sheet` are added to the page.
     """
     for name in LIBRARY_LOGS:
         limited(name)
-    plug = listen(host, port)
-    address = plug.getsockname()[1]
-
-    def admission(request: Request) -> str:
-        return _knows(request, secret) if secret else _own_page(request, host, address)
-
+    plug, admission = listen(LOOPBACK[0], port), partial(_knows, secret) if secret else _own_page
     try:
-        server = GuardedServer(plug, label, admission, guard.check, LARGEST_MESSAGE, script, sheet)
+        server = GuardedServer(plug, admission, guard.check, script, sheet)
     except BaseException:
         plug.close()
         raise
@@ -53,19 +46,19 @@ def set_theme(gui: viser.GuiApi, dark: bool) -> None:
     gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=dark)
 
 
-def _knows(request: Request, secret: str) -> str:
+def _knows(secret: str, request: Request) -> str:
     given = request.headers.get_all(SECRET_HEADER)
     if len(given) == 1 and hmac.compare_digest(given[0].encode("utf-8", "replace"), secret.encode()):
         return ""
     return "This is the inside of a lab: open it by the address that flexlab printed."
 
 
-def _own_page(request: Request, host: str, port: int) -> str:
+def _own_page(request: Request) -> str:
     """Another site's page must not drive the lab through a visitor's browser, nor under a name that points here."""
     named = request.headers.get_all("Host")
     if len(named) != 1:
         return "This request names no host."
-    if host in LOOPBACK and name_in(named[0]) not in LOOPBACK:
+    if name_in(named[0]) not in LOOPBACK:
         return "This lab is open to this machine only: use 127.0.0.1."
     origins = request.headers.get_all("Origin")
     if not all(is_of_host(origin, named[0]) for origin in origins):

@@ -275,7 +275,7 @@ def test_nobody_waits_for_a_law_that_loads_when_the_lab_closes():
 def test_a_lab_closes_while_a_law_loads():
     source = "import time\ntime.sleep(600)\n" + PD
     add_own_law(source, "slow.py")
-    session = Session(load_preset("paper"), "paper", port=0)
+    session = Session(load_preset("paper"), "paper")
     session.start()
     session.lab_state.change({"controller.kind": "own-pd"})
     wait_until(lambda: bool(hosts.known), "its process")

@@ -25,7 +25,7 @@ def _compiled() -> None:
 @pytest.fixture
 def session() -> Iterator[Session]:
     """The paper's lab on a free port, without shadows (they take most of a software renderer's time)."""
-    with Session(load_preset("paper"), "paper", port=0, shadows=False) as lab:
+    with Session(load_preset("paper"), "paper", shadows=False) as lab:
         yield lab
 
 
@@ -38,7 +38,7 @@ def soon_put_right(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(scope="module")
 def shared_session() -> Iterator[Session]:
     """The same, one for all tests of a file that leave it as it was."""
-    with Session(load_preset("paper"), "paper", port=0, shadows=False) as lab:
+    with Session(load_preset("paper"), "paper", shadows=False) as lab:
         yield lab
 
 

@@ -134,7 +134,7 @@ def measure(elements: int | None) -> None:
     """A line per slider; with a number of elements, of stiffness and mesh alone."""
     context = multiprocessing.get_context("spawn")
     scenario = load_preset("paper").replace({"payload.element_count": elements or 2})
-    with Session(scenario, "paper", port=0, shadows=False) as session:
+    with Session(scenario, "paper", shadows=False) as session:
         pipe, far = context.Pipe()
         process = context.Process(target=page, args=(session.url.replace("http", "ws"), far), daemon=True)
         process.start()

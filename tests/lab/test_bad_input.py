@@ -147,7 +147,7 @@ def test_the_first_look_at_the_run_leaves_a_complaint_where_it_is(monkeypatch: p
     begin = RenderLoop.start
     held: list[RenderLoop] = []
     monkeypatch.setattr(RenderLoop, "start", lambda drawing: held.append(drawing))
-    with Session(load_preset("paper"), "paper", port=0, shadows=False) as session, RawBrowser(session) as browser:
+    with Session(load_preset("paper"), "paper", shadows=False) as session, RawBrowser(session) as browser:
 
         def said() -> bool:
             return any(html.visible and "Link lengths l, 2 of 3" in html.content for html in html_texts(session))

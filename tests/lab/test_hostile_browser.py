@@ -285,7 +285,7 @@ def test_a_lab_without_a_server_in_front_hears_its_own_page_only(session: Sessio
 def test_a_run_that_could_not_start_is_drawn(caplog: pytest.LogCaptureFixture) -> None:
     """It has no sample, as a run has none in the instant in which it begins: a storm of presets met that."""
     far = load_preset("paper").replace({"trajectory.center": (0.0, 9.0, 0.0)})
-    with Session(far, "far", port=0, shadows=False) as session, RawBrowser(session) as browser:
+    with Session(far, "far", shadows=False) as session, RawBrowser(session) as browser:
         assert session.runner.snapshot.status.failed
         assert browser.receive(20)
         time.sleep(1.0)

@@ -22,7 +22,7 @@ def test_in_a_lab_a_saved_file_acts_at_once_and_a_wrong_one_leaves_all_as_it_was
     file = tmp_path / "mine.py"
     file.write_text(PD)
     law = add_own_law_file(file)
-    with Session(load_preset("paper").replace({"controller.kind": law.kind}), port=0, shadows=False) as lab:
+    with Session(load_preset("paper").replace({"controller.kind": law.kind}), shadows=False) as lab:
         wait_until(lambda: lab.runner.snapshot.latest.time[0] > 0.1, "the lab runs")
         file.write_text(PD.replace("self.push = common[0]", "self.push = 17.0"))
         wait_until(lambda: lab.runner.snapshot.latest["push"][0] == 17.0, "the new text acts")
@@ -50,7 +50,7 @@ def test_a_file_that_is_saved_anew_while_it_loads_acts_at_once(tmp_path: Path):
     file = tmp_path / "mine.py"
     file.write_text(PD)
     law = add_own_law_file(file)
-    with Session(load_preset("paper").replace({"controller.kind": law.kind}), port=0, shadows=False) as lab:
+    with Session(load_preset("paper").replace({"controller.kind": law.kind}), shadows=False) as lab:
         wait_until(lambda: lab.runner.snapshot.latest.time[0] > 0.1, "the lab runs")
         file.write_text("while True: pass\n" + PD)
         wait_until(lambda: not all(one.is_loaded for one in list(hosts.known.values())), "it loads")
@@ -78,7 +78,7 @@ def test_a_lab_reads_no_odd_file_among_its_laws(tmp_path: Path, monkeypatch: pyt
     monkeypatch.chdir(tmp_path)
     folder = tmp_path / "presets" / "laws"
     folder.mkdir(parents=True)
-    with Session(load_preset("paper"), port=0, shadows=False) as lab:
+    with Session(load_preset("paper"), shadows=False) as lab:
         wait_until(lambda: lab.runner.snapshot.latest.time[0] > 0.1, "the lab runs")
         ODD_FILES[says](folder / "odd.py")
         wait_until(lambda: says in lab.lab_state.notice.text, "the sentence about it")
@@ -92,7 +92,7 @@ def test_files_that_are_new_in_a_persons_folders_stand_in_the_menus(
     places = {"laws": PD, "paths": ROUND}
     for folder in places if made_before else ():
         (tmp_path / "presets" / folder).mkdir(parents=True)
-    with Session(load_preset("paper"), port=0, shadows=False) as lab, RawBrowser(lab):
+    with Session(load_preset("paper"), shadows=False) as lab, RawBrowser(lab):
         wait_until(lambda: lab.runner.snapshot.latest.time[0] > 0.1, "the lab runs")
         for folder, text in places.items():
             (tmp_path / "presets" / folder).mkdir(parents=True, exist_ok=True)
@@ -111,7 +111,7 @@ def test_chosen_from_the_menu_it_takes_over_in_motion(tmp_path: Path):
     file = tmp_path / "mine.py"
     file.write_text(PD)
     law = add_own_law_file(file)
-    with Session(load_preset("paper"), port=0, shadows=False) as lab:
+    with Session(load_preset("paper"), shadows=False) as lab:
         wait_until(lambda: lab.runner.snapshot.latest.time[0] > 0.1, "the lab runs")
         lab.lab_state.change(changes_for("controller.kind", law.kind))
         wait_until(lambda: lab.runner.snapshot.scenario.controller.kind == law.kind, "it takes over")

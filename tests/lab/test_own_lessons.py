@@ -170,7 +170,7 @@ def test_a_lesson_of_one_s_own_is_checked_in_the_lab(tmp_path: Path, monkeypatch
     write(tmp_path / "lessons", EXAMPLE)
     monkeypatch.chdir(tmp_path)
     stiff = load_preset("paper").replace({"payload.bending_stiffness": 600.0})
-    with Session(load_preset("paper"), "paper", port=0, shadows=False) as session:
+    with Session(load_preset("paper"), "paper", shadows=False) as session:
         guide = Guide(Widgets(session.server.gui, session.lab_state))
         guide._turn_to("Own lesson: Stiffer")
         assert session.lab_state.lesson == "Stiffer: step 1 of 3 (guess)"
@@ -216,7 +216,7 @@ def test_a_check_computes_with_numbers_alone(tmp_path: Path, text: str) -> None:
 
 def test_lessons_that_are_new_or_saved_anew_are_taken_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    with Session(load_preset("paper"), "paper", port=0, shadows=False) as session:
+    with Session(load_preset("paper"), "paper", shadows=False) as session:
         guide = Guide(Widgets(session.server.gui, session.lab_state))
         before = guide._menu.widget.options
         (tmp_path / "lessons").mkdir()

@@ -16,7 +16,7 @@ def test_in_a_lab_it_is_taken_up_moved_saved_anew_and_a_wrong_one_leaves_all_as_
     file = tmp_path / "mine.py"
     file.write_text(ROUND)
     path = add_own_path_file(file)
-    with Session(load_preset("paper"), port=0, shadows=False) as lab:
+    with Session(load_preset("paper"), shadows=False) as lab:
         state, runner = lab.lab_state, lab.runner
         wait_until(lambda: runner.snapshot.latest.time[0] > 0.05, "the lab runs")
         state.change(changes_for("trajectory.kind", path.kind))

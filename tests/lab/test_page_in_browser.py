@@ -29,7 +29,7 @@ MARKED = """() => window.flexlabAsked.map(({ selector, marked }) =>
 
 
 def test_a_run_waits_for_its_picture_and_then_begins_by_itself(chromium: Browser) -> None:
-    with Session(load_preset("paper"), "paper", port=0, shadows=False, attended=True) as session:
+    with Session(load_preset("paper"), "paper", shadows=False, attended=True) as session:
         time.sleep(0.3)
         assert session.runner.snapshot.waiting
         with LabPage(chromium, session) as page:

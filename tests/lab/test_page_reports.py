@@ -43,7 +43,7 @@ def time_of(session: Session) -> float:
 
 
 def test_a_run_begins_when_a_page_has_drawn_it() -> None:
-    with Session(load_preset("paper"), "paper", port=0, shadows=False, attended=True) as session:
+    with Session(load_preset("paper"), "paper", shadows=False, attended=True) as session:
         with RawBrowser(session) as browser:
             report(browser, session, 0)
             with pytest.raises(AssertionError):

@@ -69,7 +69,7 @@ def test_what_a_hand_bends_is_no_vibration():
 def test_a_warning_is_shown_once_however_it_goes_on():
     """It stood there as the event that it was, too, with the numbers of that instant."""
     pressed = load_preset("squeeze-until-it-buckles").replace({"payload.axial_load": "none"})
-    with Session(pressed, port=0, shadows=False) as session, RawBrowser(session):
+    with Session(pressed, shadows=False) as session, RawBrowser(session):
 
         def boxes() -> str:
             told = [html.content for html in html_texts(session) if 'class="fl fl-float"' in html.content]

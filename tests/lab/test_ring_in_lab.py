@@ -14,7 +14,7 @@ from flexlab.sim.commands import StepOnce, Tap
 def test_from_a_tap_to_a_shaper_and_a_gain():
     scenario = load_preset("paper").replace({"trajectory.kind": "hold", "controller.kind": "vibration-damping"})
     scenario = scenario.replace({"controller.lateral_vibration_gain": 5.0})
-    with Session(scenario, port=0, shadows=False, playing=False) as lab:
+    with Session(scenario, shadows=False, playing=False) as lab:
         panel = RingPanel(Widgets(lab.server.gui, lab.lab_state))
         state = lab.lab_state
 

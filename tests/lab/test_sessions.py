@@ -47,30 +47,10 @@ def test_a_busy_port_is_named_and_nothing_is_left_running() -> None:
     wait_until(lambda: threading.active_count() <= threads, "no thread is left", 10)
 
 
-@pytest.mark.parametrize(
-    ("host", "name"), [("::1", "[::1]"), ("[::1]", "[::1]"), ("::", "127.0.0.1"), ("*", "127.0.0.1")]
-)
-def test_the_address_of_a_lab_is_one_that_a_browser_opens(host: str, name: str) -> None:
-    assert Session(load_preset("paper"), host=host, port=8080).url == f"http://{name}:8080"
-
-
-@pytest.mark.parametrize(
-    ("host", "port", "said"),
-    [
-        ("no.such.host.invalid", 0, "not an address"),
-        ("127.0.0.1", 70000, "not a port number"),
-        ("192.0.2.1", 0, "192.0.2.1"),
-    ],
-)
-def test_an_address_that_cannot_be_had_is_explained(host: str, port: int, said: str) -> None:
-    with pytest.raises(LabError, match=said):
-        Session(load_preset("paper"), host=host, port=port).start()
-
-
 def test_two_labs_in_one_process_do_not_touch_each_other() -> None:
     from flexlab.sim.commands import ChangeScenario
 
-    with Session(load_preset("paper"), port=0) as one, Session(load_preset("soft-beam"), port=0) as two:
+    with Session(load_preset("paper")) as one, Session(load_preset("soft-beam")) as two:
         assert one.port != two.port
         with RawBrowser(one), RawBrowser(two):
             one.runner.submit(ChangeScenario({"payload.bending_stiffness": 7.0}))
@@ -84,7 +64,7 @@ def test_labs_that_start_and_stop_together_are_quiet_and_leave_standard_output_a
     output, all_run = sys.stdout, threading.Barrier(4, timeout=60)
 
     def live_shortly(_: int) -> None:
-        with Session(load_preset("paper"), port=0):
+        with Session(load_preset("paper")):
             all_run.wait()
 
     with ThreadPoolExecutor(4) as threads:
@@ -94,7 +74,7 @@ def test_labs_that_start_and_stop_together_are_quiet_and_leave_standard_output_a
 
 
 def test_only_this_machine_may_look_unless_asked() -> None:
-    with Session(load_preset("paper"), port=0) as session:
+    with Session(load_preset("paper")) as session:
         listening = [c.laddr for c in psutil.Process().net_connections(kind="inet") if c.status == psutil.CONN_LISTEN]
         assert [address.ip for address in listening if address.port == session.port] == ["127.0.0.1"]
 
@@ -123,7 +103,7 @@ def test_a_slow_reader_has_a_short_queue(session: Session) -> None:
 
 
 def test_nothing_is_drawn_while_nobody_looks() -> None:
-    with Session(load_preset("paper"), port=0) as session:
+    with Session(load_preset("paper")) as session:
         buffer = session.server._websock_server._broadcast_buffer
 
         def is_still() -> bool:
@@ -139,7 +119,7 @@ def test_many_sessions_leave_nothing_behind() -> None:
     scenario = load_preset("paper")
 
     def live_shortly() -> None:
-        with Session(scenario, port=0) as session, RawBrowser(session) as browser:
+        with Session(scenario) as session, RawBrowser(session) as browser:
             browser.receive(20)
         gc.collect()
 

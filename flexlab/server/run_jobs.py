@@ -218,9 +218,16 @@ MOST_REPLAYS = 200
 """Most replays that a server keeps."""
 
 
-def replay_key(row: RunRow) -> str:
-    """The key of the replay of a run's present file."""
-    return f"{row.id} {row.size}"
+def begin_replay(book: TaskBook, asker: Visitor, row: RunRow) -> None:
+    """Begin to replay a run, unless it is being replayed. Raises `BusyError`."""
+    book.start("Replay", row.id, asker, replay_run, row.path, about=row.size)
+
+
+def replay_of(book: TaskBook, row: RunRow) -> Task | None:
+    """The replay of a run; one that has ended only if it was of the present file, or of a run that is still growing."""
+    task = book.get(row.id)
+    known = task is not None and (task.working or task.about == row.size or row.state == "in use")
+    return task if known else None
 
 
 LOW_PRIORITY = 19

@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 import shutil
 import zipfile
 from collections.abc import Callable
@@ -214,6 +215,23 @@ def test_the_lab_goes_on_from_an_instant_and_what_it_records_replays(library: Fr
         assert found.samples.joint_torque[:common].tobytes() == original.samples.joint_torque[row:][:common].tobytes()
         assert replay(found).identical
         assert read_notes(path)["begins"] == begin
+
+
+def test_a_run_that_is_being_recorded_is_replayed_as_far_as_it_is(library: FrontServer) -> None:
+    with looking(library.url, "/lab"):
+        place = library.places.running()[0]
+        play(library)
+        wait_until(lambda: place.status().time > 1.5, "a second is recorded")
+        run = place.status().recording.stem
+        assert post(library.url, f"/runs/{run}/replay", {}).status == 303
+
+        def found() -> str:
+            state = json.loads(ask(library.url, f"/runs/{run}/replay").text)
+            return "" if state["working"] else state["sentence"]
+
+        sentence = wait_until(found, "the replay is over")
+        assert re.fullmatch(r"All \d+ samples came out again, bit for bit\.", sentence)
+        assert sentence in ask(library.url, f"/runs/{run}").text, "although the file has grown since"
 
 
 @pytest.mark.parametrize(

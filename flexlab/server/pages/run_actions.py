@@ -25,7 +25,7 @@ from flexlab.server.auth import is_opened_by_person, refuse
 from flexlab.server.pages.lab_pages import enter_lab
 from flexlab.server.pages.page_context import context_of, told
 from flexlab.server.pages.templating import button, message, page
-from flexlab.server.run_jobs import archive_into, choice_at, export_into, replay_key, replay_run
+from flexlab.server.run_jobs import archive_into, begin_replay, choice_at, export_into, replay_of
 from flexlab.server.visitors import run_for, visitor_of
 from flexlab.text import limited, shown, typed_number
 
@@ -74,14 +74,14 @@ def _problem(title: str, row: RunRow, error: FlexlabError) -> web.Response:
 async def start_replay(request: web.Request) -> web.Response:
     """Begin to simulate the run again; the run's page tells how it goes."""
     row = await recorded_row_of(request)
-    context_of(request).replays.start("Replay", replay_key(row), visitor_of(request), replay_run, row.path)
+    begin_replay(context_of(request).replays, visitor_of(request), row)
     raise web.HTTPSeeOther(f"/runs/{row.address}")
 
 
 @ROUTES.get("/runs/{run}/replay")
 async def replay_state(request: web.Request) -> web.Response:
     """The state of the run's replay, for the script in its page."""
-    task = context_of(request).replays.get(replay_key(await row_of(request)))
+    task = replay_of(context_of(request).replays, await row_of(request))
     if task is None:
         raise web.HTTPNotFound
     return told(task)

@@ -37,7 +37,7 @@ from flexlab.server.pages.run_actions import (
     row_of,
 )
 from flexlab.server.pages.templating import button, message, page, part
-from flexlab.server.run_jobs import replay_key, take_in
+from flexlab.server.run_jobs import replay_of, take_in
 from flexlab.server.task_book import IDLE
 from flexlab.server.visitors import runs_for, visitor_of
 from flexlab.text import visible
@@ -261,7 +261,7 @@ async def review(request: web.Request) -> web.Response:
         kind="review",
         row=row,
         address=recording_address(context_of(request), row.id),
-        replay=context_of(request).replays.get(replay_key(row)) or IDLE,
+        replay=replay_of(context_of(request).replays, row) or IDLE,
         begin=f"{row.begins:.10g}",
         end=end,
         span=f"{row.begins:.10g} to {end}" if end else f"from {row.begins:.10g} on",

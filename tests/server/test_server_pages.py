@@ -126,6 +126,8 @@ def test_deleting_asks_first_and_spares_the_run_that_is_being_recorded(
     assert (logs / recorded.name).exists()
     assert ask(front_server.url, f"/runs/{recorded.stem}/delete", "POST").status == 303
     assert not (logs / recorded.name).exists()
+    asked = ask(front_server.url, f"/runs/{running.stem}/delete").text
+    assert ("Nothing to delete" in asked, "still being recorded" in asked) == (True, True), "not asked in vain"
     refused = ask(front_server.url, f"/runs/{running.stem}/delete", "POST")
     assert "still being recorded" in refused.text
     assert running.exists()

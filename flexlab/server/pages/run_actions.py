@@ -6,7 +6,7 @@ import math
 import os
 import shutil
 import tempfile
-from collections.abc import AsyncGenerator, Mapping
+from collections.abc import AsyncGenerator, Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -265,23 +265,36 @@ async def export_many(request: web.Request) -> web.StreamResponse:
         return message("Nothing was exported", str(error), 422, ALL_RUNS)
 
 
+@ROUTES.get("/runs/{run}/delete")
+async def ask_to_delete(request: web.Request) -> web.Response:
+    """A run is gone for ever: ask first."""
+    rows = [await row_of(request)]
+    return _asked(rows, _staying(rows))
+
+
 @ROUTES.post("/runs/delete")
 async def delete(request: web.Request) -> web.StreamResponse:
     """Ask, and delete runs once that is confirmed; those that may not be deleted are named."""
-    rows, sure = await _chosen(request), (await request.post()).get("sure") == "yes"
+    rows = await _chosen(request)
+    if (await request.post()).get("sure") != "yes":
+        return _asked(rows, _staying(rows))
+    if stay := await asyncio.to_thread(_staying, rows, delete_run):
+        gone = f"{len(rows) - len(stay)} of {len(rows)} runs were deleted."
+        return message("Some runs stay", "\n".join((gone, *stay.values())), 409, ALL_RUNS)
+    raise web.HTTPSeeOther("/runs")
+
+
+def _staying(rows: list[RunRow], remove: Callable[[RunRow], None] = check_removable) -> dict[str, str]:
+    """Which of the runs may not be deleted, each with the sentence that says why."""
     stay: dict[str, str] = {}
     for row in rows:
         try:
-            if sure:
-                await asyncio.to_thread(delete_run, row)
-            else:
-                check_removable(row)
+            remove(row)
         except RecordingError as error:
             stay[row.id] = str(error)
+    return stay
+
+
+def _asked(rows: list[RunRow], stay: dict[str, str]) -> web.Response:
     going = [row for row in rows if row.id not in stay]
-    if not sure:
-        return page("delete.html", "Delete?", here="/runs", going=going, stay=list(stay.values()))
-    if stay:
-        gone = f"{len(going)} of {len(rows)} runs were deleted."
-        return message("Some runs stay", "\n".join((gone, *stay.values())), 409, ALL_RUNS)
-    raise web.HTTPSeeOther("/runs")
+    return page("delete.html", "Delete?", here="/runs", going=going, stay=list(stay.values()))

@@ -298,12 +298,6 @@ async def save_notes(request: web.Request) -> web.Response:
     raise web.HTTPSeeOther(f"/runs/{row.address}")
 
 
-@ROUTES.get("/runs/{run}/delete")
-async def ask_to_delete(request: web.Request) -> web.Response:
-    """A run is gone for ever: ask first."""
-    return page("delete.html", "Delete?", here="/runs", going=[await row_of(request)], stay=[])
-
-
 @ROUTES.post("/runs/{run}/delete")
 async def delete(request: web.Request) -> web.Response:
     """Delete a run."""

@@ -1,6 +1,6 @@
 """How large signals are: root mean squares and largest magnitudes, and the duration that they speak of."""
 
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,13 +21,9 @@ class Duration(Metric):
         self._first, self._last = np.inf, -np.inf
 
     def update(self, samples: "Samples") -> None:
-        """Take in a piece of a run."""
+        """Take in the next piece of a run."""
         self._first = min(self._first, float(samples.time[0]))
         self._last = max(self._last, float(samples.time[-1]))
-
-    def merge(self, other: Self) -> None:
-        """Take in what another one has taken in."""
-        self._first, self._last = min(self._first, other._first), max(self._last, other._last)
 
     def compute(self) -> tuple[float, ...]:
         """Seconds."""

@@ -1,8 +1,8 @@
-"""Metrics: registered in the files of this folder, classes whose state takes in samples and can be merged.
+"""Metrics: registered in the files of this folder, classes whose state takes in samples.
 
-The same code serves a stream and a whole run: `update` takes any piece of it, in any order, `merge` another metric's
-pieces, `compute` gives the number. To add one, copy one of `magnitudes.py` into a file of its own: tables, lists, notes,
-comparisons and the Python interface follow from its columns.
+The same code serves a stream and a whole run: `update` takes one piece of it after the other, `compute` gives the number. To
+add one, copy one of `magnitudes.py` into a file of its own: tables, lists, notes, comparisons and the Python interface follow
+from its columns.
 
 A number has one name, as in `rms_error.y`, and SI units. Names of earlier versions are still read: short ones, as in `rms-y`,
 and titles with units; their numbers are in the units of tables, as they were.
@@ -11,7 +11,7 @@ and titles with units; their numbers are in the units of tables, as they were.
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -70,11 +70,7 @@ class Metric(ABC):
 
     @abstractmethod
     def update(self, samples: "Samples") -> None:
-        """Take in a piece of a run (N >= 1)."""
-
-    @abstractmethod
-    def merge(self, other: Self) -> None:
-        """Take in what another one has taken in."""
+        """Take in the next piece of a run (N >= 1)."""
 
     @abstractmethod
     def compute(self) -> tuple[float, ...]:
@@ -123,14 +119,9 @@ class RootMeanSquare(Metric):
         """The signal that is squared, (N, columns)."""
 
     def update(self, samples: "Samples") -> None:
-        """Take in a piece of a run."""
+        """Take in the next piece of a run."""
         self._count += len(samples)
         self._squares += np.sum(self.signal(samples) ** 2, axis=0)
-
-    def merge(self, other: Self) -> None:
-        """Take in what another one has taken in."""
-        self._count += other._count
-        self._squares += other._squares
 
     def compute(self) -> tuple[float, ...]:
         """The root of the mean square, a number per column."""
@@ -140,9 +131,7 @@ class RootMeanSquare(Metric):
 
 
 def outlasting(time: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Instants, s, and sizes that no later size reaches, in the order of time: the last ones above any limit are among them."""
-    order = np.argsort(time, kind="stable")
-    time, size = time[order], size[order]
+    """Those of rising instants, s, and sizes that no later size reaches: the last ones above any limit are among them."""
     largest_later = np.maximum.accumulate(np.append(size[1:], -1.0)[::-1])[::-1]
     return time[size > largest_later], size[size > largest_later]
 
@@ -158,12 +147,8 @@ class Peak(Metric):
         """Whose magnitude counts, (N, columns)."""
 
     def update(self, samples: "Samples") -> None:
-        """Take in a piece of a run."""
+        """Take in the next piece of a run."""
         self._peak = np.maximum(self._peak, np.max(np.abs(self.signal(samples)), axis=0))
-
-    def merge(self, other: Self) -> None:
-        """Take in what another one has taken in."""
-        self._peak = np.maximum(self._peak, other._peak)
 
     def compute(self) -> tuple[float, ...]:
         """The largest magnitude, a number per column."""

@@ -11,7 +11,7 @@ beside the recording, where lists and later processes find them.
 import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
 
 import numpy as np
 
@@ -135,16 +135,12 @@ class _OfRun(Metric):
     def update(self, samples: "Samples") -> None:
         self._pieces.append(samples)
 
-    def merge(self, other: Self) -> None:
-        self._pieces += other._pieces
-
     def compute(self) -> tuple[float, ...]:
         if not self._pieces:
             return (np.nan,)
         from flexlab.sim.samples import join_blocks  # Help of commands that name metrics shall not wait for the engine.
 
-        pieces = sorted(self._pieces, key=lambda piece: piece.time[0])
-        found = _called(self.declared, join_blocks(pieces))
+        found = _called(self.declared, join_blocks(self._pieces))
         if found.size != 1:
             raise StudyError(f"The metric {self.declared.name} gives {found.size} numbers: one is needed of a run.")
         return (float(found.reshape(())),)

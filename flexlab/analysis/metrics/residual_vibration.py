@@ -1,6 +1,6 @@
 """The residual vibration of the beam after a motion has stopped."""
 
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -41,52 +41,29 @@ class ResidualVibration(Metric):
     # A target is seen to stand from the sample after its last motion on: one still sample alone is no stop.
 
     def __init__(self) -> None:
-        self._first, self._last, self._end = np.inf, -np.inf, np.full(3, np.nan)
-        self._step = np.inf
-        self._moved = -np.inf
+        self._last, self._pose = -np.inf, np.full(3, np.nan)
+        self._moved = self._stands = -np.inf
         self._time = np.empty(0)
         self._size = np.empty(0)
 
     def update(self, samples: "Samples") -> None:
-        """Take in a piece of a run."""
-        piece = ResidualVibration()
-        latest = int(np.argmax(samples.time))
-        piece._first, piece._last = float(np.min(samples.time)), float(samples.time[latest])
-        piece._end = np.array(samples.desired_pose[latest])
-        piece._step = _shortest_step(samples.time)
-        elsewhere = np.any(samples.desired_pose != piece._end, axis=1)
-        piece._moved = float(np.max(samples.time[elsewhere], initial=-np.inf))
-        piece._keep(samples.time, np.abs(samples.vibration))
-        self.merge(piece)
-
-    def merge(self, other: Self) -> None:
-        """Take in what another one has taken in."""
-        early, late = sorted((self, other), key=lambda one: one._last)
-        same = np.array_equal(early._end, late._end)
-        # Where the earlier one stood at another pose, the target has moved since.
-        moved = max(late._moved, early._moved if same else early._last)
-        time, size = np.concatenate([early._time, late._time]), np.concatenate([early._size, late._size])
-        ends = np.array([early._first, early._last, late._first, late._last])
-        self._step = min(self._step, other._step, _shortest_step(ends[np.isfinite(ends)]))
-        self._first, self._last = min(early._first, late._first), late._last
-        self._end, self._moved = late._end, moved
-        self._keep(time, size)
-
-    def _keep(self, time: np.ndarray, size: np.ndarray) -> None:
+        """Take in the next piece of a run."""
+        time, pose = samples.time, np.array(samples.desired_pose[-1])
+        moving = np.flatnonzero(np.any(samples.desired_pose != pose, axis=1))
+        if len(moving):
+            self._moved, self._stands = float(time[moving[-1]]), float(time[moving[-1] + 1])
+        elif not np.array_equal(self._pose, pose):  # The target has moved since the piece before, if there was one.
+            self._moved, self._stands = self._last, float(time[0])
+        self._last, self._pose = float(time[-1]), pose
+        time, size = np.concatenate([self._time, time]), np.concatenate([self._size, np.abs(samples.vibration)])
         after = time > self._moved
         self._time, self._size = outlasting(time[after], size[after])
 
     def compute(self) -> tuple[float, ...]:
         """Largest |vibration| after the stop and later, m."""
-        if not np.isfinite(self._moved) or self._last - (self._moved + self._step) < STOPPED - ROUNDING:
+        if not np.isfinite(self._moved) or self._last - self._stands < STOPPED - ROUNDING:
             return np.nan, np.nan
         return self._after(self._moved), self._after(self._moved + LATER)
 
     def _after(self, time: float) -> float:
         return float(np.max(self._size[self._time > time], initial=0.0)) if self._last > time else np.nan
-
-
-def _shortest_step(instants: np.ndarray) -> float:
-    """The shortest time between two different instants, s; infinite without any."""
-    steps = np.diff(np.sort(instants))
-    return float(np.min(steps[steps > 0], initial=np.inf))

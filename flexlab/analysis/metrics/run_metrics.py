@@ -172,7 +172,7 @@ def _parts(name: str) -> Any:
 
 
 class MetricCollection:
-    """All metrics, gathered from pieces in any order, so that long runs need no more memory than short ones."""
+    """All metrics, gathered piece by piece, so that long runs need no more memory than short ones."""
 
     def __init__(self, window: Window = (-inf, inf), own: bool = True):
         """`window`: the window of samples that count, s; `own`: whether to include declared metrics of one's own."""
@@ -181,26 +181,14 @@ class MetricCollection:
         self._metrics: dict[str, Metric] = {name: metric() for name, metric in METRICS.items() if own or not metric.own}
 
     def update(self, samples: "Samples") -> None:
-        """Take in a piece of the run; samples outside the window do not count."""
+        """Take in the next piece of the run; samples outside the window do not count."""
         first, last = self._window
         samples = between(samples, first, last)
         if len(samples) == 0:
             return
-        self._widen((float(samples.time[0]), float(samples.time[-1])))
+        self._span = (float(samples.time[0]) if self._span is None else self._span[0]), float(samples.time[-1])
         for metric in self._metrics.values():
             metric.update(samples)
-
-    def merge(self, other: "MetricCollection") -> None:
-        """Take in all pieces of another collection."""
-        if other._span is None:
-            return
-        self._widen(other._span)
-        for name, metric in self._metrics.items():
-            metric.merge(other._metrics[name])
-
-    def _widen(self, span: Window) -> None:
-        own = self._span or span
-        self._span = (min(own[0], span[0]), max(own[1], span[1]))
 
     def compute(self, finished: bool = True, noted: Mapping[str, float | None] | None = None) -> RunMetrics:
         """The metrics of all pieces so far; `finished`: whether the run came to its end; `noted` as for `RunMetrics`."""

@@ -1,6 +1,6 @@
 """The settling time of the vibration, by one definition for lessons, presets, tables, library and Python interface."""
 
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -56,60 +56,40 @@ class SettlingTime(Metric):
         self._time = np.empty(0)
         self._size = np.empty(0)
         self._piece = FINEST
-        self._peaks: dict[int, float] = {}
-        """Piece of time → largest magnitude."""
+        self._places, self._peaks = np.empty(0, np.int64), np.empty(0)
+        """Numbers of the pieces of time so far, and the largest magnitude in each."""
 
     def update(self, samples: "Samples") -> None:
-        """Take in a piece of a run."""
+        """Take in the next piece of a run."""
         self.add(samples.time, samples.vibration)
 
     def add(self, time: np.ndarray, signal: np.ndarray) -> None:
-        """Take in a signal (N,) at `time` (N,), s, in any order."""
+        """Take in the next piece of a signal (N,) at `time` (N,), s, rising."""
         if len(time) == 0:
             return
-        self._first, self._last = min(self._first, float(np.min(time))), max(self._last, float(np.max(time)))
-        self._keep(time, np.abs(signal))
-        self._note(time, np.abs(signal))
-
-    def merge(self, other: Self) -> None:
-        """Take in what another one has taken in."""
-        self._first, self._last = min(self._first, other._first), max(self._last, other._last)
-        self._peak = max(self._peak, other._peak)
-        self._keep(other._time, other._size)
-        while self._piece < other._piece:
-            self._coarsen()
-        pieces = (np.array(list(other._peaks), float) + 0.5) * other._piece
-        self._note(pieces, np.array(list(other._peaks.values()), float))
+        size = np.fmax(np.abs(signal), 0.0)  # NaN: not recorded.
+        self._first, self._last = min(self._first, float(time[0])), float(time[-1])
+        self._peak = max(self._peak, float(np.max(size)))
+        self._keep(time, size)
+        self._note(np.floor(time / self._piece).astype(np.int64), size)
 
     def _keep(self, time: np.ndarray, size: np.ndarray) -> None:
-        self._peak = max(self._peak, float(np.max(size, initial=0.0)))
         time, size = np.concatenate([self._time, time]), np.concatenate([self._size, size])
         loud = size > SHARE * self._peak
         self._time, self._size = outlasting(time[loud], size[loud])
 
-    def _note(self, time: np.ndarray, size: np.ndarray) -> None:
-        """Add magnitudes to the pieces."""
-        places, index = np.unique(np.floor(time / self._piece).astype(np.int64), return_inverse=True)
+    def _note(self, places: np.ndarray, size: np.ndarray) -> None:
+        """Add magnitudes to the pieces of time with these numbers."""
+        places, peaks = _gathered(np.concatenate([self._places, places]), np.concatenate([self._peaks, size]))
         while len(places) > MOST_PIECES:
-            self._coarsen()
-            places, within = np.unique(places // 2, return_inverse=True)
-            index = within[index]
-        largest = np.zeros(len(places))
-        np.maximum.at(largest, index, size)
-        for place, peak in zip(places.tolist(), largest.tolist(), strict=True):
-            self._peaks[place] = max(self._peaks.get(place, 0.0), peak)
-        while len(self._peaks) > MOST_PIECES:
-            self._coarsen()
-
-    def _coarsen(self) -> None:
-        finer, self._peaks, self._piece = self._peaks, {}, 2 * self._piece
-        for place, peak in finer.items():
-            self._peaks[place // 2] = max(self._peaks.get(place // 2, 0.0), peak)
+            self._piece *= 2
+            places, peaks = _gathered(places // 2, peaks)
+        self._places, self._peaks = places, peaks
 
     def _longest_pause(self) -> float:
         """The longest pause between two times above the share since the last excitation, s."""
-        places = np.array(sorted(place for place, peak in self._peaks.items() if peak > SHARE * self._peak), np.int64)
-        sizes = np.array([self._peaks[place] for place in places.tolist()])
+        loud = self._peaks > SHARE * self._peak
+        places, sizes = self._places[loud], self._peaks[loud]
         near, longest = max(1, round(NEAR / self._piece)), 0
         for at in reversed(np.flatnonzero(np.diff(places) > 1)):
             before = sizes[: at + 1][places[: at + 1] > places[at] - near].max()
@@ -140,14 +120,14 @@ class SettlingTime(Metric):
 
     def _largest(self, first: float, last: float) -> float:
         """Largest magnitude from `first` to `last`, s, rounded to pieces of time."""
-        return max(
-            (
-                size
-                for place, size in self._peaks.items()
-                if first <= (place + 1) * self._piece and place * self._piece <= last
-            ),
-            default=0.0,
-        )
+        within = (first <= (self._places + 1) * self._piece) & (self._places * self._piece <= last)
+        return float(self._peaks[within].max(initial=0.0))
+
+
+def _gathered(places: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Each of the rising numbers once, and the largest of its sizes."""
+    firsts = np.flatnonzero(np.diff(places, prepend=places[0] - 1))
+    return places[firsts], np.maximum.reduceat(sizes, firsts)
 
 
 def settling_time(time: np.ndarray, signal: np.ndarray) -> float:

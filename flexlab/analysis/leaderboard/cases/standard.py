@@ -1,7 +1,6 @@
 """The standard cases, B1 to B8: from the paper's own experiment to ten minutes with noise, and joints and grips of machines."""
 
 from math import pi, sqrt
-from typing import Self
 
 import numpy as np
 
@@ -167,16 +166,12 @@ class BoundDrift(Metric):
         self._sums = np.zeros(5)
 
     def update(self, samples: Samples) -> None:
-        """Take in a piece of a run."""
+        """Take in the next piece of a run."""
         size = np.linalg.norm(samples.pose, axis=1)
         speed = np.linalg.norm(samples.pose_rate, axis=1)
         bound = np.sum(samples.bound_estimates * np.stack([np.ones_like(size), size, speed**2], axis=1), axis=1)
         t = samples.time
         self._sums += [len(t), t.sum(), bound.sum(), (t * t).sum(), (t * bound).sum()]
-
-    def merge(self, other: Self) -> None:
-        """Take in what another one has taken in."""
-        self._sums += other._sums
 
     def compute(self) -> tuple[float, ...]:
         """N/s."""

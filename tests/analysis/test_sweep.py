@@ -41,6 +41,10 @@ def test_ranges_and_lists_are_read():
     assert len(axes(f"{EI}=1:2")[0].values) == 10
     (one,) = parse_axes({EI: np.array([1.0, 2.0])}, load_preset("paper"))
     assert one.values == (1.0, 2.0)
+    (two,) = parse_axes({"payload.element_count": [np.int64(2), np.float32(4)]}, load_preset("paper"))
+    assert two.values == (2, 4)
+    (three,) = parse_axes({"trajectory.center": [np.array([0.0, 0.7, 0.0])]}, load_preset("paper"))
+    assert three.values == ((0.0, 0.7, 0.0),)
 
 
 def test_a_beam_that_comes_again_gives_the_same_rows_whatever_else_came():
@@ -74,6 +78,7 @@ def test_a_beam_that_comes_again_gives_the_same_rows_whatever_else_came():
         ({EI: []}, StudyError, "zero cells cannot be computed"),
         ({EI: [float("nan")]}, StudyError, "is not usable"),
         ({EI: [object()]}, StudyError, "is not usable"),
+        ({EI: [10**400]}, StudyError, "is not usable"),
         (5, StudyError, "vary = 5 is not usable"),
         ("gravity=1:2", StudyError, "is not usable"),
     ],
@@ -150,6 +155,24 @@ flexlab.sweep("paper", ["payload.bending_stiffness=1:1000:log:12", "controller.f
 """
 
 
+@pytest.mark.parametrize(
+    ("vary", "column"),
+    [
+        ({"controller.control_period": [None, 0.001]}, ["null", "0.001"]),
+        ({"trajectory.amplitude": [0.1, [0.1, 0.1, 0.1]]}, ["0.1", "[0.1, 0.1, 0.1]"]),
+        (["payload.mode_count=null,2"], ["null", "2"]),
+        ({"gravity": ["no", 1]}, ["no", "1"]),
+    ],
+)
+def test_values_of_several_kinds_stand_in_one_column(tmp_path: Path, vary: object, column: list[str]):
+    """As of a field that may be null: with its column as text, a sweep keeps what it has computed."""
+    sweep = flexlab.sweep("paper", vary, 0.02, folder=tmp_path / "sweep")  # type: ignore[arg-type]
+    (path,) = (axis.path for axis in sweep.axes)
+    assert sweep.table.column(path).to_pylist() == column
+    assert sweep.table.column("status").to_pylist() == ["invalid" if "no" in column else "finished", "finished"]
+    assert sweep.plot("peak_torque").axes[0].get_xticklabels()[1].get_text() == column[1]
+
+
 def test_a_killed_sweep_goes_on_to_the_same_bytes(tmp_path: Path):
     words = [sys.executable, "-c", KILLED]
     subprocess.run([*words, str(tmp_path / "whole"), "1"], check=True)
@@ -207,3 +230,20 @@ def test_figures_say_units_and_mark_what_failed(tmp_path: Path):
     assert len(drawn_cells.plot("force").axes) == 2
     with pytest.raises(StudyError, match=r"'forc' is no metric: choose one of duration, rms_error\.x"):
         sweep.plot("forc")
+
+
+def test_a_figure_shows_every_cell_or_says_how_many_it_leaves_out(tmp_path: Path):
+    """A third field with numbers gets panels: the cells of a map would lie upon each other, and only the last be seen."""
+    third = "gravity=0:8:3"
+    grid = flexlab.sweep("paper", [f"{EI}=50:100:2", f"{K}=100:300:2", third], 0.02, folder=tmp_path / "grid")
+    maps = [part for part in grid.plot("peak_torque").axes if part.get_title()]
+    assert [part.get_title() for part in maps] == ["gravity = 0", "gravity = 4", "gravity = 8"]
+    torque = grid.table.column("peak_torque").to_numpy()
+    for number, part in enumerate(maps):
+        drawn = np.asarray(part.collections[0].get_array()).ravel()
+        assert np.sort(drawn) == pytest.approx(np.sort(torque[number::3]))
+    many = flexlab.sweep(
+        "paper", [f"{EI}=50:100:2", "gravity=0:8:2", "title=a,b,c,d,e,f,g,h"], 0.0, folder=tmp_path / "many"
+    )
+    title = many.plot("peak_torque").get_suptitle()
+    assert title == "Peak joint torque (N·m), 6 of 8 combinations"

@@ -22,7 +22,7 @@ SIZE = (6.0, 4.2)
 WIDE_SPREAD = 100.0
 """Ratio of largest to least value from which a scale is logarithmic."""
 PANELS = 6
-"""Most panels of one figure."""
+"""Most panels of one figure, whose title says how many combinations it leaves out."""
 DEFAULT_PARETO = ("rms_error.y", "rms_internal_force")
 NOT_SETTLED = "#d0d0d0"
 """Colour of cells that ran but have no number."""
@@ -48,16 +48,19 @@ def write_figures(
 def draw_metric(plan: Plan, table: Any, name: str) -> Figure:
     """A metric over the varied fields: a curve over one field, a heat map over two of a grid, points for sampled cells.
 
-    A field without numbers gets a panel for each value. Failed cells are crossed out. Raises `StudyError`.
+    A field without numbers gets a panel for each value, as does a third one with numbers of a grid. Failed cells are crossed
+    out. Raises `StudyError`.
     """
     column = named(name).number.column
-    numeric, panels = _panels(plan, table)
+    numeric, every = _panels(plan, table)
+    panels = every[:PANELS]
+    left_out = f", {len(panels)} of {len(every)} combinations" if len(every) > len(panels) else ""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(SIZE[0] * min(len(panels), 2), SIZE[1] * -(-len(panels) // 2)), layout="constrained")
         parts = figure.subplots(-(-len(panels) // 2), min(len(panels), 2), squeeze=False).ravel()
         for spare in parts[len(panels) :]:
             spare.set_axis_off()
-        figure.suptitle(f"{column.title} ({column.unit})")
+        figure.suptitle(f"{column.title} ({column.unit}){left_out}")
         values = number_column(table, column.key)
         scale = _color_scale(values)
         drawn: Any = None
@@ -104,20 +107,27 @@ def pareto_front(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _panels(plan: Plan, table: Any) -> tuple[list[Axis], list[tuple[str, np.ndarray]]]:
-    """The axes with numbers, and (title, rows) for each combination of the values of the others."""
+    """The axes that are drawn along, and (title, rows) for each combination of the values of the others."""
     numeric = [axis for axis in plan.axes if axis.numeric and (len(axis.values) > 1 or axis.low is not None)]
     others = [axis for axis in plan.axes if not axis.numeric]
     if not numeric:  # The order of the names takes the place of a number; of one number alone there is a point.
         numeric, others = [*others, *plan.axes][:1], others[1:]
+    if plan.samples is None:  # Cells of a grid that differ in a third number only would lie upon each other.
+        numeric, others = numeric[:2], others + numeric[2:]
     found = [("", np.arange(len(table)))]
     for axis in others:
         names = np.array(table.column(axis.path).to_pylist(), dtype=object)
         found = [
-            (f"{title}  {value}".strip(), rows[names[rows] == value])
+            (f"{title}  {_value_text(axis, value)}".strip(), rows[names[rows] == value])
             for title, rows in found
             for value in dict.fromkeys(names)
         ]
-    return numeric, found[:PANELS]
+    return numeric, found
+
+
+def _value_text(axis: Axis, value: Any) -> str:
+    """A value of an axis in a panel's title."""
+    return f"{axis.path.rpartition('.')[2]} = {value:g}" if axis.numeric else str(value)
 
 
 def _draw_curve(part: Axes, axis: Axis, table: Any, rows: np.ndarray, values: np.ndarray) -> None:

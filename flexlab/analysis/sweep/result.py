@@ -63,13 +63,15 @@ def to_table(plan: Plan, cells: Sequence[Cell]) -> pa.Table:
     rows = []
     for cell in cells:
         found = (cell.status, cell.sentence, *(cell.metrics or nothing), cell.scenario)
-        rows.append((cell.number, *map(_plain, cell.values), *found, *made))
+        varied = (_plain(value, axis) for value, axis in zip(cell.values, plan.axes, strict=True))
+        rows.append((cell.number, *varied, *found, *made))
     columns = zip(zip(*rows, strict=True), layout, strict=True)
     return pa.table([pa.array(column, field.type) for column, field in columns], layout)
 
 
-def _plain(value: Any) -> Any:
-    if isinstance(value, (int, float)) and not isinstance(value, bool):
+def _plain(value: Any, axis: Axis) -> Any:
+    """A value as its column holds it: a number where all values of the axis are numbers, else text."""
+    if axis.numeric:
         return float(value)
     return value if isinstance(value, str) else json.dumps(value)
 

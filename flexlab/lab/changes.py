@@ -6,10 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from flexlab.errors import FlexlabError
+from flexlab.lab.failures import telling
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Origin
-from flexlab.text import limited
 
 LONGEST_HISTORY = 200
 """Steps that can be undone."""
@@ -68,15 +67,13 @@ class Undo:
 
 PATH = "trajectory"
 
-log = limited(__name__)
-
 
 class SlowChanges:
     """Carries out changes one at a time. Those that arrive meanwhile are merged: the last value of each field counts."""
 
-    def __init__(self, carry_out: Callable[[Mapping[str, Any]], None], say: Callable[[str, str], None]):
-        """`say(sentence, level)` reports a change that was refused."""
-        self._carry_out, self._say = carry_out, say
+    def __init__(self, carry_out: Callable[[Mapping[str, Any]], None], warn: Callable[[str], None]):
+        """`warn` gets a sentence about a change that was refused."""
+        self._carry_out, self._warn = carry_out, warn
         self._lock = threading.Lock()
         self._waiting: dict[str, Any] = {}
         self.is_busy = False
@@ -99,10 +96,5 @@ class SlowChanges:
                 if not changes:
                     self.is_busy = False
                     return
-            try:
+            with telling(self._warn, "This change failed ({}); the simulation goes on."):
                 self._carry_out(changes)
-            except FlexlabError as error:
-                self._say(str(error), "error")
-            except Exception as error:
-                log.exception("a change failed")
-                self._say(f"This change failed ({type(error).__name__}: {error}); the simulation goes on.", "error")

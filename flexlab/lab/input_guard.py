@@ -128,7 +128,7 @@ class InputGuard:
         if browser.refused == 1:
             log.warning("Refused a message of browser %s (further ones are counted): %s.", client, problem)
         if problem.told and self._lab_state is not None:
-            self._lab_state.say(problem.told, "error")
+            self._lab_state.warn(problem.told)
 
     def _forget(self, client: int) -> None:
         browser = self._browsers.pop(client, None)

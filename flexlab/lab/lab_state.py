@@ -81,7 +81,7 @@ class LabState:
         """What the screen shows."""
         self._lesson_holds_factor = False
         self._fitted_speed = snapshot.target_speed
-        self._slow = SlowChanges(self._change_slowly, self.say)
+        self._slow = SlowChanges(self._change_slowly, self.warn)
         self._let_go_of(origin)
 
     @property
@@ -252,6 +252,10 @@ class LabState:
     def say(self, text: str, level: str = "info") -> None:
         """Show a sentence to everybody who looks at this lab."""
         self._notice = Notice(text, level, time.monotonic())
+
+    def warn(self, text: str) -> None:
+        """Show a sentence about what went wrong, or was refused, to everybody."""
+        self.say(text, "error")
 
     @property
     def notice(self) -> Notice:

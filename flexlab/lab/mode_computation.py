@@ -3,7 +3,6 @@
 So a fine mesh delays neither picture nor controls.
 """
 
-import logging
 import threading
 import time
 from collections.abc import Callable
@@ -13,7 +12,7 @@ import numpy as np
 from flexlab.analysis.explanations.explanation import Background
 from flexlab.analysis.modes import Modes
 from flexlab.control.conditions import Condition
-from flexlab.errors import FlexlabError
+from flexlab.lab.failures import telling
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim.geometry import deflection_at
 
@@ -25,8 +24,6 @@ PAUSE_SHARE = 9
 
 PEAK_POINTS = 101
 """Places along the beam at which its largest deflection is sought."""
-
-log = logging.getLogger(__name__)
 
 
 def peak_deflection(payload: Payload, shape: np.ndarray) -> float:
@@ -86,16 +83,14 @@ class ModeStudy:
 
     def _compute(self, scenario: Scenario) -> None:
         begun = self._clock()
-        try:
+        with telling(self._give_up, "The modes could not be computed ({})."):
             self._background = found = Background.of(scenario)
             self.conditions, self.result, self.problem = found.conditions, found.modes, ""
-        except FlexlabError as error:
-            self.conditions, self.problem = (), str(error)
-        except Exception as error:
-            log.exception("modes failed")
-            self.problem = f"The modes could not be computed ({type(error).__name__}: {error})."
         now = self._clock()
         self._not_before = now + PAUSE_SHARE * (now - begun)
+
+    def _give_up(self, problem: str) -> None:
+        self.conditions, self.problem = (), problem
 
 
 def _key(scenario: Scenario) -> tuple:

@@ -72,7 +72,7 @@ class OwnFileWatch:
                 kind = folder.kind_of(file)
                 self._lab_state.say(f"{file.name} was saved: the {folder.kinds.registry.what} {kind} is new.")
             except FlexlabError as error:
-                self._lab_state.say(f"{file.name} was saved, but cannot be used: {error}", level="error")
+                self._lab_state.warn(f"{file.name} was saved, but cannot be used: {error}")
         # So that the menus are brought up to date.
         self._lab_state.touched_at = time.monotonic()
 
@@ -100,7 +100,7 @@ class OwnFileWatch:
             lab_state.say(f"{file.name} was saved: {told}")
         except FlexlabError as error:
             goes_on = "the path goes on as it was" if folder is PATH_FILES else "the law goes on as it was"
-            lab_state.say(f"{file.name} was saved, but {goes_on}: {error}", level="error")
+            lab_state.warn(f"{file.name} was saved, but {goes_on}: {error}")
 
 
 def _with_text(kind: Any, present: Part, source: str, left_out: tuple[str, ...]) -> dict[str, Any]:

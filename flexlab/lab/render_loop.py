@@ -6,11 +6,12 @@ from collections.abc import Callable
 
 import viser
 
+from flexlab.lab.failures import telling
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.page_reports import PageReports
 from flexlab.lab.viser_internals import GuardedServer
 from flexlab.sim.commands import Pause, Play
-from flexlab.text import limited, number_text
+from flexlab.text import number_text
 
 UNATTENDED_TIME = 60.0
 """Seconds without a browser after which a lab pauses, and so records no more; a reload takes ten."""
@@ -63,8 +64,6 @@ READOUT_EVERY = 3
 UNSEEN_TIME = 0.25
 """Wall seconds between two checks for browsers; a new connection also wakes the thread at once."""
 
-log = limited(__name__)
-
 
 class RenderLoop:
     """Owns the drawing thread. While nobody looks it does nothing."""
@@ -108,13 +107,8 @@ class RenderLoop:
                 self._attendance.update()
             seen = bool(self._server.get_clients())
             if frame == 0 or seen:
-                try:
+                with telling(self._lab_state.warn, "Drawing failed ({}); the simulation goes on."):
                     self._draw(frame % READOUT_EVERY == 0)
-                except Exception as error:
-                    log.exception("drawing failed")
-                    self._lab_state.say(
-                        f"Drawing failed ({type(error).__name__}: {error}); the simulation goes on.", "error"
-                    )
                 frame += 1
             if seen:
                 self._stop.wait(max(FRAME_TIME - (time.monotonic() - began), 0.002))

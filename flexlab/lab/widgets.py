@@ -6,11 +6,9 @@ from typing import Any
 
 import viser
 
-from flexlab.errors import FlexlabError, LabError
+from flexlab.errors import LabError
+from flexlab.lab.failures import telling
 from flexlab.lab.lab_state import BY_PERSON, LabState
-from flexlab.text import limited
-
-log = limited(__name__)
 
 
 def handler(lab_state: LabState, action: Callable[[Any], None]) -> Callable[[Any], Coroutine[Any, Any, None]]:
@@ -25,12 +23,8 @@ def handler(lab_state: LabState, action: Callable[[Any], None]) -> Callable[[Any
         lab_state.touched_at = time.monotonic()
         asked = BY_PERSON.set(True)
         try:
-            action(event)
-        except FlexlabError as error:
-            lab_state.say(str(error), "error")
-        except Exception as error:
-            log.exception("a control failed")
-            lab_state.say(f"This control failed ({type(error).__name__}: {error}); the simulation goes on.", "error")
+            with telling(lab_state.warn, "This control failed ({}); the simulation goes on."):
+                action(event)
         finally:
             BY_PERSON.reset(asked)
 

@@ -93,7 +93,7 @@ class ModePanel:
         try:
             self._lab_state.set_view(shown_mode=self._chosen())
         except LabError as error:
-            self._lab_state.say(str(error), "error")
+            self._lab_state.warn(str(error))
 
     def _slow_down(self, index: int) -> None:
         result = self._study.result

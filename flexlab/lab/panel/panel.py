@@ -197,7 +197,7 @@ class Panel:
         seen = next((index for index, event in enumerate(events) if event is self._last_event), -1)
         for event in events[seen + 1 :]:
             if event.level == "error":
-                self._lab_state.say(event.text, "error")
+                self._lab_state.warn(event.text)
         self._last_event = events[-1]
 
 

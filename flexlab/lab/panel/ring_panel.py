@@ -12,14 +12,13 @@ import viser
 from flexlab.analysis.identification.free_ring import recent_ring
 from flexlab.analysis.identification.remedies import SHAPERS, WANTED_RATIO, Remedies, remedies
 from flexlab.analysis.identification.ring import RingFit, fit_ring
-from flexlab.errors import FlexlabError, LabError
+from flexlab.errors import LabError
+from flexlab.lab.failures import telling
 from flexlab.lab.widgets import Widgets, put, table_html
-from flexlab.text import escaped, limited, number_text
+from flexlab.text import escaped, number_text
 
 LOOKED_BACK = 30.0
 """Seconds in which a ring is looked for: all that a runner keeps."""
-
-log = limited(__name__)
 
 
 @dataclass(frozen=True)
@@ -63,18 +62,15 @@ class RingPanel:
 
     def _work(self) -> None:
         runner = self._lab_state.runner
-        try:
+        with telling(self._give_up, "The ring could not be fitted ({})."):
             snapshot, samples = runner.snapshot, runner.recent(LOOKED_BACK)
             time, signal, since = recent_ring(samples, snapshot.events)
             fit = fit_ring(time, signal)
-            self.result, self._problem = FittedRing(fit, since, remedies(fit, snapshot.scenario)), ""
-        except FlexlabError as error:
-            self.result, self._problem = None, str(error)
-        except Exception as error:
-            log.exception("a fit failed")
-            self.result, self._problem = None, f"The ring could not be fitted ({type(error).__name__}: {error})."
-        finally:
-            self.is_busy = False
+            self.result = FittedRing(fit, since, remedies(fit, snapshot.scenario))
+        self.is_busy = False
+
+    def _give_up(self, problem: str) -> None:
+        self.result, self._problem = None, problem
 
     def update(self) -> None:
         """Show what was found."""

@@ -59,7 +59,7 @@ class Comparing:
         try:
             whole = whole_run(kept, start, recorded)
         except FlexlabError as error:
-            self._lab_state.say(f"Only the last {LONGEST:g} s are kept. {error}", "error")
+            self._lab_state.warn(f"Only the last {LONGEST:g} s are kept. {error}")
             return
         if self._lab_state.kept is kept:
             self._lab_state.kept = whole

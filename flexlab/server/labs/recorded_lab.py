@@ -127,7 +127,7 @@ class RecordedLab(Lab):
     def load(self, choice: Choice) -> None:
         """Start a run of a scenario, or continue an earlier run; a lab that already shows this scenario is left alone."""
         if self._session.lab_state.rules.locked:
-            self._session.lab_state.say(LOCKED, "error")
+            self._session.lab_state.warn(LOCKED)
         elif self._open(choice) and not self._owner and self._session.lab_state.company():
             title = choice.scenario.title or choice.name
             self._session.lab_state.say(f"Somebody opened {title} in this lab. Undo (Ctrl+Z) goes back.")

@@ -159,7 +159,7 @@ def test_who_records_too_much_is_told_and_recorded_again_once_runs_are_deleted(
         seen = teacher.labs()[0]["time"]
         wait_until(lambda: teacher.labs()[0]["time"] > seen + 0.5, "the simulation goes on")
         assert recording.stat().st_size == size, "nothing more is recorded"
-        assert anna.post(f"/runs/{runs['anna']}/delete", ("sure", "yes")).status == 303
+        assert anna.post("/runs/delete", ("run", runs["anna"]), ("sure", "yes")).status == 303
         wait_until(lambda: not problem(), "all is well again")
         wait_until(lambda: recording.stat().st_size > size, "it is recorded again")
 
@@ -180,10 +180,10 @@ def test_students_see_their_own_runs_and_the_teacher_all(
     assert (runs["anna"] in start, runs["ben"] in start) == (True, False)
 
 
-@pytest.mark.parametrize("path", ["", ".rrd", "/delete", "/export?format=csv", "/replay"])
+@pytest.mark.parametrize("path", ["/{}", "/{}.rrd", "/delete?run={}", "/{}/export?format=csv", "/{}/replay"])
 def test_a_run_of_somebody_else_is_not_there(anna: Person, runs: dict[str, str], path: str):
     for whose in ("ben", "nobody"):
-        answer = anna.ask(f"/runs/{runs[whose]}{path}")
+        answer = anna.ask("/runs" + path.format(runs[whose]))
         assert answer.status in (400, 404)
         assert "There is no run" in answer.text
     assert anna.ask(f"/compare?run={runs['anna']}&run={runs['ben']}").status == 404

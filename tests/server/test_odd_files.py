@@ -6,7 +6,7 @@ from html import unescape
 from pathlib import Path
 
 import pytest
-from http_client import ask, upload, wait_until
+from http_client import ask, post, upload, wait_until
 from odd_files import RUNS, SECRET, make_odd_folder
 
 from flexlab.recording.export import export_recording
@@ -55,8 +55,8 @@ def test_nothing_is_done_with_what_is_no_recording(odd: FrontServer) -> None:
 def test_an_odd_file_can_be_deleted_and_nothing_else_goes(odd: FrontServer, recorded: Path) -> None:
     logs = odd.settings.logs
     for name in ("dangling", "link", "pipe", "text"):
-        assert ask(odd.url, f"/runs/{name}/delete").status == 200
-        assert ask(odd.url, f"/runs/{name}/delete", "POST", b"", Origin=odd.url).status == 303
+        assert ask(odd.url, f"/runs/delete?run={name}").status == 200
+        assert post(odd.url, "/runs/delete", {"run": name, "sure": "yes"}).status == 303
         assert not (logs / f"{name}.rrd").is_symlink()
         assert not (logs / f"{name}.rrd").exists()
     assert (logs.parent / "outside.txt").read_bytes() == SECRET

@@ -32,7 +32,7 @@ SHOWS = {
     r"/lab/": LAB,
     r"/runs": "() => document.querySelectorAll('#runs tbody tr').length > 1",
     r"/runs/[^/]+": VIEWER,
-    r"/runs/[^/]+/delete": "() => document.querySelector('main form button') != null",
+    r"/runs/delete": "() => document.querySelector('main form button') != null",
     r"/compare": VIEWER,
     r"/studies": "() => document.querySelector('main form select') != null",
     r"/studies/[\w-]+": "() => document.querySelectorAll('a.cell').length === 2",
@@ -77,7 +77,8 @@ def test_not_modified_leaves_the_headers_of_what_is_kept_alone(server: FrontServ
         "/", "/lab", "/lab/paper", "/lab/paper/", "/s/none", "/s/none/", "/state/lab", "/state/s/none", "/live",
         "/live/lab.rrd", "/pass/any/live/lab.rrd", comparison, place,
         f"/compare/{place.rpartition('of=')[2]}/state", "/leaderboard", "/leaderboard/state", "/leaderboard/none/B1.svg",
-        "/teacher", "/teacher/labs", "/runs", "/runs/", run, f"{run}/replay", f"{run}/export?format=csv", f"{run}/delete",
+        "/teacher", "/teacher/labs", "/runs", "/runs/", run, f"{run}/replay", f"{run}/export?format=csv",
+        f"/runs/delete?run={run.rpartition('/')[2]}",
         "/viewer/", "/studies", study, f"{study}/state", f"{study}/data", f"{study}/cells/0",
     ]  # fmt: skip
     kept: list[str] = []

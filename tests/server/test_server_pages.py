@@ -59,7 +59,7 @@ def test_a_preset_link_loads_it_once_and_a_reload_leaves_it_alone(open_another: 
         ("/lab/?scenario=broken", 400, "copy it again"),
         ("/runs/none", 404, "There is no run none"),
         ("/runs/none.rrd", 404, "There is no run none"),
-        ("/runs/none/delete", 404, "There is no run none"),
+        ("/runs/delete?run=none", 404, "There is no run none"),
         ("/s/none/", 403, "You can have one of your own"),
         ("/nowhere", 404, "There is no such page"),
         ("/viewer/nothing.js", 404, "There is no such page"),
@@ -86,7 +86,7 @@ def test_texts_of_runs_and_scenarios_are_escaped(
     scenario = load_preset("paper").replace({"title": evil, "watch": evil})
     ask(front_server.url, f"/lab/?scenario={encode_scenario(scenario)}")
     wait_until(lambda: "&lt;script&gt;" in ask(front_server.url).text, "the start page shows the scenario's title")
-    for path in ("/", "/runs", "/runs/2026-01-01T00-00-00-x", "/runs/2026-01-01T00-00-00-x/delete"):
+    for path in ("/", "/runs", "/runs/2026-01-01T00-00-00-x", "/runs/delete?run=2026-01-01T00-00-00-x"):
         page = ask(front_server.url, path).text
         assert "alert(1)" in page
         assert "<script>alert" not in page
@@ -110,8 +110,8 @@ def test_the_library_lists_serves_in_parts_and_notes(front_server: FrontServer, 
     assert (notes["note"], notes["tags"], notes["keep"]) == ("Rings <nicely>", ["soft", "best"], True)
     assert notes["preset"] == "paper"
     assert "Rings &lt;nicely&gt;" in ask(front_server.url, "/runs").text
-    refused = ask(front_server.url, f"/runs/{run}/delete", "POST")
-    assert (refused.status, "marked to be kept" in refused.text) == (400, True)
+    refused = post(front_server.url, "/runs/delete", {"run": run, "sure": "yes"})
+    assert (refused.status, "marked to be kept" in refused.text) == (409, True)
 
 
 def test_deleting_asks_first_and_spares_the_run_that_is_being_recorded(
@@ -122,13 +122,13 @@ def test_deleting_asks_first_and_spares_the_run_that_is_being_recorded(
     shutil.copy(recorded, logs / recorded.name)
     # A file is there an instant before its recorder has claimed it.
     running = wait_until(lambda: [file for file in logs.glob("*.rrd") if is_in_use(file)], "a recording")[0]
-    assert "Delete this run?" in ask(front_server.url, f"/runs/{recorded.stem}/delete").text
+    assert "Delete this run?" in ask(front_server.url, f"/runs/delete?run={recorded.stem}").text
     assert (logs / recorded.name).exists()
-    assert ask(front_server.url, f"/runs/{recorded.stem}/delete", "POST").status == 303
+    assert post(front_server.url, "/runs/delete", {"run": recorded.stem, "sure": "yes"}).status == 303
     assert not (logs / recorded.name).exists()
-    asked = ask(front_server.url, f"/runs/{running.stem}/delete").text
+    asked = ask(front_server.url, f"/runs/delete?run={running.stem}").text
     assert ("Nothing to delete" in asked, "still being recorded" in asked) == (True, True), "not asked in vain"
-    refused = ask(front_server.url, f"/runs/{running.stem}/delete", "POST")
+    refused = post(front_server.url, "/runs/delete", {"run": running.stem, "sure": "yes"})
     assert "still being recorded" in refused.text
     assert running.exists()
     assert "still being recorded" in ask(front_server.url, f"/runs/{running.stem}").text

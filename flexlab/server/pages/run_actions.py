@@ -14,13 +14,7 @@ from aiohttp import hdrs, web
 from markupsafe import Markup
 
 from flexlab.errors import FlexlabError, LabError, RecordingError
-from flexlab.recording.store.run_index import (
-    RunRow,
-    annotate_run,
-    check_removable,
-    delete_run,
-    size_text,
-)
+from flexlab.recording.store.run_index import RunRow, annotate_run, check_removable, delete_run, size_text
 from flexlab.server.auth import is_opened_by_person, refuse
 from flexlab.server.pages.lab_pages import enter_lab
 from flexlab.server.pages.page_context import context_of, told
@@ -225,8 +219,9 @@ ALL_RUNS = button("/runs", "All runs")
 
 
 async def _chosen(request: web.Request) -> list[RunRow]:
-    """The runs that the form names. Raises `RecordingError` if it names none, too many, or one that is not the visitor's."""
-    names = list(dict.fromkeys(map(str, (await request.post()).getall("run", []))))
+    """The runs that form or address names. Raises `RecordingError` for none and for too many, `NoSuchRun` for another's."""
+    given = (await request.post()).getall("run", []) or request.query.getall("run", [])
+    names = list(dict.fromkeys(map(str, given)))
     if not 1 <= len(names) <= MOST_RUNS:
         raise RecordingError(f"{len(names)} runs were chosen: choose 1 to {MOST_RUNS} in the table.")
     return [await run_for(request, name) for name in names]
@@ -265,19 +260,15 @@ async def export_many(request: web.Request) -> web.StreamResponse:
         return message("Nothing was exported", str(error), 422, ALL_RUNS)
 
 
-@ROUTES.get("/runs/{run}/delete")
-async def ask_to_delete(request: web.Request) -> web.Response:
-    """A run is gone for ever: ask first."""
-    rows = [await row_of(request)]
-    return _asked(rows, _staying(rows))
-
-
+@ROUTES.get("/runs/delete")
 @ROUTES.post("/runs/delete")
 async def delete(request: web.Request) -> web.StreamResponse:
     """Ask, and delete runs once that is confirmed; those that may not be deleted are named."""
     rows = await _chosen(request)
     if (await request.post()).get("sure") != "yes":
-        return _asked(rows, _staying(rows))
+        stay = _staying(rows)
+        going = [row for row in rows if row.id not in stay]
+        return page("delete.html", "Delete?", here="/runs", going=going, stay=list(stay.values()))
     if stay := await asyncio.to_thread(_staying, rows, delete_run):
         gone = f"{len(rows) - len(stay)} of {len(rows)} runs were deleted."
         return message("Some runs stay", "\n".join((gone, *stay.values())), 409, ALL_RUNS)
@@ -293,8 +284,3 @@ def _staying(rows: list[RunRow], remove: Callable[[RunRow], None] = check_remova
         except RecordingError as error:
             stay[row.id] = str(error)
     return stay
-
-
-def _asked(rows: list[RunRow], stay: dict[str, str]) -> web.Response:
-    going = [row for row in rows if row.id not in stay]
-    return page("delete.html", "Delete?", here="/runs", going=going, stay=list(stay.values()))

@@ -17,13 +17,7 @@ from flexlab.recording.importing import IMPORTED
 from flexlab.recording.overlay import MOST_RUNS
 from flexlab.recording.repair import finish
 from flexlab.recording.store.run_files import SUFFIX, file_word
-from flexlab.recording.store.run_index import (
-    RunRow,
-    annotate_run,
-    delete_run,
-    find_row,
-    size_text,
-)
+from flexlab.recording.store.run_index import RunRow, annotate_run, find_row, size_text
 from flexlab.recording.viewer import VIEWER_FILES, viewer_folder
 from flexlab.scenario.field_text import field_title
 from flexlab.server.auth import WITH_A_PASS, has_pass, recording_address
@@ -296,11 +290,3 @@ async def save_notes(request: web.Request) -> web.Response:
     note, tags = str(form.get("note", "")), str(form.get("tags", ""))
     await asyncio.to_thread(annotate_run, row, note.replace("\r\n", "\n"), tags, "keep" in form)
     raise web.HTTPSeeOther(f"/runs/{row.address}")
-
-
-@ROUTES.post("/runs/{run}/delete")
-async def delete(request: web.Request) -> web.Response:
-    """Delete a run."""
-    row = await row_of(request)
-    await asyncio.to_thread(delete_run, row)
-    raise web.HTTPSeeOther("/runs")

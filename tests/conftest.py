@@ -38,7 +38,9 @@ REGISTRIES = LAWS, PATHS
 def pytest_addoption(parser: pytest.Parser) -> None:
     """What the tests leave out unless they are told."""
     parser.addoption("--all-lessons", action="store_true", help="do every lesson of the guide in a real browser")
-    parser.addoption("--documented", action="store_true", help="do every command of README and CONTRIBUTING")
+    parser.addoption(
+        "--documented", action="store_true", help="do every command of README, CONTRIBUTING and the documentation"
+    )
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -1,4 +1,4 @@
-"""Every command and snippet of README and CONTRIBUTING does what is written, in the order of the text.
+"""Every command and snippet of README, CONTRIBUTING and the documentation does what is written, in the order of the text.
 
 Snippets and a few commands are always tried; all commands, which take minutes, by `pytest tests/test_documented.py
 --documented`. What sets up and checks a checkout is done by `.ci/run` on each one.
@@ -22,7 +22,12 @@ from flexlab.recording.run_info import RunInfo
 from flexlab.sim.commands import Tap
 from flexlab.sim.snapshot import Event
 
-DOCUMENTS = ("README.md", ".github/CONTRIBUTING.md")
+PAGES = "web_assets/docs/pages/"
+DOCUMENTS = (
+    "README.md",
+    *(f"{PAGES}{page}.md" for page in ("scripts", "own", "studies", "class", "runs")),
+    ".github/CONTRIBUTING.md",
+)
 CODE = re.compile(r"^```(?P<kind>\w*)\n(?P<block>.*?)^```|`(?P<words>[^`]+)`", re.DOTALL | re.MULTILINE)
 COMMAND = re.compile(r"flexlab( |\Z)|(pytest|ruff|pyright|python\S*|pip|pre-commit|apt|dask) ")
 SNIPPET = re.compile(r"(?!flexlab/).*(\w\(|\bimport )", re.DOTALL)

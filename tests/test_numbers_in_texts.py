@@ -447,6 +447,8 @@ SETTINGS = (
 )
 """Numbers with a unit that are set, not measured."""
 
+PAGES = "scripts", "own", "studies", "class", "runs"
+"""Pages of the documentation to which README leads."""
 UNITS = "mm|µm|micrometres|Hz|kHz|N·m|N|s|ms|%|m/s|kg|m|rad|times"
 WITH_UNIT = re.compile(rf"(?<![\w.])\d+(?:\.\d+)?\s(?:{UNITS})(?![\w·/])")
 
@@ -456,8 +458,9 @@ def texts() -> dict[str, str]:
     guide = {path.stem: path.read_text(encoding="utf-8") for path in web_assets_folder().glob("guide/**/*.md")}
     found = {name: text.partition("\n## Check\n")[0] for name, text in guide.items()}
     found |= {name: f"{load_preset(name).title}. {load_preset(name).watch}" for name in preset_names(Path("/none"))}
-    readme = presets_folder().parent / "README.md"
-    found["README"] = readme.read_text(encoding="utf-8")
+    home = presets_folder().parent
+    pages = (home / "README.md", *(home / f"web_assets/docs/pages/{page}.md" for page in PAGES))
+    found["README"] = "\n".join(page.read_text(encoding="utf-8") for page in pages)
     return {name: re.sub(r"\s+", " ", re.sub(r"```.*?```", "", text, flags=re.S)) for name, text in found.items()}
 
 

@@ -1,1 +1,1 @@
-"""Control laws and paths that a person writes in Python: what their text declares, and how it runs (see README)."""
+"""Control laws and paths that a person writes in Python: what their text declares, and how it runs."""

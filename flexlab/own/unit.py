@@ -197,7 +197,8 @@ def _is_number(variable: Any) -> bool:
 def _check(file: Path, about: Any, variable: Any, wanted: dict[str, str], what: str, otherwise: str) -> None:
     """Raises `ScenarioError` for a variable of another name, type or unit of measure."""
     if variable.name not in wanted:
-        raise _problem(file, f"has an {what} {variable.name} {otherwise} and so on (see README)")
+        where = "see A unit from Simulink or Modelica in the documentation"
+        raise _problem(file, f"has an {what} {variable.name} {otherwise} and so on ({where})")
     if not _is_number(variable):
         raise _problem(file, f"has an {what} {variable.name} that is not a single number of double precision")
     other = problem_with_unit(variable, about.unitDefinitions, wanted[variable.name])

@@ -34,6 +34,12 @@ KEPT_ELSEWHERE = {
     "university": ".github/UNIVERSITY.md",
 }
 """Page to the file that is its text."""
+PLACES = {
+    "](web_assets/docs/pages/": "](",
+    "](../../../README.md": "](index.md",
+    "](.github/UNIVERSITY.md": "](university.md",
+}
+"""Where links lead among the files of a checkout, and where on the site."""
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
@@ -42,6 +48,13 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
         if "Guide" in entry:
             entry["Guide"] = [{chapter.title: f"guide/{chapter.id}.md"} for chapter in chapters()]
     return config
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """A page's text with links to pages of the site."""
+    for place, page in PLACES.items():
+        markdown = markdown.replace(place, page)
+    return markdown
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:

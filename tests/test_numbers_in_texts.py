@@ -25,11 +25,11 @@ from flexlab.analysis.modes import PoleRow, modes
 from flexlab.analysis.sweep.plan import DEFAULT_ACCURACY
 from flexlab.analysis.validation import beam as buckling
 from flexlab.assets import presets_folder, web_assets_folder
+from flexlab.control.laws.adaptive_sliding_mode import AdaptiveSlidingMode
 from flexlab.own.path import AGREED, TOLERATED
 from flexlab.physics.axial_load import buckling_load
 from flexlab.physics.beam import beam_matrices
 from flexlab.presets import load_preset, preset_names
-from flexlab.scenario import AdaptiveSlidingMode
 from flexlab.sim.samples import Run
 from flexlab.sim.simulate import simulate
 from flexlab.sim.target import shaper_impulses

@@ -101,7 +101,7 @@ def command(
         _welcome(front_server)
         closing.enter_context(compiling_the_rest())
         if has_browser and not shown:
-            open_browser(front_server.lab_url)
+            open_browser(front_server.address("/lab/"))
         wait_for(ended)
     last = front_server.close()
     output().print()
@@ -134,14 +134,15 @@ def _welcome(front_server: "FrontServer") -> None:
     from flexlab.server.settings import capacity
 
     settings = front_server.settings
-    lines = [f"The lab is open at {front_server.lab_url}", f"Start page, with all runs: {front_server.url}"]
+    lines = [f"The lab is open at {front_server.address('/lab/')}", f"Start page, with all runs: {front_server.url}"]
     if settings.private:
         lines.append(
             f"Private labs: at most {settings.max_sessions} at once, {settings.labs_per_address} of one address "
             f"({capacity().text}); who comes later waits in line."
         )
     if settings.private or not settings.is_local:
-        lines.append(f"All labs at a glance, for the teacher: {front_server.teacher_url}")
+        teacher = front_server.address("/teacher", settings.teacher_token)
+        lines.append(f"All labs at a glance, for the teacher: {teacher}")
     # With private labs, a visitor first gives a name.
     addresses = settings.outside_addresses(front_server.port, "/" if settings.private else "/lab/")
     lines += [f"From other machines: {address}" for address in addresses]

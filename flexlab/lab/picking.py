@@ -116,23 +116,15 @@ def _meet(origin: np.ndarray, direction: np.ndarray, height: float) -> np.ndarra
     return (origin + direction * (height - origin[2]) / direction[2])[:2]
 
 
-class DisturbanceSettings:
-    """Controls of touch, in the GUI container that is open while it is made."""
-
-    def __init__(self, widgets: Widgets, touch: Picking):
-        words = "Drag the beam or a link to pull it with a spring; click the beam to tap it. Drag empty space to turn the camera."
-        widgets.gui.add_html(f'<div class="fl fl-dim">{words}</div>')
-        self._controls = [
-            _control(widgets, about, touch, name)
-            for about, name in ((STIFFNESS, "stiffness"), (IMPULSE, "impulse"), (PLACE, "place"))
-        ]
-        icon, hint = viser.Icon.HAND_CLICK, "An impulse across the beam"
-        widgets.button("Tap", lambda _: touch.tap(), icon=icon, hint=hint)
-
-    def settle(self) -> None:
-        """Show the true values where nobody is at them."""
-        for control in self._controls:
-            control.settle()
+def touch_controls(widgets: Widgets, touch: Picking) -> list[NumberControl]:
+    """Adds the controls of touch to the GUI container that is open; returns those of numbers."""
+    words = "Drag the beam or a link to pull it with a spring; click the beam to tap it. Drag empty space to turn the camera."
+    widgets.gui.add_html(f'<div class="fl fl-dim">{words}</div>')
+    shown = (STIFFNESS, "stiffness"), (IMPULSE, "impulse"), (PLACE, "place")
+    controls = [_control(widgets, about, touch, name) for about, name in shown]
+    icon, hint = viser.Icon.HAND_CLICK, "An impulse across the beam"
+    widgets.button("Tap", lambda _: touch.tap(), icon=icon, hint=hint)
+    return controls
 
 
 def _control(widgets: Widgets, about: Quantity, touch: Picking, name: str) -> NumberControl:

@@ -51,10 +51,10 @@ class Noted(NamedTuple):
 NOTHING = Noted()
 
 
-def frame_times(run: Run, frames_per_second: float = FRAMES_PER_SECOND) -> np.ndarray:
+def frame_times(run: Run) -> np.ndarray:
     """Instants of a run that are drawn, s; at most `MOST_FRAMES`."""
     start, end = float(run.time[0]), float(run.time[-1])
-    count = min(int((end - start) * frames_per_second) + 1, MOST_FRAMES)
+    count = min(int((end - start) * FRAMES_PER_SECOND) + 1, MOST_FRAMES)
     return start + np.linspace(0, end - start, count) if count > 1 else np.array([start])
 
 

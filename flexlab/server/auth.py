@@ -15,7 +15,7 @@ from flexlab.recording.store.run_files import SUFFIX
 from flexlab.recording.store.run_index import NoSuchRun
 from flexlab.server.limits import BusyError, network_of
 from flexlab.server.pages.page_context import Context, context_of
-from flexlab.server.pages.templating import HAS_CLASS, button, message, part
+from flexlab.server.pages.templating import ALL_RUNS, HAS_CLASS, button, message, part
 from flexlab.server.visitors import has_class, is_teacher, keep_visitor, known_visitor_of, same, set_cookie
 from flexlab.sockets import LOOPBACK, is_of_host, name_in
 from flexlab.text import limited
@@ -77,7 +77,7 @@ async def answer_in_sentences(request: web.Request, handler: Handler) -> web.Str
     except BusyError as error:
         return message("Not now", str(error), 503)
     except NoSuchRun as error:
-        return message("No such run", str(error), 404, button("/runs", "All runs"))
+        return message("No such run", str(error), 404, ALL_RUNS)
     except FlexlabError as error:
         return message("That did not work", str(error), 400)
     except OSError as error:

@@ -157,19 +157,9 @@ class FrontServer:
         return self.address("/")
 
     @property
-    def lab_url(self) -> str:
-        """Where a browser on this machine finds the lab, signed in."""
-        return self.address("/lab/")
-
-    @property
     def live_source(self) -> str:
         """Where a rerun viewer on this machine finds the shared lab's live data."""
         return self.settings.address(self.port, recording_address(self.context, f"{LIVE}lab"))
-
-    @property
-    def teacher_url(self) -> str:
-        """Where a browser on this machine finds the teacher's page, signed in as the teacher."""
-        return self.address("/teacher", self.settings.teacher_token)
 
     def address(self, path: str = "/", token: str | None = None) -> str:
         """The address of a page on this machine, with a token if the server asks for one."""

@@ -12,9 +12,10 @@ from flexlab.analysis.lesson_checks import Verdict, check_lesson
 from flexlab.analysis.lesson_measures import SECONDS
 from flexlab.analysis.metrics import run_metrics
 from flexlab.analysis.modes import modes
+from flexlab.control.laws.no_control import NoControl
 from flexlab.guide import lessons
 from flexlab.presets import load_preset, preset_names
-from flexlab.scenario import NoControl, Scenario
+from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, Tap
 from flexlab.sim.samples import Run, Samples
 from flexlab.sim.simulate import simulate

@@ -28,7 +28,7 @@ from flexlab.lab.panel.sections import (
     three_valued,
 )
 from flexlab.lab.panel.view_controls import Look, ViewControls
-from flexlab.lab.picking import DisturbanceSettings, Picking
+from flexlab.lab.picking import Picking, touch_controls
 from flexlab.lab.reference_run import Recorded
 from flexlab.lab.widgets import Widgets, put, table_html
 from flexlab.presets import load_preset, preset_names
@@ -108,7 +108,7 @@ class Panel:
         with tabs.add_tab("View"):
             self._viewing = ViewControls(widgets, look)
         with tabs.add_tab("Touch"):
-            self._touching = DisturbanceSettings(widgets, touch)
+            self._touching = touch_controls(widgets, touch)
             self._ring = RingPanel(widgets)
         with tabs.add_tab("Modes"):
             self._modes = ModePanel(widgets, study)
@@ -146,7 +146,8 @@ class Panel:
         self._tell_three_valued(lab_state.intended)
         is_new, self._run_number = snapshot.run_number != self._run_number, snapshot.run_number
         self._viewing.settle(is_new)
-        self._touching.settle()
+        for control in self._touching:
+            control.settle()
         self._settle_sections(is_new)
 
     def _settle_sections(self, is_new: bool) -> None:

@@ -101,11 +101,6 @@ def _status(snapshot: Snapshot) -> tuple[str, str]:
     return colors.css(colors.ORANGE), "Paused"
 
 
-def status_word(snapshot: Snapshot) -> str:
-    """The run's state in a word or two."""
-    return _status(snapshot)[1]
-
-
 def warnings(snapshot: Snapshot) -> list[str]:
     """The present warnings about the run, a sentence each."""
     failed = snapshot.status.failed
@@ -187,7 +182,7 @@ def summary_text(snapshot: Snapshot, recent: Samples, sentences: Sequence[Explai
     deflection = fixed_text(1e3 * float(sample.midspan_deflection[0]), 3, signed=True)
     told = [
         f"{scenario.title or snapshot.name}: {arms} a flexible beam.",
-        f"{status_word(snapshot)} at t = {fixed_text(float(sample.time[0]), 2)} s, speed {speed_text(snapshot.target_speed)}.",
+        f"{_status(snapshot)[1]} at t = {fixed_text(float(sample.time[0]), 2)} s, speed {speed_text(snapshot.target_speed)}.",
         f"Mid-span deflection {deflection} mm, largest vibration {largest_vibration(recent, snapshot.events)}, "
         f"first beam frequency {fixed_text(snapshot.first_frequency, 2)} Hz.",
         *warnings(snapshot),

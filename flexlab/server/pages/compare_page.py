@@ -9,13 +9,12 @@ from flexlab.recording.store.run_files import SUFFIX
 from flexlab.server import run_jobs
 from flexlab.server.auth import COMPARISON, WITH_A_PASS, has_pass, is_opened_by_person, recording_address, refuse
 from flexlab.server.pages.page_context import context_of, file_answer, told
-from flexlab.server.pages.templating import button, message, page
+from flexlab.server.pages.templating import ALL_RUNS, message, page
 from flexlab.server.run_jobs import OVERLAY, ComparisonTables
 from flexlab.server.visitors import is_teacher, run_for, visitor_of
 
 ROUTES = web.RouteTableDef()
 
-ALL_RUNS = button("/runs", "All runs")
 INCOMPARABLE = "These runs cannot be compared"
 
 LONGEST_VALUE = 60

@@ -18,7 +18,7 @@ from flexlab.recording.store.run_index import RunRow, annotate_run, check_remova
 from flexlab.server.auth import is_opened_by_person, refuse
 from flexlab.server.pages.lab_pages import enter_lab
 from flexlab.server.pages.page_context import context_of, told
-from flexlab.server.pages.templating import button, message, page
+from flexlab.server.pages.templating import ALL_RUNS, message, page
 from flexlab.server.run_jobs import archive_into, begin_replay, choice_at, export_into, replay_of
 from flexlab.server.visitors import run_for, visitor_of
 from flexlab.text import limited, shown, typed_number
@@ -215,7 +215,6 @@ LARGEST_ARCHIVE = 4_000_000_000
 RECORDINGS = "rrd"
 FORMATS = (RECORDINGS, *TABLES)
 """Formats of the runs in an archive."""
-ALL_RUNS = button("/runs", "All runs")
 
 
 async def _chosen(request: web.Request) -> list[RunRow]:

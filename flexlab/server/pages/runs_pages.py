@@ -23,14 +23,8 @@ from flexlab.scenario.field_text import field_title
 from flexlab.server.auth import WITH_A_PASS, has_pass, recording_address
 from flexlab.server.labs.recorded_lab import little_space
 from flexlab.server.pages.page_context import context_of, file_answer
-from flexlab.server.pages.run_actions import (
-    EXPORTS,
-    TABLES,
-    claim_room,
-    file_on_its_way,
-    row_of,
-)
-from flexlab.server.pages.templating import button, message, page, part
+from flexlab.server.pages.run_actions import EXPORTS, TABLES, claim_room, file_on_its_way, row_of
+from flexlab.server.pages.templating import ALL_RUNS, message, page, part
 from flexlab.server.run_jobs import replay_of, take_in
 from flexlab.server.task_book import IDLE
 from flexlab.server.visitors import runs_for, visitor_of
@@ -106,7 +100,6 @@ UPLOAD_TIME = 900.0
 MOST_PARTS = 8
 """Parts of an upload that are read; its form has one."""
 MULTIPART = "multipart/form-data"
-ALL_RUNS = button("/runs", "All runs")
 
 TOO_LARGE = (
     f"This file is larger than {size_text(LARGEST_UPLOAD)}: export a shorter range of time, "

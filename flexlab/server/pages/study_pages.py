@@ -120,8 +120,7 @@ async def start(request: web.Request) -> web.Response:
         scenario = decode_scenario(str(form.get("scenario", "")))
         study = await asyncio.to_thread(read_study, form, scenario)
         visitor = known_visitor_of(request)
-        mine = visitor.id if context.places.is_private else ""
-        about = Begun(study, mine, visible(form.get("name", ""), 80))
+        about = Begun(study, visitor.id if context.places.is_private else "", visible(form.get("name", ""), 80))
         name = secrets.token_urlsafe(ID_BYTES)
         context.studies.start(study.title, name, visitor_of(request), study.job(), about=about)
     except LabError as error:

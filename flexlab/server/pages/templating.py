@@ -101,6 +101,7 @@ def button(address: str, words: str) -> Markup:
     return Markup('<a class="button" href="{}">{}</a>').format(address, words)
 
 
+ALL_RUNS = button("/runs", "All runs")
 PAGE_POLICY = (
     "default-src 'none'; style-src 'self'; script-src 'self'; img-src 'self' data:; connect-src 'self'; "
     "frame-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'self'"

@@ -23,6 +23,7 @@ from flexlab.arguments import file_path, flag, whole_number
 from flexlab.errors import StudyError
 from flexlab.own.files import law_kind, path_kind
 from flexlab.presets import AnyLaw, AnyPath, AnyScenario, law_and_path, named_scenario
+from flexlab.recording.course import Course, course_of_commands
 from flexlab.recording.table_columns import table_columns, to_columns
 from flexlab.sim import samples
 from flexlab.sim import simulate as engine
@@ -45,12 +46,23 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
     name: str
     """The preset or file that the scenario came from; it names recordings."""
 
-    noted: Mapping[str, float | None]
+    _noted: Mapping[str, float | None]
     """Of a recorded run: metrics of somebody's own by title and unit, SI, as they were noted."""
 
-    def __init__(self, *, name: str = "run", noted: Mapping[str, float | None] | None = None, **parts: Any):
+    _course: Course | None
+    """How it went, so that what is recorded of it can be replayed; None: from its scenario's start, untouched."""
+
+    # Whatever has a public name here must be none of a law's signals, and be in `sim.samples.TAKEN`.
+    def __init__(
+        self,
+        *,
+        name: str = "run",
+        _noted: Mapping[str, float | None] | None = None,
+        _course: Course | None = None,
+        **parts: Any,
+    ):
         super().__init__(**parts)
-        vars(self).update(name=name, noted=noted or {})
+        vars(self).update(name=name, _noted=_noted or {}, _course=_course)
 
     @cached_property
     def metrics(self) -> RunMetrics:
@@ -59,7 +71,7 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
         NaN, but for the duration, for a run that stopped before its end. Metrics of your own (`flexlab.metric`) that were noted
         with a recording are there too. Raises `StudyError` if one of your own fails.
         """
-        return run_metrics(self, finished=not self.status.failed, noted=self.noted)
+        return run_metrics(self, finished=not self.status.failed, noted=self._noted)
 
     @cached_property
     def explanations(self) -> tuple["Explained", ...]:
@@ -74,8 +86,9 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
     def save(self, folder: str | Path = LOGS) -> Path:
         """Record the run as `<folder>/<time>-<name>.rrd`, or as a file that you name; returns the path.
 
-        `run.save("squeezed.rrd")` names one. Its metrics, your own among them, are noted beside it; if one of your own fails,
-        the note on the run says so. `flexlab review`, the lab's library and `flexlab.read` open it again. Raises
+        `run.save("squeezed.rrd")` names one. The commands of the run go along, so that it can be replayed. Its metrics, your own
+        among them, are noted beside it; if one of your own fails, the note on the run says so. `flexlab review`, the lab's
+        library and `flexlab.read` open it again. Raises
         `RecordingError`, also where a file of that name is there already.
         """
         from flexlab.analysis.run_summary import MetricNotes
@@ -92,6 +105,7 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
             file_path("folder", folder),
             self.name,
             start_notes=lambda info: MetricNotes(info.name, info.scenario, metrics),
+            course=self._course,
         )
         if problem:
             write_notes(path, note=problem)
@@ -176,7 +190,8 @@ def simulate(
     """
     must_finish = flag("check", check)
     name, valid = named_scenario(scenario, law, path)
-    run = _run(engine.simulate(valid, duration, sample_period, commands), name)
+    simulated = engine.simulate(valid, duration, sample_period, commands)
+    run = _run(simulated, name, course=course_of_commands(simulated, commands, sample_period))
     if must_finish and run.status.failed:
         raise StudyError(f"The run of {name} did not finish: {run.status.text}")
     return run
@@ -271,13 +286,15 @@ def read(run: str | Path, logs: str | Path = LOGS) -> Run:
     """
     if not isinstance(run, (str, Path)):
         raise StudyError(f"read({run!r}) names no recording: give a file's path, a run's name, or \"newest\".")
+    from flexlab.recording.headless import course_of_recording
     from flexlab.recording.reader import read_recording
     from flexlab.recording.store.run_files import find_run
     from flexlab.recording.store.run_index import read_row
 
     path = find_run(str(run), file_path("logs", logs))
     recording, row = read_recording(path), read_row(path)
-    return _run(recording.run, recording.name, {key: row.metrics[key] for key in row.own_metrics if key in row.metrics})
+    noted = {key: row.metrics[key] for key in row.own_metrics if key in row.metrics}
+    return _run(recording.run, recording.name, noted, course_of_recording(recording))
 
 
 def export_fmu(
@@ -312,5 +329,7 @@ def _by_kind(vary: Any) -> Any:
     }
 
 
-def _run(run: samples.Run, name: str, noted: Mapping[str, float | None] | None = None) -> Run:
-    return Run(**run.signals(), scenario=run.scenario, status=run.status, name=name, noted=noted)
+def _run(
+    run: samples.Run, name: str, noted: Mapping[str, float | None] | None = None, course: Course | None = None
+) -> Run:
+    return Run(**run.signals(), scenario=run.scenario, status=run.status, name=name, _noted=noted, _course=course)

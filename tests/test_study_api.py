@@ -21,7 +21,9 @@ from flexlab.analysis.tuning import numbers_of, parse_cost
 from flexlab.analysis.workers import chosen_workers
 from flexlab.errors import RecordingError, StudyError
 from flexlab.recording.headless import write_run
+from flexlab.recording.reader import read_recording
 from flexlab.recording.store.notes import read_notes
+from flexlab.sim.commands import ChangeScenario, Pull, Tap
 
 EI = "payload.bending_stiffness"
 
@@ -144,6 +146,73 @@ def test_a_run_is_saved_as_the_file_that_was_named(tmp_path: Path):
     with pytest.raises(RecordingError, match=r"squeezed\.rrd is there already: give another name, or a folder"):
         run.save(named)
     assert flexlab.read(named).result_hash == run.result_hash
+
+
+COMMANDS = [
+    (0.03, Tap(0.05, (0.0, 0.3))),
+    (0.01, ChangeScenario({EI: 50.0})),
+    (0.02, Pull(0.0, (0.0, 0.8), 100.0)),
+    (-1.0, ChangeScenario({"gravity": 1.0})),
+    (0.06, Tap(0.0, (0.0, 9.0))),
+    (5.0, Tap(0.0, (0.0, 9.0))),
+]
+"""Out of order, before the start, at the end and after it."""
+
+
+@pytest.mark.parametrize("sample_period", [0.001, 0.0007])
+def test_a_run_with_commands_is_recorded_with_them(tmp_path: Path, sample_period: float):
+    """Without them, its replay differed from it, and the differences were laid on versions of flexlab."""
+    run = flexlab.simulate("paper", 0.06, sample_period, COMMANDS)
+    for one in (run, flexlab.read(run.save(tmp_path))):
+        assert flexlab.replay(one).identical
+        path = one.save(tmp_path)
+        assert flexlab.replay(path).identical
+        acted = [event for event in read_recording(path).events if event.command]
+        assert [type(event.command) for event in acted] == [ChangeScenario, ChangeScenario, Pull, Tap]
+        assert {event.time for event in acted} <= set(run.time)
+        assert flexlab.replay(flexlab.export(one, tmp_path / f"{len(list(tmp_path.iterdir()))}.zip")).identical
+
+
+def test_a_run_that_a_command_ends_is_recorded_with_it(tmp_path: Path):
+    run = flexlab.simulate("paper", 0.06, commands=[(0.02, Tap(0.0, (0.0, 100.0))), (0.05, Tap(0.0, (0.0, 9.0)))])
+    assert run.status == "diverged"
+    assert flexlab.replay(run).identical
+    assert len([event for event in read_recording(run.save(tmp_path)).events if event.command]) == 1
+
+
+def test_the_ring_of_a_run_in_memory_is_that_after_its_tap():
+    run = flexlab.simulate("smooth-start", 1.0, commands=[(0.5, Tap(0.05, (0.0, 0.3)))])
+    assert flexlab.fit(run).ring.start == run.time[501]
+
+
+@pytest.mark.parametrize(
+    "path", sorted((Path(__file__).parent / "recording" / "golden").glob("format-*/*.rrd")), ids=str
+)
+def test_what_is_read_and_saved_again_replays_as_the_recording_does(tmp_path: Path, path: Path):
+    """With its start, commands, sample period, and with what computed it."""
+    first = flexlab.replay(path)
+    again = flexlab.replay(flexlab.read(path))
+    assert (again.agrees, again.identical, again.compared) == (first.agrees, first.identical, first.compared)
+
+
+def test_a_law_may_call_a_readout_as_a_run_calls_something_within(tmp_path: Path):
+    text = """
+from flexlab import OwnLaw, readout
+
+class Noting(OwnLaw):
+    \"\"\"It does nothing.\"\"\"
+
+    noted = readout("N")
+    period = 0.001
+
+    def act(self, at):
+        self.noted = 2.0
+        return at.weights
+"""
+    (tmp_path / "noting.py").write_text(text, encoding="utf-8")
+    run = flexlab.simulate("paper", 0.01, law=tmp_path / "noting.py")
+    assert run.noted[-1] == 2.0
+    assert flexlab.read(run.save(tmp_path)).noted[-1] == 2.0
 
 
 def test_newest_is_not_compared_with_what_was_made_of_it(flexlab_command: Command, tmp_path: Path):

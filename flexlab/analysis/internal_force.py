@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from flexlab.arguments import whole_number
 from flexlab.errors import StudyError
 from flexlab.physics.arm import arm_velocity_terms
 from flexlab.physics.dynamics import configure_arms
@@ -17,12 +18,18 @@ def internal_force_eq_26(run: Run, every: int = 1) -> np.ndarray:
 
     `run.internal_force` is the same by Eqs. (13)-(15), from the grips' forces and the simulated ẍ; Eq. (26) computes ẍ anew
     from dense matrices in nodal coordinates. Signs are as in `run.internal_force`, opposite to the print. The run must not have
-    been changed or pulled; a payload that is filled or emptied has the mass of each instant. Raises `StudyError` for one arm,
-    left-out modes, compliant grips, or no samples.
+    been changed or pulled; a payload that is filled or emptied has the mass of each instant. Raises `StudyError` for such a run,
+    one arm, left-out modes, compliant grips, a beam that feels the force along it, or no samples.
     """
     if not isinstance(run, Run):
         raise StudyError(f"{run!r:.60} is no run: give one of flexlab.simulate or flexlab.read.")
-    scenario = run.scenario
+    scenario, step = run.scenario, whole_number("every", every, 1)
+    course = getattr(run, "_course", None)
+    if course is not None and course.is_changed:
+        raise StudyError(
+            "Eq. (26) is of one scenario and of no force from outside: this run was changed or pulled on its way. "
+            "run.internal_force has its internal force."
+        )
     if len(scenario.arms) != 2:
         raise StudyError("Eq. (26) needs two arms: a single one has nobody to press against.")
     if scenario.payload.mode_count is not None:
@@ -31,6 +38,11 @@ def internal_force_eq_26(run: Run, every: int = 1) -> np.ndarray:
         raise StudyError(
             "Eq. (26) is of rigid grips: of compliant ones run.internal_force has the springs' and dampers' forces."
         )
+    if scenario.payload.axial_load != "none":
+        raise StudyError(
+            "Eq. (26) is of the paper's beam, which feels no force along it (payload.axial_load): run.internal_force has the "
+            "internal force of this one."
+        )
     if len(run) == 0:
         raise StudyError("The run has no samples.")
     beam = build_beam(scenario.payload)
@@ -38,7 +50,7 @@ def internal_force_eq_26(run: Run, every: int = 1) -> np.ndarray:
     workspace = make_workspace(len(plant.arms), plant.modal.shape[1])
     terms = workspace.arm
     found = []
-    for k in range(0, len(run), every):
+    for k in range(0, len(run), step):
         pose, rate = run.pose[k].copy(), run.pose_rate[k]
         configure_arms(plant, pose, terms, workspace.fault)
         c, s = terms.trig

@@ -2,6 +2,7 @@
 
 import contextlib
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
@@ -9,13 +10,15 @@ from types import TracebackType
 import numpy as np
 
 from flexlab.errors import RecordingError
+from flexlab.recording.course import Course
 from flexlab.recording.file_sink import RunWriter
+from flexlab.recording.reader import Recording
 from flexlab.recording.repair import finish
-from flexlab.recording.run_encoder import RunEncoder
-from flexlab.recording.run_info import RunInfo, StartNotes
+from flexlab.recording.run_encoder import RunEncoder, is_end
+from flexlab.recording.run_info import RunInfo, StartNotes, makers
 from flexlab.recording.store.notes import write_notes
 from flexlab.recording.store.run_files import SUFFIX, claim_named_file, claim_run_file, remove_run
-from flexlab.sim.samples import Run, Samples, Status
+from flexlab.sim.samples import MEASURED, Run, Samples, Status
 from flexlab.sim.snapshot import TICK, Event
 
 BLOCK_ROWS = 10_000
@@ -132,16 +135,31 @@ class HeadlessRecording:
 
 
 def write_run(
-    run: Run, logs: Path, name: str, started: datetime | None = None, start_notes: StartNotes | None = None
+    run: Run,
+    logs: Path,
+    name: str,
+    started: datetime | None = None,
+    start_notes: StartNotes | None = None,
+    course: Course | None = None,
 ) -> Path:
     """Record a finished `Run` and return its path; `logs` and `start_notes` as for `HeadlessRecording`.
 
-    Raises `RecordingError`.
+    `course`: how it went; None: from its scenario's start, untouched. Raises `RecordingError`.
     """
-    period = float(run.time[1] - run.time[0]) if len(run) > 1 else TICK
-    info = RunInfo(name, run.scenario, period)
+    if course is None:
+        course = Course(float(run.time[1] - run.time[0]) if len(run) > 1 else TICK)
+    measured = run.status.text if run.status == MEASURED else ""
+    info = RunInfo(
+        name, run.scenario, course.sample_period, course.start, measured=measured, recorded_by=course.recorded_by
+    )
     if started is not None:
-        info = RunInfo(name, run.scenario, period, started=started)
+        info = replace(info, started=started)
     with HeadlessRecording(logs, info, start_notes, len(run) <= MOST_AT_ONCE) as recording:
-        recording.write_whole(run)
+        recording.write_whole(run, course.events)
     return recording.path
+
+
+def course_of_recording(recording: Recording) -> Course:
+    """How a recorded run went, to record it again."""
+    events = tuple(event for event in recording.events if not is_end(event))
+    return Course(recording.sample_period, events, recording.start, makers(recording.properties, recording.computed_in))

@@ -19,9 +19,9 @@ from flexlab.recording.headless import MOST_AT_ONCE, HeadlessRecording
 from flexlab.recording.reader import read_blocks, read_recording
 from flexlab.recording.repair import finish
 from flexlab.recording.rerun_internals.tool import crashes_readers
-from flexlab.recording.run_encoder import END
-from flexlab.recording.run_info import RunInfo, these_versions
-from flexlab.recording.store.formats import FORMAT, checked_format
+from flexlab.recording.run_encoder import is_end
+from flexlab.recording.run_info import RunInfo, makers
+from flexlab.recording.store.formats import checked_format
 from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.run_files import SUFFIX, check_recording, claim_run_file, file_word, list_runs, remove_run
 from flexlab.recording.store.run_index import LONGEST_NAME
@@ -96,7 +96,7 @@ def _take_table(path: Path, logs: Path, notes: Mapping[str, str]) -> Path:
         raise RecordingError(f"{path.name} was not exported by this version of flexlab ({reason}).") from None
     if metadata["left_out"]:
         notes = {"note": metadata["left_out"], **notes}
-    return take_run(run, info, path.name, logs, [event for event in events if not event.text.startswith(END)], **notes)
+    return take_run(run, info, path.name, logs, [event for event in events if not is_end(event)], **notes)
 
 
 def take_run(run: Run, info: RunInfo, source: str, logs: Path, events: Sequence[Event] = (), **notes: str) -> Path:
@@ -123,16 +123,13 @@ def _info(run: Run, metadata: Mapping[str, Any]) -> RunInfo:
     period = float(metadata.get("sample_period_s") or (run.time[1] - run.time[0] if len(run) > 1 else TICK))
     start = metadata.get("start")
     computed_in = checked_format(metadata.get("computed_in", metadata.get("format", 1)))
-    recorded_by: dict[str, str | int] = {name: str(metadata.get(name, "unknown")) for name in these_versions()}
-    if computed_in != FORMAT:
-        recorded_by |= {"computed_in": computed_in}
     info = RunInfo(
         visible(metadata.get("preset", "imported"), LONGEST_NAME),
         run.scenario,
         period,
         None if start is None else state_from_values(start),
         measured=run.status.text if run.status == MEASURED else "",
-        recorded_by=recorded_by,
+        recorded_by=makers(metadata, computed_in),
     )
     return replace(info, started=datetime.fromisoformat(metadata["started"])) if "started" in metadata else info
 

@@ -56,6 +56,11 @@ END = "End of the run"
 """How the text of a run's last event begins."""
 
 
+def is_end(event: Event) -> bool:
+    """Whether an event only says how a run ended, which every recording says anew."""
+    return event.text.startswith(END)
+
+
 class RunEncoder:
     """Encodes one run for any number of sinks."""
 

@@ -1,5 +1,7 @@
 """Internal force by Eqs. (13)-(15), as sampled, and by Eq. (26) in nodal coordinates."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from reference.solutions import CASES, PAPER, Solution
@@ -9,6 +11,7 @@ import flexlab
 from flexlab.errors import StudyError
 from flexlab.physics.internal_force import internal_force_by_eq_26
 from flexlab.sim.build import nodal_damping_matrix
+from flexlab.sim.commands import ChangeScenario, Pull, Tap
 from flexlab.sim.world import World
 
 TWO_ARMS = [case for case in CASES if len(case.scenario.arms) == 2]
@@ -52,6 +55,22 @@ def test_a_user_gets_the_other_route_too():
     np.testing.assert_allclose(found, run.internal_force[::10], atol=1e-9 * np.abs(run.arm_input).max())
     with pytest.raises(StudyError, match="two arms"):
         flexlab.internal_force_eq_26(flexlab.simulate("single-arm", 0.01))
+    for every in (0, -1, 1.5):
+        with pytest.raises(StudyError, match=f"every = {every} is not usable"):
+            flexlab.internal_force_eq_26(run, every=every)  # type: ignore[arg-type]
+
+
+def test_eq_26_is_refused_where_it_is_not_that_of_the_run(tmp_path: Path):
+    """It was off by newtons: without the force along the beam, and with the first scenario after a change."""
+    with pytest.raises(StudyError, match=r"feels no force along it \(payload\.axial_load\)"):
+        flexlab.internal_force_eq_26(flexlab.simulate("squeeze-until-it-buckles", 0.01))
+    for command in (ChangeScenario({"payload.bending_stiffness": 50.0}), Pull(0.0, (0.0, 1.0), 100.0)):
+        run = flexlab.simulate("paper", 0.03, commands=[(0.01, command)])
+        for one in (run, flexlab.read(run.save(tmp_path))):
+            with pytest.raises(StudyError, match="this run was changed or pulled on its way"):
+                flexlab.internal_force_eq_26(one)
+    tapped = flexlab.simulate("paper", 0.03, commands=[(0.01, Tap(0.0, (0.0, 0.1)))])
+    np.testing.assert_allclose(flexlab.internal_force_eq_26(tapped), tapped.internal_force, atol=1e-9)
 
 
 def test_internal_forces_of_two_arms_cancel():

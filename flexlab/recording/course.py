@@ -1,0 +1,36 @@
+"""What a run needs besides its samples and its scenario to be recorded, and to be simulated again."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from flexlab.sim.commands import ChangeScenario, Pull, WorldCommand, command_text
+from flexlab.sim.samples import Run, WorldState
+from flexlab.sim.simulate import tick_at
+from flexlab.sim.snapshot import Event
+
+
+@dataclass(frozen=True)
+class Course:
+    """How a run went: from which state, in which steps, and what was done to it."""
+
+    sample_period: float
+    """s."""
+    events: tuple[Event, ...] = ()
+    """In the order in which they took effect."""
+    start: WorldState | None = None
+    """The world's state at the first sample; None: the scenario's own start."""
+    recorded_by: Mapping[str, str | int] | None = None
+    """As in `RunInfo`."""
+
+    @property
+    def is_changed(self) -> bool:
+        """Whether the scenario was changed, or something was pulled, on the way."""
+        return any(isinstance(event.command, (ChangeScenario, Pull)) for event in self.events)
+
+
+def course_of_commands(run: Run, commands: Sequence[tuple[float, WorldCommand]], sample_period: float) -> Course:
+    """The course of a run that was simulated with commands, of which those after its end had no effect."""
+    ticks = len(run) - (0 if run.status.failed else 1)
+    due = [(tick_at(time, sample_period), command) for time, command in sorted(commands, key=lambda item: item[0])]
+    events = [Event(float(run.time[tick]), command_text(command), command) for tick, command in due if tick < ticks]
+    return Course(float(sample_period), tuple(events))

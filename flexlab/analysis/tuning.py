@@ -23,15 +23,15 @@ from flexlab.analysis.metrics.metric import named, number_names, numbers
 from flexlab.analysis.result import Result, provenance
 from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.figures import SIZE, pareto_front
-from flexlab.analysis.sweep.plan import measure
+from flexlab.analysis.sweep.plan import measured
 from flexlab.analysis.workers import Told, Workers, chosen_workers
 from flexlab.arguments import whole_number
-from flexlab.errors import FlexlabError, StudyError
+from flexlab.errors import StudyError
 from flexlab.lapack import one_blas_thread
 from flexlab.scenario import Scenario
 from flexlab.scenario.settings import change_settings
 from flexlab.sim.simulate import sample_count
-from flexlab.sim.world import World
+from flexlab.sim.snapshot import TICK
 
 FAILED = 1e12
 """Cost of a run that fails. A run that exceeds a limit costs a millionth of it per relative excess, so that any run within its
@@ -231,7 +231,7 @@ def tune(
 
     `workers`: None: a thread per core.
     """
-    sample_count(duration, 0.001)
+    sample_count(duration, TICK)
     for axis in axes:
         if axis.low is None:
             raise StudyError(f"{axis.path}: a range is searched, not a list: write LOW:HIGH or LOW:HIGH:log.")
@@ -277,24 +277,12 @@ def tune(
 def _try(variants: Sequence[Scenario], cost: Cost, duration: float, changes: dict[str, Any]) -> Candidate:
     worst: Candidate | None = None
     for variant in variants:
-        metrics, reason = _run(variant, changes, duration)
-        found = Candidate(changes, cost.of(metrics), metrics, reason)
+        run = measured(variant, changes, duration, TICK)
+        reason = run.sentence if run.metrics is None else ""
+        found = Candidate(changes, cost.of(run.metrics), run.metrics, reason)
         if worst is None or found.cost > worst.cost:
             worst = found
         if worst.cost >= FAILED:
             break
     assert worst is not None
     return worst
-
-
-def _run(scenario: Scenario, changes: dict[str, Any], duration: float) -> tuple[RunMetrics | None, str]:
-    try:
-        world = World(change_settings(scenario, changes))
-    except FlexlabError as error:
-        return None, str(error)
-    try:
-        with one_blas_thread():
-            metrics = measure(world, sample_count(duration, world.tick_period))
-        return (None, world.status.text) if world.status.failed else (metrics.compute(), "")
-    except StudyError as error:  # of a metric of one's own
-        return None, str(error)

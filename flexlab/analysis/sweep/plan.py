@@ -7,7 +7,7 @@ import json
 import threading
 import warnings
 from collections import OrderedDict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import prod
@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlab.analysis.metrics import METRICS, MetricCollection
+from flexlab.analysis.metrics import METRICS, MetricCollection, RunMetrics
 from flexlab.analysis.metrics.own import own_metrics
 from flexlab.analysis.result import scenario_hash
 from flexlab.analysis.sweep.axes import Axis
@@ -205,41 +205,55 @@ class KnownBeams:
 _own = threading.local()
 
 
-def run_part(plan: Plan, cells: Sequence[int], beams: KnownBeams | None = None) -> list[Cell]:
-    """Compute some cells of a sweep, one after the other. A cell that fails says why; the others go on.
+class Measured(NamedTuple):
+    """A scenario that was simulated, and its metrics."""
 
-    `beams`: the beams of this thread's earlier cells, which change no number.
-    """
-    if beams is None:
-        beams = vars(_own).setdefault("beams", KnownBeams())
+    scenario: Scenario | None
+    """None: it is not valid."""
+    status: str
+    """As `Cell.status`."""
+    sentence: str
+    """As `Cell.sentence`."""
+    metrics: RunMetrics | None
+    """None: it failed."""
+
+
+def measured(
+    scenario: Scenario,
+    changes: Mapping[str, Any],
+    duration: float,
+    sample_period: float,
+    beams: KnownBeams | None = None,
+) -> Measured:
+    """Simulate a scenario with changes for its metrics. `beams`: those of this thread's earlier runs, which change no number."""
+    beams = vars(_own).setdefault("beams", KnownBeams()) if beams is None else beams
     with one_blas_thread():
-        return [_run(plan, number, beams) for number in cells]
+        try:
+            changed = change_settings(scenario, changes)
+            world = World(changed, sample_period, beams.of(changed.payload))
+        except FlexlabError as error:
+            return Measured(None, "invalid", str(error), None)
+        ticks, metrics = sample_count(duration, sample_period), MetricCollection()
+        try:
+            metrics.update(world.run(min(BLOCK, ticks)))
+            while world.tick < ticks and not world.status.failed:
+                metrics.update(world.advance(min(BLOCK, ticks - world.tick)))
+            if world.status.failed:
+                return Measured(changed, str(world.status), world.status.text, None)
+            found = metrics.compute()
+        except StudyError as error:  # of a metric of one's own
+            return Measured(changed, "no metric", str(error), None)
+        beams.note(world.assembly)
+        return Measured(changed, "finished", world.warnings, found)
 
 
-def _run(plan: Plan, number: int, beams: KnownBeams) -> Cell:
-    values = plan.values(number)
-    try:
-        scenario = plan.cell_scenario(number)
-        world = World(scenario, plan.sample_period, beams.of(scenario.payload))
-    except FlexlabError as error:
-        return Cell(number, values, "invalid", str(error).replace("\n", " "), None)
-    known = scenario_hash(scenario)
-    try:
-        metrics = measure(world, sample_count(plan.duration, plan.sample_period))
-        if world.status.failed:
-            return Cell(number, values, str(world.status), world.status.text, None, known)
-        found = metrics.compute().numbers
-    except StudyError as error:  # of a metric of one's own
-        return Cell(number, values, "no metric", str(error), None, known)
-    beams.note(world.assembly)
-    plain = tuple(None if value != value else value for value in found)
-    return Cell(number, values, "finished", world.warnings, plain, known)
+def run_part(plan: Plan, cells: Sequence[int], beams: KnownBeams | None = None) -> list[Cell]:
+    """Compute some cells of a sweep, one after the other; `beams` as for `measured`. A cell that fails says why."""
+    return [_run(plan, number, beams) for number in cells]
 
 
-def measure(world: World, ticks: int) -> MetricCollection:
-    """The metrics of a world's samples from the present one until tick `ticks`."""
-    metrics = MetricCollection()
-    metrics.update(world.run(min(BLOCK, ticks)))
-    while world.tick < ticks and not world.status.failed:
-        metrics.update(world.advance(min(BLOCK, ticks - world.tick)))
-    return metrics
+def _run(plan: Plan, number: int, beams: KnownBeams | None) -> Cell:
+    found = measured(plan.scenario, plan.changes(number), plan.duration, plan.sample_period, beams)
+    numbers = None if found.metrics is None else tuple(None if x != x else x for x in found.metrics.numbers)
+    known = "" if found.scenario is None else scenario_hash(found.scenario)
+    return Cell(number, plan.values(number), found.status, found.sentence.replace("\n", " "), numbers, known)

@@ -207,7 +207,7 @@ def explain(run: Run) -> tuple["Explained", ...]:
         raise StudyError(f"{run!r:.60} is no run: give one of flexlab.simulate or flexlab.read.")
     from flexlab.analysis.explanations.explanation import explain_run
 
-    return explain_run(run)
+    return explain_run(run, run.scenario)
 
 
 def simulate_many(

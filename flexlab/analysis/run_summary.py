@@ -54,9 +54,13 @@ class MetricNotes:
         elif isinstance(command, ChangeScenario) and event.level != "error":
             self._changes.append(f"t = {event.time:.3f} s: {event.text}")
 
+    def metrics(self, status: Status) -> RunMetrics:
+        """The metrics of a run that has ended so."""
+        return self._known or self._metrics.compute(not status.failed)
+
     def result(self, status: Status) -> dict[str, Any]:
         """Metrics, differences from the preset, first instant and duration, s."""
-        metrics = self._known or self._metrics.compute(not status.failed)
+        metrics = self.metrics(status)
         return {
             # None for NaN, which JSON lacks.
             "metrics": {

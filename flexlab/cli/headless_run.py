@@ -12,15 +12,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa  # type: ignore[import-untyped]  # It ships no types.
 
-from flexlab.analysis.explanations.explanation import LONGEST_LOOK, Background, Evidence, explain
-from flexlab.analysis.metrics import Column, MetricCollection, RunMetrics
+from flexlab.analysis.explanations.explanation import LONGEST_LOOK, explain_run
+from flexlab.analysis.metrics import Column, RunMetrics
 from flexlab.analysis.metrics.metric import Peak
 from flexlab.analysis.metrics.run_metrics import value_text
 from flexlab.analysis.result import ResultHash
-from flexlab.analysis.run_summary import run_notes
+from flexlab.analysis.run_summary import MetricNotes
 from flexlab.analysis.workers import progress_bar
 from flexlab.cli.console import complain, new_table, output
-from flexlab.errors import FlexlabError
 from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.run_info import RunInfo
 from flexlab.scenario import Scenario
@@ -64,12 +63,8 @@ START_SPAN = 1.0
 
 def explained(samples: Samples, scenario: Scenario) -> list[str]:
     """The explanations of a run's newest samples, a line each; none if the scenario has no modes."""
-    try:
-        background = Background.of(scenario)
-    except FlexlabError:
-        return []
-    found = explain(Evidence.of_run(samples, background, start=0.0))
-    return [f"{each.plot}: {each.sentence} ({each.equation})" for each in found[:MOST_EXPLAINED]]
+    found = explain_run(samples, scenario, start=0.0)[:MOST_EXPLAINED]
+    return [f"{each.plot}: {each.sentence} ({each.equation})" for each in found]
 
 
 class Magnitudes(Peak):
@@ -168,25 +163,22 @@ def run_and_record(
     name: str, scenario: Scenario, duration: float, sample_period: float, logs: Path, quiet: bool = False
 ) -> EndedRun:
     """Simulate and record a scenario; unless `quiet`, print a summary. Complaints always go to standard error."""
-    world, summary, hashed, metrics = World(scenario, sample_period), Summary(), ResultHash(), MetricCollection()
+    world, summary, hashed = World(scenario, sample_period), Summary(), ResultHash()
     if world.pace_warning:
         complain(world.pace_warning)
     leave_pandas_out()
     kept: deque[Samples] = deque(maxlen=KEPT)
-    began = time.perf_counter()
-    with HeadlessRecording(logs, RunInfo(name, world.scenario, world.tick_period), run_notes) as recording:
+    began, notes = time.perf_counter(), MetricNotes(name, world.scenario)
+    with HeadlessRecording(logs, RunInfo(name, world.scenario, world.tick_period), lambda _: notes) as recording:
         for samples in _blocks(world, math.floor(duration / world.tick_period * (1 + 1e-12) + 1e-9)):
             summary.add(samples)
             hashed.update(samples)
-            metrics.update(samples)
             recording.write(samples)
             kept.append(samples)
         status = end_status(world)
         recording.end(status)
     took = time.perf_counter() - began
-    ended = EndedRun(
-        name, recording.path, world, status, summary.count, took, hashed.text(), metrics.compute(not status.failed)
-    )
+    ended = EndedRun(name, recording.path, world, status, summary.count, took, hashed.text(), notes.metrics(status))
     if not quiet:
         _tell(ended, summary)
         if kept:

@@ -121,7 +121,7 @@ def run_page(run: Run, name: str, version: str, noted: Noted = NOTHING) -> str:
         result=result_hash(run),
         version=version,
         noted=noted,
-        why=explain_run(run),
+        why=explain_run(run, run.scenario),
         scenario=scenario_text(run.scenario),
         subscripts=lambda text: Markup(with_subscripts(str(escape(text)))),
     )

@@ -221,13 +221,13 @@ def explain(evidence: Evidence) -> tuple[Explained, ...]:
     return tuple(Explained(each.name, text, each.equation, each.plot) for each, text in said)
 
 
-def explain_run(run: "Run") -> tuple[Explained, ...]:
-    """The explanations of a run's newest `LONGEST_LOOK` s, under the scenario of its first sample.
+def explain_run(run: "Run | Samples", scenario: Scenario, start: float | None = None) -> tuple[Explained, ...]:
+    """The explanations of a run's newest `LONGEST_LOOK` s under a scenario; `start` as for `Evidence.of_run`.
 
     There are none if the scenario has no modes, as when an arm cannot reach its pose; the run's status says why.
     """
     try:
-        background = Background.of(run.scenario)
+        background = Background.of(scenario)
     except FlexlabError:
         return ()
-    return explain(Evidence.of_run(run, background))
+    return explain(Evidence.of_run(run, background, start))

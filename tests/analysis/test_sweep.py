@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ import pytest
 import flexlab
 from flexlab.analysis.sweep.axes import parse_axes
 from flexlab.analysis.sweep.figures import pareto_front, write_figures
-from flexlab.analysis.sweep.plan import KnownBeams, make_plan, run_part
+from flexlab.analysis.sweep.plan import BEAMS, make_plan, run_part
 from flexlab.errors import FlexlabError, ScenarioError, StudyError
 from flexlab.presets import load_preset
 
@@ -51,12 +52,13 @@ def test_a_beam_that_comes_again_gives_the_same_rows_whatever_else_came():
     plan = make_plan(
         load_preset("paper"), axes(f"{K}=100:300:3", f"{EI}=1:900:log:4", "payload.element_count=2,9"), 0.05, 1e-3
     )
-    beams, cells = KnownBeams(), range(plan.cell_count)
-    again = [run_part(plan, part, beams) for part in (cells[::-2], cells)][1]
-    assert again == [run_part(plan, [cell])[0] for cell in cells]
-    assert beams.of(plan.cell_scenario(plan.cell_count - 1).payload), "the newest is known"
-    kept = [beams.of(plan.cell_scenario(cell).payload) for cell in cells[:8]]
+    cells = range(plan.cell_count)
+    again = [run_part(plan, part) for part in (cells[::-2], cells)][1]
+    assert BEAMS.of(plan.cell_scenario(plan.cell_count - 1).payload), "the newest is known"
+    kept = [BEAMS.of(plan.cell_scenario(cell).payload) for cell in cells[:8]]
     assert 0 < sum(map(len, kept)) < 8, "those of nine elements are too many to be kept"
+    with ThreadPoolExecutor(1) as another:
+        assert list(another.map(lambda cell: run_part(plan, [cell])[0], cells)) == again
 
 
 @pytest.mark.parametrize(

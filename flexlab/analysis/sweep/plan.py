@@ -183,8 +183,8 @@ class Cell(NamedTuple):
     """Hash of its scenario; empty if that is not valid."""
 
 
-class KnownBeams:
-    """The derived matrices of a thread's newest beams, so that a cell with one of these beams need not derive them again."""
+class KnownBeams(threading.local):
+    """The derived matrices of each thread's newest beams, so that a run with one of these beams need not derive them again."""
 
     def __init__(self) -> None:
         self._known: OrderedDict[Payload, Assembly] = OrderedDict()
@@ -202,7 +202,8 @@ class KnownBeams:
             self._known.popitem(last=False)
 
 
-_own = threading.local()
+BEAMS = KnownBeams()
+"""They change no number."""
 
 
 class Measured(NamedTuple):
@@ -218,19 +219,12 @@ class Measured(NamedTuple):
     """None: it failed."""
 
 
-def measured(
-    scenario: Scenario,
-    changes: Mapping[str, Any],
-    duration: float,
-    sample_period: float,
-    beams: KnownBeams | None = None,
-) -> Measured:
-    """Simulate a scenario with changes for its metrics. `beams`: those of this thread's earlier runs, which change no number."""
-    beams = vars(_own).setdefault("beams", KnownBeams()) if beams is None else beams
+def measured(scenario: Scenario, changes: Mapping[str, Any], duration: float, sample_period: float) -> Measured:
+    """Simulate a scenario with changes for its metrics; it never raises."""
     with one_blas_thread():
         try:
             changed = change_settings(scenario, changes)
-            world = World(changed, sample_period, beams.of(changed.payload))
+            world = World(changed, sample_period, BEAMS.of(changed.payload))
         except FlexlabError as error:
             return Measured(None, "invalid", str(error), None)
         ticks, metrics = sample_count(duration, sample_period), MetricCollection()
@@ -243,17 +237,17 @@ def measured(
             found = metrics.compute()
         except StudyError as error:  # of a metric of one's own
             return Measured(changed, "no metric", str(error), None)
-        beams.note(world.assembly)
+        BEAMS.note(world.assembly)
         return Measured(changed, "finished", world.warnings, found)
 
 
-def run_part(plan: Plan, cells: Sequence[int], beams: KnownBeams | None = None) -> list[Cell]:
-    """Compute some cells of a sweep, one after the other; `beams` as for `measured`. A cell that fails says why."""
-    return [_run(plan, number, beams) for number in cells]
+def run_part(plan: Plan, cells: Sequence[int]) -> list[Cell]:
+    """Compute some cells of a sweep, one after the other. A cell that fails says why; the others go on."""
+    return [_run(plan, number) for number in cells]
 
 
-def _run(plan: Plan, number: int, beams: KnownBeams | None) -> Cell:
-    found = measured(plan.scenario, plan.changes(number), plan.duration, plan.sample_period, beams)
+def _run(plan: Plan, number: int) -> Cell:
+    found = measured(plan.scenario, plan.changes(number), plan.duration, plan.sample_period)
     numbers = None if found.metrics is None else tuple(None if x != x else x for x in found.metrics.numbers)
     known = "" if found.scenario is None else scenario_hash(found.scenario)
     return Cell(number, plan.values(number), found.status, found.sentence.replace("\n", " "), numbers, known)

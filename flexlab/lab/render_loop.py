@@ -60,6 +60,8 @@ FRAME_TIME = 1 / 30
 """Wall seconds per picture."""
 READOUT_EVERY = 3
 """Pictures per update of plots and readouts: 10 Hz, as fast as numbers can be read."""
+SELDOM = 10
+"""Updates per one of what takes longer to find, or to read: 1 Hz."""
 
 UNSEEN_TIME = 0.25
 """Wall seconds between two checks for browsers; a new connection also wakes the thread at once."""
@@ -72,10 +74,10 @@ class RenderLoop:
         self,
         server: GuardedServer,
         lab_state: LabState,
-        draw: Callable[[bool], None],
+        draw: Callable[[bool, bool], None],
         attendance: Attendance | None,
     ):
-        """`draw(readouts)` draws a picture, with plots and numbers or without.
+        """`draw(readouts, all_of_them)` draws a picture, with plots and numbers or without, and with what is found seldom.
 
         `attendance`: releases and holds runs; None: they run whoever looks.
         """
@@ -108,7 +110,7 @@ class RenderLoop:
             seen = bool(self._server.get_clients())
             if frame == 0 or seen:
                 with telling(self._lab_state.warn, "Drawing failed ({}); the simulation goes on."):
-                    self._draw(frame % READOUT_EVERY == 0)
+                    self._draw(frame % READOUT_EVERY == 0, frame % (READOUT_EVERY * SELDOM) == 0)
                 frame += 1
             if seen:
                 self._stop.wait(max(FRAME_TIME - (time.monotonic() - began), 0.002))

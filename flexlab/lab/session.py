@@ -163,7 +163,7 @@ class Session:
         summary = SpokenSummary(gui, runner, look_back, lambda: explanations.sentences)
         with reading.add_tab("Guide"):
             guide = Guide(widgets)
-        self._readouts = (guide, explanations, summary)
+        self._readouts = (guide, explanations, summary, self._panel.comparing)
 
         def arrange(client: viser.ClientHandle, report: Report) -> None:
             panel_width = PANEL_WIDTH if report.width >= NARROW_WINDOW else NARROW_PANEL
@@ -192,8 +192,8 @@ class Session:
         attendance = Attendance(lab_state, self._reports) if self._attended else None
         return RenderLoop(server, lab_state, self._draw, attendance)
 
-    def _draw(self, readouts: bool) -> None:
-        """Bring the newest snapshot to the screen; `readouts`: with plots and numbers."""
+    def _draw(self, readouts: bool, all_of_them: bool) -> None:
+        """Bring the newest snapshot to the screen; `readouts`: with plots and numbers, or `all_of_them`."""
         lab_state, reports, inputs = self.lab_state, self._reports, self.server.inputs
         snapshot, view = self.runner.snapshot, lab_state.view
         seen = self._look_back.seen(snapshot)
@@ -206,6 +206,6 @@ class Session:
         if readouts:
             with inputs, lab_state.lock:
                 self._panel.update(snapshot, seen, self._scene.scales(view), self._scene.caption)
-                for readout in self._readouts:
+                for readout in self._readouts if all_of_them else ():
                     readout.update(snapshot)
             self._plots.update(self._look_back.recent, seen, view, lab_state.kept, reports.open_charts())

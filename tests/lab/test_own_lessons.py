@@ -12,7 +12,7 @@ from flexlab.analysis.lesson_checks import Verdict, read_check
 from flexlab.analysis.lesson_expressions import ExpressionError, LookedAt, expression
 from flexlab.analysis.lesson_measures import Look
 from flexlab.analysis.own_lessons import OwnLesson, lesson_mistakes, own_lessons
-from flexlab.lab.panel.guide_panel import EVERY, Guide
+from flexlab.lab.panel.guide_panel import Guide
 from flexlab.lab.session import Session
 from flexlab.lab.widgets import Widgets
 from flexlab.presets import load_preset
@@ -222,6 +222,5 @@ def test_lessons_that_are_new_or_saved_anew_are_taken_up(tmp_path: Path, monkeyp
         (tmp_path / "lessons").mkdir()
         for text, title in ((EXAMPLE.replace("t >", "zeit >"), "mine (cannot be read)"), (EXAMPLE, "Stiffer")):
             write(tmp_path / "lessons", text)
-            for _ in range(EVERY):
-                guide.update(session.runner.snapshot)
+            guide.update(session.runner.snapshot)
             assert guide._menu.widget.options == (*before, f"Own lesson: {title}")

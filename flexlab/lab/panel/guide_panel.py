@@ -19,8 +19,6 @@ from flexlab.presets import load_preset
 from flexlab.sim.snapshot import Snapshot
 from flexlab.text import escaped, with_units
 
-EVERY = 10
-"""Panel updates per check (1 Hz): a check reads the whole run."""
 OPEN = "Choose one"
 
 
@@ -29,7 +27,6 @@ class Guide:
 
     def __init__(self, widgets: Widgets):
         self._lab_state = widgets.lab_state
-        self._count = 0
         self._guesses: dict[str, str] = {}
         self._unfolded: set[str] = set()
         self._done: dict[str, str] = {}
@@ -74,15 +71,13 @@ class Guide:
         self._menu.settle()
 
     def update(self, snapshot: Snapshot) -> None:
-        """Check the open lesson."""
-        self._count += 1
-        if self._count % EVERY == 0:
-            self._follow_files()
+        """Follow the files and the teacher, and check the open lesson, which reads the whole run: once a second."""
+        self._follow_files()
         if self._lab_state.rules.pace != self._pace:
             self._follow_teacher()
-        page = self._pages.get(self._shown)
-        if isinstance(page, Lesson) and self._count % EVERY == 0:
-            self._check(page, snapshot)
+        lesson = self._lesson()
+        if lesson is not None:
+            self._check(lesson, snapshot)
 
     def _follow_teacher(self) -> None:
         """Go to the step of the class, or show all steps again."""

@@ -113,7 +113,7 @@ class Panel:
         with tabs.add_tab("Modes"):
             self._modes = ModePanel(widgets, study)
         with tabs.add_tab("Compare"):
-            self._comparing = Comparing(widgets, recorded)
+            self.comparing = Comparing(widgets, recorded)
         with tabs.add_tab("File"):
             self._filing = ScenarioFiles(widgets, link, self._presets.menu.settle)
         with tabs.add_tab("Events"):
@@ -141,7 +141,6 @@ class Panel:
         self._play.settle()
         self._modes.update(snapshot)
         self._ring.update()
-        self._comparing.update(snapshot)
         self._filing.update(snapshot)
         self._tell_three_valued(lab_state.intended)
         is_new, self._run_number = snapshot.run_number != self._run_number, snapshot.run_number

@@ -147,10 +147,6 @@ def _without_drags(events: tuple[Event, ...]) -> list[Event]:
     return kept
 
 
-EVERY = 10
-"""Panel updates per summary (1 Hz)."""
-
-
 class SpokenSummary:
     """The text of the picture, in the GUI container that is open while it is made; `accessibility.js` gives it to the picture."""
 
@@ -159,7 +155,6 @@ class SpokenSummary:
     ):
         """`sentences`: what the plots show."""
         self._runner, self._look_back, self._sentences = runner, look_back, sentences
-        self._count = 0
         self._mark = gui.add_html("")
 
     @property
@@ -169,10 +164,8 @@ class SpokenSummary:
         return summary_text(seen, self._look_back.recent(SEEN_TOGETHER), self._sentences())
 
     def update(self, _: Snapshot) -> None:
-        """Bring the picture's text up to date, once a second."""
-        if self._count % EVERY == 0:
-            put(self._mark, content=f'<i hidden class="fl-summary" data-text="{escaped(self.text)}"></i>')
-        self._count += 1
+        """Bring the picture's text up to date."""
+        put(self._mark, content=f'<i hidden class="fl-summary" data-text="{escaped(self.text)}"></i>')
 
 
 def summary_text(snapshot: Snapshot, recent: Samples, sentences: Sequence[Explained]) -> str:

@@ -15,8 +15,6 @@ from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Snapshot
 from flexlab.text import escaped, number_text
 
-EVERY = 10
-"""Panel updates per table (1 Hz): metrics read the whole common time."""
 MOST_CHANGES = 12
 
 
@@ -26,7 +24,6 @@ class Comparing:
     def __init__(self, widgets: Widgets, recorded: Recorded | None = None):
         """`recorded` reads what the engine no longer keeps of the present run; None: it is not recorded."""
         self._lab_state, self._recorded = widgets.lab_state, recorded
-        self._count = 0
         words = (
             "Keep this run, change a setting or the control law, and press Reset: the kept run stays behind the new one, "
             "its beam in grey and its curves dotted."
@@ -37,17 +34,11 @@ class Comparing:
         self._forgets = widgets.button("Forget it", lambda _: self._forget(), hint=hint, visible=False)
         self._table = widgets.gui.add_html("")
 
-    def update(self, snapshot: Snapshot) -> None:
-        """Bring the table up to date."""
-        self._count += 1
-        if self._count % EVERY == 0:
-            self._show(snapshot)
-
     def _keep(self) -> None:
         kept, start = keep_run(self._lab_state.runner), self._lab_state.snapshot.start_time
         self._lab_state.kept = kept
         self._say_kept(kept)
-        self._show(self._lab_state.snapshot)
+        self.update(self._lab_state.snapshot)
         if self._recorded is not None and kept.span[0] > start:
             # On a thread: reading a minute takes a second or two, in which the page must answer.
             threading.Thread(
@@ -73,9 +64,10 @@ class Comparing:
 
     def _forget(self) -> None:
         self._lab_state.kept = None
-        self._show(self._lab_state.snapshot)
+        self.update(self._lab_state.snapshot)
 
-    def _show(self, snapshot: Snapshot) -> None:
+    def update(self, snapshot: Snapshot) -> None:
+        """Bring the table up to date, whose metrics read the whole common time: once a second."""
         kept = self._lab_state.kept
         put(self._forgets, visible=kept is not None)
         self._table.content = "" if kept is None else comparison_html(kept, snapshot, self._lab_state.runner)

@@ -16,8 +16,6 @@ from flexlab.text import escaped
 
 MOST = 3
 """Sentences at once."""
-EVERY = 10
-"""Panel updates per check (1 Hz)."""
 SEEN, MISSED = 2, 2
 """Checks in a row after which a sentence appears, and after which it disappears."""
 REWORDED = 5
@@ -66,24 +64,22 @@ class ExplanationList:
         self._calm = CalmList()
         self.sentences: Sequence[Explained] = ()
         """The sentences that are shown."""
-        self._run_number, self._count, self._time = -1, 0, -1.0
+        self._run_number, self._time = -1, -1.0
         self._places = []
         for tab in tabs:
             with tab:
                 self._places.append(gui.add_html("", order=LAST, visible=False))
 
     def update(self, snapshot: Snapshot) -> None:
-        """Check again once a second while the run plays."""
+        """Check again while the run plays; to be called once a second."""
         if snapshot.run_number != self._run_number:
             self._run_number = snapshot.run_number
             self._calm.clear()
             self._show([])
-        self._count += 1
         now = float(snapshot.latest.time[0])
-        if self._count % EVERY or now == self._time:
-            return
-        self._time = now
-        self._show(self._calm.look(self._found(snapshot)))
+        if now != self._time:
+            self._time = now
+            self._show(self._calm.look(self._found(snapshot)))
 
     def _found(self, snapshot: Snapshot) -> Sequence[Explained]:
         background = self._study.background(snapshot.scenario)

@@ -248,3 +248,23 @@ def test_a_run_opens_in_the_viewer_without_a_call_to_anybody_else(
             lambda: float(time.input_value()) in (0.5, page.evaluate("window.told")),
             "Continue's time is that of the viewer's cursor",
         )
+
+
+def test_what_cannot_be_studied_is_said_beside_the_form_which_keeps_what_was_typed(
+    plain_chromium: Browser, front_server: FrontServer
+):
+    with window(plain_chromium, f"{front_server.url}studies") as page:
+        form = page.locator("form").filter(has_text="Start the sweep")
+        lower, values, start = form.locator("[name=low1]"), form.locator("[name=count2]"), form.get_by_role("button")
+        lower.fill("1O0")
+        values.fill("7")
+        start.click()
+        problem = form.get_by_role("alert")
+        problem.get_by_text("'1O0' is no number").wait_for()
+        assert (lower.input_value(), values.input_value()) == ("1O0", "7")
+        assert page.url == f"{front_server.url}studies"
+        lower.fill("100")
+        form.locator("[name=duration]").fill("0.05")
+        start.click()
+        page.wait_for_url(re.compile("/studies/.+"))
+        page.get_by_role("heading", name="Sweep").wait_for()

@@ -170,6 +170,24 @@ for (const fieldset of document.querySelectorAll("fieldset.axis")) {
   });
   say();
 }
+// What cannot be studied is said below its form, which keeps what was typed.
+for (const form of document.querySelectorAll(".study-form form")) {
+  const button = form.querySelector("button"), problem = form.querySelector(".problem");
+  form.addEventListener("submit", async (event) => {
+    event.preventDefault();
+    button.disabled = true;
+    try {
+      const answer = await fetch(form.action, { method: "POST", body: new URLSearchParams(new FormData(form)) });
+      if (answer.redirected) return location.assign(answer.url);
+      const page = new DOMParser().parseFromString(await answer.text(), "text/html");
+      problem.textContent = page.querySelector(".message p")?.textContent ?? "The server does not answer.";
+    } catch {
+      problem.textContent = "The server does not answer.";
+    }
+    problem.hidden = false;
+    button.disabled = false;
+  });
+}
 {
   const source = document.getElementById("source");
   if (source) source.querySelector("button").hidden = true;

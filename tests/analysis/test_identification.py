@@ -18,7 +18,7 @@ from flexlab.recording.headless import HeadlessRecording, write_run
 from flexlab.recording.reader import read_recording
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.run_index import MEASURED_STATUS
-from flexlab.sim.commands import Tap
+from flexlab.sim.commands import ChangeScenario, Tap
 from flexlab.sim.samples import MEASURED
 from flexlab.sim.snapshot import Event
 
@@ -120,6 +120,32 @@ def test_the_command_fits_the_last_tap_of_a_recording(flexlab_command: Command, 
     assert found["ρ"]["identifiable"] is False
     saved = flexlab.simulate(tmp_path / "found.json", 0.01).scenario
     assert saved.payload.bending_stiffness == pytest.approx(63.0, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("preset", "tap"), [("paper", None), ("paper", 0.6), ("gravity", 1.0), ("vibration-damping", 1.27)]
+)
+def test_the_intervals_of_a_ring_on_the_way_hold_the_beam(preset: str, tap: float | None):
+    """The arms give way otherwise at each pose: by the path's centre alone, EI was off by many times its interval."""
+    commands = [] if tap is None else [(tap, Tap(0.05, (0.0, 0.1)))]
+    run = flexlab.simulate(preset, 1.0 + (tap or 0.0), commands=commands)
+    found = flexlab.fit(run).beam
+    assert found is not None
+    payload = run.scenario.payload
+    assert found.bending_stiffness.low <= payload.bending_stiffness <= found.bending_stiffness.high
+    assert found.bending_stiffness.value == pytest.approx(payload.bending_stiffness, rel=3e-3)
+    assert found.damping.low <= payload.damping.coefficient <= found.damping.high
+
+
+def test_a_ring_under_another_law_than_at_the_start_is_fitted_under_that():
+    """The damping that a law adds later is not the beam's."""
+    change = ChangeScenario({"controller.kind": "vibration-damping", "trajectory.kind": "hold"})
+    run = flexlab.simulate("paper", 1.3, commands=[(0.5, change), (1.0, Tap(0.05, (0.0, 0.1)))])
+    found = flexlab.fit(run)
+    assert found.beam is not None
+    assert found.beam.damping.value == pytest.approx(0.1, rel=1e-2)
+    assert found.scenario is not None
+    assert found.scenario.controller.kind == "vibration-damping"
 
 
 def write_csv(path: Path, text: str = "") -> np.ndarray:

@@ -3,7 +3,8 @@
 import csv
 import math
 import re
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -156,29 +157,49 @@ class BeamParameters:
     """The scenario with the parameters that are identifiable."""
 
 
-def beam_parameters(fit: RingFit, scenario: Scenario, in_loop: bool) -> BeamParameters:
+Pose = tuple[float, float, float]
+"""x, y, θ; m, m, rad."""
+
+
+def beam_parameters(fit: RingFit, scenario: Scenario, in_loop: bool, poses: Sequence[Pose] = ()) -> BeamParameters:
     """EI and damping with which the first mode of `scenario` rings as `fit` says; length, density and boundary are given.
 
-    `in_loop`: the scenario's arms and law hold the grips, and give way a little; otherwise a vice does.
+    `in_loop`: the scenario's arms and law hold the grips, and give way a little; otherwise a vice does. How much they give way
+    depends on the pose: `poses` are those of the ring, its middle first, and intervals hold what each of them would say;
+    empty: the path's centre.
     """
     path = "payload.damping.ratio" if scenario.payload.damping.kind == "modal" else "payload.damping.coefficient"
     frequency, ratio = fit.first.frequency, fit.first.damping_ratio
     density = Estimate(np.nan, np.nan, np.nan, "kg/m", "a ring tells EI/ρ alone; weigh the beam for ρ")
     reason = frequency.reason
+    middle = poses[0] if poses else None
     try:
-        stiffness, fitted = _solve_stiffness(scenario, frequency.value, in_loop) if not reason else (np.nan, scenario)
+        stiffness, fitted = (
+            _solve_stiffness(scenario, frequency.value, in_loop, middle) if not reason else (np.nan, scenario)
+        )
+        rings = np.array([first_mode(fitted, in_loop, pose) for pose in poses] if not reason else [])
     except FlexlabError:
-        reason, stiffness, fitted = OUT_OF_RANGE, np.nan, scenario
+        reason, stiffness, fitted, rings = OUT_OF_RANGE, np.nan, scenario, np.empty((0, 2))
     spread = (np.array([frequency.low, frequency.high]) / frequency.value) ** 2
+    if len(rings):
+        elsewhere = (rings[0, 0] / rings[:, 0]) ** 2
+        spread *= elsewhere.min(), elsewhere.max()
+        off = rings[:, 1] - rings[0, 1]
+        ratio = replace(ratio, low=ratio.low - float(off.max()), high=ratio.high - float(off.min()))
     EI = Estimate(stiffness, *map(float, stiffness * spread), "N·m²", reason)
     unit = scenario.about(path).unit_text().strip()
-    damping, final = _solve_damping(fitted, path, ratio, in_loop, unit if unit != "1" else "", reason)
+    damping, final = _solve_damping(
+        fitted, path, ratio, lambda one: first_mode(one, in_loop, middle)[1], unit if unit != "1" else "", reason
+    )
     return BeamParameters(EI, density, damping, path, final)
 
 
-def first_mode(scenario: Scenario, in_loop: bool) -> tuple[float, float]:
-    """Frequency, Hz, and damping ratio of the beam's first mode, with its grips held by the arms or by a vice."""
-    found = modes(scenario)
+def first_mode(scenario: Scenario, in_loop: bool, pose: Pose | None = None) -> tuple[float, float]:
+    """Frequency, Hz, and damping ratio of the beam's first mode, with its grips held by the arms or by a vice.
+
+    `pose`: where the arms hold it; None: at the path's centre.
+    """
+    found = modes(scenario, pose)
     if in_loop:
         for pole, origin in zip(found.poles, found.pole_origin, strict=True):
             if origin == SEEN_AS and pole.imag > 0:
@@ -186,11 +207,11 @@ def first_mode(scenario: Scenario, in_loop: bool) -> tuple[float, float]:
     return float(found.frequency[0]), float(found.damping_ratio[0])
 
 
-def _solve_stiffness(scenario: Scenario, frequency: float, in_loop: bool) -> tuple[float, Scenario]:
+def _solve_stiffness(scenario: Scenario, frequency: float, in_loop: bool, pose: Pose | None) -> tuple[float, Scenario]:
     """EI by fixed-point steps, as the first mode's frequency is nearly proportional to √EI."""
     stiffness = scenario.payload.bending_stiffness
     for _ in range(ROUNDS):
-        step = (frequency / first_mode(scenario, in_loop)[0]) ** 2
+        step = (frequency / first_mode(scenario, in_loop, pose)[0]) ** 2
         stiffness *= step
         scenario = scenario.replace({"payload.bending_stiffness": stiffness})
         if abs(step - 1) < CLOSE:
@@ -199,18 +220,18 @@ def _solve_stiffness(scenario: Scenario, frequency: float, in_loop: bool) -> tup
 
 
 def _solve_damping(
-    scenario: Scenario, path: str, ratio: Estimate, in_loop: bool, unit: str, reason: str
+    scenario: Scenario, path: str, ratio: Estimate, ratio_of: Callable[[Scenario], float], unit: str, reason: str
 ) -> tuple[Estimate, Scenario]:
     """The damping by secant steps, as the first mode's ζ is nearly linear in it."""
     if reason or ratio.reason:
         return Estimate(np.nan, np.nan, np.nan, unit, reason or ratio.reason), scenario
     start = scenario.get(path) or 1e-6
     try:
-        here, there = (first_mode(scenario.replace({path: value}), in_loop)[1] for value in (start, 1.1 * start))
+        here, there = (ratio_of(scenario.replace({path: value})) for value in (start, 1.1 * start))
         slope = (there - here) / (0.1 * start)
         value, low, high = (start + (wanted - here) / slope for wanted in (ratio.value, ratio.low, ratio.high))
         for _ in range(ROUNDS):
-            change = (ratio.value - first_mode(scenario.replace({path: value}), in_loop)[1]) / slope
+            change = (ratio.value - ratio_of(scenario.replace({path: value}))) / slope
             value, low, high = value + change, low + change, high + change
             if abs(change) < CLOSE * abs(value):
                 break

@@ -17,10 +17,11 @@ from flexlab.analysis.run_summary import note_metrics
 from flexlab.errors import RecordingError, StudyError
 from flexlab.presets import load_preset
 from flexlab.recording.importing import take_measurement
-from flexlab.recording.reader import read_recording
+from flexlab.recording.reader import Recording, read_recording
 from flexlab.recording.run_info import package_version
 from flexlab.recording.store.run_files import find_run
 from flexlab.scenario import Scenario
+from flexlab.sim.commands import ChangeScenario
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -133,7 +134,8 @@ def fit_run(
     """The fit of a recorded run after its last tap, or from its first ring; `scenario` None: the run's. Raises `FlexlabError`."""
     recording = read_recording(find_run(run, logs))
     t, y, unit = ring_of_run(recording, signal or "vibration", start, end)
-    return _fit(recording.path.stem, t, y, unit, scenario or recording.scenario, False, ())
+    path = recording.samples.desired_pose[np.searchsorted(recording.samples.time, t)]
+    return _fit(recording.path.stem, t, y, unit, scenario or scenario_at(recording, float(t[0])), False, (), path)
 
 
 def _fit(
@@ -144,10 +146,33 @@ def _fit(
     scenario: Scenario | None,
     measured: bool,
     notes: tuple[str, ...],
+    path: np.ndarray | None = None,
 ) -> Fit:
+    """`path`: the desired poses of a run at `t`, (N, 3)."""
     ring = fit_ring(t, y)
-    beam = None if scenario is None else beam_parameters(ring, scenario, in_loop=not measured)
+    poses = [] if path is None else _poses(path, y - ring.background)
+    beam = None if scenario is None else beam_parameters(ring, scenario, not measured, poses)
     return Fit(name, ring, t, y, unit, beam, measured, notes)
+
+
+def scenario_at(recording: Recording, time: float) -> Scenario:
+    """The scenario of a recorded run at an instant, s, after what was changed up to then. Raises `ScenarioError`."""
+    scenario = recording.scenario
+    for event in recording.events:
+        if isinstance(event.command, ChangeScenario) and event.level != "error" and event.time < time:
+            scenario = scenario.replace(event.command.changes)
+    return scenario
+
+
+POWER = (0.5, 0.05, 0.95)
+"""Shares of a ring's power at whose instants its poses count, its middle first."""
+
+
+def _poses(path: np.ndarray, ring: np.ndarray) -> list[tuple[float, float, float]]:
+    """The desired poses of a ring (N,) in the middle of its power and near its ends, of `path` (N, 3)."""
+    power = np.cumsum(ring**2)
+    places = np.minimum(np.searchsorted(power, np.multiply(POWER, power[-1])), len(ring) - 1)
+    return list(dict.fromkeys((float(x), float(y), float(angle)) for x, y, angle in path[places]))
 
 
 def keep_measurement(fit: Fit, source: Path, scenario: Scenario | None, against: str | None, logs: Path) -> Path:

@@ -51,7 +51,9 @@ class ResidualVibration(Metric):
         time, pose = samples.time, np.array(samples.desired_pose[-1])
         moving = np.flatnonzero(np.any(samples.desired_pose != pose, axis=1))
         if len(moving):
-            self._moved, self._stands = float(time[moving[-1]]), float(time[moving[-1] + 1])
+            # A measurement has no target: NaN is unlike itself up to the last sample.
+            stands = min(moving[-1] + 1, len(time) - 1)
+            self._moved, self._stands = float(time[moving[-1]]), float(time[stands])
         elif not np.array_equal(self._pose, pose):  # The target has moved since the piece before, if there was one.
             self._moved, self._stands = self._last, float(time[0])
         self._last, self._pose = float(time[-1]), pose

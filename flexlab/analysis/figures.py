@@ -7,7 +7,7 @@ same bytes of SVG, so that a figure can be kept under version control.
 import io
 import re
 from collections.abc import Mapping, Sequence
-from itertools import cycle, pairwise, product
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -124,65 +124,80 @@ def save_figure(figure: Figure, path: Path) -> Path:
     return path
 
 
+class Curve(NamedTuple):
+    """A curve over time."""
+
+    name: str
+    values: np.ndarray
+    """(N,)."""
+    color: str | None
+    """None: matplotlib's next colour."""
+    line: str
+
+
+class Plot(NamedTuple):
+    """Curves over time that share an axis."""
+
+    label: str
+    """Label of the axis, with its unit."""
+    curves: list[Curve]
+    title: str = ""
+
+
 def draw_figure(number: int, samples: Samples) -> Figure:
     """Figure 2, 3, 4 or 5 of the paper for these samples (N >= 1)."""
-    rows = FIGURES[number](samples)
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH, ROW_HEIGHT * max(len(rows), 2)), layout="constrained")
-        axes = [figure.add_subplot(len(rows), 1, row + 1) for row in range(len(rows))]
-        for part, (label, curves) in zip(axes, rows, strict=True):
-            for name, values, color, line in curves:
-                _curve(part, samples.time, values, color, name, line)
-            part.set_ylabel(label)
-            part.set_xlim(samples.time[0], max(samples.time[-1], samples.time[0] + 1e-9))
-            part.tick_params(labelbottom=part is axes[-1])
-        if axes[0].get_legend_handles_labels()[1]:  # Above the plot, where no curve is.
-            axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, frameon=False)
-        axes[-1].set_xlabel("t (s)")
-        figure.align_ylabels()
+        figure, (first, *_) = _stacked(samples.time, FIGURES[number](samples))
+        if first.get_legend_handles_labels()[1]:  # Above the plot, where no curve is.
+            first.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, frameon=False)
     return figure
 
 
-Rows = list[tuple[str, list[tuple[str, np.ndarray, str, str]]]]
-"""(label, curves) of each plot; (name, values (N,), colour, line style) of each curve."""
+def _stacked(time: np.ndarray, plots: Sequence[Plot]) -> tuple[Figure, Sequence[Axes]]:
+    """A figure of some plots, one below the other, and their axes."""
+    figure = Figure(figsize=(WIDTH, ROW_HEIGHT * max(len(plots), 2)), layout="constrained")
+    parts = figure.subplots(len(plots), 1, sharex=True, squeeze=False)[:, 0]
+    for part, plot in zip(parts, plots, strict=True):
+        for curve in plot.curves:
+            part.plot(*thin_out(time, curve.values), color=curve.color, label=curve.name, linestyle=curve.line)
+        part.set_ylabel(plot.label)
+        part.set_title(plot.title, fontsize="medium", loc="left")
+    parts[-1].set_xlabel("t (s)")
+    parts[-1].set_xlim(time[0], max(time[-1], time[0] + 1e-9))
+    figure.align_ylabels()
+    return figure, parts
 
 
-def _trajectory(samples: Samples) -> Rows:
+def _trajectory(samples: Samples) -> list[Plot]:
     desired, pose = samples.desired_pose.T, samples.pose.T
     return [
-        (f"{axis} ({unit})", [("desired", desired[k], PURPLE, "--"), ("payload", pose[k], GREEN, "-")])
+        Plot(f"{axis} ({unit})", [Curve("desired", desired[k], PURPLE, "--"), Curve("payload", pose[k], GREEN, "-")])
         for k, (axis, unit) in enumerate(zip(AXES, ("m", "m", "rad"), strict=True))
     ]
 
 
-def _vibration(samples: Samples) -> Rows:
+def _vibration(samples: Samples) -> list[Plot]:
     _, whole, bending = map(_hex, DEFLECTION.colors)
     bent, held = MILLI * samples.midspan_deflection, MILLI * samples.quasi_static_deflection
-    curves = [("deflection at mid-span", bent, whole, "-"), ("its quasi-static part", held, bending, "--")]
-    return [("w(0, t) (mm)", curves)]
+    curves = [Curve("deflection at mid-span", bent, whole, "-"), Curve("its quasi-static part", held, bending, "--")]
+    return [Plot("w(0, t) (mm)", curves)]
 
 
-def _error(samples: Samples) -> Rows:
+def _error(samples: Samples) -> list[Plot]:
     about = zip(AXES, ("mm", "mm", "mrad"), MILLI * samples.tracking_error.T, map(_hex, ERROR.colors), strict=True)
-    return [(f"error {axis} ({unit})", [("", values, color, "-")]) for axis, unit, values, color in about]
+    return [Plot(f"error {axis} ({unit})", [Curve("", values, color, "-")]) for axis, unit, values, color in about]
 
 
-def _internal_force(samples: Samples) -> Rows:
+def _internal_force(samples: Samples) -> list[Plot]:
     force, arms = samples.internal_force, (("left arm", BLUE, LINES[0]), ("right arm", VERMILION, LINES[1]))
     return [
-        (f"F {axis} ({unit})", [(arms[i][0], force[:, i, k], *arms[i][1:]) for i in range(force.shape[1])])
+        Plot(f"F {axis} ({unit})", [Curve(arms[i][0], force[:, i, k], *arms[i][1:]) for i in range(force.shape[1])])
         for k, (axis, unit) in enumerate(zip(AXES, ("N", "N", "N·m"), strict=True))
     ]
 
 
 FIGURES = {2: _trajectory, 3: _vibration, 4: _error, 5: _internal_force}
 """Number in the paper → the plots of the figure."""
-
-
-def _curve(
-    axes: Axes, time: np.ndarray, values: np.ndarray, color: str | None, label: str = "", line: str = "-"
-) -> None:
-    axes.plot(*thin_out(time, values), color=color, label=label, linestyle=line)
 
 
 def thin_out(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -201,16 +216,6 @@ MOST_CURVES = 12
 """Most curves of a plot with a legend."""
 
 
-class Plot(NamedTuple):
-    """Curves over time that share an axis."""
-
-    title: str
-    label: str
-    """Label of the axis, with its unit."""
-    curves: list[tuple[str, str | None, np.ndarray]]
-    """(name, colour, values (N,)) of each curve; None: matplotlib's next colour."""
-
-
 def draw_signals(run: Run, names: Sequence[str] = ()) -> Figure:
     """A plot for each named signal over time, in SI units; a signal whose entries have different units gets one for each.
 
@@ -227,45 +232,36 @@ def draw_signals(run: Run, names: Sequence[str] = ()) -> Figure:
     seen = [plot for view in views(run.scenario)[:MOST_LOOKED_AT] for plot in _of_view(run, view)]
     plots = [plot for name in names for plot in _of_signal(run, known[name])] or seen
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH, max(2, len(plots)) * ROW_HEIGHT), layout="constrained")
-        parts = figure.subplots(len(plots), 1, sharex=True, squeeze=False)[:, 0]
+        figure, parts = _stacked(run.time, plots)
         for part, plot in zip(parts, plots, strict=True):
-            _draw(part, run.time, plot)
-        parts[-1].set_xlabel("t (s)")
-        parts[-1].set_xlim(run.time[0], max(run.time[-1], run.time[0] + 1e-9))
-        figure.align_ylabels()
+            if 1 < len(plot.curves) <= MOST_CURVES:
+                part.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
     return figure
 
 
 def _of_view(run: Run, view: View) -> list[Plot]:
-    values, each = view.values(run), list(zip(view.curves, view.units, view.colors, strict=True))
-    plots = {unit: Plot(view.title, unit, []) for unit in view.units}
-    for k, (name, unit, color) in enumerate(each):
-        plots[unit].curves.append((name, _hex(color), values[:, k]))
+    plots = {unit: Plot(unit, [], view.title) for unit in view.units}
+    for name, unit, color, values in zip(view.curves, view.units, view.colors, view.values(run).T, strict=True):
+        _add(plots[unit], name, values, _hex(color))
     return list(plots.values())
 
 
 def _of_signal(run: Run, signal: Signal) -> list[Plot]:
     values, symbol = np.asarray(run[signal.name]), in_mathtext(signal.symbol)
     labels = {unit: f"{symbol} ({unit})" if unit != "1" else symbol for unit in signal.units}
-    plots = {unit: Plot(signal.name.replace("_", " "), label, []) for unit, label in labels.items()}
+    plots = {unit: Plot(label, [], signal.name.replace("_", " ")) for unit, label in labels.items()}
     for index in product(*map(range, values.shape[1:])):
         names = [
             f"{axis.labels[place % 2]} {place}" if axis == COORDINATE else axis.labels[place]
             for axis, place in zip(signal.axes, index, strict=True)
         ]
         unit = signal.units[(index[-1] if index else 0) % len(signal.units)]
-        plots[unit].curves.append((" ".join(names), None, values[(slice(None), *index)]))
+        _add(plots[unit], " ".join(names), values[(slice(None), *index)], None)
     return list(plots.values())
 
 
-def _draw(part: Axes, time: np.ndarray, plot: Plot) -> None:
-    for (name, color, values), line in zip(plot.curves, cycle(LINES), strict=False):
-        _curve(part, time, values, color, name, line)
-    part.set_ylabel(plot.label)
-    part.set_title(plot.title, fontsize="medium", loc="left")
-    if 1 < len(plot.curves) <= MOST_CURVES:
-        part.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
+def _add(plot: Plot, name: str, values: np.ndarray, color: str | None) -> None:
+    plot.curves.append(Curve(name, values, color, LINES[len(plot.curves) % len(LINES)]))
 
 
 def draw_bars(labels: Sequence[str], shown: Mapping[str, Sequence[float | None]]) -> Figure:

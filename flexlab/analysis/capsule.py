@@ -30,8 +30,6 @@ LARGEST_METADATA = 10_000_000
 """Most bytes of the metadata."""
 LARGEST_RUN = 50_000_000_000
 """Most bytes of a recording that is unpacked."""
-SAME_DATE = (1980, 1, 1, 0, 0, 0)
-"""Date of all files in the archive, so that the same run gives the same bytes."""
 
 KINDS = {
     RUN: ("application/octet-stream", "The recording: every sample, bit for bit"),
@@ -53,16 +51,11 @@ def write_capsule(source: Path, target: Path) -> None:
         _fill(folder, source, recording)
         files = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
         described = json.dumps(_metadata(folder, files, recording), indent=1, ensure_ascii=False)
-        with zipfile.ZipFile(draft, "w", zipfile.ZIP_DEFLATED) as archive:
-            _add(archive, METADATA, described.encode())
+        with zipfile.ZipFile(draft, "w") as archive:
+            # Without a date, so that the same run gives the same bytes.
+            archive.writestr(zipfile.ZipInfo(METADATA), described, zipfile.ZIP_DEFLATED)
             for name in files:
-                _add(archive, name, (folder / name).read_bytes())
-
-
-def _add(archive: zipfile.ZipFile, name: str, data: bytes) -> None:
-    about = zipfile.ZipInfo(name, SAME_DATE)
-    about.compress_type = zipfile.ZIP_DEFLATED
-    archive.writestr(about, data)
+                archive.writestr(zipfile.ZipInfo(name), (folder / name).read_bytes(), zipfile.ZIP_DEFLATED)
 
 
 def _fill(folder: Path, source: Path, recording: Recording) -> None:

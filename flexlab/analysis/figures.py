@@ -153,10 +153,10 @@ def draw_figure(number: int, samples: Samples) -> Figure:
     return figure
 
 
-def _stacked(time: np.ndarray, plots: Sequence[Plot]) -> tuple[Figure, Sequence[Axes]]:
+def _stacked(time: np.ndarray, plots: Sequence[Plot]) -> tuple[Figure, list[Axes]]:
     """A figure of some plots, one below the other, and their axes."""
     figure = Figure(figsize=(WIDTH, ROW_HEIGHT * max(len(plots), 2)), layout="constrained")
-    parts = figure.subplots(len(plots), 1, sharex=True, squeeze=False)[:, 0]
+    parts = list(figure.subplots(len(plots), 1, sharex=True, squeeze=False)[:, 0])
     for part, plot in zip(parts, plots, strict=True):
         for curve in plot.curves:
             part.plot(*thin_out(time, curve.values), color=curve.color, label=curve.name, linestyle=curve.line)

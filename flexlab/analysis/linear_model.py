@@ -56,56 +56,23 @@ class LinearModel(StateSpace):
     """
 
     about: About
-
-    @property
-    def state_names(self) -> tuple[str, ...]:
-        """Names of the states, in the order of A's rows."""
-        return tuple(each.name for each in self.about.states)
-
-    @property
-    def input_names(self) -> tuple[str, ...]:
-        """Names of the inputs, in the order of B's columns."""
-        return tuple(each.name for each in self.about.inputs)
-
-    @property
-    def output_names(self) -> tuple[str, ...]:
-        """Names of the outputs, in the order of C's rows."""
-        return tuple(each.name for each in self.about.outputs)
-
-    @property
-    def state_units(self) -> tuple[str, ...]:
-        """Units of the states."""
-        return tuple(each.unit for each in self.about.states)
-
-    @property
-    def input_units(self) -> tuple[str, ...]:
-        """Units of the inputs."""
-        return tuple(each.unit for each in self.about.inputs)
-
-    @property
-    def output_units(self) -> tuple[str, ...]:
-        """Units of the outputs."""
-        return tuple(each.unit for each in self.about.outputs)
-
-    @property
-    def mass(self) -> np.ndarray:
-        """M of M p̈ + C ṗ + K p = Σ𝒥ᵀτ, where p are the first n states."""
-        return self.about.mass
-
-    @property
-    def damping(self) -> np.ndarray:
-        """C of the same equation."""
-        return self.about.damping
-
-    @property
-    def stiffness(self) -> np.ndarray:
-        """K of the same equation."""
-        return self.about.stiffness
-
-    @property
-    def disk_margin(self) -> "DiskMargin | None":
-        """Margins of the closed loop at the joint torques."""
-        return self.about.disk_margin
+    state_names: tuple[str, ...]
+    """Names of the states, in the order of A's rows."""
+    input_names: tuple[str, ...]
+    """Names of the inputs, in the order of B's columns."""
+    output_names: tuple[str, ...]
+    """Names of the outputs, in the order of C's rows."""
+    state_units: tuple[str, ...]
+    input_units: tuple[str, ...]
+    output_units: tuple[str, ...]
+    mass: np.ndarray
+    """M of M p̈ + C ṗ + K p = Σ𝒥ᵀτ, where p are the first n states."""
+    damping: np.ndarray
+    """C of the same equation."""
+    stiffness: np.ndarray
+    """K of the same equation."""
+    disk_margin: "DiskMargin | None"
+    """Margins of the closed loop at the joint torques."""
 
     def to_control(self) -> Any:
         """The model as a `control.StateSpace` of python-control. Raises `StudyError` if that is not installed."""
@@ -145,4 +112,8 @@ def make_model(
     # By scipy's annotations, a subclass constructs its parent.
     model: Any = ContinuousLinearModel(*matrices) if period is None else SampledLinearModel(*matrices, dt=period)
     model.about = about
+    vars(model).update(mass=about.mass, damping=about.damping, stiffness=about.stiffness, disk_margin=about.disk_margin)
+    for kind, named in (("state", about.states), ("input", about.inputs), ("output", about.outputs)):
+        vars(model).update({f"{kind}_names": tuple(name for name, _ in named)})
+        vars(model).update({f"{kind}_units": tuple(unit for _, unit in named)})
     return model

@@ -34,8 +34,6 @@ VERSIONS = (2, 3)
 IDENTIFIER = "flexlab_unit"
 USUAL_DURATION = 3.0
 """s that importers simulate by default."""
-SAME_DATE = (1980, 1, 1, 0, 0, 0)
-"""Date of all files in the archive, so that the same scenario gives the same bytes."""
 SOURCES = Path(__file__).parent / "c"
 DOCUMENTATION = Path(__file__).with_name("documentation.html")
 PLATFORMS = {
@@ -97,11 +95,9 @@ def _write(folder: Path, file: Path, part: Part, name: str, version: int, place:
         "documentation/licenses/license.txt": licence.encode(),
         "resources/scenario.json": text.encode(),
     }
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-        for path, content in files.items():
-            about = zipfile.ZipInfo(path, SAME_DATE)
-            about.compress_type = zipfile.ZIP_DEFLATED
-            archive.writestr(about, content)
+    with zipfile.ZipFile(file, "w") as archive:
+        for path, content in files.items():  # Without a date, so that the same scenario gives the same bytes.
+            archive.writestr(zipfile.ZipInfo(path), content, zipfile.ZIP_DEFLATED)
 
 
 def _layout(part: Part, token: str) -> tuple[str, bytes]:

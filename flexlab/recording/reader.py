@@ -101,7 +101,7 @@ def read_blocks(path: Path | str) -> Iterator[Samples]:
     """
     path = Path(path)
     scenario = read_scenario(path)
-    history = cache(lambda: _changes(read_recording(path, with_samples=False)))
+    history = cache(lambda: Changes(scenario, read_recording(path, with_samples=False).events))
     for _, values in rows_in_order(path, "/exact/samples"):
         block = _block(path, scenario, values, history)
         for first in range(0, max(len(block), 1), MOST_ROWS):
@@ -165,7 +165,9 @@ def _assemble(path: Path, rows: Rows) -> Recording:
     start = _values(rows, "/exact/start").get("state")
     state = None if start is None else state_from_values(json.loads(start))
     records = [json.loads(row["record"]) for _, row in rows.get("/exact/events", [])]
-    events = [_event(record) for record in sorted(records, key=lambda record: record["number"])]
+    events = [event_from_values(record) for record in sorted(records, key=lambda record: record["number"])]
+    for event in events:
+        _finite(event.time)
     started, part = datetime.fromisoformat(properties["started"]), int(properties["part"])
     period, ended = _finite(properties["sample_period_s"]), _finite(end.get("time_s", 0.0))
     if period <= 0:
@@ -199,10 +201,6 @@ def _assemble(path: Path, rows: Rows) -> Recording:
     )
 
 
-def _changes(recording: Recording) -> Changes:
-    return Changes(recording.scenario, recording.events)
-
-
 def _block(path: Path, scenario: Scenario, values: dict[str, Any], history: Callable[[], Changes]) -> Samples:
     try:
         samples, written_in = decode_block(values.get("data", b""))
@@ -219,11 +217,6 @@ def _check_shapes(samples: Samples, scenario: Scenario) -> None:
         sizes = zip(TABLE[name].axes, shape, due, strict=False)
         if len(shape) != len(due) or any(size != wanted for axis, size, wanted in sizes if axis != COORDINATE):
             raise RecordingError(f"{name} has the shape {shape}, which is not that of its scenario: it is damaged.")
-
-
-def _event(record: dict[str, Any]) -> Event:
-    _finite(record["time"])
-    return event_from_values(record)
 
 
 def _finite(value: Any) -> float:

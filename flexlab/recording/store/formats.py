@@ -57,14 +57,9 @@ def checked_format(number: Any, newest: int = FORMAT) -> int:
     return number
 
 
-def same_meaning(recorded_format: int) -> frozenset[str]:
-    """The signals of the table that meant in that format what they mean today."""
-    return frozenset(name for name, signal in TABLE.items() if signal.since <= recorded_format)
-
-
 def same_numbers(recorded_format: int) -> frozenset[str]:
-    """Of these, the signals that were computed then as they are today, to the last bit."""
-    return frozenset(name for name in same_meaning(recorded_format) if TABLE[name].computed_since <= recorded_format)
+    """The table's signals that meant in that format what they mean today, and were computed so, to the last bit."""
+    return frozenset(n for n, signal in TABLE.items() if max(signal.since, signal.computed_since) <= recorded_format)
 
 
 class Changes:

@@ -1,5 +1,6 @@
 """A browser that says what no proper browser would: viser's wire format, spoken by hand."""
 
+import json
 from collections.abc import Iterator
 from types import TracebackType
 from typing import Any
@@ -64,6 +65,12 @@ def _mappings(part: Any) -> Iterator[dict[str, Any]]:
         yield part
     for inner in part.values() if isinstance(part, dict) else part if isinstance(part, list) else ():
         yield from _mappings(inner)
+
+
+def page_report(run: int, **told: Any) -> str:
+    """What a page tells that has drawn a run, and sees no charts unless told."""
+    usual = {"charts": {}, "dark": False, "width": 1440, "covered": (0, 0), "open": (), "hears": False, "again": 0}
+    return json.dumps(usual | {"run": run, **told})
 
 
 class RawBrowser:

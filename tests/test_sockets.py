@@ -46,7 +46,9 @@ def test_an_address_that_cannot_be_had_is_explained(host: str, port: int, said: 
         listen(host, port)
 
 
-@pytest.mark.parametrize("host", ["x" * 64 + ".invalid", "a..invalid", "\udcff.invalid", "[::1", "0.0.0.0."])
+@pytest.mark.parametrize(
+    "host", ["x" * 64 + ".invalid", "256.1.1.1", "a..invalid", "\udcff.invalid", "[::1", "0.0.0.0."]
+)
 def test_what_is_no_host_is_one_sentence(host: str) -> None:
     with pytest.raises(LabError, match=r"is not an address of this machine: use 127\.0\.0\.1 or 0\.0\.0\.0"):
         listen(host, 0)

@@ -9,7 +9,6 @@ import pytest
 from lab_page import wait_until
 from raw_browser import RawBrowser, html_texts, widget
 
-from flexlab.lab.input_guard import LARGEST_UPLOAD, LONGEST_INPUT
 from flexlab.lab.render_loop import RenderLoop
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset
@@ -201,24 +200,6 @@ def test_junk_on_the_wire_costs_only_its_own_connection(session: Session) -> Non
         still_works(session, browser)
 
 
-def test_a_huge_upload_is_refused_before_it_is_kept(session: Session) -> None:
-    with RawBrowser(session) as browser:
-        browser.send(
-            {
-                "type": "FileTransferStartUpload",
-                "source_component_uuid": widget(session, EI)._impl.uuid,
-                "transfer_uuid": "t",
-                "filename": "x.json",
-                "mime_type": "application/json",
-                "part_count": 1,
-                "size_bytes": LARGEST_UPLOAD + 1,
-            }
-        )
-        wait_until(lambda: "not a scenario file" in shown_notice(session), "the upload is refused", 20)
-        assert not session.server.gui._current_file_upload_states
-        still_works(session, browser)
-
-
 def test_no_way_out_through_the_share_tunnel(session: Session) -> None:
     with RawBrowser(session) as browser:
         browser.send({"type": "ShareUrlRequest"})
@@ -256,7 +237,3 @@ def test_texts_of_a_scenario_cannot_become_part_of_the_page(session: Session) ->
         for html in html_texts(session):
             assert "<script" not in html.content
             assert "<i>name" not in html.content
-
-
-def test_limits_are_as_said() -> None:
-    assert LONGEST_INPUT == 10_000

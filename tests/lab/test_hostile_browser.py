@@ -14,6 +14,7 @@ from raw_browser import CAMERA, RawBrowser, widget
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
+from flexlab.lab.input_guard import LARGEST_UPLOAD
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset
 from flexlab.sim.commands import Play
@@ -153,6 +154,13 @@ def test_parts_of_a_file_never_exceed_what_was_announced(session: Session) -> No
         kept = session.server.gui._current_file_upload_states.values()
         assert [state["transferred_bytes"] for state in kept] == [0]
     wait_until(lambda: not session.server.gui._current_file_upload_states, "nothing of it is kept", 20)
+
+
+def test_a_huge_upload_is_refused_before_it_is_kept(session: Session) -> None:
+    with RawBrowser(session) as browser:
+        browser.send(start(session, "t", size_bytes=LARGEST_UPLOAD + 1))
+        wait_until(lambda: "not a scenario file" in session.lab_state.notice.text, "the upload is refused", 20)
+        assert not session.server.gui._current_file_upload_states
 
 
 def test_marks_of_forms_are_not_kept_for_those_who_come_later(session: Session) -> None:

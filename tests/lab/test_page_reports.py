@@ -1,11 +1,10 @@
 """Pages tell what they show, and labs act on it: runs begin when they are drawn, and hold when nobody looks."""
 
-import json
 import re
 
 import pytest
 from lab_page import wait_until
-from raw_browser import RawBrowser
+from raw_browser import RawBrowser, page_report
 
 from flexlab.lab.page_reports import PageReports
 from flexlab.lab.render_loop import Attendance
@@ -23,19 +22,7 @@ def way(session: Session) -> object:
 def report(browser: RawBrowser, session: Session, run: int, **charts: tuple[float, float]) -> None:
     wait_until(session.server.get_clients, "the browser is a client", 20)
     wait_until(lambda: next(iter(session.server.get_clients().values())).gui._gui_input_handle_from_uuid, "its way", 20)
-    text = json.dumps(
-        {
-            "run": run,
-            "charts": charts,
-            "dark": False,
-            "width": 1440,
-            "covered": [0, 0],
-            "open": [],
-            "hears": False,
-            "again": 0,
-        }
-    )
-    browser.update(way(session), {"value": text})
+    browser.update(way(session), {"value": page_report(run, charts=charts)})
 
 
 def time_of(session: Session) -> float:
@@ -123,17 +110,7 @@ def test_a_preset_chosen_again_and_again_begins_few_runs(session: Session) -> No
         report(browser, session, 1)
         begun = session.runner.snapshot.run_number
         for again in range(1, 501):
-            said = {
-                "run": 1,
-                "charts": {},
-                "dark": again == 500,
-                "width": 1440,
-                "covered": [0, 0],
-                "open": [],
-                "hears": False,
-                "again": again,
-            }
-            browser.update(way(session), {"value": json.dumps(said)})
+            browser.update(way(session), {"value": page_report(1, dark=again == 500, again=again)})
         reports: PageReports = session._reports
         wait_until(lambda: [page.report.again for page in reports._all() if page.report] == [500], "all are heard", 30)
         asked = session.lab_state._asked

@@ -5,11 +5,11 @@ from datetime import datetime
 from pathlib import Path
 
 import pytest
+from person import TOKEN, open_server
 
 from flexlab.presets import load_preset
 from flexlab.recording.headless import write_run
-from flexlab.server.front_server import FrontServer, open_front_server
-from flexlab.server.settings import Settings
+from flexlab.server.front_server import FrontServer
 from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
 
@@ -34,7 +34,14 @@ def front_server(tmp_path_factory: pytest.TempPathFactory, recorded: Path) -> It
     logs = tmp_path_factory.mktemp("logs")
     for file in (recorded, recorded.with_suffix(".json")):
         (logs / file.name).write_bytes(file.read_bytes())
-    with open_front_server(Settings(logs=logs, port=0, shadows=False), load_preset("paper"), "paper") as opened:
+    with open_server(logs) as opened:
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FrontServer]:
+    """A server that asks for a token."""
+    with open_server(tmp_path_factory.mktemp("guarded"), token=TOKEN) as opened:
         yield opened
 
 
@@ -44,8 +51,7 @@ def open_another(tmp_path: Path) -> Iterator[Callable[..., FrontServer]]:
     servers: list[FrontServer] = []
 
     def opened(**settings) -> FrontServer:
-        settings = {"logs": tmp_path / "logs", "port": 0, "shadows": False} | settings
-        servers.append(open_front_server(Settings(**settings), load_preset("paper"), "paper"))
+        servers.append(open_server(tmp_path / "logs", **settings))
         return servers[-1]
 
     yield opened

@@ -6,15 +6,12 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-from person import TEACHER, TOKEN
+from person import TEACHER, TOKEN, open_server
 
 from flexlab.analysis.leaderboard.board import make_tasks, run_board
 from flexlab.analysis.leaderboard.case import cases
 from flexlab.analysis.leaderboard.entry import chosen_entrants
 from flexlab.analysis.leaderboard.store import RowStore
-from flexlab.presets import load_preset
-from flexlab.server.front_server import open_front_server
-from flexlab.server.settings import Settings
 
 RUNS = "2026-01-01T00-00-00-alpha", "2026-01-02T00-00-00-beta"
 COMPARISON = f"/compare?run={RUNS[0]}&run={RUNS[1]}"
@@ -30,6 +27,5 @@ def full_server(folder: Path, recorded: Path) -> Iterator[str]:
         shutil.copy(recorded, logs / f"{name}.rrd")
     quick = [replace(cases()[name], duration=0.012) for name in ("B1", "B2")]
     run_board(make_tasks(quick, chosen_entrants(["pd", "lqr"])), RowStore(folder / "leaderboard"))
-    settings = Settings(logs, port=0, token=TOKEN, teacher_token=TEACHER, private=True, shadows=False)
-    with open_front_server(settings, load_preset("paper"), "paper") as server:
+    with open_server(logs, token=TOKEN, teacher_token=TEACHER, private=True) as server:
         yield f"http://127.0.0.1:{server.port}"

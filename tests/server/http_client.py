@@ -14,7 +14,7 @@ from urllib.parse import urlencode, urlsplit
 
 import msgspec.msgpack
 import viser
-from raw_browser import CAMERA, text_of
+from raw_browser import CAMERA, page_report, text_of
 from waiting import ARTIFACTS as ARTIFACTS
 from waiting import PATIENCE
 from waiting import wait_until as wait_until
@@ -25,8 +25,6 @@ FORM = "application/x-www-form-urlencoded"
 PROTOCOL = f"viser-v{viser.__version__}"
 WAY, RUN = re.compile(r'class="fl-reports" data-way="([^"]+)"'), re.compile(r'class="fl-run" data-run="(\d+)"')
 """Where a page reports what it has drawn, and of which run it was sent a picture."""
-NO_CHARTS = {"charts": {}, "dark": False, "width": 1440, "covered": (0, 0), "open": (), "hears": False, "again": 0}
-"""The rest of a page's report."""
 
 
 @dataclass(frozen=True)
@@ -96,9 +94,18 @@ def upload(url: str, name: str, content: bytes, cookies: Mapping[str, str] | Non
 def compared(url: str, *runs: str) -> tuple[str, Answer]:
     """(address, page) of the comparison of these runs, once it is there."""
     place = ask(url, "/compare?" + "&".join(f"run={run}" for run in runs)).headers["Location"]
-    state = f"/compare/{place.rpartition('of=')[2]}/state"
-    wait_until(lambda: not json.loads(ask(url, state).text)["working"], "the comparison is over")
+    over(url, f"/compare/{place.rpartition('of=')[2]}/state")
     return place, ask(url, place)
+
+
+def over(url: str, address: str, patience: float = PATIENCE) -> dict[str, Any]:
+    """What a page is told of a task at an address, once the task is over."""
+
+    def told() -> dict[str, Any]:
+        state = json.loads(ask(url, address).text)
+        return {} if state["working"] else state
+
+    return wait_until(told, f"the task of {address} is over", patience)
 
 
 def upgrade(**more: str) -> dict[str, str]:
@@ -136,8 +143,7 @@ def looking(url: str, path: str, cookies: Mapping[str, str] | None = None) -> It
                     run = (RUN.findall(told) or [drawn])[-1]
                     if way and run != drawn:
                         drawn = run
-                        report = json.dumps(NO_CHARTS | {"run": int(run)})
-                        message = {"type": "GuiUpdateMessage", "uuid": way, "updates": {"value": report}}
+                        message = {"type": "GuiUpdateMessage", "uuid": way, "updates": {"value": page_report(int(run))}}
                         plug.send(msgspec.msgpack.encode(message))
 
         reader = threading.Thread(target=read, daemon=True)

@@ -1,13 +1,24 @@
-"""Somebody with a browser that keeps every cookie: a visitor, and a person of a class."""
+"""A server, and somebody with a browser that keeps every cookie: a visitor, and a person of a class."""
 
 import json
+from pathlib import Path
+from typing import Any
 
 from http_client import Answer, ask, post
 
-from flexlab.server.front_server import FrontServer
+from flexlab.presets import load_preset
+from flexlab.server.front_server import FrontServer, open_front_server
 from flexlab.server.limits import owner_word
+from flexlab.server.settings import Settings
 
 TOKEN, TEACHER = "the-token-of-the-class", "the-teacher-s-own-token"
+
+
+def open_server(logs: Path, preset: str = "paper", **settings: Any) -> FrontServer:
+    """A server for these people."""
+    return open_front_server(
+        Settings(**{"logs": logs, "port": 0, "shadows": False} | settings), load_preset(preset), preset
+    )
 
 
 class Visitor:

@@ -11,12 +11,10 @@ from pathlib import Path
 
 import pytest
 from http_client import ask, looking, wait_until
-from person import TEACHER, TOKEN, Person
+from person import TEACHER, TOKEN, Person, open_server
 
-from flexlab.presets import load_preset
 from flexlab.recording.store.notes import read_notes, write_notes
-from flexlab.server.front_server import FrontServer, open_front_server
-from flexlab.server.settings import Settings
+from flexlab.server.front_server import FrontServer
 
 QUOTA = 50_000_000
 """Bytes; no lab of these tests records so much."""
@@ -25,18 +23,8 @@ QUOTA = 50_000_000
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FrontServer]:
     """A class with one private lab."""
-    settings = Settings(
-        tmp_path_factory.mktemp("class"),
-        port=0,
-        token=TOKEN,
-        teacher_token=TEACHER,
-        private=True,
-        max_sessions=1,
-        quota=QUOTA / 1e6,
-        idle_time=600.0,
-        shadows=False,
-    )
-    with open_front_server(settings, load_preset("paper"), "paper") as opened:
+    tokens, limits = {"token": TOKEN, "teacher_token": TEACHER}, {"max_sessions": 1, "quota": QUOTA / 1e6}
+    with open_server(tmp_path_factory.mktemp("class"), private=True, **tokens, **limits) as opened:
         yield opened
 
 
@@ -227,17 +215,17 @@ def test_runs_are_tagged_exported_and_deleted_in_bulk(server: FrontServer, ben: 
 
 @pytest.mark.parametrize("private", [True, False])
 def test_what_the_teacher_asked_holds_after_a_restart(tmp_path: Path, private: bool):
-    settings = Settings(tmp_path, port=0, token=TOKEN, teacher_token=TEACHER, private=private, shadows=False)
+    settings = {"token": TOKEN, "teacher_token": TEACHER, "private": private}
     lesson = "Lesson 1: Why does it ring?"
-    with open_front_server(settings, load_preset("paper"), "paper") as server:
+    with open_server(tmp_path, **settings) as server:
         asked = [("lesson", lesson), ("step", "2"), ("lock", "on"), ("hide", "on")]
         assert Person(server, TEACHER).post("/teacher/rules", *asked).status == 303
-    with open_front_server(settings, load_preset("paper"), "paper") as server:
+    with open_server(tmp_path, **settings) as server:
         rules = json.loads(Person(server, TEACHER).ask("/teacher/labs").text)["rules"]
         assert rules == {"lesson": lesson, "step": "2", "lock": True, "hide": True}
         if not private:
             wait_until(lambda: Person(server, TEACHER).labs()[0]["state"] == "paused", "nobody can play")
     (tmp_path / ".class.json").write_text('{"rules": {"step": 99, "lesson": 3}}')
-    with open_front_server(settings, load_preset("paper"), "paper") as server:
+    with open_server(tmp_path, **settings) as server:
         rules = json.loads(Person(server, TEACHER).ask("/teacher/labs").text)["rules"]
         assert rules == {"lesson": "", "step": "3", "lock": False, "hide": False}

@@ -14,7 +14,7 @@ import psutil
 import pytest
 from http_client import upgrade, wait_until
 from lab_process import Lab
-from person import Visitor
+from person import TOKEN, Visitor
 
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
@@ -26,7 +26,6 @@ from flexlab.server.labs.per_visitor import LONGEST_ROUND, SILENCE
 from flexlab.sim.simulate import simulate
 
 StartLab = Callable[..., Lab]
-TOKEN = "a-token-for-tests"
 SLOW_STEP, SLOW_TIME = 1e-5, 8.0
 """s: a run whose replay takes longer than anybody waits who is about to end."""
 SOON = 5.0
@@ -102,28 +101,6 @@ def test_a_member_gets_in_beside_hundreds_of_idle_connections(start_lab: StartLa
             plug.close()
     assert lab.end() == 0
     assert len("".join(lab.complained)) < 100_000, "nor do they flood the log"
-
-
-def test_a_private_lab_that_fails_is_told_replaced_and_its_run_kept(start_lab: StartLab):
-    lab = start_lab("--private")
-    anna, ben = Visitor(lab.url()), Visitor(lab.url())
-    second = ben.enter()
-    others = workers(lab)
-    for how in (signal.SIGSEGV, signal.SIGKILL):
-        before = list_runs(lab.folder / "logs")
-        first = anna.enter()
-        (worker,) = [worker for worker in workers(lab) if worker not in others]
-        run = wait_until(lambda before=before: begun_run(lab, before), "it is recorded")
-        worker.send_signal(how)
-        told = wait_until(lambda first=first: json.loads(anna.state(first)).get("sentence"), "Anna is told")
-        assert "your run was kept" in told
-        assert f"signal {how:d}" in told
-        wait_until(lambda worker=worker: gone(worker), "the failed process is over")
-        wait_until(lambda run=run: run_state(run) == "recovered", "Anna's run is made whole")
-        assert len(read_recording(run).samples) > 0
-        assert ben.enter() == second, "Ben's lab runs on"
-    assert anna.enter() not in (first, second), "Anna gets a new one"
-    assert lab.end() == 0
 
 
 def test_a_server_that_was_stopped_for_a_while_closes_no_lab(start_lab: StartLab):

@@ -4,7 +4,7 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 
-from http_client import ask, wait_until
+from http_client import ask, over
 
 from flexlab.analysis.leaderboard.board import make_tasks, run_board
 from flexlab.analysis.leaderboard.case import cases
@@ -45,10 +45,6 @@ def test_a_computation_that_cannot_keep_its_rows_says_so(open_another: Callable[
     assert json.loads(ask(server.url, "/leaderboard/state").text)["working"] is False
     assert ask(server.url, "/leaderboard", method="POST").status == 303
     assert json.loads(ask(server.url, "/leaderboard/state").text)["working"]
-
-    def state() -> dict:
-        return json.loads(ask(server.url, "/leaderboard/state").text)
-
-    wait_until(lambda: not state()["working"], "the computation ends", 120)
-    assert state()["kind"] == "bad"
-    assert "cannot be written" in state()["sentence"]
+    state = over(server.url, "/leaderboard/state", 120)
+    assert state["kind"] == "bad"
+    assert "cannot be written" in state["sentence"]

@@ -15,7 +15,7 @@ from urllib.parse import urlencode
 
 import pytest
 from http_client import FORM, ask, file_form, looking, upgrade, upload, wait_until
-from person import TEACHER, TOKEN, Person
+from person import TEACHER, TOKEN, Person, open_server
 
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
@@ -25,13 +25,12 @@ from flexlab.recording.recorder import Recorder
 from flexlab.recording.repair import finish
 from flexlab.recording.store.notes import write_notes
 from flexlab.recording.store.run_files import has_footer, list_runs
-from flexlab.server.front_server import FrontServer, open_front_server
+from flexlab.server.front_server import FrontServer
 from flexlab.server.labs.lab_provider import MOST_OF_ADDRESS, FullError, WaitingLine
 from flexlab.server.limits import LOOK_AGAIN, THE_SERVER, BusyError, Limit, Quota, Visitor, owner_word
 from flexlab.server.pages import run_actions, runs_pages
 from flexlab.server.pages.page_context import MOST_PAGES, MOST_VIEWERS
 from flexlab.server.run_jobs import take_in
-from flexlab.server.settings import Settings
 from flexlab.server.tasks import AT_ONCE, MOST_OF_ONE, Turns
 from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
@@ -40,19 +39,11 @@ from flexlab.sim.world import World
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FrontServer]:
     """A class with private labs, live data and a quota."""
-    settings = Settings(
-        logs=tmp_path_factory.mktemp("class"),
-        port=0,
-        private=True,
-        max_sessions=3,
-        max_per_address=3,
-        rerun=True,
-        shadows=False,
-        token=TOKEN,
-        teacher_token=TEACHER,
-        quota=20.0,
+    tokens, limits = (
+        {"token": TOKEN, "teacher_token": TEACHER},
+        {"max_sessions": 3, "max_per_address": 3, "quota": 20.0},
     )
-    with open_front_server(settings, load_preset("paper"), "paper") as opened:
+    with open_server(tmp_path_factory.mktemp("class"), private=True, rerun=True, **tokens, **limits) as opened:
         yield opened
 
 

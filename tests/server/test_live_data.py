@@ -9,12 +9,11 @@ from urllib.parse import parse_qs, urlsplit
 import psutil
 import pytest
 from http_client import ask, wait_until
+from person import TOKEN
 
 from flexlab.recording.rerun_internals.chunks import quiet_reader
 from flexlab.recording.rerun_internals.tool import rerun_tool
 from flexlab.server.front_server import FrontServer
-
-TOKEN = "a-token-for-tests"
 
 
 def listening() -> set[int]:

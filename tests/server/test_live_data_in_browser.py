@@ -7,13 +7,13 @@ from urllib.parse import urlsplit
 import numpy as np
 from browser_window import open_window
 from http_client import wait_until
+from person import TOKEN
 from PIL import Image
 from playwright.sync_api import Browser
 
 from flexlab.server.front_server import FrontServer
 from flexlab.views import OLIVE, ROSE, VIOLET
 
-TOKEN = "a-token-for-tests"
 NEAR, SHARE = 24, 2e-4
 """How near a pixel is to a curve's colour, and the share of such pixels where curves are."""
 

@@ -6,27 +6,15 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from http_client import ask, wait_until
+from person import TOKEN
 
-from flexlab.presets import load_preset
-from flexlab.server.front_server import FrontServer, open_front_server
+from flexlab.server.front_server import FrontServer
 from flexlab.server.limits import MOST_HELD, MOST_PENDING
-from flexlab.server.settings import Settings
-
-TOKEN = "a-token-for-tests"
-
-
-@pytest.fixture(scope="module")
-def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FrontServer]:
-    """A server that asks for a token."""
-    settings = Settings(logs=tmp_path_factory.mktemp("guarded"), port=0, token=TOKEN, shadows=False)
-    with open_front_server(settings, load_preset("paper"), "paper") as opened:
-        yield opened
 
 
 def send(server: FrontServer, words: bytes) -> bytes:
@@ -135,8 +123,7 @@ def test_a_visitor_is_who_the_server_says(open_another: Callable[..., FrontServe
 
 
 def test_the_key_of_cookies_is_for_its_owner_only(open_another: Callable[..., FrontServer], tmp_path: Path):
-    with ExitStack():
-        open_another(token=TOKEN)
+    open_another(token=TOKEN)
     (key,) = (tmp_path / "logs").glob(".*key*")
     assert key.stat().st_mode & 0o077 == 0
 

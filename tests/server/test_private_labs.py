@@ -9,14 +9,12 @@ from pathlib import Path
 
 import pytest
 from http_client import PATIENCE, ask, looking, upgrade, wait_until
-from person import Person
+from person import Person, open_server
 
-from flexlab.presets import load_preset
 from flexlab.recording.reader import read_recording
 from flexlab.recording.store.run_files import list_runs, run_state
-from flexlab.server.front_server import FrontServer, open_front_server
+from flexlab.server.front_server import FrontServer
 from flexlab.server.labs import per_visitor
-from flexlab.server.settings import Settings
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -31,9 +29,7 @@ def _patience() -> Iterator[None]:
 @pytest.fixture(scope="module")
 def private(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FrontServer]:
     """A server with private labs."""
-    logs = tmp_path_factory.mktemp("private")
-    settings = Settings(logs, port=0, private=True, max_sessions=3, shadows=False, rerun=True)
-    with open_front_server(settings, load_preset("paper"), "paper") as opened:
+    with open_server(tmp_path_factory.mktemp("private"), private=True, max_sessions=3, rerun=True) as opened:
         yield opened
 
 
@@ -116,9 +112,7 @@ def test_a_full_house_says_so_and_a_lab_that_nobody_watches_makes_room(open_anot
 
 
 def test_closing_the_server_closes_every_lab_and_keeps_the_runs(tmp_path: Path):
-    front_server = open_front_server(
-        Settings(logs=tmp_path, port=0, private=True, shadows=False), load_preset("paper"), "paper"
-    )
+    front_server = open_server(tmp_path, private=True)
     visitor = Person(front_server, "")
     visitor.enter()
     pid = visitor.place.pid

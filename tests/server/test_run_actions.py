@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from http_client import ask, compared, looking, post, upload, wait_until
+from http_client import ask, compared, looking, over, post, upload, wait_until
 from rerun.chunk import RrdReader
 
 from flexlab.analysis.replay import replay
@@ -164,11 +164,7 @@ def test_a_replay_tells_its_finding_and_a_foreign_bit_is_found(
     assert post(library.url, f"/runs/{recorded.stem}/replay", {}).headers["Location"] == f"/runs/{recorded.stem}"
     assert post(library.url, f"/runs/{recorded.stem}/replay", {}).status == 303, "asked twice, it is still one replay"
 
-    def finding(run: str) -> dict | None:
-        state = json.loads(ask(library.url, f"/runs/{run}/replay").text)
-        return None if state["working"] else state
-
-    state = wait_until(lambda: finding(recorded.stem), "the replay is over")
+    state = over(library.url, f"/runs/{recorded.stem}/replay")
     assert (state["kind"], state["sentence"]) == ("good", "All 501 samples came out again, bit for bit.")
     assert state["sentence"] in ask(library.url, f"/runs/{recorded.stem}").text
     # A run whose scenario is not the one that made its samples.
@@ -176,7 +172,7 @@ def test_a_replay_tells_its_finding_and_a_foreign_bit_is_found(
     changed = type(run)(**vars(run) | {"scenario": run.scenario.replace({"payload.bending_stiffness": 99.0})})
     other = write_run(changed, library.settings.logs, "other")
     post(library.url, f"/runs/{other.stem}/replay", {})
-    state = wait_until(lambda: finding(other.stem), "the replay is over")
+    state = over(library.url, f"/runs/{other.stem}/replay")
     assert state["kind"] == "bad"
     # At t = 0 the sine has no acceleration, so that no stiffness shows.
     assert "differs first at t = 0.001 s in pose" in state["sentence"]
@@ -224,12 +220,7 @@ def test_a_run_that_is_being_recorded_is_replayed_as_far_as_it_is(library: Front
         wait_until(lambda: place.status().time > 1.5, "a second is recorded")
         run = place.status().recording.stem
         assert post(library.url, f"/runs/{run}/replay", {}).status == 303
-
-        def found() -> str:
-            state = json.loads(ask(library.url, f"/runs/{run}/replay").text)
-            return "" if state["working"] else state["sentence"]
-
-        sentence = wait_until(found, "the replay is over")
+        sentence = over(library.url, f"/runs/{run}/replay")["sentence"]
         assert re.fullmatch(r"All \d+ samples came out again, bit for bit\.", sentence)
         assert sentence in ask(library.url, f"/runs/{run}").text, "although the file has grown since"
 

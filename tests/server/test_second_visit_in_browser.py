@@ -1,6 +1,5 @@
 """Who comes back to a page sees it again: browsers keep pages, and ask whether what they kept still holds."""
 
-import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,14 +9,14 @@ from urllib.parse import urlsplit
 
 import pytest
 from browser_window import UNDRAWN, open_window
-from http_client import PATIENCE, ask, compared, post, wait_until
+from http_client import PATIENCE, ask, compared, over, post
+from person import open_server
 from playwright.sync_api import Browser, Locator
 
 from flexlab.presets import load_preset, preset_names
 from flexlab.server.auth import HEADERS
-from flexlab.server.front_server import FrontServer, build_app, open_front_server
+from flexlab.server.front_server import FrontServer, build_app
 from flexlab.server.scenario_links import encode_scenario
-from flexlab.server.settings import Settings
 
 NEVER_SINCE = "Fri, 01 Jan 2038 00:00:00 GMT"
 SWEEP = {
@@ -51,7 +50,7 @@ def server(tmp_path_factory: pytest.TempPathFactory, recorded: Path) -> Iterator
     logs = tmp_path_factory.mktemp("visited")
     for name in ("2025-12-30T12-00-00-one", "2025-12-31T12-00-00-two"):
         (logs / f"{name}.rrd").write_bytes(recorded.read_bytes())
-    with open_front_server(Settings(logs=logs, port=0, shadows=False), load_preset("paper"), "paper") as opened:
+    with open_server(logs) as opened:
         yield opened
 
 
@@ -59,8 +58,7 @@ def server(tmp_path_factory: pytest.TempPathFactory, recorded: Path) -> Iterator
 def study(server: FrontServer) -> str:
     """The address of a finished sweep of two cells."""
     address = post(server.url, "/studies", SWEEP).headers["Location"]
-    state = f"{address}/state"
-    wait_until(lambda: not json.loads(ask(server.url, state).text)["working"], "the study is done", 4 * PATIENCE)
+    over(server.url, f"{address}/state", 4 * PATIENCE)
     return address
 
 

@@ -14,6 +14,7 @@ import pytest
 from browser_window import PICTURES, SOFTWARE_RENDERING, open_window
 from get_browser import find_browser
 from http_client import ARTIFACTS, PATIENCE, wait_until
+from person import TOKEN
 from PIL import Image
 from playwright.sync_api import Browser, Locator, Page, Response
 
@@ -168,10 +169,10 @@ def test_without_webgl_the_run_goes_on_and_panel_and_plots_work(
 
 
 def test_signing_in_by_the_printed_address(plain_chromium: Browser, open_another: Callable[..., FrontServer]):
-    front_server = open_another(token="a-token-for-tests")
+    front_server = open_another(token=TOKEN)
     with window(plain_chromium, f"http://127.0.0.1:{front_server.port}/lab/?fixedDpr=0.5") as page:
         picture(page, "server-sign-in")
-        page.get_by_label("Token").fill("a-token-for-tests")
+        page.get_by_label("Token").fill(TOKEN)
         page.get_by_role("button", name="Open").click()
         page.wait_for_url("**/lab/?fixedDpr=0.5")
         page.wait_for_function(SCENE, timeout=1000 * PATIENCE)
@@ -236,7 +237,7 @@ def test_a_run_opens_in_the_viewer_without_a_call_to_anybody_else(
     chromium: Browser, open_another: Callable[..., FrontServer], recorded: Path
 ):
     # With a token, because the viewer sends no cookies: this is the harder case.
-    front_server = open_another(token="a-token-for-tests")
+    front_server = open_another(token=TOKEN)
     shutil.copy(recorded, front_server.settings.logs / recorded.name)
     with window(chromium, front_server.address(f"/runs/{recorded.stem}")) as page:
         page.evaluate(LISTEN)

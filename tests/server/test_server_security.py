@@ -13,42 +13,20 @@ from urllib.parse import urlsplit
 import aiohttp
 import pytest
 from http_client import FORM, PROTOCOL, ask, upgrade, wait_until
+from person import TOKEN
 
 from flexlab.errors import LabError
 from flexlab.server.front_server import FrontServer
 from flexlab.server.proxy import LARGEST_MESSAGE
-from flexlab.server.settings import Settings
-
-TOKEN = "a-token-for-tests"
-
-
-@pytest.fixture(scope="module")
-def guarded(tmp_path_factory: pytest.TempPathFactory):
-    """A server that asks for a token."""
-    from flexlab.presets import load_preset
-    from flexlab.server.front_server import open_front_server
-
-    settings = Settings(logs=tmp_path_factory.mktemp("guarded"), port=0, token=TOKEN, shadows=False)
-    with open_front_server(settings, load_preset("paper"), "paper") as opened:
-        yield opened
 
 
 def cookie_of(front_server: FrontServer) -> dict[str, str]:
     return ask(front_server.url, f"/?token={TOKEN}").cookies
 
 
-def test_a_local_server_listens_on_loopback_and_asks_for_nothing(front_server: FrontServer):
+def test_a_local_server_asks_for_nothing(front_server: FrontServer):
     assert front_server.settings.token is None
     assert ask(front_server.url).status == 200
-    with socket.socket() as probe, pytest.raises(OSError, match="refused"):
-        # Another address of this very machine: nobody listens there.
-        probe.connect(("127.0.0.2", front_server.port))
-
-
-def test_the_lab_itself_listens_on_loopback_only(front_server: FrontServer):
-    (place,) = front_server.places.running()
-    with socket.socket() as probe, pytest.raises(OSError, match="refused"):
-        probe.connect(("127.0.0.2", place.port))
 
 
 def test_all_addresses_need_a_token(open_another: Callable[..., FrontServer]):
@@ -229,34 +207,6 @@ def test_a_malformed_frame_closes_that_connection_only(front_server: FrontServer
             pass
     wait_until(lambda: "Refused" in caplog.text, "the log tells of it")
     assert ask(front_server.url, "/lab", **upgrade()).status == 101
-
-
-def test_a_malformed_request_is_refused(front_server: FrontServer):
-    for words in (
-        b"\x00\xff\r\n\r\n",
-        b"GET / HTTP/1.1\r\nHost: a b\r\n\r\n",
-        b"GET /" + b"x" * 20_000 + b" HTTP/1.1\r\n\r\n",
-    ):
-        with socket.create_connection(("127.0.0.1", front_server.port), timeout=30) as plug:
-            plug.sendall(words)
-            assert plug.recv(1 << 16).startswith(b"HTTP/1.")
-    assert ask(front_server.url).status == 200
-
-
-@pytest.mark.parametrize(
-    ("settings", "says"),
-    [
-        ({"port": 70000}, "port = 70000"),
-        ({"max_sessions": 0}, "max-sessions = 0"),
-        ({"idle_time": 0.0}, "idle-time"),
-        ({"token": "short"}, "token is too short"),
-        ({"host": "256.1.1.1", "port": 0}, "256.1.1.1"),
-        ({"host": "192.0.2.1", "port": 0}, "192.0.2.1"),
-    ],
-)
-def test_bad_settings_are_one_sentence(open_another: Callable[..., FrontServer], settings: dict, says: str):
-    with pytest.raises(LabError, match=says):
-        open_another(**settings)
 
 
 def test_a_busy_port_is_one_sentence_and_leaves_nothing_behind(

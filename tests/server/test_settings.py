@@ -20,11 +20,16 @@ from flexlab.server.settings import Settings
         ("idle_time", 0.5, "idle-time = 0.5 s is outside 1 to 604800 s: choose within it."),
         ("idle_time", 1e9, "idle-time = 1e+09 s is outside 1 to 604800 s"),
         ("idle_time", float("nan"), "idle-time = nan s is outside"),
+        ("max_sessions", 0, "max-sessions = 0 is outside 1 to 1000: choose within it."),
+        ("token", "fifteen-letters", "The token is too short to keep anybody out: give at least 16 characters."),
+        ("token", "with spaces in the middle", "The token has ' ', which an address cannot hold as it stands"),
+        ("token", "hash#hash#hash#hash", "The token has '#'"),
+        ("token", "ümlautümlautümlaut", "The token has '.xfc'"),
         ("max_size", -2.0, "max-size = -2 GB is no limit: give a number above 0, or leave it out."),
         ("max_age", 0.0, "max-age = 0 days is no limit"),
     ],
 )
-def test_a_setting_out_of_range_is_refused_in_a_sentence(field: str, value: float, says: str) -> None:
+def test_a_setting_out_of_range_is_refused_in_a_sentence(field: str, value: object, says: str) -> None:
     with pytest.raises(LabError, match=says.replace("+", r"\+")):
         Settings(**{field: value})
 

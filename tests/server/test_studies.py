@@ -5,7 +5,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from http_client import PATIENCE, ask, post, wait_until
+from http_client import PATIENCE, ask, over, post
+from person import open_server
 
 import flexlab
 from flexlab.analysis.sweep.axes import parse_axes, varied_fields
@@ -13,9 +14,8 @@ from flexlab.analysis.sweep.plan import make_plan, run_part
 from flexlab.analysis.sweep.result import Sweep, SweepFolder
 from flexlab.errors import FlexlabError
 from flexlab.presets import load_preset
-from flexlab.server.front_server import FrontServer, open_front_server
+from flexlab.server.front_server import FrontServer
 from flexlab.server.scenario_links import decode_scenario, encode_scenario
-from flexlab.server.settings import Settings
 from flexlab.server.studies.sweep import GrowingSweep, page_data
 from flexlab.server.study import MOST_AT_ONCE, MOST_VALUES, read_study
 
@@ -36,16 +36,14 @@ TUNING = SWEEP | {
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FrontServer]:
     """One server for all studies of this file."""
-    settings = Settings(logs=tmp_path_factory.mktemp("logs"), port=0, shadows=False)
-    with open_front_server(settings, load_preset("soft-beam"), "soft-beam") as opened:
+    with open_server(tmp_path_factory.mktemp("logs"), "soft-beam") as opened:
         yield opened
 
 
 def finished(server: FrontServer, form: dict[str, str]) -> str:
     """The address of a study that is done."""
     address = post(server.url, "/studies", form).headers["Location"]
-    state = f"{address}/state"
-    wait_until(lambda: not json.loads(ask(server.url, state).text)["working"], "the study is done", STUDY_PATIENCE)
+    over(server.url, f"{address}/state", STUDY_PATIENCE)
     return address
 
 
@@ -139,8 +137,7 @@ def test_laws_and_dampings_are_swept_on_the_page(server: FrontServer):
     answer = post(server.url, "/studies", form + laws)
     address = answer.headers["Location"]
     assert "Control law: pd, computed-torque" in ask(server.url, address).text
-    state = f"{address}/state"
-    wait_until(lambda: not json.loads(ask(server.url, state).text)["working"], "the study is done", STUDY_PATIENCE)
+    over(server.url, f"{address}/state", STUDY_PATIENCE)
     found = json.loads(ask(server.url, f"{address}/data").text)
     assert [(axis["title"], axis["numeric"], len(axis["values"])) for axis in found["axes"]] == [
         ("Control law", False, 2), ("Bending stiffness", True, 3),

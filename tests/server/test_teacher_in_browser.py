@@ -4,21 +4,16 @@ from pathlib import Path
 
 from browser_window import PATIENCE, open_window
 from http_client import looking, wait_until
-from person import TEACHER, TOKEN, Person
+from person import TEACHER, TOKEN, Person, open_server
 from playwright.sync_api import Browser
 
 from flexlab.presets import load_preset
 from flexlab.recording.store.notes import read_notes
 from flexlab.recording.store.run_files import list_runs
-from flexlab.server.front_server import open_front_server
-from flexlab.server.settings import Settings
 
 
 def test_each_button_of_the_class_and_of_a_lab_does_what_it_says(plain_chromium: Browser, tmp_path: Path):
-    settings = Settings(
-        tmp_path, port=0, token=TOKEN, teacher_token=TEACHER, private=True, max_sessions=1, shadows=False
-    )
-    with open_front_server(settings, load_preset("paper"), "paper") as server:
+    with open_server(tmp_path, token=TOKEN, teacher_token=TEACHER, private=True, max_sessions=1) as server:
         anna = Person(server)
         anna.post("/name", ("name", "Anna"), ("enter", "yes"))
         path = anna.ask("/lab/").headers["Location"]
@@ -55,10 +50,7 @@ def test_each_button_of_the_class_and_of_a_lab_does_what_it_says(plain_chromium:
 
 
 def test_a_class_is_paced_locked_and_asked(plain_chromium: Browser, tmp_path: Path):
-    settings = Settings(
-        tmp_path, port=0, token=TOKEN, teacher_token=TEACHER, private=True, max_sessions=3, shadows=False
-    )
-    with open_front_server(settings, load_preset("paper"), "paper") as server:
+    with open_server(tmp_path, token=TOKEN, teacher_token=TEACHER, private=True, max_sessions=3) as server:
         url = f"http://127.0.0.1:{server.port}"
         anna, ben = Person(server), Person(server)
         for person, name in ((anna, "Anna"), (ben, "Ben")):

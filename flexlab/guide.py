@@ -307,11 +307,13 @@ class ClassRules:
     @property
     def pace(self) -> str:
         """Where the class is, as a sentence; empty if each chooses."""
-        if not self.lesson:
-            return ""
-        return f"The class is at {step_text(self.step)} of “{self.lesson}”: open the Guide. The teacher moves on."
+        return f"{self._place}: open the Guide. The teacher moves on." if self.lesson else ""
 
     @property
-    def sentences(self) -> tuple[str, ...]:
-        """What people in a lab are told as long as these rules hold."""
-        return tuple(filter(None, (self.pace, LOCKED if self.locked else "")))
+    def pace_on_play_screen(self) -> str:
+        """The same for the play screen, which has no guide."""
+        return f"{self._place}: press More, then open the Guide. The teacher moves on." if self.lesson else ""
+
+    @property
+    def _place(self) -> str:
+        return f"The class is at {step_text(self.step)} of “{self.lesson}”"

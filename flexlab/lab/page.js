@@ -141,10 +141,13 @@
   let someoneActed = false;
   for (const kind of ["pointerup", "keyup"]) addEventListener(kind, () => { someoneActed = true; }, true);
 
+  const guideIsOpen = () => Boolean(document.querySelector(".fl-guide")?.getClientRects().length);
+
   function keepOpenPanels() {
+    document.documentElement.classList.toggle("fl-guided", guideIsOpen());
     if (!someoneActed || document.querySelector(".fl-presentation")) return;
     const open = [];
-    if (document.querySelector(".fl-guide")?.getClientRects().length) open.push("guide");
+    if (guideIsOpen()) open.push("guide");
     const charts = Object.values(window.__viserTestpoints?.uplots ?? {});
     if (charts.some(({ chart }) => chart.root.offsetParent !== null)) open.push("plots");
     if (open.join() === lastOpen.join()) return;

@@ -7,6 +7,7 @@ from lab_page import wait_until
 from raw_browser import RawBrowser, html_texts
 
 from flexlab.analysis.explanations.explanation import Explained
+from flexlab.guide import ClassRules
 from flexlab.lab.lab_state import Notice
 from flexlab.lab.panel.readouts import SEEN_TOGETHER, largest_vibration, notices_html, summary_text
 from flexlab.lab.session import Session
@@ -18,7 +19,7 @@ from flexlab.sim.snapshot import Event
 
 
 def notices(scenario: Scenario) -> str:
-    return notices_html(Runner(scenario, playing=False).snapshot, Notice(""))
+    return notices_html(Runner(scenario, playing=False).snapshot, Notice(""), ClassRules())
 
 
 def bent_at_its_free_end(share: float) -> Scenario:

@@ -67,7 +67,13 @@ def test_a_class_is_paced_locked_and_asked(plain_chromium: Browser, tmp_path: Pa
         page.goto(f"{url}/teacher")
         page.get_by_label("Pace").select_option("Lesson 1: Why does it ring?")
         page.get_by_label("up to step").select_option("1")
-        lab.get_by_text("The class is at step 1 of 3 (guess) of “Lesson 1: Why does it ring?”").wait_for()
+        lab.get_by_text("The class is at step 1 of 3 (guess). The teacher moves on.").wait_for()
+        over_the_scene = lab.get_by_text(
+            "The class is at step 1 of 3 (guess) of “Lesson 1: Why does it ring?”: open the Guide"
+        )
+        wait_until(
+            lambda: over_the_scene.count() == 1 and not over_the_scene.is_visible(), "no second time over the scene"
+        )
         lab.get_by_text("What rings the beam?").wait_for()
         load, answer = (lab.get_by_role("button", name=name) for name in ("Load paper", "Show the answer"))
         assert (load.count(), answer.count()) == (0, 0), "of later steps nothing is there"

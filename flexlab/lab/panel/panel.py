@@ -133,7 +133,7 @@ class Panel:
         self._status.content = status_html(seen, lab_state.view, scales, self._recording())
         put(self._caption, content=f'<div class="fl fl-caption">{escaped(caption)}</div>')
         put(self._number, content=number_html(self._look_back.recent(SEEN_TOGETHER), seen))
-        self._notices.content = notices_html(seen, lab_state.notice, lab_state.rules.sentences)
+        self._notices.content = notices_html(seen, lab_state.notice, lab_state.rules)
         self._events.update(snapshot)
         self._presets.update()
         self._drive.update(snapshot)

@@ -6,6 +6,7 @@ import numpy as np
 import viser
 
 from flexlab.analysis.explanations.explanation import Explained
+from flexlab.guide import LOCKED, ClassRules
 from flexlab.lab import colors
 from flexlab.lab.lab_state import Notice
 from flexlab.lab.look_back import LookBack
@@ -77,14 +78,15 @@ def _torque(sample: Samples) -> str:
     return f"{fixed_text(float(np.abs(sample.joint_torque[0]).max()), 1)} N·m{limit}"
 
 
-def notices_html(snapshot: Snapshot, notice: Notice, standing: Sequence[str] = ()) -> str:
+def notices_html(snapshot: Snapshot, notice: Notice, rules: ClassRules) -> str:
     """Warnings and notices, floating over the picture so that nothing in the panel moves; empty if there are none.
 
-    `standing`: sentences that are shown as long as they are given.
+    `rules`: what is said of them stays as long as they hold.
     """
-    boxes = [_box(text, "info") for text in standing]
+    standing = {"fl-pace": rules.pace, "fl-pace-on-play": rules.pace_on_play_screen, "": LOCKED if rules.locked else ""}
+    boxes = [_box(text, "info", kind) for kind, text in standing.items() if text]
     cautions = _cautions(snapshot)
-    boxes += [_box(text, "error", text in cautions) for text in warnings(snapshot)]
+    boxes += [_box(text, "error", "fl-caution" if text in cautions else "") for text in warnings(snapshot)]
     if notice.text and not (snapshot.status.failed and notice.text == snapshot.status.text):
         boxes.append(_box(notice.text, notice.level))
     return f'<div class="fl fl-float">{"".join(boxes)}</div>' if boxes else ""
@@ -121,9 +123,9 @@ def _cautions(snapshot: Snapshot) -> list[str]:
     return [text for text in (snapshot.accuracy_warning, snapshot.model_warning) if text]
 
 
-def _box(text: str, level: str, caution: bool = False) -> str:
-    kinds = f"fl-{'error' if level == 'error' else 'info'}{' fl-caution' if caution else ''}"
-    return f'<div class="fl-box {kinds}">{escaped(text)}</div>'
+def _box(text: str, level: str, kind: str = "") -> str:
+    kinds = " ".join(filter(None, ("fl-box", "fl-error" if level == "error" else "fl-info", kind)))
+    return f'<div class="{kinds}">{escaped(text)}</div>'
 
 
 def events_html(snapshot: Snapshot) -> str:

@@ -10,6 +10,9 @@ from flexlab.errors import LabError
 from flexlab.lab.failures import telling
 from flexlab.lab.lab_state import BY_PERSON, LabState
 
+LAST = 1e12
+"""viser's rank of a widget that stays below those that come later."""
+
 
 def handler(lab_state: LabState, action: Callable[[Any], None]) -> Callable[[Any], Coroutine[Any, Any, None]]:
     """A callback for a widget: runs `action(event)` for what a person did, and shows what went wrong as a sentence.

@@ -30,7 +30,7 @@ from flexlab.lab.panel.sections import (
 from flexlab.lab.panel.view_controls import Look, ViewControls
 from flexlab.lab.picking import Picking, touch_controls
 from flexlab.lab.reference_run import Recorded
-from flexlab.lab.widgets import Widgets, put, table_html
+from flexlab.lab.widgets import LAST, Widgets, put, table_html
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
 from flexlab.sim.snapshot import Event, Snapshot
@@ -81,7 +81,8 @@ class Panel:
 
         `recorded` as for `Comparing`.
         """
-        self._lab_state, self._look_back, self._recording = widgets.lab_state, look_back, recording
+        self._lab_state, self._look_back, self._study = widgets.lab_state, look_back, study
+        self._recording = recording
         self._run_number = self._lab_state.snapshot.run_number
         self._last_event: Event | None = None
         self._told: Scenario | None = None
@@ -95,12 +96,12 @@ class Panel:
         tabs = widgets.gui.add_tab_group()
         with tabs.add_tab("Parameters"):
             self._note = widgets.gui.add_html("", visible=False)
-            notes = {"controller": lambda: conditions_html(study.conditions)}
             sections = {
-                path: Folder(widgets, title, partial(section_rows, part_path=path), is_open=True, note=notes.get(path))
+                path: Folder(widgets, title, partial(section_rows, part_path=path), is_open=True)
                 for title, path in SECTIONS
             }
-            self._noted = sections["controller"]
+            with sections["controller"].folder:
+                self._conditions = widgets.gui.add_html("", order=LAST)
             details = [
                 Folder(widgets, group.title, partial(group_rows, group=group), is_open=False) for group in GROUPS
             ]
@@ -158,7 +159,7 @@ class Panel:
             self._settled = scenarios
             for section in self._sections:
                 section.settle(is_new)
-        self._noted.write_note()
+        put(self._conditions, content=conditions_html(self._study.conditions))
 
     def _tell_three_valued(self, scenario: Scenario) -> None:
         if scenario is not self._told:

@@ -4,33 +4,20 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
-import viser
-
 from flexlab.control.conditions import Condition
 from flexlab.control.path import Trajectory
 from flexlab.lab.panel.field import Entry, Switch, choice, field
 from flexlab.lab.panel.number_control import NumberControl
-from flexlab.lab.widgets import Menu, Widgets, put
+from flexlab.lab.widgets import Menu, Widgets
 from flexlab.quantities import Part, Quantity, describe, own_numbers
 from flexlab.scenario import Scenario
-from flexlab.scenario.field_text import short_title
+from flexlab.scenario.field_text import TITLES, short_title
 from flexlab.scenario.scenario import COMMON_FIELDS
 from flexlab.sim.target import build_trajectory, desired_at
 from flexlab.text import escaped, number_text
 
 SECTIONS = (("Beam", "payload"), ("Controller", "controller"), ("Trajectory", "trajectory"), ("World", ""))
 """Folder title and path of the part of the scenario that it shows."""
-CHOSEN = (
-    "controller.kind",
-    "controller.slow.kind",
-    "controller.observer.kind",
-    "trajectory.kind",
-    "trajectory.shaper",
-    "payload.damping.kind",
-    "payload.boundary",
-    "payload.axial_load",
-)
-"""Fields that are a word from a menu."""
 FIRST = ("bending_stiffness", "damping")
 """Fields that stand before the others: what a student changes first."""
 LAST = ("load_share", "wanted_internal_force", "mass_change")
@@ -192,14 +179,8 @@ SWITCHES: dict[str, Switch] = {
     "payload.mode_count": ("Keep fewer modes", lambda scenario: scenario.payload.coordinate_count),
 }
 """Fields that may be left out: the words of their switch, and the value that it begins with."""
-CHOSEN_HERE = (
-    "simulation.integrator",
-    "left_arm.elbow",
-    "right_arm.elbow",
-    "controller.model.axial_load",
-    "grips.model",
-    "grips.measured_at",
-)
+CHOSEN = tuple(path for path in TITLES if not any(path in group.paths for group in GROUPS))
+"""Fields that are a word from a menu, and stand in no group."""
 
 
 def present(scenario: Scenario, group: Group) -> tuple[str, ...]:
@@ -239,7 +220,7 @@ def group_rows(scenario: Scenario, group: Group) -> list[Entry]:
 
 
 def _row(scenario: Scenario, path: str) -> Entry:
-    if path in CHOSEN_HERE:
+    if path in TITLES:
         return Entry(path, is_menu=True)
     parent, name = path.rsplit(".", 1)
     about = scenario.about(path)
@@ -250,22 +231,11 @@ def _row(scenario: Scenario, path: str) -> Entry:
 class Folder:
     """A folder of fields. They are built anew when the scenario's parts change their kind."""
 
-    def __init__(
-        self,
-        widgets: Widgets,
-        title: str | None,
-        rows: Callable[[Scenario], list[Entry]],
-        *,
-        is_open: bool,
-        note: Callable[[], str] | None = None,
-    ):
-        """`title` None: without head and border. `rows`: what it shows of a scenario.
-
-        `note`: HTML below the fields, asked for at every update.
-        """
-        self._widgets, self._rows, self._note = widgets, rows, note
-        self._folder = widgets.gui.add_folder(title, expand_by_default=is_open)
-        self._noted: viser.GuiHtmlHandle | None = None
+    def __init__(self, widgets: Widgets, title: str | None, rows: Callable[[Scenario], list[Entry]], *, is_open: bool):
+        """`title` None: without head and border. `rows`: what it shows of a scenario."""
+        self._widgets, self._rows = widgets, rows
+        self.folder = widgets.gui.add_folder(title, expand_by_default=is_open)
+        """As viser has it."""
         self._fields: list[NumberControl | Menu] = []
         self._built_for: list[Entry] | None = None
         self._followed: Scenario | None = None
@@ -277,24 +247,17 @@ class Folder:
         for control in self._fields:
             control.settle(at_once)
 
-    def write_note(self) -> None:
-        """Bring the note below the fields up to date."""
-        if self._note is not None and self._noted is not None:
-            put(self._noted, content=self._note())
-
     def _follow(self, scenario: Scenario) -> None:
         if scenario is self._followed:
             return
         self._followed, rows = scenario, self._rows(scenario)
         if rows == self._built_for:
             return
-        for widget in (*self._fields, self._noted):
-            if widget is not None:
-                widget.remove()
-        self._built_for, self._folder.visible = rows, bool(rows)
-        with self._folder:
+        for control in self._fields:
+            control.remove()
+        self._built_for, self.folder.visible = rows, bool(rows)
+        with self.folder:
             self._fields = [self._field(row) for row in rows]
-            self._noted = self._widgets.gui.add_html(self._note()) if self._note is not None else None
 
     def _field(self, row: Entry) -> NumberControl | Menu:
         if row.is_menu:

@@ -8,7 +8,7 @@ from flexlab.analysis.explanations.explanation import EXPLANATIONS, LONGEST_LOOK
 from flexlab.analysis.metrics.run_metrics import between
 from flexlab.lab.mode_computation import ModeStudy
 from flexlab.lab.picking import is_pulled
-from flexlab.lab.widgets import put
+from flexlab.lab.widgets import LAST, put
 from flexlab.sim.commands import ChangeScenario, Pull, Tap
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Event, Snapshot
@@ -22,8 +22,6 @@ REWORDED = 5
 """Checks for which a sentence keeps its numbers."""
 DISTURBANCES = (ChangeScenario, Pull, Tap)
 """Commands after which earlier samples explain nothing any more."""
-LAST = 1e12
-"""viser's rank of a widget that stays below those that come later."""
 
 
 class CalmList:

@@ -183,10 +183,11 @@ class Quota:
         if taken + size <= self._most:
             self._granted += size
             return ""
+        needs = f"{size / MEGABYTE:.1f}"
+        told = f", and this needs {needs} MB" if taken <= self._most and float(needs) else ""
         return (
-            f"Your runs take {taken / MEGABYTE:.0f} MB of the {self._most / MEGABYTE:.0f} MB that each visitor has"
-            f"{f', and this needs {size / MEGABYTE:.1f} MB' if taken <= self._most else ''}: "
-            "delete some of them on the page Runs. A simulated second takes about "
+            f"Your runs take {taken / MEGABYTE:.0f} MB of the {self._most / MEGABYTE:.0f} MB that each visitor has{told}: "
+            "delete some of them on the page Runs, the present one after a reset. A simulated second takes about "
             f"{PER_SECOND / MEGABYTE:g} MB, so that {self._most / PER_SECOND:.0f} s fit in all."
         )
 

@@ -254,7 +254,7 @@ def test_what_finishing_will_add_to_a_run_counts_before(tmp_path: Path):
     most = path.stat().st_size + 50_000
     now = [0.0]
     quota = Quota(tmp_path, owner, most, clock=lambda: now[0])
-    assert "that each visitor has" in quota(1000)
+    assert "that each visitor has: delete" in quota(1000), "nobody wants to read that this needs 0.0 MB"
     finish(path)
     assert path.stat().st_size > most
     path.unlink()

@@ -26,7 +26,7 @@ from flexlab.analysis.sweep.figures import SIZE, pareto_front
 from flexlab.analysis.sweep.plan import measured
 from flexlab.analysis.workers import Told, Workers, chosen_workers
 from flexlab.arguments import whole_number
-from flexlab.errors import StudyError
+from flexlab.errors import FlexlabError, StudyError
 from flexlab.lapack import one_blas_thread
 from flexlab.scenario import Scenario
 from flexlab.scenario.settings import change_settings
@@ -38,6 +38,7 @@ FAILED = 1e12
 limits is better than one beyond them, and that is better than one that fails."""
 NOT_SETTLED = 10.0
 """The settling time of a run that has not settled, in lengths of the run."""
+SETTLING = "settling_time"
 
 
 @dataclass(frozen=True)
@@ -53,25 +54,39 @@ class Cost:
         return tuple(dict.fromkeys((*self.weights, *self.limits)))
 
     def of(self, metrics: RunMetrics | None) -> float:
-        """The cost of a run; of None, which failed, `FAILED`."""
-        if metrics is None:
+        """The cost of a run; of None, which failed, and of one in which a metric has no value, `FAILED`."""
+        if metrics is None or self.lacks(metrics):
             return FAILED
         values = numbers_of(metrics)
-        excess = sum(max(values[name] / limit - 1, 0.0) for name, limit in self.limits.items())
+        excess = sum(
+            max(values[name] / limit - 1, 0.0 if self._within(metrics, name) else NOT_SETTLED)
+            for name, limit in self.limits.items()
+        )
         total = sum(weight * values[name] for name, weight in self.weights.items())
         return min(total + FAILED * 1e-6 * excess, FAILED)
 
     def holds(self, metrics: RunMetrics) -> bool:
         """Whether a run keeps within the limits."""
+        return all(self._within(metrics, name) for name in self.limits)
+
+    def lacks(self, metrics: RunMetrics) -> str:
+        """Why a run has no cost, in a sentence, as a metric has no value in it; empty: it has one."""
         values = numbers_of(metrics)
-        return all(values[name] <= limit for name, limit in self.limits.items())
+        missing = [name for name in self.names if math.isnan(values[name])]
+        return f"The metric {missing[0]} has no value in this run." if missing else ""
+
+    def _within(self, metrics: RunMetrics, name: str) -> bool:
+        """Whether a run keeps within a limit; one that has not settled keeps within none of its settling time."""
+        return metrics[name] <= self.limits[name]
 
 
 def numbers_of(metrics: RunMetrics) -> dict[str, float]:
-    """Number by each name of a metric; a run that has not settled has ten times its length as settling time."""
-    found = {number.name: metrics[number.name] for number in numbers()}
+    """Number by each name of a metric, NaN if it has none; a run that has not settled has ten times its length as its time."""
+    found: dict[str, float] = {number.name: metrics[number.name] for number in numbers()}
     found |= {row.column.field: row.value for row in metrics.rows}
-    return {name: NOT_SETTLED * metrics.duration if math.isnan(value) else value for name, value in found.items()}
+    if math.isnan(metrics[SETTLING]):
+        found[SETTLING] = found[named(SETTLING).number.column.field] = NOT_SETTLED * metrics.duration
+    return found
 
 
 def parse_cost(weights: Sequence[str] | Mapping[str, float], limits: Sequence[str] | Mapping[str, float] = ()) -> Cost:
@@ -167,8 +182,9 @@ class Tuning(Result):
     @property
     def problem(self) -> str:
         """What is wrong with the best candidate, in a sentence; empty: nothing."""
-        if self.best.reason:
-            return f"Every run that was tried fails: {self.best.reason}"
+        changed = self.candidates[1:]
+        if changed and all(candidate.reason for candidate in changed):
+            return f"Every run that was tried fails: {self.best.reason or changed[0].reason}"
         exceeded = "Nothing that was tried keeps within the limits: widen the ranges or the limits."
         return "" if self.holds else exceeded
 
@@ -178,15 +194,28 @@ class Tuning(Result):
         paths = dict.fromkeys(path for candidate in self.candidates for path in candidate.changes)
         rows = []
         for candidate in self.candidates:
-            scenario = change_settings(self.scenario, candidate.changes)
             found = {} if candidate.metrics is None else {name: candidate.metrics[name] for name in number_names()}
             rows.append(
-                {path: scenario.get(path) if scenario.has(path) else None for path in paths}
+                {path: candidate.changes.get(path, self._before(path)) for path in paths}
                 | {"cost": candidate.cost, "sentence": candidate.reason}
                 | {name: None if math.isnan(value := found.get(name, math.nan)) else value for name in number_names()}
-                | provenance(scenario)
+                | self._provenance(candidate)
             )
         return pa.Table.from_pylist(rows)
+
+    def _before(self, path: str) -> float | None:
+        """The number of a field as it was, None if there was none; of equal numbers, one of them, as one varies them all."""
+        value = self.scenario.get(path) if self.scenario.has(path) else None
+        if isinstance(value, tuple) and len(set(value)) == 1:
+            (value,) = set(value)
+        return value if isinstance(value, (int, float)) else None
+
+    def _provenance(self, candidate: Candidate) -> dict[str, Any]:
+        """Scenario and version of a candidate; of one that is not valid, no scenario."""
+        try:
+            return provenance(change_settings(self.scenario, candidate.changes))
+        except FlexlabError:
+            return provenance(self.scenario) | {"scenario": None}
 
     def plot(self, first: str = "", second: str = "") -> Figure:
         """The trade-off between two metrics among all candidates; by default the first two of the cost."""
@@ -213,7 +242,8 @@ class Tuning(Result):
 
     def __repr__(self) -> str:
         found = ", ".join(f"{path} = {value:.5g}" for path, value in self.best.changes.items()) or "nothing better"
-        return f"<Tuning of {len(self.candidates)} candidates: cost {self.before.cost:.4g} → {self.best.cost:.4g}, {found}>"
+        costs = f"cost {self.before.cost:.4g} → {self.best.cost:.4g}"
+        return f"<Tuning of {len(self.candidates)} candidates: {self.problem or f'{costs}, {found}'}>"
 
 
 def tune(
@@ -278,7 +308,7 @@ def _try(variants: Sequence[Scenario], cost: Cost, duration: float, changes: dic
     worst: Candidate | None = None
     for variant in variants:
         run = measured(variant, changes, duration, TICK)
-        reason = run.sentence if run.metrics is None else ""
+        reason = run.sentence if run.metrics is None else cost.lacks(run.metrics)
         found = Candidate(changes, cost.of(run.metrics), run.metrics, reason)
         if worst is None or found.cost > worst.cost:
             worst = found

@@ -10,6 +10,8 @@ from flexlab.cli.options import Cluster, Law, Preset, Seed, Settings, Several, T
 from flexlab.errors import StudyError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from flexlab.analysis.tuning import Tuning
 
 
@@ -83,7 +85,14 @@ def _print(found: "Tuning") -> None:
         table.add_row(path, str(before), f"{value:.6g}")
     for name in found.cost.names:
         both = (candidate.numbers for candidate in (found.before, found.best))
-        table.add_row(name, *(f"{values[name]:.5g}" if values else "fails" for values in both))
+        table.add_row(name, *(_number(values, name) for values in both))
     table.add_row("cost", f"{found.before.cost:.5g}", f"{found.best.cost:.5g}")
     output().print(table)
     output().print(f"{len(found.candidates)} candidates were tried.")
+
+
+def _number(values: "Mapping[str, float]", name: str) -> str:
+    """A metric of a candidate."""
+    if not values:
+        return "fails"
+    return f"{values[name]:.5g}" if values[name] == values[name] else "–"

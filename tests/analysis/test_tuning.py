@@ -1,5 +1,6 @@
 """Tuning finds what costs least within bounds and limits, robustly if asked, the same with the same seed."""
 
+import math
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -8,6 +9,7 @@ import pytest
 from own_law_text import at_work
 
 import flexlab
+from flexlab.analysis.metrics.metric import forget
 from flexlab.analysis.sweep.axes import parse_axes
 from flexlab.analysis.tuning import FAILED, numbers_of, parse_cost, tune
 from flexlab.errors import StudyError
@@ -47,7 +49,55 @@ def test_a_run_that_fails_costs_most_and_says_why():
         tune(out_of_reach, stiffness, parse_cost("rms-y"), duration=0.1)
     assert parse_cost("rms-y").of(None) == FAILED
     unsettled = flexlab.simulate(PAPER, 0.1).metrics
-    assert numbers_of(unsettled)["settled"] == pytest.approx(1.0)
+    assert numbers_of(unsettled)["settled"] == numbers_of(unsettled)["settling_time"] == pytest.approx(1.0)
+
+
+def test_a_metric_without_a_value_has_no_cost():
+    """It counted as ten lengths of the run, metres or joules, which may be the best of all."""
+
+    @flexlab.metric("J")
+    def worth(samples: flexlab.Samples) -> float:
+        return 500.0 if len(samples) and samples.bound_estimates[-1, 0] < 0.006 else math.nan
+
+    try:
+        found = tune(PAPER, GAIN, parse_cost("worth"), duration=0.05, candidates=12)
+        values = {candidate.cost for candidate in found.candidates}
+        assert values == {500.0, FAILED}, "some gains have a value, and others have none"
+        assert found.best.cost == 500.0
+        assert {row["sentence"] for row in found.table.to_pylist()} == {
+            "", "The metric worth has no value in this run."
+        }  # fmt: skip
+    finally:
+        forget("worth")
+    never = tune(PAPER, GAIN, parse_cost("residual_vibration.stop"), duration=0.05, candidates=8)
+    says = "Every run that was tried fails: The metric residual_vibration.stop has no value in this run."
+    assert (never.problem, repr(never)) == (says, f"<Tuning of {len(never.candidates)} candidates: {says}>")
+    assert not math.isnan(never.plot().axes[0].get_xlim()[0])
+
+
+def test_a_run_that_has_not_settled_keeps_no_limit_of_its_settling_time():
+    unsettled = flexlab.simulate(PAPER, 0.1).metrics
+    cost = parse_cost("rms_error.y", "settling_time=2")
+    assert not cost.holds(unsettled)
+    assert cost.of(unsettled) > 1e6
+    found = tune(PAPER, GAIN, cost, duration=0.05, candidates=8)
+    assert not found.holds
+    assert "Nothing that was tried keeps within the limits" in repr(found)
+
+
+def test_a_field_of_several_numbers_is_tuned_and_one_that_takes_none_is_told():
+    kept = {"cost": parse_cost("rms_error.y"), "duration": 0.02, "candidates": 8}
+    found = tune(PAPER, parse_axes(["trajectory.amplitude=0.1:0.2"], PAPER), **kept)
+    column = found.table.column("trajectory.amplitude").to_pylist()
+    assert column[0] == 0.2
+    assert column[1:] == [candidate.changes["trajectory.amplitude"] for candidate in found.candidates[1:]]
+    never = tune(PAPER, parse_axes(["controller.torque_limit=100:300"], PAPER), **kept)
+    assert never.problem.startswith("Every run that was tried fails: controller.torque_limit = ")
+    assert "needs a list of numbers" in never.problem
+    rows = never.table.to_pylist()
+    assert rows[0]["scenario"] is not None
+    assert {row["scenario"] for row in rows[1:]} == {None}
+    assert {row["controller.torque_limit"] for row in rows[:1]} == {None}
 
 
 @pytest.mark.parametrize(

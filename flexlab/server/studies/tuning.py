@@ -1,5 +1,6 @@
 """The tuning of the page *Studies*: what it changed and gained, and the trade-off between two metrics."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -94,9 +95,10 @@ class TuningStudy(Study):
         columns = [named(name).number.column for name in (self.cost.names[0], FORCE)]
 
         def point(numbers: dict[str, float]) -> tuple[float, ...] | None:
-            return tuple(numbers[column.field] for column in columns) if numbers else None
+            values = tuple(numbers.get(column.field, math.nan) for column in columns)
+            return values if all(map(math.isfinite, values)) else None
 
-        tried = [point(candidate.numbers) for candidate in tuned.candidates if candidate.numbers]
+        tried = [found for candidate in tuned.candidates if (found := point(candidate.numbers))]
         titles = [f"{column.title} ({column.unit})" for column in columns]
         before, after = point(tuned.before.numbers), point(tuned.best.numbers)
         return {"points": tried, "before": before, "after": after, "titles": titles}

@@ -43,6 +43,8 @@ OF_THE_CHECKOUT = {
 ELSEWHERE = {
     "pytest tests/lab/test_lessons_in_browser.py --all-lessons": "two of the lessons are done each time",
     "python tests/analysis/planted_errors.py": "tests/analysis/test_validation.py plants one of them",
+    "python web_assets/make/leaderboard.py": "tests/analysis/test_leaderboard.py",
+    "python web_assets/make/pictures.py": "tests/test_guide.py",
     "apt install python3.11-venv": "of the machine",
     "pre-commit install": "of another program",
     'pip install "flexlab[control]"': "tests/test_dependencies.py",

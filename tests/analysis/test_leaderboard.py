@@ -175,8 +175,8 @@ def test_every_law_of_flexlab_enters_every_case_and_only_learners_leak():
 
 
 def test_the_cases_are_those_of_the_benchmark_and_the_long_one_is_asked_for():
-    assert list(cases()) == ["B1", "B2", "B3", "B4", "B5", "B6", "B7", "B8"]
-    assert [case.name for case in chosen_cases(None, long=False)] == ["B1", "B2", "B3", "B4", "B5", "B6", "B8"]
+    assert list(cases())[:8] == ["B1", "B2", "B3", "B4", "B5", "B6", "B7", "B8"]
+    assert [case for case in cases().values() if case not in chosen_cases(None, long=False)] == [cases()["B7"]]
     for case in cases().values():
         assert len({score.name for score in case.scores}) == len(case.scores)
         assert all(score.formula and score.column.unit for score in case.scores)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
-from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic import BaseModel, Field, SerializeAsAny, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
 from flexlab.control.controller import Controller
@@ -30,7 +30,10 @@ def _models(known: Mapping[str, Any]) -> Any:
 AnyLaw = Any
 AnyPath = Any
 if not TYPE_CHECKING:
-    AnyLaw, AnyPath = (Annotated[_models(known), Field(discriminator="kind")] for known in (laws(), paths()))
+    # Written as what they are: a text that was saved again has another model than the scenarios before.
+    AnyLaw, AnyPath = (
+        Annotated[_models(known), Field(discriminator="kind"), SerializeAsAny()] for known in (laws(), paths())
+    )
 
 SMALLEST_STEP = 1e-7
 """Shortest integration step, s: below it rounding outweighs truncation for every integrator here."""

@@ -2,6 +2,7 @@
 
 import re
 import time
+import warnings
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
@@ -132,6 +133,17 @@ def test_an_older_text_of_a_law_keeps_apart_from_the_present_one():
     assert kept.controller.kind.startswith("own-pd-")
     assert simulate(kept, 0.05).status == "finished"
     assert "third" in type(parse_scenario({"controller": {"kind": "own-pd"}}).controller).model_fields
+
+
+def test_a_scenario_from_before_a_file_was_saved_is_written_without_a_complaint():
+    before = scenario()
+    add_own_law(PD.replace("gain(800.0", "gain(900.0"), "own_pd.py")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        written = before.model_dump(mode="json")
+        assert before.model_dump_json()
+    assert written["controller"]["velocity_gain"] == 800.0
+    assert parse_scenario(written).controller.source == before.controller.source
 
 
 BAD = {

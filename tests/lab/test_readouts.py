@@ -7,7 +7,7 @@ from lab_page import wait_until
 from raw_browser import RawBrowser, html_texts
 
 from flexlab.analysis.explanations.explanation import Explained
-from flexlab.guide import ClassRules
+from flexlab.guide import LOCKED, ClassRules
 from flexlab.lab.lab_state import Notice
 from flexlab.lab.panel.readouts import SEEN_TOGETHER, largest_vibration, notices_html, summary_text
 from flexlab.lab.session import Session
@@ -20,6 +20,12 @@ from flexlab.sim.snapshot import Event
 
 def notices(scenario: Scenario) -> str:
     return notices_html(Runner(scenario, playing=False).snapshot, Notice(""), ClassRules())
+
+
+def test_that_a_lab_is_locked_is_said_once_when_somebody_tries() -> None:
+    snapshot, rules = Runner(load_preset("paper"), playing=False).snapshot, ClassRules(locked=True)
+    said = [notices_html(snapshot, notice, rules) for notice in (Notice(""), Notice(LOCKED, "error"))]
+    assert [shown.count(LOCKED) for shown in said] == [1, 1]
 
 
 def bent_at_its_free_end(share: float) -> Scenario:

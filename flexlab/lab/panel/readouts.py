@@ -83,7 +83,8 @@ def notices_html(snapshot: Snapshot, notice: Notice, rules: ClassRules) -> str:
 
     `rules`: what is said of them stays as long as they hold.
     """
-    standing = {"fl-pace": rules.pace, "fl-pace-on-play": rules.pace_on_play_screen, "": LOCKED if rules.locked else ""}
+    locked = LOCKED if rules.locked and notice.text != LOCKED else ""
+    standing = {"fl-pace": rules.pace, "fl-pace-on-play": rules.pace_on_play_screen, "": locked}
     boxes = [_box(text, "info", kind) for kind, text in standing.items() if text]
     cautions = _cautions(snapshot)
     boxes += [_box(text, "error", "fl-caution" if text in cautions else "") for text in warnings(snapshot)]

@@ -27,7 +27,7 @@ from flexlab.arguments import file_path, flag, text_or_none, time_or_none
 from flexlab.errors import StudyError
 from flexlab.presets import AnyLaw, AnyPath, AnyScenario, any_scenario, named_scenario
 from flexlab.recording.export import export_recording
-from flexlab.recording.reader import read_blocks, read_recording
+from flexlab.recording.reader import read_recording
 from flexlab.recording.run_info import package_version
 from flexlab.recording.store.run_files import find_run
 from flexlab.recording.store.run_index import RunRow, read_row
@@ -121,9 +121,9 @@ def replay(run: AnyRun, logs: str | Path = LOGS, run_own_law: bool = False) -> R
             path = unpack_capsule(Path(run), Path(stack.enter_context(TemporaryDirectory(prefix="flexlab-"))))
         else:
             (path,) = _paths([run], logs, stack)
-        recording = read_recording(path, with_samples=False)
+        recording = read_recording(path)
         replaying.allow_own_laws(recording, agrees)
-        return replaying.replay(recording, read_blocks(path))
+        return replaying.replay(recording)
 
 
 def export(
@@ -165,7 +165,7 @@ def export(
         elif kind == PAGE:
             write_page(read_row(path), target)
         else:
-            export_recording(read_recording(path, with_samples=False), target, first, last, read_blocks(path))
+            export_recording(read_recording(path), target, first, last)
     return target
 
 

@@ -14,7 +14,7 @@ from flexlab.analysis.metrics.metric import named, numbers
 from flexlab.analysis.result import Result, provenance
 from flexlab.analysis.run_summary import scenario_differences
 from flexlab.recording.overlay import run_label, write_comparison
-from flexlab.recording.reader import Recording, read_blocks, read_recording
+from flexlab.recording.reader import Recording, read_recording
 from flexlab.scenario.field_text import value_text
 from flexlab.text import difference_text as number_difference
 from flexlab.text import number_text
@@ -140,13 +140,13 @@ def compare(paths: Sequence[Path], seen: Callable[[int], None] = lambda samples:
 
     Raises `RecordingError`.
     """
-    recordings = tuple(read_recording(path, with_samples=False) for path in paths)
-    whole = [_metrics(path, seen, finished=not run.status.failed) for path, run in zip(paths, recordings, strict=True)]
+    recordings = tuple(map(read_recording, paths))
+    whole = [_metrics(recording, seen, finished=not recording.status.failed) for recording in recordings]
     durations = tuple(metrics.duration for metrics in whole)
     window = min(durations, default=0.0)
     metrics = [
-        (found if found.duration - window < SAME_LENGTH else _metrics(path, seen, window)).rows
-        for path, found in zip(paths, whole, strict=True)
+        (found if found.duration - window < SAME_LENGTH else _metrics(recording, seen, window)).rows
+        for recording, found in zip(recordings, whole, strict=True)
     ]
     fields = {
         path
@@ -172,10 +172,12 @@ def difference_text(first: MetricRow, other: MetricRow) -> str:
     return number_difference(first.value, other.value, scale=first.column.scale)
 
 
-def _metrics(path: Path, seen: Callable[[int], None], seconds: float = inf, finished: bool = True) -> RunMetrics:
+def _metrics(
+    recording: Recording, seen: Callable[[int], None], seconds: float = inf, finished: bool = True
+) -> RunMetrics:
     """The metrics of a run's first `seconds`, beyond which nothing is read. `finished`: whether the run reached their end."""
     collection, last = None, inf
-    for block in read_blocks(path):
+    for block in recording.blocks():
         if collection is None:
             last = float(block.time[0]) + seconds
             collection = MetricCollection((float(block.time[0]), last))

@@ -14,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 
 from flexlab.analysis.result import Result, provenance
-from flexlab.analysis.resume import BLOCK_TICKS, Repetition
+from flexlab.analysis.resume import Repetition
 from flexlab.control.law import laws
 from flexlab.errors import StudyError
 from flexlab.own import hosts
@@ -93,35 +93,33 @@ class Replay(Result):
         return self.agrees and self.deviation is None
 
 
-def replay(recording: Recording, blocks: Iterable[Samples] | None = None) -> Replay:
+def replay(recording: Recording, seen: Callable[[float], None] = lambda time: None) -> Replay:
     """Simulate the run again and compare every signal of every recorded sample.
 
-    In a recording of an older format, signals are compared that it has and whose meaning has not changed. `blocks`: the
-    recorded samples in the order of time, for a `recording` that was read without them. Raises `StudyError` if the
-    recording's commands cannot be carried out again.
+    In a recording of an older format, signals are compared that it has and whose meaning has not changed. `seen` is called with
+    the time, s, up to which the two agree so far. Raises `StudyError` if the recording's commands cannot be carried out again.
     """
-    return replace(_replayed(recording, blocks), scenario=recording.scenario)
+    return replace(_replayed(recording, seen), scenario=recording.scenario)
 
 
-def _replayed(recording: Recording, blocks: Iterable[Samples] | None) -> Replay:
+def _replayed(recording: Recording, seen: Callable[[float], None]) -> Replay:
     repetition, done, why = Repetition(recording), 0, _why_rounded_otherwise(recording)
     rounding = _Rounding(recording.compared) if why else None
     absent: frozenset[str] = frozenset()
-    for block in (recording.samples,) if blocks is None else blocks:
-        for first in range(0, len(block), BLOCK_TICKS):
-            recorded = block.slice(first, first + BLOCK_TICKS)
-            again = repetition.samples_until(float(recorded.time[-1]))
-            compared, difference = _compare(recorded, again, recording.compared, rounding)
-            done += compared
-            absent |= recorded.absent
-            if difference is not None:
-                text = _difference_text(recording, difference, why)
-                return Replay(done, difference, text + _why_stopped(repetition.world))
-            if compared < len(recorded):
-                late = float(recorded.time[compared])
-                difference = Difference(late, "time", late, np.nan)
-                text = f"The replay stopped at t = {late:g} s, before the recording's end."
-                return Replay(done, difference, text + _why_stopped(repetition.world))
+    for recorded in recording.blocks():
+        again = repetition.samples_until(float(recorded.time[-1]))
+        compared, difference = _compare(recorded, again, recording.compared, rounding)
+        done += compared
+        absent |= recorded.absent
+        if difference is not None:
+            text = _difference_text(recording, difference, why)
+            return Replay(done, difference, text + _why_stopped(repetition.world))
+        if compared < len(recorded):
+            late = float(recorded.time[compared])
+            difference = Difference(late, "time", late, np.nan)
+            text = f"The replay stopped at t = {late:g} s, before the recording's end."
+            return Replay(done, difference, text + _why_stopped(repetition.world))
+        seen(float(recorded.time[-1]))
     left_out = _left_out(recording, absent)
     if rounding is None or rounding.same_bits:
         return Replay(done, None, f"All {done} samples came out again, bit for bit.{left_out}")

@@ -18,15 +18,12 @@ BLOCK_TICKS = 1000
 """Ticks per block, so that long runs need no more memory and an early difference is found early."""
 
 
-def resume(
-    recording: Recording, time: float | None = None, span: tuple[float, float] | None = None
-) -> tuple[Scenario, Origin]:
+def resume(recording: Recording, time: float | None = None) -> tuple[Scenario, Origin]:
     """Scenario and origin with which a lab continues a run at simulation time `time`, s; None: at its end.
 
-    `span`: as for `state_at`. Raises `StudyError` for a time that was not recorded, or that is no sample instant of a lab.
+    Raises `StudyError` for a time that was not recorded, or that is no sample instant of a lab.
     """
-    span = span or recording_span(recording)
-    scenario, state = state_at(recording, span[1] if time is None else time, span)
+    scenario, state = state_at(recording, recording.span[1] if time is None else time)
     # A run without a screen may have another sample period than a lab.
     exact = state.tick * recording.sample_period
     tick = round(exact / TICK)
@@ -37,20 +34,12 @@ def resume(
     return scenario, Origin(recording.path.stem, tick * TICK, replace(state, tick=tick))
 
 
-def recording_span(recording: Recording) -> tuple[float, float]:
-    """First and last instant of a recording, s. Raises `StudyError` if it has no samples."""
-    if len(recording.samples) == 0:
-        raise StudyError(f"{recording.path.name} has no samples: there is nothing to go on from.")
-    return float(recording.samples.time[0]), float(recording.samples.time[-1])
-
-
-def state_at(recording: Recording, time: float, span: tuple[float, float] | None = None) -> tuple[Scenario, WorldState]:
+def state_at(recording: Recording, time: float) -> tuple[Scenario, WorldState]:
     """Scenario and state of the run at the sample nearest to simulation time `time`, s, after the commands of that instant.
 
-    `span`: first and last recorded instant, s, of a recording that was read without its samples. Raises `StudyError` for a
-    time that was not recorded.
+    Raises `StudyError` for a time that was not recorded.
     """
-    first, last = span or recording_span(recording)
+    first, last = recording.span
     # Half a sample of tolerance, as a typed time has fewer digits than a computed one.
     if not first - recording.sample_period / 2 <= time <= last + recording.sample_period / 2:
         asked, low, high = (number_text(value, 10) for value in (time, first, last))

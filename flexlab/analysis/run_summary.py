@@ -8,7 +8,7 @@ from flexlab.analysis.metrics import MetricCollection, RunMetrics
 from flexlab.analysis.metrics.run_metrics import measured
 from flexlab.errors import FlexlabError, RecordingError
 from flexlab.presets import load_preset, preset_names
-from flexlab.recording.reader import read_blocks, read_recording
+from flexlab.recording.reader import read_recording
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.run_files import list_runs, run_state
@@ -85,11 +85,11 @@ def note_metrics(path: Path) -> dict[str, Any]:
     """
     if run_state(path) == "in use":
         return {}
-    recording = read_recording(path, with_samples=False)
+    recording = read_recording(path)
     gathering = MetricNotes(recording.name, recording.scenario)
     for event in recording.events:
         gathering.add_event(event)
-    for block in read_blocks(path):
+    for block in recording.blocks():
         gathering.add(block)
     notes, row = gathering.result(recording.status), read_row(path)
     notes["metrics"] |= {key: row.metrics[key] for key in row.own_metrics if key in row.metrics}

@@ -63,9 +63,9 @@ def _changed_run(path: Path, changes: dict[str, Any], logs: Path) -> Path:
     """The recording of a run's scenario with some changes, simulated for the same time unless there is one."""
     from flexlab.cli.headless_run import run_and_record
     from flexlab.cli.warmup import warm_up
-    from flexlab.recording.reader import read_blocks, read_recording
+    from flexlab.recording.reader import read_recording
 
-    recording = read_recording(path, with_samples=False)
+    recording = read_recording(path)
     from flexlab.analysis.result import scenario_hash
     from flexlab.presets import telling_name
     from flexlab.recording.store.notes import read_notes, write_notes
@@ -73,10 +73,10 @@ def _changed_run(path: Path, changes: dict[str, Any], logs: Path) -> Path:
     from flexlab.scenario.settings import change_settings
 
     scenario = change_settings(recording.scenario, changes)
-    spans = [(float(block.time[0]), float(block.time[-1])) for block in read_blocks(path)]
-    duration = spans[-1][1] - spans[0][0] if spans else 0.0
+    begin, end = recording.span
+    duration = end - begin
     if duration <= 0:
-        raise StudyError(f"{path.stem} has no samples: there is nothing to compare with.")
+        raise StudyError(f"{path.stem} has one sample: there is nothing to compare with.")
     key = f"{path.stem} {scenario_hash(scenario)} {duration!r}"
     for run in list_runs(logs):
         if read_notes(run).get(VARIANT) == key:

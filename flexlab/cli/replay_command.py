@@ -1,17 +1,12 @@
 """`flexlab replay [RUN]`: simulate again and compare, bit for bit."""
 
-from collections.abc import Iterable, Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from flexlab.cli.console import agreed, complain, note, output
 from flexlab.cli.options import LOGS, Logs, Run, keep_own_texts_apart, option
 from flexlab.text import visible
-
-if TYPE_CHECKING:
-    from flexlab.sim.samples import Samples
-
 
 RunOwnLaw = Annotated[
     bool,
@@ -40,10 +35,11 @@ def command(run: Run = "newest", logs: Logs = LOGS, run_own_law: RunOwnLaw = Fal
 
 def _replay(path: Path, run_own_law: bool) -> int:
     """Replay a recording and print the result; returns the exit code."""
-    from flexlab.recording.reader import read_blocks, read_recording
+    from flexlab.recording.reader import read_recording
 
-    recording = read_recording(path, with_samples=False)
+    recording = read_recording(path)
     from flexlab.analysis.replay import allow_own_laws, replay
+    from flexlab.analysis.workers import progress_bar
 
     def agrees(_: str, question: str, code: str) -> bool:
         if code and not run_own_law:
@@ -55,19 +51,10 @@ def _replay(path: Path, run_own_law: bool) -> int:
     from flexlab.cli.warmup import warm_up
 
     warm_up(recording.scenario)
-    found = replay(recording, _counted(read_blocks(path), recording.status.time))
+    with progress_bar(True, "replaying", "{task.completed:.0f} s") as told:
+        found = replay(recording, lambda time: told(time, recording.status.time or None))  # 0: unknown
     output().print(f"{path.stem}: {found.text}", soft_wrap=True)
     if found.compared == 0 and found.agrees:
         complain("The recording has no samples: there was nothing to compare.")
         return 1
     return 0 if found.agrees else 1
-
-
-def _counted(blocks: "Iterable[Samples]", end: float) -> "Iterator[Samples]":
-    """The blocks, with a progress bar up to `end` s of simulation (0: unknown)."""
-    from flexlab.analysis.workers import progress_bar
-
-    with progress_bar(True, "replaying", "{task.completed:.0f} s") as told:
-        for block in blocks:
-            yield block
-            told(float(block.time[-1]), end or None)

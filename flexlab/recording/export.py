@@ -104,12 +104,10 @@ def export_recording(
     path: Path,
     start: float | None = None,
     end: float | None = None,
-    blocks: Iterable[Samples] | None = None,
 ) -> Path:
     """Write a recording to `path` (.csv, .parquet or .npz), from `start` to `end` s of simulation time.
 
-    `blocks`: its samples in the order of time, where `recording` was read without them. Raises `RecordingError` for another
-    suffix, an empty range or a file that cannot be written.
+    Raises `RecordingError` for another suffix, an empty range or a file that cannot be written.
     """
     write, _ = _format(path)
     scenario, status = recording.scenario, recording.status
@@ -125,7 +123,7 @@ def export_recording(
         "status": [str(status), status.text, status.time],
         "scenario": scenario.model_dump(mode="json"),
     }
-    pieces = larger_blocks(within((recording.samples,) if blocks is None else blocks, start, end), BATCH_ROWS)
+    pieces = larger_blocks(within(recording.blocks(), start, end), BATCH_ROWS)
     later = Changes(scenario, recording.events).scenarios
     with writing(path, "choose another place", RecordingError) as draft:
         write(draft, _batches(pieces, scenario, later), json.dumps(metadata, ensure_ascii=False))

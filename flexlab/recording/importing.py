@@ -16,7 +16,7 @@ from flexlab.errors import RecordingError
 from flexlab.recording.codec import event_from_values, state_from_values
 from flexlab.recording.export import FORMATS, LONGEST_REASON, import_run
 from flexlab.recording.headless import MOST_AT_ONCE, HeadlessRecording
-from flexlab.recording.reader import read_blocks, read_recording
+from flexlab.recording.reader import read_recording
 from flexlab.recording.repair import finish
 from flexlab.recording.rerun_internals.tool import crashes_readers
 from flexlab.recording.run_encoder import is_end
@@ -51,14 +51,12 @@ def _take_recording(path: Path, logs: Path, notes: Mapping[str, str]) -> Path:
     check_recording(path)
     if crashes_readers(path):
         raise RecordingError(f"{path} is damaged beyond repair: nothing of its run can be read.")
-    recording = read_recording(path, with_samples=False)
+    recording = read_recording(path)
     check_period(path.name, recording.sample_period)
     check_events(path.name, recording.events)
-    span: list[float] = []
-    rows = 0
-    for block in checked_blocks(path.name, read_blocks(path)):
-        rows += len(block)
-        span += [float(block.time[0]), float(block.time[-1])] if len(block) else []
+    checked = checked_blocks(path.name, recording.blocks())
+    times = [(float(block.time[0]), float(block.time[-1]), len(block)) for block in checked]
+    begin, end = (times[0][0], times[-1][1]) if times else (0.0, 0.0)
     file = claim_run_file(logs, recording.name, recording.started)
     try:
         with path.open("rb") as source:
@@ -70,9 +68,9 @@ def _take_recording(path: Path, logs: Path, notes: Mapping[str, str]) -> Path:
             preset=recording.name,
             started=recording.started.isoformat(timespec="seconds"),
             status=str(recording.status),
-            begins=min(span, default=0.0),
-            duration=max(span) - min(span) if span else 0.0,
-            rows=rows,
+            begins=begin,
+            duration=end - begin,
+            rows=sum(rows for *_, rows in times),
             imported=path.name,
             **notes,
         )

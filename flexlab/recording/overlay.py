@@ -9,7 +9,7 @@ import rerun.blueprint as rrb
 from flexlab.errors import RecordingError
 from flexlab.files import replacing
 from flexlab.recording.codec import larger_blocks
-from flexlab.recording.reader import Recording, read_blocks
+from flexlab.recording.reader import Recording
 from flexlab.recording.rerun_internals.chunks import new_stream, send_columns, send_layout
 from flexlab.recording.rerun_internals.rrd_file import messages
 from flexlab.recording.rerun_internals.tool import Mending
@@ -125,7 +125,7 @@ def _send_run(stream: rr.RecordingStream, number: int, recording: Recording, fac
     stream.flush()
     yield 0
     stride = max(1, round(1 / (FRAMES_PER_SECOND * recording.sample_period)))
-    for block in _from_zero(larger_blocks(read_blocks(recording.path), BLOCK_ROWS)):
+    for block in _from_zero(larger_blocks(recording.blocks(), BLOCK_ROWS)):
         drawn = block.take(slice(None, None, stride))
         for entity, time, columns in shown_columns(scenario, signals, block, drawn, factor):
             send_columns(stream, f"runs/{label}/{entity}", time, columns)

@@ -1,11 +1,11 @@
 """Reads a recording back: exact samples, scenario, events, and how the run ended. Torn files are read up to the tear."""
 
 import json
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
-from functools import cache
+from functools import cache, cached_property
 from itertools import islice
 from math import isfinite
 from pathlib import Path
@@ -33,7 +33,10 @@ LONGEST_REASON = 200
 """Characters of why a file cannot be read."""
 
 MOST_ROWS = 1000
-"""Samples per block that is read: progress is reported after each."""
+"""Most samples of a block that is read: progress is reported after each."""
+
+SAMPLES = "/exact/samples"
+"""The entity that holds them."""
 
 Rows = dict[str, list[Row]]
 """Entity → its rows in the order of times."""
@@ -50,8 +53,6 @@ class Recording:
     """As it was at the first sample; `events` tell what changed later."""
     start: WorldState | None
     """The world's state at the first sample; None: the scenario's own start."""
-    samples: Samples
-    """Everything recorded, in SI units, bit for bit; of an older format, with today's meaning (see `compared`)."""
     events: tuple[Event, ...]
     """In the order in which they took effect; commands are there to be replayed."""
     status: Status
@@ -77,35 +78,48 @@ class Recording:
         """The table's signals that were computed then as they are today, to the last bit."""
         return same_numbers(self.computed_in)
 
+    @cached_property
+    def samples(self) -> Samples:
+        """Everything recorded, in SI units, bit for bit; of an older format, with today's meaning (see `compared`).
+
+        It is read when it is first asked for. Raises `RecordingError`.
+        """
+        found = list(self._decoded(read_rows(self.path, [SAMPLES]).get(SAMPLES, [])))
+        nothing = len(self.scenario.arms), self.scenario.payload.coordinate_count, own_signals(self.scenario)
+        return join_blocks(found) if found else empty_samples(*nothing)
+
+    def blocks(self) -> Iterator[Samples]:
+        """The samples in the order of time, up to `MOST_ROWS` in a block, which takes little memory. Raises `RecordingError`."""
+        is_there = "samples" in vars(self)
+        for block in (self.samples,) if is_there else self._decoded(rows_in_order(self.path, SAMPLES)):
+            for first in range(0, len(block), MOST_ROWS):
+                yield block.slice(first, first + MOST_ROWS)
+
+    def _decoded(self, rows: Iterable[Row]) -> Iterator[Samples]:
+        history = cache(lambda: Changes(self.scenario, self.events))
+        with _telling_what_is_strange(self.path, self.properties):
+            for _, values in rows:
+                yield _block(self.path, self.scenario, values, history)
+
+    @cached_property
+    def span(self) -> tuple[float, float]:
+        """First and last instant, s. Raises `RecordingError` if there are no samples."""
+        times = [(float(block.time[0]), float(block.time[-1])) for block in self.blocks()]
+        if not times:
+            raise RecordingError(f"{self.path.stem} has no samples.")
+        return times[0][0], times[-1][1]
+
     @property
     def run(self) -> Run:
         """Samples, scenario and status as `flexlab.simulate` gives them."""
         return Run(**self.samples.signals(), scenario=self.scenario, status=self.status)
 
 
-def read_recording(path: Path | str, with_samples: bool = True) -> Recording:
-    """Read a recording, up to the tear if its tail is torn. Raises `RecordingError` for what is no recording.
-
-    `with_samples` False leaves the samples out (N = 0), which is quick for hours of data.
-    """
-    content = ["/exact/**", PROPERTIES + "**"] if with_samples else ["/exact/events", "/exact/start", PROPERTIES + "**"]
-    rows = read_rows(Path(path), content)
-    with _telling_what_is_strange(Path(path), rows):
+def read_recording(path: Path | str) -> Recording:
+    """Read a recording, up to the tear if its tail is torn. Raises `RecordingError` for what is no recording."""
+    rows = read_rows(Path(path), ["/exact/events", "/exact/start", PROPERTIES + "**"])
+    with _telling_what_is_strange(Path(path), _values(rows, PROPERTIES + "run")):
         return _assemble(Path(path), rows)
-
-
-def read_blocks(path: Path | str) -> Iterator[Samples]:
-    """The samples of a recording in blocks in the order of time, which takes little memory.
-
-    Raises `RecordingError` as `read_recording` does.
-    """
-    path = Path(path)
-    scenario = read_scenario(path)
-    history = cache(lambda: Changes(scenario, read_recording(path, with_samples=False).events))
-    for _, values in rows_in_order(path, "/exact/samples"):
-        block = _block(path, scenario, values, history)
-        for first in range(0, max(len(block), 1), MOST_ROWS):
-            yield block.slice(first, first + MOST_ROWS)
 
 
 def read_range(path: Path | str, start: float | None = None, end: float | None = None) -> Samples:
@@ -113,13 +127,13 @@ def read_range(path: Path | str, start: float | None = None, end: float | None =
 
     Raises `RecordingError` if there are none, or as `read_recording` does.
     """
-    return join_blocks(list(within(read_blocks(path), start, end)))
+    return join_blocks(list(within(read_recording(path).blocks(), start, end)))
 
 
 def read_scenario(path: Path) -> Scenario:
     """The scenario as the run of a file began. Takes milliseconds for a finished file of any length. Raises `RecordingError`."""
     rows = read_rows(path, [PROPERTIES + "**"])
-    with _telling_what_is_strange(path, rows):
+    with _telling_what_is_strange(path, _values(rows, PROPERTIES + "run")):
         return _scenario(_properties(path, rows)["scenario"])
 
 
@@ -144,14 +158,14 @@ def _scenario(text: str) -> Scenario:
 
 
 @contextmanager
-def _telling_what_is_strange(path: Path, rows: Rows) -> Iterator[None]:
+def _telling_what_is_strange(path: Path, properties: Mapping[str, Any]) -> Iterator[None]:
     """Make one `RecordingError` of what another version, or another program, has put into a file."""
     try:
         yield
     except RecordingError:
         raise
     except (FlexlabError, ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError) as error:
-        version = visible(_values(rows, PROPERTIES + "run").get("flexlab_version", "of another version"), 40)
+        version = visible(properties.get("flexlab_version", "of another version"), 40)
         lacks = f"it lacks {error}." if isinstance(error, KeyError) else ""
         reason = visible(lacks or str(error).split("\n")[0], LONGEST_REASON)
         raise RecordingError(
@@ -172,20 +186,12 @@ def _assemble(path: Path, rows: Rows) -> Recording:
     period, ended = _finite(properties["sample_period_s"]), _finite(end.get("time_s", 0.0))
     if period <= 0:
         raise ValueError(f"its sample period is {period:g} s.")
-    history = cache(lambda: Changes(scenario, events))
-    blocks = [_block(path, scenario, values, history) for _, values in rows.get("/exact/samples", [])]
-    samples = (
-        join_blocks(blocks)
-        if blocks
-        else empty_samples(len(scenario.arms), scenario.payload.coordinate_count, own_signals(scenario))
-    )
     status = Status(str(end.get("status", "running")), str(end.get("text", "The recording breaks off.")), ended)
     return Recording(
         path=path,
         name=str(properties["preset"]),
         scenario=scenario,
         start=state,
-        samples=samples,
         events=tuple(events),
         status=status,
         started=started,
@@ -303,8 +309,6 @@ def within(blocks: Iterable[Samples], start: float | None, end: float | None) ->
     first = last = None
     found = False
     for block in blocks:
-        if len(block) == 0:
-            continue
         first, last = float(block.time[0]) if first is None else first, float(block.time[-1])
         row, stop = np.searchsorted(block.time, low, "left"), np.searchsorted(block.time, high, "right")
         if row < stop:

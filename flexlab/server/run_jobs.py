@@ -8,7 +8,7 @@ import hashlib
 import os
 import time
 import zipfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -24,7 +24,7 @@ from flexlab.errors import RecordingError
 from flexlab.recording.export import export_recording
 from flexlab.recording.importing import import_into
 from flexlab.recording.overlay import write_comparison
-from flexlab.recording.reader import read_blocks, read_range, read_recording
+from flexlab.recording.reader import read_range, read_recording
 from flexlab.recording.store.notes import is_regular, notes_path, read_notes
 from flexlab.recording.store.run_files import SUFFIX, remove_run
 from flexlab.recording.store.run_index import RunRow
@@ -34,7 +34,6 @@ from flexlab.server.labs.lab_provider import Choice
 from flexlab.server.limits import LOOK, LOOK_AGAIN, PER_SECOND, Quota, Visitor
 from flexlab.server.task_book import BAD, GOOD, Outcome, Task, TaskBook
 from flexlab.sim.pacing import FASTEST
-from flexlab.sim.samples import Samples
 
 MOST_SAMPLES = 1_200_000
 """Most samples of a run that a job reads whole: 20 minutes at a lab's rate, 0.6 GB in memory."""
@@ -99,30 +98,17 @@ def check_size(path: Path) -> None:
 
 def replay_run(path: Path, report: Callable[[float], None]) -> Outcome:
     """Replay a run and compare it with its recording; `report` takes progress, 0 to 1."""
-    _, last = recorded_span(path)
-
-    def blocks() -> Iterator[Samples]:
-        for block in read_blocks(path):
-            yield block
-            report(float(block.time[-1]) / last if last else 1.0)
-
-    found = replay(read_recording(path, with_samples=False), blocks())
+    recording = read_recording(path)
+    _, last = recording.span
+    found = replay(recording, lambda time: report(time / last if last else 1.0))
     return Outcome(found.agrees, found.text, GOOD if found.agrees else BAD)
 
 
 def choice_at(path: Path, time: float | None) -> Choice:
     """The choice with which a lab continues a run at `time` s; None: at its end."""
-    recording = read_recording(path, with_samples=False)
-    scenario, origin = resume(recording, time, recorded_span(path))
+    recording = read_recording(path)
+    scenario, origin = resume(recording, time)
     return Choice(scenario, recording.name, origin, stands=True)
-
-
-def recorded_span(path: Path) -> tuple[float, float]:
-    """First and last instant of a recording, s. Raises `RecordingError` if it has no samples."""
-    times = [(float(block.time[0]), float(block.time[-1])) for block in read_blocks(path)]
-    if not times:
-        raise RecordingError(f"{path.stem} has no samples.")
-    return times[0][0], times[-1][1]
 
 
 def export_into(row: RunRow, kind: str, start: float | None, end: float | None, folder: Path) -> Path:
@@ -134,7 +120,7 @@ def export_into(row: RunRow, kind: str, start: float | None, end: float | None, 
     path, name = row.path, range_name(row.path, start, end)
     target = folder / f"{name}.{kind}"
     if kind in ("csv", "parquet", "npz"):
-        return export_recording(read_recording(path, with_samples=False), target, start, end, read_blocks(path))
+        return export_recording(read_recording(path), target, start, end)
     if start is None and end is None:
         check_size(path)
     if kind == "zip":

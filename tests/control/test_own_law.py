@@ -4,12 +4,12 @@ import re
 import time
 import warnings
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
 import pytest
+from exported import having
 from lab_process import Command
 from own_law_text import PD
 
@@ -109,7 +109,7 @@ def test_a_recording_holds_its_text_and_replays_only_when_allowed(tmp_path: Path
     assert recording.scenario.controller.source == PD
     assert replay(recording).identical
     last_bits = recording.samples.having(joint_torque=recording.samples.joint_torque * (1 + 1e-15))
-    rounded = replay(replace(recording, samples=last_bits))
+    rounded = replay(having(recording, last_bits))
     assert rounded.agrees
     assert "its control law is Python code" in rounded.text
     forget_law("own-pd")

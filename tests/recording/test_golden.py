@@ -14,7 +14,7 @@ from flexlab.analysis.resume import Repetition, resume
 from flexlab.analysis.run_summary import note_metrics
 from flexlab.recording.export import export_recording, import_run
 from flexlab.recording.importing import import_into
-from flexlab.recording.reader import read_blocks, read_range, read_recording, read_scenario
+from flexlab.recording.reader import read_range, read_recording, read_scenario
 from flexlab.recording.run_info import these_versions
 from flexlab.recording.store.formats import FORMAT, STEPS, same_numbers
 from flexlab.recording.store.run_files import list_runs, run_state
@@ -65,7 +65,7 @@ def test_it_opens_with_every_bit_that_was_written(number: int, path: Path) -> No
 @every_recording
 def test_its_blocks_and_ranges_are_those_of_the_whole(number: int, path: Path) -> None:
     whole = read_recording(path).samples
-    in_blocks = join_blocks(list(read_blocks(path)))
+    in_blocks = join_blocks(list(read_recording(path).blocks()))
     middle = float(whole.time[len(whole) // 2])
     piece = read_range(path, middle, middle + 0.05)
     for name, signal in whole.signals().items():
@@ -104,7 +104,7 @@ def test_it_is_listed_and_summarised(number: int, path: Path, tmp_path: Path) ->
     copy = Path(shutil.copy(path, tmp_path))
     assert list_runs(tmp_path) == [copy]
     assert run_state(copy) in ("complete", "recovered")
-    assert read_scenario(copy) == read_recording(copy, with_samples=False).scenario
+    assert read_scenario(copy) == read_recording(copy).scenario
     assert note_metrics(copy)["metrics"]["Peak vibration [mm]"] > 0
 
 

@@ -15,7 +15,7 @@ from flexlab.errors import RecordingError
 from flexlab.recording import codec, run_encoder
 from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.importing import import_into
-from flexlab.recording.reader import read_blocks, read_recording, read_scenario
+from flexlab.recording.reader import read_recording, read_scenario
 from flexlab.recording.rerun_internals.chunks import PROPERTIES
 from flexlab.recording.run_encoder import RunEncoder
 from flexlab.recording.run_info import RunInfo, these_versions
@@ -60,7 +60,7 @@ def check(path: Path, refused: bool) -> None:
     for read in (
         read_scenario,
         read_recording,
-        lambda odd: list(read_blocks(odd)),
+        lambda odd: read_recording(odd).samples,
         lambda odd: import_into(odd, logs),
     ):
         try:

@@ -10,7 +10,7 @@ from rerun.chunk import RrdReader
 
 from flexlab.presets import load_preset, preset_names
 from flexlab.recording.headless import HeadlessRecording, write_run
-from flexlab.recording.reader import read_blocks, read_recording, read_scenario
+from flexlab.recording.reader import read_recording, read_scenario
 from flexlab.recording.rerun_internals.tool import rerun_tool
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.run_files import run_state
@@ -120,12 +120,12 @@ def test_blocks_are_read_in_the_order_of_time_however_they_stand_in_the_file(run
     with HeadlessRecording(tmp_path, RunInfo("paper", run.scenario)) as recording:
         for first in (300, 0, 100, 800, 200, 900, 400):
             recording.write(run.slice(first, first + 100))
-    blocks = list(read_blocks(recording.path))
+    blocks = list(read_recording(recording.path).blocks())
     assert [round(block.time[0], 3) for block in blocks] == [0.0, 0.1, 0.2, 0.3, 0.4, 0.8, 0.9]
     assert_same_bits(join_blocks(blocks), read_recording(recording.path).samples)
 
 
 def test_the_scenario_alone_is_read_too(run: Run, recording_file: Path) -> None:
     assert read_scenario(recording_file) == run.scenario
-    assert read_recording(recording_file, with_samples=False).name == "paper"
+    assert read_recording(recording_file).name == "paper"
     assert run_state(recording_file) == "complete"

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from exported import having
 from recording_helpers import assert_same_bits
 from rerun.chunk import RrdReader
 
@@ -95,7 +96,7 @@ def recording(tmp_path: Path) -> Recording:
 def test_a_single_flipped_bit_is_found_with_time_and_signal(recording: Recording) -> None:
     torque = recording.samples.joint_torque.copy()
     torque.view(np.int64)[123, 1, 2] ^= 1
-    changed = replace(recording, samples=replace(recording.samples, joint_torque=torque))
+    changed = having(recording, replace(recording.samples, joint_torque=torque))
     found = replay(changed)
     assert found.difference is not None
     assert (found.difference.time, found.difference.signal) == (0.123, "joint_torque")
@@ -120,9 +121,9 @@ def test_a_recording_says_by_which_rule_and_on_what_it_was_made(recording: Recor
 def test_an_older_recording_is_compared_with_a_tolerance_that_is_said(recording: Recording) -> None:
     assert replay(older(recording)).identical
     last_bits = recording.samples.joint_torque * (1 + 1e-15)
-    rounded = replace(recording, samples=recording.samples.having(joint_torque=last_bits))
+    rounded = having(recording, recording.samples.having(joint_torque=last_bits))
     assert not replay(rounded).agrees, "a recording of today's rule is the same bit for bit"
-    found = replay(older(rounded))
+    found = replay(having(older(rounded), rounded.samples))
     assert found.agrees
     assert not found.identical
     assert (
@@ -148,7 +149,7 @@ def test_an_older_recording_is_told_from_one_of_a_slightly_other_gain(tmp_path: 
 def test_a_hole_in_an_older_recording_is_no_rounding(recording: Recording) -> None:
     pose = recording.samples.pose.copy()
     pose[200, 1] = np.nan
-    found = replay(older(replace(recording, samples=recording.samples.having(pose=pose))))
+    found = replay(having(older(recording), recording.samples.having(pose=pose)))
     assert found.difference is not None
     assert (found.difference.time, found.difference.signal) == (0.2, "pose")
 
@@ -164,7 +165,7 @@ def test_a_forgotten_command_is_found(recording: Recording) -> None:
 def test_a_gap_is_left_out(recording: Recording) -> None:
     keep = np.r_[0:100, 250 : len(recording.samples)]
     samples = replace(recording.samples, **{n: getattr(recording.samples, n)[keep] for n in vars(recording.samples)})
-    found = replay(replace(recording, samples=samples))
+    found = replay(having(recording, samples))
     assert found.identical
     assert found.compared == len(keep)
 

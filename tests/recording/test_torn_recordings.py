@@ -12,7 +12,7 @@ from rerun.chunk import RrdReader
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
 from flexlab.recording.file_sink import RunWriter
-from flexlab.recording.reader import read_blocks, read_recording
+from flexlab.recording.reader import read_recording
 from flexlab.recording.repair import finish
 from flexlab.recording.rerun_internals import tool
 from flexlab.recording.run_encoder import RunEncoder
@@ -78,7 +78,7 @@ def test_a_run_that_is_being_recorded_is_read_up_to_when_the_reading_began(run: 
     for first in (0, 100, 200):
         writer.write_samples(run.slice(first, first + 100))
     recording.push()
-    blocks = read_blocks(file.path)
+    blocks = read_recording(file.path).blocks()
     first = next(blocks)
     writer.write_samples(run.slice(300, 400))
     recording.push()
@@ -103,13 +103,13 @@ def test_a_run_is_read_while_it_is_written(run: Run, tmp_path: Path) -> None:
     writing.start()
     lengths = [0]
     while writing.is_alive():
-        samples = join_blocks(list(read_blocks(file.path)) or [run.slice(0, 0)])
+        samples = join_blocks(list(read_recording(file.path).blocks()) or [run.slice(0, 0)])
         assert_same_bits(samples, run.slice(0, len(samples)))
         lengths.append(len(samples))
     recording.close()
     file.release()
     assert lengths == sorted(lengths)
-    assert_same_bits(join_blocks(list(read_blocks(file.path))), run.slice(0, 1000))
+    assert_same_bits(join_blocks(list(read_recording(file.path).blocks())), run.slice(0, 1000))
 
 
 @pytest.mark.parametrize("share", [0.999, 0.9, 0.6, 0.35])

@@ -87,7 +87,9 @@ def _cells(text: str, name: str) -> Iterator[list[str]]:
     first = text.split("\n", 1)[0]
     separator = max(",;\t", key=first.count)
     try:
-        yield from csv.reader(text.splitlines(), delimiter=separator, strict=True)
+        for line in csv.reader(text.splitlines(), delimiter=separator, strict=True):
+            # What does not separate columns is a decimal comma.
+            yield line if separator == "," else [cell.replace(",", ".") for cell in line]
     except csv.Error as error:
         raise PresetError(f"{name} is not a CSV file: {error}.") from None
 

@@ -175,6 +175,40 @@ def test_anothers_csv_is_read_with_its_units_and_gaps(flexlab_command: Command, 
     assert "2 gaps" in done.stderr
 
 
+def write_signal(path: Path, signal: np.ndarray, comma: bool = False) -> Path:
+    """Samples every ms, in mm."""
+    lines = [f"{0.001 * k:.3f};{1e3 * y:.6f}" for k, y in enumerate(signal)]
+    path.write_text("t [s];y [mm]\n" + "\n".join(lines).replace(".", "," if comma else "."), encoding="utf-8")
+    return path
+
+
+def test_decimal_commas_are_read_where_they_separate_no_columns(tmp_path: Path):
+    signal = ring(np.arange(0, 0.5, 1e-3), 30.0, 0.02, 1e-3)
+    by_point = read_measured(write_signal(tmp_path / "point.csv", signal))
+    by_comma = read_measured(write_signal(tmp_path / "comma.csv", signal, comma=True))
+    np.testing.assert_array_equal(by_comma.signal, by_point.signal)
+    np.testing.assert_array_equal(by_comma.time, by_point.time)
+
+
+def test_samples_that_a_sensor_cut_off_are_told_and_rounded_ones_are_not(tmp_path: Path):
+    time, random = np.arange(0, 1.5, 1e-3), np.random.default_rng(5)
+    free = ring(time, 20.0, 0.02, 1e-3) + 1e-5 * random.normal(size=len(time))
+    (above, below) = read_measured(write_signal(tmp_path / "cut.csv", np.clip(free, -5e-4, 5e-4))).notes
+    assert re.match(r"\d+ samples stand at 0\.0005 m, as if cut off at the end of a sensor's range", above)
+    assert re.match(r"\d+ samples stand at -0\.0005 m, as if cut off", below)
+    undamped = ring(time, 7.0, 0.0, 1e-3)
+    for step in (1e-3, 2e-4, 1e-5, 1e-6):
+        for whole in (free, undamped):
+            assert read_measured(write_signal(tmp_path / "rounded.csv", step * np.round(whole / step))).notes == ()
+    assert read_measured(write_signal(tmp_path / "still.csv", np.zeros(50))).notes == ()
+
+
+def test_a_vibration_that_grows_is_told():
+    time = np.arange(0, 1.0, 1e-3)
+    growing = fit_ring(time, ring(time, 20.0, 0.02)[::-1] + 1e-3 * np.random.default_rng(0).normal(size=len(time)))
+    assert str(growing.first.damping_ratio) == "not identifiable: the vibration grows"
+
+
 def test_the_measured_data_are_a_run_that_is_compared_with_simulations(flexlab_command: Command, tmp_path: Path):
     time, simulated = np.arange(0, 0.4, 5e-4), flexlab.simulate("paper", 0.3)
     told = 3 * ring(time, 50.0, 0.02) + 0.25

@@ -35,6 +35,13 @@ def on_table(**own: Any) -> Scenario:
     return load_preset("paper").replace({"trajectory": {"kind": "table", "rows": ROWS.tolist(), **own}})
 
 
+def test_decimal_commas_are_read_where_they_separate_no_columns(tmp_path: Path) -> None:
+    rows = "t [s];x [mm];y [m];theta [deg]\n0;0;0,75;0\n0,1;1,5;0,75;-2,5\n"
+    (tmp_path / "comma.csv").write_text(rows, encoding="utf-8")
+    (tmp_path / "point.csv").write_text(rows.replace(",", "."), encoding="utf-8")
+    assert read_path_file(tmp_path / "comma.csv") == read_path_file(tmp_path / "point.csv")
+
+
 @pytest.mark.parametrize("ends", ["at rest", "free"])
 def test_a_table_is_the_quintic_spline_through_its_rows(ends: str):
     motion = build_trajectory(on_table(ends=ends))

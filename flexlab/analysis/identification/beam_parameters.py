@@ -51,7 +51,7 @@ def read_measured(path: Path, time: str | None = None, signal: str | None = None
     "t [ms]" is the column `t` or `t [ms]`; None: the first and the second column. Lines that begin with # are no data. Rows
     without a number are left out and counted. Raises `StudyError`.
     """
-    names, rows = _read(path)
+    names, rows, comma = _read(path)
     t_place, t_unit = _column(path, names, time, 0)
     y_place, y_unit = _column(path, names, signal, 1)
     if t_place == y_place:
@@ -65,7 +65,7 @@ def read_measured(path: Path, time: str | None = None, signal: str | None = None
         raise StudyError(
             f"{path}: the unit of time is not known: say it, as in --time '{visible(names[t_place], LONGEST_NAME)} [ms]'."
         )
-    pairs = np.array([(_number(row, t_place), _number(row, y_place)) for row in rows]).reshape(-1, 2)
+    pairs = np.array([(_number(row, t_place, comma), _number(row, y_place, comma)) for row in rows]).reshape(-1, 2)
     good = np.isfinite(pairs).all(axis=1)
     t, y = pairs[good].T * np.array([[TIME_UNITS[t_unit]], [SIGNAL_UNITS.get(y_unit, 1.0)]])
     if len(t) < 2:
@@ -89,10 +89,36 @@ def read_measured(path: Path, time: str | None = None, signal: str | None = None
         notes.append(
             f"{gaps.sum()} gaps, the longest {steps.max():.3g} s where samples are {np.median(steps):.3g} s apart."
         )
-    return Measured(t, y, "m" if y_unit in SIGNAL_UNITS else y_unit, tuple(notes))
+    unit = "m" if y_unit in SIGNAL_UNITS else y_unit
+    for sign in (1, -1):
+        if count := _cut_off(sign * y):
+            limit = f"{sign * np.max(sign * y):.4g} {unit}".rstrip()
+            notes.append(
+                f"{count} samples stand at {limit}, as if cut off at the end of a sensor's range: the damping is then wrong; "
+                "begin the ring later."
+            )
+    return Measured(t, y, unit, tuple(notes))
 
 
-def _read(path: Path) -> tuple[list[str], list[list[str]]]:
+def _cut_off(signal: np.ndarray) -> int:
+    """How many samples stand at the largest value of a signal as if they were cut off there; 0: they are not.
+
+    In rounded samples a ring's peaks share a value, too, but the next smaller one is then nearly as frequent.
+    """
+    counts = np.unique(signal, return_counts=True)[1]
+    at_limit = signal == signal.max()
+    peaks = np.count_nonzero(np.diff(at_limit, prepend=False) & at_limit)
+    next_smaller = int(counts[-2]) if len(counts) > 1 else 0
+    cut = peaks >= FEWEST_CUT_OFF and counts[-1] >= max(MORE * next_smaller, MORE * peaks / 2)
+    return int(counts[-1]) if cut else 0
+
+
+FEWEST_CUT_OFF, MORE = 3, 5
+"""Fewest peaks that are cut off, and samples there over those of the next smaller value."""
+
+
+def _read(path: Path) -> tuple[list[str], list[list[str]], bool]:
+    """Names and rows of the columns, and whether numbers may have a decimal comma, as it does not separate columns."""
     try:
         if path.stat().st_size > LARGEST_FILE:
             raise StudyError(f"{path} is larger than {LARGEST_FILE // 1_000_000} MB: cut out what is to be fitted.")
@@ -103,7 +129,7 @@ def _read(path: Path) -> tuple[list[str], list[list[str]]]:
                 ";" if first.count(";") > first.count(",") else "\t" if first.count("\t") > first.count(",") else ","
             )
             names = next(csv.reader([first], delimiter=dialect), [])
-            return [name.strip() for name in names], list(csv.reader(lines, delimiter=dialect))
+            return [name.strip() for name in names], list(csv.reader(lines, delimiter=dialect)), dialect != ","
     except FileNotFoundError:
         raise StudyError(f"There is no file {path}: check the name.") from None
     except (OSError, UnicodeDecodeError, csv.Error) as error:
@@ -130,9 +156,9 @@ def _column(path: Path, names: list[str], wanted: str | None, place: int) -> tup
     raise StudyError(f"{path} has no column {visible(wanted, LONGEST_NAME)!r}: it has {shown or 'none'}.")
 
 
-def _number(row: list[str], place: int) -> float:
+def _number(row: list[str], place: int, comma: bool) -> float:
     try:
-        return float(row[place])
+        return float(row[place].replace(",", ".") if comma else row[place])
     except (ValueError, IndexError):
         return math.nan
 

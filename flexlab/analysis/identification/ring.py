@@ -280,7 +280,9 @@ def _mode(
     elif not why and zeta > LARGEST_RATIO:
         why = "it is hardly an oscillation"
     why_not = why
-    if not why and zeta - half_z <= 0:
+    if not why and zeta + half_z < 0:
+        why_not = "the vibration grows"
+    elif not why and zeta - half_z <= 0:
         why_not = f"it is below {max(zeta + half_z, 0):.2g}, but the noise hides by how much"
     return RingMode(
         Estimate(f, f - half_f, f + half_f, "Hz", why),

@@ -96,7 +96,8 @@ class OwnFileWatch:
             else:
                 text = {kinds.field: _with_text(new, present, source, OF_A_PATH)}
                 lab_state.change(text if folder is PATH_FILES else {f"{kinds.field}.source": source})
-                told = f"the {title} goes on with the new text."
+                stopped = lab_state.snapshot.status.failed
+                told = "reset to run the new text." if stopped else f"the {title} goes on with the new text."
             lab_state.say(f"{file.name} was saved: {told}")
         except FlexlabError as error:
             goes_on = "the path goes on as it was" if folder is PATH_FILES else "the law goes on as it was"

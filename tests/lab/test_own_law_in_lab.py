@@ -1,7 +1,6 @@
 """A control law in Python in a running lab: chosen, saved anew, wrong, mended."""
 
 import os
-import time
 from pathlib import Path
 
 import pytest
@@ -40,7 +39,9 @@ def test_in_a_lab_a_saved_file_acts_at_once_and_a_wrong_one_leaves_all_as_it_was
         assert "mine.py, line" in lab.runner.snapshot.status.text
         assert "ZeroDivisionError" in lab.runner.snapshot.status.text
         file.write_text(PD)
-        time.sleep(1)
+        wait_until(
+            lambda: lab.lab_state.notice.text == "mine.py was saved: reset to run the new text.", "what to do next"
+        )
         lab.lab_state.submit(Reset())
         lab.lab_state.submit(Play())
         wait_until(lambda: lab.runner.snapshot.latest.time[0] > 0.05 and lab.runner.snapshot.playing, "it runs again")

@@ -275,8 +275,7 @@ def sweep(
     known = chosen_workers(workers, cluster)
     place = sweep_folder(name, plan) if folder is None else file_path("folder", folder)
     with progress_bar(progress) as told:
-        run_sweep(plan, place, known, told)
-    return Sweep(plan, place)
+        return run_sweep(plan, place, known, told)
 
 
 def read(run: str | Path, logs: str | Path = LOGS) -> Run:

@@ -81,8 +81,8 @@ def test_a_metric_of_ones_own_is_in_runs_and_sweeps(tmp_path: Path):
     with pytest.raises(StudyError, match="The metric broken failed: ValueError: no such thing"):
         _ = run.metrics
     plan = make_plan(flexlab.load_preset("paper"), flexlab.api.parse_axes({EI: [100.0]}, run.scenario), 0.05, 0.001)
-    run_sweep(plan, tmp_path / "sweep", chosen_workers(1))
-    assert flexlab.Sweep(plan, tmp_path / "sweep").failed == {0: "The metric broken failed: ValueError: no such thing"}
+    swept = run_sweep(plan, tmp_path / "sweep", chosen_workers(1))
+    assert swept.failed == {0: "The metric broken failed: ValueError: no such thing"}
     notes = read_notes(run.save(tmp_path))
     assert not {"Farthest [m]", "Broken [1]"} & set(notes["metrics"])
     assert notes["note"] == "The metric broken failed: ValueError: no such thing"

@@ -78,7 +78,7 @@ def _dispatch(words: list[str]) -> int:
     import tyro
 
     command = importlib.import_module(f"flexlab.cli.{name}{ENDING}").command
-    description = None if name != "lab" else f"{command.__doc__}\n\nOther commands:\n\n{_others()}"
+    description = None if name != "lab" else f"{command.__doc__}\n\nOther commands:\n{_others()}"
     prog = "flexlab" if words[:1] != [name] else f"flexlab {name}"
 
     @functools.wraps(command)

@@ -53,7 +53,7 @@ def command(
     from flexlab.analysis.sweep.axes import parse_axes
     from flexlab.analysis.sweep.figures import write_figures
     from flexlab.analysis.sweep.plan import DEFAULT_ACCURACY, make_plan
-    from flexlab.analysis.sweep.result import Sweep, run_sweep, sweep_folder
+    from flexlab.analysis.sweep.result import run_sweep, sweep_folder
     from flexlab.analysis.workers import chosen_workers, progress_bar
     from flexlab.cli.warmup import warm_up
 
@@ -70,8 +70,7 @@ def command(
     if cluster is None:
         warm_up(plan.scenario)
     with progress_bar(True) as told:
-        run_sweep(plan, folder, known, told)
-    sweep = Sweep(plan, folder)
+        sweep = run_sweep(plan, folder, known, told)
     paths = write_figures(plan, sweep.table, folder, shown, pair)
     for path in (folder / "cells.parquet", *paths):
         output().print(str(path), soft_wrap=True)

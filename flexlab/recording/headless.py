@@ -2,8 +2,6 @@
 
 import contextlib
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
-from datetime import datetime
 from pathlib import Path
 from types import TracebackType
 
@@ -135,12 +133,7 @@ class HeadlessRecording:
 
 
 def write_run(
-    run: Run,
-    logs: Path,
-    name: str,
-    started: datetime | None = None,
-    start_notes: StartNotes | None = None,
-    course: Course | None = None,
+    run: Run, logs: Path, name: str, start_notes: StartNotes | None = None, course: Course | None = None
 ) -> Path:
     """Record a finished `Run` and return its path; `logs` and `start_notes` as for `HeadlessRecording`.
 
@@ -152,8 +145,6 @@ def write_run(
     info = RunInfo(
         name, run.scenario, course.sample_period, course.start, measured=measured, recorded_by=course.recorded_by
     )
-    if started is not None:
-        info = replace(info, started=started)
     with HeadlessRecording(logs, info, start_notes, len(run) <= MOST_AT_ONCE) as recording:
         recording.write_whole(run, course.events)
     return recording.path

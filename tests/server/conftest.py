@@ -8,7 +8,8 @@ import pytest
 from person import TOKEN, open_server
 
 from flexlab.presets import load_preset
-from flexlab.recording.headless import write_run
+from flexlab.recording.headless import HeadlessRecording
+from flexlab.recording.run_info import RunInfo
 from flexlab.server.front_server import FrontServer
 from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
@@ -25,7 +26,11 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A finished recording of half a second, of a day on which no server of the tests records."""
     run = simulate(load_preset("paper"), duration=0.5, sample_period=0.001)
     started = datetime(2025, 12, 31, 12, 0, 0).astimezone()
-    return write_run(run, tmp_path_factory.mktemp("recorded"), "paper", started)
+    with HeadlessRecording(
+        tmp_path_factory.mktemp("recorded"), RunInfo("paper", run.scenario, started=started)
+    ) as made:
+        made.write_whole(run)
+    return made.path
 
 
 @pytest.fixture(scope="session")

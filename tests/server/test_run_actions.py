@@ -19,9 +19,10 @@ from flexlab.guide import LessonProgress
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset
 from flexlab.recording.export import import_run
-from flexlab.recording.headless import write_run
+from flexlab.recording.headless import HeadlessRecording, write_run
 from flexlab.recording.importing import take_measurement
 from flexlab.recording.reader import read_recording
+from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.run_files import list_runs
 from flexlab.server.front_server import FrontServer
@@ -34,7 +35,9 @@ def softer(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run of 0.3 s with half the stiffness."""
     scenario = load_preset("paper").replace({"payload.bending_stiffness": 50.0})
     started = datetime(2026, 1, 2, 3, 4, 5).astimezone()
-    return write_run(simulate(scenario, duration=0.3), tmp_path_factory.mktemp("softer"), "softer", started)
+    with HeadlessRecording(tmp_path_factory.mktemp("softer"), RunInfo("softer", scenario, started=started)) as made:
+        made.write_whole(simulate(scenario, duration=0.3))
+    return made.path
 
 
 @pytest.fixture

@@ -141,8 +141,8 @@ HTML_ROWS = 10
 """Rows of the table that a notebook shows."""
 
 
-def run_sweep(plan: Plan, folder: Path, workers: Workers, told: Told = lambda done, total: None) -> Path:
-    """Compute the missing parts of a sweep in its folder, and return the table's path. Raises `StudyError`.
+def run_sweep(plan: Plan, folder: Path, workers: Workers, told: Told = lambda done, total: None) -> "Sweep":
+    """Compute the missing parts of a sweep in its folder, and return the finished sweep. Raises `StudyError`.
 
     It may be interrupted or killed at any time: the same call then computes the remaining parts, and the table is the same,
     byte for byte.
@@ -159,7 +159,7 @@ def run_sweep(plan: Plan, folder: Path, workers: Workers, told: Told = lambda do
                 done += len(cells)
                 told(done, plan.cell_count)
     kept.finish()
-    return kept.table
+    return Sweep(plan, folder)
 
 
 class Sweep(Result):

@@ -11,7 +11,7 @@ from flexlab.analysis.metrics.metric import numbers
 from flexlab.analysis.metrics.run_metrics import DURATION
 from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.plan import Plan, make_plan
-from flexlab.analysis.sweep.result import TABLE, Sweep, read_part, run_sweep
+from flexlab.analysis.sweep.result import TABLE, read_part, run_sweep
 from flexlab.analysis.workers import chosen_workers
 from flexlab.errors import FlexlabError, StudyError
 from flexlab.scenario import Scenario
@@ -80,8 +80,8 @@ STUDY = SweepStudy
 
 def sweep_study(plan: Plan, folder: Path, report: Callable[[float], None]) -> Outcome:
     """Compute a sweep in `folder`; the result is its `page_data`."""
-    run_sweep(plan, folder, chosen_workers(threads()), lambda done, total: report(done / total))
-    return Outcome(page_data(plan, Sweep(plan, folder).columns()))
+    sweep = run_sweep(plan, folder, chosen_workers(threads()), lambda done, total: report(done / total))
+    return Outcome(page_data(plan, sweep.columns()))
 
 
 def page_data(plan: Plan, table: Columns) -> dict[str, Any]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from flexlab.analysis.linear_model import About, LinearModel, Named, make_model
 from flexlab.analysis.linearization import POSE_STEP, Linearization, central, first_order, fourth_order
-from flexlab.analysis.modes import check_pose, drift_note, linearize_at
+from flexlab.analysis.modes import check_pose, linearize_at, loop_note
 from flexlab.analysis.rest_point import aim
 from flexlab.analysis.stability import beam_scale, find_disk_margin, find_poles, kept_memory, with_lag
 from flexlab.arguments import flag
@@ -214,7 +214,7 @@ def _about(linear: Linearization, answers: "Outputs", drive: _Drive, closed: boo
         output_at_rest=answers.at_rest,
         closed=closed,
         input_delay=late,
-        note=drift_note(linear),
+        note=loop_note(linear),
         disk_margin=find_disk_margin(linear, find_poles(linear).value),
     )
 

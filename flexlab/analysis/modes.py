@@ -185,9 +185,8 @@ class Modes:
 
     def __repr__(self) -> str:
         loop = "no rest point" if not len(self.poles) else "the loop grows" if self.unstable else "a stable loop"
-        return (
-            f"<Modes: {len(self.frequency)}, the first at {self.frequency[0]:.4g} Hz; {len(self.poles)} poles, {loop}>"
-        )
+        rigid = ", with rigid grips" if RIGID in self.note else ""
+        return f"<Modes: {len(self.frequency)}, the first at {self.frequency[0]:.4g} Hz; {len(self.poles)} poles, {loop}{rigid}>"
 
 
 def modes(scenario: AnyScenario, pose: tuple[float, float, float] | None = None) -> Modes:
@@ -219,7 +218,7 @@ def _modes(scenario: Scenario, pose: tuple[float, float, float] | None) -> Modes
         rank = np.argsort(order)
         names = [POSE, *(f"{BEAM_MODE}{rank[k] + 1}" for k in range(len(omega))), MEMORY, ON_THEIR_WAY]
         poles, origin = found.value, tuple(names[k] for k in np.argmax(found.share, axis=1))
-        note = drift_note(linear)
+        note = loop_note(linear)
     result = Modes(
         frequency=omega / (2 * np.pi),
         damping_ratio=np.diag(beam.modes.D)[order] / (2 * omega),
@@ -311,10 +310,21 @@ def linearize_at(scenario: Scenario, pose: np.ndarray) -> Linearization:
     return linearize_loop(probe, find_rest(probe, pose))
 
 
-def drift_note(linear: Linearization) -> str:
-    """A sentence if the law's memory never comes to rest; empty otherwise."""
-    if not linear.rest.drifting:
-        return ""
-    return (
-        "The law's memory never comes to rest here (its estimates go on growing): poles with its values at the start."
-    )
+def loop_note(linear: Linearization) -> str:
+    """Sentences on what the linear model of a loop leaves out; empty for nothing."""
+    notes = []
+    if linear.rest.drifting:
+        notes.append(
+            "The law's memory never comes to rest here (its estimates go on growing): poles with its values at the start."
+        )
+    if linear.probe.original.grips.active:
+        notes.append(RIGID)
+    if linear.probe.original.payload.mass_change.active:
+        notes.append("The payload's mass changes (payload.mass_change): this is of its mass at the start.")
+    return " ".join(notes)
+
+
+RIGID = (
+    "The grips give way here (grips.model), which this leaves out: it is of rigid grips. Whether the loop is stable, and how the "
+    "beam rings, a run tells."
+)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from reference.linear import open_loop_matrices
 
+import flexlab
 from flexlab.analysis.linearization import Linearization
 from flexlab.analysis.modes import Modes, modes
 from flexlab.analysis.stability import NEUTRAL, find_poles, loop_map
@@ -265,3 +266,19 @@ def test_free_arms_stand_still_and_take_any_gain():
     assert not found.unstable
     assert found.disk_margin is not None
     assert found.disk_margin.each.alpha == pytest.approx(2)
+
+
+def test_poles_of_grips_that_give_way_say_that_they_are_of_rigid_ones():
+    """They said "a stable loop" of one that ran away within 12 ms."""
+    scenario = load_preset("paper").replace(
+        {"grips.model": "compliant", "controller.control_period": 0.001, "controller.input_delay": 1}
+    )
+    assert simulate(scenario, 0.05).status == "diverged"
+    found = modes(scenario)
+    assert "The grips give way here (grips.model), which this leaves out" in str(found)
+    assert repr(found).endswith("a stable loop, with rigid grips>")
+    assert found.note in str(flexlab.linearize(scenario))
+    assert "rigid" not in repr(modes("paper")) + str(modes("paper"))
+    filled = load_preset("paper").replace({"payload.mass_change.factor": 3.0})
+    assert modes(filled).note == "The payload's mass changes (payload.mass_change): this is of its mass at the start."
+    np.testing.assert_array_equal(modes(filled).poles, modes("paper").poles)

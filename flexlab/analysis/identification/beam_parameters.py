@@ -197,7 +197,7 @@ def beam_parameters(fit: RingFit, scenario: Scenario, in_loop: bool, poses: Sequ
     path = "payload.damping.ratio" if scenario.payload.damping.kind == "modal" else "payload.damping.coefficient"
     frequency, ratio = fit.first.frequency, fit.first.damping_ratio
     density = Estimate(np.nan, np.nan, np.nan, "kg/m", "a ring tells EI/ρ alone; weigh the beam for ρ")
-    reason = frequency.reason
+    reason = frequency.reason or (_left_out(fit, scenario) if in_loop else "")
     middle = poses[0] if poses else None
     try:
         stiffness, fitted = (
@@ -218,6 +218,16 @@ def beam_parameters(fit: RingFit, scenario: Scenario, in_loop: bool, poses: Sequ
         fitted, path, ratio, lambda one: first_mode(one, in_loop, middle)[1], unit if unit != "1" else "", reason
     )
     return BeamParameters(EI, density, damping, path, final)
+
+
+def _left_out(fit: RingFit, scenario: Scenario) -> str:
+    """Why the linear model of a scenario's loop does not ring as a run did; empty: it does."""
+    if scenario.grips.active:
+        return "the grips give way, and the loop with which a ring is compared has rigid ones"
+    change = scenario.payload.mass_change
+    if change.active and fit.end > change.begin:
+        return "the payload's mass changes, and a ring tells EI/ρ alone"
+    return ""
 
 
 def first_mode(scenario: Scenario, in_loop: bool, pose: Pose | None = None) -> tuple[float, float]:

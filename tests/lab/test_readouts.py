@@ -4,22 +4,44 @@ from dataclasses import replace
 
 import pytest
 from lab_page import wait_until
-from raw_browser import RawBrowser, html_texts
+from raw_browser import RawBrowser, html_texts, widget
 
 from flexlab.analysis.explanations.explanation import Explained
 from flexlab.guide import LOCKED, ClassRules
 from flexlab.lab.lab_state import Notice
-from flexlab.lab.panel.readouts import SEEN_TOGETHER, largest_vibration, notices_html, summary_text
+from flexlab.lab.panel.readouts import SEEN_TOGETHER, largest_vibration, notices_html, status_html, summary_text
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
-from flexlab.sim.commands import Pull
+from flexlab.sim.commands import Pause, Pull
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Event
 
 
 def notices(scenario: Scenario) -> str:
     return notices_html(Runner(scenario, playing=False).snapshot, Notice(""), ClassRules())
+
+
+def test_after_a_run_that_stopped_a_reset_plays_and_a_paused_lab_stays_paused() -> None:
+    with Session(load_preset("paper"), shadows=False) as lab, RawBrowser(lab) as browser:
+        runner, reset = lab.runner, widget(lab, "Reset")
+        wait_until(lambda: runner.snapshot.latest.time[0] > 0.1, "it runs")
+        lab.lab_state.change({"payload.bending_stiffness": 0.001})
+        wait_until(lambda: runner.snapshot.status.failed, "it stops")
+        lab.lab_state.change({"payload.bending_stiffness": 100.0})
+        number = runner.snapshot.run_number
+        browser.update(reset, {"value": True})
+        wait_until(
+            lambda: runner.snapshot.run_number > number and runner.snapshot.latest.time[0] > 0.1, "it runs again"
+        )
+        lab.lab_state.submit(Pause())
+        wait_until(lambda: not runner.snapshot.playing, "it stands")
+        number = runner.snapshot.run_number
+        browser.update(reset, {"value": True})
+        wait_until(lambda: runner.snapshot.run_number > number, "a new run")
+        assert not runner.snapshot.playing
+        snapshot = replace(runner.snapshot, waiting=True)  # Nobody has drawn the new run yet.
+        assert "Paused" in status_html(snapshot, lab.lab_state.view, (), "")
 
 
 def test_that_a_lab_is_locked_is_said_once_when_somebody_tries() -> None:

@@ -106,8 +106,11 @@ class Playback:
             self.step()
 
     def reset(self) -> None:
-        """A new run with the same settings."""
+        """A new run with the same settings; it plays where the last one played until it stopped by itself."""
+        last = self._lab_state.snapshot
         self._lab_state.submit(Reset())
+        if last.status.failed and float(last.latest.time[0]) > last.start_time:
+            self._lab_state.submit(Play())
 
     def step(self) -> None:
         """Pause, and advance by one sample."""

@@ -97,7 +97,7 @@ def _status(snapshot: Snapshot) -> tuple[str, str]:
     """Dot colour and first words."""
     if snapshot.status.failed:
         return "#e03131", "Stopped"
-    if snapshot.waiting:
+    if snapshot.playing and snapshot.waiting:
         return colors.css(colors.SKY), "Begins when the page is drawn"
     if snapshot.playing:
         return colors.css(colors.GREEN), "Running"

@@ -26,6 +26,7 @@ from flexlab.api import LOGS, Run, export_fmu
 from flexlab.arguments import file_path, flag, text_or_none, time_or_none
 from flexlab.errors import StudyError
 from flexlab.presets import AnyLaw, AnyPath, AnyScenario, any_scenario, named_scenario
+from flexlab.recording.export import FORMATS as TABLES
 from flexlab.recording.export import export_recording
 from flexlab.recording.reader import read_recording
 from flexlab.recording.run_info import package_version
@@ -142,6 +143,9 @@ def export(
     target = file_path("to", to)
     kind = target.suffix.lower()
     first, last = time_or_none("start", start), time_or_none("end", end)
+    known = (*TABLES, PAGE, ARCHIVE, UNIT, *BODIES)
+    if kind not in known:
+        raise StudyError(f"{target} has no known format: let its name end in {', '.join(known)}.")
     if kind in (UNIT, *BODIES, PAGE, ARCHIVE) and (first, last) != (None, None):
         what_whole = "run" if kind in (PAGE, ARCHIVE) else "scenario"
         raise StudyError(f"start and end are for tables: {target} holds the whole {what_whole}.")

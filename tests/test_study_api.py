@@ -137,6 +137,14 @@ def test_runs_of_changed_scenarios_are_called_after_what_was_changed(tmp_path: P
     assert flexlab.simulate(paper.replace({"title": "Mine"}), 0.02).name == "run"
 
 
+def test_an_ending_that_no_export_has_is_told_whatever_is_exported(tmp_path: Path):
+    """Of a preset, it said that there is no recording called paper."""
+    for what in ("paper", flexlab.simulate("paper", 0.01)):
+        for name in ("a", "a.xyz"):
+            with pytest.raises(StudyError, match=rf"{name} has no known format: let its name end in \.csv"):
+                flexlab.export(what, tmp_path / name)
+
+
 def test_a_run_is_saved_as_the_file_that_was_named(tmp_path: Path):
     """`run.save("squeezed.rrd")` made a folder of that name."""
     run, named = flexlab.simulate("paper", 0.02), tmp_path / "new" / "squeezed.rrd"

@@ -105,7 +105,7 @@ class Bodies:
     @property
     def upright(self) -> bool:
         """Whether the plane stands upright, its y upwards."""
-        return self.scenario.gravity > 0
+        return self.scenario.gravity != 0
 
     def walk(self) -> Iterator[tuple[Body, Body | None]]:
         """All bodies, depth first, each with what holds it."""

@@ -58,7 +58,8 @@ DIGITS = 16
 
 def short_hash(text: str) -> str:
     """A hash of a text, `DIGITS` hexadecimal digits."""
-    return hashlib.sha256(text.encode()).hexdigest()[:DIGITS]
+    # Lone surrogates, which no file can hold, are refused where a text is read.
+    return hashlib.sha256(text.encode(errors="surrogatepass")).hexdigest()[:DIGITS]
 
 
 def filled(template: Path, **values: object) -> str:

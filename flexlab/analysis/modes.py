@@ -60,7 +60,7 @@ def _beam_lines(modes: "Modes") -> list[str]:
     for k, frequency in enumerate(modes.frequency[:MOST_ROWS]):
         shares = (f"{100 * each[k]:.1f}" for each in (modes.lateral_participation, modes.angular_participation))
         rows.append((f"{k + 1}", f"{frequency:.2f}", f"{100 * modes.damping_ratio[k]:.3g}", *shares))
-    lines = _aligned(rows)
+    lines = _aligned(rows, len(rows[0]))
     if len(modes.frequency) > MOST_ROWS:
         lines.append(f"… and {len(modes.frequency) - MOST_ROWS} higher modes")
     return lines
@@ -79,7 +79,7 @@ def _pole_lines(modes: "Modes") -> list[str]:
         frequency = f"{row.frequency:.2f}" if row.frequency else "–"
         verdict = row.verdict.upper() if row.verdict == "grows" else row.verdict
         rows.append((frequency, f"{100 * row.damping_ratio:.3g}", f"{row.rate:+.4g}", verdict, row.origin))
-    lines = [head, "", *_aligned(rows)]
+    lines = [head, "", *_aligned(rows, 3)]
     if len(everything) > MOST_ROWS:
         lines.append(f"… and {len(everything) - MOST_ROWS} faster ones, none of which grows")
     if modes.unstable:
@@ -87,14 +87,13 @@ def _pole_lines(modes: "Modes") -> list[str]:
     return lines
 
 
-def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
-    """Columns of equal width, right-aligned but the last two of five when they are words."""
-    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    words = [not any(character.isdigit() for row in rows[1:] for character in row[k][:1]) for k in range(len(widths))]
+def _aligned(rows: list[tuple[str, ...]], right: int) -> list[str]:
+    """Columns of equal width, the first `right` of them right-aligned."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return [
         "  ".join(
-            cell.ljust(width) if word and k > 2 else cell.rjust(width)
-            for k, (cell, width, word) in enumerate(zip(row, widths, words, strict=True))
+            cell.rjust(width) if k < right else cell.ljust(width)
+            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
         ).rstrip()
         for row in rows
     ]

@@ -193,7 +193,7 @@ class OwnFolder(Generic[K]):
         if isinstance(given, Path) or (isinstance(given, str) and given.endswith((".py", ".fmu"))):
             kernel = self._kernel(Path(given))
             if not kernel and not self.holds(given):
-                needed = f"it needs a class Name({base.__name__}), or {self._constant} = {word.capitalize()}(...)"
+                needed = f"it needs a class Name({base.__name__}), or {self.kinds.registry.constant} = {word.capitalize()}(...)"
                 raise self._problem("source", f"{given} holds no {what} that can be used: {needed}.")
             return kernel or self.add(given).kind
         if isinstance(given, type) and issubclass(given, base):
@@ -206,10 +206,6 @@ class OwnFolder(Generic[K]):
                 if self._declares(file, given):
                     return self.add(file).kind
         return given
-
-    @property
-    def _constant(self) -> str:
-        return self.kinds.registry.constant
 
     def _problem(self, name: str, text: str) -> ScenarioError:
         return ScenarioError([(f"{self.kinds.field}.{name}", text)])
@@ -236,7 +232,7 @@ class OwnFolder(Generic[K]):
 
     def _kernel(self, file: Path) -> str:
         """The kind of a file that defines a kernel (`LAW = Law(...)`); empty for any other. Raises `ScenarioError`."""
-        if not re.search(rf"^{self._constant}\s*=", self.text(file), re.MULTILINE):
+        if not re.search(rf"^{self.kinds.registry.constant}\s*=", self.text(file), re.MULTILINE):
             return ""
         place = str(file.resolve())
         if self._kernels.get(place) not in self.kinds.registry.all():

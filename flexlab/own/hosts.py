@@ -8,11 +8,12 @@ import numpy as np
 
 from flexlab.compiled import PLAIN_PYTHON
 from flexlab.errors import FlexlabError, ScenarioError
+from flexlab.files import short_hash
 from flexlab.own.apart import LawApart, PathApart
 from flexlab.own.execution import RunningLaw, RunningPath
 from flexlab.own.link import address_in
 from flexlab.own.process import OwnProcess
-from flexlab.own.reading import TextProblem, digest, is_foreign
+from flexlab.own.reading import TextProblem, is_foreign
 from flexlab.physics.law_input import LAW_INPUT
 
 _KINDS = {"law": (RunningLaw, LawApart), "path": (RunningPath, PathApart)}
@@ -39,7 +40,7 @@ def run_apart(apart: bool = True, output: int = subprocess.DEVNULL) -> None:
 
 def host(sort: str, source: str) -> Any:
     """What runs an allowed text, a "law" or a "path". Raises `TextProblem` or `ScenarioError` if it cannot be run."""
-    key, file = (sort, digest(source)), file_of(source)
+    key, file = (sort, short_hash(source)), file_of(source)
     with _lock:
         found = known.pop(key, None)
         if found is None:
@@ -68,7 +69,7 @@ def stop_loading(file: str = "", source: str = "") -> None:
             continue
         if not file:
             one.close()
-        elif one.file == file and text != digest(source):
+        elif one.file == file and text != short_hash(source):
             one.close("it was saved anew while it was loading.")
 
 
@@ -83,7 +84,7 @@ def close_all() -> None:
 
 def allow(source: str, file: str) -> None:
     """Let a text run that stands in `file`; sentences name that file."""
-    _allowed[digest(source)] = file
+    _allowed[short_hash(source)] = file
 
 
 def allowed() -> dict[str, str]:
@@ -98,12 +99,12 @@ def allow_digests(files: dict[str, str]) -> None:
 
 def file_of(source: str) -> str:
     """The file of a text that may run; empty for any other."""
-    return _allowed.get(digest(source), "")
+    return _allowed.get(short_hash(source), "")
 
 
 def is_allowed(source: str) -> bool:
     """Whether a text may run here."""
-    return digest(source) in _allowed
+    return short_hash(source) in _allowed
 
 
 def not_allowed(source: str, kind: str) -> str:
@@ -128,14 +129,14 @@ def host_of(source: str, kind: str) -> RunningLaw | LawApart:
         found.ensure()
     except (TextProblem, FlexlabError) as error:
         with _lock:
-            known.pop(("law", digest(source)), None)
+            known.pop(("law", short_hash(source)), None)
         raise ScenarioError([("controller.source", f"The control law {kind} cannot be used: {error}")]) from None
     return found
 
 
 def known_law(source: str) -> RunningLaw | LawApart | None:
     """What runs a law; None if nothing does yet."""
-    return known.get(("law", digest(source)))
+    return known.get(("law", short_hash(source)))
 
 
 def ask_plainly(gains: Any, now: Any) -> int:

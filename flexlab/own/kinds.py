@@ -15,9 +15,10 @@ from pydantic import BaseModel, Field, create_model
 from flexlab.control.law import Law
 from flexlab.control.path import Path
 from flexlab.errors import ScenarioError
+from flexlab.files import short_hash
 from flexlab.own import hosts
 from flexlab.own.declaration import Declared, Setting
-from flexlab.own.reading import LONGEST_SOURCE, digest, is_finite
+from flexlab.own.reading import LONGEST_SOURCE, is_finite
 from flexlab.quantities import Number, OneOrThree, quantity
 from flexlab.registry import Registry
 from flexlab.text import number_text, visible
@@ -98,7 +99,7 @@ class OwnKinds(Generic[K]):
         """
         named = hosts.file_of(source)
         own: Any = self.read(source, named or f"the {self.word} of this scenario", "")
-        for kind in (own.kind, f"{own.kind}-{digest(source)[:6]}"):
+        for kind in (own.kind, f"{own.kind}-{short_hash(source)[:6]}"):
             known: Any = self.registry.all().get(kind)
             if known is None:
                 self.registry.add(own if kind == own.kind else self.read(source, named or kind, kind))

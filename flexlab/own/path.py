@@ -9,7 +9,6 @@ interval, once at a place that no period of the function can share; N doubles un
 
 import base64
 import binascii
-import hashlib
 import json
 import math
 from collections.abc import Callable, Collection, Mapping
@@ -25,11 +24,12 @@ from flexlab.compiled import pluggable
 from flexlab.control.path import PATHS, Path, Trajectory
 from flexlab.control.paths.table import FREE_ROWS, along_pieces, polynomials, spline
 from flexlab.errors import FlexlabError
+from flexlab.files import short_hash
 from flexlab.own import hosts
 from flexlab.own.declaration import PathDeclaration, Setting, read_path_declaration
 from flexlab.own.endless_calls import CALLS
 from flexlab.own.kinds import OWN_PLACE, OwnKinds, flat_numbers, source_field
-from flexlab.own.reading import TextProblem, digest
+from flexlab.own.reading import TextProblem
 from flexlab.quantities import Number, quantity
 from flexlab.text import number_text
 
@@ -157,7 +157,7 @@ def _restored(data: dict[str, Any]) -> OwnTrajectory:
 
 def _digest_of(path: OwnTrajectory) -> str:
     options = {name: getattr(path, name) for name, _ in path.options}
-    return hashlib.sha256(f"{digest(path.source)} {json.dumps(options)}".encode()).hexdigest()[:16]
+    return short_hash(f"{short_hash(path.source)} {json.dumps(options)}")
 
 
 @lru_cache(maxsize=TABLES_KEPT)

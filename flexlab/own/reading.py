@@ -7,7 +7,6 @@ machines then have them, and whoever is asked whether a text may run sees all th
 import ast
 import base64
 import contextlib
-import hashlib
 import io
 import operator
 import re
@@ -53,12 +52,6 @@ WORDS = r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])"
 def kind_of(name: str) -> str:
     """A class's name in scenarios: SoftPD becomes soft-pd, PIDControl pid-control."""
     return re.sub(WORDS, "-", name).replace("_", "-").lower()
-
-
-def digest(source: str) -> str:
-    """16 digits that identify a text."""
-    # Lone surrogates, which no file can hold, are refused where the text is read.
-    return hashlib.sha256(source.encode(errors="surrogatepass")).hexdigest()[:16]
 
 
 def is_finite(value: Any) -> bool:

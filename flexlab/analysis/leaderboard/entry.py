@@ -1,7 +1,7 @@
 """The laws that enter, with their settings, and the rows: one law in one variant of one case, with its scores."""
 
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, field, replace
 from math import isfinite
@@ -169,18 +169,16 @@ class Task(NamedTuple):
 def compute(task: Task, machine: str) -> Row:
     """Simulate a task. The row of a law that fails says why."""
     hashed, metrics = ResultHash(), [(score, score.metric()) for score in task.case.scores]
-
-    def take(samples: Samples) -> None:
-        hashed.update(samples)
-        for score, metric in metrics:
-            if len(piece := between(samples, *score.window)):
-                metric.update(piece)
-
     row = replace(task.row, machine=machine)
     if task.scenario is not None:
         try:
             with one_blas_thread(), _turn(task.scenario):
-                world = simulate_into(task.scenario, task.case, take)
+                world = World(task.scenario.anew(), SAMPLE_PERIOD)
+                for samples in _blocks(world, task.case):
+                    hashed.update(samples)
+                    for score, metric in metrics:
+                        if len(piece := between(samples, *score.window)):
+                            metric.update(piece)
             if world.status.failed:
                 row = replace(row, status=str(world.status), sentence=world.status.text)
             else:
@@ -201,17 +199,14 @@ def _turn(scenario: Scenario) -> AbstractContextManager[object]:
     return _turns.setdefault(source, threading.Lock()) if source else nullcontext()
 
 
-def simulate_into(scenario: Scenario, case: Case, take: Any) -> World:
-    """Simulate a case as `sim.simulate` does with its commands; `take` gets the samples in blocks."""
+def _blocks(world: World, case: Case) -> Iterator[Samples]:
+    """The samples of a case in blocks, from the world's start on, as `sim.simulate` gives them with its commands."""
     count = sample_count(case.duration, SAMPLE_PERIOD)
-    world = World(scenario.anew(), SAMPLE_PERIOD)
-    if world.status.failed:
-        return world
-    take(world.observe())
+    if not world.status.failed:
+        yield world.observe()
     stops = [(min(count, tick_at(time, SAMPLE_PERIOD)), command) for time, command in case.commands]
     for stop, command in [*sorted(stops, key=lambda item: item[0]), (count, None)]:
         while world.tick < stop and not world.status.failed:
-            take(world.advance(min(BLOCK, stop - world.tick)))
+            yield world.advance(min(BLOCK, stop - world.tick))
         if command is not None and not world.status.failed:
             world.apply(command)
-    return world

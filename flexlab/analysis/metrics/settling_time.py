@@ -70,21 +70,14 @@ class SettlingTime(Metric):
         size = np.fmax(np.abs(signal), 0.0)  # NaN: not recorded.
         self._first, self._last = min(self._first, float(time[0])), float(time[-1])
         self._peak = max(self._peak, float(np.max(size)))
-        self._keep(time, size)
-        self._note(np.floor(time / self._piece).astype(np.int64), size)
-
-    def _keep(self, time: np.ndarray, size: np.ndarray) -> None:
+        places = np.concatenate([self._places, np.floor(time / self._piece).astype(np.int64)])
+        self._places, self._peaks = _gathered(places, np.concatenate([self._peaks, size]))
+        while len(self._places) > MOST_PIECES:
+            self._piece *= 2
+            self._places, self._peaks = _gathered(self._places // 2, self._peaks)
         time, size = np.concatenate([self._time, time]), np.concatenate([self._size, size])
         loud = size > SHARE * self._peak
         self._time, self._size = outlasting(time[loud], size[loud])
-
-    def _note(self, places: np.ndarray, size: np.ndarray) -> None:
-        """Add magnitudes to the pieces of time with these numbers."""
-        places, peaks = _gathered(np.concatenate([self._places, places]), np.concatenate([self._peaks, size]))
-        while len(places) > MOST_PIECES:
-            self._piece *= 2
-            places, peaks = _gathered(places // 2, peaks)
-        self._places, self._peaks = places, peaks
 
     def _longest_pause(self) -> float:
         """The longest pause between two times above the share since the last excitation, s."""

@@ -11,7 +11,7 @@ from person import open_server
 import flexlab
 from flexlab.analysis.sweep.axes import parse_axes, varied_fields
 from flexlab.analysis.sweep.plan import make_plan, run_part
-from flexlab.analysis.sweep.result import Sweep, SweepFolder
+from flexlab.analysis.sweep.result import Sweep, join_parts, save_part
 from flexlab.errors import FlexlabError
 from flexlab.presets import load_preset
 from flexlab.server.front_server import FrontServer
@@ -91,20 +91,22 @@ def test_a_map_is_there_from_the_first_cells_on(tmp_path: Path):
     plan = make_plan(
         load_preset("paper"), parse_axes([f"{EI}=50:200:8", f"{K}=100:300:16"], load_preset("paper")), 0.01, 1e-3
     )
-    growing, kept = GrowingSweep(plan, tmp_path / "sweep"), SweepFolder(tmp_path / "sweep", plan)
+    folder = tmp_path / "sweep"
+    (folder / "parts").mkdir(parents=True)
+    growing = GrowingSweep(plan, folder)
     assert growing.data()["status"] == [None] * 128
     parts = list(plan.parts())
     for cells in (parts[40], parts[3]):
-        kept.save(run_part(plan, cells))
+        save_part(folder, plan, run_part(plan, cells))
     half = growing.data()
     there = [*parts[3], *parts[40]]
     assert [cell for cell, status in enumerate(half["status"]) if status == "finished"] == there
     for cells in parts:
         if set(cells).isdisjoint(there):
-            kept.save(run_part(plan, cells))
+            save_part(folder, plan, run_part(plan, cells))
     assert growing.data()["status"] == ["finished"] * 128
-    kept.finish()
-    whole = page_data(plan, Sweep(plan, tmp_path / "sweep").columns())
+    join_parts(folder, plan)
+    whole = page_data(plan, Sweep(plan, folder).columns())
     assert growing.data() == whole, "the parts are gone, and the page has what it had read"
     metric = next(k for k, item in enumerate(whole["metrics"]) if item["field"] == "rms-y")
     assert [half["metrics"][metric]["values"][cell] for cell in there] == [

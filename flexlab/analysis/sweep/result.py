@@ -89,77 +89,67 @@ def read_part(folder: Path, plan: Plan, cells: range) -> dict[str, list[Any]] | 
         return None
 
 
-class SweepFolder:
-    """The folder of a sweep. All methods raise `StudyError` if it cannot be written or holds another sweep."""
-
-    def __init__(self, path: Path, plan: Plan):
-        """Make the folder, or go on with one that holds parts of the same sweep."""
-        self.path, self._plan = path, plan
-        with writable(path, ADVICE):
-            (path / PARTS).mkdir(parents=True, exist_ok=True)
-            self._check_plan(path / PLAN)
-
-    def _check_plan(self, file: Path) -> None:
-        if not file.exists():
-            text = json.dumps({"key": self._plan.key, **self._plan.as_data()}, indent=1, ensure_ascii=False)
-            with replacing(file) as draft:
-                draft.write_text(text + "\n", encoding="utf-8")
-        try:
-            held = json.loads(file.read_text(encoding="utf-8"))["key"]
-        except (ValueError, KeyError, TypeError):
-            held = None
-        if held != self._plan.key:
-            raise StudyError(f"{self.path} holds another sweep: choose another folder, or move that one away.")
-
-    @property
-    def table(self) -> Path:
-        """The file of the whole table, which exists once all cells are done."""
-        return self.path / TABLE
-
-    def missing(self) -> list[range]:
-        """The parts that are still to be computed."""
-        return [cells for cells in self._plan.parts() if not part_file(self.path, cells).exists()]
-
-    def save(self, cells: Sequence[Cell]) -> None:
-        """Write a part, whole or not at all."""
-        part = part_file(self.path, range(cells[0].number, cells[-1].number + 1))
-        with writable(self.path, ADVICE), replacing(part) as draft:
-            parquet.write_table(to_table(self._plan, cells), draft)
-
-    def finish(self) -> None:
-        """Write the whole table and remove its parts."""
-        with writable(self.path, ADVICE):
-            if not self.table.exists():
-                layout = schema(self._plan)
-                with replacing(self.table) as draft, parquet.ParquetWriter(draft, layout, compression="zstd") as writer:
-                    for cells in self._plan.parts():
-                        writer.write_table(parquet.read_table(part_file(self.path, cells), schema=layout))
-            shutil.rmtree(self.path / PARTS, ignore_errors=True)
-
-
-HTML_ROWS = 10
-"""Rows of the table that a notebook shows."""
+def save_part(folder: Path, plan: Plan, cells: Sequence[Cell]) -> None:
+    """Write a part, whole or not at all. Raises `StudyError`."""
+    part = part_file(folder, range(cells[0].number, cells[-1].number + 1))
+    with writable(folder, ADVICE), replacing(part) as draft:
+        parquet.write_table(to_table(plan, cells), draft)
 
 
 def run_sweep(plan: Plan, folder: Path, workers: Workers, told: Told = lambda done, total: None) -> "Sweep":
-    """Compute the missing parts of a sweep in its folder, and return the finished sweep. Raises `StudyError`.
+    """Compute the missing parts of a sweep in its folder, and return the finished sweep.
 
     It may be interrupted or killed at any time: the same call then computes the remaining parts, and the table is the same,
-    byte for byte.
+    byte for byte. Raises `StudyError`, also for a folder that cannot be written or holds another sweep.
     """
-    kept = SweepFolder(folder, plan)
-    if not kept.table.exists():
-        missing = kept.missing()
+    with writable(folder, ADVICE):
+        (folder / PARTS).mkdir(parents=True, exist_ok=True)
+        _check_plan(folder, plan)
+    if not (folder / TABLE).exists():
+        missing = [cells for cells in plan.parts() if not part_file(folder, cells).exists()]
         done = plan.cell_count - sum(map(len, missing))
         told(done, plan.cell_count)
         with workers() as run:
             # A copy without the drawn samples, which may be large; a worker draws the same ones.
             for _, cells in run(partial(run_part, replace(plan)), missing):
-                kept.save(cells)
+                save_part(folder, plan, cells)
                 done += len(cells)
                 told(done, plan.cell_count)
-    kept.finish()
+    join_parts(folder, plan)
     return Sweep(plan, folder)
+
+
+def _check_plan(folder: Path, plan: Plan) -> None:
+    """Note the plan in a new folder; raise `StudyError` if the folder has another one."""
+    file = folder / PLAN
+    if not file.exists():
+        text = json.dumps({"key": plan.key, **plan.as_data()}, indent=1, ensure_ascii=False)
+        with replacing(file) as draft:
+            draft.write_text(text + "\n", encoding="utf-8")
+    try:
+        held = json.loads(file.read_text(encoding="utf-8"))["key"]
+    except (ValueError, KeyError, TypeError):
+        held = None
+    if held != plan.key:
+        raise StudyError(f"{folder} holds another sweep: choose another folder, or move that one away.")
+
+
+def join_parts(folder: Path, plan: Plan) -> None:
+    """Write the whole table, unless it is there, and remove its parts. Raises `StudyError`."""
+    with writable(folder, ADVICE):
+        if not (folder / TABLE).exists():
+            layout = schema(plan)
+            with (
+                replacing(folder / TABLE) as draft,
+                parquet.ParquetWriter(draft, layout, compression="zstd") as writer,
+            ):
+                for cells in plan.parts():
+                    writer.write_table(parquet.read_table(part_file(folder, cells), schema=layout))
+        shutil.rmtree(folder / PARTS, ignore_errors=True)
+
+
+HTML_ROWS = 10
+"""Rows of the table that a notebook shows."""
 
 
 class Sweep(Result):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import inf, isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import pyarrow as pa
 
@@ -16,6 +16,7 @@ from flexlab.analysis.run_summary import scenario_differences
 from flexlab.recording.overlay import run_label, write_comparison
 from flexlab.recording.reader import Recording, read_recording
 from flexlab.scenario.field_text import value_text
+from flexlab.sim.commands import WorldCommand
 from flexlab.text import difference_text as number_difference
 from flexlab.text import number_text
 
@@ -27,6 +28,11 @@ Table = list[list[str]]
 
 SAME_LENGTH = 1e-9
 """Difference of durations, s, below which two runs count as equally long."""
+
+SAMPLE_PERIOD, COMMANDS = "sample_period", "commands"
+"""Names of what is no field of a scenario, and makes runs differ."""
+MOST_COMMANDS = 3
+"""Most commands of a run that are told."""
 
 SAME = "All runs started from the same scenario."
 
@@ -44,7 +50,8 @@ class Comparison(Result):
     metrics: tuple[tuple[MetricRow, ...], ...]
     """One tuple per metric, one row per run."""
     settings: tuple[tuple[str, tuple[str, ...]], ...]
-    """(dotted path, value of each run) of every scenario field in which any run differs from A."""
+    """(dotted path, value of each run) of every scenario field in which any run differs from A; then the sample period and the
+    commands, if they differ."""
 
     @cached_property
     def table(self) -> Any:
@@ -154,6 +161,9 @@ def compare(paths: Sequence[Path], seen: Callable[[int], None] = lambda samples:
         for path, *_ in scenario_differences(recordings[0].scenario, recording.scenario)
     }
     settings = [(path, tuple(_value(recording, path) for recording in recordings)) for path in sorted(fields)]
+    for name, words in ((SAMPLE_PERIOD, _period), (COMMANDS, _commands)):
+        values = tuple(map(words, recordings))
+        settings += [(name, values)] if len(set(values)) > 1 else []
     return Comparison(recordings, durations, window, tuple(zip(*metrics, strict=True)), tuple(settings))
 
 
@@ -192,6 +202,19 @@ def _value(recording: Recording, path: str) -> str:
     """A field's value in words; "–" if the scenario has no such field, as with another kind of damping, or it is not set."""
     value = recording.scenario.get(path) if recording.scenario.has(path) else None
     return "–" if value is None else value_text(value)
+
+
+def _period(recording: Recording) -> str:
+    return f"{number_text(recording.sample_period)} s"
+
+
+def _commands(recording: Recording) -> str:
+    """What was done to a run, and when."""
+    kinds = get_args(WorldCommand)
+    done = [event for event in recording.events if isinstance(event.command, kinds) and event.level != "error"]
+    told = [f"{event.text} at t = {number_text(event.time)} s" for event in done[:MOST_COMMANDS]]
+    more = len(done) - len(told)
+    return "; ".join([*told, *([f"and {more} more"] if more else [])]) or "–"
 
 
 def _markdown(table: Table) -> str:

@@ -7,13 +7,14 @@ import pytest
 from recording_helpers import plotted
 from rerun.chunk import RrdReader
 
+import flexlab
 from flexlab.analysis.comparison import compare, compare_into
 from flexlab.analysis.metrics import run_metrics
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
 from flexlab.recording.headless import HeadlessRecording, write_run
 from flexlab.recording.run_info import RunInfo
-from flexlab.sim.commands import Tap
+from flexlab.sim.commands import Pull, Tap
 from flexlab.sim.samples import Run, Status
 from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
@@ -73,6 +74,19 @@ def test_runs_of_different_length_are_compared_over_what_both_have(
     wanted = {row.column.field: row.value for row in expected.rows}
     assert found == pytest.approx(wanted, rel=0, abs=0, nan_ok=True)
     assert found["rms-x"] > 1.2 * 1e3 * run_metrics(run).rms_error[0]
+
+
+def test_what_was_done_and_how_often_it_was_looked_at_is_told(tmp_path: Path) -> None:
+    """Runs of one scenario may differ by these alone; nothing was said to differ."""
+    tapped = flexlab.simulate("paper", 0.05, commands=[(0.02, Tap(0.0, (0.0, 0.1)))])
+    pulled = flexlab.simulate("paper", 0.05, commands=[(0.001 * k, Pull(0.0, (0.0, 1.0), k)) for k in range(1, 6)])
+    found = flexlab.compare(flexlab.simulate("paper", 0.05, 0.003), tapped, pulled)
+    assert found.settings[0] == ("sample_period", ("0.003 s", "0.001 s", "0.001 s"))
+    name, (none, tap, pulls) = found.settings[1]
+    assert (name, none, tap) == ("commands", "–", "Tap the beam at s = 0.000 m with (0, 0.1) N·s at t = 0.02 s")
+    assert pulls.endswith("3 N/m at t = 0.003 s; and 2 more")
+    assert found.table.column("sample_period").to_pylist() == ["0.003 s", "0.001 s", "0.001 s"]
+    assert flexlab.compare(tapped, tapped).settings == ()
 
 
 def test_the_same_run_twice_differs_in_nothing(recording_file: Path) -> None:

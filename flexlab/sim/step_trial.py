@@ -31,11 +31,12 @@ from flexlab.sim.step_rates import ring_decay
 from flexlab.sim.step_size import SHORTEST_CHOSEN, Count
 from flexlab.sim.stepping import move_on
 
-TRIED = 12
-"""Ticks of each trial, after those whose steps are shorter as they follow a start."""
+TRIED = 80
+"""Ticks of each trial, after those whose steps are shorter as they follow a start: some errors come from the path and from slow
+modes, and add up from tick to tick, so that the first ten ticks do not show them."""
 
-FAST_PERIOD, TRIED_FAST = 0.6, 80
-"""Period of a path, s, below which its errors grow with its speed more than with its start, and the ticks of a trial there."""
+APART = 6
+"""Ticks from one tried instant to the next, at least."""
 
 HORIZON = 1.0
 """s after which modes that ring on are to be accurate still."""
@@ -109,10 +110,10 @@ def _doublings(ratio: float) -> int:
 
 def _instants(assembly: Assembly) -> list[int]:
     """Numbers of the ticks from which a trial goes: the start, the first discontinuities, and where the payload is lightest."""
-    found, apart = [0], TRIED // 2
+    found = [0]
     for instant in assembly.system.trajectory.discontinuities:
         tick = math.floor(instant / assembly.tick_period - 1e-9)
-        if tick > found[-1] + apart:
+        if tick > found[-1] + APART:
             found.append(tick)
     mass_change = assembly.scenario.payload.mass_change
     lighter = (
@@ -152,9 +153,7 @@ def _tried(assembly: Assembly, tick: int, times: int) -> Trial | None:
     finer_ticks = watch.disturbed * DISTURBED_TICKS
     if tick > 0 and finer_ticks > 0:
         motion.y[disturbed], finer_ticks = finer_ticks, 0  # No shorter steps follow a discontinuity.
-    width = motion.row_length
-    fast = assembly.scenario.trajectory.fastest_period < FAST_PERIOD
-    rows = np.zeros((finer_ticks + (TRIED_FAST if fast else TRIED), width))
+    rows = np.zeros((finer_ticks + TRIED, motion.row_length))
     ticks, code = move_on(motion, rows)
     return Trial(rows, motion.y) if ticks == len(rows) and code == 0 else None
 

@@ -12,8 +12,8 @@ LONGEST_REFERENCE = 2.0
 
 
 # Errors of 29 outgrow what was said first, a sampled torque of 90 jumps at tick 75, the paths of 117 and 181 are fast, 148 and
-# 241 were off by 1e-4, and the rate of 204 at first, by which its pose was off by 4e-8 m later.
-@pytest.mark.parametrize("seed", [1, 3, 5, 7, 29, 90, 117, 148, 181, 204, 241])
+# 241 were off by 1e-4, and the rate of 204 at first, by which its pose was off by 4e-8 m later. Errors of 1047 add up for 0.2 s.
+@pytest.mark.parametrize("seed", [1, 3, 5, 7, 29, 90, 117, 148, 181, 204, 241, 1047])
 def test_a_random_scenario_is_right_or_called_inaccurate(seed: int):
     judged = judge(seed, LONGEST_REFERENCE)
     assert not judged.complaints, judged.text

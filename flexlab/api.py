@@ -126,10 +126,9 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
         It shows the scenario that the run started from. Raises `StudyError` for a run without samples.
         """
         from flexlab.lab.run_page import run_page
-        from flexlab.recording.run_info import package_version
         from flexlab.text import Page
 
-        return Page(run_page(self, self.name, package_version()))
+        return Page(run_page(self, self.name))
 
     def to_arrow(self) -> "pyarrow.Table":
         """All signals as an Arrow table, a row per instant, with units in the columns' names, as `flexlab export` writes it."""

@@ -29,7 +29,6 @@ from flexlab.presets import AnyLaw, AnyPath, AnyScenario, any_scenario, named_sc
 from flexlab.recording.export import FORMATS as TABLES
 from flexlab.recording.export import export_recording
 from flexlab.recording.reader import read_recording
-from flexlab.recording.run_info import package_version
 from flexlab.recording.store.run_files import find_run
 from flexlab.recording.store.run_index import RunRow, read_row
 
@@ -179,7 +178,7 @@ def write_page(row: RunRow, target: Path) -> None:
 
     recording = read_recording(row.path)
     noted = Noted(row.heading, row.note, row.lessons, row.changes)
-    write_run_page(recording.run, target, recording.name, package_version(), noted)
+    write_run_page(recording.run, target, recording.name, noted)
 
 
 def _paths(runs: Iterable[AnyRun], logs: str | Path, stack: ExitStack) -> list[Path]:

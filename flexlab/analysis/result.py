@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flexlab import __version__
 from flexlab.analysis.metrics.metric import Number, named
 from flexlab.errors import StudyError
 from flexlab.files import DIGITS, short_hash
-from flexlab.recording.run_info import package_version
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples
 
@@ -45,7 +45,7 @@ def scenario_hash(scenario: Scenario) -> str:
 
 def provenance(scenario: Scenario) -> dict[str, str]:
     """The provenance of a table's row: "scenario", its hash, and "version", flexlab's."""
-    return {"scenario": scenario_hash(scenario), "version": package_version()}
+    return {"scenario": scenario_hash(scenario), "version": __version__}
 
 
 def number_column(table: Any, name: str) -> np.ndarray:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from markupsafe import Markup, escape
 
+from flexlab import __version__
 from flexlab.analysis.explanations.explanation import explain_run
 from flexlab.analysis.figures import draw_signals, page_svg
 from flexlab.analysis.metrics import run_metrics
@@ -96,7 +97,7 @@ def animation_html(run: Run) -> str:
         server.stop()
 
 
-def run_page(run: Run, name: str, version: str, noted: Noted = NOTHING) -> str:
+def run_page(run: Run, name: str, noted: Noted = NOTHING) -> str:
     """The page; with what is `noted` of the run, a lab sheet.
 
     Raises `StudyError` for a run without samples, or without motion.
@@ -119,7 +120,7 @@ def run_page(run: Run, name: str, version: str, noted: Noted = NOTHING) -> str:
         end=float(run.time[-1]),
         metrics=Markup(run_metrics(run, finished=not run.status.failed)._repr_html_()),
         result=result_hash(run),
-        version=version,
+        version=__version__,
         noted=noted,
         why=explain_run(run, run.scenario),
         scenario=scenario_text(run.scenario),
@@ -127,9 +128,9 @@ def run_page(run: Run, name: str, version: str, noted: Noted = NOTHING) -> str:
     )
 
 
-def write_run_page(run: Run, path: Path, name: str, version: str, noted: Noted = NOTHING) -> None:
+def write_run_page(run: Run, path: Path, name: str, noted: Noted = NOTHING) -> None:
     """Write the page as one file, whole or not at all. Raises `StudyError`."""
-    write_text(path, run_page(run, name, version, noted))
+    write_text(path, run_page(run, name, noted))
 
 
 def _plots(run: Run) -> tuple[str, float, float]:

@@ -20,12 +20,12 @@ import pyarrow as pa
 import pyarrow.csv as arrow_csv
 import pyarrow.parquet as parquet
 
+from flexlab import __version__
 from flexlab.errors import RecordingError, StudyError
 from flexlab.files import writing
 from flexlab.presets import scenario_text
 from flexlab.recording.codec import event_from_values, event_values, larger_blocks, state_values
 from flexlab.recording.reader import Recording, within
-from flexlab.recording.run_info import package_version
 from flexlab.recording.store.formats import FORMAT, Changes, migrate
 from flexlab.recording.table_columns import (
     Column,
@@ -63,7 +63,7 @@ def to_dataset(run: Run) -> "xarray.Dataset":
         "scenario": scenario_text(run.scenario),
         "status": str(run.status),
         "status_text": run.status.text,
-        "source": f"flexlab {package_version()}",
+        "source": f"flexlab {__version__}",
     }
     return xarray.Dataset(
         {name: variable for name, (variable, _) in found.items()},

@@ -5,7 +5,6 @@ import platform
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Protocol
 from uuid import uuid4
 
@@ -15,6 +14,7 @@ import numba
 import numpy as np
 import rerun as rr
 
+from flexlab import __version__
 from flexlab.recording.scene_and_plots import exaggeration
 from flexlab.recording.store.formats import ARITHMETIC, FORMAT, OLDEST_READER
 from flexlab.scenario import Scenario
@@ -133,7 +133,7 @@ def these_versions() -> dict[str, str]:
     """Versions and machine that compute samples here."""
     return {
         "arithmetic": ARITHMETIC,
-        "flexlab_version": package_version(),
+        "flexlab_version": __version__,
         "numpy_version": np.__version__,
         "numba_version": numba.__version__,
         "llvmlite_version": llvmlite.__version__,
@@ -147,11 +147,3 @@ def makers(known: Mapping[str, Any], computed_in: int) -> dict[str, str | int]:
     """Versions and machine of a run by what is known of it, for `RunInfo.recorded_by`; `computed_in`: number of its format."""
     found: dict[str, str | int] = {name: str(known.get(name, "unknown")) for name in these_versions()}
     return found if computed_in == FORMAT else found | {"computed_in": computed_in}
-
-
-def package_version() -> str:
-    """flexlab's own version, or "unknown" for a copy that was never installed."""
-    try:
-        return version("flexlab")
-    except PackageNotFoundError:
-        return "unknown"

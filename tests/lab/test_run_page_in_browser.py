@@ -15,21 +15,21 @@ from flexlab.lab.run_page import MOST_FRAMES, frame_times, run_page, write_run_p
 def test_ten_seconds_are_under_three_megabytes_and_nothing_is_markup(tmp_path: Path):
     scenario = flexlab.load_preset("paper").replace({"title": "<script>alert(1)</script>"})
     run = flexlab.simulate(scenario, 10.0)
-    page = run_page(run, "<b>mine</b>", "1")
+    page = run_page(run, "<b>mine</b>")
     assert len(page.encode()) < 3_000_000
     assert "<script>alert" not in page
     assert "<b>mine" not in page
     assert len(frame_times(run)) == 301
     with pytest.raises(StudyError, match="no samples"):
-        run_page(flexlab.simulate_many([{"gravity": 99}], progress=False)[0], "none", "1")
+        run_page(flexlab.simulate_many([{"gravity": 99}], progress=False)[0], "none")
     (tmp_path / "file").write_text("")
     with pytest.raises(StudyError, match="cannot be written"):
-        write_run_page(flexlab.simulate("paper", 0.1), tmp_path / "file" / "a.html", "paper", "1")
+        write_run_page(flexlab.simulate("paper", 0.1), tmp_path / "file" / "a.html", "paper")
     assert MOST_FRAMES >= 3000
 
 
 def test_it_plays_from_disk_and_the_plots_follow(chromium: Browser, tmp_path: Path):
-    write_run_page(flexlab.simulate("paper", 3.0), tmp_path / "run.html", "paper", "1")
+    write_run_page(flexlab.simulate("paper", 3.0), tmp_path / "run.html", "paper")
     context = chromium.new_context(offline=True, viewport={"width": 390, "height": 800}, color_scheme="dark")
     page = context.new_page()
     asked: list[str] = []
@@ -53,7 +53,7 @@ def test_it_plays_from_disk_and_the_plots_follow(chromium: Browser, tmp_path: Pa
 def test_the_picture_is_as_light_or_dark_as_its_page(
     chromium: Browser, tmp_path: Path, scheme: Literal["light", "dark"]
 ):
-    write_run_page(flexlab.simulate("paper", 0.1), tmp_path / "run.html", "paper", "1")
+    write_run_page(flexlab.simulate("paper", 0.1), tmp_path / "run.html", "paper")
     context = chromium.new_context(offline=True, viewport={"width": 390, "height": 800}, color_scheme=scheme)
     page = context.new_page()
     page.goto((tmp_path / "run.html").as_uri())

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa
 
+from flexlab import __version__
 from flexlab.analysis.identification.beam_parameters import BeamParameters, beam_parameters, read_measured
 from flexlab.analysis.identification.evidence import ring_begins
 from flexlab.analysis.identification.free_ring import ring_of_run
@@ -18,7 +19,6 @@ from flexlab.errors import RecordingError, StudyError
 from flexlab.presets import load_preset
 from flexlab.recording.importing import take_measurement
 from flexlab.recording.reader import Recording, read_recording
-from flexlab.recording.run_info import package_version
 from flexlab.recording.store.run_files import find_run
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario
@@ -73,7 +73,7 @@ class Fit(Result):
     @cached_property
     def table(self) -> Any:
         """A row per estimate: name, value, low, high, unit, reason if not identifiable, and provenance."""
-        about = {"scenario": None, "version": package_version()} if self.scenario is None else provenance(self.scenario)
+        about = {"scenario": None, "version": __version__} if self.scenario is None else provenance(self.scenario)
         rows = [{"name": name, **vars(value), **about} for name, value in self.estimates.items()]
         return pa.Table.from_pylist(rows)
 

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa
 
+from flexlab import __version__
 from flexlab.analysis.leaderboard.case import Case, Score, Variant
 from flexlab.analysis.leaderboard.entry import INVALID, Entrant, Row, Task, compute
 from flexlab.analysis.leaderboard.store import RowStore, engine, machine, row_key
 from flexlab.analysis.result import Result
 from flexlab.analysis.workers import Told, Workers, chosen_workers
 from flexlab.errors import ScenarioError, StudyError
-from flexlab.recording.run_info import package_version
 from flexlab.scenario import Scenario
 from flexlab.text import html_table
 
@@ -141,7 +141,7 @@ def _task(case: Case, variant: Variant, plain: Scenario, entrant: Entrant, seed:
     note = "; ".join(filter(None, (entrant.settings, note)))
     row = Row(
         entrant.name, case.name, variant.name, INVALID, problem, note, {}, seed, result_hash="",
-        key=row_key(entrant.name, case, variant, scenario, problem), engine=engine(), version=package_version(), machine="",
+        key=row_key(entrant.name, case, variant, scenario, problem), engine=engine(), version=__version__, machine="",
     )  # fmt: skip
     return Task(case, scenario, row)
 

@@ -16,6 +16,7 @@ import numba
 import numpy as np
 import scipy
 
+from flexlab import __version__
 from flexlab.analysis.leaderboard.case import SAMPLE_PERIOD, Case, Variant
 from flexlab.analysis.leaderboard.entry import Row
 from flexlab.assets import web_assets_folder
@@ -23,7 +24,6 @@ from flexlab.control.law import laws
 from flexlab.files import DIGITS, make_folder, writing
 from flexlab.own.law import PythonLaw
 from flexlab.own.link import address_in
-from flexlab.recording.run_info import package_version
 from flexlab.recording.store.notes import is_regular
 from flexlab.scenario import Scenario
 from flexlab.text import syntax_tree
@@ -54,7 +54,7 @@ def engine() -> str:
     files = [file for room in _ROOMS for file in sorted((_PACKAGE / room).rglob("*.py"))]
     files = [file for file in files if laws_folder not in file.parents]
     files += [_PACKAGE / name for name in _FILES] + [Path(__file__).with_name(name) for name in _HERE]
-    versions = [package_version(), numba.__version__, np.__version__, scipy.__version__, platform.python_version()]
+    versions = [__version__, numba.__version__, np.__version__, scipy.__version__, platform.python_version()]
     return digest([*versions, *(part for file in files for part in (file.name, file.read_bytes()))])
 
 

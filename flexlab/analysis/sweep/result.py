@@ -16,6 +16,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as parquet
 
+from flexlab import __version__
 from flexlab.analysis.metrics.metric import numbers
 from flexlab.analysis.result import Result, about_number, number_column
 from flexlab.analysis.sweep.axes import Axis
@@ -24,7 +25,6 @@ from flexlab.analysis.workers import Told, Workers
 from flexlab.arguments import whole_number
 from flexlab.errors import StudyError
 from flexlab.files import replacing, writable
-from flexlab.recording.run_info import package_version
 from flexlab.scenario import Scenario
 from flexlab.text import html_table
 
@@ -59,7 +59,7 @@ def schema(plan: Plan) -> pa.Schema:
 
 def to_table(plan: Plan, cells: Sequence[Cell]) -> pa.Table:
     """The rows of some cells, in their order."""
-    nothing, made, layout = (None,) * len(numbers()), (plan.key, package_version()), schema(plan)
+    nothing, made, layout = (None,) * len(numbers()), (plan.key, __version__), schema(plan)
     rows = []
     for cell in cells:
         found = (cell.status, cell.sentence, *(cell.metrics or nothing), cell.scenario)

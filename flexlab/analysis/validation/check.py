@@ -10,11 +10,11 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import ArrayLike
 
+from flexlab import __version__
 from flexlab.analysis.internal_force import internal_force_eq_26
 from flexlab.analysis.result import Result
 from flexlab.errors import FlexlabError, StudyError
 from flexlab.presets import load_preset
-from flexlab.recording.run_info import package_version
 from flexlab.registry import modules_in
 from flexlab.sim.samples import Run
 from flexlab.sim.simulate import simulate
@@ -125,7 +125,7 @@ class Validation(Result):
     def table(self) -> Any:
         """A row per statement: subject, statement, expected, found, whether it holds, and flexlab's version."""
         checks = [(subject, check) for subject, group in self.groups.items() for check in group]
-        version = {"version": package_version()}
+        version = {"version": __version__}
         return pa.Table.from_pylist([{"subject": subject} | vars(check) | version for subject, check in checks])
 
     def plot(self, number: int = 3) -> "Figure":

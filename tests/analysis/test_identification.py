@@ -200,6 +200,20 @@ def write_signal(path: Path, signal: np.ndarray, comma: bool = False) -> Path:
     return path
 
 
+def test_a_measurement_in_logs_is_fitted_as_its_file(flexlab_command: Command, tmp_path: Path):
+    """Its beam was held against arms and a law, which the measurement never had."""
+    time = np.arange(0, 0.8, 5e-4)
+    noise = 1e-6 * np.random.default_rng(2).normal(size=len(time))
+    file = write_signal(tmp_path / "vice.csv", (ring(time, 44.0, 0.03, 1e-3) + noise)[::2])
+    done = flexlab_command("fit", "vice.csv", "--preset", "paper")
+    assert done.returncode == 0, done.stderr
+    direct = flexlab.fit(file, scenario="paper").estimates["EI"]
+    again = flexlab.fit("newest", logs=tmp_path / "logs")
+    assert again.measured
+    assert again.estimates["EI"].value == pytest.approx(direct.value, rel=1e-4)
+    assert again.estimates["EI"].low == pytest.approx(direct.low, rel=1e-4)
+
+
 def test_decimal_commas_are_read_where_they_separate_no_columns(tmp_path: Path):
     signal = ring(np.arange(0, 0.5, 1e-3), 30.0, 0.02, 1e-3)
     by_point = read_measured(write_signal(tmp_path / "point.csv", signal))

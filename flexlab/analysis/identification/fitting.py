@@ -22,6 +22,7 @@ from flexlab.recording.reader import Recording, read_recording
 from flexlab.recording.store.run_files import find_run
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario
+from flexlab.sim.samples import MEASURED
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -134,8 +135,11 @@ def fit_run(
     """The fit of a recorded run after its last tap, or from its first ring; `scenario` None: the run's. Raises `FlexlabError`."""
     recording = read_recording(find_run(run, logs))
     t, y, unit = ring_of_run(recording, signal or "vibration", start, end)
+    known = scenario or scenario_at(recording, float(t[0]))
+    if recording.status == MEASURED:  # There was no loop, and there is no pose.
+        return _fit(recording.path.stem, t, y, unit, known, True, ())
     path = recording.samples.desired_pose[np.searchsorted(recording.samples.time, t)]
-    return _fit(recording.path.stem, t, y, unit, scenario or scenario_at(recording, float(t[0])), False, (), path)
+    return _fit(recording.path.stem, t, y, unit, known, False, (), path)
 
 
 def _fit(

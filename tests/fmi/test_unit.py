@@ -1,7 +1,6 @@
 """Functional mock-up units in FMPy, an importer that is not ours: valid, the same bits as the engine's, and whole states."""
 
 import os
-import shutil
 import subprocess
 import sys
 import zipfile
@@ -29,10 +28,6 @@ from flexlab.sim.simulate import simulate
 from flexlab.sim.target import build_trajectory, desired_at
 from flexlab.sim.world import World
 
-pytestmark = pytest.mark.skipif(
-    shutil.which("cc") is None and not os.environ.get("CI"), reason="no C compiler (cc): units are not looked at"
-)
-
 TICK = 0.001
 BANG_BANG = {"trajectory": {"kind": "bang-bang", "duration": 0.1513}}
 """A path whose acceleration jumps within ticks."""
@@ -49,21 +44,6 @@ ENCODERS = {"joints.encoders.counts": (2e5, 2e5, 1e5), "controller.control_perio
 GIVEN = [f"desired_{name}_{axis}" for name in ("pose", "rate", "acceleration") for axis in ("x", "y", "theta")]
 RESTING = {"trajectory": {"kind": "hold"}, "initial.pose": (0.02, 0.74, 0.05)}
 Export = Callable[..., Path]
-
-
-@pytest.fixture(scope="module")
-def export(tmp_path_factory: pytest.TempPathFactory) -> Export:
-    """Writes a unit once."""
-    folder, known = tmp_path_factory.mktemp("units"), {}
-
-    def written(scenario: Scenario, part: str = "loop", version: int = 3) -> Path:
-        key = scenario.model_dump_json(), part, version
-        if key not in known:
-            known[key] = folder / f"{len(known)}.fmu"
-            write_fmu(scenario, known[key], "test", part, version)
-        return known[key]
-
-    return written
 
 
 def outputs(unit: Any) -> np.ndarray:

@@ -1,11 +1,11 @@
 """Units as control laws: what flexlab exports comes back as the same run, and what cannot drive the arms is a sentence."""
 
-import os
 import re
 import shutil
 import sys
 import zipfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,36 +15,22 @@ from own_law_text import forget_own_laws
 
 import flexlab
 from flexlab.errors import ScenarioError, StudyError
-from flexlab.fmi.export import write_fmu
 from flexlab.own import hosts
 from flexlab.own.files import LAW_FILES, law_kind
 from flexlab.own.unit import unit_in
 from flexlab.presets import load_preset
 from flexlab.quantities import base_exponents
-from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.world import World
 
-pytestmark = pytest.mark.skipif(
-    shutil.which("cc") is None and not os.environ.get("CI"), reason="no C compiler (cc): units are not looked at"
-)
 TICK = 0.001
 Exported = Callable[..., Path]
 
 
-@pytest.fixture(scope="module")
-def exported(tmp_path_factory: pytest.TempPathFactory) -> Exported:
+@pytest.fixture
+def exported(export: Exported) -> Exported:
     """The unit of a scenario's law, written once."""
-    folder, known = tmp_path_factory.mktemp("laws"), {}
-
-    def written(scenario: Scenario, version: int = 3, part: str = "law") -> Path:
-        key = scenario.model_dump_json(), version, part
-        if key not in known:
-            known[key] = folder / f"unit-{len(known)}.fmu"
-            write_fmu(scenario, known[key], part=part, version=version)
-        return known[key]
-
-    return written
+    return partial(export, part="law")
 
 
 def changed(file: Path, folder: Path, old: str, new: str) -> Path:
@@ -83,7 +69,7 @@ def test_an_exported_law_brought_back_gives_the_same_run_bit_for_bit(
     scenario = scenario.replace({"controller.kind": law} if law != scenario.controller.kind else {})
     scenario = scenario.replace({"controller.control_period": TICK})
     wanted = flexlab.simulate(scenario, 0.1)
-    run = flexlab.simulate(scenario.replace(off), 0.1, law=exported(scenario, version))
+    run = flexlab.simulate(scenario.replace(off), 0.1, law=exported(scenario, version=version))
     assert run.status == "finished"
     for name in ("pose", "pose_rate", "joint_torque", "internal_force", "midspan_deflection"):
         np.testing.assert_array_equal(run[name], wanted[name], err_msg=name)

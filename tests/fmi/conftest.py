@@ -1,0 +1,32 @@
+"""Units that are written once for all tests, where there is a compiler for them."""
+
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from flexlab.fmi.export import write_fmu
+from flexlab.scenario import Scenario
+
+
+@pytest.fixture(autouse=True)
+def _compiler() -> None:
+    if shutil.which("cc") is None and not os.environ.get("CI"):
+        pytest.skip("no C compiler (cc): units are not looked at")
+
+
+@pytest.fixture(scope="session")
+def export(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """Writes a unit once."""
+    folder, known = tmp_path_factory.mktemp("units"), {}
+
+    def written(scenario: Scenario, part: str = "loop", version: int = 3) -> Path:
+        key = scenario.model_dump_json(), part, version
+        if key not in known:
+            known[key] = folder / f"unit-{len(known)}.fmu"
+            write_fmu(scenario, known[key], "test", part, version)
+        return known[key]
+
+    return written

@@ -73,6 +73,15 @@ function link(found, metric, cell, ...children) {
   return made;
 }
 
+const cross = (x, y, r) => svg("path", { d: `M${x - r} ${y - r}l${2 * r} ${2 * r}M${x - r} ${y + r}l${2 * r} ${-2 * r}`, class: "cross" });
+
+// The mark of a cell that is a point: a cross where it failed.
+function point(found, metric, cell, x, y) {
+  const kind = found.status[cell] === null ? "waiting" : metric.values[cell] === null ? "missing" : "point";
+  return link(found, metric, cell, svg("circle", { cx: x, cy: y, r: 10, fill: "transparent" }),
+    failedAt(found, cell) ? cross(x, y, 4) : svg("circle", { cx: x, cy: y, r: 4, class: kind }));
+}
+
 function drawMap(drawing, found, metric, box, narrow) {
   const [right, upward] = sides(found);
   const [across, up] = [found.axes[right], found.axes[upward]];
@@ -86,10 +95,7 @@ function drawMap(drawing, found, metric, box, narrow) {
     const failed = failedAt(found, cell);
     const marks = [svg("rect", { x, y, width: w + 0.3, height: h + 0.3, ...(failed ? { class: "failed" } :
       found.status[cell] === null ? { class: "waiting" } : value === null ? { class: "missing" } : { fill: viridis(scale.share(value)) }) })];
-    if (failed) {
-      const [cx, cy, r] = [x + w / 2, y + h / 2, Math.min(w, h, 14) * 0.28];
-      marks.push(svg("path", { d: `M${cx - r} ${cy - r}l${2 * r} ${2 * r}M${cx - r} ${cy + r}l${2 * r} ${-2 * r}`, class: "cross" }));
-    }
+    if (failed) marks.push(cross(x + w / 2, y + h / 2, Math.min(w, h, 14) * 0.28));
     drawing.append(link(found, metric, cell, ...marks));
   });
   drawing.append(svg("rect", { class: "chosen" }));
@@ -125,12 +131,7 @@ function drawCurve(drawing, found, metric, box) {
   drawing.append(svg("polyline", { points: known.map((cell) => at(cell).join(",")).join(" "), class: "curve" }));
   axis.values.forEach((value, cell) => {
     const [x, y] = metric.values[cell] === null ? [box.left + share(value) * box.width, box.top + box.height - 9] : at(cell);
-    const r = 4;
-    const failed = failedAt(found, cell);
-    drawing.append(link(found, metric, cell, svg("circle", { cx: x, cy: y, r: 10, fill: "transparent" }), failed ?
-      svg("path", { d: `M${x - r} ${y - r}l${2 * r} ${2 * r}M${x - r} ${y + r}l${2 * r} ${-2 * r}`, class: "cross" }) :
-      svg("circle", { cx: x, cy: y, r, class: found.status[cell] === null ? "waiting" :
-        metric.values[cell] === null ? "missing" : "point" })));
+    drawing.append(point(found, metric, cell, x, y));
   });
 }
 
@@ -142,10 +143,8 @@ function drawWords(drawing, found, metric, box) {
   const ticks = cellTicks(axis, count, box.left - 16).map(([share, word]) => [1 - share, word]);
   frame(drawing, box, labelled(scale, Math.max(box.width / 70, 3)), ticks, [`${metric.title} (${metric.unit})`, axis.title]);
   metric.values.forEach((value, cell) => {
-    const [x, y, r] = [box.left + (value === null ? 0.02 : scale.share(value)) * box.width, box.top + (cell + 0.5) / count * box.height, 4];
-    drawing.append(link(found, metric, cell, svg("circle", { cx: x, cy: y, r: 10, fill: "transparent" }), failedAt(found, cell) ?
-      svg("path", { d: `M${x - r} ${y - r}l${2 * r} ${2 * r}M${x - r} ${y + r}l${2 * r} ${-2 * r}`, class: "cross" }) :
-      svg("circle", { cx: x, cy: y, r, class: found.status[cell] === null ? "waiting" : value === null ? "missing" : "point" })));
+    const x = box.left + (value === null ? 0.02 : scale.share(value)) * box.width;
+    drawing.append(point(found, metric, cell, x, box.top + (cell + 0.5) / count * box.height));
   });
 }
 

@@ -104,18 +104,22 @@ async function follow() {
   setTimeout(follow, LOOK);
 }
 
-form.addEventListener("submit", async (event) => {
-  event.preventDefault();
-  const button = event.submitter;
-  const body = new URLSearchParams(new FormData(form, button));
-  const address = button.getAttribute("formaction");
-  if (!body.get("lab") && !confirm(button.dataset.ask)) return;
+async function send(address, body) {
   try {
     const answer = await fetch(address, { method: "POST", body, headers: { Accept: "application/json" } });
     write(said, answer.ok ? (await answer.json()).sentence : "That did not work: reload this page.");
   } catch {
     write(said, "The server does not answer.");
   }
+}
+
+form.addEventListener("submit", async (event) => {
+  event.preventDefault();
+  const button = event.submitter;
+  const body = new URLSearchParams(new FormData(form, button));
+  const address = button.getAttribute("formaction");
+  if (!body.get("lab") && !confirm(button.dataset.ask)) return;
+  await send(address, body);
   look();
 });
 
@@ -123,13 +127,7 @@ form.addEventListener("submit", async (event) => {
 rules.addEventListener("change", async () => {
   changing += 1;
   rules.elements.step.disabled = false; // What is disabled is not sent.
-  try {
-    const body = new URLSearchParams(new FormData(rules));
-    const answer = await fetch(rules.action, { method: "POST", body, headers: { Accept: "application/json" } });
-    write(said, answer.ok ? (await answer.json()).sentence : "That did not work: reload this page.");
-  } catch {
-    write(said, "The server does not answer.");
-  }
+  await send(rules.action, new URLSearchParams(new FormData(rules)));
   changing -= 1;
   look();
 });

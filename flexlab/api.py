@@ -100,13 +100,8 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
             metrics = self.metrics
         except StudyError as error:
             metrics, problem = run_metrics(self, finished=not self.status.failed, own=False), str(error)
-        path = write_run(
-            self,
-            file_path("folder", folder),
-            self.name,
-            start_notes=lambda info: MetricNotes(info.name, info.scenario, metrics),
-            course=self._course,
-        )
+        notes = MetricNotes(self.name, self.scenario, metrics)
+        path = write_run(self, file_path("folder", folder), self.name, notes, self._course)
         if problem:
             write_notes(path, note=problem)
         return path

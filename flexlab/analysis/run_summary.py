@@ -9,7 +9,6 @@ from flexlab.analysis.metrics.run_metrics import measured
 from flexlab.errors import FlexlabError, RecordingError
 from flexlab.presets import load_preset, preset_names
 from flexlab.recording.reader import read_recording
-from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.run_files import list_runs, run_state
 from flexlab.recording.store.run_index import read_row
@@ -71,11 +70,6 @@ class MetricNotes:
             "begins": self._begins if isfinite(self._begins) else 0.0,
             "duration": metrics.duration,
         }
-
-
-def run_notes(info: RunInfo) -> MetricNotes:
-    """The notes of a new run, for a recorder."""
-    return MetricNotes(info.name, info.scenario)
 
 
 def note_metrics(path: Path) -> dict[str, Any]:

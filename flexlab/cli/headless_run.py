@@ -169,7 +169,7 @@ def run_and_record(
     leave_pandas_out()
     kept: deque[Samples] = deque(maxlen=KEPT)
     began, notes = time.perf_counter(), MetricNotes(name, world.scenario)
-    with HeadlessRecording(logs, RunInfo(name, world.scenario, world.tick_period), lambda _: notes) as recording:
+    with HeadlessRecording(logs, RunInfo(name, world.scenario, world.tick_period), notes) as recording:
         for samples in _blocks(world, math.floor(duration / world.tick_period * (1 + 1e-12) + 1e-9)):
             summary.add(samples)
             hashed.update(samples)

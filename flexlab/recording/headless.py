@@ -13,7 +13,7 @@ from flexlab.recording.file_sink import RunWriter
 from flexlab.recording.reader import Recording
 from flexlab.recording.repair import finish
 from flexlab.recording.run_encoder import RunEncoder, is_end
-from flexlab.recording.run_info import RunInfo, StartNotes, makers
+from flexlab.recording.run_info import RunInfo, RunNotes, makers
 from flexlab.recording.store.notes import write_notes
 from flexlab.recording.store.run_files import SUFFIX, claim_named_file, claim_run_file, remove_run
 from flexlab.sim.samples import MEASURED, Run, Samples, Status
@@ -35,10 +35,10 @@ class HeadlessRecording:
     All methods raise `RecordingError` if the folder cannot be written or its disk is full.
     """
 
-    def __init__(self, logs: Path, info: RunInfo, start_notes: StartNotes | None = None, in_one_piece: bool = False):
+    def __init__(self, logs: Path, info: RunInfo, notes: RunNotes | None = None, in_one_piece: bool = False):
         """Create `logs/<time>-<name>.rrd`, or `logs` itself if it is called `….rrd`.
 
-        `start_notes` as for `RunEncoder`, `in_one_piece` as for `RunWriter`.
+        `notes` as for `RunEncoder`, `in_one_piece` as for `RunWriter`.
         """
         is_named = logs.suffix == SUFFIX and not logs.is_dir()
         file = claim_named_file(logs) if is_named else claim_run_file(logs, info.name, info.started)
@@ -49,7 +49,7 @@ class HeadlessRecording:
         self._blocks = 0
         self._in_one_piece = in_one_piece
         self._writer = RunWriter(file, info, in_one_piece)
-        self._run = RunEncoder(info, [self._writer.stream], start_notes)
+        self._run = RunEncoder(info, [self._writer.stream], notes)
 
     def write(self, samples: Samples) -> None:
         """Write the next block (N >= 1)."""
@@ -132,10 +132,8 @@ class HeadlessRecording:
             raise RecordingError(f"{error} Make room, or choose another folder: {saved}.") from None
 
 
-def write_run(
-    run: Run, logs: Path, name: str, start_notes: StartNotes | None = None, course: Course | None = None
-) -> Path:
-    """Record a finished `Run` and return its path; `logs` and `start_notes` as for `HeadlessRecording`.
+def write_run(run: Run, logs: Path, name: str, notes: RunNotes | None = None, course: Course | None = None) -> Path:
+    """Record a finished `Run` and return its path; `logs` and `notes` as for `HeadlessRecording`.
 
     `course`: how it went; None: from its scenario's start, untouched. Raises `RecordingError`.
     """
@@ -145,7 +143,7 @@ def write_run(
     info = RunInfo(
         name, run.scenario, course.sample_period, course.start, measured=measured, recorded_by=course.recorded_by
     )
-    with HeadlessRecording(logs, info, start_notes, len(run) <= MOST_AT_ONCE) as recording:
+    with HeadlessRecording(logs, info, notes, len(run) <= MOST_AT_ONCE) as recording:
         recording.write_whole(run, course.events)
     return recording.path
 

@@ -58,8 +58,9 @@ class Recorder:
     ):
         """Start the recorder's thread; nothing is written before a run begins.
 
-        `on_problem` gets a sentence, on the recorder's thread, when recording fails and when it resumes. `start_notes` as for
-        `RunEncoder`. `circumstances` gives notes on a run, written as it begins and again as it ends. `refusal`: see `Refusal`.
+        `on_problem` gets a sentence, on the recorder's thread, when recording fails and when it resumes. `start_notes` makes
+        those for `RunEncoder`. `circumstances` gives notes on a run, written as it begins and again as it ends. `refusal`: see
+        `Refusal`.
         """
         self._logs, self._live_to, self._on_problem = logs, live, on_problem
         self._queue_rows = queue_rows
@@ -170,7 +171,8 @@ class Recorder:
         self._stumble, self._live = None, self._open_live(info)
         self._file = FileSink(self._logs, info, self._tell, self._refusal)
         sinks = [self._file] if self._live is None else [self._file, self._live]
-        self._run = RunEncoder(info, sinks, self._start_notes)
+        notes = None if self._start_notes is None else self._start_notes(info.name, info.scenario)
+        self._run = RunEncoder(info, sinks, notes)
 
     def _open_live(self, info: RunInfo) -> RunStream | None:
         try:

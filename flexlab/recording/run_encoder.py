@@ -19,7 +19,7 @@ from flexlab.recording.rerun_internals.chunks import (
     send_layout,
     single,
 )
-from flexlab.recording.run_info import RunInfo, StartNotes, parameters_text, run_properties, signals_text
+from flexlab.recording.run_info import RunInfo, RunNotes, parameters_text, run_properties, signals_text
 from flexlab.recording.scene_and_plots import (
     FRAMES_PER_SECOND,
     desired_path,
@@ -64,11 +64,11 @@ def is_end(event: Event) -> bool:
 class RunEncoder:
     """Encodes one run for any number of sinks."""
 
-    def __init__(self, info: RunInfo, sinks: Sequence[Sink], start_notes: StartNotes | None = None):
-        """`start_notes` begins notes that are added to the `summary`."""
+    def __init__(self, info: RunInfo, sinks: Sequence[Sink], notes: RunNotes | None = None):
+        """`notes` are gathered, and added to the `summary`."""
         self.info = info
         self._sinks = sinks
-        self._notes = None if start_notes is None else start_notes(info)
+        self._notes = notes
         self._scenario = info.scenario
         self._event_count = 0
         self._signals = views(info.scenario)

@@ -79,8 +79,8 @@ class RunNotes(Protocol):
         ...
 
 
-StartNotes = Callable[[RunInfo], RunNotes]
-"""Begins the notes of a run."""
+StartNotes = Callable[[str, Scenario], RunNotes]
+"""Begins the notes of a run of this name and scenario."""
 
 
 def parameters_text(info: RunInfo) -> str:

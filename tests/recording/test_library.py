@@ -8,7 +8,7 @@ from recording_helpers import wait_until
 
 from flexlab.analysis.comparison import compare
 from flexlab.analysis.metrics.run_metrics import noted_texts, results
-from flexlab.analysis.run_summary import note_metrics, note_missing_metrics, run_notes, scenario_differences
+from flexlab.analysis.run_summary import MetricNotes, note_metrics, note_missing_metrics, scenario_differences
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
 from flexlab.recording.headless import HeadlessRecording, write_run
@@ -64,7 +64,7 @@ def test_a_run_that_has_not_settled_is_noted_as_such(tmp_path: Path) -> None:
 
 def test_a_run_that_stopped_before_its_end_has_no_metrics_but_its_duration(run: Run, tmp_path: Path) -> None:
     """Nor has one whose numbers an earlier version noted; and a comparison gives none either."""
-    with HeadlessRecording(tmp_path, RunInfo("paper", run.scenario), run_notes) as recording:
+    with HeadlessRecording(tmp_path, RunInfo("paper", run.scenario), MetricNotes("paper", run.scenario)) as recording:
         recording.write(run.slice(0, 301))
         recording.end(Status("diverged", "The run diverged.", 0.3))
     whole = write_run(run, tmp_path, "paper")
@@ -86,7 +86,7 @@ def test_a_run_that_stopped_before_its_end_has_no_metrics_but_its_duration(run: 
 
 def test_a_recorder_notes_metrics_and_changes_as_a_run_ends(tmp_path: Path) -> None:
     world = World(load_preset("paper").replace({"gravity": 1.0}))
-    recorder = Recorder(tmp_path, start_notes=run_notes)
+    recorder = Recorder(tmp_path, start_notes=MetricNotes)
     recorder.begin_run(1, "paper", world.scenario, world.state())
     for _ in range(3):
         recorder.take_samples(1, world.advance(100), 1.0)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from flexlab.analysis.run_summary import run_notes
+from flexlab.analysis.run_summary import MetricNotes
 from flexlab.errors import RecordingError
 from flexlab.guide import LOCKED, ClassRules, LessonProgress
 from flexlab.lab.session import Session
@@ -94,7 +94,7 @@ class RecordedLab(Lab):
             order.logs,
             live,
             on_problem=on_problem,
-            start_notes=run_notes,
+            start_notes=MetricNotes,
             circumstances=self._circumstances,
             refusal=Quota(order.logs, order.owner, order.quota),
         )

@@ -153,7 +153,7 @@ def test_every_page_speaks_german_chinese_and_english(page: Page) -> None:
     page.keyboard.press("Escape")
     missing |= told_to_a_class(page)
     page.goto("/lab/")
-    page.get_by_text("Die Klasse ist bei Schritt 2 von 3 (durchführen)").wait_for()
+    page.locator(GUIDE).get_by_text("Die Klasse ist bei Schritt 2 von 3 (durchführen).").wait_for()
     missing |= left(page)
     lacking = faults(missing)
     assert not lacking, "these lack in web_assets/languages/*.json:\n" + "\n".join(lacking)

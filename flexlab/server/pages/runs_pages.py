@@ -76,13 +76,13 @@ def table_values(rows: Sequence[RunRow], short: bool = False) -> dict[str, Any]:
         "metric_columns": METRIC_COLUMNS,
         "noted_text": noted_text,
         "noted_value": noted_value,
-        "changes_text": _changes_text,
+        "changes_told": _changes_told,
     }
 
 
-def _changes_text(row: RunRow) -> str:
+def _changes_told(row: RunRow) -> list[str]:
     left = len(row.changes) - CHANGES_SHOWN
-    return "; ".join(map(_in_words, row.changes[:CHANGES_SHOWN])) + (f"; {left} more" if left > 0 else "")
+    return [*map(_in_words, row.changes[:CHANGES_SHOWN]), *([f"{left} more"] if left > 0 else [])]
 
 
 def _in_words(change: str) -> str:

@@ -123,7 +123,7 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
         from flexlab.lab.run_page import run_page
         from flexlab.text import Page
 
-        return Page(run_page(self, self.name))
+        return Page(run_page(self, self.name, events=self._course.events if self._course else ()))
 
     def to_arrow(self) -> "pyarrow.Table":
         """All signals as an Arrow table, a row per instant, with units in the columns' names, as `flexlab export` writes it."""
@@ -194,14 +194,15 @@ def simulate(
 def explain(run: Run) -> tuple["Explained", ...]:
     """Sentences on the newest five seconds of a run, the most important first, each with its equation and plot.
 
-    They follow from its samples and from the poles and conditions of the scenario that it started from; a sentence whose check
-    fails is left out.
+    They follow from its samples since it was last changed or touched, and from the poles and conditions of the scenario that it
+    then has; a sentence whose check fails is left out, and all of them while a hand pulls.
     """
     if not isinstance(run, samples.Run):
         raise StudyError(f"{run!r:.60} is no run: give one of flexlab.simulate or flexlab.read.")
     from flexlab.analysis.explanations.explanation import explain_run
 
-    return explain_run(run, run.scenario)
+    course = getattr(run, "_course", None)
+    return explain_run(run, run.scenario, events=course.events if course else ())
 
 
 def simulate_many(

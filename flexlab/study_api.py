@@ -178,7 +178,7 @@ def write_page(row: RunRow, target: Path) -> None:
 
     recording = read_recording(row.path)
     noted = Noted(row.heading, row.note, row.lessons, row.changes)
-    write_run_page(recording.run, target, recording.name, noted)
+    write_run_page(recording.run, target, recording.name, noted, recording.events)
 
 
 def _paths(runs: Iterable[AnyRun], logs: str | Path, stack: ExitStack) -> list[Path]:

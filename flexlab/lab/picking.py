@@ -3,8 +3,7 @@
 Both are commands, so they are in the log and a replay contains them.
 """
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,19 +17,12 @@ from flexlab.lab.widgets import Widgets, handler
 from flexlab.quantities import Quantity
 from flexlab.sim.commands import Pull, Tap
 from flexlab.sim.geometry import arm_points
-from flexlab.sim.snapshot import Event
 
 STIFFNESS = Quantity("Pull stiffness", unit="N/m", low=1, high=1e5, slider=(10, 10000), logarithmic=True)
 IMPULSE = Quantity("Tap impulse", unit="N·s", low=1e-4, high=100, slider=(1e-3, 1), logarithmic=True)
 PLACE = Quantity("Tap place s/L", low=-0.5, high=0.5, slider=(-0.5, 0.5))
 STEEPEST = 0.05
 """Least downward component of a line of sight that is followed to the plane of motion."""
-
-
-def is_pulled(events: Sequence[Event], since: float = math.inf) -> bool:
-    """Whether a hand holds beam or arm by these events of a run, or let go of it later than `since`, s."""
-    last = next((event for event in reversed(events) if isinstance(event.command, Pull)), None)
-    return last is not None and (last.time > since or getattr(last.command, "stiffness", 0.0) > 0)
 
 
 class Held(NamedTuple):

@@ -1,5 +1,6 @@
 """A run in one HTML file: moving picture, plots in step with it, metrics and scenario; opens from disk without network."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,6 +27,7 @@ from flexlab.lab.viser_internals import in_the_systems_colors
 from flexlab.lab.viser_server import open_server
 from flexlab.presets import scenario_text
 from flexlab.sim.samples import MEASURED, Run
+from flexlab.sim.snapshot import Event
 from flexlab.text import number_text, with_subscripts
 
 FRAMES_PER_SECOND = 30
@@ -97,8 +99,8 @@ def animation_html(run: Run) -> str:
         server.stop()
 
 
-def run_page(run: Run, name: str, noted: Noted = NOTHING) -> str:
-    """The page; with what is `noted` of the run, a lab sheet.
+def run_page(run: Run, name: str, noted: Noted = NOTHING, events: Sequence[Event] = ()) -> str:
+    """The page; with what is `noted` of the run, a lab sheet. `events`: what happened in it.
 
     Raises `StudyError` for a run without samples, or without motion.
     """
@@ -122,15 +124,15 @@ def run_page(run: Run, name: str, noted: Noted = NOTHING) -> str:
         result=result_hash(run),
         version=__version__,
         noted=noted,
-        why=explain_run(run, run.scenario),
+        why=explain_run(run, run.scenario, events=events),
         scenario=scenario_text(run.scenario),
         subscripts=lambda text: Markup(with_subscripts(str(escape(text)))),
     )
 
 
-def write_run_page(run: Run, path: Path, name: str, noted: Noted = NOTHING) -> None:
+def write_run_page(run: Run, path: Path, name: str, noted: Noted = NOTHING, events: Sequence[Event] = ()) -> None:
     """Write the page as one file, whole or not at all. Raises `StudyError`."""
-    write_text(path, run_page(run, name, noted))
+    write_text(path, run_page(run, name, noted, events))
 
 
 def _plots(run: Run) -> tuple[str, float, float]:

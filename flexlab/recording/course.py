@@ -2,8 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 
-from flexlab.sim.commands import ChangeScenario, Pull, WorldCommand, command_text
+from flexlab.scenario import Scenario
+from flexlab.sim.commands import ChangeScenario, Pull, Tap, WorldCommand, command_text
 from flexlab.sim.samples import Run, WorldState
 from flexlab.sim.simulate import tick_at
 from flexlab.sim.snapshot import Event
@@ -26,6 +28,18 @@ class Course:
     def is_changed(self) -> bool:
         """Whether the scenario was changed, or something was pulled, on the way."""
         return any(isinstance(event.command, (ChangeScenario, Pull)) for event in self.events)
+
+
+DISTURBANCES = (ChangeScenario, Pull, Tap)
+"""Commands that change a run's course."""
+
+
+def changed_scenario(scenario: Scenario, events: Sequence[Event], before: float = inf) -> Scenario:
+    """The scenario of a run that began with `scenario`, after what was changed before an instant, s. Raises `ScenarioError`."""
+    for event in events:
+        if isinstance(event.command, ChangeScenario) and event.level != "error" and event.time < before:
+            scenario = scenario.replace(event.command.changes)
+    return scenario
 
 
 def course_of_commands(run: Run, commands: Sequence[tuple[float, WorldCommand]], sample_period: float) -> Course:

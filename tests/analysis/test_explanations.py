@@ -1,7 +1,9 @@
 """Sentences about runs: scripted cases each get theirs and no others, and what they say and advise comes true."""
 
+import html
 import re
 from functools import cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +16,7 @@ from flexlab.analysis.modes import modes
 from flexlab.lab.plots.plot_signals import tabs
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
-from flexlab.sim.commands import Tap
+from flexlab.sim.commands import ChangeScenario, Pull, Tap
 from flexlab.sim.samples import Run
 from flexlab.sim.simulate import simulate
 
@@ -289,3 +291,17 @@ def test_large_numbers_are_written_as_people_write_them():
     said = "\n".join(map(str, run.explanations))
     assert "The beam is pressed with up to 15900 N along it, more than the 3950 N that buckle it" in said
     assert not re.search(r"\de[+-]\d", said)
+
+
+def test_a_changed_or_pulled_run_is_explained_as_it_is_since(tmp_path: Path) -> None:
+    """A run under a hand was said to be forced by its path, and the ring of a changed beam was held against the first one."""
+    held = flexlab.simulate("paper", 2.5, commands=[(1.0, Pull(0.0, (0.0, 0.9), 2000.0))])
+    change = ChangeScenario({"payload.bending_stiffness": 50.0, "trajectory.kind": "hold"})
+    changed = flexlab.simulate("paper", 2.5, commands=[(1.0, change), (1.5, Tap(0.05, (0.0, 0.3)))])
+    for one in (changed, flexlab.read(changed.save(tmp_path))):
+        assert [each.name for each in one.explanations] == ["ring"]
+        assert re.match(r"From t = 1\.5\d s on the beam rings at 32\.\d Hz", one.explanations[0].sentence)
+        assert one.explanations[0].sentence in html.unescape(
+            flexlab.export(one, tmp_path / "a.html").read_text("utf-8")
+        )
+    assert flexlab.explain(held) == flexlab.read(held.save(tmp_path)).explanations == ()

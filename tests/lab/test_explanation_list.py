@@ -5,9 +5,9 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 
-from flexlab.analysis.explanations.explanation import EXPLANATIONS, Background, Explained, explain
+from flexlab.analysis.explanations.explanation import EXPLANATIONS, Background, Explained, evidence, explain
 from flexlab.lab.mode_computation import ModeStudy
-from flexlab.lab.plots.explanation_list import MISSED, MOST, REWORDED, SEEN, CalmList, evidence, list_html
+from flexlab.lab.plots.explanation_list import MISSED, MOST, REWORDED, SEEN, CalmList, list_html
 from flexlab.presets import load_preset
 from flexlab.sim.commands import ChangeScenario, Play, Pull, Tap
 from flexlab.sim.simulate import simulate

@@ -8,9 +8,10 @@ The evidence consists of the background, computed once per scenario, and the new
 """
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import inf
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
@@ -23,8 +24,11 @@ from flexlab.control.conditions import Circumstances, Condition
 from flexlab.control.law import law_of
 from flexlab.errors import FlexlabError
 from flexlab.lapack import one_blas_thread
+from flexlab.recording.course import DISTURBANCES, changed_scenario
 from flexlab.scenario import Scenario
+from flexlab.sim.commands import Pull
 from flexlab.sim.samples import Samples
+from flexlab.sim.snapshot import Event
 from flexlab.sim.target import shaper_impulses
 from flexlab.text import fixed_text, number_text
 
@@ -221,13 +225,36 @@ def explain(evidence: Evidence) -> tuple[Explained, ...]:
     return tuple(Explained(each.name, text, each.equation, each.plot) for each, text in said)
 
 
-def explain_run(run: "Run | Samples", scenario: Scenario, start: float | None = None) -> tuple[Explained, ...]:
-    """The explanations of a run's newest `LONGEST_LOOK` s under a scenario; `start` as for `Evidence.of_run`.
+def is_pulled(events: Sequence[Event], since: float = inf) -> bool:
+    """Whether a hand holds beam or arm by these events of a run, or let go of it later than `since`, s."""
+    last = next((event for event in reversed(events) if isinstance(event.command, Pull)), None)
+    return last is not None and (last.time > since or getattr(last.command, "stiffness", 0.0) > 0)
 
-    There are none if the scenario has no modes, as when an arm cannot reach its pose; the run's status says why.
+
+def evidence(background: Background, samples: Samples, events: Sequence[Event], start: float) -> Evidence:
+    """The samples since anything was changed or touched, as evidence; `start`: when the run began, s."""
+    touched = max((event.time for event in events if isinstance(event.command, DISTURBANCES)), default=start)
+    # What a hand that pulls bends is no vibration, and none of the causes that sentences know.
+    since = inf if is_pulled(events) else touched
+    seen = between(samples, since, inf) if len(samples) else samples
+    begins = touched == start and len(seen) > 0 and bool(seen.time[0] == start)
+    return Evidence(background, seen, begins)
+
+
+def explain_run(
+    run: "Run | Samples", scenario: Scenario, start: float | None = None, events: Sequence[Event] = ()
+) -> tuple[Explained, ...]:
+    """The explanations of a run's newest `LONGEST_LOOK` s since the last of its events, under the scenario that it then has.
+
+    `scenario`: that of its start; `start` as for `Evidence.of_run`. There are none if the scenario has no modes, as when an arm
+    cannot reach its pose; the run's status says why.
     """
     try:
-        background = Background.of(scenario)
+        background = Background.of(changed_scenario(scenario, events))
     except FlexlabError:
         return ()
-    return explain(Evidence.of_run(run, background, start))
+    if not events:
+        return explain(Evidence.of_run(run, background, start))
+    first = float(run.time[0]) if start is None and len(run) else start or 0.0
+    last = float(run.time[-1]) if len(run) else 0.0
+    return explain(evidence(background, between(run, last - LONGEST_LOOK, last), events, first))

@@ -17,11 +17,11 @@ from flexlab.analysis.result import Result, provenance
 from flexlab.analysis.run_summary import note_metrics
 from flexlab.errors import RecordingError, StudyError
 from flexlab.presets import load_preset
+from flexlab.recording.course import changed_scenario
 from flexlab.recording.importing import take_measurement
-from flexlab.recording.reader import Recording, read_recording
+from flexlab.recording.reader import read_recording
 from flexlab.recording.store.run_files import find_run
 from flexlab.scenario import Scenario
-from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import MEASURED
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ def fit_run(
     """The fit of a recorded run after its last tap, or from its first ring; `scenario` None: the run's. Raises `FlexlabError`."""
     recording = read_recording(find_run(run, logs))
     t, y, unit = ring_of_run(recording, signal or "vibration", start, end)
-    known = scenario or scenario_at(recording, float(t[0]))
+    known = scenario or changed_scenario(recording.scenario, recording.events, float(t[0]))
     if recording.status == MEASURED:  # There was no loop, and there is no pose.
         return _fit(recording.path.stem, t, y, unit, known, True, ())
     path = recording.samples.desired_pose[np.searchsorted(recording.samples.time, t)]
@@ -157,15 +157,6 @@ def _fit(
     poses = [] if path is None else _poses(path, y - ring.background)
     beam = None if scenario is None else beam_parameters(ring, scenario, not measured, poses)
     return Fit(name, ring, t, y, unit, beam, measured, notes)
-
-
-def scenario_at(recording: Recording, time: float) -> Scenario:
-    """The scenario of a recorded run at an instant, s, after what was changed up to then. Raises `ScenarioError`."""
-    scenario = recording.scenario
-    for event in recording.events:
-        if isinstance(event.command, ChangeScenario) and event.level != "error" and event.time < time:
-            scenario = scenario.replace(event.command.changes)
-    return scenario
 
 
 POWER = (0.5, 0.05, 0.95)

@@ -4,14 +4,11 @@ from collections.abc import Sequence
 
 import viser
 
-from flexlab.analysis.explanations.explanation import EXPLANATIONS, LONGEST_LOOK, Evidence, Explained, explain
-from flexlab.analysis.metrics.run_metrics import between
+from flexlab.analysis.explanations.explanation import EXPLANATIONS, LONGEST_LOOK, Explained, evidence, explain
 from flexlab.lab.mode_computation import ModeStudy
-from flexlab.lab.picking import is_pulled
 from flexlab.lab.widgets import LAST, put
-from flexlab.sim.commands import ChangeScenario, Pull, Tap
 from flexlab.sim.runner import Runner
-from flexlab.sim.snapshot import Event, Snapshot
+from flexlab.sim.snapshot import Snapshot
 from flexlab.text import escaped
 
 MOST = 3
@@ -20,8 +17,6 @@ SEEN, MISSED = 2, 2
 """Checks in a row after which a sentence appears, and after which it disappears."""
 REWORDED = 5
 """Checks for which a sentence keeps its numbers."""
-DISTURBANCES = (ChangeScenario, Pull, Tap)
-"""Commands after which earlier samples explain nothing any more."""
 
 
 class CalmList:
@@ -90,16 +85,6 @@ class ExplanationList:
         text = list_html(sentences)
         for place in self._places:
             put(place, content=text, visible=bool(text))
-
-
-def evidence(background, samples, events: Sequence[Event], start: float) -> Evidence:
-    """The samples since anything was changed or touched, as evidence; `start`: when the run began, s."""
-    touched = max((event.time for event in events if isinstance(event.command, DISTURBANCES)), default=start)
-    # What a hand that pulls bends is no vibration, and none of the causes that sentences know.
-    since = float("inf") if is_pulled(events) else touched
-    seen = between(samples, since, float("inf")) if len(samples) else samples
-    begins = touched == start and len(seen) > 0 and bool(seen.time[0] == start)
-    return Evidence(background, seen, begins)
 
 
 def list_html(sentences: Sequence[Explained]) -> str:

@@ -95,6 +95,11 @@ class LabState:
         return self._settings.scenario
 
     @property
+    def to_keep(self) -> Scenario:
+        """`intended` with the title and words of what it came from: a run goes on with those before it was saved."""
+        return self.intended.replace({"title": self.baseline.title, "watch": self.baseline.watch})
+
+    @property
     def baseline(self) -> Scenario:
         """The preset or file that the scenario came from, unchanged."""
         return self._settings.baseline

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 from lab_page import wait_until
+from raw_browser import RawBrowser, widget
 
 from flexlab.errors import PresetError, ScenarioError
 from flexlab.lab.panel.scenario_files import read_upload, save_preset
@@ -88,6 +89,38 @@ def test_bad_uploads_are_answered_in_sentences_with_the_files_own_name(content: 
     if error is PresetError:
         assert "mine.json" in str(caught.value)
     assert "/tmp" not in str(caught.value)
+
+
+def test_what_is_saved_has_its_name_and_words_ever_after(
+    session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    lab, paper = session.lab_state, load_preset("paper")
+    save, name = widget(session, "Save as preset"), widget(session, "Name")
+    with RawBrowser(session) as browser:
+
+        def saved(title: str) -> Scenario:
+            browser.update(name, {"value": title})
+            wait_until(lambda: name.value == title, "the name is written")
+            browser.update(save, {"value": True})
+            file = tmp_path / "presets" / f"{title.lower().replace(' ', '-')}.json"
+            wait_until(lambda: lab.notice.text == f"Saved as presets/{file.name}.", "it is saved")
+            lab.say("")
+            return load_preset(file.stem)
+
+        first = saved("My beam")
+        assert (first.title, first.watch) == ("My beam", paper.watch), "nothing has changed that words could tell"
+        lab.change({"payload.bending_stiffness": 60.0})
+        again = saved("My beam")
+        assert (again.title, again.get("payload.bending_stiffness")) == ("My beam", 60.0)
+        lab.change({"payload.bending_stiffness": 70.0})
+        other = saved("Another")
+        assert (other.title, other.watch) == ("Another", "From my-beam: Bending stiffness EI (N·m²) 70.")
+        assert lab.to_keep == other, "what is downloaded and shared"
+        browser.update(name, {"value": "a" * 200})
+        wait_until(lambda: len(name.value) == 200, "the name is written")
+        browser.update(save, {"value": True})
+        wait_until(lambda: "cannot be a preset's name: use 1 to 40 characters" in lab.notice.text, "it is refused")
 
 
 def test_a_path_from_a_file_is_followed_from_now_on(session: Session) -> None:

@@ -32,12 +32,7 @@ def save_preset(scenario: Scenario, name: str, folder: Path = OWN_FOLDER) -> Pat
 
     The file's name is the name in small letters, digits and hyphens.
     """
-    title, name = name, file_stem(name)
-    if not name or len(title) > LONGEST_NAME or not title.isprintable() or re.search(r"[/\\]", title):
-        raise PresetError(
-            f"{title[:60]!r} cannot be a preset's name: use 1 to {LONGEST_NAME} characters, a letter or a digit among them "
-            "and no slash, as in My soft beam."
-        )
+    name = usable_stem(name)
     if (presets_folder() / f"{name}.json").exists():
         raise PresetError(f"{name} is a preset of flexlab itself and stays as it is: choose another name.")
     try:
@@ -51,6 +46,17 @@ def save_preset(scenario: Scenario, name: str, folder: Path = OWN_FOLDER) -> Pat
         )
     save_scenario(scenario, path)
     return path
+
+
+def usable_stem(name: str) -> str:
+    """The file's name for a preset's name; raises `PresetError` for one that cannot be used."""
+    stem = file_stem(name)
+    if not stem or len(name) > LONGEST_NAME or not name.isprintable() or re.search(r"[/\\]", name):
+        raise PresetError(
+            f"{name[:60]!r} cannot be a preset's name: use 1 to {LONGEST_NAME} characters, a letter or a digit among them "
+            "and no slash, as in My soft beam."
+        )
+    return stem
 
 
 def file_stem(name: str) -> str:
@@ -154,7 +160,7 @@ class ScenarioFiles:
         self._suggest()
         self._changes.content = changes_html(lab_state.name, *key)
         if self._link is not None:
-            address = escaped(self._link(lab_state.intended))
+            address = escaped(self._link(lab_state.to_keep))
             self._address.content = (
                 '<div class="fl">This scenario in another browser (click, then copy):'
                 f'<div class="fl-code" tabindex="0">{address}</div></div>'
@@ -162,14 +168,13 @@ class ScenarioFiles:
 
     def save(self) -> None:
         """Save under the name in the box."""
-        name, scenario = self.name.value, self._lab_state.intended
-        if scenario.title == self._lab_state.baseline.title and file_stem(name) != self._lab_state.name:
-            changes = ", ".join(
-                f"{field_title(path, scenario)} {value_text(new)}" for path, _, new in told(self._changed())
-            )
-            scenario = scenario.replace(
-                {"title": name, "watch": f"From {self._lab_state.name}: {changes}."[:LONGEST_WORDS]}
-            )
+        name, scenario = self.name.value, self._lab_state.to_keep
+        if usable_stem(name) != self._lab_state.name:
+            scenario = scenario.replace({"title": name})
+            changed = told(self._changed())
+            changes = ", ".join(f"{field_title(path, scenario)} {value_text(new)}" for path, _, new in changed)
+            if changes:
+                scenario = scenario.replace({"watch": f"From {self._lab_state.name}: {changes}."[:LONGEST_WORDS]})
         if self.words.value.strip():
             scenario = scenario.replace({"watch": self.words.value.strip()[:LONGEST_WORDS]})
         path = save_preset(scenario, name)
@@ -191,7 +196,7 @@ class ScenarioFiles:
             self.name.value = self._suggested
 
     def _download(self, event: Any) -> None:
-        content = scenario_text(self._lab_state.intended).encode()
+        content = scenario_text(self._lab_state.to_keep).encode()
         event.client.send_file_download(f"{self._lab_state.name}.json", content, save_immediately=True)
 
     def _offer_upload(self) -> None:

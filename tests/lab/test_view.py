@@ -142,6 +142,7 @@ def test_text_is_escaped_and_cut() -> None:
 
 def test_changes_have_a_sign_unless_there_is_none() -> None:
     assert change_text(150.2) == "+150 %"
+    assert (change_text(1900.0), change_text(182_762.0)) == ("20 ×", "1800 ×"), "nobody reads six digits of per cent"
     assert change_text(-3.6) == "−4 %"
     assert change_text(-0.2) == change_text(0.4) == "0 %"
     assert change_text(float("nan")) == "–"

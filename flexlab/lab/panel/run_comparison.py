@@ -95,10 +95,16 @@ def metric_text(row: MetricRow) -> str:
     return escaped(row.column.missing) if math.isnan(row.value) else number_text(row.value, 3)
 
 
+AS_FACTOR = 1000.0
+"""Per cent from which on a change is read more easily as a factor."""
+
+
 def change_text(percent: float) -> str:
-    """A change in whole per cent with its sign; "–" where there is nothing to compare with."""
+    """A change in whole per cent with its sign, or as a factor; "–" where there is nothing to compare with."""
     if not math.isfinite(percent):
         return "–"
+    if percent >= AS_FACTOR:
+        return f"{number_text(1 + percent / 100, 2)} ×"
     return f"{percent:+.0f} %".replace("-", "−") if round(percent) else "0 %"
 
 

@@ -23,7 +23,7 @@ from flexlab.sim import accuracy
 from flexlab.sim.assembly import Assembly, Unprepared, derive_assembly
 from flexlab.sim.closed_loop import scratch_workspace
 from flexlab.sim.integrators.beam_flow import TICKS
-from flexlab.sim.motion import begin_motion
+from flexlab.sim.motion import Motion, begin_motion
 from flexlab.sim.run_warnings import SLOWEST_PACE, bounds, seconds_per_second
 from flexlab.sim.signals import POSE, TIME
 from flexlab.sim.step_levels import DISTURBED_TICKS
@@ -31,9 +31,12 @@ from flexlab.sim.step_rates import ring_decay
 from flexlab.sim.step_size import SHORTEST_CHOSEN, Count
 from flexlab.sim.stepping import move_on
 
-TRIED = 80
-"""Ticks of each trial, after those whose steps are shorter as they follow a start: some errors come from the path and from slow
-modes, and add up from tick to tick, so that the first ten ticks do not show them."""
+TRIED, TRIED_LONGER = 12, 80
+"""Ticks of each trial, after those whose steps are shorter as they follow a start. Some errors come from the path and from slow
+modes and add up from tick to tick, so that only the longer trial shows them."""
+
+CLEAR = 0.1
+"""Share of what is allowed below which errors of the first ticks need no longer trial."""
 
 APART = 6
 """Ticks from one tried instant to the next, at least."""
@@ -61,10 +64,12 @@ DISCONTINUITIES_TRIED = 2
 class Trial(NamedTuple):
     """The ticks of one step that was tried."""
 
+    motion: Motion
+    """After the last one."""
     rows: np.ndarray
     """Their samples."""
-    y: np.ndarray
-    """The last state."""
+    finer_ticks: int
+    """How many of them have shorter steps, as they follow a start."""
 
 
 def build_assembly(
@@ -127,25 +132,28 @@ def _instants(assembly: Assembly) -> list[int]:
 def _needed(assembly: Assembly, tick: int, least: int, most: int, at_once: bool) -> int:
     """As `halvings` for the trial from number `tick` on, at least `least`; more than `most`: that is not enough."""
     found: dict[int, Trial | None] = {}
-    level = least
+    level, ticks = least, TRIED
     while level <= most:
         for finer in (level, level + 1):
-            if finer not in found:
-                found[finer] = _tried(assembly, tick, finer)
+            trial = found[finer] if finer in found else _begun(assembly, tick, finer)
+            found[finer] = trial and _moved(trial, ticks)
         coarse, fine = found[level], found[level + 1]
         if fine is None:
             return level
         excess = math.inf if coarse is None else _excess(assembly, coarse, fine)
-        if excess <= 1:
+        if excess < CLEAR or (excess <= 1 and ticks == TRIED_LONGER):
             return level
+        if excess <= 1:
+            ticks = TRIED_LONGER
+            continue
         if at_once:
             raise Unprepared(assembly.scenario)
         level += 1 if excess == math.inf else max(1, math.floor(_doublings(excess) / MOST_ORDER))
     return level
 
 
-def _tried(assembly: Assembly, tick: int, times: int) -> Trial | None:
-    """The ticks from number `tick` on with a step that is halved so many times; None: they fail."""
+def _begun(assembly: Assembly, tick: int, times: int) -> Trial | None:
+    """Trial from number `tick` on with a step that is halved so many times, before its first tick; None: it fails."""
     motion = begin_motion(halved(_without_counts(assembly), times), tick)
     if motion.status.failed:
         return None
@@ -153,9 +161,15 @@ def _tried(assembly: Assembly, tick: int, times: int) -> Trial | None:
     finer_ticks = watch.disturbed * DISTURBED_TICKS
     if tick > 0 and finer_ticks > 0:
         motion.y[disturbed], finer_ticks = finer_ticks, 0  # No shorter steps follow a discontinuity.
-    rows = np.zeros((finer_ticks + TRIED, motion.row_length))
-    ticks, code = move_on(motion, rows)
-    return Trial(rows, motion.y) if ticks == len(rows) and code == 0 else None
+    return Trial(motion, np.zeros((0, motion.row_length)), finer_ticks)
+
+
+def _moved(trial: Trial, ticks: int) -> Trial | None:
+    """A trial of so many ticks with long steps, if it has less; None: it fails."""
+    rows = np.zeros((trial.finer_ticks + ticks - len(trial.rows), trial.rows.shape[1]))
+    done, code = move_on(trial.motion, rows)
+    trial.motion.tick += done
+    return trial._replace(rows=np.concatenate([trial.rows, rows])) if done == len(rows) and code == 0 else None
 
 
 def _without_counts(assembly: Assembly) -> Assembly:
@@ -184,13 +198,13 @@ def halved(assembly: Assembly, times: int) -> Assembly:
 
 def _rate_error(assembly: Assembly, coarse: Trial, fine: Trial) -> np.ndarray:
     """Difference of the pose's rates at the ends of two trials (3,), without what the beam's vibration adds."""
-    system, y, rest = assembly.system, fine.y.copy(), np.zeros(len(assembly.beam.modes.omega))
+    system, y, rest = assembly.system, fine.motion.y.copy(), np.zeros(len(assembly.beam.modes.omega))
     workspace, inertia = scratch_workspace(system), np.empty((3, 3))
     find_mass_at(system.plant, fine.rows[-1, TIME], workspace)
     for axis, rate in enumerate(np.eye(3)):
         set_momenta(system.plant, y, rate, rest, workspace)
         inertia[:, axis] = y[P : P + 3]
-    return solve(inertia, coarse.y[P : P + 3] - fine.y[P : P + 3])
+    return solve(inertia, coarse.motion.y[P : P + 3] - fine.motion.y[P : P + 3])
 
 
 def _excess(assembly: Assembly, coarse: Trial, fine: Trial) -> float:
@@ -200,7 +214,9 @@ def _excess(assembly: Assembly, coarse: Trial, fine: Trial) -> float:
     force = float(np.abs(forces - finer_forces).max())
     poses = np.abs(coarse.rows[:, POSE : POSE + 3] - fine.rows[:, POSE : POSE + 3])
     pose = max(float(poses.max()), float((poses[-1] + np.abs(_rate_error(assembly, coarse, fine)) / RATE_DECAY).max()))
-    ringing = np.where(accuracy.oscillates(assembly), accuracy.mode_forces(assembly, coarse.y - fine.y), 0.0)
+    ringing = np.where(
+        accuracy.oscillates(assembly), accuracy.mode_forces(assembly, coarse.motion.y - fine.motion.y), 0.0
+    )
     # A mode that rings on accumulates as much in each such span.
     decay = np.maximum(ring_decay(assembly.beam), 1e-6 / HORIZON)
     faded, faded_here = (1 - exponentials(-decay * span) for span in (HORIZON, len(coarse.rows) * assembly.tick_period))

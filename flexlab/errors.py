@@ -1,5 +1,12 @@
 """The one exception family of flexlab. Every text is a sentence for the person at the screen."""
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from flexlab.text import limited
+
+log = limited(__name__)
+
 
 class FlexlabError(Exception):
     """Base of all errors that a user can cause and mend; `str(error)` is the sentence to show."""
@@ -27,3 +34,15 @@ class LabError(FlexlabError):
 
 class StudyError(FlexlabError):
     """A study (run, batch, export, benchmark) was asked for something that cannot be done."""
+
+
+@contextmanager
+def telling(tell: Callable[[str], object], failed: str) -> Iterator[None]:
+    """Tell what goes wrong in the block. What nobody expected goes to the log as well, and in brackets into `failed`."""
+    try:
+        yield
+    except FlexlabError as error:
+        tell(str(error))
+    except Exception as error:
+        log.exception(failed)
+        tell(failed.format(f"{type(error).__name__}: {error}"))

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from flexlab.lab.failures import telling
+from flexlab.errors import telling
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Origin
 

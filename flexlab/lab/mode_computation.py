@@ -12,7 +12,7 @@ import numpy as np
 from flexlab.analysis.explanations.explanation import Background
 from flexlab.analysis.modes import Modes
 from flexlab.control.conditions import Condition
-from flexlab.lab.failures import telling
+from flexlab.errors import telling
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim.geometry import deflection_at
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import viser
 
-from flexlab.lab.failures import telling
+from flexlab.errors import telling
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.page_reports import PageReports
 from flexlab.lab.viser_internals import GuardedServer

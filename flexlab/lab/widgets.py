@@ -6,8 +6,7 @@ from typing import Any
 
 import viser
 
-from flexlab.errors import LabError
-from flexlab.lab.failures import telling
+from flexlab.errors import LabError, telling
 from flexlab.lab.lab_state import BY_PERSON, LabState
 
 LAST = 1e12

@@ -17,8 +17,6 @@ SETTLE_TIME = 4.0
 """How long a box keeps what a person typed but the lab did not take, wall seconds; then it shows the true value again."""
 READING_TIME = 30.0
 """How long the sentence about a value that was refused stays, wall seconds: it outlives the value itself."""
-CROSSING = 2.0
-"""How long a true value may be on its way to a page, wall seconds, on which a person types another one meanwhile."""
 SLIDER_STEPS = 200
 CROWDED = 0.12
 """Share of a slider within which the labels of two marks would overlap."""
@@ -128,7 +126,7 @@ class NumberControl:
         self._read, self._ask, self._usual, self._marks = read, ask, usual, marks
         self._value = value = read()
         self._stays_at = value  # As the sentence below the box says.
-        self._touched, self._put_right, self._marked = -math.inf, -math.inf, []
+        self._touched, self._typed, self._marked = -math.inf, False, []
         self._scale = Scale(about, whole) if slider else None
         self._switch = self._slider = None
         if switch is not None:
@@ -164,9 +162,11 @@ class NumberControl:
         if since <= SETTLE_TIME and not at_once:
             self._value = value
             return
-        if self._box.value != value:
-            self._put_right = time.monotonic()
         self._show(value)
+        if self._typed and since > SETTLE_TIME:
+            # An earlier true value may have reached the page after what was typed.
+            self._typed = False
+            show_true_value(self._box)
         if since > READING_TIME or (at_once and value != self._stays_at):
             self._complain("")
 
@@ -222,8 +222,7 @@ class NumberControl:
     def _type(self, value: Numbers) -> None:
         if not self._accepted(value):
             return
-        if time.monotonic() - self._put_right < CROSSING:
-            show_true_value(self._box)  # Else the page could go on showing what was on its way to it.
+        self._typed = True
         if self._scale is not None and self._slider is not None:
             self._slider.value = self._scale.place(value)
 

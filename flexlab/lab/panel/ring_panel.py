@@ -12,8 +12,7 @@ import viser
 from flexlab.analysis.identification.free_ring import recent_ring
 from flexlab.analysis.identification.remedies import SHAPERS, WANTED_RATIO, Remedies, remedies
 from flexlab.analysis.identification.ring import RingFit, fit_ring
-from flexlab.errors import LabError
-from flexlab.lab.failures import telling
+from flexlab.errors import LabError, telling
 from flexlab.lab.widgets import Widgets, put, table_html
 from flexlab.text import escaped, number_text
 

@@ -1,4 +1,4 @@
-"""The one exception family of flexlab. Every text is a sentence for the person at the screen."""
+"""The one exception family of flexlab, and how a lab tells of errors. Every text is a sentence for the person at the screen."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

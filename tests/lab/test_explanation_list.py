@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 
-from flexlab.analysis.explanations.explanation import EXPLANATIONS, Background, Explained, evidence, explain
+from flexlab.analysis.explanations.explanation import EXPLANATIONS, Background, Evidence, Explained, explain
 from flexlab.lab.mode_computation import ModeStudy
 from flexlab.lab.plots.explanation_list import MISSED, MOST, REWORDED, SEEN, CalmList, list_html
 from flexlab.presets import load_preset
@@ -58,16 +58,15 @@ def test_the_most_important_come_first_and_no_more_than_three():
 def test_samples_before_a_change_or_a_touch_tell_nothing():
     scenario = load_preset("paper")
     run, about = simulate(scenario, 1.0), Background.of(scenario)
-    assert [each.name for each in explain(evidence(about, run, (), 0.0))] == ["ring", "jerky start"]
+    assert [each.name for each in explain(Evidence.of_run(run, about))] == ["ring", "jerky start"]
     for command in (ChangeScenario({"controller.feedback_gain": 300.0}), Tap(0.0, (0.0, 1.0))):
-        later = evidence(about, run, (Event(0.7, "", command), Event(0.8, "", Play())), 0.0)
+        later = Evidence.of_run(run, about, events=(Event(0.7, "", command), Event(0.8, "", Play())))
         assert later.samples.time[0] == pytest.approx(0.7)
         assert not later.begins
         assert "jerky start" not in [each.name for each in explain(later)]
     held = Event(0.7, "", Pull(0.0, (0.0, 1.0), 500.0))
-    assert explain(evidence(about, run, (held, Event(0.8, "", Play())), 0.0)) == (), (
-        "a hand bends the beam all the while"
-    )
+    pulled = Evidence.of_run(run, about, events=(held, Event(0.8, "", Play())))
+    assert explain(pulled) == (), "a hand bends the beam all the while"
 
 
 def test_nothing_is_said_of_a_scenario_that_is_not_computed_yet():

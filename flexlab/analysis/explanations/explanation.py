@@ -91,12 +91,21 @@ class Evidence:
     """Whether they begin with the run's first sample."""
 
     @classmethod
-    def of_run(cls, run: "Run | Samples", background: Background, start: float | None = None) -> Self:
-        """The evidence of the newest part of an unchanged run; `start`: its first instant, s, None: that of these samples."""
-        last = float(run.time[-1]) if len(run) else 0.0
-        seen = between(run, last - LONGEST_LOOK, last)
-        first = start if start is not None or not len(run) else float(run.time[0])
-        return cls(background, seen, len(run) > 0 and bool(seen.time[0] == first))
+    def of_run(
+        cls, run: "Run | Samples", background: Background, start: float | None = None, events: Sequence[Event] = ()
+    ) -> Self:
+        """The evidence of the newest part of a run, since its events last changed or touched anything.
+
+        `start`: the run's first instant, s; None: that of these samples. `background`: of the scenario that the run has now.
+        """
+        if not len(run):
+            return cls(background, run, False)
+        first, last = float(run.time[0]) if start is None else start, float(run.time[-1])
+        touched = max((event.time for event in events if isinstance(event.command, DISTURBANCES)), default=first)
+        # What a hand that pulls bends is no vibration, and none of the causes that sentences know.
+        since = inf if is_pulled(events) else max(touched, last - LONGEST_LOOK)
+        seen = between(run, since, last)
+        return cls(background, seen, touched == first and len(seen) > 0 and bool(seen.time[0] == first))
 
     @property
     def scenario(self) -> Scenario:
@@ -231,20 +240,10 @@ def is_pulled(events: Sequence[Event], since: float = inf) -> bool:
     return last is not None and (last.time > since or getattr(last.command, "stiffness", 0.0) > 0)
 
 
-def evidence(background: Background, samples: Samples, events: Sequence[Event], start: float) -> Evidence:
-    """The samples since anything was changed or touched, as evidence; `start`: when the run began, s."""
-    touched = max((event.time for event in events if isinstance(event.command, DISTURBANCES)), default=start)
-    # What a hand that pulls bends is no vibration, and none of the causes that sentences know.
-    since = inf if is_pulled(events) else touched
-    seen = between(samples, since, inf) if len(samples) else samples
-    begins = touched == start and len(seen) > 0 and bool(seen.time[0] == start)
-    return Evidence(background, seen, begins)
-
-
 def explain_run(
     run: "Run | Samples", scenario: Scenario, start: float | None = None, events: Sequence[Event] = ()
 ) -> tuple[Explained, ...]:
-    """The explanations of a run's newest `LONGEST_LOOK` s since the last of its events, under the scenario that it then has.
+    """The explanations of a run's newest `LONGEST_LOOK` s since its last change or touch, under the scenario that it then has.
 
     `scenario`: that of its start; `start` as for `Evidence.of_run`. There are none if the scenario has no modes, as when an arm
     cannot reach its pose; the run's status says why.
@@ -253,8 +252,4 @@ def explain_run(
         background = Background.of(changed_scenario(scenario, events))
     except FlexlabError:
         return ()
-    if not events:
-        return explain(Evidence.of_run(run, background, start))
-    first = float(run.time[0]) if start is None and len(run) else start or 0.0
-    last = float(run.time[-1]) if len(run) else 0.0
-    return explain(evidence(background, between(run, last - LONGEST_LOOK, last), events, first))
+    return explain(Evidence.of_run(run, background, start, events))

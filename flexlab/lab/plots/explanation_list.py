@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import viser
 
-from flexlab.analysis.explanations.explanation import EXPLANATIONS, LONGEST_LOOK, Explained, evidence, explain
+from flexlab.analysis.explanations.explanation import EXPLANATIONS, LONGEST_LOOK, Evidence, Explained, explain
 from flexlab.lab.mode_computation import ModeStudy
 from flexlab.lab.widgets import LAST, put
 from flexlab.sim.runner import Runner
@@ -78,7 +78,8 @@ class ExplanationList:
         background = self._study.background(snapshot.scenario)
         if background is None:
             return ()
-        return explain(evidence(background, self._runner.recent(LONGEST_LOOK), snapshot.events, snapshot.start_time))
+        recent = self._runner.recent(LONGEST_LOOK)
+        return explain(Evidence.of_run(recent, background, snapshot.start_time, snapshot.events))
 
     def _show(self, sentences: Sequence[Explained]) -> None:
         self.sentences = sentences

@@ -45,8 +45,8 @@ from flexlab.server.settings import GIGABYTE, SECRET_BYTES, Settings
 from flexlab.server.study import MOST_AT_ONCE, MOST_STUDIES
 from flexlab.server.task_book import TaskBook
 from flexlab.server.tasks import Tasks
+from flexlab.server.temporary_folder import TemporaryFolder
 from flexlab.server.visitors import cookie_key, greet
-from flexlab.server.workshop import Workshop
 from flexlab.sockets import listen
 
 STATIC = Path(__file__).resolve().parent / "static"
@@ -137,8 +137,8 @@ class FrontServer:
         self.settings, self.places, self._plug, self._app_of = settings, places, plug, app_of
         self.port = _port_of(plug)
         """The public port that it listens on."""
-        self._workshop = Workshop()
-        self.workshop = self._workshop.path
+        self._temporary = TemporaryFolder()
+        self.temporary_folder = self._temporary.path
         """For files that nobody keeps; gone when the server closes."""
         self.context: Context
         self._opened: Future[None] = Future()
@@ -213,11 +213,11 @@ class FrontServer:
                 inside,
                 measuring,
                 tasks,
-                TaskBook(tasks, self.workshop, MOST_COMPARISONS),
-                TaskBook(tasks, self.workshop, MOST_REPLAYS),
-                TaskBook(tasks, self.workshop, MOST_STUDIES, Limit("studies", *MOST_AT_ONCE), long=True),
-                TaskBook(tasks, self.workshop, leaderboard_page.MOST_BOARDS),
-                self.workshop,
+                TaskBook(tasks, self.temporary_folder, MOST_COMPARISONS),
+                TaskBook(tasks, self.temporary_folder, MOST_REPLAYS),
+                TaskBook(tasks, self.temporary_folder, MOST_STUDIES, Limit("studies", *MOST_AT_ONCE), long=True),
+                TaskBook(tasks, self.temporary_folder, leaderboard_page.MOST_BOARDS),
+                self.temporary_folder,
                 preset_cards,
             )
             runner = web.AppRunner(self._app_of(context), access_log=None, shutdown_timeout=CLOSING_TIME)
@@ -242,7 +242,7 @@ class FrontServer:
                 measuring.close()
                 tasks.close()
                 await runner.cleanup()
-                await asyncio.to_thread(self._workshop.close)
+                await asyncio.to_thread(self._temporary.close)
 
 
 def open_front_server(

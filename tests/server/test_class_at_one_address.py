@@ -183,7 +183,7 @@ def test_an_import_is_told_by_its_name_alone(front_server: FrontServer, name: st
     assert answer.status == 422
     assert name in answer.text
     assert "file-" not in answer.text
-    assert str(front_server.workshop.parent) + "/" not in answer.text
+    assert str(front_server.temporary_folder.parent) + "/" not in answer.text
 
 
 def test_an_upload_has_few_parts(front_server: FrontServer):

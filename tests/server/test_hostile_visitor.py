@@ -28,7 +28,7 @@ from flexlab.server import connections
 from flexlab.server.front_server import FrontServer
 from flexlab.server.labs import per_visitor
 from flexlab.server.limits import FREE
-from flexlab.server.workshop import Workshop, sweep
+from flexlab.server.temporary_folder import TemporaryFolder, remove_left
 from flexlab.text import visible
 
 
@@ -86,7 +86,7 @@ def test_a_visitor_who_leaves_before_the_answer_is_no_failure(
     front_server: FrontServer, recorded: Path, caplog: pytest.LogCaptureFixture
 ):
     def on_their_way() -> list[Path]:
-        return list(front_server.workshop.glob("file-*"))
+        return list(front_server.temporary_folder.glob("file-*"))
 
     form = f"run={recorded.stem}&format=rrd".encode()
     head = f"POST /runs/export HTTP/1.1\r\nHost: 127.0.0.1:{front_server.port}\r\nContent-Type: {FORM}\r\n"
@@ -191,9 +191,9 @@ def test_folders_of_killed_servers_are_swept():
     left = Path(tempfile.gettempdir()) / "flexlab-server-99999999-abc"
     left.mkdir()
     os.utime(left, (0, 0))
-    own = Workshop()
+    own = TemporaryFolder()
     assert not left.exists()
-    sweep()
+    remove_left()
     assert own.path.exists(), "a server that runs keeps its folder"
     own.close()
     assert not own.path.exists()

@@ -65,7 +65,7 @@ def head_of(person: Person, line: str, **more: str) -> bytes:
 
 
 def files_in(server: FrontServer) -> list[Path]:
-    return [path for path in server.workshop.rglob("*") if path.parent.name.startswith("file-")]
+    return [path for path in server.temporary_folder.rglob("*") if path.parent.name.startswith("file-")]
 
 
 def test_a_limit_bounds_a_visitor_an_address_and_all_and_keeps_a_place_for_the_teacher():
@@ -143,7 +143,7 @@ def test_one_visitor_cannot_take_all_tasks_and_the_teacher_s_import_goes_on(serv
     assert answers[-1].status == 503
     assert "tasks already" in answers[-1].text
     assert anna.post(f"/runs/{annas}/replay").status == 303
-    table = export_recording(read_recording(recorded), server.workshop / "run.npz")
+    table = export_recording(read_recording(recorded), server.temporary_folder / "run.npz")
     assert upload(server.url, "run.npz", table.read_bytes(), teacher.cookies).status == 303
     for run in (runs[0], annas):
         person = ben if run in runs else anna
@@ -311,7 +311,7 @@ def test_imports_count_for_the_quota(server: FrontServer, recorded: Path):
     (run,) = runs_of(server, dora, recorded, 1)
     os.truncate(server.settings.logs / f"{run}.rrd", 20_000_000 - recorded.stat().st_size // 2)
     before = {path.name for path in server.settings.logs.iterdir()}
-    table = export_recording(read_recording(recorded), server.workshop / "run2.npz")
+    table = export_recording(read_recording(recorded), server.temporary_folder / "run2.npz")
     for name, content in (("more.rrd", recorded.read_bytes()), ("more.npz", table.read_bytes())):
         refused = upload(server.url, name, content, dora.cookies)
         assert (refused.status, "of the 20 MB that each visitor has" in refused.text) == (422, True), refused.text

@@ -155,7 +155,7 @@ def test_overlays_are_gone_with_the_server(library: FrontServer, recorded: Path,
     pages = [compared(library.url, one.stem, two.stem)[1] for one, two in ((recorded, softer), (softer, recorded))]
     overlays = [page.text.split('data-recording="')[1].split('"')[0] for page in pages]
     assert [ask(library.url, overlay).status for overlay in overlays] == [200, 200]
-    (folder,) = {path.parent.parent for path in library.workshop.glob("*/overlay.rrd")}
+    (folder,) = {path.parent.parent for path in library.temporary_folder.glob("*/overlay.rrd")}
     library.close()
     assert not folder.exists()
 
@@ -315,7 +315,7 @@ def test_an_upload_that_is_no_run_is_refused(front_server: FrontServer, name: st
     answer = upload(front_server.url, name, content)
     assert (answer.status, says in answer.text) == (422, True), answer.text
     assert list_runs(front_server.settings.logs) == before
-    assert not list(front_server.workshop.glob("upload-*"))
+    assert not list(front_server.temporary_folder.glob("upload-*"))
 
 
 def test_an_upload_without_a_file_and_one_that_is_too_large_are_refused(front_server: FrontServer) -> None:

@@ -46,7 +46,7 @@ class Context:
     studies: TaskBook
     boards: TaskBook
     """The leaderboard's tables and figures."""
-    workshop: Path
+    temporary_folder: Path
     """A folder for files that nobody keeps; gone when the server closes."""
     preset_cards: PresetCards
     guesses: Guesses = field(default_factory=Guesses)

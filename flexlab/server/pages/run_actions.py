@@ -130,7 +130,7 @@ async def file_on_its_way(request: web.Request) -> AsyncGenerator[Path]:
     """A folder for a file that comes from a visitor or goes to one; it is gone when this ends. Raises `BusyError`."""
     context = context_of(request)
     with context.files.place(visitor_of(request)):
-        folder = Path(await asyncio.to_thread(tempfile.mkdtemp, prefix="file-", dir=context.workshop))
+        folder = Path(await asyncio.to_thread(tempfile.mkdtemp, prefix="file-", dir=context.temporary_folder))
         try:
             yield folder
         except FlexlabError as error:

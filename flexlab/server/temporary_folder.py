@@ -19,11 +19,11 @@ YOUNG = 60.0
 """Age of a folder without a lock file, s, up to which it may be one that is just being made."""
 
 
-class Workshop:
+class TemporaryFolder:
     """A new temporary folder."""
 
     def __init__(self) -> None:
-        sweep()
+        remove_left()
         self.path = Path(tempfile.mkdtemp(prefix=PREFIX))
         self._lock = (self.path / LOCK).open("wb")
         if fcntl is not None:
@@ -35,7 +35,7 @@ class Workshop:
         shutil.rmtree(self.path, ignore_errors=True)
 
 
-def sweep() -> None:
+def remove_left() -> None:
     """Remove the folders of servers that no longer run."""
     if fcntl is None:
         return

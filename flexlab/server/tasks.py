@@ -44,6 +44,7 @@ OUT_OF_MEMORY = Path("/proc/self/oom_score_adj")
 TOO_LARGE = (
     f"This takes more than {MOST_MEMORY / 1e9:g} GB of memory: choose a shorter range of time, or use the command line."
 )
+CLOSING = "This server is closing."
 
 T = TypeVar("T")
 log = logging.getLogger(__name__)
@@ -172,7 +173,7 @@ class Tasks:
 
     async def _run(self, work: Callable[..., T], arguments: tuple[Any, ...], on_progress: Callable[[float], None]) -> T:
         if self._closed:  # Waiting tasks get their turn when running ones are ended.
-            raise LabError("This server is closing.")
+            raise LabError(CLOSING)
         context = job_processes()
         pipe, other = context.Pipe(duplex=False)
         process = context.Process(
@@ -201,6 +202,8 @@ class Tasks:
             return word.result
         if isinstance(word, LabError):
             raise word
+        if self._closed:
+            raise LabError(CLOSING)
         log.warning("A task ended unexpectedly (exit code %s).", process.exitcode)
         raise LabError(
             f"This task ended unexpectedly (exit code {process.exitcode}): the run may be too large for this machine."

@@ -101,3 +101,24 @@ def test_one_works_at_a_time_and_what_is_cancelled_leaves_room_and_no_files(tmp_
         assert (await book.finished("Writing", "d", ANNA, write, 10)).result == 10
 
     with_book(tmp_path, use)
+
+
+def test_a_task_that_a_closing_server_ends_is_no_accident(tmp_path: Path, caplog: pytest.LogCaptureFixture):
+    """The lab's last words in the terminal were that a task had ended unexpectedly."""
+
+    async def use() -> str:
+        tasks = Tasks()
+        begun = asyncio.Event()
+        work = asyncio.ensure_future(
+            tasks.run(ANNA, take_long, tmp_path / "a", on_progress=lambda share: share > 0 and begun.set())
+        )
+        async with asyncio.timeout(60):
+            await begun.wait()
+        tasks.close()
+        with pytest.raises(FlexlabError) as ended:
+            await work
+        return str(ended.value)
+
+    with ThreadPoolExecutor(1) as pool:
+        assert pool.submit(asyncio.run, use()).result() == "This server is closing."
+    assert not caplog.messages

@@ -63,7 +63,7 @@ class StraightArrows:
         largest = float(np.linalg.norm(force, axis=1).max())
         self._range.fit(largest)
         self._handle.visible = shown and largest > HIDDEN_BELOW * self._range.limit
-        if self._handle.visible:
+        if shown:  # Hidden ones, too: a browser shows an arrow at once, and moves it a picture later.
             plane = np.stack([starts, starts + force / self.per_meter], axis=1)
             height = np.full((len(starts), 2, 1), self._height)
             self._handle.points = np.concatenate([plane, height], axis=2).astype(np.float32)
@@ -94,7 +94,7 @@ class BentArrows:
         largest = float(np.abs(moment).max())
         self._range.fit(largest)
         self._handle.visible = shown and largest > HIDDEN_BELOW * self._range.limit
-        if self._handle.visible:
+        if shown:
             arcs = [self._arc(c, m / self._range.limit * WIDEST_ARC) for c, m in zip(centers, moment, strict=True)]
             plane = np.concatenate(arcs)
             height = np.full((*plane.shape[:2], 1), self._height)

@@ -179,6 +179,10 @@ class BeamParameters:
     damping: Estimate
     """The value of the field `damping_field`."""
     damping_field: str
+    frequency: Estimate
+    """The loudest mode's, of the middle pose: its interval holds those of the ring's other poses."""
+    damping_ratio: Estimate
+    """Likewise."""
     scenario: Scenario
     """The scenario with the parameters that are identifiable."""
 
@@ -206,18 +210,18 @@ def beam_parameters(fit: RingFit, scenario: Scenario, in_loop: bool, poses: Sequ
         rings = np.array([first_mode(fitted, in_loop, pose) for pose in poses] if not reason else [])
     except FlexlabError:
         reason, stiffness, fitted, rings = OUT_OF_RANGE, np.nan, scenario, np.empty((0, 2))
-    spread = (np.array([frequency.low, frequency.high]) / frequency.value) ** 2
     if len(rings):
-        elsewhere = (rings[0, 0] / rings[:, 0]) ** 2
-        spread *= elsewhere.min(), elsewhere.max()
-        off = rings[:, 1] - rings[0, 1]
+        elsewhere, off = rings[0, 0] / rings[:, 0], rings[:, 1] - rings[0, 1]
+        low, high = frequency.low * float(elsewhere.min()), frequency.high * float(elsewhere.max())
+        frequency = replace(frequency, low=low, high=high)
         ratio = replace(ratio, low=ratio.low - float(off.max()), high=ratio.high - float(off.min()))
+    spread = (np.array([frequency.low, frequency.high]) / frequency.value) ** 2
     EI = Estimate(stiffness, *map(float, stiffness * spread), "N·m²", reason)
     unit = scenario.about(path).unit_text().strip()
     damping, final = _solve_damping(
         fitted, path, ratio, lambda one: first_mode(one, in_loop, middle)[1], unit if unit != "1" else "", reason
     )
-    return BeamParameters(EI, density, damping, path, final)
+    return BeamParameters(EI, density, damping, path, frequency, ratio, final)
 
 
 def _left_out(fit: RingFit, scenario: Scenario) -> str:

@@ -1,6 +1,6 @@
 """The fit of a free vibration in a CSV file or a recorded run, from its samples to the beam of a scenario."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -156,6 +156,9 @@ def _fit(
     ring = fit_ring(t, y)
     poses = [] if path is None else _poses(path, y - ring.background)
     beam = None if scenario is None else beam_parameters(ring, scenario, not measured, poses)
+    if beam is not None:
+        along = replace(ring.first, frequency=beam.frequency, damping_ratio=beam.damping_ratio)
+        ring = replace(ring, modes=tuple(along if mode is ring.first else mode for mode in ring.modes))
     return Fit(name, ring, t, y, unit, beam, measured, notes)
 
 

@@ -5,7 +5,8 @@ The signal is a sum of decaying oscillations, a slow background and white noise,
     y(t) = Σ_k exp(-σ_k t) (a_k cos ω_k t + b_k sin ω_k t) + polynomial(t) + noise,
 
 fitted by least squares over (ω_k, σ_k) with the linear parts solved exactly (variable projection: Golub and Pereyra, SIAM J.
-Numer. Anal. 10 (1973) 413). Modes are added while Schwarz's criterion gains; intervals are those of the linearised fit.
+Numer. Anal. 10 (1973) 413). Modes are added while Schwarz's criterion gains; intervals are those of the linearised fit, and
+wider by the error of this model where the residual is no white noise (`model_error.py`).
 """
 
 from dataclasses import dataclass, field
@@ -25,6 +26,7 @@ from flexlab.analysis.identification.evidence import (
     stands_out,
     unevenness,
 )
+from flexlab.analysis.identification.model_error import shifts
 from flexlab.errors import StudyError
 from flexlab.lapack import one_blas_thread
 
@@ -217,17 +219,24 @@ def _described(
     covariance = variance * np.linalg.pinv((J / size).T @ (J / size)) / np.outer(size, size)
     factor = float(student.ppf(0.5 + CONFIDENCE / 2, freedom))
     near = [max(1.0, density) for density, _ in _near(modes, tau, y)]
+    exact = rest.std() < BEST_TOLD or is_white(rest)
+    moved = [np.zeros((1, 2))] * len(modes) if exact else shifts(modes, J, rest, linear, tau)
     found = []
     for k, (omega, sigma) in enumerate(modes):
         own = near[k] * covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2]
         amplitude = float(np.hypot(linear[2 * k], linear[2 * k + 1])) * scale
-        found.append(_mode(omega, sigma, own, factor, amplitude, tau, problem))
-    # A slow change of the background looks like part of a period.
-    found = [mode for mode in found if mode.frequency.identifiable] or found
+        found.append(_mode(omega, sigma, own, factor, moved[k], amplitude, tau, problem))
+    # A slow change of the background looks like part of a period, and the first samples after a tap like a fast mode.
+    found = [mode for mode in found if _resolved(mode.frequency.value, tau)] or found
     found.sort(key=lambda mode: mode.frequency.value)
     background = basis[:, 2 * len(modes) :] @ linear[2 * len(modes) :] * scale
     noise = float(np.sqrt(variance)) * scale
     return RingFit(tuple(found), noise, float(time[0]), float(time[-1]), len(time), background, problem)
+
+
+def _resolved(frequency: float, tau: np.ndarray) -> bool:
+    """Whether the samples hold enough periods of a frequency, and samples enough of each."""
+    return FEWEST_PERIODS <= frequency * tau[-1] <= (len(tau) - 1) / 2
 
 
 def _near(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> list[tuple[float, float]]:
@@ -261,13 +270,23 @@ def _reason(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> str:
 
 
 def _mode(
-    omega: float, sigma: float, own: np.ndarray, factor: float, amplitude: float, tau: np.ndarray, problem: str
+    omega: float,
+    sigma: float,
+    own: np.ndarray,
+    factor: float,
+    moved: np.ndarray,
+    amplitude: float,
+    tau: np.ndarray,
+    problem: str,
 ) -> RingMode:
+    """A mode with the intervals of its covariance `own`, wider by the largest of the changes `moved` (choices, 2)."""
     natural = float(np.hypot(omega, sigma))
     d_frequency = np.array([omega, sigma]) / natural / (2 * np.pi)
     d_ratio = np.array([-sigma * omega, omega**2]) / natural**3
-    half_f = factor * float(np.sqrt(max(d_frequency @ own @ d_frequency, 0.0)))
-    half_z = factor * float(np.sqrt(max(d_ratio @ own @ d_ratio, 0.0)))
+    half_f, half_z = (
+        factor * float(np.sqrt(max(d @ own @ d, 0.0))) + float(np.abs(moved @ d).max(initial=0.0))
+        for d in (d_frequency, d_ratio)
+    )
     f, zeta = natural / (2 * np.pi), float(sigma) / natural
     periods, rate = f * tau[-1], (len(tau) - 1) / tau[-1]
     why = problem

@@ -1,6 +1,8 @@
 """The file of one run as it is written, and a sink that outlives missing folders, full disks and files that are taken away."""
 
 import contextlib
+import errno
+import os
 import shutil
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -12,7 +14,7 @@ import rerun as rr
 
 from flexlab.errors import RecordingError
 from flexlab.recording.rerun_internals.chunks import Column
-from flexlab.recording.rerun_internals.rrd_file import Refusal, RrdFile, allow
+from flexlab.recording.rerun_internals.rrd_file import Refusal, RrdFile, allow, has_footer
 from flexlab.recording.run_encoder import EVENTS, PATH, RECORDS, RunStream
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.notes import write_notes
@@ -32,14 +34,15 @@ class RunWriter:
     """A claimed file and the stream of what goes into it. Not for two threads at once."""
 
     def __init__(self, file: RunFile, info: RunInfo, in_one_piece: bool = False):
-        """Write what the run is. `in_one_piece`: write all at the end, as a finished file, which rerun's tool need not mend.
+        """Write what the run is.
 
-        Raises `RecordingError`, and leaves no file, if that fails.
+        `in_one_piece`: rerun writes and finishes the file by itself, so that its tool need not mend it; at its end it is
+        known whether all of it is there. Raises `RecordingError`, and leaves no file, if that fails.
         """
         self.file, self._in_one_piece = file, in_one_piece
         self._bytes = RrdFile(file.handle)
         try:
-            self.stream = RunStream(info)
+            self.stream = RunStream(info, file=file.path if in_one_piece else None)
             try:
                 if not in_one_piece:
                     self.push()
@@ -59,7 +62,7 @@ class RunWriter:
         file = self.file
         if self.is_lost:
             raise RecordingError(f"{file.path} is not being written any more.")
-        if file.in_place and self._bytes.is_whole:
+        if file.in_place and (self._in_one_piece or self._bytes.is_whole):
             return
         self.is_lost = True
         what = "was taken away while it was being written"
@@ -79,7 +82,7 @@ class RunWriter:
     def hold(self) -> None:
         """Keep what was sent for the next `push`: for a disk that is known to be full. Raises `RecordingError`."""
         if piece := self.stream.read():
-            self._bytes.hold(piece, self._in_one_piece)
+            self._bytes.hold(piece)
 
     @property
     def given_up(self) -> int:
@@ -92,6 +95,10 @@ class RunWriter:
             self.push(refusal)
         finally:
             self.stream.close()
+        if self._in_one_piece and not has_footer(self.file.path):
+            full = _free_bytes(self.file.path) < ROOM_TO_RESUME
+            reason = os.strerror(errno.ENOSPC if full else errno.EIO)
+            raise RecordingError(f"{self.file.path} cannot be written ({reason}).")
 
 
 class FileSink:

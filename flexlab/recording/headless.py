@@ -25,9 +25,6 @@ BLOCK_ROWS = 10_000
 LARGE_ROWS = 2000
 """Samples of a block that need not be joined with others, which takes the whole recording into memory."""
 
-MOST_AT_ONCE = 1_000_000
-"""Samples of a run that is written in one piece, which then stands in memory beside it: a third of a gigabyte."""
-
 
 class HeadlessRecording:
     """The recording of one run, written on the caller's own thread, as a context manager.
@@ -143,7 +140,7 @@ def write_run(run: Run, logs: Path, name: str, notes: RunNotes | None = None, co
     info = RunInfo(
         name, run.scenario, course.sample_period, course.start, measured=measured, recorded_by=course.recorded_by
     )
-    with HeadlessRecording(logs, info, notes, len(run) <= MOST_AT_ONCE) as recording:
+    with HeadlessRecording(logs, info, notes, in_one_piece=True) as recording:
         recording.write_whole(run, course.events)
     return recording.path
 

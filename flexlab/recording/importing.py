@@ -15,7 +15,7 @@ import numpy as np
 from flexlab.errors import RecordingError
 from flexlab.recording.codec import event_from_values, state_from_values
 from flexlab.recording.export import FORMATS, LONGEST_REASON, import_run
-from flexlab.recording.headless import MOST_AT_ONCE, HeadlessRecording
+from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.reader import read_recording
 from flexlab.recording.repair import finish
 from flexlab.recording.rerun_internals.tool import crashes_readers
@@ -103,7 +103,7 @@ def take_run(run: Run, info: RunInfo, source: str, logs: Path, events: Sequence[
     Raises `RecordingError`.
     """
     check_period(source, info.sample_period)
-    recording = HeadlessRecording(logs, info, in_one_piece=len(run) <= MOST_AT_ONCE)
+    recording = HeadlessRecording(logs, info, in_one_piece=True)
     try:
         with recording:
             recording.write_whole(run, events)

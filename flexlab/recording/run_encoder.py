@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -213,19 +214,22 @@ FLUSH_TIMEOUT = 30.0
 class RunStream:
     """A rerun stream that has said what the run is; what is sent waits, encoded, for `read`. Not for two threads at once."""
 
-    def __init__(self, info: RunInfo, live: bool = False):
-        """`live`: for viewers that watch as it comes, and have no use for exact samples. Raises `RecordingError`."""
+    def __init__(self, info: RunInfo, live: bool = False, file: Path | None = None):
+        """`live`: for viewers that watch as it comes, and have no use for exact samples.
+
+        `file`: rerun itself writes what is sent there, and finishes it at `close`; nothing waits. Raises `RecordingError`.
+        """
         self._stream = new_stream(APPLICATION, info.run_id)
-        self._encoded = self._stream.binary_stream()
+        self._encoded = self._stream.binary_stream() if file is None else None
         self._live = live
-        self._stream.set_sinks(self._encoded)
         # Active, not only the default: for the first pieces of a file without an index the viewer makes a layout of its own,
         # and would keep that.
         layout = measurement_blueprint(info.scenario)
         if not info.measured:
             layout = run_blueprint(info.scenario, info.exaggeration, info.name, live)
-        send_layout(self._stream, layout)
         try:
+            self._stream.set_sinks(rr.FileSink(file) if file else self._encoded)
+            send_layout(self._stream, layout)
             self._introduce(info)
         except (RuntimeError, ValueError, OSError) as error:
             self.close()
@@ -258,6 +262,8 @@ class RunStream:
 
     def read(self) -> bytes:
         """What was sent since the last call as one piece of a rerun file; empty if nothing was. Raises `RecordingError`."""
+        if self._encoded is None:
+            return b""
         try:
             return self._encoded.read(flush_timeout_sec=FLUSH_TIMEOUT) or b""
         except (RuntimeError, ValueError) as error:

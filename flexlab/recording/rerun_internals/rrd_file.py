@@ -3,9 +3,9 @@
 Each piece that rerun encodes is a small file of its own: a head, messages (kind and length, 8 bytes each, then the body), an
 end message with an index, and a foot. A larger file is one head and the messages of all pieces; `repair` adds the end.
 
-Rerun can write files itself, but when a disk is full its writer dies silently and all later data is lost. So rerun only
-encodes, into memory, and the bytes are written here: an error is known at once, a half-written message is cut off again, and
-what could not be written waits until there is room.
+Rerun can write files itself, as it does with a run that is over, but when a disk is full its writer dies silently and all later
+data is lost. Of a run that goes on rerun only encodes, into memory, and the bytes are written here: an error is known at once, a
+half-written message is cut off again, and what could not be written waits until there is room.
 """
 
 import os
@@ -86,12 +86,9 @@ class RrdFile:
         self.given_up = 0
         """Pieces that were given up because a disk stayed full for too long."""
 
-    def hold(self, piece: bytes, whole: bool = False) -> None:
-        """Take one piece as rerun encodes it, to be written by `write`; `whole`: with its end, as there is no other piece.
-
-        Raises `RecordingError` for what is no piece.
-        """
-        data = piece if whole else messages(piece, with_head=not self._begun)
+    def hold(self, piece: bytes) -> None:
+        """Take one piece as rerun encodes it, to be written by `write`. Raises `RecordingError` for what is no piece."""
+        data = messages(piece, with_head=not self._begun)
         self._begun = True
         self._waiting.append(data)
         self._waiting_bytes += len(data)

@@ -64,8 +64,9 @@
   }
 
   const isPart = (node) => node.nodeType === Node.ELEMENT_NODE && (node.matches(PARTS) || node.querySelector(PARTS) !== null);
-  const matters = ({ type, addedNodes, removedNodes }) =>
-    type === "attributes" || [...addedNodes].some(isPart) || [...removedNodes].some(isPart);
+  // An attribute that is set to what it was, as a class is that is removed where it is not, has not changed.
+  const matters = ({ type, target, attributeName, oldValue, addedNodes, removedNodes }) => (type === "attributes")
+    ? target.getAttribute(attributeName) !== oldValue : [...addedNodes].some(isPart) || [...removedNodes].some(isPart);
 
   window.flexlabAsked = asked;
   addEventListener("DOMContentLoaded", () => {
@@ -75,7 +76,7 @@
       const left = next - performance.now();
       if (left <= 0) ask(); // before the change is drawn
       else [due] = [true, setTimeout(ask, left)];
-    }).observe(document.documentElement, { subtree: true, childList: true, attributes: true, attributeFilter: STATES });
+    }).observe(document.documentElement, { subtree: true, childList: true, attributes: true, attributeFilter: STATES, attributeOldValue: true });
     ask();
   });
 })();

@@ -27,6 +27,13 @@ LAID_OUT_ANEW = """() => { // [the parts whose box differs by the sheet itself, 
 MARKED = """() => window.flexlabAsked.map(({ selector, marked }) =>
   [selector, marked.size, [...document.querySelectorAll(selector)].filter((part) => marked.has(part)).length])"""
 
+ASKED_IN_A_WHILE = """() => new Promise((done) => {
+  let count = 0;
+  const add = () => { count += 1; };
+  addEventListener('flexlab-structure', add);
+  setTimeout(() => { removeEventListener('flexlab-structure', add); done(count); }, 2500); })"""
+"""How often a page's structure is asked for in a time of two rounds."""
+
 
 def test_a_run_waits_for_its_picture_and_then_begins_by_itself(chromium: Browser) -> None:
     with Session(load_preset("paper"), "paper", shadows=False, attended=True) as session:
@@ -116,3 +123,10 @@ def test_the_marks_of_structure_lay_the_page_out_as_the_sheet_itself_would(page:
             page.catch_up()
     page.key("b")
     assert not page.errors
+
+
+def test_a_page_whose_structure_rests_is_not_asked_for_it(page: LabPage) -> None:
+    """A mark that is taken from a part without it changed nothing, but was told as a change: each round led to the next one."""
+    page.hold()
+    page.catch_up()
+    wait_until(lambda: page.page.evaluate(ASKED_IN_A_WHILE) == 0, "nobody asks", 30)

@@ -9,14 +9,17 @@ PATIENCE = 60.0
 """Wall seconds that anything may take on a busy machine; no test passes or fails by speed."""
 ARTIFACTS = Path(__file__).parents[1] / ".artifacts"
 """Screenshots for people to look at."""
+SHORTEST, LONGEST, SHARE = 0.02, 0.2, 0.1
+"""s between two looks, of which many cost more than what is waited for: that share of the time waited so far, within limits."""
 
 
-def wait_until(look: Callable[[], Any], what: str, patience: float = PATIENCE) -> Any:
-    """Look until there is something true and return it; fails naming `what` and what was there last."""
-    deadline = time.monotonic() + patience
+def wait_until(look: Callable[[], Any], what: str, patience: float = PATIENCE, pause: float = 0.0) -> Any:
+    """Look until there is something true and return it; fails naming `what` and what was there last. `pause`: s between looks."""
+    begun = time.monotonic()
     while True:
         found = look()
         if found:
             return found
-        assert time.monotonic() < deadline, f"waited {patience:g} s in vain for: {what} (last: {found!r})"
-        time.sleep(0.02)
+        waited = time.monotonic() - begun
+        assert waited < patience, f"waited {patience:g} s in vain for: {what} (last: {found!r})"
+        time.sleep(pause or min(max(SHARE * waited, SHORTEST), LONGEST))

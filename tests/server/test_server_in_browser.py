@@ -39,6 +39,8 @@ LISTEN = """() => addEventListener("message", ({ data }) => {
 """Keeps the time, in s, that the viewer told last."""
 
 MILLI = 1e3
+BETWEEN_PICTURES = 1.0
+"""s: each has the viewer draw, which takes a processor."""
 NEAR, SHARE = 24, 0.0005
 """Colours that count as a curve's, and which share of the plots' place curves and legends have at least."""
 
@@ -89,7 +91,7 @@ def wait_for_plots(page: Page, name: str, patience: float = PATIENCE) -> None:
         plots = image[:, 2 * image.shape[1] // 3 :]
         return all((abs(plots - color).max(axis=2) < NEAR).mean() > SHARE for color in (VIOLET, OLIVE))
 
-    wait_until(plotted, "the viewer draws the plots", patience)
+    wait_until(plotted, "the viewer draws the plots", patience, BETWEEN_PICTURES)
     picture(page, name)
 
 

@@ -14,6 +14,7 @@ import pyarrow as pa  # type: ignore[import-untyped]  # It ships no types.
 
 from flexlab.analysis.explanations.explanation import LONGEST_LOOK, explain_run
 from flexlab.analysis.metrics import Column, RunMetrics
+from flexlab.analysis.metrics.coarse_samples import coarse_note
 from flexlab.analysis.metrics.metric import Peak
 from flexlab.analysis.metrics.run_metrics import value_text
 from flexlab.analysis.result import ResultHash
@@ -137,6 +138,11 @@ class EndedRun:
     result_hash: str
     metrics: RunMetrics
 
+    @property
+    def sample_warning(self) -> str:
+        """Whether samples are too far apart for what vibrates."""
+        return coarse_note(self.world.scenario, self.world.tick_period)
+
     def as_json(self) -> dict[str, Any]:
         """The results as plain data with all digits, SI units; null for a missing value."""
         return {
@@ -152,6 +158,7 @@ class EndedRun:
             "accuracy_warning": self.world.accuracy_warning,
             "model_warning": self.world.model_warning.text,
             "pace_warning": self.world.pace_warning,
+            "sample_warning": self.sample_warning,
             "integrator": self.world.integrator,
             "step": self.world.step,
             "seconds": self.seconds,
@@ -186,6 +193,8 @@ def run_and_record(
                 output().print(line)
     if world.accuracy_warning:
         complain(world.accuracy_warning)
+    if ended.sample_warning:
+        complain(ended.sample_warning)
     if status.failed:
         complain(status.text)
     elif world.model_warning.text:

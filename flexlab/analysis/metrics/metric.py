@@ -108,11 +108,18 @@ def forget(name: str) -> None:
 
 
 class RootMeanSquare(Metric):
-    """Base of metrics √(mean of signal²) over all samples."""
+    """Base of metrics √(∫ signal² dt / duration), by the trapezoidal rule.
+
+    A mean over samples would count the first one, of a motion that begins with a jerk, twice as long as it lasts.
+    """
 
     def __init__(self) -> None:
-        self._count = 0
-        self._squares = np.zeros(len(self.columns))
+        self._integral = np.zeros(len(self.columns))
+        self._duration = 0.0
+        self._time = np.empty(0)
+        """The last instant, s, (1,), or none."""
+        self._squares = np.empty((0, len(self.columns)))
+        """The squares then, (1, columns)."""
 
     @abstractmethod
     def signal(self, samples: "Samples") -> np.ndarray:
@@ -120,14 +127,18 @@ class RootMeanSquare(Metric):
 
     def update(self, samples: "Samples") -> None:
         """Take in the next piece of a run."""
-        self._count += len(samples)
-        self._squares += np.sum(self.signal(samples) ** 2, axis=0)
+        time = np.concatenate([self._time, samples.time])
+        squares = np.concatenate([self._squares, self.signal(samples) ** 2])
+        self._integral += 0.5 * np.diff(time) @ (squares[1:] + squares[:-1])
+        self._duration += float(time[-1] - time[0])
+        self._time, self._squares = time[-1:], squares[-1:]
 
     def compute(self) -> tuple[float, ...]:
         """The root of the mean square, a number per column."""
-        if self._count == 0:
+        if len(self._time) == 0:
             return (np.nan,) * len(self.columns)
-        return tuple(map(float, np.sqrt(self._squares / self._count)))
+        mean = self._integral / self._duration if self._duration else self._squares[0]
+        return tuple(map(float, np.sqrt(mean)))
 
 
 def outlasting(time: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -10,7 +10,9 @@ from functools import cache
 from math import inf, isnan, nan
 from typing import TYPE_CHECKING, Any
 
+from flexlab.analysis.metrics.coarse_samples import coarse_note
 from flexlab.analysis.metrics.metric import METRICS, Column, Metric, named
+from flexlab.sim.samples import Run
 from flexlab.text import html_table, result_text
 
 if TYPE_CHECKING:
@@ -83,14 +85,15 @@ class RunMetrics:
         finished: bool = True,
         reasons: Mapping[str, str] | None = None,
         noted: Mapping[str, float | None] | None = None,
+        note: str = "",
     ):
         """`window`: first and last instant, s; None without samples. `values`: numbers by the metrics' names; `reasons`: why not.
 
-        `noted`: of metrics that somebody declared as the run was recorded, by title and unit, SI.
+        `noted`: of metrics that somebody declared as the run was recorded, by title and unit, SI. `note`: what to know of all.
 
         Of a run that stopped before its end only the duration is a number: what it did not do yet, nobody knows.
         """
-        self.window = window
+        self.window, self.note = window, note
         if not finished:
             values = {name: numbers if name == DURATION else (nan,) * len(numbers) for name, numbers in values.items()}
         self._values, self._finished, self._reasons = values, finished, reasons or {}
@@ -158,11 +161,13 @@ class RunMetrics:
 
     def __str__(self) -> str:
         width = max(len(row.key) for row in self.rows)
-        return "\n".join([f"Over {self.window_text}:", *(f"  {row.key:<{width}}  {row.text}" for row in self.rows)])
+        rows = (f"  {row.key:<{width}}  {row.text}" for row in self.rows)
+        return "\n".join([f"Over {self.window_text}:", *rows, *([self.note] if self.note else [])])
 
     def _repr_html_(self) -> str:
         """A table, for notebooks."""
-        return html_table(((row.key, row.text) for row in self.rows), caption=f"Over {self.window_text}")
+        caption = f"Over {self.window_text}" + (f". {self.note}" if self.note else "")
+        return html_table(((row.key, row.text) for row in self.rows), caption=caption)
 
 
 @cache
@@ -190,11 +195,13 @@ class MetricCollection:
         for metric in self._metrics.values():
             metric.update(samples)
 
-    def compute(self, finished: bool = True, noted: Mapping[str, float | None] | None = None) -> RunMetrics:
-        """The metrics of all pieces so far; `finished`: whether the run came to its end; `noted` as for `RunMetrics`."""
+    def compute(
+        self, finished: bool = True, noted: Mapping[str, float | None] | None = None, note: str = ""
+    ) -> RunMetrics:
+        """The metrics of all pieces so far; `finished`: whether the run came to its end; others as for `RunMetrics`."""
         values = {name: metric.compute() for name, metric in self._metrics.items()}
         reasons = {name: metric.reason() for name, metric in self._metrics.items()}
-        return RunMetrics(self._span, values, finished, reasons, noted)
+        return RunMetrics(self._span, values, finished, reasons, noted, note)
 
 
 def run_metrics(
@@ -210,7 +217,10 @@ def run_metrics(
     """
     collection = MetricCollection(window, own)
     collection.update(samples)
-    return collection.compute(finished, noted)
+    note = ""
+    if isinstance(samples, Run) and len(samples) > 1:
+        note = coarse_note(samples.scenario, float(samples.time[-1] - samples.time[0]) / (len(samples) - 1))
+    return collection.compute(finished, noted, note)
 
 
 def between(samples: "Samples", first: float, last: float) -> "Samples":

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlab.analysis.metrics import METRICS, MetricCollection, RunMetrics
+from flexlab.analysis.metrics.coarse_samples import coarse_note
 from flexlab.analysis.metrics.own import own_metrics
 from flexlab.analysis.result import scenario_hash
 from flexlab.analysis.sweep.axes import Axis
@@ -176,7 +177,7 @@ class Cell(NamedTuple):
     status: str
     """As `Run.status`, or "invalid"."""
     sentence: str
-    """Why it failed, or from when on its results are not accurate; empty: neither."""
+    """Why it failed, from when on its results are not accurate, or that samples are too far apart; empty: nothing of that."""
     metrics: tuple[float | None, ...] | None
     """SI; None: it failed."""
     scenario: str = ""
@@ -238,7 +239,8 @@ def measured(scenario: Scenario, changes: Mapping[str, Any], duration: float, sa
         except StudyError as error:  # of a metric of one's own
             return Measured(changed, "no metric", str(error), None)
         BEAMS.note(world.assembly)
-        return Measured(changed, "finished", world.warnings, found)
+        sentences = (world.warnings, coarse_note(changed, sample_period))
+        return Measured(changed, "finished", " ".join(filter(None, sentences)), found)
 
 
 def run_part(plan: Plan, cells: Sequence[int]) -> list[Cell]:

@@ -251,6 +251,20 @@ def test_a_run_opens_in_the_viewer_without_a_call_to_anybody_else(
             lambda: float(time.input_value()) in (0.5, page.evaluate("window.told")),
             "Continue's time is that of the viewer's cursor",
         )
+        assert page.evaluate("document.activeElement.tagName") == "BODY", "the viewer takes no focus by itself"
+        page.keyboard.press("Tab")
+        assert page.evaluate("document.activeElement.textContent") == "Skip to the content"
+        page.keyboard.press("Enter")
+        assert page.evaluate("document.activeElement.tagName") == "MAIN"
+        page.locator("a.danger").focus()
+        page.keyboard.press("Tab")
+        wait_until(lambda: page.evaluate("document.activeElement.id") == "viewer", "the viewer is reached by keyboard")
+
+        def has_left() -> bool:
+            page.keyboard.press("Tab")
+            return page.evaluate("document.activeElement.id") != "viewer"
+
+        wait_until(has_left, "and left again")
 
 
 def test_what_cannot_be_studied_is_said_beside_the_form_which_keeps_what_was_typed(

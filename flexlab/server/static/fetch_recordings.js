@@ -23,3 +23,12 @@
     } });
     return new Response(body, { headers: { "Content-Type": first.headers.get("Content-Type"), "Content-Length": size } });
   }; }
+// By itself the viewer takes the focus as it starts, and keeps Tab: nobody without a mouse would reach the page around it again.
+{ const focus = HTMLElement.prototype.focus;
+  let touched = false;
+  addEventListener("pointerdown", () => { touched = true; }, true);
+  addEventListener("keydown", (event) => { if (event.key === "Tab") event.stopImmediatePropagation(); }, true);
+  const seen = new CSSStyleSheet();
+  seen.replaceSync("canvas:focus-visible { outline: 3px solid #d9822b !important; outline-offset: -3px }");
+  document.adoptedStyleSheets.push(seen);
+  HTMLElement.prototype.focus = function (...options) { if (touched || document.hasFocus()) focus.apply(this, options); }; }

@@ -5,6 +5,7 @@ To add one, copy a file of `studies/`. A form's requests are bounded, so that a 
 
 import math
 import os
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from flexlab.analysis.sweep.axes import CHOSEN, Axis, parse_axes
 from flexlab.errors import FlexlabError, StudyError
 from flexlab.registry import modules_in
 from flexlab.scenario import Scenario
-from flexlab.scenario.field_text import TITLES, options, short_title
+from flexlab.scenario.field_text import TITLES, field_title, options, short_title
 from flexlab.server.task_book import Outcome, Task
 from flexlab.text import number_text, typed_number, visible
 
@@ -35,6 +36,8 @@ MOST_SIMULATED = 6000.0
 AXES = ("1", "2")
 """Endings of the form's fields for each axis."""
 ELSEWHERE = "or use the command line, which takes any number"
+LONGEST_NUMBER = 12
+"""Significant digits of a number that somebody typed, where a sentence repeats it."""
 LONGEST_SHOWN = 30
 """Most characters of an input that a message repeats."""
 
@@ -165,7 +168,31 @@ def read_study(form: Form, scenario: Scenario) -> Study:
             f"Simulated time = {number_text(duration)} s is outside 0 to {number_text(LONGEST_RUN)} s: choose "
             "within it."
         )
-    return study.read(form, scenario, duration)
+    try:
+        return study.read(form, scenario, duration)
+    except FlexlabError as error:
+        raise StudyError(_in_titles(str(error), scenario)) from None
+
+
+_PATH = re.compile(r"'?\b([a-z]\w*(?:\.\w+)+)\b'?(?:=([^\s:]+):([^\s:]+)\S*)?")
+"""A field as sentences for the command line name it, perhaps with a range, LOW:HIGH:COUNT."""
+
+
+def _in_titles(sentence: str, scenario: Scenario) -> str:
+    """A sentence with the titles of the form for the fields that it names."""
+
+    def title(found: re.Match[str]) -> str:
+        named = field_title(found[1], scenario).partition(" (")[0]
+        if named == found[1]:
+            return found[0]
+        return named if found[2] is None else f"{named}: {_shown(found[2])} to {_shown(found[3])}"
+
+    return _PATH.sub(title, sentence)
+
+
+def _shown(typed: str) -> str:
+    value = typed_number(typed)
+    return typed if math.isnan(value) else number_text(value, LONGEST_NUMBER)
 
 
 def check_work(count: int, duration: float, what: str, command: str) -> None:
@@ -192,13 +219,17 @@ def axes_of(form: Form, scenario: Scenario, counted: bool) -> tuple[Axis, ...]:
             number_of(form, f"low{end}", f"The lower limit of {path}"),
             number_of(form, f"high{end}", f"The upper limit of {path}"),
         )
+        if form.get(f"log{end}") and low <= 0:
+            raise StudyError(
+                f"{path} has equal ratios and begins at {number_text(low)}: begin above 0, or take the tick away."
+            )
         # `parse_axes` reads the numbers again, so they keep every digit.
         parts = [repr(low), repr(high), *(["log"] if form.get(f"log{end}") else [])]
         if counted:
             count = whole_of(form, f"count{end}", f"Values of {path}")
             if count > MOST_VALUES:
                 raise StudyError(
-                    f"{number_text(count, 12)} values of {path} are too many: choose {MOST_VALUES} at most."
+                    f"{number_text(count, LONGEST_NUMBER)} values of {path} are too many: choose {MOST_VALUES} at most."
                 )
             parts.append(str(count))
         else:

@@ -240,3 +240,9 @@ def test_a_chart_without_any_score_has_no_numbers_on_its_axis():
     axes = draw_case(cases()["B1"], ["pd"], np.array([[np.nan]])).axes[0]
     assert [label.get_text() for label in axes.get_xticklabels()] == []
     assert [text.get_text() for text in axes.texts] == ["no score"]
+
+
+def test_numbers_of_a_table_keep_the_zeros_at_their_ends(board: Leaderboard):
+    texts = [cell.text for _, cells in overview(board).lines for cell in cells]
+    assert "1.00" in texts
+    assert all(len(text.replace(".", "")) == 3 for text in texts if text[0].isdecimal() and "\u202f" not in text)

@@ -23,6 +23,8 @@ from flexlab.text import number_text, typed_number
 FAILS = "fails"
 LEVELS = 6
 """Shades of a table, each for scores twice as large as those of the shade before."""
+DIGITS = 4
+"""Significant digits of a score."""
 AS_GOOD = 1.05
 """A score up to this many times the best one counts as the best, too."""
 OF_THE_BEST = "times the best law's score"
@@ -76,7 +78,18 @@ def _level(ratio: float) -> int:
 
 def _ratio_text(ratio: float) -> str:
     """Three digits, with a thin space between thousands."""
-    return f"{float(f'{ratio:.3g}'):,.0f}".replace(",", "\u202f") if ratio >= 999.5 else number_text(ratio, 3)
+    if ratio >= 999.5:
+        return f"{float(f'{ratio:.3g}'):,.0f}".replace(",", "\u202f")
+    return _with_zeros(number_text(ratio, 3), 3)
+
+
+def _with_zeros(text: str, digits: int) -> str:
+    """A decimal number with the zeros that belong to so many significant digits, for a column; other texts as they are."""
+    whole, _, part = text.partition(".")
+    known = len(f"{whole}{part}".lstrip("0"))
+    if not f"{whole}{part}".isdecimal() or not 0 < known < digits:
+        return text
+    return f"{whole}.{part}{'0' * (digits - known)}"
 
 
 def overview(board: Leaderboard) -> Grid:
@@ -147,7 +160,8 @@ def _column(board: Leaderboard, case: Case, variant: Variant, score: Score) -> d
         else:
             times = f"{_ratio_text(found[law])} {OF_THE_BEST}"
             said = "; ".join(filter(None, (times, _in_words(row.note), row.sentence)))
-            cells[law] = Cell(score.text(row.scores[score.name]), _level(found[law]), said)
+            text = _with_zeros(score.text(row.scores[score.name]), DIGITS)
+            cells[law] = Cell(text, _level(found[law]), said)
     return cells
 
 

@@ -15,7 +15,7 @@ from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import TITLES, options
 from flexlab.scenario.settings import parse_value
 from flexlab.scenario.validation_errors import LONGEST, field_paths, unknown_field, value_paths
-from flexlab.text import visible
+from flexlab.text import number_text, visible
 
 LINEAR, LOGARITHMIC = "lin", "log"
 ONE = "payload.bending_stiffness=1:1000:log:25"
@@ -102,7 +102,7 @@ def _axis(path: str, given: Any, scenario: Scenario) -> Axis:
     if about is not None and axis.numeric:
         for value in axis.values:
             if not about.low <= value <= about.high:
-                text = f"{path} = {value:g}{about.unit_text()} is outside the allowed range {about.range_text()}"
+                text = f"{path} = {number_text(value, 6)}{about.unit_text()} is outside the allowed range {about.range_text()}"
                 raise StudyError(f"{text}: choose a range within it.")
     return axis
 

@@ -46,23 +46,18 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
     name: str
     """The preset or file that the scenario came from; it names recordings."""
 
-    _noted: Mapping[str, float | None]
-    """Of a recorded run: metrics of somebody's own by title and unit, SI, as they were noted."""
+    # Help lists what is annotated, private or not.
+    if TYPE_CHECKING:
+        _noted: Mapping[str, float | None]
+        """Of a recorded run: metrics of somebody's own by title and unit, SI, as they were noted."""
 
-    _course: Course | None
-    """How it went, so that what is recorded of it can be replayed; None: from its scenario's start, untouched."""
+        _course: Course | None
+        """How it went, so that what is recorded of it can be replayed; None: from its scenario's start, untouched."""
 
     # Whatever has a public name here must be none of a law's signals, and be in `sim.samples.TAKEN`.
-    def __init__(
-        self,
-        *,
-        name: str = "run",
-        _noted: Mapping[str, float | None] | None = None,
-        _course: Course | None = None,
-        **parts: Any,
-    ):
+    def __init__(self, *, name: str = "run", **parts: Any):
         super().__init__(**parts)
-        vars(self).update(name=name, _noted=_noted or {}, _course=_course)
+        vars(self).update(name=name, _noted={}, _course=None)
 
     @cached_property
     def metrics(self) -> RunMetrics:
@@ -326,4 +321,6 @@ def _by_kind(vary: Any) -> Any:
 def _run(
     run: samples.Run, name: str, noted: Mapping[str, float | None] | None = None, course: Course | None = None
 ) -> Run:
-    return Run(**run.signals(), scenario=run.scenario, status=run.status, name=name, _noted=noted, _course=course)
+    made = Run(**run.signals(), scenario=run.scenario, status=run.status, name=name)
+    vars(made).update(_noted=noted or {}, _course=course)
+    return made

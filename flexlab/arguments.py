@@ -32,7 +32,7 @@ def flag(name: str, value: Any) -> bool:
 
 def text_or_none(name: str, value: Any, example: str) -> str | None:
     """A text, or None for the default."""
-    if value is not None and not isinstance(value, str):
+    if value is not None and not (isinstance(value, str) and value):
         raise StudyError(f"{name} = {value!r:.60} is not usable: give a text, as in {example!r}.")
     return value
 

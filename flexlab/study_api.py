@@ -3,7 +3,7 @@
 Everything here is available as `flexlab.<name>`; each call does what the command of its name does.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -61,7 +61,9 @@ def tune(
     Raises `PresetError`, `ScenarioError` or `StudyError`.
     """
     _, valid = named_scenario(scenario, law, path)
-    axes, others = parse_axes(change, valid), parse_axes(robust, valid) if robust else ()
+    axes = parse_axes(change, valid)
+    none = robust is None or (isinstance(robust, (str, Sequence, Mapping, Set)) and not robust)
+    others = () if none else parse_axes(robust, valid)
     known = chosen_workers(workers, cluster)
     with progress_bar(progress, "candidates") as told:
         return tuning.tune(valid, axes, parse_cost(cost, limit), others, duration, candidates, seed, told, known)
@@ -148,8 +150,7 @@ def export(
     if kind in (UNIT, *BODIES, PAGE, ARCHIVE) and (first, last) != (None, None):
         what_whole = "run" if kind in (PAGE, ARCHIVE) else "scenario"
         raise StudyError(f"start and end are for tables: {target} holds the whole {what_whole}.")
-    if options and kind != UNIT:
-        raise StudyError(f"{', '.join(options)}: an option of units is of no use here: let {target} end in .fmu.")
+    _check_options(options, kind == UNIT, target)
     if kind == UNIT or kind in BODIES:
         if isinstance(what, Run):
             what = what.scenario
@@ -170,6 +171,19 @@ def export(
         else:
             export_recording(read_recording(path), target, first, last)
     return target
+
+
+UNIT_OPTIONS = ("part", "version", "sample_period")
+"""Options of `export_fmu`."""
+
+
+def _check_options(options: Mapping[str, Any], of_unit: bool, target: Path) -> None:
+    unknown = [name for name in options if name not in UNIT_OPTIONS]
+    if unknown:
+        there = f"there are start, end and logs, and for units {', '.join(UNIT_OPTIONS)}"
+        raise StudyError(f"{', '.join(unknown)}: export has no such option: {there}.")
+    if options and not of_unit:
+        raise StudyError(f"{', '.join(options)}: an option of units is of no use here: let {target} end in .fmu.")
 
 
 def write_page(row: RunRow, target: Path) -> None:

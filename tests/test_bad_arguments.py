@@ -1,6 +1,8 @@
 """What no argument of a Python function can be is refused in one sentence that names it, and nothing is taken for a yes."""
 
 import math
+import pydoc
+import re
 import warnings
 from collections.abc import Callable
 from fractions import Fraction
@@ -18,7 +20,7 @@ EI = "payload.bending_stiffness"
 NO_PATH = [None, 5, b"x", "", "a\0b", "\ud800", Path("\0"), [Path("x")], object()]
 NO_TIME = ["0", b"0", math.nan, math.inf, 10**400, 1j, np.complex128(1), [], {}, np.zeros(2), True, object()]
 NO_FLAG = [None, "no", 0, 1, [], np.zeros(2), math.nan, object()]
-NO_TEXT = [5, True, b"vibration", ["vibration"], {}, np.zeros(2), object()]
+NO_TEXT = ["", 5, True, b"vibration", ["vibration"], {}, np.zeros(2), object()]
 
 
 @pytest.fixture(scope="module", name="run")
@@ -237,3 +239,47 @@ def test_a_unit_has_a_part_a_version_and_a_period(given: Any, tmp_path: Path):
     one_sentence(lambda: flexlab.export_fmu("paper", file, version=given), "fmi = ", "choose 2 or 3")
     one_sentence(lambda: flexlab.export_fmu("paper", file, sample_period=given), "sample_period = ", "is not usable")
     assert not file.exists()
+
+
+@pytest.mark.parametrize("given", [5, math.nan, "leaderbord", object(), [], b"rms_error.y", np.zeros(3)])
+def test_a_metric_is_a_known_name(run: flexlab.Run, given: Any, tmp_path: Path):
+    one_sentence(lambda: run.metrics[given], " is no metric: choose one of ")
+    swept = flexlab.sweep("paper", {EI: [50.0]}, 0.01, folder=tmp_path, progress=False)
+    tuned = flexlab.tune("paper", {EI: "50:60"}, duration=0.01, candidates=8, progress=False)
+    for ask in (swept.plot, tuned.plot, swept.column, swept.texts, flexlab.compare(run, run).plot):
+        one_sentence(lambda ask=ask: ask(given), " is no ")
+
+
+@pytest.mark.parametrize("file", ["a.csv", "a.npz", "a.html", "a.zip", "a.urdf", "a.fmu"])
+def test_an_option_that_export_does_not_have_is_said(run: flexlab.Run, file: str, tmp_path: Path):
+    """A unit's was a TypeError that spoke of another function, and a table's was called an option of units."""
+    one_sentence(
+        lambda: flexlab.export(run, tmp_path / file, nope=1), "nope: export has no such option: there are start"
+    )
+    one_sentence(
+        lambda: flexlab.export("paper", tmp_path / file, nope=1, part="law"), "nope: export has no such option"
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("given", ["", "pd", 5, -1, math.nan, True, object(), {"pd": 1}, {"pd"}])
+def test_laws_and_cases_are_lists(given: Any):
+    for name in ("laws", "more_laws", "cases"):
+        asked: dict[str, Any] = {"laws": ["pd"], "cases": ["B1"], name: given}
+        one_sentence(lambda asked=asked: flexlab.leaderboard(**asked), f"{name} = ", "is no list")
+
+
+def test_a_leaderboard_of_nothing_is_said():
+    one_sentence(lambda: flexlab.leaderboard([], ["B1"]), "laws is empty: name one law or more")
+    one_sentence(lambda: flexlab.leaderboard(["pd"], []), "cases is empty: name one case or more")
+
+
+@pytest.mark.parametrize("given", [np.zeros(3), 5, True, "x", object(), [5]])
+def test_what_varies_is_a_dictionary_or_a_list(given: Any):
+    one_sentence(lambda: flexlab.tune("paper", {EI: "50:60"}, robust=given, duration=0.01, candidates=8), "not")
+
+
+def test_help_shows_nothing_private():
+    shown = pydoc.render_doc(flexlab.Run, renderer=pydoc.plaintext)
+    assert "name: str = 'run'" in shown
+    assert re.findall(r"(?<!\w)_[a-z]\w+", shown.replace("_repr_html_", "")) == []

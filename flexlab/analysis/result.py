@@ -54,11 +54,11 @@ def number_column(table: Any, name: str) -> np.ndarray:
     Metrics are named as in "rms_error.y"; their short names of earlier versions give the units of tables.
     """
     scale = 1.0
-    if name not in table.column_names:
+    if not isinstance(name, str) or name not in table.column_names:
         with suppress(StudyError):
             found = named(name)
             name, scale = found.number.name, found.scale
-    if name not in table.column_names:
+    if not isinstance(name, str) or name not in table.column_names:
         raise StudyError(f"{name!r:.60} is no column: there are {', '.join(table.column_names)}.")
     return scale * table.column(name).to_numpy(zero_copy_only=False).astype(float)
 

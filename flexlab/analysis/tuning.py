@@ -218,8 +218,9 @@ class Tuning(Result):
             return provenance(self.scenario) | {"scenario": None}
 
     def plot(self, first: str = "", second: str = "") -> Figure:
-        """The trade-off between two metrics among all candidates; by default the first two of the cost."""
-        names = [*filter(None, (first, second)), *self.cost.names, "rms_error.y", "rms_internal_force"]
+        """The trade-off between two metrics among all candidates; by default the first two of the cost. Raises `StudyError`."""
+        wanted = [named(name).number.name for name in (first, second) if not (isinstance(name, str) and not name)]
+        names = [*wanted, *self.cost.names, "rms_error.y", "rms_internal_force"]
         first, second = list(dict.fromkeys(names))[:2]
         found = [values for candidate in self.candidates if (values := candidate.numbers)]
         x, y = (np.array([values[name] for values in found]) for name in (first, second))

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa  # type: ignore[import-untyped]  # It ships no types.
 
+from flexlab.analysis.coarse_samples import coarse_note
 from flexlab.analysis.explanations.explanation import LONGEST_LOOK, explain_run
 from flexlab.analysis.metrics import Column, RunMetrics
-from flexlab.analysis.metrics.coarse_samples import coarse_note
 from flexlab.analysis.metrics.metric import Peak
 from flexlab.analysis.metrics.run_metrics import value_text
 from flexlab.analysis.result import ResultHash

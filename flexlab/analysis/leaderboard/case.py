@@ -185,6 +185,8 @@ def chosen_cases(wanted: Sequence[str | Case] | None, long: bool) -> tuple[Case,
         return tuple(case for case in cases().values() if long or not case.long)
     if isinstance(wanted, str) or not isinstance(wanted, Sequence):
         raise StudyError(f"cases = {wanted!r:.60} is no list: give names, as in ['B1', 'B2'].")
+    if not wanted:
+        raise StudyError("cases is empty: name one case or more, as in ['B1', 'B2'], or leave it out for all.")
     return tuple(dict.fromkeys(map(_case, wanted)))
 
 

@@ -84,10 +84,14 @@ def entrants() -> dict[str, Entrant]:
 def chosen_entrants(wanted: Sequence[AnyEntrant] | None, more: Sequence[AnyEntrant] = ()) -> tuple[Entrant, ...]:
     """Entrants by name, file or class; None: flexlab's own; `more`: further ones. Raises `StudyError` or `ScenarioError`."""
     known = entrants()
-    if isinstance(wanted, str) or not (wanted is None or isinstance(wanted, Sequence)):
-        raise StudyError(f"laws = {wanted!r:.60} is no list: give names or files, as in ['pd', 'my_law.py'].")
+    for name, given in (("laws", wanted), ("more_laws", more)):
+        if isinstance(given, str) or not (given is None or isinstance(given, Sequence)):
+            raise StudyError(f"{name} = {given!r:.60} is no list: give names or files, as in ['pd', 'my_law.py'].")
     first = list(known.values()) if wanted is None else [_entrant(law, known) for law in wanted]
-    return tuple({entrant.name: entrant for entrant in [*first, *(_entrant(law, known) for law in more)]}.values())
+    found = {entrant.name: entrant for entrant in [*first, *(_entrant(law, known) for law in more or ())]}
+    if not found:
+        raise StudyError("laws is empty: name one law or more, as in ['pd', 'my_law.py'], or leave it out for all.")
+    return tuple(found.values())
 
 
 def _entrant(wanted: AnyEntrant, known: Mapping[str, Entrant]) -> Entrant:

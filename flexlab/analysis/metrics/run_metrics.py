@@ -10,9 +10,7 @@ from functools import cache
 from math import inf, isnan, nan
 from typing import TYPE_CHECKING, Any
 
-from flexlab.analysis.metrics.coarse_samples import coarse_note
 from flexlab.analysis.metrics.metric import METRICS, Column, Metric, named
-from flexlab.sim.samples import Run
 from flexlab.text import html_table, result_text
 
 if TYPE_CHECKING:
@@ -108,7 +106,7 @@ class RunMetrics:
 
     def __getitem__(self, name: str) -> float:
         """A number by its name, as in "rms_error.y", or its title and unit, SI. Raises `StudyError`."""
-        if name in self._noted:
+        if isinstance(name, str) and name in self._noted:
             return self._noted[name]
         found = named(name)
         return found.scale * self._values[found.number.metric][found.number.index]
@@ -217,6 +215,10 @@ def run_metrics(
     """
     collection = MetricCollection(window, own)
     collection.update(samples)
+    # Help of commands that name metrics shall not wait for the engine.
+    from flexlab.analysis.coarse_samples import coarse_note
+    from flexlab.sim.samples import Run
+
     note = ""
     if isinstance(samples, Run) and len(samples) > 1:
         note = coarse_note(samples.scenario, float(samples.time[-1] - samples.time[0]) / (len(samples) - 1))

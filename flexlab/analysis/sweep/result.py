@@ -181,7 +181,9 @@ class Sweep(Result):
         return self.table.to_pydict()
 
     def texts(self, name: str) -> list[str]:
-        """A column of texts, such as "status" or "sentence"."""
+        """A column of texts, such as "status" or "sentence". Raises `StudyError`."""
+        if not isinstance(name, str) or name not in self.table.column_names:
+            raise StudyError(f"{name!r:.60} is no column: there are {', '.join(self.table.column_names)}.")
         return self.table.column(name).to_pylist()
 
     @property

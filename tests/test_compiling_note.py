@@ -39,12 +39,15 @@ def test_only_machine_code_that_nobody_uses_goes(tmp_path: Path):
     used = machine_code(tmp_path / "kernels-00112233445566bb", 1, 100)
     new = machine_code(tmp_path / "kernels-00112233445566cc", 100, 1)
     unused = machine_code(tmp_path / "kernels-00112233445566dd", 31, 100)
+    unit = machine_code(tmp_path / f"unit-{32 * 'a'}", 1, 100)
+    unused_unit = machine_code(tmp_path / f"unit-{32 * 'b'}", 31, 100)
+    begun = machine_code(tmp_path / "unit-draft-x1", 31, 31)
     others = machine_code(tmp_path / "kernels-of-mine", 100, 100)
     link = tmp_path / "kernels-00112233445566ee"
     link.symlink_to(others)
     remove_unused(own)
-    assert set(tmp_path.iterdir()) == {own, used, new, others, link}
-    assert not unused.exists()
+    assert set(tmp_path.iterdir()) == {own, used, new, unit, others, link}
+    assert not any(folder.exists() for folder in (unused, unused_unit, begun))
 
 
 def test_machine_code_that_finds_no_room_is_a_sentence(tmp_path: Path):

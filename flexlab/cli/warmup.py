@@ -25,6 +25,8 @@ UNASKED = frozenset({"numpy.f2py", "yaml", "rerun.experimental", "rerun.server",
 
 UNUSED = 30 * 86400.0
 """s after which machine code counts as unused, 83 MB of each version. Systems note the time of reading once a day or oftener."""
+UNIT_DIGITS = 32
+"""Digits in the name of a functional mock-up unit's folder, see `flexlab.own.unit_at_work`."""
 
 
 class _Later:
@@ -82,8 +84,10 @@ def warm_up(scenario: "Scenario", meanwhile: AbstractContextManager[object] | No
 
 
 def remove_unused(kernels: Path) -> None:
-    """Remove the machine code of other versions than that in `kernels` which nothing has read for `UNUSED`."""
-    for folder in kernels.parent.glob(f"kernels-{len(kernels.name.partition('-')[2]) * '[0-9a-f]'}"):
+    """Remove the machine code beside `kernels`, of other versions and of units, which nothing has read for `UNUSED`."""
+    digit, beside = "[0-9a-f]", kernels.parent
+    versions = beside.glob(f"kernels-{len(kernels.name.partition('-')[2]) * digit}")
+    for folder in (*versions, *beside.glob(f"unit-{UNIT_DIGITS * digit}"), *beside.glob("unit-draft-*")):
         with suppress(OSError):  # Another process removes it, too.
             files = [file.stat() for file in folder.rglob("*") if file.is_file()]
             last = max((max(file.st_atime, file.st_mtime) for file in files), default=math.inf)

@@ -72,7 +72,7 @@ class OwnFileWatch:
                 kind = folder.kind_of(file)
                 self._lab_state.say(f"{file.name} was saved: the {folder.kinds.registry.what} {kind} is new.")
             except FlexlabError as error:
-                self._lab_state.warn(f"{file.name} was saved, but cannot be used: {error}")
+                self._lab_state.warn(f"{file.name} was saved, but cannot be used: {_briefly(error, file)}")
         # So that the menus are brought up to date.
         self._lab_state.touched_at = time.monotonic()
 
@@ -101,7 +101,12 @@ class OwnFileWatch:
             lab_state.say(f"{file.name} was saved: {told}")
         except FlexlabError as error:
             goes_on = "the path goes on as it was" if folder is PATH_FILES else "the law goes on as it was"
-            lab_state.warn(f"{file.name} was saved, but {goes_on}: {error}")
+            lab_state.warn(f"{file.name} was saved, but {goes_on}: {_briefly(error, file)}")
+
+
+def _briefly(error: FlexlabError, file: Path) -> str:
+    """An error without the folder of its file, which is nothing for a visitor's eyes."""
+    return str(error).replace(str(file), file.name)
 
 
 def _with_text(kind: Any, present: Part, source: str, left_out: tuple[str, ...]) -> dict[str, Any]:

@@ -28,6 +28,7 @@ def test_in_a_lab_a_saved_file_acts_at_once_and_a_wrong_one_leaves_all_as_it_was
         assert lab.runner.snapshot.run_number == 1
         file.write_text("class OwnPD(OwnLaw:\n")
         wait_until(lambda: "line 1" in lab.lab_state.notice.text, "the sentence about the new text")
+        assert str(tmp_path) not in lab.lab_state.notice.text, "visitors need not see where the file lies"
         assert lab.runner.snapshot.latest["push"][0] == 17.0
         file.write_text(
             PD.replace("low=0, high=1e5", "low=0, high=2e5").replace("self.push = common[0]", "self.push = 18.0")

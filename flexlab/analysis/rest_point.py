@@ -15,6 +15,7 @@ from flexlab.physics.dynamics import set_momenta
 from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import AXIAL, ETA, P, X, forget_rates
 from flexlab.scenario import Scenario
+from flexlab.scenario.settings import IDEAL, PERIOD
 from flexlab.sim.assembly import build_strains, build_system
 from flexlab.sim.build import build_beam
 from flexlab.sim.closed_loop import System, memory_slice, new_workspace, rates_at, state_length
@@ -63,17 +64,8 @@ class LoopProbe:
         self.original = scenario
         """The scenario as it was given."""
         period = scenario.controller.control_period
-        still = {
-            "controller.control_period": period or PROBE_PERIOD,
-            "controller.input_delay": 0,
-            "controller.sensor_noise": {},
-            "controller.torque_limit": None,
-            "joints.encoders": {},
-            "joints.motor": {},
-            "grips": {},
-        }
         try:
-            scenario = scenario.replace(still)
+            scenario = scenario.replace({PERIOD: period or PROBE_PERIOD, **IDEAL})
         except ScenarioError as error:
             raise StudyError(str(error)) from None
         self.scenario = scenario

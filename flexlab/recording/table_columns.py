@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexlab.boundaries import held_coordinates
 from flexlab.errors import RecordingError
 from flexlab.scenario import Scenario
 from flexlab.signal import ARM, COORDINATE, Axis, Signal
-from flexlab.sim.geometry import held_columns
 from flexlab.sim.samples import Samples
 from flexlab.sim.signals import TABLE, known_signals, own_signals
 from flexlab.sim.snapshot import LONGEST_PERIOD, SHORTEST_PERIOD, Event
@@ -57,7 +57,7 @@ def axis_labels(axis: Axis, scenario: Scenario) -> list[tuple[tuple[str, ...], i
     """(words, number of the unit) of each entry along an axis."""
     if axis == COORDINATE:
         nodal = range(2 * (scenario.payload.element_count + 1))
-        held = held_columns(scenario.payload)
+        held = held_coordinates(scenario.payload.element_count, scenario.payload.boundary)
         return [((f"node{c // 2}", axis.labels[c % 2]), c % 2) for c in nodal if c not in held]
     labels = axis.labels[: len(scenario.arms)] if axis == ARM else axis.labels
     return [((label,), number) for number, label in enumerate(labels)]

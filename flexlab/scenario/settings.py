@@ -16,6 +16,16 @@ LAW, SEED = "controller.kind", "controller.sensor_noise.seed"
 PERIOD, USUAL_PERIOD = "controller.control_period", 0.001
 """The field, and the period, s, that laws for sampled control get if chosen for a continuous loop."""
 
+IDEAL: dict[str, Any] = {
+    "controller.input_delay": 0,
+    "controller.sensor_noise": {},
+    "controller.torque_limit": None,
+    "joints.encoders": {},
+    "joints.motor": {},
+    "grips": {},
+}
+"""Changes that leave out delay, noise, limits, counts of encoders, motors and compliant grips: what linear models start from."""
+
 
 def parse_setting(text: str) -> tuple[str, Any]:
     """(dotted path, value) of `PATH=VALUE`: the value as JSON, or else as text (`kind=pd`).

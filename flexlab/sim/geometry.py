@@ -62,9 +62,4 @@ def shape_functions(payload: Payload, position: np.ndarray) -> np.ndarray:
     full = np.zeros((len(z), 2 * nodes))
     for column, share in enumerate(element_functions(z, width)):
         full[rows, 2 * element + column] = share
-    return np.delete(full, held_columns(payload), axis=1)
-
-
-def held_columns(payload: Payload) -> list[int]:
-    """Indices of the held nodal coordinates among all 2 (n + 1)."""
-    return held_coordinates(payload.element_count, payload.boundary)
+    return np.delete(full, held_coordinates(payload.element_count, payload.boundary), axis=1)

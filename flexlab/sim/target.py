@@ -17,6 +17,7 @@ from flexlab.errors import ScenarioError
 from flexlab.numerics.eigenvalues import eigenvalues, eigenvector
 from flexlab.physics.plant import ETA, P, X
 from flexlab.scenario import Scenario
+from flexlab.scenario.settings import IDEAL, PERIOD
 from flexlab.sim.build import Beam, build_beam, build_control, build_plant
 from flexlab.sim.closed_loop import System, new_workspace, rates_at, state_length
 
@@ -49,17 +50,8 @@ def first_mode(scenario: Scenario) -> Mode:
 
 def _continuous(scenario: Scenario) -> Scenario:
     """The scenario under its law in continuous time, without limits and noise; without control if that is impossible."""
-    ideal = {
-        "controller.control_period": None,
-        "controller.input_delay": 0,
-        "controller.sensor_noise": {},
-        "controller.torque_limit": None,
-        "joints.encoders": {},
-        "joints.motor": {},
-        "grips": {},
-    }
     with contextlib.suppress(ScenarioError):
-        found = scenario.replace(ideal)
+        found = scenario.replace({PERIOD: None, **IDEAL})
         if found.controller.control_period is None:
             return found
     return scenario.replace({"controller": {"kind": "none"}})

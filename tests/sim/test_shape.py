@@ -5,14 +5,13 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from flexlab.boundaries import HELD_COORDINATES
+from flexlab.boundaries import HELD_COORDINATES, held_coordinates
 from flexlab.errors import ScenarioError
 from flexlab.scenario import FIXED_COORDINATES, Payload, Scenario
 from flexlab.sim.geometry import (
     arm_points,
     beam_points,
     deflection_at,
-    held_columns,
     link_points,
     shape_functions,
 )
@@ -45,7 +44,7 @@ def test_a_cubic_that_meets_the_boundary_is_interpolated_exactly(boundary, cubic
     node = np.linspace(0, 1, elements + 1)
     nodal = np.stack([np.polyval(cubic, node), np.polyval(np.polyder(cubic), node) / payload.length], axis=1).ravel()
     position = np.linspace(-0.4, 0.4, 37)
-    found = deflection_at(payload, np.delete(nodal, held_columns(payload))[None], position)[0]
+    found = deflection_at(payload, np.delete(nodal, held_coordinates(elements, boundary))[None], position)[0]
     np.testing.assert_allclose(found, np.polyval(cubic, position / 0.8 + 0.5), atol=1e-14)
 
 
@@ -54,7 +53,7 @@ def test_nodes_take_their_own_deflection_and_slope_and_held_ones_none(boundary) 
     payload = Payload(length=0.8, element_count=3, boundary=boundary)
     free = np.random.default_rng(1).normal(size=(1, payload.coordinate_count))
     nodal = np.zeros(8)
-    nodal[[i for i in range(8) if i not in held_columns(payload)]] = free[0]
+    nodal[[i for i in range(8) if i not in held_coordinates(3, boundary)]] = free[0]
     node = np.linspace(-0.4, 0.4, 4)
     np.testing.assert_allclose(deflection_at(payload, free, node)[0], nodal[0::2], atol=1e-14)
     step = 1e-6

@@ -108,18 +108,11 @@ def forget(name: str) -> None:
 
 
 class RootMeanSquare(Metric):
-    """Base of metrics √(∫ signal² dt / duration), by the trapezoidal rule.
-
-    A mean over samples would count the first one, of a motion that begins with a jerk, twice as long as it lasts.
-    """
+    """Base of metrics √(mean of signal²) over all samples."""
 
     def __init__(self) -> None:
-        self._integral = np.zeros(len(self.columns))
-        self._duration = 0.0
-        self._time = np.empty(0)
-        """The last instant, s, (1,), or none."""
-        self._squares = np.empty((0, len(self.columns)))
-        """The squares then, (1, columns)."""
+        self._count = 0
+        self._squares = np.zeros(len(self.columns))
 
     @abstractmethod
     def signal(self, samples: "Samples") -> np.ndarray:
@@ -127,18 +120,14 @@ class RootMeanSquare(Metric):
 
     def update(self, samples: "Samples") -> None:
         """Take in the next piece of a run."""
-        time = np.concatenate([self._time, samples.time])
-        squares = np.concatenate([self._squares, self.signal(samples) ** 2])
-        self._integral += 0.5 * np.diff(time) @ (squares[1:] + squares[:-1])
-        self._duration += float(time[-1] - time[0])
-        self._time, self._squares = time[-1:], squares[-1:]
+        self._count += len(samples)
+        self._squares += np.sum(self.signal(samples) ** 2, axis=0)
 
     def compute(self) -> tuple[float, ...]:
         """The root of the mean square, a number per column."""
-        if len(self._time) == 0:
+        if self._count == 0:
             return (np.nan,) * len(self.columns)
-        mean = self._integral / self._duration if self._duration else self._squares[0]
-        return tuple(map(float, np.sqrt(mean)))
+        return tuple(map(float, np.sqrt(self._squares / self._count)))
 
 
 def outlasting(time: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -220,7 +209,7 @@ def number_names() -> list[str]:
 
 def named(word: str) -> Named:
     """The number that a word names. Raises `StudyError` for an unknown word."""
-    for number in numbers() if isinstance(word, str) else ():
+    for number in numbers():
         column = number.column
         if word == number.name:
             return Named(number, 1.0, column.si_unit)

@@ -14,17 +14,21 @@ import rerun as rr
 
 from flexlab.errors import RecordingError
 from flexlab.recording.rerun_internals.chunks import Column
-from flexlab.recording.rerun_internals.rrd_file import Refusal, RrdFile, allow, has_footer
+from flexlab.recording.rerun_internals.rrd_file import Refusal, RefusedError, RrdFile, allow, has_footer
 from flexlab.recording.run_encoder import EVENTS, PATH, RECORDS, RunStream
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.notes import write_notes
-from flexlab.recording.store.run_files import RunFile, claim_run_file
+from flexlab.recording.store.run_files import BREAKS_OFF, RunFile, claim_run_file
 
 RETRY_PERIOD = 1.0
 """Wall seconds between attempts to open a file."""
 
 ROOM_TO_RESUME = 32_000_000
 """Free bytes that a full disk must have before recording resumes: a minute of data."""
+
+SPACE_FULL = "The space of its visitor was full: what came later is not recorded."
+DISK_FULL = "The disk was full: what came later is not recorded."
+"""Why a recording breaks off, for those who find it."""
 
 ROOM_TO_BEGIN = 1_000_000
 """Bytes that a run must be allowed before its file is begun, for its layout and first second."""
@@ -116,6 +120,7 @@ class FileSink:
         self._parts = 0
         self._given_up = 0
         self._next_try = 0.0
+        self._breaks_off = ""
         self.problem: str | None = None
         """Why nothing reaches a file now; None while all is well."""
         self.keep_up(0.0)
@@ -151,14 +156,14 @@ class FileSink:
                 self._next_try = now + RETRY_PERIOD
                 self._open()
         except RecordingError as error:
-            self._fail(str(error))
+            self._fail(error)
 
     def _open(self) -> None:
         """Begin the run's next part. Raises `RecordingError`."""
         if self.problem is not None and _free_bytes(self._logs) < ROOM_TO_RESUME:
             return
         if refused := self._refusal(ROOM_TO_BEGIN):
-            raise RecordingError(refused)
+            raise RefusedError(refused)
         info = replace(self._info, part=self._parts + 1)
         writer = RunWriter(claim_run_file(self._logs, info.name, info.started, info.part), info)
         self._tell_the_past(writer.stream)
@@ -193,13 +198,16 @@ class FileSink:
         self._given_up = writer.given_up
         self._tell(f"Recording goes on in {writer.file.path.name}{'; a part of it is lost' if lost else ''}.")
 
-    def _fail(self, reason: str) -> None:
+    def _fail(self, error: RecordingError) -> None:
         """Report an error, once; after a file that is lost a new part follows."""
+        reason = str(error)
+        self._breaks_off = SPACE_FULL if isinstance(error, RefusedError) else ""
         if self._writer is not None and self._writer.is_lost:
             self._writer = None
         free = _free_bytes(self._logs)
         if free < ROOM_TO_RESUME:
             reason = f"The disk of {self._logs} is full ({free / 1e6:.1f} MB free)."
+            self._breaks_off = DISK_FULL
         told, self.problem = self.problem, f"{reason} This run is not being recorded until that is mended."
         if told is None:
             self._tell(self.problem)
@@ -211,12 +219,14 @@ class FileSink:
                 self._writer.check()
                 self._writer.close(self._refusal)
         except RecordingError as error:
-            self._fail(str(error))
+            self._fail(error)
         writer, self._writer = self._writer, None
         if writer is None:
             return None
         file = writer.file
-        if self.problem is None:
+        if self.problem is not None:
+            notes = {BREAKS_OFF: self._breaks_off} if self._breaks_off else {}
+        if notes:
             with contextlib.suppress(OSError):  # The recording is there; its state is then told from the file alone.
                 write_notes(file.path, **notes)
         file.release()

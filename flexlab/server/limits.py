@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import hashlib
 import ipaddress
+import re
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Generator
@@ -151,12 +152,22 @@ class Guesses:
 LOOK, LOOK_AGAIN = 5.0, 1.0
 """Seconds between two checks of the folder, and where more is asked for than was free at the last one."""
 MEGABYTE = 1e6
-PER_SECOND = 0.5 * MEGABYTE
+PER_SECOND = 0.6 * MEGABYTE
 """Bytes that a simulated second of the paper's run takes, about."""
 
 
 INDEX, INDEX_SHARE = 160_000, 0.01
 """Bytes, and share of its size, by which a run grows at most when it is finished: 136 kB and 0.5 kB per written block."""
+
+
+_TAKEN = re.compile(r"Your runs take (\d+ MB of the \d+ MB) .*", re.DOTALL)
+
+
+def for_teacher(problem: str) -> str:
+    """What keeps a visitor's lab from recording, as the teacher reads it: a quota's advice is the visitor's."""
+    return _TAKEN.sub(
+        r"Their runs take \1 that each visitor has: nothing more is recorded until some are deleted.", problem
+    )
 
 
 class Quota:

@@ -140,8 +140,12 @@ def test_who_records_too_much_is_told_and_recorded_again_once_runs_are_deleted(
     enlarge("anna")
     with looking(server.url, path, anna.cookies):
         teacher.post("/teacher/resume", ("lab", path))
-        wait_until(lambda: "Your runs take 6" in problem(), "she is told")
-        assert re.search(r"Your runs take 6\d MB of the 50 MB that each visitor has: delete some of them", problem())
+        lab = server.places.running()[0]
+        wait_until(lambda: "Your runs take 6" in lab.status().problem, "she is told")
+        told = r"Your runs take 6\d MB of the 50 MB that each visitor has: delete some of them"
+        assert re.search(told, lab.status().problem)
+        kept = r"Their runs take 6\d MB of the 50 MB that each visitor has: nothing more is recorded until some are deleted\."
+        assert re.fullmatch(kept, problem()), "what to do is hers to read"
         recording = server.places.running()[0].status().recording
         size = recording.stat().st_size
         seen = teacher.labs()[0]["time"]

@@ -20,11 +20,13 @@ from person import TEACHER, TOKEN, Person, open_server
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
 from flexlab.recording.export import export_recording
+from flexlab.recording.file_sink import SPACE_FULL
 from flexlab.recording.reader import read_recording
 from flexlab.recording.recorder import Recorder
 from flexlab.recording.repair import finish
 from flexlab.recording.store.notes import write_notes
 from flexlab.recording.store.run_files import has_footer, list_runs
+from flexlab.recording.store.run_index import list_rows, state_word
 from flexlab.server.front_server import FrontServer
 from flexlab.server.labs.lab_provider import MOST_OF_ADDRESS, FullError, WaitingLine
 from flexlab.server.limits import LOOK_AGAIN, THE_SERVER, BusyError, Limit, Quota, Visitor, owner_word
@@ -241,6 +243,8 @@ def test_a_quota_holds_when_a_lab_is_closed(tmp_path: Path):
     assert all("of the 5 MB that each visitor has" in sentence for sentence in told)
     written = sum(path.stat().st_size for path in list_runs(tmp_path))
     assert 3e6 < written <= most
+    cut = [row for row in list_rows(tmp_path) if row.breaks_off]
+    assert {(row.breaks_off, row.state, state_word(row)) for row in cut} == {(SPACE_FULL, "recovered", "breaks off")}
 
 
 def test_what_finishing_will_add_to_a_run_counts_before(tmp_path: Path):

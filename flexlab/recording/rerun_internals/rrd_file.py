@@ -70,6 +70,10 @@ def allow(size: int) -> str:
     return ""
 
 
+class RefusedError(RecordingError):
+    """A `Refusal` does not let more bytes be written."""
+
+
 class RrdFile:
     """A file that grows by whole messages. Not for use by two threads at once."""
 
@@ -127,7 +131,7 @@ class RrdFile:
         try:
             while self._waiting:
                 if refused := refusal(len(self._waiting[0])):
-                    raise RecordingError(refused)
+                    raise RefusedError(refused)
                 self._write(self._waiting[0])
                 self._waiting_bytes -= len(self._waiting.popleft())
         except OSError as error:

@@ -227,6 +227,8 @@ def list_files(logs: Path) -> list[Path]:
     return [logs / name for _, name in sorted(found, reverse=True)]
 
 
+BREAKS_OFF = "breaks_off"
+"""Key of the notes on a run of which the end is not recorded: why, as a sentence."""
 VARIANT = "variant"
 """Key of the notes on a run that was made for a comparison: which run it is a variant of, and how."""
 

@@ -16,6 +16,7 @@ from flexlab.errors import RecordingError
 from flexlab.guide import LessonProgress
 from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.run_files import (
+    BREAKS_OFF,
     SUFFIX,
     TIME_FORMAT,
     check_own_recording,
@@ -78,6 +79,8 @@ class RunRow:
     """What was guessed and passed in the lab that recorded it."""
     own_metrics: tuple[str, ...] = ()
     """Which of the metrics somebody declared for their own studies."""
+    breaks_off: str = ""
+    """Why the end of the run is not recorded, as a sentence; empty: it is, or nobody noted why."""
     problem: str = ""
     """Why the file is no recording, as a sentence; it can only be deleted."""
 
@@ -201,6 +204,7 @@ def read_row(path: Path) -> RunRow:
         visitor=visible(notes.get("visitor", ""), LONGEST_NAME),
         lessons=_lessons(notes.get("lessons")),
         own_metrics=_texts(notes.get("own_metrics"), LONGEST_NAME, MOST_METRICS),
+        breaks_off=visible(notes.get(BREAKS_OFF, ""), LONGEST_CHANGE),
         problem=problem,
     )
 
@@ -249,6 +253,8 @@ def state_word(row: RunRow) -> str:
     """The state for people."""
     if row.state == "in use":
         return "recording"
+    if row.breaks_off and row.state == "recovered":
+        return "breaks off"
     return "measured" if row.is_measured and row.state == "complete" else row.state
 
 

@@ -22,6 +22,7 @@ from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.server.auth import ask_for_token
 from flexlab.server.labs.lab_provider import Choice, Hold, Lab, state_of
 from flexlab.server.labs.recorded_lab import little_space
+from flexlab.server.limits import for_teacher
 from flexlab.server.pages.page_context import context_of, fresh
 from flexlab.server.pages.templating import page
 from flexlab.server.visitors import is_teacher, set_cookie
@@ -113,7 +114,7 @@ def _told(place: Lab, rules: ClassRules) -> dict[str, Any]:
         "error": round(1000 * status.error, 3),
         "state": state_of(place),
         "watching": place.visitors,
-        "problem": status.problem,
+        "problem": for_teacher(status.problem),
     }
 
 

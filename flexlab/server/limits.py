@@ -160,13 +160,17 @@ INDEX, INDEX_SHARE = 160_000, 0.01
 """Bytes, and share of its size, by which a run grows at most when it is finished: 136 kB and 0.5 kB per written block."""
 
 
-_TAKEN = re.compile(r"Your runs take (\d+ MB of the \d+ MB) .*", re.DOTALL)
+_TAKEN = re.compile(r"Your runs take (\d+) MB of the (\d+) MB ")
 
 
 def for_teacher(problem: str) -> str:
     """What keeps a visitor's lab from recording, as the teacher reads it: a quota's advice is the visitor's."""
-    return _TAKEN.sub(
-        r"Their runs take \1 that each visitor has: nothing more is recorded until some are deleted.", problem
+    found = _TAKEN.match(problem)
+    if found is None:
+        return problem
+    return (
+        f"Their runs take {found[1]} MB of the {found[2]} MB that each visitor has: nothing more is recorded until "
+        "some are deleted."
     )
 
 

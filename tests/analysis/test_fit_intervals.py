@@ -1,6 +1,10 @@
 """Intervals of fits hold the truth as often as they say where arms and a law carry the beam, which is no plain ring."""
 
+import re
+from typing import Any
+
 import numpy as np
+import pytest
 
 import flexlab
 from flexlab.analysis.identification.beam_parameters import first_mode
@@ -70,3 +74,28 @@ def test_a_mode_above_a_hidden_first_one_is_not_taken_for_it():
         assert found is not None
         stiffness = found.bending_stiffness
         assert not stiffness.identifiable or stiffness.low <= 31.2 <= stiffness.high
+
+
+@pytest.mark.parametrize(
+    ("period", "words"),
+    [(0.02, {}), (0.001, {"end": 0.52}), (0.001, {"signal": "kinetic_energy"}), (0.001, {"signal": "total_energy"})],
+)
+def test_what_is_not_the_first_mode_tells_no_beam(period: float, words: dict[str, Any]):
+    """A folded frequency said EI = 4.29 ± 0.003 of 80, the second mode alone 1878 ± 50, an energy 0.7 ± 0.1."""
+    scenario = flexlab.load_preset("smooth-start").replace({"payload.bending_stiffness": 80.0})
+    run = flexlab.simulate(scenario, 1.5, period, commands=[(0.5, Tap(0.05, (0.0, 0.3)))])
+    found = flexlab.fit(run, **words).beam
+    assert found is not None
+    for estimate in (found.bending_stiffness, found.damping):
+        assert not estimate.identifiable
+    assert re.search(
+        r"it rings at .* Hz, and the first mode of this run's loop is at 40\.\d* Hz", str(found.bending_stiffness)
+    )
+
+
+@pytest.mark.parametrize("elements", [2, 3, 8])
+def test_modes_that_noise_hides_stand_not_before_the_ring(elements: int):
+    """They take up what the ring of moving arms leaves, and are none."""
+    scenario = flexlab.load_preset("smooth-start").replace({"payload.element_count": elements})
+    fit = flexlab.fit(flexlab.simulate(scenario, 1.5, commands=[(0.5, Tap(0.05, (0.0, 0.3)))]))
+    assert all(mode.frequency.identifiable for mode in fit.ring.modes)

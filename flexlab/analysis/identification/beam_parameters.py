@@ -191,17 +191,19 @@ Pose = tuple[float, float, float]
 """x, y, θ; m, m, rad."""
 
 
-def beam_parameters(fit: RingFit, scenario: Scenario, in_loop: bool, poses: Sequence[Pose] = ()) -> BeamParameters:
+def beam_parameters(
+    fit: RingFit, scenario: Scenario, in_loop: bool, poses: Sequence[Pose] = (), other: str = ""
+) -> BeamParameters:
     """EI and damping with which the first mode of `scenario` rings as `fit` says; length, density and boundary are given.
 
     `in_loop`: the scenario's arms and law hold the grips, and give way a little; otherwise a vice does. How much they give way
     depends on the pose: `poses` are those of the ring, its middle first, and intervals hold what each of them would say;
-    empty: the path's centre.
+    empty: the path's centre. `other`: why the ring is not the first mode's; empty: it is.
     """
     path = "payload.damping.ratio" if scenario.payload.damping.kind == "modal" else "payload.damping.coefficient"
     frequency, ratio = fit.first.frequency, fit.first.damping_ratio
     density = Estimate(np.nan, np.nan, np.nan, "kg/m", "a ring tells EI/ρ alone; weigh the beam for ρ")
-    reason = frequency.reason or (_left_out(fit, scenario) if in_loop else "")
+    reason = frequency.reason or (_left_out(fit, scenario) if in_loop else "") or other
     middle = poses[0] if poses else None
     try:
         stiffness, fitted = (
@@ -232,6 +234,26 @@ def _left_out(fit: RingFit, scenario: Scenario) -> str:
     if change.active and fit.end > change.begin:
         return "the payload's mass changes, and a ring tells EI/ρ alone"
     return ""
+
+
+ALIKE = 1.5
+"""Largest ratio of a ring's frequency and its loop's first, either way: the second mode's is 2.7 times the first."""
+
+
+def another_mode(fit: RingFit, scenario: Scenario, pose: Pose | None) -> str:
+    """Why a run under `scenario` does not ring in its first mode; empty: it does, or nobody knows.
+
+    A frequency that the samples fold down, another mode's in a window that is too short for the first, and an energy's, which is
+    twice the beam's, are rings, too.
+    """
+    try:
+        expected = first_mode(scenario, True, pose)[0]
+    except FlexlabError:
+        return ""
+    frequency = fit.first.frequency.value
+    if 1 / ALIKE <= frequency / expected <= ALIKE:
+        return ""
+    return f"it rings at {frequency:.4g} Hz, and the first mode of this run's loop is at {expected:.4g} Hz"
 
 
 def first_mode(scenario: Scenario, in_loop: bool, pose: Pose | None = None) -> tuple[float, float]:

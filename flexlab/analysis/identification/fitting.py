@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from flexlab import __version__
-from flexlab.analysis.identification.beam_parameters import BeamParameters, beam_parameters, read_measured
+from flexlab.analysis.identification.beam_parameters import BeamParameters, another_mode, beam_parameters, read_measured
 from flexlab.analysis.identification.evidence import ring_begins
 from flexlab.analysis.identification.free_ring import ring_of_run
 from flexlab.analysis.identification.ring import Estimate, RingFit, fit_ring
@@ -135,11 +135,12 @@ def fit_run(
     """The fit of a recorded run after its last tap, or from its first ring; `scenario` None: the run's. Raises `FlexlabError`."""
     recording = read_recording(find_run(run, logs))
     t, y, unit = ring_of_run(recording, signal or "vibration", start, end)
-    known = scenario or changed_scenario(recording.scenario, recording.events, float(t[0]))
+    own = changed_scenario(recording.scenario, recording.events, float(t[0]))
+    known = scenario or own
     if recording.status == MEASURED:  # There was no loop, and there is no pose.
         return _fit(recording.path.stem, t, y, unit, known, True, ())
     path = recording.samples.desired_pose[np.searchsorted(recording.samples.time, t)]
-    return _fit(recording.path.stem, t, y, unit, known, False, (), path)
+    return _fit(recording.path.stem, t, y, unit, known, False, (), path, own)
 
 
 def _fit(
@@ -151,11 +152,13 @@ def _fit(
     measured: bool,
     notes: tuple[str, ...],
     path: np.ndarray | None = None,
+    own: Scenario | None = None,
 ) -> Fit:
-    """`path`: the desired poses of a run at `t`, (N, 3)."""
+    """`path`: the desired poses of a run at `t`, (N, 3); `own`: its scenario."""
     ring = fit_ring(t, y)
     poses = [] if path is None else _poses(path, y - ring.background)
-    beam = None if scenario is None else beam_parameters(ring, scenario, not measured, poses)
+    other = "" if own is None else another_mode(ring, own, poses[0])
+    beam = None if scenario is None else beam_parameters(ring, scenario, not measured, poses, other)
     if beam is not None:
         along = replace(ring.first, frequency=beam.frequency, damping_ratio=beam.damping_ratio)
         ring = replace(ring, modes=tuple(along if mode is ring.first else mode for mode in ring.modes))

@@ -87,7 +87,7 @@ class RingMode:
 
 @dataclass(frozen=True)
 class RingFit:
-    """The modes of a signal, by frequency; modes with an unidentifiable frequency are left out unless all are such."""
+    """The modes of a signal, by frequency; modes with an unidentifiable frequency are left out, but for the loudest."""
 
     modes: tuple[RingMode, ...]
     noise: float
@@ -227,7 +227,9 @@ def _described(
         amplitude = float(np.hypot(linear[2 * k], linear[2 * k + 1])) * scale
         found.append(_mode(omega, sigma, own, factor, moved[k], amplitude, tau, problem))
     # A slow change of the background looks like part of a period, and the first samples after a tap like a fast mode.
-    found = [mode for mode in found if _resolved(mode.frequency.value, tau)] or found
+    seen = [mode for mode in found if _resolved(mode.frequency.value, tau)]
+    loudest = max(seen, key=lambda mode: mode.amplitude, default=None)
+    found = [mode for mode in seen if mode.frequency.identifiable or mode is loudest] or found
     found.sort(key=lambda mode: mode.frequency.value)
     background = basis[:, 2 * len(modes) :] @ linear[2 * len(modes) :] * scale
     noise = float(np.sqrt(variance)) * scale

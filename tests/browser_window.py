@@ -20,10 +20,9 @@ LEFT_OUT = (
     *("PreconnectToSearch", "Translate"),
 )
 """Features of Chromium that no test needs."""
-IN_A_HURRY = ("--no-opt", "--no-maglev", "--single-threaded-gc", "--no-wasm-tier-up", "--no-wasm-dynamic-tiering")
-"""Of Chromium's engine: nothing is compiled better than the first time, as no page of a test lives long enough to gain by it."""
 SOFTWARE_RENDERING = [
-    f"--js-flags={' '.join(IN_A_HURRY)}",
+    # Rerun's viewer is not compiled a second time, to run faster: no page of a test lives long enough to gain by it.
+    "--js-flags=--no-wasm-tier-up --no-wasm-dynamic-tiering",
     f"--disable-features={','.join(LEFT_OUT)}",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",

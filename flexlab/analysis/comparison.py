@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import pyarrow as pa
 
+from flexlab.analysis.coarse_samples import coarse_note
 from flexlab.analysis.metrics import MetricCollection, MetricRow, RunMetrics
 from flexlab.analysis.metrics.metric import named, numbers
 from flexlab.analysis.result import Result, provenance
@@ -101,6 +102,12 @@ class Comparison(Result):
         firsts = [(self.labels[number], self.labels[paths.index(path)]) for number, path in enumerate(paths)]
         return [(label, first) for label, first in firsts if label != first]
 
+    @cached_property
+    def coarse(self) -> tuple[str, ...]:
+        """A sentence for each run whose samples are too far apart for the metrics of what vibrates."""
+        notes = [coarse_note(run.scenario, run.sample_period) for run in self.recordings]
+        return tuple(f"{label}: {note}" for label, note in zip(self.labels, notes, strict=True) if note)
+
     def run_table(self) -> Table:
         """Label, name, duration and scenario of each run."""
         rows = [
@@ -137,7 +144,7 @@ class Comparison(Result):
         heads, *settings = self.setting_table()
         settings = [[f"`{path}`", *values] for path, *values in settings]
         parts = ["# Comparison", _markdown(self.run_table())]
-        parts += [f"## Metrics {self.window_text}", _markdown(self.metric_table())]
+        parts += [f"## Metrics {self.window_text}", _markdown(self.metric_table()), *self.coarse]
         parts += ["## Settings", _markdown([heads, *settings]) if settings else SAME]
         return "\n\n".join(parts) + "\n"
 

@@ -4,7 +4,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
 
-from flexlab.cli.console import new_table, output, print_json
+from flexlab.cli.console import complain, new_table, output, print_json
 from flexlab.cli.options import LOGS, Law, Logs, NoBrowser, Runs, Seed, Settings, ViewerPort, chosen_changes, option
 from flexlab.cli.showing import show_review
 from flexlab.errors import StudyError
@@ -99,6 +99,8 @@ def _print(comparison: "Comparison") -> None:
             table.add_row(*row)
         output().print(table)
         output().print()
+    for sentence in comparison.coarse:
+        complain(sentence)
     if not comparison.settings:
         output().print("No setting differs.")
     for label, same in comparison.repeated():

@@ -87,6 +87,9 @@ def test_what_was_done_and_how_often_it_was_looked_at_is_told(tmp_path: Path) ->
     assert pulls.endswith("3 N/m at t = 0.003 s; and 2 more")
     assert found.table.column("sample_period").to_pylist() == ["0.003 s", "0.001 s", "0.001 s"]
     assert flexlab.compare(tapped, tapped).settings == ()
+    (told,) = found.coarse
+    assert told.startswith("A: Samples are 3 ms apart, and the beam's first mode has a period of 22.4 ms")
+    assert told in found.text()
 
 
 def test_the_same_run_twice_differs_in_nothing(recording_file: Path) -> None:

@@ -209,7 +209,7 @@ def number_names() -> list[str]:
 
 def named(word: str) -> Named:
     """The number that a word names. Raises `StudyError` for an unknown word."""
-    for number in numbers():
+    for number in numbers() if isinstance(word, str) else ():
         column = number.column
         if word == number.name:
             return Named(number, 1.0, column.si_unit)

@@ -32,8 +32,8 @@ from flexlab.sim.simulate import sample_count
 from flexlab.sim.world import World
 
 DESIGNS = ("grid", "latin-hypercube", "sobol")
-TABLE_FORMAT = 3
-"""Format of a sweep's table: 2 has metrics by name, in SI units, and the provenance; 3: RMS over time."""
+TABLE_FORMAT = 2
+"""Format of a sweep's table: 2 has metrics by name, in SI units, and the provenance."""
 MOST_CELLS = 100_000_000
 """Most cells of a sweep."""
 MANY_CELLS = 100_000

@@ -9,7 +9,8 @@ from playwright.sync_api import Browser
 
 import flexlab
 from flexlab.errors import StudyError
-from flexlab.lab.run_page import MOST_FRAMES, frame_times, run_page, write_run_page
+from flexlab.guide import LessonProgress
+from flexlab.lab.run_page import MOST_FRAMES, Noted, frame_times, run_page, write_run_page
 
 
 def test_ten_seconds_are_under_three_megabytes_and_nothing_is_markup(tmp_path: Path):
@@ -29,7 +30,9 @@ def test_ten_seconds_are_under_three_megabytes_and_nothing_is_markup(tmp_path: P
 
 
 def test_it_plays_from_disk_and_the_plots_follow(chromium: Browser, tmp_path: Path):
-    write_run_page(flexlab.simulate("paper", 3.0), tmp_path / "run.html", "paper")
+    question, guess = "How often does the beam swing in a second, if it is as stiff?", "twice as often as before"
+    lesson = LessonProgress("Lesson 9: Stiffness", 2, question, (guess, "as often"), "as often", guess, "")
+    write_run_page(flexlab.simulate("paper", 3.0), tmp_path / "run.html", "paper", Noted(lessons=(lesson,)))
     context = chromium.new_context(offline=True, viewport={"width": 390, "height": 800}, color_scheme="dark")
     page = context.new_page()
     asked: list[str] = []

@@ -1,7 +1,6 @@
 """The file of one run as it is written, and a sink that outlives missing folders, full disks and files that are taken away."""
 
 import contextlib
-import errno
 import os
 import shutil
 from collections.abc import Callable, Iterable
@@ -14,7 +13,7 @@ import rerun as rr
 
 from flexlab.errors import RecordingError
 from flexlab.recording.rerun_internals.chunks import Column
-from flexlab.recording.rerun_internals.rrd_file import Refusal, RefusedError, RrdFile, allow, has_footer
+from flexlab.recording.rerun_internals.rrd_file import Pipe, Refusal, RefusedError, RrdFile, allow
 from flexlab.recording.run_encoder import EVENTS, PATH, RECORDS, RunStream
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.notes import write_notes
@@ -40,20 +39,23 @@ class RunWriter:
     def __init__(self, file: RunFile, info: RunInfo, in_one_piece: bool = False):
         """Write what the run is.
 
-        `in_one_piece`: rerun writes and finishes the file by itself, so that its tool need not mend it; at its end it is
-        known whether all of it is there. Raises `RecordingError`, and leaves no file, if that fails.
+        `in_one_piece`: rerun writes and finishes the file, where there are named pipes, so that its tool need not mend it;
+        whether all of it is there is known at the end. Raises `RecordingError`, and leaves no file, if that fails.
         """
-        self.file, self._in_one_piece = file, in_one_piece
+        self.file = file
         self._bytes = RrdFile(file.handle)
+        self._pipe = Pipe(file.handle) if in_one_piece and hasattr(os, "mkfifo") else None
         try:
-            self.stream = RunStream(info, file=file.path if in_one_piece else None)
+            self.stream = RunStream(info, file=self._pipe and self._pipe.path)
             try:
-                if not in_one_piece:
+                if self._pipe is None:
                     self.push()
             except BaseException:
                 self.stream.close()
                 raise
         except BaseException:
+            if self._pipe is not None:
+                self._pipe.close()
             file.release()
             file.path.unlink(missing_ok=True)
             raise
@@ -66,7 +68,7 @@ class RunWriter:
         file = self.file
         if self.is_lost:
             raise RecordingError(f"{file.path} is not being written any more.")
-        if file.in_place and (self._in_one_piece or self._bytes.is_whole):
+        if file.in_place and (self._pipe is not None or self._bytes.is_whole):
             return
         self.is_lost = True
         what = "was taken away while it was being written"
@@ -99,10 +101,9 @@ class RunWriter:
             self.push(refusal)
         finally:
             self.stream.close()
-        if self._in_one_piece and not has_footer(self.file.path):
-            full = _free_bytes(self.file.path) < ROOM_TO_RESUME
-            reason = os.strerror(errno.ENOSPC if full else errno.EIO)
-            raise RecordingError(f"{self.file.path} cannot be written ({reason}).")
+            problem = self._pipe and self._pipe.close()
+        if problem:
+            raise RecordingError(f"{self.file.path} cannot be written ({problem.strerror}).")
 
 
 class FileSink:

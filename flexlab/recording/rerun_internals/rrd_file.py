@@ -3,13 +3,17 @@
 Each piece that rerun encodes is a small file of its own: a head, messages (kind and length, 8 bytes each, then the body), an
 end message with an index, and a foot. A larger file is one head and the messages of all pieces; `repair` adds the end.
 
-Rerun can write files itself, as it does with a run that is over, but when a disk is full its writer dies silently and all later
-data is lost. Of a run that goes on rerun only encodes, into memory, and the bytes are written here: an error is known at once, a
-half-written message is cut off again, and what could not be written waits until there is room.
+Rerun can write files itself, but when a disk is full its writer dies silently, all later data is lost, and whoever flushes waits
+for ever. So rerun only encodes, and the bytes are written here. Of a run that goes on it does so into memory: an error is known
+at once, a half-written message is cut off again, and what could not be written waits until there is room. Of a run that is over
+it writes the finished file into a pipe, so that no copy of it stands in memory.
 """
 
 import os
+import shutil
 import struct
+import tempfile
+import threading
 import time
 import zlib
 from collections import deque
@@ -60,6 +64,39 @@ READ_BYTES = 1 << 20
 """Read at once."""
 HELD_BYTES = 48_000_000
 """Most bytes that wait for a full disk: one and a half minutes of the paper's run. Then the oldest are given up."""
+
+
+class Pipe:
+    """A named pipe into which rerun writes a file; a thread passes it on, and goes on reading when the disk takes no more."""
+
+    def __init__(self, handle: IO[bytes]):
+        """`handle`: the file, open for writing, unbuffered."""
+        self._folder = tempfile.mkdtemp(prefix="flexlab-pipe-")
+        self.path = Path(self._folder) / "run.rrd"
+        """Where rerun writes."""
+        os.mkfifo(self.path)
+        self._problem: OSError | None = None
+        self._thread = threading.Thread(target=self._pass_on, args=(handle,), name="flexlab-pipe", daemon=True)
+        self._thread.start()
+
+    def _pass_on(self, handle: IO[bytes]) -> None:
+        with self.path.open("rb", buffering=0) as source:
+            while piece := source.read(READ_BYTES):
+                rest = memoryview(piece)
+                try:
+                    while rest and self._problem is None:
+                        rest = rest[os.write(handle.fileno(), rest) :]
+                except OSError as error:
+                    self._problem = error
+
+    def close(self) -> OSError | None:
+        """Wait for what rerun has written, which has closed its end; the reason why the file lacks some of it."""
+        # If rerun never opened it, its reader still waits for a writer.
+        os.close(os.open(self.path, os.O_RDWR | os.O_NONBLOCK))
+        self._thread.join()
+        shutil.rmtree(self._folder, ignore_errors=True)
+        return self._problem
+
 
 Refusal = Callable[[int], str]
 """Says why so many more bytes may not be written; empty if they may."""

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 with open(f"{__file__}i", encoding="utf-8") as _stub:
     _HOMES = {line.split()[-1]: line.split()[1] for line in _stub if line.startswith("from ")}

@@ -191,6 +191,13 @@ def test_the_play_screen_takes_a_turned_camera_back(newcomer: Page, shared_sessi
     page.get_by_role("button", name="Tap", exact=True).wait_for()
     back = page.get_by_role("button", name="Reset view", exact=True)
     assert not back.is_visible(), "there is nothing to take back"
+
+    def rests() -> bool:
+        then = page.evaluate(at)
+        page.wait_for_timeout(400)
+        return page.evaluate(at) == then
+
+    wait_until(rests, "the camera, which the size of the panel moves once")
     before = page.evaluate(at)
     page.mouse.move(500, 700)
     page.mouse.down()

@@ -73,6 +73,7 @@ def told_by_files() -> str:
 
 def left(page: Page) -> set[str]:
     """What has no translation and is not meant to have one's own, by page."""
+    page.wait_for_function("() => window.flexlabUntranslated")  # It may stand behind what a busy page still loads.
     return set(page.evaluate("[...window.flexlabUntranslated]"))
 
 

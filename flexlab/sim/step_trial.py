@@ -31,7 +31,7 @@ from flexlab.sim.step_rates import ring_decay
 from flexlab.sim.step_size import SHORTEST_CHOSEN, Count
 from flexlab.sim.stepping import move_on
 
-TRIED, TRIED_LONGER = 12, 160
+TRIED, TRIED_LONGER = 12, 80
 """Ticks of each trial, after those whose steps are shorter as they follow a start. Some errors come from the path and from slow
 modes and add up from tick to tick, so that only the longer trial shows them."""
 

@@ -3,7 +3,7 @@
 Everything here is available as `flexlab.<name>`; each call does what the command of its name does.
 """
 
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -62,7 +62,7 @@ def tune(
     """
     _, valid = named_scenario(scenario, law, path)
     axes = parse_axes(change, valid)
-    none = robust is None or (isinstance(robust, (str, Sequence, Mapping, Set)) and not robust)
+    none = robust is None or (isinstance(robust, (Sequence, Mapping)) and not robust)
     others = () if none else parse_axes(robust, valid)
     known = chosen_workers(workers, cluster)
     with progress_bar(progress, "candidates") as told:

@@ -54,13 +54,18 @@ def number_column(table: Any, name: str) -> np.ndarray:
     Metrics are named as in "rms_error.y"; their short names of earlier versions give the units of tables.
     """
     scale = 1.0
-    if not isinstance(name, str) or name not in table.column_names:
-        with suppress(StudyError):
+    with suppress(StudyError):
+        if not isinstance(name, str) or name not in table.column_names:
             found = named(name)
             name, scale = found.number.name, found.scale
+    return scale * named_column(table, name).to_numpy(zero_copy_only=False).astype(float)
+
+
+def named_column(table: Any, name: str) -> Any:
+    """A column of a pyarrow table. Raises `StudyError` for an unknown name."""
     if not isinstance(name, str) or name not in table.column_names:
         raise StudyError(f"{name!r:.60} is no column: there are {', '.join(table.column_names)}.")
-    return scale * table.column(name).to_numpy(zero_copy_only=False).astype(float)
+    return table.column(name)
 
 
 def about_number(number: Number) -> dict[str, str]:

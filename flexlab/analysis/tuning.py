@@ -219,7 +219,7 @@ class Tuning(Result):
 
     def plot(self, first: str = "", second: str = "") -> Figure:
         """The trade-off between two metrics among all candidates; by default the first two of the cost. Raises `StudyError`."""
-        wanted = [named(name).number.name for name in (first, second) if not (isinstance(name, str) and not name)]
+        wanted = [named(name).number.name for name in (first, second) if not isinstance(name, str) or name]
         names = [*wanted, *self.cost.names, "rms_error.y", "rms_internal_force"]
         first, second = list(dict.fromkeys(names))[:2]
         found = [values for candidate in self.candidates if (values := candidate.numbers)]

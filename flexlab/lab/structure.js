@@ -65,8 +65,10 @@
 
   const isPart = (node) => node.nodeType === Node.ELEMENT_NODE && (node.matches(PARTS) || node.querySelector(PARTS) !== null);
   // An attribute that is set to what it was, as a class is that is removed where it is not, has not changed.
-  const matters = ({ type, target, attributeName, oldValue, addedNodes, removedNodes }) => (type === "attributes")
-    ? target.getAttribute(attributeName) !== oldValue : [...addedNodes].some(isPart) || [...removedNodes].some(isPart);
+  const matters = ({ type, target, attributeName, oldValue, addedNodes, removedNodes }) => type === "attributes"
+    ? target.getAttribute(attributeName) !== oldValue
+    : [...addedNodes].some(isPart) || [...removedNodes].some(isPart);
+  const WATCHED = { subtree: true, childList: true, attributes: true, attributeFilter: STATES, attributeOldValue: true };
 
   window.flexlabAsked = asked;
   addEventListener("DOMContentLoaded", () => {
@@ -76,7 +78,7 @@
       const left = next - performance.now();
       if (left <= 0) ask(); // before the change is drawn
       else [due] = [true, setTimeout(ask, left)];
-    }).observe(document.documentElement, { subtree: true, childList: true, attributes: true, attributeFilter: STATES, attributeOldValue: true });
+    }).observe(document.documentElement, WATCHED);
     ask();
   });
 })();

@@ -54,8 +54,7 @@ class RunWriter:
                 self.stream.close()
                 raise
         except BaseException:
-            if self._pipe is not None:
-                self._pipe.close()
+            self._end_pipe()
             file.release()
             file.path.unlink(missing_ok=True)
             raise
@@ -76,7 +75,7 @@ class RunWriter:
             what = "was changed by another program while it was being written"
         elif file.path.exists():
             what = "was replaced while it was being written"
-        self.stream.close()
+        self.let_go()
         file.release()
         raise RecordingError(f"{file.path} {what}.")
 
@@ -100,10 +99,17 @@ class RunWriter:
         try:
             self.push(refusal)
         finally:
-            self.stream.close()
-            problem = self._pipe and self._pipe.close()
+            problem = self.let_go()
         if problem:
             raise RecordingError(f"{self.file.path} cannot be written ({problem.strerror}).")
+
+    def let_go(self) -> OSError | None:
+        """End the stream, what was not read being lost; the reason why a file in one piece lacks some of it."""
+        self.stream.close()
+        return self._end_pipe()
+
+    def _end_pipe(self) -> OSError | None:
+        return None if self._pipe is None else self._pipe.close()
 
 
 class FileSink:

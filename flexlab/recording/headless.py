@@ -97,7 +97,7 @@ class HeadlessRecording:
             with self._telling():
                 self._run.end(status)
                 if lost:
-                    writer.stream.close()
+                    writer.let_go()
                 else:
                     writer.close()
             if not lost:

@@ -4,6 +4,7 @@ import contextlib
 import os
 import shutil
 import subprocess
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from datetime import datetime
@@ -203,6 +204,27 @@ from flexlab.recording.store.run_files import claim_run_file
 file = claim_run_file(Path(sys.argv[1]), "paper", datetime.now())
 os.kill(os.getpid(), signal.SIGKILL)
 """
+
+
+def test_a_run_that_is_lost_leaves_no_pipe_behind(tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    place = tmp_path / "temporary"
+    place.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(place))
+
+    def lose(in_its_file: bool) -> None:
+        with HeadlessRecording(tmp_path, RunInfo("paper", run.scenario), in_one_piece=True) as recording:
+            recording.write(run.slice(0, 100))
+            if not in_its_file:
+                raise RecordingError("The run cannot be written.")
+            recording.path.unlink()
+            recording.write(run.slice(100, 200))
+
+    for in_its_file, told in ((True, "was taken away"), (False, "cannot be written")):
+        with pytest.raises(RecordingError, match=told):
+            lose(in_its_file)
+        assert list(place.iterdir()) == []
+    write_run(run, tmp_path / "logs", "paper")
+    assert list(place.iterdir()) == []
 
 
 def test_the_empty_file_of_a_lab_that_was_killed_as_it_made_it_is_swept(tmp_path: Path) -> None:

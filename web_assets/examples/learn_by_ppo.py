@@ -1,8 +1,8 @@
 """Learns a control law for the two arms by proximal policy optimisation, and writes it down as a law for the lab.
 
 pip install "flexlab[learn]" brings Stable-Baselines3. Less than ten minutes on two cores: in the leaderboard's case B1 the learnt
-law then has an RMS error of 0.3 to 0.5 mm, by the version of torch, and `pd` one of 10.9 mm. flexlab leaderboard --law
-learnt_law.py enters it.
+law then has an RMS error of 0.3 to 0.5 mm, depending on the version of torch, and `pd` one of 10.9 mm. flexlab leaderboard
+--law learnt_law.py enters it.
 """
 
 import time

@@ -18,7 +18,7 @@ import pyarrow.parquet as parquet
 
 from flexlab import __version__
 from flexlab.analysis.metrics.metric import numbers
-from flexlab.analysis.result import Result, about_number, number_column
+from flexlab.analysis.result import Result, about_number, named_column, number_column
 from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.plan import Cell, Plan, run_part
 from flexlab.analysis.workers import Told, Workers
@@ -182,9 +182,7 @@ class Sweep(Result):
 
     def texts(self, name: str) -> list[str]:
         """A column of texts, such as "status" or "sentence". Raises `StudyError`."""
-        if not isinstance(name, str) or name not in self.table.column_names:
-            raise StudyError(f"{name!r:.60} is no column: there are {', '.join(self.table.column_names)}.")
-        return self.table.column(name).to_pylist()
+        return named_column(self.table, name).to_pylist()
 
     @property
     def failed(self) -> dict[int, str]:

@@ -68,6 +68,15 @@ def newcomer(_window: Page, shared_session: Session) -> Iterator[Page]:
     _window.goto("about:blank")
 
 
+FIRST_ROW = """() => {
+  const box = document.querySelector('[data-floating-window]').getBoundingClientRect();
+  const charts = [...document.querySelectorAll('.uplot')].filter((part) => part.getClientRects().length);
+  const top = Math.min(...charts.map((part) => part.getBoundingClientRect().top));
+  const first = charts.filter((part) => part.getBoundingClientRect().top === top);
+  return first.length > 0 && first.flatMap((part) => [...part.querySelectorAll('.u-legend .u-series')])
+    .map((part) => part.getBoundingClientRect()).filter((part) => part.height)
+    .every((part) => part.bottom <= box.bottom && part.right <= box.right); }"""
+"""Whether the first row of charts is whole, with its legends."""
 WHOLE_PLOT = """() => {
   const box = document.querySelector('[data-floating-window]').getBoundingClientRect();
   const names = [...document.querySelectorAll('.u-legend .u-series')].map((part) => part.getBoundingClientRect());
@@ -116,6 +125,18 @@ def test_guide_and_plots_are_one_click_away_and_a_browser_remembers_them(
     again.wait_for_function(PLOTS_OPEN)
     assert not again.evaluate(GUIDE_OPEN)
     again.close()
+
+
+def test_beside_the_guide_no_plot_is_cut_off_and_the_scene_stays_large(newcomer: Page, shared_session: Session) -> None:
+    page = opened(newcomer, address(shared_session))
+    for folded, is_open in (("Guide", GUIDE_OPEN), ("Motion", PLOTS_OPEN)):
+        page.get_by_text(folded, exact=True).first.click()
+        page.wait_for_function(is_open)
+    wait_until(lambda: length(page.evaluate(BEAM, SIDES)) >= LEAST_BEAM, "the beam is long enough to be looked at")
+    assert page.evaluate(SHARE) >= 0.39, "of a window whose controls, text and plots are all open"
+    for tab in ("Motion", "Torques", "Control", "Energy", "Spectrum"):
+        page.get_by_role("tab", name=tab, exact=True).click()
+        wait_until(lambda: page.evaluate(FIRST_ROW), f"the plots of {tab} are whole", 30)
 
 
 def test_a_presentation_shows_the_scene_one_plot_and_one_number(newcomer: Page, shared_session: Session) -> None:

@@ -123,7 +123,7 @@ def _mark_extremes(drawn: np.ndarray, block: np.ndarray, stretch: int) -> None:
         _mark_extremes(drawn[end:], block[:, end:], block.shape[1] - 1 - end)
 
 
-HEIGHT = 190
+HEIGHT = 140
 """Height of a chart without its legend, px."""
 X_AXIS_SIZE, Y_AXIS_SIZE, UNIT_SIZE = 34, 50, 18
 """Room for the numbers at the axes, px: "50,000" upright, and the legend's first line below; and for the unit beside them."""

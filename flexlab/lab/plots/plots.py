@@ -78,7 +78,7 @@ class Spectrum:
             scales={"x": uplot.Scale(time=False), "y": uplot.Scale(distr=3, log=10)},
             axes=(axis(X_AXIS_SIZE), axis(Y_AXIS_SIZE, "µm")),
             legend=uplot.Legend(live=True),
-            height=2 * HEIGHT,
+            height=HEIGHT,
             padding=(6, 12, 0, 0),
         )
         self.uuid = widget_uuid(self._handle)

@@ -154,7 +154,7 @@ def test_a_law_that_fails_is_named_with_its_sentence(tmp_path: Path):
 
 
 def test_a_law_of_control_instants_says_that_it_was_sampled(board: Leaderboard):
-    assert settings(board) == ("lqr: sampled, Control period T_c (s) = 0.001",)
+    assert settings(board) == {"lqr": ["sampled, Control period T_c (s) = 0.001"]}
 
 
 def test_every_law_of_flexlab_enters_every_case_and_only_learners_leak():

@@ -83,6 +83,30 @@ def faults(missing: set[str]) -> list[str]:
     return sorted(text for text in missing if not stays.fullmatch(text) and plain(text) not in files)
 
 
+def told_of_fields(page: Page) -> list[str]:
+    """How a page tells sentences for the terminal, which name fields as code does."""
+    sentences = (
+        "Observer = Kalman filter · kalman",
+        "a coarser pose accuracy (simulation.accuracy)",
+        "A step of 0.01 s (simulation.step) is unstable with rk4: the grips allow at most 0.001 s.",
+        "a lower stiffness or damping of the grips (grips.stiffness, grips.damping)",
+        "an automatic step (simulation.step = null), a softer, lighter or less damped beam, or fewer elements",
+        "(see example.com)",
+    )
+    page.evaluate(
+        """(sentences) => {
+          const place = Object.assign(document.createElement('div'), { id: 'told' });
+          for (const text of sentences) place.append(Object.assign(document.createElement('p'), { textContent: text }));
+          const code = Object.assign(document.createElement('code'), { textContent: '(simulation.accuracy)' });
+          place.append(document.createElement('p'));
+          place.lastChild.append(code);
+          document.body.append(place); }""",
+        sentences,
+    )
+    page.wait_for_timeout(CALM / 4)
+    return page.locator("#told p").all_inner_texts()
+
+
 def told_to_a_class(page: Page) -> set[str]:
     """What lacks a translation while a teacher sets the class's pace, locks its labs and lets them go."""
     page.goto("/teacher")
@@ -126,6 +150,11 @@ def test_every_page_speaks_german_chinese_and_english(page: Page) -> None:
     page.goto("/leaderboard")
     page.locator("img.figure[src^='data:']").first.wait_for(state="attached")
     assert {"w_qs", "e_x"} <= set(page.evaluate(INDEXED)), "symbols have real subscripts"
+    shown = told_of_fields(page)
+    assert shown[0] == "Beobachter = Kalman-Filter · kalman", "a law's setting on the leaderboard"
+    assert "Genauigkeit" in shown[1], "titles in words, without the names that they have in code"
+    assert not re.search(r"[a-z]\.[a-z]", " ".join(shown[:-2])), shown
+    assert shown[-2:] == ["(see example.com)", "(simulation.accuracy)"], "what a person or a program wrote stays"
     page.goto("/lab/?play")
     page.get_by_role("button", name="Antippen").wait_for()
     page.get_by_role("slider", name="Steifigkeit EI", exact=True).wait_for()
@@ -174,6 +203,7 @@ def test_every_page_speaks_german_chinese_and_english(page: Page) -> None:
     assert "Bending stiffness EI (N·m²)" in page.locator(PANEL).inner_text()
     assert page.locator("[data-fl-shown]").count() == 0
     assert "t_μ" in page.evaluate(INDEXED), "labels of the panel have real subscripts"
+    assert not re.search(r"[a-z]\.[a-z]", " ".join(told_of_fields(page)[:-2])), "in English, too"
     page.get_by_label("Language").select_option("de")
     page.goto("/")
     assert page.locator("html").get_attribute("lang") == "de", "the choice is remembered"

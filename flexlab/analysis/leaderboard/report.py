@@ -17,7 +17,7 @@ from flexlab.analysis.figures import page_svg, svg_text
 from flexlab.analysis.leaderboard.board import Leaderboard
 from flexlab.analysis.leaderboard.case import Case, Score, Variant
 from flexlab.files import filled, make_folder, write_text, writing
-from flexlab.scenario.field_text import field_title
+from flexlab.scenario.field_text import field_title, in_words
 from flexlab.text import number_text, typed_number
 
 FAILS = "fails"
@@ -165,11 +165,19 @@ def _column(board: Leaderboard, case: Case, variant: Variant, score: Score) -> d
     return cells
 
 
-def settings(board: Leaderboard) -> tuple[str, ...]:
-    """A sentence for each law that has settings other than its defaults, or was sampled."""
-    notes = dict.fromkeys((row.law, part) for row in board.rows for part in _in_words(row.note).split("; ") if part)
-    laws = dict.fromkeys(law for law, _ in notes)
-    return tuple(f"{law}: {', '.join(part for its, part in notes if its == law)}" for law in laws)
+def settings(board: Leaderboard) -> dict[str, list[str]]:
+    """Law → its settings other than its defaults, and that it was sampled; laws without such have no entry."""
+    found: dict[str, list[str]] = {}
+    for law, part in dict.fromkeys(
+        (row.law, part) for row in board.rows for part in BETWEEN.split(_in_words(row.note))
+    ):
+        if part:
+            found.setdefault(law, []).append(part)
+    return found
+
+
+BETWEEN = re.compile("; |(?<!sampled), ")
+"""What stands between the settings of a note."""
 
 
 SETTING = re.compile(r"([a-z_]+(?:\.[a-z_]+)*) = ([^\s;,]+)(?: s\b)?")
@@ -182,7 +190,7 @@ def _in_words(note: str) -> str:
     def said(found: re.Match[str]) -> str:
         value = typed_number(found[2])
         path = found[1] if found[1].startswith("controller.") else f"controller.{found[1]}"
-        return f"{field_title(path)} = {found[2] if isnan(value) else number_text(value)}"
+        return f"{field_title(path)} = {in_words(found[2]) if isnan(value) else number_text(value)}"
 
     return SETTING.sub(said, note)
 

@@ -1,6 +1,6 @@
 // Shows the page in the language that the browser prefers, or that was chosen here: texts are replaced where they stand, by the
 // catalogue of that language (/static/de.json). English, and what a catalogue lacks, stays as it came. In all languages symbols
-// such as f_d get a real subscript.
+// such as f_d get a real subscript, and the code names that sentences for the terminal have in brackets are left out.
 (() => {
   const script = document.currentScript;
   const base = script.src.replace(/\/static\/[^/]*$/, ""); // A proxy may have a path before ours.
@@ -23,6 +23,8 @@
   const KINDS = { n: NUMERAL, m: NUMERAL, code: "([a-z\\d](?:\\S*[^\\s.])?)", symbol: "([A-Za-z]?[^\\sa-z]\\S*|[A-Za-z])" }; // else any part
 
   const SYMBOL = /(?<![\p{L}\p{Nd}_.\\-])(\p{L}\p{M}*)_([\p{L}\p{Nd}]{1,4})(?![\p{L}\p{Nd}_]|\.\p{L})/u;
+  const PATH = "(?:controller|grips|initial|joints|left_arm|payload|right_arm|simulation|trajectory)(?:\\.\\w+)+";
+  const FIELD_NAMES = new RegExp(` ?[(（]${PATH}(?: = [\\w.+−-]+)?(?:, ${PATH})*[)）]`, "gu"), IN_CODE = "code, kbd, pre";
   const PLAIN = "option, title, code, kbd, svg", FIELDS = "select[name^=field]"; // A menu of fields goes without such symbols.
 
   let exact = new Map(), patterns = new Map(), kept = new Map(), watching = null, language = "en";
@@ -49,6 +51,7 @@
     for (const list of patterns.values()) list.sort((a, b) => b.length - a.length);
   }
 
+  const isMore = (text) => SYMBOL.test(text) || text.search(FIELD_NAMES) >= 0; // what changes in English, too
   const isWords = (text) => exact.has(text) || WORD.test(text.replace(UNITS, ""));
   const fill = ({ names, shown }, values) => shown.replace(/\{(\w+)\}/g, (whole, name) => values[names.indexOf(name)] ?? whole);
 
@@ -121,7 +124,8 @@
     return seen?.shown === shownBy(text) ? seen.source : shownBy(text);
   }
 
-  function put(text, source, shown) {
+  function put(text, source, told) {
+    const shown = text.parentElement?.closest(IN_CODE) ? told : told.replace(FIELD_NAMES, "");
     texts.set(text, { source, shown });
     if (shownBy(text) === shown && (lowered.has(text) || !SYMBOL.test(shown))) return;
     raise(text);
@@ -284,14 +288,14 @@
   function changed(records) {
     const nodes = new Set(), named = [];
     const english = language === "en"; // Then nothing but symbols is looked for.
-    const isNew = (text) => !own.has(text) && texts.get(text)?.shown !== shownBy(text) && (!english || texts.has(text) || SYMBOL.test(text.nodeValue));
+    const isNew = (text) => !own.has(text) && texts.get(text)?.shown !== shownBy(text) && (!english || texts.has(text) || isMore(text.nodeValue));
     for (const { type, target, addedNodes, removedNodes, attributeName } of records) {
       if (type === "characterData") { if (isNew(target)) nodes.add(target); }
       else if (type === "attributes") named.push([target, attributeName]);
       else {
         for (const node of removedNodes) raise(node);
         for (const node of addedNodes) {
-          if (node.nodeType === Node.TEXT_NODE ? isNew(node) : !own.has(node) && (!english || node.textContent.includes("_"))) nodes.add(node);
+          if (node.nodeType === Node.TEXT_NODE ? isNew(node) : !own.has(node) && (!english || /_|\(\w+\./.test(node.textContent))) nodes.add(node);
         }
       }
     }

@@ -12,9 +12,10 @@ import numpy as np
 import rerun as rr
 
 from flexlab.errors import RecordingError
-from flexlab.recording.rerun_internals.chunks import Column
+from flexlab.recording.checksums import GAPS, checked
+from flexlab.recording.rerun_internals.chunks import PROPERTIES, Column
 from flexlab.recording.rerun_internals.rrd_file import Pipe, Refusal, RefusedError, RrdFile, allow
-from flexlab.recording.run_encoder import EVENTS, PATH, RECORDS, RunStream
+from flexlab.recording.run_encoder import EVENTS, PATH, RECORDS, SAMPLES, RunStream
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.notes import write_notes
 from flexlab.recording.store.run_files import BREAKS_OFF, RunFile, claim_run_file
@@ -128,6 +129,7 @@ class FileSink:
         self._given_up = 0
         self._next_try = 0.0
         self._breaks_off = ""
+        self._has_gaps = False
         self.problem: str | None = None
         """Why nothing reaches a file now; None while all is well."""
         self.keep_up(0.0)
@@ -147,6 +149,8 @@ class FileSink:
             self._path = sent[2]
         if self._writer is not None:
             self._writer.stream.send(*sent)
+        elif entity == SAMPLES:
+            self._has_gaps = True
 
     def log(self, entity: str, archetype: rr.AsComponents) -> None:
         """Take what holds at all times: a curve's looks, or a property, as seen in listings."""
@@ -224,6 +228,8 @@ class FileSink:
         try:
             if self._writer is not None:
                 self._writer.check()
+                if self._has_gaps or self._parts > 1 or self._writer.given_up or self.problem is not None:
+                    self._writer.stream.log(PROPERTIES + GAPS, rr.AnyValues(**checked({GAPS: 1})))
                 self._writer.close(self._refusal)
         except RecordingError as error:
             self._fail(error)

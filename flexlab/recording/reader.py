@@ -6,20 +6,19 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cache, cached_property
-from itertools import islice
 from math import isfinite
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 from flexlab.errors import FlexlabError, RecordingError
+from flexlab.recording.checksums import GAPS, unchecked
 from flexlab.recording.codec import decode_block, event_from_values, state_from_values
-from flexlab.recording.rerun_internals.chunks import PROPERTIES, Row, Unreadable, entity_times, stream_rows
-from flexlab.recording.rerun_internals.tool import Mending
+from flexlab.recording.rerun_internals.chunks import PROPERTIES, Row
+from flexlab.recording.rows import Rows, read_rows, rows_in_order
 from flexlab.recording.store.formats import FORMAT, Changes, checked_format, migrate, readable, same_numbers
-from flexlab.recording.store.run_files import State, check_recording, run_state
+from flexlab.recording.store.run_files import State, run_state
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.signal import COORDINATE
 from flexlab.sim.samples import Run, Samples, Status, WorldState, empty_samples, join_blocks
@@ -37,9 +36,6 @@ MOST_ROWS = 1000
 
 SAMPLES = "/exact/samples"
 """The entity that holds them."""
-
-Rows = dict[str, list[Row]]
-"""Entity → its rows in the order of times."""
 
 
 @dataclass(frozen=True)
@@ -97,9 +93,21 @@ class Recording:
 
     def _decoded(self, rows: Iterable[Row]) -> Iterator[Samples]:
         history = cache(lambda: Changes(self.scenario, self.events))
+        count = 0
         with _telling_what_is_strange(self.path, self.properties):
             for _, values in rows:
-                yield _block(self.path, self.scenario, values, history)
+                block = _block(self.path, self.scenario, values, history)
+                count += len(block)
+                yield block
+            self._check_count(count)
+
+    def _check_count(self, count: int) -> None:
+        """Raises `RecordingError` if samples of a run that has ended are missing, other than those that a full disk cost."""
+        due = self.properties.get("rows", 0)
+        # Earlier versions did not say what a full disk had cost.
+        is_known = "events" in self.properties or (self.part == 1 and not count)
+        if is_known and not self.properties.get(GAPS) and count != due:
+            raise RecordingError(f"{self.path} holds {count} of {due} samples: it is damaged.")
 
     @cached_property
     def span(self) -> tuple[float, float]:
@@ -118,7 +126,7 @@ class Recording:
 def read_recording(path: Path | str) -> Recording:
     """Read a recording, up to the tear if its tail is torn. Raises `RecordingError` for what is no recording."""
     rows = read_rows(Path(path), ["/exact/events", "/exact/start", PROPERTIES + "**"])
-    with _telling_what_is_strange(Path(path), _values(rows, PROPERTIES + "run")):
+    with _telling_what_is_strange(Path(path), _values(Path(path), rows, PROPERTIES + "run")):
         return _assemble(Path(path), rows)
 
 
@@ -133,19 +141,29 @@ def read_range(path: Path | str, start: float | None = None, end: float | None =
 def read_scenario(path: Path) -> Scenario:
     """The scenario as the run of a file began. Takes milliseconds for a finished file of any length. Raises `RecordingError`."""
     rows = read_rows(path, [PROPERTIES + "**"])
-    with _telling_what_is_strange(path, _values(rows, PROPERTIES + "run")):
+    with _telling_what_is_strange(path, _values(path, rows, PROPERTIES + "run")):
         return _scenario(_properties(path, rows)["scenario"])
 
 
-def _values(rows: Rows, entity: str) -> dict[str, Any]:
-    """All components of a static entity."""
-    return {name: value for _, row in rows.get(entity, []) for name, value in row.items()}
+def _values(path: Path, rows: Rows, entity: str) -> dict[str, Any]:
+    """All components of a static entity. Raises `RecordingError` if their checksum is wrong."""
+    return _sound(path, {name: value for _, row in rows.get(entity, []) for name, value in row.items()})
+
+
+def _sound(path: Path, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values without their checksum. Raises `RecordingError` if it is wrong."""
+    try:
+        return unchecked(values)
+    except ValueError as error:
+        raise RecordingError(f"{path}: {error}: the recording is damaged.") from None
 
 
 def _properties(path: Path, rows: Rows) -> dict[str, Any]:
-    properties = _values(rows, PROPERTIES + "run")
+    properties = _values(path, rows, PROPERTIES + "run")
     if "format" not in properties or "scenario" not in properties:
-        raise RecordingError(f"{path} is a rerun recording, but not one of flexlab's: it has no scenario.")
+        raise RecordingError(
+            f"{path} is a rerun recording, but not one of flexlab's: it has no scenario, or it is damaged."
+        )
     if not readable(properties):
         raise RecordingError(
             f"{path} was written by flexlab {properties['flexlab_version']}, which is newer than this one: update flexlab."
@@ -164,6 +182,8 @@ def _telling_what_is_strange(path: Path, properties: Mapping[str, Any]) -> Itera
         yield
     except RecordingError:
         raise
+    except json.JSONDecodeError as error:
+        raise RecordingError(f"{path}: a text in it breaks off ({error}): the recording is damaged.") from None
     except (FlexlabError, ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError) as error:
         version = visible(properties.get("flexlab_version", "of another version"), 40)
         lacks = f"it lacks {error}." if isinstance(error, KeyError) else ""
@@ -174,14 +194,14 @@ def _telling_what_is_strange(path: Path, properties: Mapping[str, Any]) -> Itera
 
 
 def _assemble(path: Path, rows: Rows) -> Recording:
-    properties, end = _properties(path, rows), _values(rows, PROPERTIES + "end")
+    properties = _properties(path, rows)
+    end = _values(path, rows, PROPERTIES + "end") | _values(path, rows, PROPERTIES + GAPS)
     scenario = _scenario(properties["scenario"])
-    start = _values(rows, "/exact/start").get("state")
+    start = _values(path, rows, "/exact/start").get("state")
     state = None if start is None else state_from_values(json.loads(start))
-    records = [json.loads(row["record"]) for _, row in rows.get("/exact/events", [])]
-    events = [event_from_values(record) for record in sorted(records, key=lambda record: record["number"])]
-    for event in events:
-        _finite(event.time)
+    if state is None and properties.get("has_start"):
+        raise RecordingError(f"{path} lacks the state in which its run began: it is damaged.")
+    events = _events(path, rows, end)
     started, part = datetime.fromisoformat(properties["started"]), int(properties["part"])
     period, ended = _finite(properties["sample_period_s"]), _finite(end.get("time_s", 0.0))
     if period <= 0:
@@ -192,7 +212,7 @@ def _assemble(path: Path, rows: Rows) -> Recording:
         name=str(properties["preset"]),
         scenario=scenario,
         start=state,
-        events=tuple(events),
+        events=events,
         status=status,
         started=started,
         sample_period=period,
@@ -205,6 +225,20 @@ def _assemble(path: Path, rows: Rows) -> Recording:
             name: value for name, value in (properties | end).items() if name != "scenario" and isinstance(value, PLAIN)
         },
     )
+
+
+def _events(path: Path, rows: Rows, end: Mapping[str, Any]) -> tuple[Event, ...]:
+    """All events in order. Raises `RecordingError` if some of a run that has ended are missing."""
+    records = [json.loads(_sound(path, row)["record"]) for _, row in rows.get("/exact/events", [])]
+    records.sort(key=lambda record: record["number"])
+    events = tuple(event_from_values(record) for record in records)
+    for event in events:
+        _finite(event.time)
+    # Rerun leaves out what it no longer understands, without a word. The last event of each run is its end.
+    due = int(end.get("events", 1 if end else 0))
+    if len(events) < due and not end.get(GAPS):
+        raise RecordingError(f"{path} holds {len(events)} of at least {due} events: it is damaged.")
+    return events
 
 
 def _block(path: Path, scenario: Scenario, values: dict[str, Any], history: Callable[[], Changes]) -> Samples:
@@ -230,74 +264,6 @@ def _finite(value: Any) -> float:
     if not isfinite(time):
         raise ValueError(f"a time in it is {time} s.")
     return time
-
-
-def read_rows(path: Path, content: list[str]) -> Rows:
-    """The rows of the entities that match, from a mended copy if the file is torn. Raises `RecordingError`."""
-    check_recording(path)
-    try:
-        return _rows_by_entity(path, content)
-    except Unreadable:
-        with _mended(path) as copy:
-            return _rows_by_entity(copy, content)
-
-
-def rows_in_order(path: Path, entity: str) -> Iterator[Row]:
-    """The rows of one entity in the order of time, few of them in memory at once.
-
-    A file that is torn, or whose writer is within a piece, is read through a mended copy. Raises `RecordingError`.
-    """
-    check_recording(path)
-    given = 0
-    try:
-        for row in _in_order(path, entity):
-            yield row
-            given += 1
-    except Unreadable:
-        with _mended(path) as copy:
-            yield from islice(_in_order(copy, entity), given, None)
-
-
-def _in_order(path: Path, entity: str) -> Iterator[Row]:
-    # An indexed file may hold rows out of order: early ones wait.
-    turns = np.argsort(np.argsort(entity_times(path, entity), kind="stable"), kind="stable")
-    waiting: dict[int, Row] = {}
-    following = 0
-    # A run that is being recorded has grown meanwhile: later rows are left out.
-    for turn, (_, row) in zip(turns.tolist(), stream_rows(path, [entity]), strict=False):
-        waiting[turn] = row
-        while following in waiting:
-            yield waiting.pop(following)
-            following += 1
-
-
-@contextmanager
-def _mended(path: Path) -> Iterator[Path]:
-    """A whole copy of what stands before the tear. Raises `RecordingError` if nothing of the run can be read."""
-    with TemporaryDirectory(prefix="flexlab-") as folder:
-        copy = Path(folder) / path.name
-        try:
-            found = Mending().rewrite(path, copy)
-        except OSError as error:
-            raise RecordingError(
-                f"{path} has no end, and a mended copy of it cannot be put into {folder} ({error.strerror}): make room."
-            ) from None
-        try:
-            if found:
-                yield copy
-                return
-        except Unreadable:
-            pass
-    raise RecordingError(f"{path} is damaged beyond repair: nothing of its run can be read.")
-
-
-def _rows_by_entity(path: Path, content: list[str]) -> Rows:
-    rows: Rows = {}
-    for entity, row in stream_rows(path, content):
-        rows.setdefault(entity, []).append(row)
-    for entity in rows.values():
-        entity.sort(key=lambda row: row[0])
-    return rows
 
 
 def within(blocks: Iterable[Samples], start: float | None, end: float | None) -> Iterator[Samples]:

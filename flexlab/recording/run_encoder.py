@@ -9,6 +9,7 @@ import numpy as np
 import rerun as rr
 
 from flexlab.errors import RecordingError, ScenarioError
+from flexlab.recording.checksums import checked
 from flexlab.recording.codec import encode_block, event_values, state_json
 from flexlab.recording.rerun_internals.chunks import (
     PROPERTIES,
@@ -158,9 +159,9 @@ class RunEncoder:
             single("TextLog", "text", "Text", f"t = {event.time:.3f} s: {event.text}"),
             single("TextLog", "level", "TextLogLevel", LEVELS.get(event.level, "INFO")),
         ]
-        record = single("flexlab.Event", "record", None, self._record(self._event_count, event))
+        record = checked({"record": self._record(self._event_count, event)})
         self._send(EVENTS, time, lines)
-        self._send(RECORDS, time, [record])
+        self._send(RECORDS, time, [single("flexlab.Event", name, None, text) for name, text in record.items()])
         self._event_count += 1
 
     def _record(self, number: int, event: Event) -> str:
@@ -173,8 +174,9 @@ class RunEncoder:
         self._send_event(
             Event(status.time or self.last_time, f"{END}: {status.text}", level="error" if status.failed else "info")
         )
-        values = {"status": str(status), "text": status.text, "time_s": self.last_time, "rows": self.rows}
-        self._log([(PROPERTIES + "end", rr.AnyValues(**values, dropped=dropped))])
+        counts = {"rows": self.rows, "dropped": dropped, "events": self._event_count}
+        values = checked({"status": str(status), "text": status.text, "time_s": self.last_time, **counts})
+        self._log([(PROPERTIES + "end", rr.AnyValues(**values))])
 
     def summary(self, status: Status, dropped: int) -> dict[str, Any]:
         """The notes on a run that has ended."""
@@ -247,7 +249,7 @@ class RunStream:
             for entity, shape in fixed_shapes(scenario):
                 self.log(entity, shape)
         if info.start is not None:
-            self.log("exact/start", rr.AnyValues(state=state_json(info.start)))
+            self.log("exact/start", rr.AnyValues(**checked({"state": state_json(info.start)})))
         # `log` goes through a batcher that `send_columns` overtakes.
         stream.flush(timeout_sec=FLUSH_TIMEOUT)
 

@@ -15,6 +15,7 @@ import numpy as np
 import rerun as rr
 
 from flexlab import __version__
+from flexlab.recording.checksums import checked
 from flexlab.recording.scene_and_plots import exaggeration
 from flexlab.recording.store.formats import ARITHMETIC, FORMAT, OLDEST_READER
 from flexlab.scenario import Scenario
@@ -123,10 +124,11 @@ def run_properties(info: RunInfo) -> rr.AnyValues:
         "part": info.part,
         "sample_period_s": info.sample_period,
         "scenario": info.scenario.model_dump_json(),
+        "has_start": int(info.start is not None),
         "rerun_version": rr.__version__,
         **(info.recorded_by or these_versions()),
     }
-    return rr.AnyValues(**values)
+    return rr.AnyValues(**checked(values))
 
 
 def these_versions() -> dict[str, str]:

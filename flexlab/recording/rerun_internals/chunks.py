@@ -188,7 +188,11 @@ def _rows(batch: pa.RecordBatch) -> Iterator[Row]:
     components = [name for name in batch.schema.names if name not in (TIMELINE, ROW_ID)]
     columns = {name.rpartition(":")[2]: batch.column(name).to_pylist() for name in components}
     for row, instant in enumerate(_instants(batch)):
-        yield instant, {name: column[row][0] for name, column in columns.items() if column[row]}
+        # Where bytes were changed, a column that is no component may have any name.
+        yield (
+            instant,
+            {n: column[row][0] for n, column in columns.items() if isinstance(column[row], list) and column[row]},
+        )
 
 
 def _instants(batch: pa.RecordBatch) -> list[int]:

@@ -1,0 +1,32 @@
+"""Checksums of a recording's texts, kept beside them.
+
+Rerun's files have none: a digit of a scenario that a disk changed would pass for another run. Blocks of samples have their own.
+"""
+
+import json
+import zlib
+from collections.abc import Mapping
+from typing import Any
+
+CHECK = "check"
+"""The component beside a text, or beside values, that holds the checksum."""
+GAPS = "gaps"
+"""Property of a recording that lacks a part of its run: its disk was full, or its file was begun late."""
+
+
+def checksum(text: str) -> str:
+    """Of a text."""
+    return str(zlib.crc32(text.encode("utf-8", "surrogatepass")))
+
+
+def checked(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values in JSON's types with their checksum."""
+    return {**values, CHECK: checksum(json.dumps(values, sort_keys=True))}
+
+
+def unchecked(values: Mapping[str, Any]) -> dict[str, Any]:
+    """What `checked` was given; values of older recordings have no checksum. Raises ValueError if it is another's."""
+    rest = {name: value for name, value in values.items() if name != CHECK}
+    if CHECK in values and values[CHECK] != checked(rest)[CHECK]:
+        raise ValueError(f"the checksum of {', '.join(rest)} is wrong")
+    return rest

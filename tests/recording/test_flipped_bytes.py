@@ -1,0 +1,84 @@
+"""Bytes of a recording that a disk or a transfer changed: the file is read as it was, or refused; never read as another run."""
+
+import random
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexlab.errors import RecordingError
+from flexlab.recording.course import Course
+from flexlab.recording.headless import write_run
+from flexlab.recording.reader import Recording, read_recording
+from flexlab.sim.commands import ChangeScenario
+from flexlab.sim.samples import Run
+from flexlab.sim.snapshot import Event
+from flexlab.sim.world import World
+
+FLIPS = 25
+"""Per word at which bits are changed, one at a time."""
+GOLDEN = Path(__file__).parent / "golden"
+
+
+@pytest.fixture
+def sound(run: Run, tmp_path: Path) -> Path:
+    change = Event(0.01, "Softer", ChangeScenario({"payload.bending_stiffness": 61.0}))
+    short = Run(**run.slice(0, 40).signals(), scenario=run.scenario, status=run.status)
+    return write_run(short, tmp_path, "sound", course=Course(0.001, (change,), World(run.scenario).state()))
+
+
+def said(recording: Recording) -> tuple[object, ...]:
+    """All that figures are computed from."""
+    numbers = {name: np.asarray(signal).tobytes() for name, signal in recording.samples.signals().items()}
+    circumstances = recording.scenario, repr(recording.events), repr(recording.start), str(recording.status)
+    return numbers, *circumstances, recording.status, recording.sample_period, recording.started, recording.part
+
+
+def flipped(path: Path, word: bytes, around: int) -> Iterator[Path]:
+    """Copies with one bit changed each, at the places of a word and up to `around` bytes behind."""
+    whole = path.read_bytes()
+    places = [place for place in range(len(whole)) if whole.startswith(word, place)]
+    assert places
+    choice = random.Random(len(word))
+    for _ in range(FLIPS):
+        place = choice.choice(places) + choice.randrange(around)
+        data = bytearray(whole)
+        data[place] ^= 1 << choice.randrange(8)
+        copy = path.with_name(f"flipped-{place}.rrd")
+        copy.write_bytes(data)
+        yield copy
+        copy.unlink()
+
+
+# Not the schemas of rerun's chunks: some of what these can be changed to ends the process that reads them.
+@pytest.mark.parametrize(
+    ("word", "around"),
+    [
+        (b'"linear_density":2.0', 25),
+        (b"exact/events", 12),
+        (b"exact/samples", 13),
+        (b"exact/start", 11),
+        (b"held_torque", 300),
+        (b"Softer", 200),
+    ],
+)
+def test_a_flipped_bit_makes_no_other_run(sound: Path, word: bytes, around: int) -> None:
+    before = said(read_recording(sound))
+    for copy in flipped(sound, word, around):
+        try:
+            found = said(read_recording(copy))
+        except RecordingError:
+            continue
+        assert found == before, copy.name
+
+
+@pytest.mark.parametrize(("number", "place"), [(1, 112264), (1, 113764)])
+def test_lost_events_and_samples_of_older_recordings_are_noticed(number: int, place: int, tmp_path: Path) -> None:
+    """One byte each makes rerun leave out all events, or all samples, without a word."""
+    data = bytearray((GOLDEN / f"format-{number}" / "continued.rrd").read_bytes())
+    data[place] ^= 128
+    copy = tmp_path / "flipped.rrd"
+    copy.write_bytes(data)
+    with pytest.raises(RecordingError, match="damaged"):
+        assert read_recording(copy).samples is None

@@ -2,14 +2,16 @@
 (() => {
   const LOOK = 33, STALE = 700; // ms between two checks; after which tones that were not sent again fall silent
   const GLIDE = 0.03; // s in which pitch and loudness follow
-  const VOLUME = 0.3; // of all tones together, so that several at their loudest do not clip
+  const FADE = 300; // ms after which a sound that is turned off has faded: cut off, it would click
+  const VOLUME = 0.3; // of a tone at its loudest; more than three of them share what a sound card can play
   const button = Object.assign(document.createElement("button"), { className: "fl-hear", type: "button", textContent: "Hear it" });
   button.setAttribute("aria-pressed", "false");
   button.title = "The beam's vibration as sound";
-  let context = null, master = null, voices = [], on = false, count = "", changed = 0;
+  let context = null, master = null, voices = [], on = false, looking, resting, count = "", changed = 0;
 
-  function voice() {
+  function voice([pitch]) {
     const tone = context.createOscillator(), loudness = context.createGain();
+    tone.frequency.value = pitch;
     loudness.gain.value = 0;
     tone.connect(loudness).connect(master);
     tone.start();
@@ -17,16 +19,16 @@
   }
 
   function sound(tones) {
-    while (voices.length < tones.length) voices.push(voice());
+    while (voices.length < tones.length) voices.push(voice(tones[voices.length]));
+    const share = 1 / Math.max(1, VOLUME * tones.reduce((sum, [, loud]) => sum + loud, 0));
     voices.forEach(({ tone, loudness }, index) => {
       const [pitch, loud] = tones[index] ?? [0, 0];
       if (pitch) tone.frequency.setTargetAtTime(pitch, context.currentTime, GLIDE);
-      loudness.gain.setTargetAtTime(loud, context.currentTime, GLIDE);
+      loudness.gain.setTargetAtTime(share * loud, context.currentTime, GLIDE);
     });
   }
 
   function look() {
-    if (!on) return;
     const told = document.querySelector(".fl-tones")?.dataset;
     const now = performance.now();
     if (told && told.count !== count) {
@@ -34,24 +36,33 @@
       const { factor, tones } = JSON.parse(told.tones);
       sound(tones);
       button.textContent = `Sound: pitch × ${factor}`;
-    } else if (now - changed > STALE) sound([]);
+    } else if (now - changed > STALE) {
+      changed = Infinity;
+      sound([]);
+    }
   }
 
-  async function toggle() {
+  function toggle() {
     on = !on;
     button.setAttribute("aria-pressed", String(on)); // page.js tells the lab
     button.textContent = on ? "Sound" : "Hear it";
-    if (!on) return void await context?.suspend();
+    clearInterval(looking);
+    clearTimeout(resting);
+    if (!on) {
+      sound([]);
+      resting = setTimeout(() => context.suspend(), FADE);
+      return;
+    }
+    looking = setInterval(look, LOOK);
     if (!context) {
       context = new AudioContext(); // A browser lets nothing sound before a click.
       master = context.createGain();
       master.gain.value = VOLUME;
       master.connect(context.destination);
     }
-    await context.resume();
+    context.resume();
   }
 
   button.addEventListener("click", toggle);
   addEventListener("DOMContentLoaded", () => document.body.append(button));
-  setInterval(look, LOOK);
 })();

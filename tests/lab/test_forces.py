@@ -1,12 +1,16 @@
 """Arrows of forces at the grips, in a real scene."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from flexlab.lab import colors
-from flexlab.lab.scene.forces import StraightArrows
+from flexlab.lab.scene.forces import AWAY, BentArrows, StraightArrows
 from flexlab.lab.session import Session
+from flexlab.lab.view_settings import ViewSettings
 from flexlab.presets import load_preset
+from flexlab.sim.commands import Pull
 
 
 @pytest.mark.parametrize("length", [0.25, 0.5, 1.0])
@@ -30,3 +34,31 @@ def test_an_arrow_that_appears_is_where_its_force_is(lasting_session: Session):
     arrows.update(elsewhere, np.array([[0.001, 0.0], [-0.001, 0.0]]), shown=True)
     assert not arrows._handle.visible
     assert np.allclose(arrows._handle.points[:, 0, :2], elsewhere)
+
+
+def test_arrows_that_nobody_is_to_see_wait_where_they_do_not_flash(lasting_session: Session):
+    scene, paper = lasting_session.server.scene, load_preset("paper")
+    places, force, moment = (
+        np.array([[0.0, 0.0], [0.5, 0.0]]),
+        np.array([[9.0, 0.0], [-9.0, 0.0]]),
+        np.array([3.0, 3.0]),
+    )
+    straight = StraightArrows(scene, "/straight", colors.INTERNAL_FORCE, paper, 0.1)
+    bent = BentArrows(scene, "/bent", colors.INTERNAL_FORCE, 2, 1.0, 0.1)
+    for arrows, load in ((straight, force), (bent, moment)):
+        for shown in (False, True, False):
+            arrows.update(places, load, shown=shown)
+            assert arrows._handle.visible is shown
+            assert (np.abs(arrows._handle.points[..., 2] - AWAY[2]).max() < 1e-3) is not shown
+    scene.remove_by_name("/straight")
+    scene.remove_by_name("/bent")
+
+
+def test_the_arrow_of_a_pull_waits_where_it_does_not_flash(lasting_session: Session):
+    arrow: Any = lasting_session._scene._pull
+    snapshot = lasting_session.runner.snapshot
+    for pull in (None, Pull(0.25, (0.0, 0.9), 100.0), None):
+        arrow.update(snapshot.scenario, snapshot.latest, ViewSettings(), pull)
+        assert arrow._arrow.visible is arrow._label.visible is (pull is not None)
+        assert bool(arrow._arrow.points[0, 0, 2] == AWAY[2]) is (pull is None)
+        assert bool(arrow._label.text) is (pull is not None)

@@ -27,6 +27,12 @@ LOUDEST = """([low, high]) => {
   for (let at = place; at < levels.length && at <= high / width; at++) if (levels[at] > levels[place]) place = at;
   return [place * width, Math.max(levels[place] ?? -200, -200)]; }"""
 """What is loudest between two frequencies, Hz: where, Hz, and its level, dB."""
+LOOKS = """() => new Promise((done) => {
+  const plain = document.querySelector;
+  let looks = 0;
+  document.querySelector = function (selector) { looks += selector === '.fl-tones'; return plain.call(this, selector); };
+  setTimeout(() => { delete document.querySelector; done(looks); }, 500); })"""
+"""How often the page looks for tones in half a second."""
 AUDIBLE = -60.0
 """dB."""
 WHOLE = (0.0, 30e3)
@@ -48,8 +54,10 @@ def test_what_sounds_are_the_beams_modes_in_their_true_ratio_until_the_run_holds
     assert button.get_attribute("aria-pressed") == "false"
     assert page.page.locator(".fl-tones").count() == 0, "nothing is sent to who does not listen"
     assert loudest(page, *WHOLE)[1] == -200.0
+    assert page.page.evaluate(LOOKS) == 0, "nor looked for"
     button.click()
     omega = np.sort(build_beam(page.snapshot.scenario.payload).modes.omega)[:2]
+    assert page.page.evaluate(LOOKS) > 0
     first, second = heard_factor(float(omega[0]) / (2 * np.pi)) * omega / (2 * np.pi)
     session.lab_state.submit(Tap(0.12, (0.0, 0.3)))
 
@@ -65,5 +73,6 @@ def test_what_sounds_are_the_beams_modes_in_their_true_ratio_until_the_run_holds
     wait_until(lambda: loudest(page, *WHOLE)[1] < AUDIBLE - 20, "silence while time stands")
     page.page.get_by_role("button", name="Sound: pitch × 16", exact=True).click()
     page.page.get_by_role("button", name="Hear it", exact=True).wait_for()
-    assert page.page.evaluate("window.heard.context.state") == "suspended"
+    wait_until(lambda: page.page.evaluate("window.heard.context.state") == "suspended", "the sound has faded")
+    assert page.page.evaluate(LOOKS) == 0, "nobody listens any more"
     assert not page.errors

@@ -25,8 +25,16 @@ LEAST_FORCE, LEAST_MOMENT = 1.0, 0.5
 """The ranges never fall below these, N and N·m: less need not be magnified."""
 FRAMES_BEFORE_SHRINKING = 75
 """Pictures without a large force before a scale is magnified (2.5 s)."""
+AWAY = np.array([0.0, 0.0, -1e3])
+"""Where parts wait while nobody is to see them, m: a browser shows a part at once and moves it a picture later, so that one that
+comes back would flash where it was last."""
 HIDDEN_BELOW = 0.03
 """Share of the range below which arrows are hidden: their heads alone would say more than there is."""
+
+
+def _arrows_away(count: int) -> np.ndarray:
+    """Ends (count, 2, 3) of arrows that wait where nobody sees them."""
+    return np.tile([AWAY, AWAY + [1.0, 0.0, 0.0]], (count, 1, 1)).astype(np.float32)
 
 
 class StraightArrows:
@@ -43,9 +51,10 @@ class StraightArrows:
         count, size = len(scenario.arms), scene_size(scenario)
         self._height, self._longest = height, LONGEST_ARROW * scenario.payload.length
         self._range = Range(LEAST_FORCE, FRAMES_BEFORE_SHRINKING)
+        self._was_shown = False
         self._handle = scene.add_arrows(
             name,
-            np.tile([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], (count, 1, 1)),
+            _arrows_away(count),
             np.tile(np.array(color, np.uint8), (count, 1)),
             shaft_radius=0.006 * size,
             head_radius=0.016 * size,
@@ -63,10 +72,13 @@ class StraightArrows:
         largest = float(np.linalg.norm(force, axis=1).max())
         self._range.fit(largest)
         self._handle.visible = shown and largest > HIDDEN_BELOW * self._range.limit
-        if shown:  # Hidden ones, too: a browser shows an arrow at once, and moves it a picture later.
+        if shown:  # Those too small to be seen, too: they grow where they are.
             plane = np.stack([starts, starts + force / self.per_meter], axis=1)
             height = np.full((len(starts), 2, 1), self._height)
             self._handle.points = np.concatenate([plane, height], axis=2).astype(np.float32)
+        elif self._was_shown:
+            self._handle.points = _arrows_away(len(starts))
+        self._was_shown = shown
 
 
 class BentArrows:
@@ -75,9 +87,11 @@ class BentArrows:
     def __init__(self, scene: viser.SceneApi, name: str, color: colors.Color, count: int, size: float, height: float):
         self._height, self._radius = height, ARC_RADIUS * size
         self._range = Range(LEAST_MOMENT, FRAMES_BEFORE_SHRINKING)
+        self._away = np.tile(AWAY, (count * (ARC_PIECES + 2), 2, 1)).astype(np.float32)
+        self._was_shown = False
         self._handle = scene.add_line_segments(
             name,
-            np.zeros((count * (ARC_PIECES + 2), 2, 3)),
+            self._away,
             color,
             thickness=3.5,
             thickness_units="screen",
@@ -99,6 +113,9 @@ class BentArrows:
             plane = np.concatenate(arcs)
             height = np.full((*plane.shape[:2], 1), self._height)
             self._handle.points = np.concatenate([plane, height], axis=2).astype(np.float32)
+        elif self._was_shown:
+            self._handle.points = self._away
+        self._was_shown = shown
 
     def _arc(self, center: np.ndarray, turn: float) -> np.ndarray:
         """Line segments (ARC_PIECES + 2, 2, 2): the arc from the top of the circle, and two strokes of its head."""
@@ -158,7 +175,7 @@ class PullArrow:
         self._size = size = scene_size(scenario)
         self._arrow = scene.add_arrows(
             "/pull",
-            np.array([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]]),
+            _arrows_away(1),
             np.array([colors.VERMILION], np.uint8),
             shaft_radius=0.005 * size,
             head_radius=0.014 * size,
@@ -170,8 +187,10 @@ class PullArrow:
     def update(self, scenario: Scenario, sample: Samples, view: ViewSettings, pull: Pull | None) -> None:
         """Draw `pull`, if there is one, at the point it holds in `sample` (N = 1)."""
         held = pull is not None and (pull.link is None or pull.link[0] <= len(scenario.arms))
-        self._arrow.visible = self._label.visible = held
+        was_held, self._arrow.visible, self._label.visible = self._arrow.visible, held, held
         if pull is None or not held:
+            if was_held:
+                self._arrow.points, self._label.text, self._label.position = _arrows_away(1), "", tuple(AWAY)
             return
         target = np.array(pull.target)
         force = pull.stiffness * float(np.linalg.norm(target - held_point(scenario, sample, pull)))

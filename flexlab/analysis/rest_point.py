@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlab.control.law import BOUND_ESTIMATES, law_of
+from flexlab.control.observers.kalman import KalmanObserver
 from flexlab.control.path import build_motion, paths
 from flexlab.control.paths.sine import SineTrajectory
 from flexlab.errors import ScenarioError, StudyError
@@ -98,6 +99,8 @@ class LoopProbe:
         growing = slices.get(BOUND_ESTIMATES.name, slice(0))
         self.growing = np.arange(len(self._y[self._memory]))[growing]
         """Indices of memory states that only grow, and rest only where nothing feeds them."""
+        self.observed = np.arange(len(self._y[self._memory]))[slices.get(KalmanObserver().memory().name, slice(0))]
+        """Indices of an observer's states, which have one rest value each."""
         y = self._y.copy()
         y[X : X + 3] = self.original.trajectory.middle
         begin = law_start(scenario, self.system, 0.0, y, self._workspace, True)
@@ -236,7 +239,8 @@ def find_rest(probe: LoopProbe, target: np.ndarray) -> RestPoint:
     """The rest point of the loop under a constant desired pose (3,). Raises `StudyError` if there is none.
 
     The law's memory first keeps its start value. If it moves there, as an integral part or an observer does, its rest value
-    is sought too. If there is none, states that only grow keep their start value.
+    is sought too: of as few parts as possible, since estimates that nothing moves have any. If there is none, states that only
+    grow keep their start value.
     """
     desired = np.zeros((3, 3))
     desired[0] = target
@@ -254,18 +258,22 @@ def find_rest(probe: LoopProbe, target: np.ndarray) -> RestPoint:
     if frozen is not None and _rests(balance(frozen)):
         return _rest_point(probe, frozen, desired, np.arange(0))
     begin = start if frozen is None else frozen
-    settling = np.setdiff1d(np.arange(3 + count), 3 + probe.growing)
-    for free in (np.arange(3 + count), settling):
+    whole = np.arange(3 + count)
+    settling = np.setdiff1d(whole, 3 + probe.growing)
+    for free in (np.concatenate([whole[:3], 3 + probe.observed]), settling, whole):
         found = _newton(balance, begin, free) if len(free) > 3 else None
-        if found is not None:
-            return _rest_point(probe, found, desired, np.setdiff1d(np.arange(3 + count), free))
+        if found is not None and _rests(balance(found)):
+            return _rest_point(probe, found, desired, whole[:0])
+    found = _newton(balance, begin, settling) if len(settling) > 3 else None
+    if found is not None:
+        return _rest_point(probe, found, desired, 3 + probe.growing)
     if frozen is None:
         pose = f"x = {target[0]:.3f} m, y = {target[1]:.3f} m, θ = {target[2]:.3f} rad"
         raise StudyError(
             f"The loop has no rest point near {pose}: the motors do not hold the weight there. "
             "Choose a law that holds the arms, higher gains, or no gravity."
         )
-    return _rest_point(probe, frozen, desired, np.arange(3, 3 + count))
+    return _rest_point(probe, frozen, desired, whole[3:])
 
 
 def _hold(probe: LoopProbe, z: np.ndarray, desired: np.ndarray) -> tuple[Motion, np.ndarray]:

@@ -20,7 +20,7 @@ from flexlab.sim.assembly import Assembly
 from flexlab.sim.build import payload_row
 from flexlab.sim.closed_loop import System, new_workspace, own_parts, own_states_of, state_length
 from flexlab.sim.commands import MESH_FIELDS, RESTART_FIELDS, ChangeScenario
-from flexlab.sim.disturbance import set_pull_row
+from flexlab.sim.disturbance import set_pull_row, without_hand
 from flexlab.sim.geometry import shape_functions
 from flexlab.sim.motion import (
     Motion,
@@ -97,6 +97,7 @@ def _transferred(motion: Motion, assembly: Assembly) -> Motion:
     motion = replace(motion, y=motion.y.copy())
     before, old, scenario = motion.scenario, motion.assembly, assembly.scenario
     another_law, another_beam = not same_law(before, scenario), assembly.beam is not old.beam
+    assembly = _with_hand(assembly, old)
     rate, eta, eta_dot = _coordinates_in(motion, assembly)
     starts_sampling = assembly.system.control.sampled and not old.system.control.sampled
     law_before = motion.law_start(False)
@@ -106,9 +107,6 @@ def _transferred(motion: Motion, assembly: Assembly) -> Motion:
     _keep_torques(motion, assembly, torques if starts_sampling else None)
     motion.assembly, motion.level, motion.move = assembly, 0, None
     motion.estimate = accuracy.disturbed(motion.estimate, assembly, motion.tick)
-    if another_beam:
-        assembly.system.plant.pull[:] = old.system.plant.pull
-        set_pull_row(assembly.system.plant, scenario.payload, assembly.beam)
     kept: tuple[str, ...] = ()
     if another_beam or another_law or parts != parts_before:
         y = np.zeros(state_length(assembly.system))
@@ -132,6 +130,17 @@ def _transferred(motion: Motion, assembly: Assembly) -> Motion:
     elif "reading" not in parts_before or assembly.sampling.period != old.sampling.period:
         begin_reading(assembly.system.plant, assembly.sampling.period, motion.y, motion.workspace)
     return motion
+
+
+def _with_hand(assembly: Assembly, old: Assembly) -> Assembly:
+    """The assembly with the hand of an old one, in arrays of its own if it does not share them: other assemblies may."""
+    pull = old.system.plant.pull
+    if assembly.system.plant.pull is pull:
+        return assembly
+    plant = without_hand(assembly.system.plant)
+    plant.pull[:] = pull
+    set_pull_row(plant, assembly.scenario.payload, assembly.beam)
+    return assembly._replace(system=assembly.system._replace(plant=plant))
 
 
 def _coordinates_in(motion: Motion, assembly: Assembly) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

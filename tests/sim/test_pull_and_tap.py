@@ -139,6 +139,20 @@ def test_a_pull_stays_on_its_point_across_a_new_mesh():
     assert np.abs(before).max() > 1
 
 
+def test_a_hand_holds_on_when_a_gain_changes_in_a_run_with_a_halved_step():
+    """Its beam and plant are shared with the untried step's, which has no hand."""
+    scenario = load_preset("paper").replace({"payload.bending_stiffness": 3000.0})
+    held, changed = World(scenario), World(scenario)
+    assert held._motion.assembly.unrefined is not None
+    for world in (held, changed):
+        world.advance(10)
+        world.apply(Pull(-0.05, (-0.3, 0.7), 40.0))
+        world.advance(10)
+    changed.apply(ChangeScenario({"controller.feedback_gain": scenario.controller.feedback_gain}))
+    np.testing.assert_array_equal(changed.state().pull, held.state().pull)
+    np.testing.assert_allclose(changed.run(20).pose, held.run(20).pose, rtol=0, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("command", "words"),
     [

@@ -91,6 +91,8 @@ class Control(NamedTuple):
     """Each arm's share of the common part, 1, (2,)."""
     internal_force: float
     """F_d, N: wanted squeeze of the payload between two arms."""
+    drives: bool
+    """Whether the motors work at all: if not, nothing is added to the law's answer."""
     torque_limit: np.ndarray
     """N·m per joint, infinite where there is none, (3,)."""
     limited: bool

@@ -144,6 +144,7 @@ def build_control(scenario: Scenario, beam: Beam) -> Control:
         payload=BelievedPayload(believed.m, believed.I, kappa.copy(), settings.model.mass_change_factor),
         share=load_shares(settings, arm_count),
         internal_force=settings.wanted_internal_force if arm_count == MOST_ARMS and law.drives else 0.0,
+        drives=law.drives,
         torque_limit=np.full(3, np.inf) if settings.torque_limit is None else np.array(settings.torque_limit),
         limited=settings.torque_limit is not None,
         sampled=settings.control_period is not None,

@@ -171,9 +171,10 @@ def _run_law_at(system, t, y, x, v, now, terms, u, ws):
     control_law(
         control, plant.gravity, mass, x, v, ws.beam_rate, ws.desired, now, y[start:end], ws.memory_rate, y[end:]
     )
-    if system.trajectory.bending != 0:
-        feed_forward_bending(system.trajectory.bending, now)
-    compensate_friction(plant.joints, plant.arms, terms, v[0], v[1], v[2], u, ws.tau)
+    if control.drives:
+        if system.trajectory.bending != 0:
+            feed_forward_bending(system.trajectory.bending, now)
+        compensate_friction(plant.joints, plant.arms, terms, v[0], v[1], v[2], u, ws.tau)
     if control.limited:
         for i in range(len(plant.arms)):
             joint_torques(plant.arms[i], terms.trig[0], terms.trig[1], terms.direction[i], u[i], ws.tau)

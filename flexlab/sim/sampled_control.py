@@ -191,9 +191,10 @@ def answer(system, sampling, t, y, ws):
     now.time = t
     mass = believed_mass(plant.mass_change, control.payload.change, ws)
     control_law(control, plant.gravity, mass, x, v, now.beam_rate, ws.desired, now, memory, ws.memory_rate, y[end:])
-    if system.trajectory.bending != 0:
-        feed_forward_bending(system.trajectory.bending, now)
-    compensate_friction(plant.joints, plant.arms, ws.measured_arm, v[0], v[1], v[2], now.u, ws.tau)
+    if control.drives:
+        if system.trajectory.bending != 0:
+            feed_forward_bending(system.trajectory.bending, now)
+        compensate_friction(plant.joints, plant.arms, ws.measured_arm, v[0], v[1], v[2], now.u, ws.tau)
     for a in range(control.memory_size):
         memory[a] += sampling.period * ws.memory_rate[a]
     for i in range(len(plant.arms)):

@@ -6,6 +6,7 @@ from reference.terms import arm_terms, random_scenario
 
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
+from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
 
 LAWS = {
@@ -129,3 +130,13 @@ def test_sliding_variable_is_the_error_rate_plus_slope_times_error():
     e = samples.tracking_error
     e_dot = (8 * (e[3:-1] - e[1:-3]) - (e[4:] - e[:-4])) / 12e-4
     np.testing.assert_allclose(samples.sliding_variable[2:-2], e_dot + 50 * e[2:-2], rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize("period", [None, 1e-3])
+def test_motors_that_are_off_give_no_torque_whatever_is_fed_forward(period: float | None):
+    fed = {"trajectory.bending_feedforward": 1.0, "controller.wanted_internal_force": 20.0}
+    known = {"joints.friction.viscous": (5.0, 5.0, 5.0), "controller.model.friction_factor": 1.0}
+    off = load_preset("paper").replace({"controller.kind": "none", "initial.pose_rate": None})
+    run = simulate(off.replace({**fed, **known, "controller.control_period": period}), 0.05)
+    assert not run.joint_torque.any()
+    assert np.abs(run.pose_rate[-1] - run.pose_rate[0]).max() > 1e-2

@@ -90,10 +90,12 @@ OBSERVER = {
 }
 
 
-@pytest.mark.parametrize("delay", [0, 1, 3])
+@pytest.mark.parametrize(
+    ("delay", "horizon"), [(0, None), (1, None), (3, None), (2, 1.3), (1, 0.0), (0, 1.0), (1, 2.4)]
+)
 @pytest.mark.parametrize("kind", OBSERVED)
-def test_sampled_with_an_observer(kind: str, delay: int):
-    changes = {**OBSERVER, "controller.input_delay": delay}
+def test_sampled_with_an_observer(kind: str, delay: int, horizon: float | None):
+    changes = {**OBSERVER, "controller.input_delay": delay, "controller.observer.horizon": horizon}
     if kind == "composite":
         changes |= {"controller.slow.kind": "sliding-mode", "controller.slow.boundary_layer": 0.9}
         changes |= {"controller.lateral_vibration_gain": 40.0, "controller.angular_vibration_gain": 300.0}

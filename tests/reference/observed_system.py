@@ -93,15 +93,23 @@ class ObservedSystem(FlexibleSystem):
     def asked(self, seen: Seen, z: np.ndarray, line: list[np.ndarray], memory: np.ndarray):
         """u_i and the slow law's memory rate."""
         forces = [self.net(seen, torque) for torque in line]
-        law, (M, C, G) = self.scenario.controller, seen.sums()
-        if law.kind == "lqr":
-            z, (_, v_d, a_d) = self.ahead(z, seen, forces, [1.0] * self.delay), seen.desired
+        law, (M, C, G), weight = self.scenario.controller, seen.sums(), [0, seen.m * self.scenario.gravity, 0]
+        horizon, regulates = law.observer.horizon, law.kind == "lqr"
+        if horizon is None:
+            horizon = self.delay + (0.0 if regulates else 0.5)
+        parts = [min(1.0, horizon - k) for k in range(int(np.ceil(horizon)))]
+        if regulates:
+            _, v_d, a_d = seen.desired
+            u = M @ a_d + C @ v_d + G + seen.share[:, None] * (seen.A @ a_d + weight)
+        else:
+            u, rate = self.law(seen._replace(scenario=self.own), memory)
+        # Torques under way, then what is asked for now: of a regulator the feedforward.
+        forces += [self.net(seen, None, u)] * len(parts)
+        z = self.ahead(z, seen, forces[: len(parts)], parts)
+        if regulates:
             aim = np.zeros_like(z)
             aim[:3], aim[3 + self.modes : 6 + self.modes] = seen.coming[:2]
-            common = seen.A @ a_d + [0, seen.m * self.scenario.gravity, 0] - self.regulator @ (z - aim)
-            return M @ a_d + C @ v_d + G + seen.share[:, None] * common, np.zeros(len(memory))
-        u, rate = self.law(seen._replace(scenario=self.own), memory)
-        z = self.ahead(z, seen, [*forces, self.net(seen, None, u)], [1.0] * self.delay + [0.5])
+            return u - seen.share[:, None] * (self.regulator @ (z - aim)), np.zeros(len(memory))
         lateral, turn = np.array([law.lateral_vibration_gain, law.angular_vibration_gain]) * (self.rates_of @ z)
         push = np.array([-e(seen.x[2])[1] * lateral, e(seen.x[2])[0] * lateral, turn])
         return u + seen.share[:, None] * (M.sum(0) @ push), rate

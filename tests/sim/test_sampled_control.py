@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from going_on import whole_run_as_in_blocks
 
 from flexlab.errors import ScenarioError
 from flexlab.presets import load_preset
@@ -144,3 +145,9 @@ def test_motors_go_on_when_a_delayed_controller_takes_over(delay: int):
     if delay:
         np.testing.assert_allclose(after[: delay - 1], np.broadcast_to(before, (delay - 1, 2, 3)), rtol=0, atol=1e-9)
         assert np.abs(after[delay] - before).max() > 1e-3
+
+
+@pytest.mark.parametrize("law", ["composite", "lqr"])
+def test_a_prediction_beyond_the_delay_depends_on_the_state_alone(law: str):
+    """A run that goes on from a state has the same bits: lqr used its input of the instant before, which no state holds."""
+    whole_run_as_in_blocks(load_preset(law).replace({"controller.observer.horizon": 2.5}), equal_nan=True)

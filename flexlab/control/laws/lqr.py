@@ -3,7 +3,8 @@
     Σu_i = B ẍ_d + C̄ ẋ_d + Ḡ - K (ẑ(k + d) - z_d),    z = (x, η, ẋ, η̇),  z_d = (x_d, 0, ẋ_d, 0) d periods from now
 
 z is estimated and predicted over the input delay of d periods by the Kalman observer (`control.observers.kalman`), from the
-same linear model, that of arms and lowest modes about the path's centre. K minimises Σ zᵀQz + FᵀRF over the periods: K = (R +
+same linear model, that of arms and lowest modes about the path's centre; over a longer horizon, the feedforward stands for the
+torques that come after those under way, as K's own are not known yet. K minimises Σ zᵀQz + FᵀRF over the periods: K = (R +
 ΓᵀPΓ)⁻¹ΓᵀPΦ, P from the discrete Riccati equation, Q = diag(q_x, q_b ω², q_v, q_b), q_b weighing the beam's energy, and R =
 diag(r) (Anderson and Moore, Optimal Control: Linear Quadratic Methods, 1990). Shapes: K (3, 2 (3 + n_o)), N and N·m per m, rad,
 m·kg^½ and per second of those. Arms carry their own parts of the feedforward and share the rest. Stability: Φ - ΓK is stable
@@ -119,6 +120,10 @@ def lqr(gains, now, memory, memory_rate, signals):
     """B ẍ_d + C̄ẋ_d + Ḡ - K (ẑ - z_d)."""
     update_estimate(gains, now, memory, memory_rate)
     feedback, desired, coming = now.scratch[7], now.desired, now.coming
+    if gains.predicted_periods > now.delay:
+        for a in range(3):
+            feedback[a] = 0.0
+        drive_arms(now, desired[2], desired[1], feedback, now.scratch[3:6])
     predict(gains, now, memory_rate, feedback)
     remember(gains, memory, memory_rate)
     for r in range(3):

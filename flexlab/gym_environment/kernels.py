@@ -41,8 +41,8 @@ class Variants(NamedTuple):
     """(variants, 2)."""
     buckling_load: np.ndarray
     """(variants,)."""
-    axial: np.ndarray
-    """(variants, 4, n_f, n_f)."""
+    axial: np.ndarray | None
+    """(variants, 4, n_f, n_f); None as in `Plant.axial`."""
     etdrk4: Etdrk4
     """Each array with an axis (variants,) before its own."""
     step_count: np.ndarray
@@ -80,12 +80,20 @@ class Worlds(NamedTuple):
 
 
 @inlined
+def _axial_of(axial, v):
+    """`Plant.axial` of variant v."""
+    if axial is None:
+        return None
+    return axial[v]
+
+
+@inlined
 def _with_beam(plant, variants, v):
     """The plant with the beam of variant v."""
     return Plant(
         plant.arms, plant.m, plant.I, plant.gravity, variants.modal[v], variants.damping[v], plant.block_start,
         variants.kappa[v], variants.shapes[v], variants.compliance[v], plant.pull, plant.length,
-        variants.buckling_load[v], variants.axial[v], plant.joints, plant.mass_change, plant.grips,
+        variants.buckling_load[v], _axial_of(variants.axial, v), plant.joints, plant.mass_change, plant.grips,
     )  # fmt: skip
 
 

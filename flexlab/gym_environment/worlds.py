@@ -248,8 +248,9 @@ def _stiffnesses(settings: Settings, base: Scenario) -> np.ndarray:
 def _stack(assemblies: list[Assembly]) -> Variants:
     schemes = [assembly.levels.scheme(0).etdrk4 for assembly in assemblies]
     plants = [assembly.system.plant for assembly in assemblies]
+    of_plants = {name: [getattr(plant, name) for plant in plants] for name in Variants._fields[:7]}
     return Variants(
-        *(np.stack([getattr(plant, name) for plant in plants]) for name in Variants._fields[:7]),
+        **{name: None if values[0] is None else np.stack(values) for name, values in of_plants.items()},
         etdrk4=Etdrk4(*map(np.stack, zip(*(scheme for scheme in schemes if scheme is not None), strict=True))),
         step_count=np.array([assembly.step_count for assembly in assemblies]),
     )

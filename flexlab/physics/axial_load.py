@@ -150,12 +150,6 @@ def in_axial_modes(matrix: np.ndarray, omega: np.ndarray, V: np.ndarray) -> np.n
 
 
 @inlined
-def has_axial_load(plant):
-    """Whether the axial force acts on the beam."""
-    return plant.axial.shape[1] > 0
-
-
-@inlined
 def along_acceleration(grips, plant, x_ddot, along, ws):
     """a₁, m/s², for ẍ (3,); `along`: F₁, N."""
     c, s = ws.arm.trig[0], ws.arm.trig[1]
@@ -223,9 +217,9 @@ def add_stiffness(G0, G1, G2, left, along, spin, eta, force):
 
 
 @inlined
-def geometric_force(plant, terms, y, ws):
+def geometric_force(axial, plant, terms, y, ws):
     """Fill ws.axial_force[NOW] with K_G η for `axial_terms`."""
-    n, count, all_force = plant.modal.shape[1], plant.axial.shape[1], ws.axial_force[NOW]
+    n, count, all_force = plant.modal.shape[1], axial.shape[1], ws.axial_force[NOW]
     eta, force = y[ETA : ETA + n], all_force
     if count < n:
         eta, force, i = ws.axial_force[GATHERED, :count], ws.axial_force[SCRATCH, :count], 0
@@ -235,12 +229,12 @@ def geometric_force(plant, terms, y, ws):
                 i += 1
     for k in range(count):
         force[k] = 0.0
-    G0, G1, G2 = plant.axial[0], plant.axial[1], plant.axial[2]
+    G0, G1, G2 = axial[0], axial[1], axial[2]
     factor = mass_factor(plant.mass_change, ws)
     add_stiffness(G0, G1, G2, terms[N_LEFT], factor * terms[ALONG], factor * terms[SPIN], eta, force)
     if terms[HAND] != 0:
         for j in range(count):
-            pulled, G_F = terms[HAND] * eta[j], plant.axial[HAND, j]
+            pulled, G_F = terms[HAND] * eta[j], axial[HAND, j]
             for k in range(count):
                 force[k] -= pulled * G_F[k]
     if count < n:
@@ -290,9 +284,13 @@ def predict_acceleration(grips, plant, y, ws):
 
 
 @inlined
-def find_axial_load(plant, y, ws):
-    """Fill ws.axial with `axial_terms`, and ws.axial_force[NOW] with K_G η, after `find_state`."""
+def find_axial_load(axial, plant, y, ws):
+    """Fill ws.axial with `axial_terms`, and ws.axial_force[NOW] with K_G η, if there is any, after `find_state`."""
+    if axial is None:
+        return
+    if axial.shape[1] == 0:
+        return
     along, x_ddot, grip = predict_acceleration(plant.grips, plant, y, ws), ws.axial_acceleration, ws.momentum
     payload_force(plant.grips, 0, ws.u, x_ddot, ws, grip)
     axial_terms(plant, x_ddot, along, grip, ws, ws.axial)
-    geometric_force(plant, ws.axial, y, ws)
+    geometric_force(axial, plant, ws.axial, y, ws)

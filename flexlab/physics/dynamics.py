@@ -162,6 +162,34 @@ def set_momenta(plant, y, velocity, eta_dot, ws):
 
 
 @inlined
+def add_axial_load(axial, ease, ws, dy):
+    """Add the axial load's part of π̇ to dy, and its power. `ease`: 1/s of `mass_change`."""
+    if axial is None:
+        return
+    if axial.shape[1] == 0:
+        return
+    n, given = len(ws.eta_dot), 0.0
+    for k in range(n):
+        dy[ETA + n + k] -= ease * ws.axial_force[0, k]
+        given -= ws.eta_dot[k] * ws.axial_force[0, k]
+    dy[AXIAL_WORK] = given
+
+
+@inlined
+def resist_axially(axial, plant, ease, h_force, g_force, ws):
+    """Add the axial load's part of -η̈ to ws.restoring; returns h_force and g_force with it."""
+    if axial is None:
+        return h_force, g_force
+    if axial.shape[1] > 0:
+        for k in range(plant.modal.shape[1]):
+            force = ease * ws.axial_force[0, k]
+            ws.restoring[k] += force
+            h_force += plant.modal[H, k] * force
+            g_force += plant.modal[G, k] * force
+    return h_force, g_force
+
+
+@inlined
 def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
     """Fill ẋ, Ṗ, η̇, π̇ and the powers of dy, after `find_velocities`, C̄_i and the inputs u (arms, 3) are known.
 
@@ -223,12 +251,7 @@ def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
             dy[ETA + n + k] += ease * (plant.modal[PULL, k] * f2)
             power += plant.modal[PULL, k] * f2 * ws.eta_dot[k]
     dy[WORK], dy[DISSIPATED], dy[AXIAL_WORK] = power, dissipation, 0.0
-    if plant.axial.shape[1] > 0:
-        given = 0.0
-        for k in range(n):
-            dy[ETA + n + k] -= ease * ws.axial_force[0, k]
-            given -= ws.eta_dot[k] * ws.axial_force[0, k]
-        dy[AXIAL_WORK] = given
+    add_axial_load(plant.axial, ease, ws, dy)
     bring_material(plant.mass_change, plant, y, w_bar, ws, dy)
     move_arms(plant.grips, u, ws, dy, grips_start(plant))
 
@@ -292,12 +315,7 @@ def acceleration(plant, y, beam_rate, w_bar, w_bar_rate, u, ws, result):
         h_force += plant.modal[H, k] * force
         g_force += plant.modal[G, k] * force
         eta_eta_dot += y[ETA + k] * ws.eta_dot[k]
-    if plant.axial.shape[1] > 0:
-        for k in range(n):
-            force = ease * ws.axial_force[0, k]
-            ws.restoring[k] += force
-            h_force += plant.modal[H, k] * force
-            g_force += plant.modal[G, k] * force
+    h_force, g_force = resist_axially(plant.axial, plant, ease, h_force, g_force, ws)
     pose_load(plant, w_bar, w_bar_rate, eta_eta_dot, h_force, g_force, f1, f2, pull_turn, u, ws, result)
     solve_symmetric(ws.S, result)
     return f1

@@ -58,6 +58,14 @@ def joint_states(joints):
 
 
 @inlined
+def has_axial_load(axial):
+    """Whether an axial force acts on the beam. `axial`: `Plant.axial`."""
+    if axial is None:
+        return False
+    return axial.shape[1] > 0
+
+
+@inlined
 def joints_start(plant):
     """Index in y of the joints' states."""
     return ETA + 3 * plant.modal.shape[1] + 3
@@ -148,9 +156,9 @@ class Plant(NamedTuple):
     """L, m."""
     buckling_load: float
     """P_cr, N."""
-    axial: np.ndarray
+    axial: np.ndarray | None
     """VᵀGV of `axial_load` in the n_f modes to which it is applied, (4, n_f, n_f): G0, G1, G2, and G_F, which commands change in
-    place; (4, 0, 0): the paper's beam, without axial load."""
+    place. None: the paper's plant, without axial load and all that follows; (4, 0, 0): no axial load, but some of these."""
     joints: Joints | None
     """None: ideal ones."""
     mass_change: MassChange | None

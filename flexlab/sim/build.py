@@ -96,6 +96,12 @@ def build_plant(scenario: Scenario, beam: Beam, arms: np.ndarray | None = None) 
     damped, stiffness = product(modes.D, loads), modes.omega * modes.omega
     axial = (axial_modes(modes.omega), *followed_loads(modes.omega, modes.D, loads))
     further = (stiffness, *shapes, np.zeros_like(stiffness), *axial)
+    extensions = {
+        "joints": build_joints(scenario.joints, scenario.controller.model, len(scenario.arms)),
+        "mass_change": build_mass_change(payload.mass_change),
+        "grips": build_grips(scenario.grips, len(scenario.arms)),
+    }
+    papers = payload.axial_load == "none" and all(part is None for part in extensions.values())
     return Plant(
         arms=arm_records(scenario.arms, payload.length) if arms is None else arms,
         m=matrices.m,
@@ -110,10 +116,8 @@ def build_plant(scenario: Scenario, beam: Beam, arms: np.ndarray | None = None) 
         pull=np.array(NO_HAND),
         length=payload.length,
         buckling_load=buckling_load(payload.length, payload.bending_stiffness, payload.boundary),
-        axial=beam.axial.copy(),
-        joints=build_joints(scenario.joints, scenario.controller.model, len(scenario.arms)),
-        mass_change=build_mass_change(payload.mass_change),
-        grips=build_grips(scenario.grips, len(scenario.arms)),
+        axial=None if papers else beam.axial.copy(),
+        **extensions,
     )
 
 

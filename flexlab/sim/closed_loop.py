@@ -9,7 +9,7 @@ from flexlab.compiled import compiled, inlined
 from flexlab.control.law_kernels import Control, control_law, feed_forward_bending
 from flexlab.control.motion import DesiredMotion, desired_motion
 from flexlab.physics.arm import arm_velocity_terms, joint_torques, task_input
-from flexlab.physics.axial_load import find_axial_load, has_axial_load
+from flexlab.physics.axial_load import find_axial_load
 from flexlab.physics.dynamics import find_velocities, momentum_rates
 from flexlab.physics.grips import find_grip_forces, find_measured_arms, own_rate, own_trig, pass_on
 from flexlab.physics.joints import compensate_friction, joint_parts, turn_joints
@@ -218,8 +218,7 @@ def rates(system, t, y, ws, dy, whole):
     code = find_state(system, t, y, ws)
     if code != 0:
         return code
-    if has_axial_load(system.plant):
-        find_axial_load(system.plant, y, ws)
+    find_axial_load(system.plant.axial, system.plant, y, ws)
     momentum_rates(system.plant, y, ws.w_bar[0], ws.beam_rate[0], ws.u, ws, dy, whole)
     joints, start = joints_start(system.plant), memory_start(system.plant)
     for a in range(joint_states(system.plant.joints)):

@@ -29,8 +29,9 @@ WHILE_OPEN = "--while-open"
 """Argument of a process that must end when its standard input does, finished or not."""
 
 JOINTS = {"joints.friction.viscous": (1.0, 1.0, 1.0)}
+AXIAL_LOAD = {"payload.axial_load": "first-order"}
 FURTHER = {"payload.mass_change.factor": 2.0}, {"grips.model": "compliant"}, JOINTS
-"""Extensions of the paper's plant: the loop is compiled for each combination, and contains no other extension."""
+"""Extensions of the paper's plant: the loop is compiled for each combination, and contains no other extension but axial load."""
 
 CHANGE = ChangeScenario({"controller.feedback_gain": 201.0})
 
@@ -89,6 +90,7 @@ def _compile_plant(changes: Mapping[str, Any]) -> None:
 PARTS: tuple[Callable[[], None], ...] = (
     _compile_paper,
     _compile_joints,
+    partial(_compile_plant, AXIAL_LOAD),
     *(
         partial(_compile_plant, {name: value for part in parts for name, value in part.items()})
         for count in range(1, len(FURTHER) + 1)

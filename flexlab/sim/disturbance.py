@@ -80,7 +80,9 @@ def without_hand(plant: Plant) -> Plant:
     """The plant without a hand, and with its own copies of the arrays that a hand changes."""
     modal = plant.modal.copy()
     modal[PULL] = 0.0
-    return plant._replace(modal=modal, pull=np.array(NO_HAND), axial=plant.axial.copy())
+    return plant._replace(
+        modal=modal, pull=np.array(NO_HAND), axial=None if plant.axial is None else plant.axial.copy()
+    )
 
 
 def set_pull_row(plant: Plant, payload: Payload, beam: Beam) -> None:

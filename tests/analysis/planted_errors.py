@@ -106,6 +106,9 @@ integral of super-twisting: control/laws/super_twisting.py
 observed disturbance: control/laws/disturbance_observer.py
     * feedback[a] - d_hat[a]
     * feedback[a] + d_hat[a]
+momentum that the observer begins with: control/laws/disturbance_observer.py
+    d_hat[a] - memory[a] - memory[3 + a]
+    d_hat[a] + memory[a] - memory[3 + a]
 velocity terms of the momentum: control/laws/disturbance_observer.py
     rate[a] += now.C[i, b, a]
     rate[a] += now.C[i, a, b]

@@ -33,7 +33,7 @@ import numpy as np
 
 from flexlab.compiled import disjoint, inlined
 from flexlab.numerics.linear_algebra import product, solve_symmetric
-from flexlab.physics.axial_load import END, NOW, SCRATCH, STIFF_MODE, has_axial_load
+from flexlab.physics.axial_load import END, NOW, SCRATCH, STIFF_MODE
 from flexlab.physics.axial_load import START as BEFORE
 from flexlab.physics.dynamics import acceleration, block_product
 from flexlab.physics.hand import beam_is_held
@@ -200,10 +200,42 @@ def begin_flow(plant, y, ws):
     for k in range(n):
         kept[k], kept[n + k] = y[ETA + k], ws.eta_dot[k]
         kept[2 * n + k] = w * w * y[ETA + k] - plant.modal[H, k] * lift
-    if has_axial_load(plant):
-        for k in range(n):
+    _begin_axially(plant.axial, kept[2 * n : 3 * n], ws)
+
+
+@inlined
+def _begin_axially(axial, loads, ws):
+    """Note the axial load's force of a step's beginning, and subtract it from the loads s (n,)."""
+    if axial is None:
+        return
+    if axial.shape[1] > 0:
+        for k in range(len(loads)):
             ws.axial_force[BEFORE, k] = ws.axial_force[NOW, k]
-            kept[2 * n + k] -= ws.axial_force[NOW, k]
+            loads[k] -= ws.axial_force[NOW, k]
+
+
+@inlined
+def _slope_with_axial(axial, k, slope, bent, per_step, ws):
+    """The slope of mode k's load with that of the axial load, whose mode bends by `bent` in the step."""
+    if axial is None:
+        return slope
+    if axial.shape[1] > 0:
+        slope += (ws.axial_force[END, k] - ws.axial_force[BEFORE, k]) * per_step
+        ws.axial_force[SCRATCH, k] = bent
+    return slope
+
+
+@inlined
+def _loss_with_axial(axial, plant, loss, per_step, ws):
+    """The loss of a step with what the axial load's slope adds."""
+    if axial is None:
+        return loss
+    if axial.shape[1] > 0:
+        block_product(plant.block_start, plant.damping, ws.axial_force[SCRATCH], ws.damping_force)
+        for k in range(plant.modal.shape[1]):
+            slope = (ws.axial_force[END, k] - ws.axial_force[BEFORE, k]) * per_step
+            loss -= slope / plant.modal[OMEGA2, k] * ws.damping_force[k]
+    return loss
 
 
 @inlined
@@ -228,7 +260,7 @@ def end_flow(plant, flow, dt, free, y, ws):
     b[0], b[1] = lateral + dt / 2 * lateral_slope + kept[START + 2], turn + dt / 2 * turn_slope
     lateral, turn = lateral - dt / 2 * lateral_slope, turn - dt / 2 * turn_slope
     kept[LINE], kept[LINE + 1] = lateral + kept[START + 2], turn
-    loss, axial, per_step = 0.0, has_axial_load(plant), 1 / dt
+    loss, per_step = 0.0, 1 / dt
     for k in range(n):
         h, g, stiffness = plant.modal[H, k], plant.modal[G, k], plant.modal[OMEGA2, k]
         eta = free[ETA + k] + lateral * flow[0, k] + lateral_slope * flow[2, k] + turn * flow[4, k]
@@ -236,9 +268,7 @@ def end_flow(plant, flow, dt, free, y, ws):
         rate[k] = free[ETA + n + k] - h * first - g * kept[START + 1]
         rate[k] += lateral * flow[1, k] + lateral_slope * flow[3, k] + turn * flow[5, k] + turn_slope * flow[7, k]
         slope = h * lateral_slope + g * turn_slope
-        if axial:
-            slope += (ws.axial_force[END, k] - ws.axial_force[BEFORE, k]) * per_step
-            ws.axial_force[SCRATCH, k] = eta - kept[k]
+        slope = _slope_with_axial(plant.axial, k, slope, eta - kept[k], per_step, ws)
         u_0 = kept[k] - (kept[2 * n + k] - h * lateral - g * turn) / stiffness
         u_1 = eta - kept[k] + dt * slope / stiffness
         gain = rate[k] - kept[n + k]
@@ -246,12 +276,7 @@ def end_flow(plant, flow, dt, free, y, ws):
         loss -= (lateral_slope * flow[DAMPED, k] + turn_slope * flow[DAMPED + 1, k]) * (eta - kept[k])
         if flow[FAST, k] == 0:
             rate[k] = ws.eta_dot[k]
-    if axial:
-        block_product(plant.block_start, plant.damping, ws.axial_force[SCRATCH], ws.damping_force)
-        for k in range(n):
-            slope = (ws.axial_force[END, k] - ws.axial_force[BEFORE, k]) * per_step
-            loss -= slope / plant.modal[OMEGA2, k] * ws.damping_force[k]
-    y[DISSIPATED] += loss
+    y[DISSIPATED] += _loss_with_axial(plant.axial, plant, loss, per_step, ws)
 
 
 @inlined

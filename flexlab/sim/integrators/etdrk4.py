@@ -19,9 +19,9 @@ import numpy as np
 
 from flexlab.compiled import disjoint, inlined
 from flexlab.numerics.matrix_functions import Functions, doubled, phi_functions
-from flexlab.physics.axial_load import END, NOW, START, has_axial_load
+from flexlab.physics.axial_load import END, NOW, START
 from flexlab.physics.hand import beam_is_held
-from flexlab.physics.plant import ETA, joints_start, memory_start
+from flexlab.physics.plant import ETA, has_axial_load, joints_start, memory_start
 from flexlab.sim.integrators.beam_flow import (
     MIDDLE,
     add_forced,
@@ -258,7 +258,7 @@ def etdrk4_stage(system, etdrk4, stage, dt, y, ws):
 @inlined
 def bend_flow(plant, etdrk4, ws):
     """Make the axial load's force in ws.stage[FREE], constant over the step, linear in time."""
-    if not has_axial_load(plant):
+    if not has_axial_load(plant.axial):
         return
     n = plant.modal.shape[1]
     z = ws.stage[6, ETA : ETA + 2 * n]

@@ -64,6 +64,11 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     return files
 
 
+def on_post_page(output: str, **_: Any) -> str:
+    """A page with what the theme's switch of light and dark looks for: without the highlighter it fails, and does nothing."""
+    return output.replace("</head>", '<link id="hljs-light"><link id="hljs-dark"></head>', 1)
+
+
 def generated() -> dict[str, str]:
     """Markdown of each page, by its name."""
     found = {page: (HOME / file).read_text(encoding="utf-8") for page, file in KEPT_ELSEWHERE.items()}

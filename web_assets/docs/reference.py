@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from markdown.extensions.toc import slugify
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from pydantic import BaseModel
@@ -43,7 +44,8 @@ PLACES = {
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Put the guide's chapters in their place."""
+    """Put the guide's chapters in their place, and have anchors begin with a letter: the theme's scripts fail at "0.3.0"."""
+    config.mdx_configs["toc"]["slugify"] = lambda text, between: re.sub(r"^(?=\d)", "v", slugify(text, between))
     for entry in config.nav or []:
         if "Guide" in entry:
             entry["Guide"] = [{chapter.title: f"guide/{chapter.id}.md"} for chapter in chapters()]

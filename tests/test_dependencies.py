@@ -4,10 +4,11 @@ import ast
 import re
 import sys
 import tomllib
-from importlib.metadata import packages_distributions, requires
+from importlib.metadata import distributions, packages_distributions, requires
 from pathlib import Path
 
 import pytest
+from packaging.specifiers import SpecifierSet
 
 DISTRIBUTIONS = {"rerun_bindings": "rerun-sdk", "rerun_cli": "rerun-sdk", "pinocchio": "pin", "mujoco": "mujoco"}
 """Of modules that a part of the distribution brings, or one of another name."""
@@ -93,3 +94,10 @@ def test_everything_that_gets_installed_is_pinned(project: dict, pins: dict[str,
 def test_pins_are_plain(root: Path):
     for line in (root / "constraints.txt").read_text(encoding="utf-8").splitlines():
         assert line.startswith("#") or re.fullmatch(r"[\w.-]+==[\w.+!-]+", line), line
+
+
+def test_all_pins_install_on_the_oldest_python_that_is_allowed(project: dict, pins: dict[str, str]) -> None:
+    oldest = project["requires-python"].removeprefix(">=") + ".0"
+    asked = {normal(each.metadata["Name"]): each.metadata.get("Requires-Python") or "" for each in distributions()}
+    refusing = {name: asked[name] for name in pins if name in asked and oldest not in SpecifierSet(asked[name])}
+    assert refusing == {}

@@ -68,6 +68,20 @@ def test_presets_are_listed_with_what_to_watch(flexlab_command: Command):
     assert "45.5 Hz" in " ".join(done.stdout.split())
 
 
+@pytest.mark.parametrize("words", [("presets",), ("run", "--help")])
+def test_a_terminal_without_room_is_written_to_as_if_it_had_some(root: Path, words: tuple[str, ...]):
+    # With one column the help took minutes; with none there were no presets.
+    said = [
+        subprocess.run(
+            [sys.executable, "-m", "flexlab", *words], cwd=root, env=os.environ | {"COLUMNS": columns},
+            capture_output=True, text=True, encoding="utf-8", timeout=120, check=True,
+        ).stdout
+        for columns in ("0", "1", "40")
+    ]  # fmt: skip
+    assert said[0] == said[1] == said[2]
+    assert "PRESET" in said[2] or "paper" in said[2]
+
+
 def test_a_preset_is_printed_changed_as_a_scenario_file(flexlab_command: Command, tmp_path: Path):
     done = flexlab_command("presets", "soft-beam", "--set", "gravity=9.81", "--law", "pd")
     assert done.returncode == 0, done.stderr

@@ -10,6 +10,7 @@ import functools
 import importlib
 import io
 import os
+import shutil
 import sys
 from collections.abc import Sequence
 from contextlib import redirect_stderr
@@ -32,6 +33,9 @@ EXIT_OK, EXIT_BAD_INPUT = 0, 2
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Errors of a full disk, a quota and a limit on the size of files."""
 
+NARROWEST = 40
+"""Columns of a terminal that texts are broken for: in fewer, tables lose their words and the help of tyro takes minutes."""
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the console script. Exit codes: 0 success, 1 the run failed, 2 bad input, 130 interrupted."""
@@ -39,6 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     reconfigure: Any = getattr(sys.stdout, "reconfigure", None)  # The streams of tests do not have it.
     if reconfigure is not None:  # Names that are not valid text are listed, too.
         reconfigure(errors="backslashreplace")
+    _widen()
     tell_failures_plainly()
     try:
         try:
@@ -62,6 +67,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
             raise
         complain(f"The output cannot be written ({error.strerror}): make room or send it elsewhere.")
         os._exit(EXIT_BAD_INPUT)  # Python would try to write it once more.
+
+
+def _widen() -> None:
+    """Have texts broken for a terminal of `NARROWEST` columns at least, whatever COLUMNS or the window says."""
+    given = os.environ.get("COLUMNS", "")
+    if (int(given) if given.isdecimal() else shutil.get_terminal_size().columns) < NARROWEST:
+        os.environ["COLUMNS"] = str(NARROWEST)
 
 
 def _dispatch(words: list[str]) -> int:

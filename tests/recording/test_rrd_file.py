@@ -7,7 +7,7 @@ import pytest
 import rerun as rr
 
 from flexlab.errors import RecordingError
-from flexlab.recording.reader import stream_rows
+from flexlab.recording.rerun_internals.chunks import stream_rows
 from flexlab.recording.rerun_internals.rrd_file import RrdFile
 
 

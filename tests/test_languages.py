@@ -9,9 +9,11 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from pydantic import BaseModel
 
 from flexlab.errors import LabError
 from flexlab.presets import load_preset, preset_names
+from flexlab.scenario import Scenario
 from flexlab.server.pages.templating import catalogues, read_catalogue
 from flexlab.server.visitors import checked_name
 
@@ -40,6 +42,13 @@ def test_the_catalogues_hold_the_same_texts() -> None:
     first, *others = (read_catalogue(catalogues()[code]) for code in COMPLETE)
     for other in others:
         assert list(other) == list(first)
+
+
+def test_pages_know_the_code_names_of_all_parts_of_a_scenario(root: Path) -> None:
+    script = (root / "flexlab/server/static/language.js").read_text(encoding="utf-8")
+    named = re.search(r'PATH = "\(\?:([\w|]+)\)', script)
+    assert named
+    assert named[1].split("|") == sorted(name for name, part in Scenario() if isinstance(part, BaseModel))
 
 
 @pytest.mark.parametrize("code", COMPLETE)

@@ -101,7 +101,7 @@ def build_plant(scenario: Scenario, beam: Beam, arms: np.ndarray | None = None) 
         "mass_change": build_mass_change(payload.mass_change),
         "grips": build_grips(scenario.grips, len(scenario.arms)),
     }
-    papers = payload.axial_load == "none" and all(part is None for part in extensions.values())
+    is_plain = payload.axial_load == "none" and all(part is None for part in extensions.values())
     return Plant(
         arms=arm_records(scenario.arms, payload.length) if arms is None else arms,
         m=matrices.m,
@@ -116,7 +116,7 @@ def build_plant(scenario: Scenario, beam: Beam, arms: np.ndarray | None = None) 
         pull=np.array(NO_HAND),
         length=payload.length,
         buckling_load=buckling_load(payload.length, payload.bending_stiffness, payload.boundary),
-        axial=None if papers else beam.axial.copy(),
+        axial=None if is_plain else beam.axial.copy(),
         **extensions,
     )
 

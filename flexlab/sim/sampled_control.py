@@ -30,7 +30,7 @@ class LoopVariant(NamedTuple):
     mass_stays: bool = True
     rigid_grips: bool = True
     no_axial_load: bool = True
-    """False for every plant that is not the paper's in another way, too: two times fewer variants."""
+    """False also for a plant with one of the others, which then has the axial load in its loop: that halves the variants."""
 
 
 BEAM_CHANNEL, GAUGE_CHANNEL = 6, 8

@@ -122,16 +122,8 @@ def add_forced(starts, n, forced, soft, hand_pulls, z, out):
         add_two(z[2], common[4 * k :], force[0], own, on_eta, on_pi)
         j = 1
         while j + 3 < moved:
-            add_four(
-                force[j],
-                force[j + 1],
-                own[2 * k * j :],
-                force[j + 2],
-                force[j + 3],
-                own[2 * k * (j + 2) :],
-                on_eta,
-                on_pi,
-            )
+            first, third = own[2 * k * j :], own[2 * k * (j + 2) :]
+            add_four(force[j], force[j + 1], first, force[j + 2], force[j + 3], third, on_eta, on_pi)
             j += 4
         while j < moved:
             other = min(j + 1, moved - 1)
@@ -200,11 +192,11 @@ def begin_flow(plant, y, ws):
     for k in range(n):
         kept[k], kept[n + k] = y[ETA + k], ws.eta_dot[k]
         kept[2 * n + k] = w * w * y[ETA + k] - plant.modal[H, k] * lift
-    _begin_axially(plant.axial, kept[2 * n : 3 * n], ws)
+    _note_axial_load(plant.axial, kept[2 * n : 3 * n], ws)
 
 
 @inlined
-def _begin_axially(axial, loads, ws):
+def _note_axial_load(axial, loads, ws):
     """Note the axial load's force of a step's beginning, and subtract it from the loads s (n,)."""
     if axial is None:
         return

@@ -39,8 +39,8 @@ NARROW_WINDOW = 1200
 """Windows narrower than this, px, get the narrow panel."""
 GUIDE_WIDTH, FOLDED_WIDTH = 280, 36
 """Width of the guide's column, px, open and folded."""
-PLOTS_HEIGHT, GAP = 244, 8
-"""Height of the panel of plots, a row of charts with their legends, and its distance from the picture's edges, px."""
+PLOTS_HEIGHT, GAP = 248, 8
+"""Height of the panel of plots, a row of charts with legends of two lines, and its distance from the picture's edges, px."""
 FIRST_WINDOW = Window(1.0)
 """The picture that is assumed until a browser reports its own."""
 

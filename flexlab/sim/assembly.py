@@ -13,12 +13,10 @@ from flexlab.compiled import has_address
 from flexlab.control.law import law_of, laws, nothing_derived
 from flexlab.control.path import paths
 from flexlab.numerics.linear_algebra import product
-from flexlab.physics.grips import build_grips
-from flexlab.physics.joints import build_joints
 from flexlab.physics.sensors import gauge_places, load_moments, strain_rows
 from flexlab.scenario import Scenario
 from flexlab.sim.advance import advance
-from flexlab.sim.build import Beam, build_beam, build_control, build_plant
+from flexlab.sim.build import Beam, build_beam, build_control, build_plant, extended
 from flexlab.sim.closed_loop import System, new_workspace, state_length
 from flexlab.sim.integrators.scheme import Scheme
 from flexlab.sim.parametric_resonance import may_resonate, steadiest
@@ -193,9 +191,7 @@ def _close_loop(scenario: Scenario, beam: Beam, old: Assembly | None) -> tuple[S
     if same_plant:
         if before.controller == scenario.controller and _same_constants(before, scenario):
             control = old.system.control
-        joints = build_joints(scenario.joints, scenario.controller.model, len(scenario.arms))
-        grips = build_grips(scenario.grips, len(scenario.arms))
-        plant = old.system.plant._replace(gravity=scenario.gravity, joints=joints, grips=grips)
+        plant = extended(old.system.plant._replace(gravity=scenario.gravity), scenario, beam)
     system = System(
         plant or build_plant(scenario, beam, old.system.plant.arms if same_arms else None),
         control or build_control(scenario, beam),

@@ -96,13 +96,7 @@ def build_plant(scenario: Scenario, beam: Beam, arms: np.ndarray | None = None) 
     damped, stiffness = product(modes.D, loads), modes.omega * modes.omega
     axial = (axial_modes(modes.omega), *followed_loads(modes.omega, modes.D, loads))
     further = (stiffness, *shapes, np.zeros_like(stiffness), *axial)
-    extensions = {
-        "joints": build_joints(scenario.joints, scenario.controller.model, len(scenario.arms)),
-        "mass_change": build_mass_change(payload.mass_change),
-        "grips": build_grips(scenario.grips, len(scenario.arms)),
-    }
-    is_plain = payload.axial_load == "none" and all(part is None for part in extensions.values())
-    return Plant(
+    plant = Plant(
         arms=arm_records(scenario.arms, payload.length) if arms is None else arms,
         m=matrices.m,
         I=matrices.I,
@@ -116,9 +110,24 @@ def build_plant(scenario: Scenario, beam: Beam, arms: np.ndarray | None = None) 
         pull=np.array(NO_HAND),
         length=payload.length,
         buckling_load=buckling_load(payload.length, payload.bending_stiffness, payload.boundary),
-        axial=None if is_plain else beam.axial.copy(),
-        **extensions,
+        axial=None,
+        joints=None,
+        mass_change=None,
+        grips=None,
     )
+    return extended(plant, scenario, beam)
+
+
+def extended(plant: Plant, scenario: Scenario, beam: Beam) -> Plant:
+    """A plant with what a scenario of the same beam and arms adds to the paper's."""
+    extensions = {
+        "joints": build_joints(scenario.joints, scenario.controller.model, len(scenario.arms)),
+        "mass_change": build_mass_change(scenario.payload.mass_change),
+        "grips": build_grips(scenario.grips, len(scenario.arms)),
+    }
+    is_papers = scenario.payload.axial_load == "none" and all(part is None for part in extensions.values())
+    known = beam.axial.copy() if plant.axial is None else plant.axial
+    return plant._replace(axial=None if is_papers else known, **extensions)
 
 
 def payload_row(payload: Payload, s: float) -> np.ndarray:

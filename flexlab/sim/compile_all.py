@@ -29,7 +29,6 @@ WHILE_OPEN = "--while-open"
 """Argument of a process that must end when its standard input does, finished or not."""
 
 JOINTS = {"joints.friction.viscous": (1.0, 1.0, 1.0)}
-AXIAL_LOAD = {"payload.axial_load": "first-order"}
 FURTHER = {"payload.mass_change.factor": 2.0}, {"grips.model": "compliant"}, JOINTS
 """Extensions of the paper's plant: the loop is compiled for each combination, and contains no other extension but axial load."""
 
@@ -80,6 +79,10 @@ def _compile_joints() -> None:
     World(Scenario().replace({"trajectory.shaper": "zvd"}))
 
 
+def _compile_axial_load() -> None:
+    _compile_loops(Scenario().replace({"payload.axial_load": "first-order"}))
+
+
 def _compile_plant(changes: Mapping[str, Any]) -> None:
     """A plant beyond the paper's, with sampled control."""
     world = World(Scenario().replace({**changes, "controller.control_period": 0.001}))
@@ -90,7 +93,7 @@ def _compile_plant(changes: Mapping[str, Any]) -> None:
 PARTS: tuple[Callable[[], None], ...] = (
     _compile_paper,
     _compile_joints,
-    partial(_compile_plant, AXIAL_LOAD),
+    _compile_axial_load,
     *(
         partial(_compile_plant, {name: value for part in parts for name, value in part.items()})
         for count in range(1, len(FURTHER) + 1)
@@ -101,7 +104,7 @@ PARTS: tuple[Callable[[], None], ...] = (
 
 
 def _compile_loops(scenario: Scenario) -> None:
-    """Compile sampled control and every integrator, for joints like those of a scenario."""
+    """Compile sampled control and every integrator, for a plant like that of a scenario."""
     World(scenario.replace({"controller.control_period": 0.001})).run(1)
     for name in ORDER:
         World(scenario.replace({"simulation.integrator": name, "simulation.step": 1e-5})).run(1)

@@ -13,6 +13,7 @@ from flexlab.sim import assembly
 from flexlab.sim.assembly import Unprepared
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.compile_all import WHILE_OPEN, compile_everything, is_everything_compiled
+from flexlab.sim.sampled_control import loop_variant, variant_of
 from flexlab.sim.step_trial import build_assembly
 from flexlab.sim.world import World
 
@@ -32,6 +33,22 @@ def test_the_simulation_thread_never_compiles(changes: dict, monkeypatch: pytest
     prepared = build_assembly(need.value.scenario, world.tick_period, [world.assembly])
     world.apply(ChangeScenario(changes), [prepared], at_once=True)
     same_bits(world.advance(20), expected.advance(20))
+
+
+EXTENSIONS = [
+    {"grips.model": "compliant"},
+    {"joints.friction.viscous": (1.0, 1.0, 1.0)},
+    {"payload.mass_change.factor": 2.0},
+]
+
+
+@pytest.mark.parametrize("changes", EXTENSIONS)
+def test_a_plant_that_is_changed_is_compiled_as_one_that_is_built(changes: dict) -> None:
+    plain = load_preset("paper")
+    known: list[assembly.Assembly] = []
+    for scenario in (plain, plain.replace(changes), plain):
+        known = [build_assembly(scenario, 1e-3, known)]
+        assert loop_variant(known[0].system.plant) == variant_of(scenario)
 
 
 def test_everything_can_be_compiled_beforehand():

@@ -149,9 +149,12 @@ class LoopProbe:
     def axial_stiffness(self, motion: Motion, torque: np.ndarray) -> np.ndarray:
         """K_G of a motion under held joint torques (arms · 3,), N·m, in modes, (n_m, n_m)."""
         self.forces(motion, torque)
+        whole = np.zeros((self.mode_count, self.mode_count))
+        if self.system.plant.axial is None:
+            return whole
         left, along, spin, _ = self._workspace.axial
         G0, G1, G2, _ = self.system.plant.axial
-        feels, whole = np.flatnonzero(self.system.plant.modal[AXIAL]), np.zeros((self.mode_count, self.mode_count))
+        feels = np.flatnonzero(self.system.plant.modal[AXIAL])
         whole[np.ix_(feels, feels)] = left * G0 + along * G1 + spin * G2
         return whole
 

@@ -89,7 +89,7 @@ def set_pull_row(plant: Plant, payload: Payload, beam: Beam) -> None:
     """Set the modes' shapes at the pulled point of `plant.pull`; zero if no hand holds the beam."""
     hand = Hand(*plant.pull)
     plant.modal[PULL] = product(payload_row(payload, hand.position), beam.modes.V) if hand.arm == ON_BEAM else 0.0
-    if payload.axial_load != "none" and hand.arm == ON_BEAM and hand.stiffness > 0:
+    if plant.axial is not None and payload.axial_load != "none" and hand.arm == ON_BEAM and hand.stiffness > 0:
         plant.axial[HAND] = beyond(payload, beam, hand.position)
 
 
@@ -129,12 +129,14 @@ def apply_axial_impulse(
     command: Tap,
     factor: float = 1.0,
 ) -> None:
-    """Apply the axial part of a tap to the beam: π -= ∫K_G dt η, in place. `before`: the state y before the tap.
+    """Apply the axial part of a tap to a beam that feels it: π -= ∫K_G dt η, in place. `before`: the state y before the tap.
 
     The impulse's own ∫N dt is J_L + ρ Δv₁ (s + L/2) - J₁ [s > s_tap], with Δv₁ the velocity gained by the link's middle along
     e₁ and J_L the impulse on the left arm: none through a compliant grip, J₁ - m Δv₁ for a single arm. `factor`: s of
     `mass_change`, which ws has noted.
     """
+    if plant.axial is None or payload.axial_load == "none":
+        return
     velocities_at(plant, before, ws)
     gained = -ws.velocity.copy()
     velocities_at(plant, y, ws)

@@ -196,10 +196,9 @@ class World:
             plant, before = assembly.system.plant, motion.y.copy()
             factor = find_mass_at(plant, motion.time, motion.workspace)
             apply_tap(motion.scenario.payload, assembly.beam, motion.y, command, factor)
-            if motion.scenario.payload.axial_load != "none":
-                apply_axial_impulse(
-                    plant, motion.scenario.payload, assembly.beam, before, motion.y, motion.workspace, command, factor
-                )
+            apply_axial_impulse(
+                plant, motion.scenario.payload, assembly.beam, before, motion.y, motion.workspace, command, factor
+            )
         motion.estimate = accuracy.disturbed(motion.estimate, assembly, motion.tick)
         return False
 

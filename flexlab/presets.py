@@ -15,6 +15,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from flexlab.arguments import file_path
 from flexlab.assets import presets_folder
 from flexlab.errors import FlexlabError, PresetError, ScenarioError, StudyError
 from flexlab.files import writing
@@ -66,19 +67,19 @@ class DuplicateField(ValueError):
     """A JSON object names a field twice; the text says which."""
 
 
-def preset_files(own: Path = OWN_FOLDER) -> dict[str, Path]:
+def preset_files(own: str | Path = OWN_FOLDER) -> dict[str, Path]:
     """Name → file of every preset: flexlab's own first, then those of the folder `own`, each by `menu_order`, then by name."""
-    ours = presets_folder()
+    own, ours = file_path("own", own), presets_folder()
     files = {path.stem: path for folder in (own, ours) for path in folder.glob("*.json")}
     return dict(sorted(files.items(), key=lambda item: (item[1].parent != ours, _menu_order(item[1]), item[0])))
 
 
-def preset_names(own: Path = OWN_FOLDER) -> list[str]:
+def preset_names(own: str | Path = OWN_FOLDER) -> list[str]:
     """The names of all presets, in the order of `preset_files`."""
     return list(preset_files(own))
 
 
-def load_preset(name: str, own: Path = OWN_FOLDER) -> Scenario:
+def load_preset(name: str, own: str | Path = OWN_FOLDER) -> Scenario:
     """The scenario of preset `name`. Raises `PresetError` (unknown or unreadable) or `ScenarioError` (not valid)."""
     files = preset_files(own)
     if not isinstance(name, str) or name not in files:

@@ -108,6 +108,32 @@ def test_a_signal_is_a_name(run: flexlab.Run, given: Any):
     one_sentence(lambda: flexlab.fit(run, time=given), "time = ", "give a text")
 
 
+@pytest.mark.parametrize("given", [None, 5, b"x", 1.5, ("payload",), object()])
+def test_a_field_is_a_name(given: Any):
+    scenario = flexlab.load_preset("paper")
+    one_sentence(lambda: scenario.get(given), "is not a scenario field")
+    one_sentence(lambda: scenario.about(given), "is not a scenario field")
+    assert not scenario.has(given)
+
+
+@pytest.mark.parametrize("given", NO_PATH)
+def test_a_folder_of_presets_is_a_path(given: Any):
+    one_sentence(lambda: flexlab.load_preset("paper", given), "own = ", "is no path")
+    one_sentence(lambda: flexlab.preset_names(given), "own = ", "is no path")
+
+
+def test_a_folder_of_presets_may_be_a_text(tmp_path: Path):
+    (tmp_path / "mine.json").write_text('{"title": "Mine"}')
+    assert "mine" in flexlab.preset_names(str(tmp_path))
+    assert flexlab.load_preset("mine", str(tmp_path)).title == "Mine"
+
+
+@pytest.mark.parametrize("given", [0, None, slice(0, 2), ("pose",)])
+def test_samples_are_asked_for_signals_by_name(run: flexlab.Run, given: Any):
+    with pytest.raises(TypeError, match=r"names no signal: give a name, as in \['pose'\]"):
+        run[given]
+
+
 def test_what_would_be_ignored_is_refused(run: flexlab.Run, tmp_path: Path):
     one_sentence(lambda: flexlab.fit(run, time="t"), "time = 't' names a column of a file")
     one_sentence(lambda: flexlab.export("paper", tmp_path / "a.urdf", part="law"), "part: an option of units")

@@ -228,7 +228,7 @@ class Scenario(Part):
     def _look_up(self, path: str) -> tuple[bool, Any]:
         """Whether there is a field at a dotted path, and its value."""
         value: Any = self
-        for name in path.split("."):
+        for name in str(path).split("."):
             if not isinstance(value, BaseModel) or name not in type(value).model_fields:
                 return False, None
             value = getattr(value, name)
@@ -236,7 +236,7 @@ class Scenario(Part):
 
     def about(self, path: str) -> Quantity:
         """Title, symbol, unit and range of the field at a dotted path."""
-        *parents, name = path.split(".")
+        *parents, name = str(path).split(".")
         owner = self.get(".".join(parents)) if parents else self
         if not isinstance(owner, BaseModel) or name not in type(owner).model_fields:
             raise self._unknown(path)
@@ -244,8 +244,8 @@ class Scenario(Part):
 
     def _unknown(self, path: str) -> ScenarioError:
         """The error for a path that is no field of this scenario."""
-        shown = visible(path, LONGEST)
-        return ScenarioError([(path, unknown_field(shown, value_paths(self), field_paths(type(self))))])
+        shown = visible(str(path), LONGEST)
+        return ScenarioError([(str(path), unknown_field(shown, value_paths(self), field_paths(type(self))))])
 
 
 def _by_name(data: Any) -> bool:

@@ -54,7 +54,11 @@ class Samples(Signals):
             return np.broadcast_to(np.nan, (len(self), *shape))
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """A signal by its name."""
+        """A signal by its name. Raises TypeError for anything else, as a number of a row."""
+        if not isinstance(name, str):
+            raise TypeError(
+                f"[{name!r:.60}] names no signal: give a name, as in ['pose'], or take rows by take([0, 1])."
+            )
         return getattr(self, name)
 
     def _sizes(self) -> tuple[int, int]:

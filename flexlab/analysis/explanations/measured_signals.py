@@ -9,6 +9,8 @@ LEAST_AMPLITUDE = 1e-8
 """Least amplitude of a line in the spectrum, m."""
 NEAR = 0.02
 """Relative distance within which two frequencies count as one."""
+SHAKEN = 10
+"""Multiples of a path's own frequency at which the path itself shakes the beam visibly."""
 
 
 @register(
@@ -23,6 +25,8 @@ def folded_mode(seen: Evidence) -> str | None:
     if amplitude < LEAST_AMPLITUDE or any(
         abs(ring.frequency - hertz) < NEAR * hertz for ring in seen.background.rings.values()
     ):
+        return None
+    if seen.moving and hertz * seen.scenario.trajectory.slowest_period < SHAKEN:
         return None
     fast = [(number, ring) for number, ring in seen.background.rings.items() if ring.frequency > rate / 2]
     shown = {number: abs(ring.frequency - round(ring.frequency / rate) * rate) for number, ring in fast}

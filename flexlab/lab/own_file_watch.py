@@ -12,6 +12,7 @@ from flexlab.own import hosts
 from flexlab.own.files import LAW_FILES, PATH_FILES, OwnFolder
 from flexlab.own.law import PythonLaw
 from flexlab.quantities import Part
+from flexlab.sim.commands import Play, Reset
 
 LOOK = 0.25
 """Seconds between two checks: an editor that writes a file in several goes is done by then."""
@@ -84,7 +85,7 @@ class OwnFileWatch:
             old, new = laws().get(present.kind), folder.add(file)
             source = new.model.model_fields["source"].default
             hosts.stop_loading(str(file), source)
-            title = f"{kinds.registry.what} {new.kind}"
+            title, stopped = f"{kinds.registry.what} {new.kind}", lab_state.snapshot.status.failed
             if present.kind != new.kind or getattr(present, "source", "") == source:
                 told = f"the {title} is new."
             elif isinstance(new, PythonLaw) and not (
@@ -92,16 +93,23 @@ class OwnFileWatch:
             ):
                 changed = {kinds.field: _with_text(new, present, source, OF_A_LAW)}
                 lab_state.load(lab_state.intended.replace(changed), lab_state.name)
-                told = "the run starts anew with it."
+                told = self._begun(stopped)
             else:
                 text = {kinds.field: _with_text(new, present, source, OF_A_PATH)}
                 lab_state.change(text if folder is PATH_FILES else {f"{kinds.field}.source": source})
-                stopped = lab_state.snapshot.status.failed
-                told = "reset to run the new text." if stopped else f"the {title} goes on with the new text."
+                if stopped:
+                    lab_state.submit(Reset())
+                told = self._begun(stopped) if stopped else f"the {title} goes on with the new text."
             lab_state.say(f"{file.name} was saved: {told}")
         except FlexlabError as error:
             goes_on = "the path goes on as it was" if folder is PATH_FILES else "the law goes on as it was"
             lab_state.warn(f"{file.name} was saved, but {goes_on}: {_briefly(error, file)}")
+
+    def _begun(self, stopped: bool) -> str:
+        """Says that a new run begins; it plays if the one before `stopped` by itself."""
+        if stopped:
+            self._lab_state.submit(Play())
+        return "the run starts anew with it."
 
 
 def _briefly(error: FlexlabError, file: Path) -> str:

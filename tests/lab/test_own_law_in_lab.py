@@ -14,10 +14,11 @@ from flexlab.lab.session import Session
 from flexlab.own import hosts
 from flexlab.own.files import add_own_law_file
 from flexlab.presets import load_preset
-from flexlab.sim.commands import Play, Reset
+from flexlab.sim.commands import Pause
 
 
-def test_in_a_lab_a_saved_file_acts_at_once_and_a_wrong_one_leaves_all_as_it_was(tmp_path: Path):
+@pytest.mark.parametrize("mended", [PD, PD.replace("low=0, high=1e5", "low=0, high=3e5")])
+def test_in_a_lab_a_saved_file_acts_at_once_and_a_wrong_one_leaves_all_as_it_was(tmp_path: Path, mended: str):
     file = tmp_path / "mine.py"
     file.write_text(PD)
     law = add_own_law_file(file)
@@ -39,13 +40,16 @@ def test_in_a_lab_a_saved_file_acts_at_once_and_a_wrong_one_leaves_all_as_it_was
         wait_until(lambda: lab.runner.snapshot.status.failed, "the run stops")
         assert "mine.py, line" in lab.runner.snapshot.status.text
         assert "ZeroDivisionError" in lab.runner.snapshot.status.text
-        file.write_text(PD)
-        wait_until(
-            lambda: lab.lab_state.notice.text == "mine.py was saved: reset to run the new text.", "what to do next"
-        )
-        lab.lab_state.submit(Reset())
-        lab.lab_state.submit(Play())
+        number = lab.runner.snapshot.run_number
+        file.write_text(mended)
+        wait_until(lambda: lab.runner.snapshot.run_number > number, "a new run")
         wait_until(lambda: lab.runner.snapshot.latest.time[0] > 0.05 and lab.runner.snapshot.playing, "it runs again")
+        assert lab.lab_state.notice.text == "mine.py was saved: the run starts anew with it."
+        lab.lab_state.submit(Pause())
+        wait_until(lambda: not lab.runner.snapshot.playing, "it is held")
+        file.write_text(mended.replace("self.push = common[0]", "self.push = 19.0"))
+        wait_until(lambda: "goes on with the new text" in lab.lab_state.notice.text, "it is taken up")
+        assert not lab.runner.snapshot.playing, "who paused it plays it"
 
 
 def test_a_file_that_is_saved_anew_while_it_loads_acts_at_once(tmp_path: Path):

@@ -105,7 +105,8 @@ def told_of_fields(page: Page) -> list[str]:
     page.evaluate(
         """(sentences) => {
           const place = Object.assign(document.createElement('div'), { id: 'told' });
-          for (const text of sentences) place.append(Object.assign(document.createElement('p'), { textContent: text }));
+          for (const text of sentences)
+            place.append(Object.assign(document.createElement('p'), { textContent: text, title: text }));
           const code = Object.assign(document.createElement('code'), { textContent: '(simulation.accuracy)' });
           place.append(document.createElement('p'));
           place.lastChild.append(code);
@@ -113,7 +114,9 @@ def told_of_fields(page: Page) -> list[str]:
         sentences,
     )
     page.wait_for_timeout(CALM / 4)
-    return page.locator("#told p").all_inner_texts()
+    told = page.locator("#told p").all_inner_texts()
+    assert page.evaluate("[...document.querySelectorAll('#told p[title]')].map((part) => part.title)") == told[:-1]
+    return told
 
 
 def told_to_a_class(page: Page) -> set[str]:

@@ -224,7 +224,7 @@
     const source = known[name]?.shown === value && !menu ? known[name].source : value;
     const found = language === "en" || !isWords(source) ? undefined : translate(source);
     if (found === undefined && language !== "en") miss(source);
-    const shown = found ?? source;
+    const shown = name === "value" ? found ?? source : (found ?? source).replace(FIELD_NAMES, "");
     known[name] = { source, shown };
     if (!menu) { if (value !== shown) part.setAttribute(name, shown); }
     else if (found === undefined) delete part.parentElement.dataset.flShown;

@@ -31,6 +31,7 @@ from flexlab.recording.export import export_recording
 from flexlab.recording.reader import read_recording
 from flexlab.recording.store.run_files import find_run
 from flexlab.recording.store.run_index import RunRow, read_row
+from flexlab.scenario.field_text import change_in_words
 
 AnyRun = Run | str | Path
 """A run; a recording's file, its name in the logs folder or the beginning of that; or "newest"."""
@@ -191,7 +192,7 @@ def write_page(row: RunRow, target: Path) -> None:
     from flexlab.lab.run_page import Noted, write_run_page
 
     recording = read_recording(row.path)
-    noted = Noted(row.heading, row.note, row.lessons, row.changes)
+    noted = Noted(row.heading, row.note, row.lessons, tuple(map(change_in_words, row.changes)))
     write_run_page(recording.run, target, recording.name, noted, recording.events)
 
 

@@ -178,6 +178,15 @@ def value_text(value: object) -> str:
     return f"{lines} lines of text ({short_hash(text)[:HASH_DIGITS]})" if lines > 1 else text
 
 
+PATH = re.compile(r"[a-z_0-9]+(\.[a-z_0-9]+)*")
+
+
+def change_in_words(change: str) -> str:
+    """A change against the preset, "path: old → new" in the notes of a run, with the field's title."""
+    path, colon, values = change.partition(": ")
+    return f"{field_title(path)}: {values}" if colon and PATH.fullmatch(path) else change
+
+
 def told(differences: Iterable[Difference]) -> list[Difference]:
     """The differences without the fields of a part whose kind differs, which the kind implies."""
     found = list(differences)

@@ -103,10 +103,12 @@ def test_a_run_is_handed_in_as_one_page_or_archive(library: FrontServer, recorde
     path = library.settings.logs / recorded.name
     met = LessonProgress("Lesson 1: ring", 3, "How often?", ("12 Hz", "45 Hz"), "45 Hz", "12 Hz", "It rings at 45 Hz.")
     write_notes(path, lessons=[met._asdict(), "no lesson", {"lesson": ["odd"], "step": {}}], visitor="Ada")
+    write_notes(path, changes=["payload.bending_stiffness: 100 → 30"])
     page = ask(library.url, f"/runs/{recorded.stem}/export?format=html")
     assert page.status == 200
     for text in ("Ada", "homework", "&lt;b&gt;I saw&lt;/b&gt; it ring.", "How often?", "12 Hz", "It rings at 45 Hz."):
         assert text in page.text, text
+    assert "<li>Bending stiffness EI (N·m²): 100 → 30</li>" in page.text, "words, no name in code"
     archive = ask(library.url, f"/runs/{recorded.stem}/export?format=zip")
     with zipfile.ZipFile(io.BytesIO(archive.body)) as whole:
         assert {"run.rrd", "ro-crate-metadata.json"} <= set(whole.namelist())

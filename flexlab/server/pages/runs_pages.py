@@ -19,7 +19,7 @@ from flexlab.recording.repair import finish
 from flexlab.recording.store.run_files import SUFFIX, file_word
 from flexlab.recording.store.run_index import RunRow, annotate_run, find_row, size_text
 from flexlab.recording.viewer import VIEWER_FILES, viewer_folder
-from flexlab.scenario.field_text import field_title
+from flexlab.scenario.field_text import change_in_words
 from flexlab.server.auth import WITH_A_PASS, has_pass, recording_address
 from flexlab.server.labs.recorded_lab import little_space
 from flexlab.server.pages.page_context import context_of, file_answer
@@ -59,7 +59,6 @@ LAST_COLUMNS = (
     TableColumn("Note, changes", "text", "Note, and what was changed against the preset"),
     TableColumn("", "text", ""),
 )
-PATH = re.compile(r"[a-z_0-9]+(\.[a-z_0-9]+)*")
 CHANGES_SHOWN = 3
 """Lines of a run's changes in the table."""
 
@@ -82,13 +81,7 @@ def table_values(rows: Sequence[RunRow], short: bool = False) -> dict[str, Any]:
 
 def _changes_told(row: RunRow) -> list[str]:
     left = len(row.changes) - CHANGES_SHOWN
-    return [*map(_in_words, row.changes[:CHANGES_SHOWN]), *([f"{left} more"] if left > 0 else [])]
-
-
-def _in_words(change: str) -> str:
-    """A change against the preset, "path: old → new" in the notes, with the field's title."""
-    path, colon, values = change.partition(": ")
-    return f"{field_title(path)}: {values}" if colon and PATH.fullmatch(path) else change
+    return [*map(change_in_words, row.changes[:CHANGES_SHOWN]), *([f"{left} more"] if left > 0 else [])]
 
 
 LARGEST_UPLOAD = 1_000_000_000
@@ -254,7 +247,7 @@ async def review(request: web.Request) -> web.Response:
         span=f"{row.begins:.10g} to {end}" if end else f"from {row.begins:.10g} on",
         exports=EXPORTS,
         noted_texts=noted_texts,
-        changes=[_in_words(change) for change in row.changes],
+        changes=[change_in_words(change) for change in row.changes],
     )
 
 

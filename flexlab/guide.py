@@ -165,8 +165,9 @@ def read_lesson(
     lesson, some of whose fields may be missing.
     """
     text = file.read_text(encoding="utf-8-sig").replace("\r\n", "\n")
-    parts = _parts(file, text)
+    parts, missing = _parts(file, text)
     head, lines, mistakes = _head(parts["head"])
+    mistakes += missing
     if "check" not in head:
         if parts["check"]:
             lines["check"] = text.split("\n").index(CHECK) + 1
@@ -229,8 +230,8 @@ def _head(text: str) -> tuple[dict[str, str], dict[str, int], list[tuple[int, st
     return head, lines, mistakes
 
 
-def _parts(file: Path, text: str) -> dict[str, str]:
-    """Head, question, steps, observe, guess and check (may be empty). Raises `LessonError` with line and reason."""
+def _parts(file: Path, text: str) -> tuple[dict[str, str], list[tuple[int, str]]]:
+    """Head, question, steps, observe, guess and check (may be empty), and what is missing. Raises `LessonError`: there is no head."""
     lines = text.split("\n")
 
     def place(line: str, start: int, end: int | None = None) -> int:
@@ -246,17 +247,21 @@ def _parts(file: Path, text: str) -> dict[str, str]:
     if second < 0:
         raise wrong(len(lines), "the head does not end: it needs a second line ---.")
     do = place(DO, second)
-    observe = place(OBSERVE, do)
-    for at, title in ((do, DO), (observe, OBSERVE)):
-        if at < 0:
-            raise wrong(len(lines), f"there is no line {title}: a lesson has ## Do and ## Observe, in this order.")
+    observe = place(OBSERVE, max(do, second))
+    missing = [
+        (len(lines), f"there is no line {title}: a lesson has {DO} and {OBSERVE}, in this order.")
+        for at, title in ((do, DO), (observe, OBSERVE))
+        if at < 0
+    ]
+    check = place(CHECK, max(observe, second))
+    last = len(lines) if check < 0 else check
+    observe = last if observe < 0 else observe
+    do = observe if do < 0 else do
     guess = place(GUESS, second, do)
     ends = {"head": (1, second), "question": (second + 1, do if guess < 0 else guess)}
     ends |= {"guess": (do, do) if guess < 0 else (guess + 1, do)}
-    check = place(CHECK, observe)
-    last = len(lines) if check < 0 else check
     ends |= {"steps": (do + 1, observe), "observe": (observe + 1, last), "check": (last + 1, len(lines))}
-    return {name: "\n".join(lines[start:end]) for name, (start, end) in ends.items()}
+    return {name: "\n".join(lines[start:end]) for name, (start, end) in ends.items()}, missing
 
 
 def _lesson(file: Path) -> Lesson:

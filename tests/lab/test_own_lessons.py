@@ -95,6 +95,18 @@ def test_all_mistakes_of_a_lesson_are_said_at_once(tmp_path: Path) -> None:
         assert part in said
 
 
+@pytest.mark.parametrize("titles", [["## Observe"], ["## Do"], ["## Do", "## Observe"]])
+def test_a_missing_part_hides_no_other_mistake(tmp_path: Path, titles: list[str]) -> None:
+    bad = re.sub("check: .*\n", "", EXAMPLE).replace("preset: paper", "preset: papper").replace("- [x]", "- [ ]")
+    for title in titles:
+        bad = bad.replace(f"{title}\n", "")
+    said = write(tmp_path, bad + "\n## Check\nif zeit < 1: Wait.\ndone: It is done.\n").problem
+    wrong = [f"there is no line {title}: a lesson has" for title in titles]
+    wrong += ["no preset 'papper'", "one line - [x] with what is right", "zeit is no metric"]
+    assert [part for part in wrong if part not in said] == []
+    assert "no check" not in said
+
+
 @pytest.mark.parametrize("part", ["head", "rules"])
 def test_of_very_many_mistakes_the_first_are_said(tmp_path: Path, part: str) -> None:
     bad = EXAMPLE.replace("title: Stiffer", "\n".join(["title: Stiffer", *(f"field {n}" for n in range(9000))]))

@@ -231,7 +231,7 @@ def _head(text: str) -> tuple[dict[str, str], dict[str, int], list[tuple[int, st
 
 
 def _parts(file: Path, text: str) -> tuple[dict[str, str], list[tuple[int, str]]]:
-    """Head, question, steps, observe, guess and check (may be empty), and what is missing. Raises `LessonError`: there is no head."""
+    """Head, question, steps, observe, guess and check (may be empty); what is missing. Raises `LessonError`: there is no head."""
     lines = text.split("\n")
 
     def place(line: str, start: int, end: int | None = None) -> int:

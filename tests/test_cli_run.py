@@ -9,6 +9,7 @@ from own_law_text import PD
 
 import flexlab
 from flexlab.presets import save_scenario
+from flexlab.recording.reader import read_recording
 from flexlab.scenario import Scenario
 
 
@@ -31,6 +32,13 @@ def test_a_scenario_file_and_another_sample_period(flexlab_command: Command, tmp
     assert "Mine [bold]" in done.stdout
     assert "51 samples" in done.stdout
     assert list((tmp_path / "logs").glob("*-mine.rrd"))
+
+
+def test_the_first_run_of_a_process_needs_no_title(flexlab_process: Command, tmp_path: Path):
+    (tmp_path / "mine.json").write_text("{}")
+    assert flexlab_process("run", "mine.json", "--duration", "0.1").returncode == 0
+    (path,) = (tmp_path / "logs").glob("*.rrd")
+    assert read_recording(path).scenario.title == ""
 
 
 def test_an_unreachable_path_ends_with_its_sentence(flexlab_command: Command, tmp_path: Path):

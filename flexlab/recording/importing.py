@@ -122,7 +122,7 @@ def _info(run: Run, metadata: Mapping[str, Any]) -> RunInfo:
     start = metadata.get("start")
     computed_in = checked_format(metadata.get("computed_in", metadata.get("format", 1)))
     info = RunInfo(
-        visible(metadata.get("preset", "imported"), LONGEST_NAME),
+        visible(metadata.get("preset") or "imported", LONGEST_NAME),
         run.scenario,
         period,
         None if start is None else state_from_values(start),

@@ -147,5 +147,5 @@ def these_versions() -> dict[str, str]:
 
 def makers(known: Mapping[str, Any], computed_in: int) -> dict[str, str | int]:
     """Versions and machine of a run by what is known of it, for `RunInfo.recorded_by`; `computed_in`: number of its format."""
-    found: dict[str, str | int] = {name: str(known.get(name, "unknown")) for name in these_versions()}
+    found: dict[str, str | int] = {name: str(known.get(name) or "unknown") for name in these_versions()}
     return found if computed_in == FORMAT else found | {"computed_in": computed_in}

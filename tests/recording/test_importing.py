@@ -187,6 +187,13 @@ def test_what_else_no_run_can_have_is_told(original: Recording, tmp_path: Path, 
     assert list_runs(tmp_path / "logs") == []
 
 
+def test_empty_texts_are_as_good_as_none(original: Recording, tmp_path: Path) -> None:
+    path = changed_table(original, tmp_path, preset="", processor="", status=["finished", "", 0.3])
+    found = read_recording(import_into(path, tmp_path / "logs"))
+    assert (found.name, found.properties["processor"]) == ("imported", "unknown")
+    assert_same_bits(found.samples, original.samples)
+
+
 def test_metadata_without_an_end_of_nesting_is_refused(original: Recording, tmp_path: Path) -> None:
     path = changed_table(original, tmp_path)
     path.write_text("# " + "[" * 100_000 + "\n" + path.read_text().split("\n", 1)[1])

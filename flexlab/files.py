@@ -2,13 +2,35 @@
 
 import errno
 import hashlib
+import json
 import os
+import stat
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from flexlab.errors import FlexlabError, StudyError
+
+
+def is_regular(path: Path) -> bool:
+    """Whether there is an ordinary file of this name, not a link, folder, pipe or device."""
+    try:
+        return stat.S_ISREG(path.lstat().st_mode)
+    except (OSError, ValueError):
+        return False
+
+
+def read_json(path: Path, largest: int) -> Any:
+    """What the JSON in an ordinary file of at most `largest` bytes says. Raises OSError, or ValueError for anything else."""
+    # A pipe would hang, and a link may lead out of the folder.
+    if not is_regular(path) or path.stat().st_size > largest:
+        raise ValueError("no ordinary file")
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
 
 
 @contextmanager

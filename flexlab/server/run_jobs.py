@@ -21,11 +21,12 @@ from flexlab.analysis.replay import replay
 from flexlab.analysis.resume import resume
 from flexlab.analysis.run_summary import note_metrics, note_missing_metrics
 from flexlab.errors import RecordingError
+from flexlab.files import is_regular
 from flexlab.recording.export import export_recording
 from flexlab.recording.importing import import_into
 from flexlab.recording.overlay import write_comparison
 from flexlab.recording.reader import read_range, read_recording
-from flexlab.recording.store.notes import is_regular, notes_path, read_notes
+from flexlab.recording.store.notes import notes_path, read_notes
 from flexlab.recording.store.run_files import SUFFIX, remove_run
 from flexlab.recording.store.run_index import RunRow
 from flexlab.scenario.field_text import field_title

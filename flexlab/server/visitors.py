@@ -16,7 +16,7 @@ from urllib.parse import quote, unquote
 from aiohttp import web
 
 from flexlab.errors import LabError
-from flexlab.recording.store.notes import is_regular
+from flexlab.files import is_regular
 from flexlab.recording.store.run_files import list_files
 from flexlab.recording.store.run_index import NoSuchRun, RunRow, find_row, read_rows
 from flexlab.server.limits import Visitor, network_of

@@ -6,10 +6,12 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as parquet
 import pytest
 
@@ -204,6 +206,66 @@ def test_the_same_sweep_is_not_computed_twice_and_needs_no_folder(tmp_path: Path
     assert again.folder == first.folder
     assert again.folder.parent == Path("sweeps")
     assert (again.folder / "cells.parquet").stat().st_mtime_ns == stamp
+
+
+def other_table(file: Path) -> None:
+    parquet.write_table(pa.table({"a": [1]}), file)
+
+
+def row_less(file: Path) -> None:
+    parquet.write_table(parquet.read_table(file).slice(1), file)
+
+
+def torn(file: Path) -> None:
+    file.write_bytes(file.read_bytes()[:-20])
+
+
+def as_a_pipe(file: Path) -> None:
+    file.unlink()
+    os.mkfifo(file)
+
+
+def as_a_folder(file: Path) -> None:
+    file.unlink()
+    file.mkdir()
+
+
+@pytest.mark.parametrize("damage", [other_table, row_less, torn, as_a_pipe, as_a_folder])
+def test_a_damaged_table_is_said_and_stays(damage: Callable[[Path], None], tmp_path: Path):
+    vary, folder = {EI: [50.0, 100.0]}, tmp_path / "K=1"
+    file = flexlab.sweep("paper", vary, 0.02, folder=folder).folder / "cells.parquet"
+    assert len(flexlab.sweep("paper", vary, 0.02, folder=folder).table) == 2
+    damage(file)
+    with pytest.raises(StudyError, match=r"cells\.parquet is damaged \(.*\): move it away, and the same sweep"):
+        flexlab.sweep("paper", vary, 0.02, folder=folder).column("rms_error.y")
+    assert file.exists()
+
+
+@pytest.mark.parametrize("damage", [other_table, row_less, torn, as_a_pipe])
+def test_a_damaged_part_is_computed_again(damage: Callable[[Path], None], tmp_path: Path):
+    vary, folder = {EI: [50.0, 100.0]}, tmp_path / "sweep"
+    file = flexlab.sweep("paper", vary, 0.02, folder=folder).folder / "cells.parquet"
+    whole, parts = file.read_bytes(), folder / "parts"
+    parts.mkdir()
+    part = parts / f"{0:09d}.parquet"
+    parquet.write_table(parquet.read_table(file).slice(0, 1), part)
+    file.unlink()
+    damage(part)
+    flexlab.sweep("paper", vary, 0.02, folder=folder)
+    assert file.read_bytes() == whole
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "[1]", '{"key": {}}', "\udcff"])
+def test_a_folder_with_another_plan_is_another_sweeps(text: str, tmp_path: Path):
+    (tmp_path / "sweep.json").write_text(text, encoding="utf-8", errors="surrogateescape")
+    with pytest.raises(StudyError, match="holds another sweep"):
+        flexlab.sweep("paper", {EI: [50.0, 100.0]}, 0.02, folder=tmp_path)
+
+
+def test_a_plan_that_is_a_pipe_is_another_sweeps(tmp_path: Path):
+    os.mkfifo(tmp_path / "sweep.json")
+    with pytest.raises(StudyError, match="holds another sweep"):
+        flexlab.sweep("paper", {EI: [50.0, 100.0]}, 0.02, folder=tmp_path)
 
 
 def test_the_front_is_what_no_cell_betters():

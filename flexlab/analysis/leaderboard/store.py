@@ -21,10 +21,9 @@ from flexlab.analysis.leaderboard.case import SAMPLE_PERIOD, Case, Variant
 from flexlab.analysis.leaderboard.entry import Row
 from flexlab.assets import web_assets_folder
 from flexlab.control.law import laws
-from flexlab.files import DIGITS, make_folder, writing
+from flexlab.files import DIGITS, make_folder, read_json, writing
 from flexlab.own.law import PythonLaw
 from flexlab.own.link import address_in
-from flexlab.recording.store.notes import is_regular
 from flexlab.scenario import Scenario
 from flexlab.text import syntax_tree
 
@@ -123,7 +122,7 @@ SHIPPED = "leaderboard.json"
 @cache
 def shipped_rows() -> tuple[Row, ...]:
     """The rows that ship with flexlab: all its laws in all cases but the long ones."""
-    common, rows = _read(web_assets_folder() / SHIPPED)
+    common, rows = read_json(web_assets_folder() / SHIPPED, LARGEST)
     return tuple(Row.from_data(common | row) for row in rows)
 
 
@@ -149,8 +148,8 @@ class RowStore:
     def get(self, key: str) -> Row | None:
         """The row of a key; None if there is none or its file is damaged."""
         try:
-            row = Row.from_data(_read(self._path(key)))
-        except (OSError, ValueError, TypeError, RecursionError):
+            row = Row.from_data(read_json(self._path(key), LARGEST))
+        except (OSError, ValueError, TypeError):
             return None
         return row if row.key == key else None
 
@@ -165,8 +164,8 @@ class RowStore:
     def last(self) -> tuple[Row, ...]:
         """The rows of the newest table; empty if there is none."""
         try:
-            keys = _read(self.folder / LAST)
-        except (OSError, ValueError, RecursionError):
+            keys = read_json(self.folder / LAST, LARGEST)
+        except (OSError, ValueError):
             return ()
         if not isinstance(keys, list):
             return ()
@@ -180,9 +179,3 @@ class RowStore:
         make_folder(path.parent, ADVICE)
         with writing(path, ADVICE) as draft:
             draft.write_text(json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False), encoding="utf-8")
-
-
-def _read(path: Path) -> Any:
-    if not is_regular(path) or path.stat().st_size > LARGEST:
-        raise ValueError("no ordinary file")
-    return json.loads(path.read_text(encoding="utf-8"))

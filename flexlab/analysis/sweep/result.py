@@ -3,7 +3,9 @@
 Each part is written whole or not at all. The key of the plan says whether a folder holds the same sweep.
 """
 
+import errno
 import json
+import os
 import shutil
 from collections.abc import Sequence
 from dataclasses import replace
@@ -24,7 +26,7 @@ from flexlab.analysis.sweep.plan import Cell, Plan, run_part
 from flexlab.analysis.workers import Told, Workers
 from flexlab.arguments import whole_number
 from flexlab.errors import StudyError
-from flexlab.files import replacing, writable
+from flexlab.files import read_json, replacing, writable
 from flexlab.scenario import Scenario
 from flexlab.text import html_table
 
@@ -33,6 +35,8 @@ if TYPE_CHECKING:
 
 TABLE, PARTS, PLAN = "cells.parquet", "parts", "sweep.json"
 """Names in a sweep's folder: the whole table, the folder of its parts, the plan."""
+LARGEST_PLAN = 100_000_000
+"""Most bytes of a plan that is read: a list may have very many values."""
 METADATA = b"flexlab"
 ADVICE = "make room or choose another folder; the parts that are done stay, and the same command goes on from there"
 SWEEPS = Path("sweeps")
@@ -81,11 +85,24 @@ def part_file(folder: Path, cells: range) -> Path:
     return folder / PARTS / f"{cells.start:09d}.parquet"
 
 
-def read_part(folder: Path, plan: Plan, cells: range) -> dict[str, list[Any]] | None:
-    """The columns of a part; None: its file does not exist, as before it is computed and after the end of the sweep."""
+def _rows(file: Path, plan: Plan, cells: range) -> pa.Table:
+    """The rows of these cells in a file. Raises OSError, or ValueError for a file that holds anything else."""
+    if not file.is_file():  # A pipe would hang.
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(file))
     try:
-        return parquet.read_table(part_file(folder, cells), schema=schema(plan)).to_pydict()
-    except OSError:
+        table = parquet.read_table(file, partitioning=None)
+    except pa.ArrowException as error:
+        raise ValueError(str(error)) from None
+    if table.schema != schema(plan) or not np.array_equal(table.column("cell"), cells):
+        raise ValueError("it holds other cells")
+    return table
+
+
+def read_part(folder: Path, plan: Plan, cells: range) -> dict[str, list[Any]] | None:
+    """The columns of a part; None: it has no file, as before it is computed and after the end of the sweep, or a damaged one."""
+    try:
+        return _rows(part_file(folder, cells), plan, cells).to_pydict()
+    except (OSError, ValueError):
         return None
 
 
@@ -106,7 +123,7 @@ def run_sweep(plan: Plan, folder: Path, workers: Workers, told: Told = lambda do
         (folder / PARTS).mkdir(parents=True, exist_ok=True)
         _check_plan(folder, plan)
     if not (folder / TABLE).exists():
-        missing = [cells for cells in plan.parts() if not part_file(folder, cells).exists()]
+        missing = [cells for cells in plan.parts() if read_part(folder, plan, cells) is None]
         done = plan.cell_count - sum(map(len, missing))
         told(done, plan.cell_count)
         with workers() as run:
@@ -127,7 +144,7 @@ def _check_plan(folder: Path, plan: Plan) -> None:
         with replacing(file) as draft:
             draft.write_text(text + "\n", encoding="utf-8")
     try:
-        held = json.loads(file.read_text(encoding="utf-8"))["key"]
+        held = read_json(file, LARGEST_PLAN)["key"]
     except (ValueError, KeyError, TypeError):
         held = None
     if held != plan.key:
@@ -144,7 +161,7 @@ def join_parts(folder: Path, plan: Plan) -> None:
                 parquet.ParquetWriter(draft, layout, compression="zstd") as writer,
             ):
                 for cells in plan.parts():
-                    writer.write_table(parquet.read_table(part_file(folder, cells), schema=layout))
+                    writer.write_table(_rows(part_file(folder, cells), plan, cells))
         shutil.rmtree(folder / PARTS, ignore_errors=True)
 
 
@@ -161,8 +178,18 @@ class Sweep(Result):
 
     @cached_property
     def table(self) -> Any:
-        """A row per cell: number, varied fields, status, sentence, metrics (SI), hash of the scenario, key and version."""
-        return parquet.read_table(self.folder / TABLE)
+        """A row per cell: number, varied fields, status, sentence, metrics (SI), hash of the scenario, key and version.
+
+        Raises `StudyError` if its file is damaged.
+        """
+        file = self.folder / TABLE
+        try:
+            return _rows(file, self.plan, range(len(self)))
+        except (OSError, ValueError) as error:
+            reason = " ".join(str(error).split())
+            raise StudyError(
+                f"{file} is damaged ({reason:.100}): move it away, and the same sweep computes it again."
+            ) from None
 
     @property
     def axes(self) -> tuple[Axis, ...]:

@@ -3,14 +3,13 @@
 import contextlib
 import json
 import os
-import stat
 import threading
 import time
 from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
-from flexlab.files import replacing
+from flexlab.files import read_json, replacing
 
 try:
     import fcntl
@@ -21,14 +20,6 @@ LARGEST_NOTES = 10_000_000
 """Bytes of the largest file of notes that is read: an hour of dragging sliders makes one."""
 
 
-def is_regular(path: Path) -> bool:
-    """Whether there is an ordinary file of this name, not a link, folder, pipe or device."""
-    try:
-        return stat.S_ISREG(path.lstat().st_mode)
-    except (OSError, ValueError):
-        return False
-
-
 def notes_path(path: Path) -> Path:
     """The file of notes beside a recording."""
     return path.with_suffix(".json")
@@ -36,13 +27,9 @@ def notes_path(path: Path) -> Path:
 
 def read_notes(path: Path) -> dict[str, Any]:
     """The notes beside a recording; empty if there are none or they cannot be read."""
-    file = notes_path(path)
     try:
-        # A pipe would hang, and a link may lead out of the folder.
-        if not is_regular(file) or file.stat().st_size > LARGEST_NOTES:
-            return {}
-        notes = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        notes = read_json(notes_path(path), LARGEST_NOTES)
+    except (OSError, ValueError):
         return {}
     return notes if isinstance(notes, dict) else {}
 

@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import IO, Literal
 
 from flexlab.errors import RecordingError
+from flexlab.files import is_regular
 from flexlab.recording.rerun_internals.rrd_file import FAMILY, has_footer
-from flexlab.recording.store.notes import is_regular, notes_path, read_notes
+from flexlab.recording.store.notes import notes_path, read_notes
 from flexlab.text import visible
 
 try:

@@ -22,6 +22,12 @@ def is_regular(path: Path) -> bool:
         return False
 
 
+def check_ordinary(path: Path) -> None:
+    """Raises OSError for a folder, a pipe or a device, which would hang or has no end; links are followed."""
+    if path.exists() and not path.is_file():
+        raise OSError(errno.EINVAL, "it is no ordinary file", str(path))
+
+
 def read_json(path: Path, largest: int) -> Any:
     """What the JSON in an ordinary file of at most `largest` bytes says. Raises OSError, or ValueError for anything else."""
     # A pipe would hang, and a link may lead out of the folder.

@@ -18,7 +18,7 @@ from typing import Any
 from flexlab.arguments import file_path
 from flexlab.assets import presets_folder
 from flexlab.errors import FlexlabError, PresetError, ScenarioError, StudyError
-from flexlab.files import writing
+from flexlab.files import check_ordinary, writing
 from flexlab.own.declaration import OwnLaw, OwnPath
 from flexlab.own.files import law_kind
 from flexlab.scenario import parse_scenario
@@ -224,8 +224,7 @@ def _kind_first(data: Any) -> Any:
 
 def _content(path: Path) -> bytes:
     try:
-        if path.exists() and not path.is_file():  # A pipe would hang.
-            raise PresetError(f"{path} cannot be read: it is no ordinary file.")
+        check_ordinary(path)
         return path.read_bytes()
     except FileNotFoundError:
         raise PresetError(f"There is no scenario file {path}: check the name.") from None

@@ -16,7 +16,7 @@ from flexlab.analysis.metrics import run_metrics
 from flexlab.analysis.replay import own_texts
 from flexlab.analysis.result import result_hash
 from flexlab.errors import RecordingError
-from flexlab.files import writing
+from flexlab.files import check_ordinary, writing
 from flexlab.presets import scenario_text
 from flexlab.recording.codec import command_values
 from flexlab.recording.export import export_recording
@@ -138,6 +138,7 @@ def unpack_capsule(archive_path: Path, folder: Path) -> Path:
     Nothing in it is executed.
     """
     try:
+        check_ordinary(archive_path)
         with zipfile.ZipFile(archive_path) as archive:
             sizes = {about.filename: about.file_size for about in archive.infolist()}
             if METADATA not in sizes or sizes[METADATA] > LARGEST_METADATA:
@@ -159,7 +160,7 @@ def unpack_capsule(archive_path: Path, folder: Path) -> Path:
     except FileNotFoundError:
         raise RecordingError(f"There is no file {archive_path}: check the name.") from None
     except Exception as error:  # Reading a damaged archive raises many kinds of errors.
-        reason = " ".join(str(error).split())
+        reason = getattr(error, "strerror", None) or " ".join(str(error).split())
         raise RecordingError(f"{archive_path} cannot be read as an archive of a run ({reason:.120}).") from None
     return folder / RUN
 

@@ -37,6 +37,10 @@ POINTS = 4000
 """Most points of a curve; of a longer signal, the least and largest value of each stretch are drawn."""
 
 
+LARGEST = 1e100
+"""Largest magnitude that is drawn: an axis that is longer has no ticks."""
+
+
 def _hex(color: Color) -> str:
     return to_hex(np.divide(color, 255))
 
@@ -201,7 +205,11 @@ FIGURES = {2: _trajectory, 3: _vibration, 4: _error, 5: _internal_force}
 
 
 def thin_out(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """About `POINTS` points at most of a curve that look like all of it: the least and the largest of each stretch."""
+    """About `POINTS` points at most of a curve that look like all of it: the least and the largest of each stretch.
+
+    What is larger than `LARGEST` is a gap.
+    """
+    values = np.where(np.abs(values) <= LARGEST, values, np.nan)
     if len(values) <= POINTS:
         return time, values
     edges = np.linspace(0, len(values), POINTS // 2 + 1).astype(int)

@@ -20,6 +20,7 @@ from flexlab.assets import presets_folder
 from flexlab.control.law import Law
 from flexlab.control.path import Path as DesiredPath
 from flexlab.errors import ScenarioError
+from flexlab.files import check_ordinary
 from flexlab.own import hosts
 from flexlab.own.declaration import Declared, OwnLaw, OwnPath, read_declaration, read_path_declaration
 from flexlab.own.kinds import OwnKinds, default_source
@@ -215,8 +216,7 @@ class OwnFolder(Generic[K]):
         if is_unit(file.name):
             return text_of_unit(file)
         try:
-            if file.exists() and not file.is_file():  # A pipe would hang.
-                raise self._problem("source", f"{file} cannot be read: it is no ordinary file.")
+            check_ordinary(file)
             if file.exists() and file.stat().st_size > LARGEST:
                 raise self._problem(
                     "source", f"{file} is larger than {LARGEST / 1e6:g} MB: that is no {self.kinds.word}."

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from flexlab.errors import ScenarioError
+from flexlab.files import check_ordinary
 from flexlab.own.declaration import DEFAULT_PERIOD, LONGEST_PERIOD, MOST_SETTINGS, MOST_SIGNALS, SHORTEST_PERIOD
 from flexlab.own.link import ASKS
 from flexlab.own.reading import is_unit
@@ -101,6 +102,7 @@ class {name}(OwnLaw):
 def text_of_unit(file: Path) -> str:
     """The text of the law that a unit computes. Raises `ScenarioError` if it cannot drive the arms."""
     try:
+        check_ordinary(file)
         data = file.read_bytes()
     except (OSError, ValueError) as error:  # ValueError: no file has such a name
         why = "there is no such file" if isinstance(error, (FileNotFoundError, ValueError)) else error.strerror

@@ -22,7 +22,7 @@ import pyarrow.parquet as parquet
 
 from flexlab import __version__
 from flexlab.errors import RecordingError, StudyError
-from flexlab.files import writing
+from flexlab.files import check_ordinary, writing
 from flexlab.presets import scenario_text
 from flexlab.recording.codec import event_from_values, event_values, larger_blocks, state_values
 from flexlab.recording.reader import Recording, within
@@ -145,6 +145,7 @@ def import_run(path: Path) -> tuple[Run, dict[str, Any]]:
     """
     _, read = _format(path)
     try:
+        check_ordinary(path)
         columns, text = read(path)
         metadata = writable(json.loads(text))
         scenario = parse_scenario(metadata["scenario"])
@@ -179,7 +180,7 @@ _REASONS: tuple[tuple[type[Exception], str], ...] = (
 
 def _reason(error: Exception) -> str:
     known = next((reason for kind, reason in _REASONS if isinstance(error, kind)), "")
-    said = visible(str(error).split("\n")[0], LONGEST_REASON)
+    said = getattr(error, "strerror", None) or visible(str(error).split("\n")[0], LONGEST_REASON)
     # NumPy advises to run the objects in an archive.
     return known or ("it holds Python objects" if "pickle" in said else said) or type(error).__name__
 

@@ -132,6 +132,8 @@ TOLD_BY: dict[Axis, str] = {ARM: "joint_angle", COORDINATE: "beam_coordinates"}
 """Axis → a signal whose array gives its length."""
 LAST_TIME = 1e9
 """s, either way: 32 years; rerun counts nanoseconds in 64 bits."""
+CLOSEST = 1e-9
+"""s between two times at least, as rerun counts them."""
 ROUNDING = 1e-6
 """Relative tolerance of a period that was computed from two times."""
 LEVELS = ("info", "warning", "error")
@@ -150,13 +152,13 @@ def checked_blocks(name: str, blocks: Iterable[Samples]) -> Iterator[Samples]:
 
 
 def check_times(name: str, time: np.ndarray, before: int = 0, last: float = -math.inf) -> None:
-    """Raises `RecordingError`, which counts rows from 1, if times in s are not finite and rising.
+    """Raises `RecordingError`, which counts rows from 1, if times in s are not finite and rising by `CLOSEST`.
 
     `before`: number of rows before them, the last of which has the time `last`.
     """
     usable = np.abs(time) <= LAST_TIME  # False for NaN too.
     with np.errstate(invalid="ignore"):  # The difference of two infinities is told by `usable`.
-        rising = np.diff(time, prepend=last) > 0 if len(time) else usable
+        rising = np.diff(time, prepend=last) >= CLOSEST if len(time) else usable
     wrong = np.flatnonzero(~(usable & rising))
     if not len(wrong):
         return
@@ -166,7 +168,9 @@ def check_times(name: str, time: np.ndarray, before: int = 0, last: float = -mat
         reason = "is not finite" if not math.isfinite(value) else f"is beyond ±{LAST_TIME:g} s"
         raise RecordingError(f"{where} {reason}: give every row a time in s, each later than the one before.")
     earlier = last if row == 0 else float(time[row - 1])
-    raise RecordingError(f"{where} is not later than the {earlier:.12g} s of the row before: sort the rows by time.")
+    raise RecordingError(
+        f"{where} is not later than the {earlier:.12g} s of the row before by 1 ns or more: sort the rows by time."
+    )
 
 
 def check_period(name: str, period: object) -> float:

@@ -11,6 +11,7 @@ from flexlab.control.law import LAWS
 from flexlab.control.path import PATHS
 from flexlab.control.paths.table import MOST_ROWS
 from flexlab.errors import PresetError
+from flexlab.files import check_ordinary
 from flexlab.own.files import path_kind
 from flexlab.scenario.scenario import Scenario, parse_scenario
 from flexlab.text import typed_number, visible
@@ -57,6 +58,7 @@ def known_kind(field: str, kind: str) -> str:
 def read_path_file(file: str | Path) -> tuple[tuple[float, float, float, float], ...]:
     """Rows (t, x, y, θ) of a CSV file, s, m, m, rad. Raises `PresetError`."""
     try:
+        check_ordinary(Path(file))
         with open(file, "rb") as stream:
             content = stream.read(LONGEST_FILE + 1)
     except (OSError, ValueError) as error:  # ValueError: no file has such a name

@@ -51,6 +51,13 @@ def test_the_same_run_gives_the_same_file(run: Run, tmp_path: Path) -> None:
     assert [path.read_bytes() for path in one] == [path.read_bytes() for path in other]
 
 
+def test_what_no_axis_can_show_is_a_gap(run: Run, tmp_path: Path) -> None:
+    beyond = {name: np.where(np.arange(len(run)) % 2, 1e308, 1.0) for name in ("midspan_deflection", "vibration")}
+    paper_figures(run.having(**beyond), tmp_path, formats=["svg"])
+    shown = draw_figure(3, run.having(**beyond)).axes[0].get_lines()[0].get_ydata()
+    assert np.nanmax(np.asarray(shown)) == 1e3
+
+
 def test_one_arm_has_figures_too(tmp_path: Path) -> None:
     run = simulate(load_preset("single-arm"), duration=0.1)
     assert len(paper_figures(run, tmp_path, formats=["svg"])) == len(FIGURES)

@@ -145,6 +145,7 @@ def changed_table(original: Recording, folder: Path, **metadata: object) -> Path
         (0, "-inf", "row 1: time = -inf s is not finite"),
         (7, "nan", "row 8: time = nan s is not finite"),
         (7, "1e12", r"row 8: time = 1e\+12 s is beyond"),
+        (7, "0.1060000001", "row 8: time = 0.1060000001 s is not later than the 0.106 s of the row before by 1 ns"),
         (7, "0.003", "row 8: time = 0.003 s is not later than the 0.106 s of the row before"),
     ],
 )

@@ -12,6 +12,7 @@ import numpy as np
 from flexlab.analysis.identification.ring import Estimate, RingFit
 from flexlab.analysis.modes import modes
 from flexlab.errors import FlexlabError, StudyError
+from flexlab.files import check_ordinary
 from flexlab.scenario import Scenario
 from flexlab.text import visible
 
@@ -120,6 +121,7 @@ FEWEST_CUT_OFF, MORE = 3, 5
 def _read(path: Path) -> tuple[list[str], list[list[str]], bool]:
     """Names and rows of the columns, and whether numbers may have a decimal comma, as it does not separate columns."""
     try:
+        check_ordinary(path)
         if path.stat().st_size > LARGEST_FILE:
             raise StudyError(f"{path} is larger than {LARGEST_FILE // 1_000_000} MB: cut out what is to be fitted.")
         with path.open(encoding="utf-8-sig", newline="") as file:

@@ -11,6 +11,7 @@ from collections.abc import Awaitable, Callable
 from typing import Any
 
 from aiohttp import web
+from aiohttp.web_protocol import RequestPayloadError
 
 from flexlab.server.limits import network_of
 from flexlab.text import limited
@@ -105,7 +106,7 @@ class Visit(web.RequestHandler):
         """Refuse what is no request in one line that quotes nothing of it: its head may hold a token."""
         if status >= 500:
             return super().handle_error(request, status, exc, message)
-        log.warning("Refused what came from %s: no proper request (%s).", self.address, type(exc).__name__)
+        self._tell_refused(exc)
         if request.writer.output_size > 0:
             raise ConnectionError("A part of an answer is sent already.")
         answer = web.Response(status=status, text=MALFORMED)
@@ -113,12 +114,20 @@ class Visit(web.RequestHandler):
         return answer
 
     def log_exception(self, *words: Any, **more: Any) -> None:
-        """Log in one line a visitor who took nothing of a file, and nothing of one who left: to aiohttp both are defects."""
+        """Log in one line a visitor who took nothing of a file or sent what is no body, and nothing of one who left.
+
+        To aiohttp all of them are defects.
+        """
         reason = more.get("exc_info")
         if isinstance(reason, TimeoutError):
             log.warning("Left %s, who took nothing of what was sent for %g s.", self.address, STALLED_TIME)
+        elif isinstance(reason, RequestPayloadError):
+            self._tell_refused(reason)
         elif not isinstance(reason, ConnectionError):  # The visitor has left meanwhile.
             super().log_exception(*words, **more)
+
+    def _tell_refused(self, reason: BaseException | None) -> None:
+        log.warning("Refused what came from %s: no proper request (%s).", self.address, type(reason).__name__)
 
     def cut(self) -> None:
         """End it at once."""

@@ -18,10 +18,11 @@ from flexlab.server.limits import MOST_HELD, MOST_PENDING
 
 
 def send(server: FrontServer, words: bytes) -> bytes:
-    """What comes back for these bytes."""
+    """What comes back for these bytes, until the server ends the connection."""
     with socket.create_connection(("127.0.0.1", server.port), timeout=30) as plug:
         plug.sendall(words)
-        return plug.recv(1 << 16)
+        with plug.makefile("rb") as answer:
+            return answer.read()
 
 
 HEAD = b"Host: 127.0.0.1\r\n"
@@ -32,6 +33,12 @@ MALFORMED = {
     "a header without a name": b"GET / HTTP/1.1\r\n" + HEAD + b": secret-of-the-class\r\n\r\n",
     "two lengths": b"POST / HTTP/1.1\r\n" + HEAD + b"Content-Length: 3\r\nContent-Length: 4\r\n\r\nabcd",
     "a broken chunk": b"POST /name HTTP/1.1\r\n" + HEAD + b"Transfer-Encoding: chunked\r\n\r\nsecret\r\n",
+    "a broken chunk where nothing is taken": (
+        b"POST /nowhere HTTP/1.1\r\n" + HEAD + b"Transfer-Encoding: chunked\r\n\r\nsecret\r\n"
+    ),
+    "a body that is not packed as it says": (
+        b"POST /name HTTP/1.1\r\n" + HEAD + b"Content-Encoding: gzip\r\nContent-Length: 6\r\n\r\nsecret"
+    ),
     "an odd version": b"GET / HTTP/9.secret-of-the-class\r\n" + HEAD + b"\r\n",
     "a method that is none": b"SECRET-OF-THE-CLASS" * 300 + b" / HTTP/1.1\r\n" + HEAD + b"\r\n",
 }

@@ -82,6 +82,16 @@ def test_a_terminal_without_room_is_written_to_as_if_it_had_some(root: Path, wor
     assert said[2].startswith(expected)
 
 
+@pytest.mark.parametrize("size", ["²", "-5", "x", "", "9" * 5000])
+def test_a_terminal_of_no_known_size_is_written_to(root: Path, size: str):
+    done = subprocess.run(
+        [sys.executable, "-m", "flexlab", "presets"], cwd=root, env=os.environ | {"COLUMNS": size, "LINES": size},
+        capture_output=True, text=True, encoding="utf-8", timeout=120, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("paper ")
+
+
 def test_a_preset_is_printed_changed_as_a_scenario_file(flexlab_command: Command, tmp_path: Path):
     done = flexlab_command("presets", "soft-beam", "--set", "gravity=9.81", "--law", "pd")
     assert done.returncode == 0, done.stderr

@@ -35,6 +35,8 @@ NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 NARROWEST = 40
 """Columns of a terminal that texts are broken for: in fewer, tables lose their words and the help of tyro takes minutes."""
+LONGEST_NUMBER = 9
+"""Digits of a number of columns or lines that is read: Python reads no thousands."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -71,8 +73,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _widen() -> None:
     """Have texts broken for a terminal of `NARROWEST` columns at least, whatever COLUMNS or the window says."""
-    given = os.environ.get("COLUMNS", "")
-    if (int(given) if given.isdecimal() else shutil.get_terminal_size().columns) < NARROWEST:
+    for name in ("COLUMNS", "LINES"):
+        given = os.environ.get(name, "0")
+        if not given.isdecimal() or len(given) > LONGEST_NUMBER:  # What rich takes for a number, as ², may be none.
+            del os.environ[name]
+    if int(os.environ.get("COLUMNS", shutil.get_terminal_size().columns)) < NARROWEST:
         os.environ["COLUMNS"] = str(NARROWEST)
 
 

@@ -204,12 +204,14 @@ FIGURES = {2: _trajectory, 3: _vibration, 4: _error, 5: _internal_force}
 """Number in the paper → the plots of the figure."""
 
 
-def thin_out(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """About `POINTS` points at most of a curve that look like all of it: the least and the largest of each stretch.
+def drawable(values: np.ndarray) -> np.ndarray:
+    """Values with gaps (NaN) in place of what is larger than `LARGEST`."""
+    return np.where(np.abs(values) <= LARGEST, values, np.nan)
 
-    What is larger than `LARGEST` is a gap.
-    """
-    values = np.where(np.abs(values) <= LARGEST, values, np.nan)
+
+def thin_out(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """About `POINTS` points at most of a curve that look like all of it: the least and the largest of each stretch."""
+    values = drawable(values)
     if len(values) <= POINTS:
         return time, values
     edges = np.linspace(0, len(values), POINTS // 2 + 1).astype(int)

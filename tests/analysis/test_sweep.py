@@ -16,6 +16,7 @@ import pyarrow.parquet as parquet
 import pytest
 
 import flexlab
+from flexlab.analysis.metrics.metric import forget
 from flexlab.analysis.sweep.axes import parse_axes
 from flexlab.analysis.sweep.figures import pareto_front, write_figures
 from flexlab.analysis.sweep.plan import BEAMS, make_plan, run_part
@@ -266,6 +267,28 @@ def test_a_plan_that_is_a_pipe_is_another_sweeps(tmp_path: Path):
     os.mkfifo(tmp_path / "sweep.json")
     with pytest.raises(StudyError, match="holds another sweep"):
         flexlab.sweep("paper", {EI: [50.0, 100.0]}, 0.02, folder=tmp_path)
+
+
+def test_metrics_of_ones_own_cost_no_table(tmp_path: Path):
+    @flexlab.metric("1")
+    def beyond(samples: flexlab.Samples) -> float:
+        return 1e308 * np.cos(samples.time[-1])
+
+    @flexlab.metric("1")
+    def fails_oddly(samples: flexlab.Samples) -> float:
+        if samples.desired_pose[0, 0] > 0:
+            raise ValueError("half \ud800 of it")
+        return -1e308
+
+    try:
+        sweep = flexlab.sweep(
+            "paper", {"trajectory.center": [[0.0, 0.75, 0.0], [0.1, 0.75, 0.0]]}, 0.01, folder=tmp_path
+        )
+        assert "half \N{REPLACEMENT CHARACTER} of it" in sweep.failed[1]
+        write_figures(sweep.plan, sweep.table, tmp_path, ["beyond", "fails_oddly"], ("beyond", "fails_oddly"))
+    finally:
+        forget("beyond")
+        forget("fails_oddly")
 
 
 def test_the_front_is_what_no_cell_betters():

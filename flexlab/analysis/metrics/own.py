@@ -18,6 +18,7 @@ import numpy as np
 from flexlab.analysis.metrics.metric import METRICS, Column, Metric, Peak, RootMeanSquare, forget, of_signal, register
 from flexlab.errors import StudyError
 from flexlab.files import short_hash
+from flexlab.text import visible
 
 if TYPE_CHECKING:
     from flexlab.sim.samples import Samples
@@ -119,7 +120,7 @@ def _called(declared: OwnMetric, samples: "Samples") -> np.ndarray:
     try:
         found = np.asarray(declared.function(samples))
     except Exception as error:
-        reason = " ".join(str(error).split()) or "no reason given"
+        reason = visible(" ".join(str(error).split())) or "no reason given"
         raise StudyError(f"The metric {declared.name} failed: {type(error).__name__}: {reason:.300}") from error
     if found.dtype.kind not in REAL:
         raise StudyError(f"The metric {declared.name} gives {found!r:.60}: real numbers are needed.")

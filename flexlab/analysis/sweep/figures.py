@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 
-from flexlab.analysis.figures import BLUE, GRAY, STYLE, VERMILION, save_figure
+from flexlab.analysis.figures import BLUE, GRAY, STYLE, VERMILION, drawable, save_figure
 from flexlab.analysis.metrics.metric import named, numbers
 from flexlab.analysis.result import number_column
 from flexlab.analysis.sweep.axes import Axis
@@ -61,7 +61,7 @@ def draw_metric(plan: Plan, table: Any, name: str) -> Figure:
         for spare in parts[len(panels) :]:
             spare.set_axis_off()
         figure.suptitle(f"{column.title} ({column.unit}){left_out}")
-        values = number_column(table, column.key)
+        values = drawable(number_column(table, column.key))
         scale = _color_scale(values)
         drawn: Any = None
         for part, (title, rows) in zip(parts, panels, strict=False):
@@ -81,7 +81,7 @@ def draw_metric(plan: Plan, table: Any, name: str) -> Figure:
 def draw_pareto(table: Any, first: str, second: str) -> Figure:
     """Two metrics of all cells; a line joins the cells for which no other cell is smaller in both."""
     one, other = (named(name).number.column for name in (first, second))
-    x, y = number_column(table, one.key), number_column(table, other.key)
+    x, y = (drawable(number_column(table, each.key)) for each in (one, other))
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=SIZE, layout="constrained")
         axes = figure.add_subplot()

@@ -307,6 +307,7 @@
     const shown = document.querySelector(".mantine-Notification-root");
     if (!shown || shown === word || !english(shown).startsWith(NO_CARD)) return;
     word = shown;
+    word.dataset.flNoCard = "";
     setTimeout(() => shown.querySelector("button")?.click(), READ);
   }
 

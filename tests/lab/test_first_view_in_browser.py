@@ -182,6 +182,15 @@ def test_the_word_on_a_missing_graphics_card_leaves_the_scene_by_itself(
     word.wait_for(state="detached")
 
 
+def test_on_a_phone_that_word_takes_a_line_and_not_the_scene(newcomer: Page, shared_session: Session) -> None:
+    newcomer.set_viewport_size({"width": 390, "height": 844})
+    newcomer.goto(address(shared_session))
+    look = "(word) => [word.getBoundingClientRect().height, getComputedStyle(word).pointerEvents]"
+    height, touched = newcomer.locator("[data-fl-no-card]").evaluate(look)
+    assert height < 60
+    assert touched == "none", "what is behind it is the scene's"
+
+
 def test_the_play_screen_has_five_controls_and_leads_to_the_lab_with_the_same_run(
     newcomer: Page, shared_session: Session
 ) -> None:

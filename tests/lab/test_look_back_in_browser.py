@@ -62,3 +62,13 @@ def test_back_to_now_shows_the_present_and_the_run_goes_on(page: LabPage) -> Non
     wait_until(lambda: page.snapshot.playing, "the run goes on")
     wait_until(lambda: shown_time(page) > 1.0, "the present")
     assert not page.page.get_by_role("button", name="Continue from here").is_visible()
+
+
+def test_by_the_tab_key_the_bar_follows_the_picture_and_the_panel_the_bar(page: LabPage) -> None:
+    wait_until(lambda: page.snapshot.latest.time[0] > 0.2, "there is something to look back at")
+    bar(page).focus()
+    page.page.keyboard.press("Tab")
+    assert page.page.evaluate("document.activeElement.textContent.trim()") == "Pause"
+    button = page.page.get_by_role("button", name="Pause", exact=True).bounding_box()
+    assert button is not None
+    assert button["x"] > 1000, "the panel's button stays there"

@@ -88,10 +88,11 @@ class Panel:
         self._told: Scenario | None = None
         self._settled: tuple[Scenario | None, Scenario | None] = (None, None)
         self._notices = widgets.gui.add_html("")
+        # Of the picture, too, which comes before the panel for who goes by Tab; no button may follow at once (`page.css`).
+        self._scrub = Scrub(widgets, look_back)
         self._caption, self._number = widgets.gui.add_html(""), widgets.gui.add_html("")
         self._status = widgets.gui.add_html("")
         self._drive = Playback(widgets)
-        self._scrub = Scrub(widgets, look_back)
         self._presets = Presets(widgets)
         tabs = widgets.gui.add_tab_group()
         with tabs.add_tab("Parameters"):

@@ -81,3 +81,36 @@ def test_ctrl_c_in_python_ends_a_run_with_a_law_wherever_it_finds_it(tmp_path: P
     command = [sys.executable, "-c", PRESSED_OFTEN]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
     assert done.stdout == 40 * "ended\n"
+
+
+PRESSED_IN_EACH_CALL = """
+import builtins
+import flexlab
+
+builtins.calls, builtins.pressed = 0, -1
+flexlab.simulate("paper", 0.01, law="presses.py")
+for builtins.pressed in range(builtins.calls):
+    builtins.calls = 0
+    try:
+        for run in range(2):
+            flexlab.simulate("paper", 0.01, law="presses.py")
+        print("lost")
+    except KeyboardInterrupt:
+        print("ended")
+"""
+PRESS_IN_ONE_CALL = """
+import builtins, os, signal
+builtins.calls += 1
+if builtins.calls - 1 == builtins.pressed:
+    os.kill(os.getpid(), signal.SIGINT)
+"""
+
+
+def test_ctrl_c_in_the_last_call_of_a_run_ends_what_follows(tmp_path: Path):
+    """No step waits for that call, so that the run is over; a script would go on with its next one."""
+    (tmp_path / "presses.py").write_text(at_work(PRESS_IN_ONE_CALL))
+    command = [sys.executable, "-c", PRESSED_IN_EACH_CALL]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    said = done.stdout.splitlines()
+    assert len(said) > 10
+    assert set(said) == {"ended"}

@@ -195,8 +195,9 @@ class RunningLaw(RunningText):
         return self._problem
 
     def ensure(self) -> None:
-        """Forget what went wrong before: a run begins."""
-        self._problem, self._is_interrupted = "", False
+        """Forget what went wrong before: a run begins. Raises a KeyboardInterrupt that came too late for the last one."""
+        if self.problem:
+            self._problem = ""
 
     def _called(self, at: int, now: int) -> int:
         message = record_at(at, MESSAGE)

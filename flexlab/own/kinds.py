@@ -36,6 +36,10 @@ def source_field(source: str, word: str) -> Any:
     return Field(source, max_length=LONGEST_SOURCE, title=f"Text of the {word}")
 
 
+MODELS_KEPT = 32
+"""Texts whose models are kept: to make one takes longer than to make a world, and pydantic may drop a Ctrl-C meanwhile."""
+
+
 @dataclass(frozen=True)
 class OwnKinds(Generic[K]):
     """The laws, or the paths, in Python text."""

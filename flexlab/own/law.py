@@ -4,7 +4,7 @@ The text runs only if it was allowed (`hosts.allow`), in this process or in one 
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numba
@@ -21,7 +21,7 @@ from flexlab.numerics.linear_algebra import product
 from flexlab.own import hosts
 from flexlab.own.declaration import LONGEST_PERIOD, SHORTEST_PERIOD, Declaration, read_declaration
 from flexlab.own.execution import ANSWER_BYTES, ANSWERED, ASKED, FAILED, INTERRUPTED, MESSAGE, Channel
-from flexlab.own.kinds import OWN_PLACE, OwnKinds, default_source, flat_numbers, source_field
+from flexlab.own.kinds import MODELS_KEPT, OWN_PLACE, OwnKinds, default_source, flat_numbers, source_field
 from flexlab.own.measurement import BELIEVED, MOST_MODES, PLACES
 from flexlab.physics.beam import beam_matrices, shape_row, undamped_modes
 from flexlab.physics.law_input import LAW_INPUT, MOST_ARMS
@@ -207,6 +207,7 @@ def fastest_rate(gains, now, memory, S, kappa):
     return 0.0
 
 
+@lru_cache(maxsize=MODELS_KEPT)
 def own_law_of(source: str, file: str, kind: str = "") -> PythonLaw:
     """The law that a text declares, under another name if one is given. Raises `ScenarioError` with file and line."""
     declared = read_declaration(source, file)

@@ -28,7 +28,7 @@ from flexlab.files import short_hash
 from flexlab.own import hosts
 from flexlab.own.declaration import PathDeclaration, Setting, read_path_declaration
 from flexlab.own.endless_calls import CALLS
-from flexlab.own.kinds import OWN_PLACE, OwnKinds, flat_numbers, source_field
+from flexlab.own.kinds import MODELS_KEPT, OWN_PLACE, OwnKinds, flat_numbers, source_field
 from flexlab.own.reading import TextProblem
 from flexlab.quantities import Number, quantity
 from flexlab.text import number_text
@@ -220,6 +220,7 @@ class PythonPath(Path):
         return np.array([(trajectory.start, trajectory.slowest_period if trajectory.repeats else 0.0)], RECORD)
 
 
+@lru_cache(maxsize=MODELS_KEPT)
 def own_path_of(source: str, file: str, kind: str = "") -> PythonPath:
     """The path that a text declares, under another name if one is given. Raises `ScenarioError` with file and line."""
     declared = read_path_declaration(source, file)

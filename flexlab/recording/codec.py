@@ -1,7 +1,7 @@
 """Samples as compact bytes and back, bit for bit.
 
 A recording keeps every signal of `Samples` in double precision, besides the curves that it shows: 69 numbers of the paper's run
-are 552 bytes a millisecond, and 193 in this form in blocks of ten seconds, 262 in blocks of a tenth. The bit pattern of a
+are 552 bytes a millisecond, and 205 in this form in blocks of ten seconds, 268 in blocks of a tenth. The bit pattern of a
 smooth signal, read as an integer, is nearly a cubic in time, so its third difference is small; small integers have empty upper
 bytes, which pack well. All of it is exact arithmetic on bit patterns: infinities and NaN come back too.
 

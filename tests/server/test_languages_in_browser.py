@@ -91,6 +91,14 @@ VERDICT = (
 """Two sentences of a lesson's check, of which the second begins with a number."""
 
 
+WIDTH_OF_DOT = """(part) => {
+  const text = [...part.childNodes].find((node) => node.nodeValue?.includes('·')), at = text.nodeValue.indexOf('·');
+  const range = document.createRange();
+  range.setStart(text, at);
+  range.setEnd(text, at + 1);
+  return range.getBoundingClientRect().width / parseFloat(getComputedStyle(part).fontSize); }"""
+
+
 def told_of_fields(page: Page) -> list[str]:
     """How a page tells sentences for the terminal, which name fields as code does."""
     sentences = (
@@ -206,6 +214,8 @@ def test_every_page_speaks_german_chinese_and_english(page: Page) -> None:
     page.get_by_label("Language").select_option("zh")
     tabs.first.press("Enter")
     page.get_by_role("slider", name="弯曲刚度 EI", exact=True).wait_for()
+    label = page.locator(PANEL).get_by_text("(N·m²)").first
+    assert label.evaluate(WIDTH_OF_DOT) < 0.6, "the dot of units is narrow, in em"
     verdict = told_of_fields(page)[-3]
     assert "剩余振动 1.3" in verdict, "each sentence by itself, also one that begins with a number"
     page.locator("#told").evaluate("(part) => part.remove()")

@@ -33,7 +33,7 @@ from flexlab.text import visible
 
 MOST_KEPT = 16
 """Numbers of the program's memory."""
-_ADDRESS = re.compile(r"tcp://([A-Za-z0-9.-]+|\[[0-9A-Fa-f:.]+\]):([0-9]{1,5})/?")
+_ADDRESS = re.compile(r"tcp://([A-Za-z0-9.-]{1,190}|\[[0-9A-Fa-f:.]+\]):([0-9]{1,5})/?")
 _TEXT = '''"""A control law that another program computes: flexlab asks it at each control instant."""
 
 from flexlab import OwnLaw, memory

@@ -35,6 +35,7 @@ from flexlab.server.labs.lab_provider import Choice
 from flexlab.server.limits import LOOK, LOOK_AGAIN, PER_SECOND, Quota, Visitor
 from flexlab.server.task_book import BAD, GOOD, Outcome, Task, TaskBook
 from flexlab.sim.pacing import FASTEST
+from flexlab.text import visible
 
 MOST_SAMPLES = 1_200_000
 """Most samples of a run that a job reads whole: 20 minutes at a lab's rate, 0.6 GB in memory."""
@@ -56,6 +57,8 @@ OVERLAY = "overlay.rrd"
 """File in the folder of a comparison."""
 
 
+LONGEST_NUMBER = 20
+"""Most characters of a number of samples that a sentence repeats."""
 BYTES_OF_SAMPLE = 550
 """Bytes that a sample takes in a recording, about: of a run that is still being recorded nothing else tells its length."""
 INDEXING = 0.05
@@ -69,7 +72,7 @@ def compare_runs(paths: tuple[Path, ...], folder: Path, report: Callable[[float]
     """
     for path in paths:
         check_size(path)
-    lengths = [read_notes(path).get("rows") or path.stat().st_size / BYTES_OF_SAMPLE for path in paths]
+    lengths = [_noted_rows(path) or path.stat().st_size / BYTES_OF_SAMPLE for path in paths]
     shortest = min(lengths)
     # Longer runs are read once more, for the metrics of the stretch that all runs have.
     expected = 2 * sum(lengths) + shortest * sum(length > shortest for length in lengths)
@@ -90,11 +93,18 @@ def compare_runs(paths: tuple[Path, ...], folder: Path, report: Callable[[float]
 
 def check_size(path: Path) -> None:
     """Raise `RecordingError` for a run that is too long to be read whole."""
-    rows = read_notes(path).get("rows", 0)
-    if isinstance(rows, int) and rows > MOST_SAMPLES:
+    rows = _noted_rows(path)
+    if rows > MOST_SAMPLES:
+        shown = visible(rows, LONGEST_NUMBER)
         raise RecordingError(
-            f"{path.stem} has {rows} samples, over {MOST_SAMPLES}: export a range of its time and import that first."
+            f"{path.stem} has {shown} samples, over {MOST_SAMPLES}: export a range of its time and import that first."
         )
+
+
+def _noted_rows(path: Path) -> int:
+    """How many samples the notes say that a run has; 0: they do not say."""
+    rows = read_notes(path).get("rows")
+    return rows if type(rows) is int and rows > 0 else 0
 
 
 def replay_run(path: Path, report: Callable[[float], None]) -> Outcome:

@@ -146,7 +146,9 @@ def test_who_is_silent_or_slow_is_given_up(program: Callable[..., Program], monk
 
 
 @pytest.mark.parametrize(
-    "address", ["tcp://localhost", "tcp://localhost:0", "tcp://a:70000", "tcp://:1", 'tcp://a")\nimport os:1', "tcp://u@a:1"]
+    "address",
+    ["tcp://localhost", "tcp://localhost:0", "tcp://a:70000", "tcp://:1", "tcp://u@a:1", 'tcp://a")\nimport os:1',
+     f"tcp://{'a' * 191}:1"],
 )  # fmt: skip
 def test_what_is_no_address_is_said(address: str):
     with pytest.raises(

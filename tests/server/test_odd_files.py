@@ -1,12 +1,13 @@
 """Odd files in the logs folder against a real server: each stands for itself, none harms the others or leads outside."""
 
+import json
 import re
 from collections.abc import Callable
 from html import unescape
 from pathlib import Path
 
 import pytest
-from http_client import ask, post, upload, wait_until
+from http_client import ask, compared, post, upload, wait_until
 from odd_files import RUNS, SECRET, make_odd_folder
 
 from flexlab.recording.export import export_recording
@@ -50,6 +51,15 @@ def test_nothing_is_done_with_what_is_no_recording(odd: FrontServer) -> None:
             said = ask(odd.url, f"/runs/{name}/{action}", "POST", b"", Origin=odd.url)
             assert (said.status, "<p>" in said.text) == (400, True), (name, action)
         assert ask(odd.url, f"/compare?run=good&run={name}").status == 422, name
+
+
+def test_runs_are_compared_and_exported_whatever_their_notes_say(odd: FrontServer) -> None:
+    for name, rows in {"word": "x", "negative": -501, "infinite": float("inf"), "list": [501]}.items():
+        (odd.settings.logs / f"{name}.rrd").write_bytes((odd.settings.logs / "good.rrd").read_bytes())
+        (odd.settings.logs / f"{name}.json").write_text(json.dumps({"rows": rows}))
+        _, page = compared(odd.url, "good", name)
+        assert page.status == 200, page.text
+        assert ask(odd.url, f"/runs/{name}/export?format=zip").status == 200
 
 
 def test_an_odd_file_can_be_deleted_and_nothing_else_goes(odd: FrontServer, recorded: Path) -> None:

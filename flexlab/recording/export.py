@@ -23,7 +23,7 @@ import pyarrow.parquet as parquet
 from flexlab import __version__
 from flexlab.errors import RecordingError, StudyError
 from flexlab.files import check_ordinary, writing
-from flexlab.presets import scenario_text
+from flexlab.presets import scenario_text, unique_fields
 from flexlab.recording.codec import event_from_values, event_values, larger_blocks, state_values
 from flexlab.recording.reader import Recording, within
 from flexlab.recording.store.formats import FORMAT, Changes, migrate
@@ -147,7 +147,7 @@ def import_run(path: Path) -> tuple[Run, dict[str, Any]]:
     try:
         check_ordinary(path)
         columns, text = read(path)
-        metadata = writable(json.loads(text))
+        metadata = writable(json.loads(text, object_pairs_hook=unique_fields))
         scenario = parse_scenario(metadata["scenario"])
         samples, left_out = from_columns(columns, scenario)
         check_times(path.name, samples.time)
@@ -207,7 +207,7 @@ def _read_csv(path: Path) -> tuple[Columns, str]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # That a table has no rows is no news to its reader.
             table = np.loadtxt(file, delimiter=",", ndmin=2).reshape(-1, len(names))
-    return dict(zip(names, table.T, strict=True)), metadata
+    return unique_fields(list(zip(names, table.T, strict=True))), metadata
 
 
 def _write_parquet(path: Path, batches: Iterable[Columns], metadata: str) -> None:
@@ -225,9 +225,10 @@ def _write_parquet(path: Path, batches: Iterable[Columns], metadata: str) -> Non
 
 
 def _read_parquet(path: Path) -> tuple[Columns, str]:
-    table = parquet.read_table(path)
-    columns = {name: table.column(name).to_numpy() for name in table.column_names}
-    return columns, (table.schema.metadata or {})[NAME.encode()].decode()
+    with parquet.ParquetFile(path) as file:
+        table = file.read()
+    columns = [(name, column.to_numpy()) for name, column in zip(table.column_names, table.columns, strict=True)]
+    return unique_fields(columns), (table.schema.metadata or {})[NAME.encode()].decode()
 
 
 def _write_npz(path: Path, batches: Iterable[Columns], metadata: str) -> None:

@@ -7,6 +7,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as parquet
 import pytest
 from recording_helpers import assert_same_bits
 
@@ -265,6 +266,37 @@ def test_a_column_of_an_unknown_name_is_left_out_and_said_so(
     assert "torque" not in said
     export_recording(original, file)
     assert not read_row(import_into(file, tmp_path / "whole")).note
+
+
+def twice_in_csv(file: Path) -> Path:
+    file.write_text(file.read_text(encoding="utf-8").replace("pose_x [m]", "pose_y [m]", 1), encoding="utf-8")
+    return file
+
+
+def twice_in_parquet(file: Path) -> Path:
+    table = parquet.read_table(file)
+    names = ["pose_y [m]" if name == "pose_x [m]" else name for name in table.column_names]
+    parquet.write_table(table.rename_columns(names), file)
+    return file
+
+
+def twice_in_metadata(file: Path) -> Path:
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace("# {", '# {"pose_y [m]": 1, "pose_y [m]": 2, ', 1), encoding="utf-8")
+    return file
+
+
+@pytest.mark.parametrize(
+    ("twice", "name"),
+    [(twice_in_csv, "x.csv"), (twice_in_parquet, "x.parquet"), (twice_in_metadata, "x.csv")],
+)
+def test_what_is_given_twice_is_refused(
+    twice: Callable[[Path], Path], name: str, original: Recording, tmp_path: Path
+) -> None:
+    file = twice(export_recording(original, tmp_path / name))
+    with pytest.raises(RecordingError, match=r"the field 'pose_y \[m\]' is given twice"):
+        import_into(file, tmp_path / "logs")
+    assert list_runs(tmp_path / "logs") == []
 
 
 @pytest.mark.parametrize("kept", [("time",), ("time", "pose"), ("time", "joint_angle"), ("time", "beam_rates")])

@@ -90,7 +90,7 @@ def read_measured(path: Path, time: str | None = None, signal: str | None = None
         notes.append(
             f"{gaps.sum()} gaps, the longest {steps.max():.3g} s where samples are {np.median(steps):.3g} s apart."
         )
-    unit = "m" if y_unit in SIGNAL_UNITS else y_unit
+    unit = "m" if y_unit in SIGNAL_UNITS else visible(y_unit, LONGEST_NAME)
     for sign in (1, -1):
         if count := _cut_off(sign * y):
             limit = f"{sign * np.max(sign * y):.4g} {unit}".rstrip()

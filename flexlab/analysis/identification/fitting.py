@@ -188,9 +188,10 @@ def keep_measurement(fit: Fit, source: Path, scenario: Scenario | None, against:
 
 
 def _window(t: np.ndarray, y: np.ndarray, start: float | None, end: float | None) -> tuple[np.ndarray, np.ndarray]:
-    inside = (t >= (t[0] if start is None else start)) & (t <= (t[-1] if end is None else end))
+    first, last = t[0] if start is None else start, t[-1] if end is None else end
+    inside = (t >= first) & (t <= last)
     if not inside.any():
         raise StudyError(
-            f"There are no samples from {start} to {end} s: the data last from {t[0]:.6g} to {t[-1]:.6g} s."
+            f"There are no samples from {first:.6g} to {last:.6g} s: the data last from {t[0]:.6g} to {t[-1]:.6g} s."
         )
     return t[inside], y[inside]

@@ -249,7 +249,7 @@ def _parts(file: Path, text: str) -> tuple[dict[str, str], list[tuple[int, str]]
     do = place(DO, second)
     observe = place(OBSERVE, max(do, second))
     missing = [
-        (len(lines), f"there is no line {title}: a lesson has {DO} and {OBSERVE}, in this order.")
+        (len(lines), f"there is no line {title}: a lesson has ## Do and ## Observe, in this order.")
         for at, title in ((do, DO), (observe, OBSERVE))
         if at < 0
     ]

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import flexlab
+from flexlab.analysis.figures import svg_text
 from flexlab.analysis.leaderboard.board import Finding, Leaderboard, make_tasks, run_board, verify
 from flexlab.analysis.leaderboard.case import Case, Variant, cases, chosen_cases, peak_error, settled
 from flexlab.analysis.leaderboard.entry import Row, chosen_entrants, entrants
@@ -240,6 +241,12 @@ def test_a_chart_without_any_score_has_no_numbers_on_its_axis():
     axes = draw_case(cases()["B1"], ["pd"], np.array([[np.nan]])).axes[0]
     assert [label.get_text() for label in axes.get_xticklabels()] == []
     assert [text.get_text() for text in axes.texts] == ["no score"]
+
+
+def test_a_score_that_no_axis_can_show_is_none():
+    figure = draw_case(cases()["B1"], ["pd", "lqr"], np.array([[1e308], [0.1]]))
+    assert len(svg_text(figure)) < 1e6
+    assert [text.get_text() for text in figure.axes[0].texts] == ["no score"]
 
 
 def test_numbers_of_a_table_keep_the_zeros_at_their_ends(board: Leaderboard):

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from flexlab.analysis.figures import BLUE, GREEN, STYLE, VERMILION
+from flexlab.analysis.figures import BLUE, GREEN, STYLE, VERMILION, drawable
 from flexlab.analysis.leaderboard.case import Case
 from flexlab.text import number_text
 
@@ -28,6 +28,7 @@ DARK = 0.45
 
 def draw_case(case: Case, laws: Sequence[str], values: np.ndarray) -> Figure:
     """The main scores (laws, variants) in the shown unit, on a logarithmic scale; NaN: none. Less is better."""
+    values = drawable(values)
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH, AROUND + LINE * max(len(laws), 2)))
         figure.set_layout_engine("constrained", w_pad=BESIDE)

@@ -145,8 +145,9 @@ async def _to_lab(request: web.Request, down: web.WebSocketResponse, up: aiohttp
             return
         elif message.type is WSMsgType.ERROR:
             break
-    if down.exception() is not None:
-        log.warning("Refused a message from %s: %s", request.remote, down.exception())
+    # Whoever leaves while a ping is answered has sent nothing wrong.
+    if isinstance(wrong := down.exception(), aiohttp.WebSocketError):
+        log.warning("Refused a message from %s: %s", request.remote, wrong)
 
 
 async def _first_of(*works: Coroutine[Any, Any, None]) -> None:

@@ -99,6 +99,23 @@ def test_a_visitor_who_leaves_before_the_answer_is_no_failure(
     assert not [record for record in caplog.records if record.exc_info]
 
 
+def test_a_visitor_who_leaves_the_lab_sends_nothing_to_refuse(
+    front_server: FrontServer, caplog: pytest.LogCaptureFixture
+):
+    lines = "".join(f"{name.replace('_', '-')}: {value}\r\n" for name, value in upgrade().items())
+    head = f"GET /lab HTTP/1.1\r\nHost: 127.0.0.1:{front_server.port}\r\n{lines}\r\n".encode()
+    (place,) = front_server.places.running()
+    for linger in (0, 1) * 10:
+        with plug_to(front_server) as plug:
+            plug.sendall(head)
+            assert plug.recv(1000).startswith(b"HTTP/1.1 101")
+            plug.recv(10_000)
+            plug.sendall(b"\x89\x80\0\0\0\0" * 200)  # Pings, which are answered.
+            plug.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", linger, 0))
+    wait_until(lambda: place.visitors == 0, "all have left")
+    assert not [record for record in caplog.records if "Refused" in record.getMessage()]
+
+
 def test_guesses_are_slowed_and_the_right_token_passes(open_another: Callable[..., FrontServer]):
     front_server = open_another(token=TOKEN)
     began = time.monotonic()

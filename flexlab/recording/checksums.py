@@ -36,4 +36,5 @@ def unchecked(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _checksum_of(values: Mapping[str, Any]) -> str:
-    return checksum(json.dumps(values, sort_keys=True))
+    # Of what is damaged, values may be of any type.
+    return checksum(json.dumps(values, sort_keys=True, default=repr))

@@ -48,9 +48,10 @@ class ThreadWatch:
     def undisturbed(self) -> float | None:
         """Wall time that the slowest thread would have needed with a core of its own, s; None if it is not known.
 
-        A thread that waits for a lock whose owner waits for a core counts as waiting for the lock.
+        A thread that was seen once has shown no time. One that waits for a lock whose owner waits for a core counts as waiting
+        for the lock.
         """
-        return max((last - first for first, last in self._lives.values()), default=None)
+        return max((last - first for first, last in self._lives.values() if last > first), default=None)
 
     def _watch(self) -> None:
         while not self._ended.wait(LOOK_EVERY):

@@ -4,13 +4,17 @@
 (() => {
   const POWER = /^[+-]?(\d+[.,]?\d*|[.,]\d+)e([+-]?\d*)$/i;
   const DIGITS = { useGrouping: false, maximumSignificantDigits: 15 };
-  const setValue = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set;
+  const value = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value"), setValue = value.set;
   const isBox = (part) => part?.matches?.("input[inputmode=decimal], input[inputmode=numeric]");
   const isNumber = (text) => text.trim() !== "" && Number.isFinite(Number(text));
   const REST = 400; // ms
   const last = new WeakMap(); // box → its last number
   let held = null, timer = 0; // a box whose text has not acted yet
   let written = null; // a number with a power of ten, as far as somebody has written it
+
+  // What the lab tells meanwhile, as an earlier value that comes late, would stand between the digits of who is typing.
+  const tell = function (text) { if (this !== held) setValue.call(this, text); };
+  Object.defineProperty(HTMLInputElement.prototype, "value", { ...value, set: tell });
 
   function hold(box) {
     if (held !== box) act();

@@ -2,6 +2,8 @@
 
 import io
 import json
+import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -149,13 +151,21 @@ def test_most_of_a_run_holds_no_lock():
     assert 0 <= locked_share() < 0.5
 
 
+def test_a_thread_that_was_seen_once_has_no_time():
+    watch = ThreadWatch("watched")
+    watch._look(threading.get_native_id())
+    assert watch.undisturbed is None
+
+
 def test_a_watched_thread_is_seen_and_never_lives_longer_than_the_clock_says():
-    import threading
-    import time
+    def stay() -> None:
+        time.sleep(0.1)
+        while watch.undisturbed is None and time_in_queue(threading.get_native_id()) is not None:
+            time.sleep(0.01)  # On a busy machine the watch may look late.
 
     start = time.perf_counter()
     with ThreadWatch("watched") as watch:
-        thread = threading.Thread(target=lambda: time.sleep(0.1), name="watched-1")
+        thread = threading.Thread(target=stay, name="watched-1")
         thread.start()
         thread.join()
     if time_in_queue(threading.get_native_id()) is None:
@@ -166,8 +176,6 @@ def test_a_watched_thread_is_seen_and_never_lives_longer_than_the_clock_says():
 
 
 def test_the_workers_of_a_batch_are_watched():
-    import threading
-
     measured = worker_scaling(1)
     seen = time_in_queue(threading.get_native_id()) is not None
     assert [each.undisturbed is not None for each in (*measured.one, *measured.two)] == [seen, seen]

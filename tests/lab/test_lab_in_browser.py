@@ -9,6 +9,8 @@ import pytest
 from browser_window import PATIENCE
 from lab_page import EI, LabPage, wait_until
 from playwright.sync_api import expect
+from raw_browser import widget
+from viser._messages import GuiUpdateMessage
 
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.view_settings import fitting_exaggeration
@@ -167,6 +169,33 @@ def test_a_typed_number_may_be_much_longer_than_the_present_one(page: LabPage) -
             box.press(key)
         wait_until(lambda value=value: page.snapshot.scenario.payload.bending_stiffness == value, f"EI is {value}")
         expect(box).to_have_value(f"{value:g}" if value < 100 else f"{value:.0f}")
+
+
+def test_a_value_that_comes_late_does_not_stand_between_typed_digits(page: LabPage) -> None:
+    page.enter(EI, "100")
+    wait_until(lambda: page.snapshot.scenario.payload.bending_stiffness == 100.0, "EI is 100")
+    box = page.box(EI)
+    page.page.evaluate("window.usualTimeout = window.setTimeout")
+    page.page.evaluate(
+        "window.setTimeout = (call, ms, ...more) => usualTimeout(call, ms === 400 ? 20_000 : ms, ...more)"
+    )
+    box.press("ControlOrMeta+a")
+    box.press_sequentially("2.")
+    for late in (64.0, 100.0):
+        show_true_value_of(page, late)
+    page.page.evaluate("window.setTimeout = usualTimeout")
+    assert box.input_value() == "2."
+    box.press_sequentially("5717")
+    wait_until(lambda: page.snapshot.scenario.payload.bending_stiffness == 2.5717, "EI is 2.5717")
+    expect(box).to_have_value("2.5717")
+
+
+def show_true_value_of(page: LabPage, value: float) -> None:
+    """Have the lab tell the page a value of EI, and wait until the page has it."""
+    handle = widget(page.session, EI)
+    message = GuiUpdateMessage(handle._impl.uuid, {"value": value})
+    handle._impl.gui_api._websock_interface.queue_message(message)
+    page.page.wait_for_timeout(1000)
 
 
 def test_a_typed_number_acts_when_the_typing_rests(page: LabPage) -> None:

@@ -22,8 +22,9 @@ from flexlab.compiled import PLAIN_PYTHON, cache_folder
 from flexlab.sockets import free_ports
 
 RUNS = Path(__file__).with_name("same_bits_runs.py")
-PATIENCE = 280
-"""s for all runs of one environment, its compilation included."""
+PATIENCE = 1200
+"""s for all runs of one environment; to compile for another processor takes minutes of one that others want, too."""
+pytestmark = pytest.mark.timeout(PATIENCE + 60)
 
 ON_X86 = platform.machine() in ("x86_64", "AMD64")
 

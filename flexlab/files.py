@@ -44,6 +44,8 @@ def replacing(path: Path) -> Iterator[Path]:
     """A draft beside `path` that takes its place when the block is left without an error, at once or not at all."""
     if not path.name:  # The root, or the working directory.
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if not path.is_dir():
+        check_ordinary(path)  # As root, a file would take the place of /dev/null, for all programs.
     draft = path.with_name(f".{path.name}.{os.getpid()}-{threading.get_ident()}.draft")
     try:
         yield draft

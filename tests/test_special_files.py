@@ -38,7 +38,7 @@ def pipe(tmp_path: Path) -> Iterator[Callable[[str], None]]:
         path = tmp_path / name
         os.mkfifo(path)
         made.append(path)
-        threading.Thread(target=give_nothing, args=(path,)).start()
+        threading.Thread(target=give_nothing, args=(path,), daemon=True).start()
 
     yield make
     for path in made:
@@ -57,3 +57,11 @@ def test_a_pipe_or_a_folder_is_one_sentence(
         said = refused(flexlab_command(*(word.format(name) for word in words)))
         assert f"{name}.{ending}" in said
         assert "no ordinary file" in said or "it is a pipe" in said or "it is a folder" in said
+
+
+def test_a_file_takes_the_place_of_no_pipe(flexlab_command: Command, pipe: Callable[[str], None], tmp_path: Path):
+    """Nor of a device: where /dev/null is written to by root, that is at stake."""
+    pipe("unit.fmu")
+    said = refused(flexlab_command("export", "paper", "--to", "unit.fmu"))
+    assert "unit.fmu cannot be written (it is no ordinary file)" in said
+    assert (tmp_path / "unit.fmu").is_fifo()

@@ -44,8 +44,6 @@ def replacing(path: Path) -> Iterator[Path]:
     """A draft beside `path` that takes its place when the block is left without an error, at once or not at all."""
     if not path.name:  # The root, or the working directory.
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-    if not path.is_dir():
-        check_ordinary(path)  # As root, a file would take the place of /dev/null, for all programs.
     draft = path.with_name(f".{path.name}.{os.getpid()}-{threading.get_ident()}.draft")
     try:
         yield draft
@@ -57,8 +55,11 @@ def replacing(path: Path) -> Iterator[Path]:
 @contextmanager
 def writing(path: Path, advice: str = "choose another file", kind: type[FlexlabError] = StudyError) -> Iterator[Path]:
     """As `replacing`. Raises `kind`, with a sentence that ends in `advice`, if the file cannot be written."""
-    with writable(path, advice, kind), replacing(path) as draft:
-        yield draft
+    with writable(path, advice, kind):
+        if not path.is_dir():
+            check_ordinary(path)  # As root, a file would take the place of /dev/null, for all programs.
+        with replacing(path) as draft:
+            yield draft
 
 
 @contextmanager

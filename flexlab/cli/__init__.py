@@ -36,7 +36,7 @@ NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 NARROWEST = 40
 """Columns of a terminal that texts are broken for: in fewer, tables lose their words and the help of tyro takes minutes."""
 LONGEST_NUMBER = 9
-"""Digits of a number of columns or lines that is read: Python reads no thousands."""
+"""Most digits of COLUMNS and LINES: Python refuses a number of thousands."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

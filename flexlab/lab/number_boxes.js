@@ -12,7 +12,7 @@
   let held = null, timer = 0; // a box whose text has not acted yet
   let written = null; // a number with a power of ten, as far as somebody has written it
 
-  // What the lab tells meanwhile, as an earlier value that comes late, would stand between the digits of who is typing.
+  // While somebody types, the box takes no value from the page: an earlier one that comes late would mix with the digits.
   const tell = function (text) { if (this !== held) setValue.call(this, text); };
   Object.defineProperty(HTMLInputElement.prototype, "value", { ...value, set: tell });
 

@@ -106,7 +106,7 @@ class OwnFileWatch:
             lab_state.warn(f"{file.name} was saved, but {goes_on}: {_briefly(error, file)}")
 
     def _begun(self, stopped: bool) -> str:
-        """Says that a new run begins; it plays if the one before `stopped` by itself."""
+        """Play the new run if the law or path had `stopped` the one before; returns what to say of it."""
         if stopped:
             self._lab_state.submit(Play())
         return "the run starts anew with it."

@@ -28,12 +28,14 @@ import numpy as np
 
 from flexlab.errors import ScenarioError
 from flexlab.own.measurement import Measurement
-from flexlab.own.reading import SCHEME, TextProblem
+from flexlab.own.reading import LONGEST_CLASS, SCHEME, TextProblem
 from flexlab.text import visible
 
 MOST_KEPT = 16
 """Numbers of the program's memory."""
-_ADDRESS = re.compile(r"tcp://([A-Za-z0-9.-]{1,190}|\[[0-9A-Fa-f:.]+\]):([0-9]{1,5})/?")
+LONGEST_HOST = LONGEST_CLASS - len("Tcp__65535")
+"""Characters of a host's name, which the law's class has in its own."""
+_ADDRESS = re.compile(rf"tcp://([A-Za-z0-9.-]{{1,{LONGEST_HOST}}}|\[[0-9A-Fa-f:.]+\]):([0-9]{{1,5}})/?")
 _TEXT = '''"""A control law that another program computes: flexlab asks it at each control instant."""
 
 from flexlab import OwnLaw, memory
@@ -167,6 +169,8 @@ class Link:
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         except TimeoutError:
             raise self._problem(f"nothing answers there within {GREETING_LIMIT:g} s: is the address right?") from None
+        except UnicodeError:
+            raise self._problem("no host has such a name: is the address right?") from None
         except OSError as error:
             why = error.strerror or type(error).__name__
             raise self._problem(f"no program answers there ({why}): start it, then run this again") from None

@@ -178,13 +178,13 @@ def value_text(value: object) -> str:
     return f"{lines} lines of text ({short_hash(text)[:HASH_DIGITS]})" if lines > 1 else text
 
 
-PATH = re.compile(r"[a-z_0-9]+(\.[a-z_0-9]+)*")
+_DOTTED = re.compile(r"[a-z_0-9]+(\.[a-z_0-9]+)*")
 
 
 def change_in_words(change: str) -> str:
     """A change against the preset, "path: old → new" in the notes of a run, with the field's title."""
     path, colon, values = change.partition(": ")
-    return f"{field_title(path)}: {values}" if colon and PATH.fullmatch(path) else change
+    return f"{field_title(path)}: {values}" if colon and _DOTTED.fullmatch(path) else change
 
 
 def told(differences: Iterable[Difference]) -> list[Difference]:

@@ -244,7 +244,7 @@ class Scenario(Part):
 
     def _unknown(self, path: str) -> ScenarioError:
         """The error for a path that is no field of this scenario."""
-        shown = visible(str(path), LONGEST)
+        shown = visible(path, LONGEST)
         return ScenarioError([(str(path), unknown_field(shown, value_paths(self), field_paths(type(self))))])
 
 

@@ -243,6 +243,11 @@ def test_where_nobody_listens_nothing_begins():
         flexlab.simulate("gravity", 0.1, law=address)
 
 
+def test_a_name_that_no_host_has_is_said():
+    with pytest.raises(ScenarioError, match="no host has such a name: is the address right"):
+        flexlab.simulate("gravity", 0.1, law=f"tcp://{'a' * 100}:5000")
+
+
 def test_neither_scenario_nor_recording_connects_by_itself(
     flexlab_command: Any, tmp_path: Path, program: Callable[..., Program]
 ):

@@ -9,6 +9,7 @@ from browser_window import open_window
 from full_server import PAGES, full_server
 from person import TEACHER
 from playwright.sync_api import Browser, Page
+from waiting import wait_until
 
 from flexlab.control.law import laws
 from flexlab.control.path import PATHS
@@ -183,8 +184,15 @@ def test_every_page_speaks_german_chinese_and_english(page: Page) -> None:
     for folded in ("Anleitung", "Bewegung"):
         page.get_by_role("tab", name=folded, exact=True).press("Enter")
     menu = page.locator(f"{GUIDE} input[aria-haspopup=listbox]").first
-    menu.fill("Lesson 1")
-    page.get_by_role("option", name="Lektion 1: Warum schwingt er?").click()
+    offered = page.get_by_role("option", name="Lektion 1: Warum schwingt er?")
+
+    def looked_for() -> bool:
+        menu.fill("Lesson 1")  # A panel that is just unfolding closes its menus.
+        page.wait_for_timeout(500)
+        return offered.is_visible()
+
+    wait_until(looked_for, "the lesson is offered")
+    offered.click()
     page.locator(GUIDE).get_by_text("In der Vorgabe").first.wait_for()
     assert (
         page.locator(f"{GUIDE} [data-fl-shown]").first.get_attribute("data-fl-shown") == "Lektion 1: Warum schwingt er?"

@@ -3,9 +3,7 @@
 Each part is written whole or not at all. The key of the plan says whether a folder holds the same sweep.
 """
 
-import errno
 import json
-import os
 import shutil
 from collections.abc import Sequence
 from dataclasses import replace
@@ -26,7 +24,7 @@ from flexlab.analysis.sweep.plan import Cell, Plan, run_part
 from flexlab.analysis.workers import Told, Workers
 from flexlab.arguments import whole_number
 from flexlab.errors import StudyError
-from flexlab.files import read_json, replacing, writable
+from flexlab.files import check_ordinary, read_json, replacing, writable
 from flexlab.scenario import Scenario
 from flexlab.text import html_table
 
@@ -87,8 +85,7 @@ def part_file(folder: Path, cells: range) -> Path:
 
 def _rows(file: Path, plan: Plan, cells: range) -> pa.Table:
     """The rows of these cells in a file. Raises OSError, or ValueError for a file that holds anything else."""
-    if not file.is_file():  # A pipe would hang.
-        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(file))
+    check_ordinary(file)
     try:
         table = parquet.read_table(file, partitioning=None)
     except pa.ArrowException as error:

@@ -19,11 +19,7 @@ class Lab:
     """
 
     def __init__(
-        self,
-        scenario: AnyScenario = "paper",
-        height: int = CELL_HEIGHT,
-        law: AnyLaw = None,
-        path: AnyPath = None,
+        self, scenario: AnyScenario = "paper", height: int = CELL_HEIGHT, law: AnyLaw = None, path: AnyPath = None
     ):
         self._height = whole_number("height", height, 1)
         self._name, self._scenario = named_scenario(scenario, law, path)

@@ -143,13 +143,7 @@ ELASTIC = _view(
     "elastic_energy", "Elastic energy", "elastic", "mJ", "elastic_energy", scale=MILLI, least=0.01, palette=(GREEN,)
 )
 """Its own plot: beside the other energies it would be a line at zero."""
-AXIAL_LOAD = _view(
-    "axial_load",
-    "Axial load",
-    "place 1, place 2, place 3, place 4",
-    "N",
-    "axial_load",
-)
+AXIAL_LOAD = _view("axial_load", "Axial load", "place 1, place 2, place 3, place 4", "N", "axial_load")
 AXIAL_SHARE = _view(
     "axial_load_share",
     "Axial load beside P_cr",

@@ -43,7 +43,6 @@ class Plan:
 
 FULL = Plan(meshes=(2, 8, 32, 64), duration=1.0, repeats=3, rounds=5, cold=True)
 """Takes one to three minutes."""
-
 QUICK = Plan(meshes=(2, 8), duration=0.3, repeats=3, rounds=2, cold=False)
 """Takes less than half a minute."""
 

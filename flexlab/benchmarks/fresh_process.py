@@ -94,20 +94,16 @@ def run_probe(program: str, environment: dict[str, str]) -> list[float]:
 
 DURATION = 60.0
 """Simulated time of the run whose memory is measured, s: tens of megabytes of samples."""
-
 WEIGHING = """
 import json
 from flexlab.benchmarks.fresh_process import weigh_live, weigh_run
 print(json.dumps([*weigh_run(), weigh_live()]))
 """
 """The program that measures memory, in a fresh interpreter because a peak never falls again."""
-
 LIVE_START, LIVE_END = 80, 160
 """Simulated times of the live engine between which its growth is measured, s; its history of a minute is full before."""
-
 LIVE_FRAME = 0.05
 """Simulated time per frame of the live engine, s."""
-
 _STATUS = Path("/proc/self/status")
 _FORGET_PEAK = Path("/proc/self/clear_refs")
 

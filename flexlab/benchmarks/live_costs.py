@@ -21,7 +21,6 @@ from flexlab.sim.world import World
 
 MESHES = (2, 8, 64)
 """Elements."""
-
 LIGHT_GOAL, BEAM_GOAL, FRAME_GOAL = 0.3, 2.0, 50.0
 """Goals, ms: gains, path and gravity on the paper's mesh; its beam; any change on the finest mesh."""
 

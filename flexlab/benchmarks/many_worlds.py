@@ -76,12 +76,9 @@ def time_in_queue(thread: int) -> float | None:
 
 SPEED_UP_GOAL = 1.7
 """Goal for the time of one worker over that of two."""
-
 WORKERS = 2
-
 DURATION = 3.0
 """Simulated time of each scenario, s."""
-
 ROUND = 40
 """Scenarios per round, about a second of work."""
 
@@ -171,12 +168,9 @@ if TYPE_CHECKING:
 
 RATE_GOAL = 4e5
 """Goal for the steps per second on two cores."""
-
 WORLDS = 64
-
 STEPS = 500
 """Control periods of a round, 0.5 s, within which no episode ends."""
-
 PUSH = 0.2
 """Largest action; under such random pushes no world fails."""
 

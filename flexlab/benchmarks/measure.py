@@ -18,7 +18,6 @@ from flexlab.sim.world import World
 
 SAMPLE_PERIOD = 1e-3
 """Sample period of lab and recordings, s; a sample costs about a quarter of a step."""
-
 LEAST_TIME = 0.05
 """Least processor time of all runs of one setting, s."""
 

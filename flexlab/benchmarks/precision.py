@@ -14,26 +14,20 @@ from flexlab.sim.world import World
 
 ASKED_ERROR = 1e-6
 """Pose error for which all goals are stated, m, rad."""
-
 GOALS = {2: 3.0, 8: 6.0, 32: 25.0, 64: 60.0}
 """Elements → ms of processor time per simulated second at `ASKED_ERROR`, nodal damping."""
-
 PAPER_LIMIT, PAPER_AIM = 5.0, 2.0
 """Limit and aim for the paper's run, ms of processor time per simulated second."""
-
 STEPS = {
     "etdrk4": (1e-3, 5e-4, 2.5e-4),
     "rk4": (1e-3, 5e-4, 2.5e-4),
     "generalized-alpha": (1e-3, 5e-4, 2.5e-4, 1.25e-4),
 }
 """Steps of the table, s; rk4 also has its longest stable step."""
-
 REFERENCE_STEP = 2.5e-5
 """Step of the reference, s, a fortieth of the longest step: at order 4 its error is a millionth of that step's."""
-
 MOST_WORK = 1e6
 """Most steps times elements of one measurement, seconds of processor time."""
-
 LOOSEST = 1e-4
 """Accuracy with which stability alone limits the automatic step, m."""
 
@@ -164,13 +158,10 @@ def _point(integrator: str, elements: int, trial: Trial, exact: Samples) -> Work
 
 EXPONENT_GOAL = 1.2
 """Goal for the exponent of the cost over the number of elements."""
-
 MESHES = (2, 4, 8, 16, 32, 64)
 """Elements."""
-
 FIRST_FITTED = 8
 """Least elements of the fit; on coarser meshes arms and controller cost more than the beam."""
-
 STEP = 1e-3
 """s."""
 

@@ -28,11 +28,9 @@ COMMANDS = tuple(
     sorted(each.name.removesuffix(ENDING) for each in iter_modules(__path__) if each.name.endswith(ENDING))
 )
 """`flexlab` without a command means `flexlab lab`."""
-
 EXIT_OK, EXIT_BAD_INPUT = 0, 2
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Errors of a full disk, a quota and a limit on the size of files."""
-
 NARROWEST = 40
 """Columns of a terminal that texts are broken for: in fewer, tables lose their words and the help of tyro takes minutes."""
 LONGEST_NUMBER = 9

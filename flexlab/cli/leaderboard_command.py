@@ -86,14 +86,7 @@ def _verify(rows: "list[Row]", tasks: "tuple[Task, ...]", store: "RowStore", wor
 
 
 def _print(board: "Leaderboard") -> None:
-    from flexlab.analysis.leaderboard.report import (
-        OF_THE_BEST,
-        SEVERAL,
-        overview,
-        provenance,
-        sections,
-        settings,
-    )
+    from flexlab.analysis.leaderboard.report import OF_THE_BEST, SEVERAL, overview, provenance, sections, settings
 
     _print_grid(f"Overview: {OF_THE_BEST} that ranks; {SEVERAL}", overview(board))
     for section in sections(board):

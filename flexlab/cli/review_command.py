@@ -4,12 +4,7 @@ from flexlab.cli.options import LOGS, Logs, NoBrowser, Run, ViewerPort
 from flexlab.cli.showing import show_review
 
 
-def command(
-    run: Run = "newest",
-    no_browser: NoBrowser = False,
-    port: ViewerPort = 0,
-    logs: Logs = LOGS,
-) -> None:
+def command(run: Run = "newest", no_browser: NoBrowser = False, port: ViewerPort = 0, logs: Logs = LOGS) -> None:
     """Open a recording in the rerun viewer, in your browser."""
     from flexlab.recording.store.run_files import find_run
 

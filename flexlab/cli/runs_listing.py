@@ -23,13 +23,10 @@ class Column(NamedTuple):
 
 COLUMNS = {number.name: number.column for number in numbers()}
 """Name of a metric → its column."""
-
 FIELDS = tuple(dict.fromkeys(("started", "preset", "duration", "size", "state", *COLUMNS)))
 """Fields by which the table can be sorted."""
-
 CHANGES_SHOWN = 3
 """Most changes of a run that the table shows."""
-
 GAP = "  "
 
 

@@ -18,7 +18,6 @@ from flexlab.sockets import listen
 
 LOOK = 0.5
 """Interval of the checks for the end, s: on Windows, Ctrl-C cannot interrupt an endless wait."""
-
 SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 """Ctrl-C, a polite kill, a closed terminal."""
 

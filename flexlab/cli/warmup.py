@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 UNASKED = frozenset({"numpy.f2py", "yaml", "rerun.experimental", "rerun.server", "rerun.urdf"})
 """Modules that scipy, numba and rerun load and no command uses, a twelfth of a start."""
-
 UNUSED = 30 * 86400.0
 """s after which machine code counts as unused, 83 MB of each version. Systems note the time of reading once a day or oftener."""
 UNIT_DIGITS = 32

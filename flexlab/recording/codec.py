@@ -36,24 +36,18 @@ from flexlab.text import visible
 DIFFERENCES = 3
 """Order of the difference: 1 packs ten seconds of the paper's run to 272 kB/s, 2 to 235, 3 to 205, 4 to 179; but each order more
 costs noise a bit per number."""
-
 FORMAT = 1
 """Number of this layout of bytes; each block also names the recording's format, on which the meaning of signals depends."""
-
 PACKING = pa.Codec("zstd", compression_level=3)
 """Level 1 takes three quarters of the time, and makes blocks 3 % larger."""
-
 ZSTD = b"\x28\xb5\x2f\xfd"
 """How a zstd frame begins."""
-
 TRAILER = struct.Struct("<QI")
 """Size before packing and checksum, at the end of a block."""
-
 LONGEST_REASON = 100
 """Characters of why a block cannot be read."""
 LARGEST_BLOCK = 1_000_000_000
 """Bytes of a block when unpacked: those of flexlab have a tenth at most, a hostile one could have any number."""
-
 DERIVED: dict[str, Callable[[dict[str, np.ndarray]], np.ndarray]] = {
     "tracking_error": lambda signals: signals["pose"] - signals["desired_pose"],
 }

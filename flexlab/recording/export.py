@@ -89,22 +89,14 @@ def _variable(signal: Signal, array: np.ndarray, scenario: Scenario) -> tuple[tu
 
 NAME = "flexlab"
 """Name of the metadata."""
-
 BATCH_ROWS = 20_000
 """Samples written at once: a long table then needs little memory, and small pieces pack badly."""
-
 LONGEST_REASON = 200
 """Characters of a reader's error that are passed on."""
-
 Columns = dict[str, np.ndarray]
 
 
-def export_recording(
-    recording: Recording,
-    path: Path,
-    start: float | None = None,
-    end: float | None = None,
-) -> Path:
+def export_recording(recording: Recording, path: Path, start: float | None = None, end: float | None = None) -> Path:
     """Write a recording to `path` (.csv, .parquet or .npz), from `start` to `end` s of simulation time.
 
     Raises `RecordingError` for another suffix, an empty range or a file that cannot be written.

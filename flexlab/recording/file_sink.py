@@ -22,14 +22,11 @@ from flexlab.recording.store.run_files import BREAKS_OFF, RunFile, claim_run_fil
 
 RETRY_PERIOD = 1.0
 """Wall seconds between attempts to open a file."""
-
 ROOM_TO_RESUME = 32_000_000
 """Free bytes that a full disk must have before recording resumes: a minute of data."""
-
 SPACE_FULL = "The space of its visitor was full: what came later is not recorded."
 DISK_FULL = "The disk was full: what came later is not recorded."
 """Why a recording breaks off, for those who find it."""
-
 ROOM_TO_BEGIN = 1_000_000
 """Bytes that a run must be allowed before its file is begun, for its layout and first second."""
 

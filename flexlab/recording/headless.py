@@ -21,7 +21,6 @@ from flexlab.sim.snapshot import TICK, Event
 
 BLOCK_ROWS = 10_000
 """Samples per block of a run that is in memory: larger blocks make smaller files."""
-
 LARGE_ROWS = 2000
 """Samples of a block that need not be joined with others, which takes the whole recording into memory."""
 

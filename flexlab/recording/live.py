@@ -13,7 +13,6 @@ from flexlab.recording.rerun_internals.rrd_file import HEAD, messages
 
 MOST_BYTES = 64_000_000
 """Bytes kept for viewers that join late: about four minutes of the paper's run, and the beginning of each run."""
-
 Take = Callable[[str, bytes], None]
 """Takes one piece of a run (its id, the bytes as rerun encodes them). Raises `RecordingError` once nobody takes any."""
 

@@ -30,24 +30,17 @@ from flexlab.views import View, views
 
 APPLICATION = "flexlab comparison"
 """Not that of single runs, whose layout a person may have changed."""
-
 MOST_RUNS = 6
 """Curves of more runs cannot be distinguished."""
-
 SCENES_SHAPE = 1.2
 """Width over height of all scenes side by side, narrower than they are, beside a page's tables too: no elbow is cut off."""
-
 BLOCK_ROWS = 4000
 """Samples sent at once."""
-
 NamedScenario = tuple[str, Scenario]
 
 
 def write_comparison(
-    recordings: Sequence[Recording],
-    target: Path,
-    text: str = "",
-    seen: Callable[[int], None] = lambda samples: None,
+    recordings: Sequence[Recording], target: Path, text: str = "", seen: Callable[[int], None] = lambda samples: None
 ) -> None:
     """Write 2 to `MOST_RUNS` runs into the rerun file `target`, with a layout that overlays them.
 

@@ -30,10 +30,8 @@ PLAIN = (str, int, float)
 """Types of properties."""
 LONGEST_REASON = 200
 """Characters of why a file cannot be read."""
-
 MOST_ROWS = 1000
 """Most samples of a block that is read: progress is reported after each."""
-
 SAMPLES = "/exact/samples"
 """The entity that holds them."""
 

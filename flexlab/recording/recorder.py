@@ -26,19 +26,14 @@ from flexlab.sim.snapshot import TICK, Event
 
 WRITE_PERIOD = 0.1
 """Wall seconds between writes of exact samples, which a killed process loses."""
-
 IDLE_PERIOD = 1.0
 """Wall seconds between two checks of a file while nothing is to be written: that it is there and has room."""
-
 WRITE_ROWS = 200
 """Samples that are written even before `WRITE_PERIOD` has passed, as at four times real time."""
-
 SHOW_PERIOD = 0.2
 """Wall seconds between writes of curves and shapes: each write costs a kilobyte per curve or shape."""
-
 FINISHING_TIME = 1.5
 """s that closing waits for the footers of runs that have just ended: a lab closes within 3 s."""
-
 QUEUE_ROWS = 20_000
 """Samples that may wait, 20 s at real time and 12 MB; more are dropped and counted."""
 

@@ -53,7 +53,6 @@ class Sink(Protocol):
 
 LEVELS = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
 """Levels of events as rerun names them."""
-
 END = "End of the run"
 """How the text of a run's last event begins."""
 

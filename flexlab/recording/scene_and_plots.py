@@ -21,10 +21,8 @@ from flexlab.views import BLUE, GRAY, GREEN, ORANGE, PURPLE, REAL_TIME_FACTOR, V
 
 FRAMES_PER_SECOND = 60
 """Drawn states per simulated second, or per wall second in slow motion: what a screen can show."""
-
 BEAM_POINTS = 33
 """Points of the drawn beam: smooth to the eighth mode."""
-
 LINK_RADIUS = (0.035, 0.028, 0.02)
 """m, from the base link to the last, for the drawing only."""
 BEAM_RADIUS = 0.009
@@ -33,10 +31,8 @@ THIN_RADIUS = 0.003
 """m, of helper lines."""
 BASE_SIZE = (0.09, 0.09, 0.05)
 """Half edges of a base block, m."""
-
 FORCE_SCALE = 1e-3
 """Length of an internal-force arrow, m per N: the paper's 300 N at the start is 0.3 m long."""
-
 SHOWN_BENDING = 0.012
 """Share of the beam's length that its quasi-static bending should take up on screen."""
 LEAST_ACCELERATION = 1.0

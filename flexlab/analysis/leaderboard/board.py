@@ -195,10 +195,7 @@ class Finding:
 
 
 def verify(
-    rows: Sequence[Row],
-    tasks: Sequence[Task],
-    workers: Workers | None = None,
-    told: Told = lambda done, total: None,
+    rows: Sequence[Row], tasks: Sequence[Task], workers: Workers | None = None, told: Told = lambda done, total: None
 ) -> Iterator[Finding]:
     """Compute the tasks of some rows again, without the store, and say for each row what differs."""
     wanted = {task.row.place: task for task in tasks}

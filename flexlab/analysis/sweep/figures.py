@@ -29,11 +29,7 @@ NOT_SETTLED = "#d0d0d0"
 
 
 def write_figures(
-    plan: Plan,
-    table: Any,
-    folder: Path,
-    shown: Sequence[str] = (),
-    pareto: Sequence[str] = DEFAULT_PARETO,
+    plan: Plan, table: Any, folder: Path, shown: Sequence[str] = (), pareto: Sequence[str] = DEFAULT_PARETO
 ) -> list[Path]:
     """Write a figure of each metric of `shown` (empty: those in lists of runs), and of the two of `pareto`, into a folder.
 

@@ -153,10 +153,7 @@ def join_parts(folder: Path, plan: Plan) -> None:
     with writable(folder, ADVICE):
         if not (folder / TABLE).exists():
             layout = schema(plan)
-            with (
-                replacing(folder / TABLE) as draft,
-                parquet.ParquetWriter(draft, layout, compression="zstd") as writer,
-            ):
+            with replacing(folder / TABLE) as draft, parquet.ParquetWriter(draft, layout, compression="zstd") as writer:
                 for cells in plan.parts():
                     writer.write_table(_rows(part_file(folder, cells), plan, cells))
         shutil.rmtree(folder / PARTS, ignore_errors=True)

@@ -32,11 +32,7 @@ PERIOD = 0.001
 """Control period, s."""
 INTEGRATORS = ("etdrk4", "rk4", "generalized-alpha")
 
-COASTING = {
-    "controller.kind": "none",
-    "initial.pose_rate": (-0.3, 0.1, 0.4),
-    "initial.beam_coordinates": None,
-}
+COASTING = {"controller.kind": "none", "initial.pose_rate": (-0.3, 0.1, 0.4), "initial.beam_coordinates": None}
 """The preset single-arm with motors off."""
 VISCOUS, COULOMB = 4.0, 0.3
 """Friction in the first joint, N·m·s/rad and N·m, under which the arm does not come to rest within the run."""

@@ -19,10 +19,8 @@ from rerun_bindings import flush_and_cleanup_orphaned_recordings
 
 TIMELINE = "sim_time"
 """The one timeline of a recording: simulation time. Wall clocks may jump, so none is recorded as an axis."""
-
 PROPERTIES = "/__properties/"
 """Where rerun keeps a recording's properties."""
-
 NANOSECONDS = 1_000_000_000
 """Per second: the resolution of rerun's timelines."""
 
@@ -132,7 +130,6 @@ def _lists(items: pa.Array, width: int, nullable: bool = True) -> pa.Array:
 
 ROW_ID = "rerun.controls.RowId"
 """Rerun's own column, of no interest here."""
-
 Row = tuple[int, dict[str, Any]]
 """(time in ns, component → value); what has no time stands at -1."""
 

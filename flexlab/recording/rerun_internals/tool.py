@@ -25,13 +25,10 @@ from flexlab.sockets import LOOPBACK, free_ports, hidden_loopback
 
 LARGE_FILE = 500_000_000
 """Bytes: above that the pieces are indexed but not joined, which would take the whole recording into memory."""
-
 LOW_PRIORITY = 19
 """Unix niceness: a lab that runs on must not notice."""
-
 LONGEST = 600.0
 """s that mending one file may take."""
-
 OS_ERROR = re.compile(r"([^:\n]*) \(os error (\d+)\)")
 """How the tool says what the operating system refused."""
 
@@ -117,14 +114,12 @@ def crashes_readers(path: Path) -> bool:
 
 UNPACK_TIME = 20.0
 """s that rerun's program may take to serve its viewer."""
-
 VIEWER_FILES = {
     "index.html": "text/html; charset=utf-8",
     "re_viewer.js": "text/javascript",
     "re_viewer_bg.wasm": "application/wasm",
 }
 """All that the viewer is made of, with its content types."""
-
 _FOREIGN_LINK = re.compile(rb"<link\b[^>]*\bhref=\"(?:https?:|favicon|apple)[^>]*>")
 """Fonts from outside, which the policy would refuse, and icons that are not there."""
 OPTIONS = b"const options = {"

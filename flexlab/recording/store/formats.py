@@ -23,14 +23,11 @@ from flexlab.sim.target import build_trajectory, change_path, desired_at
 
 FORMAT = 3
 """Of what is written now."""
-
 OLDEST_READER = 3
 """Format whose reader still understands what is written now: see `readable`."""
-
 ARITHMETIC = "1"
 """Rule by which samples are computed now. What was recorded by the same rule comes out again bit for bit, on any machine; a
 recording that names another rule, or none, was computed with other rounding errors."""
-
 OLD_QUASI_STATIC = "quasi_static_deflection_of_format_1"
 """What format 1 called the quasi-static deflection: of the actual acceleration, which jumps."""
 

@@ -28,21 +28,16 @@ except ImportError:  # Windows: see `is_in_use`
 SUFFIX = ".rrd"
 TIME_FORMAT = "%Y-%m-%dT%H-%M-%S"
 """Of file names: sorts by time, allowed on every file system."""
-
 QUIET_TIME = 60.0
 """s without a write after which a file counts as abandoned where locks are not to be had (Windows)."""
-
 MAX_SAME_NAME = 1000
 """Runs of one preset within one second."""
-
 CLAIM_ATTEMPTS, CLAIM_PAUSE = 50, 0.01
 """How often, and with how many s between, a file is claimed before it counts as another's."""
-
 NEWEST = "newest"
 """Name of the newest run."""
 NAMES_SAID = 3
 """Names listed of many that begin alike."""
-
 State = Literal["in use", "complete", "recovered", "unfinished", "damaged"]
 """complete: ended properly. recovered: its writer died, and the file was finished. unfinished: without a footer."""
 

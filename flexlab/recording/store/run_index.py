@@ -41,7 +41,6 @@ MEASURED_STATUS = "measured"
 _NO_ADDRESS = re.compile(r"[\\\t\n]|\A\.*\Z|\.rrd\Z")
 """In names that an address cannot hold, or that would mean something else there."""
 _NAME = re.compile(r"(\d{4}-\d{2}-\d{2}T\d{2}-\d{2}-\d{2})-(.+)")
-
 log = logging.getLogger(__name__)
 
 

@@ -214,11 +214,7 @@ JOINTS = {
 }
 
 KNOWN = {"controller.model.friction_factor": 1.0}
-FILLED = {
-    "payload.mass_change.factor": 1.5,
-    "payload.mass_change.begin": 0.5,
-    "payload.mass_change.duration": 1.0,
-}
+FILLED = {"payload.mass_change.factor": 1.5, "payload.mass_change.begin": 0.5, "payload.mass_change.duration": 1.0}
 
 B8 = Case(
     "B8",

@@ -1,8 +1,10 @@
 """Shared by all tests: where things are, the command line, and one browser."""
 
 import contextlib
+import gc
 import io
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -33,6 +35,16 @@ settings.load_profile("flexlab")
 ROOT = Path(__file__).resolve().parent.parent
 
 REGISTRIES = LAWS, PATHS
+
+
+def pytest_configure() -> None:
+    """Hear Ctrl-C, which a shell takes from what it starts in the background, also in the processes of tests."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection_finish() -> None:
+    """Leave what is loaded by now out of the collection of garbage, which would walk through it all again and again."""
+    gc.freeze()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

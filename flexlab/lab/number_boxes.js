@@ -7,17 +7,37 @@
   const value = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value"), setValue = value.set;
   const isBox = (part) => part?.matches?.("input[inputmode=decimal], input[inputmode=numeric]");
   const isNumber = (text) => text.trim() !== "" && Number.isFinite(Number(text));
-  const REST = 400; // ms
+  const REST = 400, PAUSE = 3000; // ms: after which what is typed acts, and after which nobody types any more
   const last = new WeakMap(); // box → its last number
   let held = null, timer = 0; // a box whose text has not acted yet
+  let busy = null, told = null, pause = 0; // a box that somebody types in, and what the page would show in it
   let written = null; // a number with a power of ten, as far as somebody has written it
 
-  // While somebody types, the box takes no value from the page: an earlier one that comes late would mix with the digits.
-  const tell = function (text) { if (this !== held) setValue.call(this, text); };
+  // While somebody types, the page changes neither text nor caret: an earlier value that comes late would mix with the digits.
+  const tell = function (text) { if (this === busy) told = text; else setValue.call(this, text); };
+  const { setSelectionRange } = HTMLInputElement.prototype;
+  const select = function (...range) { if (this !== busy) setSelectionRange.apply(this, range); };
   Object.defineProperty(HTMLInputElement.prototype, "value", { ...value, set: tell });
+  Object.defineProperty(HTMLInputElement.prototype, "setSelectionRange", { value: select });
+
+  function begin(box) {
+    if (busy !== box) end();
+    busy = box;
+    clearTimeout(pause);
+    pause = setTimeout(end, PAUSE);
+  }
+
+  function end() {
+    act();
+    const box = busy;
+    busy = null;
+    clearTimeout(pause);
+    if (box && told !== null) setValue.call(box, told);
+    told = null;
+  }
 
   function hold(box) {
-    if (held !== box) act();
+    begin(box);
     held = box;
     clearTimeout(timer);
     timer = setTimeout(act, REST);
@@ -28,6 +48,7 @@
     held = null;
     clearTimeout(timer);
     if (!box) return;
+    told = null; // older than what acts now
     setValue.call(box, box.value.replace(/^([^,.]*),([^,]*)$/, "$1.$2")); // viser takes a comma for a point only by itself
     box.dispatchEvent(new Event("input", { bubbles: true }));
   }
@@ -68,16 +89,17 @@
   addEventListener("keydown", (event) => {
     const { key, ctrlKey, metaKey } = event;
     if (key.length > 1 && key !== "Shift") forget();
-    if (ctrlKey || metaKey || ["Enter", "Tab", "ArrowUp", "ArrowDown"].includes(key)) act();
+    if (["Enter", "Tab", "ArrowUp", "ArrowDown"].includes(key)) end();
+    else if (ctrlKey || metaKey) { act(); if (isBox(event.target)) begin(event.target); }
     else if (isBox(event.target) && key !== "Escape") event.stopPropagation();
   }, true);
-  addEventListener("pointerdown", () => { forget(); act(); }, true);
+  addEventListener("pointerdown", () => { forget(); end(); }, true);
   addEventListener("focusin", keep, true);
   addEventListener("input", keep, true);
   addEventListener("input", typed, true);
   addEventListener("focusout", ({ target: box }) => {
     forget();
     if (isBox(box) && !isNumber(box.value) && last.has(box)) show(box, last.get(box));
-    act();
+    end();
   }, true);
 })();

@@ -82,7 +82,7 @@ WHOLE_PLOT = """() => {
   const names = [...document.querySelectorAll('.u-legend .u-series')].map((part) => part.getBoundingClientRect());
   const plot = [...document.querySelectorAll('.uplot')].map((part) => part.getBoundingClientRect());
   const seen = [...names, ...plot].filter((part) => part.height > 0);
-  return seen.length === 3 && seen.every((part) => part.right <= box.right && part.bottom <= box.bottom); }"""
+  return seen.length === 4 && seen.every((part) => part.right <= box.right && part.bottom <= box.bottom); }"""
 
 
 def opened(page: Page, url: str) -> Page:
@@ -151,7 +151,7 @@ def test_a_presentation_shows_the_scene_one_plot_and_one_number(newcomer: Page, 
     assert not page.get_by_role("button", name="Reset").is_visible()
     for width, height in ((1920, 1080), (1366, 768), (1024, 768)):
         page.set_viewport_size({"width": width, "height": height})
-        wait_until(lambda: page.evaluate(WHOLE_PLOT), f"the whole plot with both names at {width} px", 30)
+        wait_until(lambda: page.evaluate(WHOLE_PLOT), f"the plot is whole, with all three names, at {width} px", 30)
     page.set_viewport_size({"width": 390, "height": 844})
     page.get_by_text("largest vibration").wait_for()
     look_back = page.get_by_text("Look back", exact=True)

@@ -233,9 +233,11 @@ def limited(name: str) -> logging.Logger:
 def tell_failures_plainly() -> None:
     """Make this process write its log and its threads' tracebacks as `visible` shows them, and no warnings of arithmetic.
 
-    A run whose numbers leave all bounds says so in a sentence; NumPy would add lines of the program.
+    A run whose numbers leave all bounds says so in a sentence; NumPy would add lines of the program. Of other warnings it
+    writes the first line, without the program's: numba adds a traceback to that of a variable that it cannot read.
     """
     warnings.filterwarnings("ignore", "(overflow|invalid value|divide by zero) encountered", RuntimeWarning)
+    warnings.formatwarning = lambda message, *_, **__: visible(str(message).partition("\n")[0]) + "\n"
     if logging.lastResort is not None:
         logging.lastResort.setFormatter(PlainFormatter())
 

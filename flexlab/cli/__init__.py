@@ -18,6 +18,7 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import Any
 
+from flexlab.cli.circumstances import refusal
 from flexlab.cli.console import EXIT_INTERRUPTED, complain, note, notes
 from flexlab.errors import FlexlabError
 from flexlab.text import tell_failures_plainly
@@ -62,11 +63,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
         # The reader of the output has closed it, as in `flexlab presets | head`.
         sys.stderr.close()
         sys.exit(EXIT_OK)
-    except OSError as error:
-        if error.filename is not None or error.errno not in NO_ROOM:
+    except Exception as error:
+        if isinstance(error, OSError) and error.filename is None and error.errno in NO_ROOM:
+            complain(f"The output cannot be written ({error.strerror}): make room or send it elsewhere.")
+            os._exit(EXIT_BAD_INPUT)  # Python would try to write it once more.
+        sentence = refusal(error)
+        if sentence is None:
             raise
-        complain(f"The output cannot be written ({error.strerror}): make room or send it elsewhere.")
-        os._exit(EXIT_BAD_INPUT)  # Python would try to write it once more.
+        complain(sentence)
+        sys.exit(EXIT_BAD_INPUT)
 
 
 def _widen() -> None:

@@ -1,6 +1,7 @@
 """Bytes on their way to a disk that may be full: whole messages or nothing, and nothing lost that can be kept."""
 
 import os
+import threading
 from pathlib import Path
 
 import pytest
@@ -8,7 +9,7 @@ import rerun as rr
 
 from flexlab.errors import RecordingError
 from flexlab.recording.rerun_internals.chunks import stream_rows
-from flexlab.recording.rerun_internals.rrd_file import RrdFile
+from flexlab.recording.rerun_internals.rrd_file import Pipe, RrdFile
 
 
 class Narrow:
@@ -106,3 +107,16 @@ def test_a_disk_that_stays_full_costs_the_oldest_but_never_the_first(
 def test_another_rerun_is_told(tmp_path: Path) -> None:
     with (tmp_path / "x.rrd").open("wb", buffering=0) as handle, pytest.raises(RecordingError, match="needs rerun-sdk"):
         RrdFile(handle).hold(b"RRF9 and so on")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="named pipes")
+def test_a_pipe_that_rerun_never_opened_is_closed_at_once(tmp_path: Path):
+    def close_many() -> None:
+        with (tmp_path / "run.rrd").open("wb", buffering=0) as file:
+            for _ in range(300):
+                Pipe(file).close()
+
+    closing = threading.Thread(target=close_many, daemon=True)
+    closing.start()
+    closing.join(60)
+    assert not closing.is_alive()

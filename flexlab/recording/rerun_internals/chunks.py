@@ -4,6 +4,7 @@ Columns are built from whole NumPy blocks, ten times faster than rerun's archety
 base wheel.
 """
 
+import os
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -17,6 +18,8 @@ import rerun.blueprint as rrb
 from rerun.chunk import LazyChunkStream, RrdReader
 from rerun_bindings import flush_and_cleanup_orphaned_recordings
 
+from flexlab.errors import RecordingError
+
 TIMELINE = "sim_time"
 """The one timeline of a recording: simulation time. Wall clocks may jump, so none is recorded as an axis."""
 PROPERTIES = "/__properties/"
@@ -26,10 +29,17 @@ NANOSECONDS = 1_000_000_000
 
 
 def new_stream(application: str, run_id: str | None = None) -> rr.RecordingStream:
-    """A stream without properties of rerun's own; `application`: whose layouts a person's changes hold for."""
+    """A stream without properties of rerun's own; `application`: whose layouts a person's changes hold for.
+
+    Raises `RecordingError` if the environment switches rerun off.
+    """
     # As `rerun.init` does: a stream that nobody has any more keeps two threads and a megabyte.
     flush_and_cleanup_orphaned_recordings()
     stream = rr.RecordingStream(application, recording_id=run_id, send_properties=False)
+    if not rr.is_enabled(stream):
+        raise RecordingError(
+            f"Rerun records nothing while RERUN = {os.environ.get('RERUN')} is in the environment: unset it."
+        )
     # Wall-clock axes would only be a second, jumpy time beside the simulation's own.
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)

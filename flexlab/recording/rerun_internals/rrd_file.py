@@ -76,11 +76,14 @@ class Pipe:
         """Where rerun writes."""
         os.mkfifo(self.path)
         self._problem: OSError | None = None
-        self._thread = threading.Thread(target=self._pass_on, args=(handle,), name="flexlab-pipe", daemon=True)
+        # Held open, as rerun may fail before it opens its end, for which the reader would wait.
+        self._end = os.open(self.path, os.O_RDWR | os.O_NONBLOCK)
+        source = self.path.open("rb", buffering=0)
+        self._thread = threading.Thread(target=self._pass_on, args=(source, handle), name="flexlab-pipe", daemon=True)
         self._thread.start()
 
-    def _pass_on(self, handle: IO[bytes]) -> None:
-        with self.path.open("rb", buffering=0) as source:
+    def _pass_on(self, source: IO[bytes], handle: IO[bytes]) -> None:
+        with source:
             while piece := source.read(READ_BYTES):
                 rest = memoryview(piece)
                 try:
@@ -91,8 +94,7 @@ class Pipe:
 
     def close(self) -> OSError | None:
         """Wait for what rerun has written, which has closed its end; the reason why the file lacks some of it."""
-        # If rerun never opened it, its reader still waits for a writer.
-        os.close(os.open(self.path, os.O_RDWR | os.O_NONBLOCK))
+        os.close(self._end)
         self._thread.join()
         shutil.rmtree(self._folder, ignore_errors=True)
         return self._problem

@@ -1,0 +1,55 @@
+"""What the machine or a library refuses, such as memory or an environment variable that it cannot read, in one sentence."""
+
+import errno
+import os
+import re
+from linecache import getline
+from traceback import walk_tb
+from types import FrameType
+
+from flexlab.text import visible
+
+NO_HANDLES = (errno.EMFILE, errno.ENFILE)
+OWN = "flexlab"
+NEAR = 10
+"""Lines up to the one that failed in which the variable that it could not use is named."""
+LONGEST_REASON, LONGEST_VALUE = 200, 60
+"""Characters that a sentence shows at most."""
+
+
+def refusal(error: Exception) -> str | None:
+    """The sentence about what a command lacks; None for any other error."""
+    if isinstance(error, MemoryError):
+        return "No memory is left: close other programs, or allow more (ulimit -v)."
+    if isinstance(error, OSError) and error.errno in NO_HANDLES:
+        return f"{error.strerror}: close other programs, or allow more (ulimit -n)."
+    return _unloadable(error)
+
+
+def _unloadable(error: Exception) -> str | None:
+    """The sentence about the library that raised this while it was loaded; None for any other error."""
+    frames = [frame for frame, _ in walk_tb(error.__traceback__)]
+    if not any(frame.f_code.co_name == "<module>" for frame in frames):
+        return None
+    foreign = [each for each in walk_tb(error.__traceback__) if _library(each[0]) != OWN]
+    if foreign:
+        library = _library(foreign[-1][0])
+    elif isinstance(error, ModuleNotFoundError) and error.name:
+        library = error.name.partition(".")[0]
+    else:
+        return None
+    why = visible(" ".join(str(error).split()), LONGEST_REASON).rstrip(".") or type(error).__name__
+    variables = [said for frame, line in reversed(foreign) if (said := _variables(frame, line))]
+    mending = f"mend or unset {variables[0]}" if variables else f"install {library} again"
+    return f"{library} cannot be loaded ({why}): {mending}."
+
+
+def _library(frame: FrameType) -> str:
+    return frame.f_globals.get("__name__", OWN).partition(".")[0]
+
+
+def _variables(frame: FrameType, failed: int) -> str:
+    """The environment variables that the lines before a failed one name, with their values."""
+    text = "".join(getline(frame.f_code.co_filename, line) for line in range(max(1, failed - NEAR), failed + 1))
+    names = dict.fromkeys(re.findall(r"\b[A-Z][A-Z0-9_]+\b", text))
+    return " and ".join(f"{name} = {visible(os.environ[name], LONGEST_VALUE)}" for name in names if name in os.environ)

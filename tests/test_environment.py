@@ -1,0 +1,66 @@
+"""An environment that libraries do not take: a sentence on what to mend, or it works."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from lab_process import PATIENCE, refused
+
+from flexlab.cli.circumstances import refusal
+
+
+def done(*words: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    """What `flexlab` and these words do where the environment says this, too."""
+    return subprocess.run(
+        [sys.executable, "-m", "flexlab", *words], cwd=folder, env=os.environ | environment, stdin=subprocess.DEVNULL,
+        capture_output=True, text=True, encoding="utf-8", timeout=PATIENCE, check=False,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("variable", "value", "library"),
+    [("NUMBA_NUM_THREADS", "0", "numba"), ("MPLBACKEND", "nope", "matplotlib"), ("SOURCE_DATE_EPOCH", "x", "numpy")],
+)
+def test_what_a_library_refuses_at_its_start_is_one_sentence(tmp_path: Path, variable: str, value: str, library: str):
+    said = refused(
+        done("sweep", "paper", "--vary", "gravity=1,2", "--to", "here", folder=tmp_path, **{variable: value})
+    )
+    assert said.startswith(f"{library} cannot be loaded (")
+    assert f"{variable} = {value}" in said
+
+
+def test_a_library_that_is_broken_is_named(tmp_path: Path):
+    (tmp_path / "segno.py").write_text("from os import nothing_of_this_name\n")
+    said = refused(done("lab", "--port", "0", "--no-browser", folder=tmp_path))
+    assert said.startswith("segno cannot be loaded (cannot import name 'nothing_of_this_name'")
+    (tmp_path / "segno.py").write_text("import no_such_library\n")
+    said = refused(done("lab", "--port", "0", "--no-browser", folder=tmp_path))
+    assert said.startswith("segno cannot be loaded (No module named 'no_such_library')")
+
+
+def test_a_variable_that_numba_cannot_read_is_said_without_the_program(tmp_path: Path):
+    said = done("presets", folder=tmp_path, NUMBA_NUM_THREADS="many")
+    assert said.returncode == 0
+    assert "'NUMBA_NUM_THREADS' is defined but its associated value 'many' could not be parsed" in said.stderr
+    assert "Traceback" not in said.stderr
+    assert said.stderr.count("\n") == 1
+
+
+def test_rerun_that_is_switched_off_is_the_reason_why_nothing_is_recorded(tmp_path: Path):
+    said = refused(done("run", "smooth-start", "--duration", "0.01", folder=tmp_path, RERUN="off"))
+    assert "RERUN = off" in said
+    assert done("run", "smooth-start", "--duration", "0.01", folder=tmp_path).returncode == 0
+    assert done("export", "newest", "--to", "table.csv", folder=tmp_path).returncode == 0
+    assert "RERUN = off" in refused(done("import", "table.csv", folder=tmp_path, RERUN="off"))
+
+
+def test_what_the_machine_refuses_is_one_sentence(tmp_path: Path):
+    program = 'ulimit -n 10; exec "$0" -m flexlab run paper --duration 0.01'
+    said = subprocess.run(
+        ["sh", "-c", program, sys.executable], cwd=tmp_path, stdin=subprocess.DEVNULL,
+        capture_output=True, text=True, encoding="utf-8", timeout=PATIENCE, check=False,
+    )  # fmt: skip
+    assert refused(said) == "Too many open files: close other programs, or allow more (ulimit -n).\n"
+    assert refusal(MemoryError()) == "No memory is left: close other programs, or allow more (ulimit -v)."

@@ -139,8 +139,8 @@ UNSEEN = {
     "in the terminal, as the server starts": """server/settings.py; server/front_server.py; ◦ is not set: a JupyterHub;
     law = ◦ is no address; What is printed beyond ◦; MB is left out""",
     "in the log": "server/labs/preloaded.py; lab/viser_internals.py: This is no message",
-    "by commands that ask, or that fit and set": """analysis/replay.py: This run was controlled; Let it run here; Connect to it;
-    The run was controlled by the unit; The run was not replayed; scenario/settings.py; ◦ is no signal that rings;
+    "by commands that ask, or that fit and set": """analysis/replay.py: the program at ◦; analysis/replay.py: the unit ◦;
+    analysis/replay.py: ◦, Python code of ◦ lines; Let it run here; Connect to it; The run was controlled by the unit; The run was not replayed; scenario/settings.py; ◦ is no signal that rings;
     ◦ has no samples after ◦ s in which""",
     "to who calls flexlab from Python": """changes = ◦ is not usable; own/files.py: The; ◦ is no scenario: give a Scenario;
     control/law.py; control/path.py; samples have no signal""",

@@ -2,8 +2,8 @@
 
 import math
 
+from flexlab.analysis.lesson_measures import first_frequency
 from flexlab.scenario import Scenario
-from flexlab.sim.build import build_beam
 from flexlab.text import number_text
 
 FEWEST = 8
@@ -12,7 +12,7 @@ FEWEST = 8
 
 def coarse_note(scenario: Scenario, period: float) -> str:
     """A sentence if samples `period` s apart are too few for the beam's first mode, with its grips held; empty: they are not."""
-    frequency = float(build_beam(scenario.payload).modes.omega.min()) / (2 * math.pi)
+    frequency = first_frequency(scenario.payload)
     if not period * frequency * FEWEST > 1:
         return ""
     digits = 10.0 ** math.floor(math.log10(1 / (FEWEST * frequency)))

@@ -12,7 +12,7 @@ import pyarrow as pa
 from flexlab.analysis.coarse_samples import coarse_note
 from flexlab.analysis.metrics import MetricCollection, MetricRow, RunMetrics
 from flexlab.analysis.metrics.metric import named, numbers
-from flexlab.analysis.result import Result, provenance
+from flexlab.analysis.result import Result, number_column, provenance
 from flexlab.analysis.run_summary import scenario_differences
 from flexlab.recording.overlay import run_label, write_comparison
 from flexlab.recording.reader import Recording, read_recording
@@ -74,13 +74,10 @@ class Comparison(Result):
         from flexlab.analysis.figures import draw_bars
 
         names = metrics or tuple(number.name for number in numbers() if number.column.listed)
-        shown = {
-            each.title: [
-                None if value is None else each.scale * value for value in self.table[each.number.name].to_pylist()
-            ]
-            for each in map(named, names)
-        }
-        return draw_bars(self.labels, shown)
+        known = map(named, names)
+        return draw_bars(
+            self.labels, {one.title: one.scale * number_column(self.table, one.number.name) for one in known}
+        )
 
     @property
     def labels(self) -> list[str]:
@@ -155,7 +152,7 @@ def compare(paths: Sequence[Path], seen: Callable[[int], None] = lambda samples:
     Raises `RecordingError`.
     """
     recordings = tuple(map(read_recording, paths))
-    whole = [_metrics(recording, seen, finished=not recording.status.failed) for recording in recordings]
+    whole = [_metrics(recording, seen) for recording in recordings]
     durations = tuple(metrics.duration for metrics in whole)
     window = min(durations, default=0.0)
     metrics = [
@@ -168,8 +165,8 @@ def compare(paths: Sequence[Path], seen: Callable[[int], None] = lambda samples:
         for path, *_ in scenario_differences(recordings[0].scenario, recording.scenario)
     }
     settings = [(path, tuple(_value(recording, path) for recording in recordings)) for path in sorted(fields)]
-    for name, words in ((SAMPLE_PERIOD, _period), (COMMANDS, _commands)):
-        values = tuple(map(words, recordings))
+    periods = tuple(f"{number_text(recording.sample_period)} s" for recording in recordings)
+    for name, values in ((SAMPLE_PERIOD, periods), (COMMANDS, tuple(map(_commands, recordings)))):
         settings += [(name, values)] if len(set(values)) > 1 else []
     return Comparison(recordings, durations, window, tuple(zip(*metrics, strict=True)), tuple(settings))
 
@@ -189,10 +186,8 @@ def difference_text(first: MetricRow, other: MetricRow) -> str:
     return number_difference(first.value, other.value, scale=first.column.scale)
 
 
-def _metrics(
-    recording: Recording, seen: Callable[[int], None], seconds: float = inf, finished: bool = True
-) -> RunMetrics:
-    """The metrics of a run's first `seconds`, beyond which nothing is read. `finished`: whether the run reached their end."""
+def _metrics(recording: Recording, seen: Callable[[int], None], seconds: float = inf) -> RunMetrics:
+    """The metrics of a run's first `seconds`, beyond which nothing is read."""
     collection, last = None, inf
     for block in recording.blocks():
         if collection is None:
@@ -202,17 +197,13 @@ def _metrics(
             break
         collection.update(block)
         seen(len(block.time))
-    return (collection or MetricCollection()).compute(finished)
+    return (collection or MetricCollection()).compute(seconds < inf or not recording.status.failed)
 
 
 def _value(recording: Recording, path: str) -> str:
     """A field's value in words; "–" if the scenario has no such field, as with another kind of damping, or it is not set."""
     value = recording.scenario.get(path) if recording.scenario.has(path) else None
     return "–" if value is None else value_text(value)
-
-
-def _period(recording: Recording) -> str:
-    return f"{number_text(recording.sample_period)} s"
 
 
 def _commands(recording: Recording) -> str:

@@ -274,17 +274,24 @@ def _add(plot: Plot, name: str, values: np.ndarray, color: str | None) -> None:
     plot.curves.append(Curve(name, values, color, LINES[len(plot.curves) % len(LINES)]))
 
 
-def draw_bars(labels: Sequence[str], shown: Mapping[str, Sequence[float | None]]) -> Figure:
-    """Bars of numbers by run, title → values; None for a run without a value."""
+def draw_bars(labels: Sequence[str], shown: Mapping[str, np.ndarray]) -> Figure:
+    """Bars of numbers by run, title → values (runs,); NaN for a run without a value."""
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH, ROW_HEIGHT * -(-len(shown) // 2)), layout="constrained")
-        places = figure.subplots(-(-len(shown) // 2), min(len(shown), 2), squeeze=False).ravel()
-        for axes in places[len(shown) :]:
-            axes.set_axis_off()
-        for axes, (title, values) in zip(places, shown.items(), strict=False):
-            axes.bar(labels, [0.0 if value is None else value for value in values], color=BLUE)
+        figure, places = panels(len(shown), WIDTH / min(len(shown), 2), ROW_HEIGHT)
+        for axes, (title, values) in zip(places, shown.items(), strict=True):
+            axes.bar(labels, np.where(np.isnan(values), 0.0, values), color=BLUE)
             axes.set_title(title, fontsize="small")
     return figure
+
+
+def panels(count: int, width: float, height: float) -> tuple[Figure, list[Axes]]:
+    """A figure of panels in rows of two, each so many inches wide and high."""
+    rows, columns = -(-count // 2), min(count, 2)
+    figure = Figure(figsize=(width * columns, height * rows), layout="constrained")
+    places = list(figure.subplots(rows, columns, squeeze=False).ravel())
+    for spare in places[count:]:
+        spare.set_axis_off()
+    return figure, places[:count]
 
 
 def draw_fit(time: np.ndarray, signal: np.ndarray, background: np.ndarray, unit: str) -> Figure:

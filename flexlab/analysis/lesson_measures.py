@@ -13,9 +13,10 @@ from flexlab.analysis.metrics.settling_time import settling_time
 from flexlab.analysis.modes import PoleRow, fastest_growth, modes, rings_of
 from flexlab.lapack import one_blas_thread
 from flexlab.physics.axial_load import buckling_load
+from flexlab.recording.course import DISTURBANCES
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim.build import build_beam
-from flexlab.sim.commands import ChangeScenario, Pull, Tap
+from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Event
 from flexlab.sim.target import first_mode, shaper_impulses
@@ -41,11 +42,16 @@ def first_frequency(payload: Payload) -> float:
 
 def ring_frequency(samples: Samples) -> float:
     """The strongest frequency of the vibration above 2 Hz, Hz."""
-    signal = samples.vibration
-    padded = 1 << 15
-    spectrum = np.abs(np.fft.rfft((signal - signal.mean()) * np.hanning(len(signal)), padded))
-    hertz = np.fft.rfftfreq(padded, tick(samples))
-    return float(hertz[np.argmax(np.where(hertz > 2, spectrum, 0))])
+    return strongest_line(samples.vibration, tick(samples), 1 << 15)[0]
+
+
+def strongest_line(signal: np.ndarray, period: float, padded: int) -> tuple[float, float]:
+    """Frequency, Hz, above 2 Hz, and amplitude of the strongest line of a signal (N,), padded with zeros to a length."""
+    window = np.hanning(len(signal))
+    amplitude = np.abs(np.fft.rfft((signal - signal.mean()) * window, padded)) * 2 / window.sum()
+    hertz = np.fft.rfftfreq(padded, period)
+    best = int(np.argmax(np.where(hertz > 2, amplitude, 0)))
+    return float(hertz[best]), float(amplitude[best])
 
 
 def torque_turns(samples: Samples, control_period: float) -> np.ndarray:
@@ -58,6 +64,12 @@ def torque_turns(samples: Samples, control_period: float) -> np.ndarray:
 def torque_jump(turns: np.ndarray) -> float:
     """The largest RMS of a joint's `torque_turns`, N·m."""
     return float(np.sqrt(np.mean(turns**2, axis=0)).max()) if len(turns) else 0.0
+
+
+def bound_terms(x: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """1, ‖x‖ and ‖ẋ‖², by which the bound of Theorem 2 is made, (…, 3)."""
+    size, speed = np.linalg.norm(x, axis=-1), np.linalg.norm(v, axis=-1)
+    return np.stack([np.ones_like(size), size, speed**2], axis=-1)
 
 
 def tick(samples: Samples) -> float:
@@ -111,7 +123,7 @@ class Look:
     @property
     def touches(self) -> list[float]:
         """Instants of changes, pulls and taps, s, after which the run is not steady for a while."""
-        return [event.time for event in self.events if isinstance(event.command, (ChangeScenario, Pull, Tap))]
+        return [event.time for event in self.events if isinstance(event.command, DISTURBANCES)]
 
     @property
     def path_rate(self) -> np.ndarray:

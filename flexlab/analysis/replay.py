@@ -6,7 +6,8 @@ and for control laws in Python, whose rounding depends on the machine.
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -99,10 +100,7 @@ def replay(recording: Recording, seen: Callable[[float], None] = lambda time: No
     In a recording of an older format, signals are compared that it has and whose meaning has not changed. `seen` is called with
     the time, s, up to which the two agree so far. Raises `StudyError` if the recording's commands cannot be carried out again.
     """
-    return replace(_replayed(recording, seen), scenario=recording.scenario)
-
-
-def _replayed(recording: Recording, seen: Callable[[float], None]) -> Replay:
+    result = partial(Replay, scenario=recording.scenario)
     repetition, done, why = Repetition(recording), 0, _why_rounded_otherwise(recording)
     rounding = _Rounding(recording.compared) if why else None
     absent: frozenset[str] = frozenset()
@@ -113,24 +111,24 @@ def _replayed(recording: Recording, seen: Callable[[float], None]) -> Replay:
         absent |= recorded.absent
         if difference is not None:
             text = _difference_text(recording, difference, why)
-            return Replay(done, difference, text + _why_stopped(repetition.world))
+            return result(done, difference, text + _why_stopped(repetition.world))
         if compared < len(recorded):
             late = float(recorded.time[compared])
             difference = Difference(late, "time", late, np.nan)
             text = f"The replay stopped at t = {late:g} s, before the recording's end."
-            return Replay(done, difference, text + _why_stopped(repetition.world))
+            return result(done, difference, text + _why_stopped(repetition.world))
         seen(float(recorded.time[-1]))
     left_out = _left_out(recording, absent)
     if rounding is None or rounding.same_bits:
-        return Replay(done, None, f"All {done} samples came out again, bit for bit.{left_out}")
+        return result(done, None, f"All {done} samples came out again, bit for bit.{left_out}")
     difference = rounding.first_beyond()
     if difference is not None:
-        return Replay(done, difference, _difference_text(recording, difference, why), rounding.deviation)
+        return result(done, difference, _difference_text(recording, difference, why), rounding.deviation)
     text = (
         f"All {done} samples came out again within a tolerance of {number_text(TOLERANCE)} of each signal's largest value, "
         f"by at most {number_text(rounding.deviation, 1)} of it, and not bit for bit: {why}. {_makers(recording)}{left_out}"
     )
-    return Replay(done, None, text, rounding.deviation)
+    return result(done, None, text, rounding.deviation)
 
 
 def _why_rounded_otherwise(recording: Recording) -> str:
@@ -172,21 +170,13 @@ def allow_own_laws(recording: Recording, agrees: Callable[[str, str, str], bool]
                 f"here or into {LAW_FILES.own}, then replay again."
             )
         if address:
-            question = (
-                f"This run was controlled by the program at {address}, which a replay needs: it has to run there now. "
-                "Connect to it?"
-            )
+            by = f"the program at {address}, which a replay needs: it has to run there now. Connect to it?"
         elif unit:
-            question = (
-                f"This run was controlled by the unit {unit_file}, machine code that a replay needs. Let it run here?"
-            )
+            by = f"the unit {unit_file}, machine code that a replay needs. Let it run here?"
         else:
             code = without_data(source)
-            question = (
-                f"This run was controlled by {kind}, Python code of {len(source.splitlines())} lines that stands above. "
-                "Let it run here?"
-            )
-        if not agrees(kind, question, code):
+            by = f"{kind}, Python code of {len(source.splitlines())} lines that stands above. Let it run here?"
+        if not agrees(kind, f"This run was controlled by {by}", code):
             raise StudyError(f"The run was not replayed: its control law {kind} was not allowed to run.")
         hosts.allow(source, address or unit_file or f"{kind.replace('-', '_')}.py")
 

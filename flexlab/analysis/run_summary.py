@@ -60,11 +60,10 @@ class MetricNotes:
     def result(self, status: Status) -> dict[str, Any]:
         """Metrics, differences from the preset, first instant and duration, s."""
         metrics = self.metrics(status)
+        values = {row.key: float(f"{row.value:.{DIGITS}g}") for row in metrics.rows}
         return {
             # None for NaN, which JSON lacks.
-            "metrics": {
-                row.key: float(f"{row.value:.{DIGITS}g}") if isfinite(row.value) else None for row in metrics.rows
-            },
+            "metrics": {key: value if isfinite(value) else None for key, value in values.items()},
             **({"own_metrics": metrics.own} if metrics.own else {}),
             "changes": self._changes,
             "begins": self._begins if isfinite(self._begins) else 0.0,

@@ -46,9 +46,8 @@ def simulate_many(
     valid = [number for number, scenario in enumerate(chosen) if isinstance(scenario, Scenario)]
     found = {number: run for number, run in enumerate(chosen) if isinstance(run, Run)}
     with progress_bar(progress, "runs") as told, known() as run:
-        for done, (number, one) in enumerate(
-            run(partial(_simulated, duration, sample_period), (chosen[k] for k in valid)), 1
-        ):
+        simulated = run(partial(_simulated, duration, sample_period), (chosen[k] for k in valid))
+        for done, (number, one) in enumerate(simulated, 1):
             found[valid[number]] = one
             told(done, len(valid))
     return [found[number] for number in range(len(chosen))]
@@ -164,12 +163,8 @@ def _connected(distributed: Any, address: str) -> Any:
     try:
         client.__init__(address, timeout=PATIENCE, set_as_default=False)
         return client
-    except (
-        MemoryError,
-        OSError,
-        TypeError,
-        ValueError,
-    ) as error:  # What is no scheduler may announce data of any size.
+    except (MemoryError, OSError, TypeError, ValueError) as error:
+        # What is no scheduler may announce data of any size.
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
     # Garbage collection would close it, and would wait for ever while another client is being made.
     with suppress(TimeoutError):
@@ -217,9 +212,7 @@ Told = Callable[[int, int], None]
 
 
 @contextmanager
-def progress_bar(
-    shown: bool, what: str = "cells", how_far: str = ""
-) -> Iterator[Callable[[float, float | None], None]]:
+def progress_bar(shown: bool, what: str = "cells", how_far: str = "") -> Iterator[Callable[[float, Any], None]]:
     """A progress bar, if `shown` and on a terminal. `how_far`: rich's text beside the bar instead of "3/10"."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 

@@ -34,6 +34,12 @@ DISTURBANCES = (ChangeScenario, Pull, Tap)
 """Commands that change a run's course."""
 
 
+def is_pulled(events: Sequence[Event], since: float = inf) -> bool:
+    """Whether a hand holds beam or arm by these events of a run, or let go of it later than `since`, s."""
+    last = next((event for event in reversed(events) if isinstance(event.command, Pull)), None)
+    return last is not None and (last.time > since or getattr(last.command, "stiffness", 0.0) > 0)
+
+
 def changed_scenario(scenario: Scenario, events: Sequence[Event], before: float = inf) -> Scenario:
     """The scenario of a run that began with `scenario`, after what was changed before an instant, s. Raises `ScenarioError`."""
     for event in events:

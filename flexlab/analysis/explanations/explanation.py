@@ -17,16 +17,15 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 import numpy as np
 
 from flexlab.analysis.law_conditions import circumstances, conditions_in
-from flexlab.analysis.lesson_measures import largest, newest, tick
+from flexlab.analysis.lesson_measures import largest, newest, strongest_line, tick
 from flexlab.analysis.metrics.run_metrics import between
 from flexlab.analysis.modes import Modes, Ring, modes, rings_of
 from flexlab.control.conditions import Circumstances, Condition
 from flexlab.control.law import law_of
 from flexlab.errors import FlexlabError
 from flexlab.lapack import one_blas_thread
-from flexlab.recording.course import DISTURBANCES, changed_scenario
+from flexlab.recording.course import DISTURBANCES, changed_scenario, is_pulled
 from flexlab.scenario import Scenario
-from flexlab.sim.commands import Pull
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Event
 from flexlab.sim.target import shaper_impulses
@@ -141,13 +140,7 @@ class Evidence:
     def strongest(self) -> tuple[float, float]:
         """Frequency, Hz, and amplitude, m, of the strongest oscillation of the newest second's vibration above 2 Hz."""
         signal = self.last_second.vibration
-        if len(signal) < FEWEST:
-            return 0.0, 0.0
-        window = np.hanning(len(signal))
-        amplitude = np.abs(np.fft.rfft((signal - signal.mean()) * window, 8 * len(signal))) * 2 / window.sum()
-        hertz = np.fft.rfftfreq(8 * len(signal), self.period)
-        best = int(np.argmax(np.where(hertz > 2, amplitude, 0)))
-        return float(hertz[best]), float(amplitude[best])
+        return (0.0, 0.0) if len(signal) < FEWEST else strongest_line(signal, self.period, 8 * len(signal))
 
     @cached_property
     def peak_vibration(self) -> float:
@@ -232,12 +225,6 @@ def explain(evidence: Evidence) -> tuple[Explained, ...]:
     # A signal that an old recording lacks is NaN, and a sentence with NaN states nothing.
     said = ((each, text) for each, text in found if text is not None and not re.search(r"\bnan\b", text))
     return tuple(Explained(each.name, text, each.equation, each.plot) for each, text in said)
-
-
-def is_pulled(events: Sequence[Event], since: float = inf) -> bool:
-    """Whether a hand holds beam or arm by these events of a run, or let go of it later than `since`, s."""
-    last = next((event for event in reversed(events) if isinstance(event.command, Pull)), None)
-    return last is not None and (last.time > since or getattr(last.command, "stiffness", 0.0) > 0)
 
 
 def explain_run(

@@ -69,9 +69,8 @@ def bending_by_weight(seen: Evidence) -> str | None:
     beam, gravity = seen.scenario.payload, seen.scenario.gravity
     if seen.steady is None or gravity == 0 or beam.boundary != "pinned-pinned":
         return None
-    span = (
-        newest(seen.samples, max(seen.period, seen.scenario.trajectory.slowest_period)) if seen.moving else seen.steady
-    )
+    whole = max(seen.period, seen.scenario.trajectory.slowest_period)
+    span = newest(seen.samples, whole) if seen.moving else seen.steady
     sag = 5 * beam.linear_density * gravity * beam.length**4 / (384 * beam.bending_stiffness)
     held = sag * float(np.mean(np.cos(span.desired_pose[:, 2])))
     mean = float(np.mean(span.quasi_static_deflection))

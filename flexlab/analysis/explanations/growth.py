@@ -109,12 +109,9 @@ def growing_pose(seen: Evidence) -> str | None:
 def growing_loop(seen: Evidence) -> str | None:
     """The loop grows for another reason, probably because it is as fast as the beam."""
     growth, around, observer = growing_pole(seen.background), seen.background.around, observer_of(seen.background)
-    if (
-        growth is None
-        or growing_mode(seen)
-        or growing_pose(seen)
-        or (observer and growth.mode > observer.observer_modes)
-    ):
+    if growth is None or growing_mode(seen) or growing_pose(seen):
+        return None
+    if observer and growth.mode > observer.observer_modes:
         return None
     what = f"mode {growth.mode}" if growth.mode else "pose and law"
     cause = ""

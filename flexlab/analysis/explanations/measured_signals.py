@@ -22,9 +22,8 @@ SHAKEN = 10
 def folded_mode(seen: Evidence) -> str | None:
     """The strongest line of the spectrum is a mode above half the sampling rate that folds down."""
     (hertz, amplitude), rate = seen.strongest, 1 / seen.period
-    if amplitude < LEAST_AMPLITUDE or any(
-        abs(ring.frequency - hertz) < NEAR * hertz for ring in seen.background.rings.values()
-    ):
+    is_mode = any(abs(ring.frequency - hertz) < NEAR * hertz for ring in seen.background.rings.values())
+    if amplitude < LEAST_AMPLITUDE or is_mode:
         return None
     if seen.moving and hertz * seen.scenario.trajectory.slowest_period < SHAKEN:
         return None

@@ -3,7 +3,7 @@
 import numpy as np
 
 from flexlab.analysis.explanations.explanation import Evidence, n, register
-from flexlab.analysis.lesson_measures import largest, length
+from flexlab.analysis.lesson_measures import bound_terms, largest, length
 from flexlab.control.conditions import Circumstances
 from flexlab.sim.samples import Samples
 
@@ -30,8 +30,7 @@ def _stiffness(seen: Evidence, span: Samples, layer: float) -> float:
     """K + ρ/ε, N·s/m, the feedback gain of s inside its layer; ρ: the constant bound, or the smallest learnt one."""
     gain, bound = seen.field("feedback_gain", 0.0) or 0.0, seen.field("bound")
     if bound is None:
-        x, v = np.linalg.norm(span.pose, axis=1), np.linalg.norm(span.pose_rate, axis=1)
-        learnt = np.sum(span.bound_estimates * np.stack([np.ones_like(x), x, v**2], axis=1), axis=1)
+        learnt = np.sum(span.bound_estimates * bound_terms(span.pose, span.pose_rate), axis=1)
         bound = float(learnt.min()) if np.isfinite(learnt).all() else 0.0
     return gain + bound / layer
 

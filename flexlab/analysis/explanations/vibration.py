@@ -57,9 +57,7 @@ def ring(seen: Evidence) -> str | None:
     rate = fading_rate(part, hertz)
     if not (rate < 0 and mode.rate < 0):
         return None
-    if away > max(FREQUENCY_AGREES * hertz, 1 / seen.length) or not abs(rate - mode.rate) < RATE_AGREES * abs(
-        mode.rate
-    ):
+    if away > max(FREQUENCY_AGREES * hertz, 1 / seen.length) or abs(rate / mode.rate - 1) >= RATE_AGREES:
         return None
     peak = largest(part.vibration)
     return (
@@ -74,11 +72,8 @@ def _by_what(seen: Evidence, number: int, mode: Ring) -> str:
     held = f"; with its grips held it would fade at {n(own)} 1/s"
     if -mode.rate > DAMPED * own:
         return f"{held}, so the law damps it"
-    return (
-        held
-        if hasattr(seen.scenario.controller, "lateral_vibration_gain")
-        else f"{held}. Active damping ends it sooner"
-    )
+    damps = hasattr(seen.scenario.controller, "lateral_vibration_gain")
+    return held if damps else f"{held}. Active damping ends it sooner"
 
 
 LEAST_JUMP = 0.1

@@ -121,7 +121,7 @@ def fit_file(
     if start is None and (first := ring_begins(y)):
         notes += (f"The ring begins at t = {t[first]:.6g} s: what comes before is left out.",)
         t, y = t[first:], y[first:]
-    return _fit(path.stem, t, y, found.unit, scenario, True, notes)
+    return _fit(path.stem, t, y, found.unit, scenario, notes)
 
 
 def fit_run(
@@ -136,11 +136,10 @@ def fit_run(
     recording = read_recording(find_run(run, logs))
     t, y, unit = ring_of_run(recording, signal or "vibration", start, end)
     own = changed_scenario(recording.scenario, recording.events, float(t[0]))
-    known = scenario or own
-    if recording.status == MEASURED:  # There was no loop, and there is no pose.
-        return _fit(recording.path.stem, t, y, unit, known, True, ())
-    path = recording.samples.desired_pose[np.searchsorted(recording.samples.time, t)]
-    return _fit(recording.path.stem, t, y, unit, known, False, (), path, own)
+    path = None
+    if recording.status != MEASURED:  # Else there was no loop, and there is no pose.
+        path = recording.samples.desired_pose[np.searchsorted(recording.samples.time, t)], own
+    return _fit(recording.path.stem, t, y, unit, scenario or own, (), path)
 
 
 def _fit(
@@ -149,20 +148,19 @@ def _fit(
     y: np.ndarray,
     unit: str,
     scenario: Scenario | None,
-    measured: bool,
     notes: tuple[str, ...],
-    path: np.ndarray | None = None,
-    own: Scenario | None = None,
+    simulated: tuple[np.ndarray, Scenario] | None = None,
 ) -> Fit:
-    """`path`: the desired poses of a run at `t`, (N, 3); `own`: its scenario."""
-    ring = fit_ring(t, y)
-    poses = [] if path is None else _poses(path, y - ring.background)
-    other = "" if own is None else another_mode(ring, own, poses[0])
-    beam = None if scenario is None else beam_parameters(ring, scenario, not measured, poses, other)
+    """`simulated`: the desired poses of a run at `t`, (N, 3), and its scenario; None: the samples are a measurement."""
+    ring, poses, other = fit_ring(t, y), [], ""
+    if simulated is not None:
+        poses = _poses(simulated[0], y - ring.background)
+        other = another_mode(ring, simulated[1], poses[0])
+    beam = None if scenario is None else beam_parameters(ring, scenario, simulated is not None, poses, other)
     if beam is not None:
         along = replace(ring.first, frequency=beam.frequency, damping_ratio=beam.damping_ratio)
         ring = replace(ring, modes=tuple(along if mode is ring.first else mode for mode in ring.modes))
-    return Fit(name, ring, t, y, unit, beam, measured, notes)
+    return Fit(name, ring, t, y, unit, beam, simulated is None, notes)
 
 
 POWER = (0.5, 0.05, 0.95)

@@ -5,9 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexlab.analysis.identification.evidence import ring_begins
+from flexlab.analysis.metrics.residual_vibration import ResidualVibration
 from flexlab.errors import StudyError
+from flexlab.recording.course import DISTURBANCES, is_pulled
 from flexlab.recording.reader import Recording
-from flexlab.sim.commands import ChangeScenario, Pull, Tap
+from flexlab.sim.commands import Pull, Tap
 from flexlab.sim.samples import Samples
 from flexlab.sim.signals import DERIVED, TABLE
 from flexlab.sim.snapshot import Event
@@ -16,10 +18,6 @@ LONGEST_RING = 2.0
 """Longest ring that is fitted, s."""
 GONE = 0.005
 """Amplitude, over the peak, at which a fitted ring ends."""
-STOOD = 0.01
-"""Time for which the target must stand still, s, so that a turning point is no stop."""
-ROUNDING = 1e-9
-"""Tolerance of that time, s."""
 
 
 def ring_of_run(
@@ -44,13 +42,14 @@ def ring_of_run(
 
 def recent_ring(samples: Samples, events: Sequence[Event]) -> tuple[np.ndarray, np.ndarray, str]:
     """(time s, vibration m, what it follows) of the newest free ring in a running lab. Raises `StudyError` if there is none."""
-    pulls = [event for event in events if isinstance(event.command, Pull)]
-    if pulls and isinstance(pulls[-1].command, Pull) and pulls[-1].command.stiffness > 0:
+    if is_pulled(events):
         raise StudyError("Somebody holds the machine: let go, and the ring that follows can be fitted.")
     begins = [(event.time, "the tap") for event in events if isinstance(event.command, Tap)]
-    begins += [(event.time, "the release") for event in pulls]
-    stop = _stop(samples)
-    begins += [] if stop is None else [(stop, "the stop")]
+    begins += [(event.time, "the release") for event in events if isinstance(event.command, Pull)]
+    motion = ResidualVibration()
+    if len(samples):
+        motion.update(samples)
+    begins.append((motion.stop, "the stop"))
     begins = [begin for begin in begins if len(samples) and begin[0] >= samples.time[0]]
     if not begins:
         raise StudyError("There is no free ring to fit: tap the beam, or let a path that ends come to rest.")
@@ -65,8 +64,7 @@ def _ring(
     samples: Samples, events: Sequence[Event], name: str, first: float, end: float | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Time and signal from `first`, s, until the next change of the run."""
-    disturbances = (ChangeScenario, Pull, Tap)
-    later = [event.time for event in events if isinstance(event.command, disturbances) and event.time > first]
+    later = [event.time for event in events if isinstance(event.command, DISTURBANCES) and event.time > first]
     last = end if end is not None else min([*later, first + LONGEST_RING, float(samples.time[-1])])
     rows = (samples.time > first) & (samples.time <= last)
     time, signal = samples.time[rows], np.asarray(samples[name])[rows]
@@ -76,12 +74,3 @@ def _ring(
         stop = int(loud[-1]) + 1 if len(loud) else 0
         time, signal = time[:stop], signal[:stop]
     return time, signal
-
-
-def _stop(samples: Samples) -> float | None:
-    """Instant at which the target came to rest, s; None if it still moves or never moved."""
-    moving = np.flatnonzero(np.any(samples.desired_pose != samples.desired_pose[-1:], axis=1))
-    # One sample that stands still is no stop, however long the sample period.
-    if not len(moving) or samples.time[-1] - samples.time[moving[-1] + 1] < STOOD - ROUNDING:
-        return None
-    return float(samples.time[moving[-1]])

@@ -25,15 +25,11 @@ def shifts(
     `jacobian` (N, 4 m + b): by the modes' ω and σ, then by the `linear` factors (2 m + b) of the best fit; `rest` (N,): its
     residual; `tau` (N,): s from the first sample.
     """
-    return [
-        np.array(
-            [
-                *_halves(k, modes, jacobian, rest, tau),
-                *_without_others(k, modes, jacobian, rest, linear),
-            ]
-        ).reshape(-1, 2)
+    found = (
+        [*_halves(k, modes, jacobian, rest, tau), *_without_others(k, modes, jacobian, rest, linear)]
         for k in range(len(modes))
-    ]
+    )
+    return [np.array(changes).reshape(-1, 2) for changes in found]
 
 
 def _halves(k: int, modes: np.ndarray, jacobian: np.ndarray, rest: np.ndarray, tau: np.ndarray) -> list[np.ndarray]:

@@ -197,9 +197,8 @@ class Named:
 
 def numbers() -> list[Number]:
     """Every number of every metric, in the order of tables."""
-    return [
-        Number(name, index, column) for name, metric in METRICS.items() for index, column in enumerate(metric.columns)
-    ]
+    found = ((name, *each) for name, metric in METRICS.items() for each in enumerate(metric.columns))
+    return [Number(*each) for each in found]
 
 
 def number_names() -> list[str]:

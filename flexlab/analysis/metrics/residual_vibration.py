@@ -61,11 +61,15 @@ class ResidualVibration(Metric):
         after = time > self._moved
         self._time, self._size = outlasting(time[after], size[after])
 
+    @property
+    def stop(self) -> float:
+        """Last instant at which the target moved, s; NaN of one that never moved, or has not stopped."""
+        stopped = np.isfinite(self._moved) and self._last - self._stands >= STOPPED - ROUNDING
+        return self._moved if stopped else np.nan
+
     def compute(self) -> tuple[float, ...]:
         """Largest |vibration| after the stop and later, m."""
-        if not np.isfinite(self._moved) or self._last - self._stands < STOPPED - ROUNDING:
-            return np.nan, np.nan
-        return self._after(self._moved), self._after(self._moved + LATER)
+        return self._after(self.stop), self._after(self.stop + LATER)
 
     def _after(self, time: float) -> float:
         return float(np.max(self._size[self._time > time], initial=0.0)) if self._last > time else np.nan

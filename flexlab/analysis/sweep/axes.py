@@ -145,13 +145,10 @@ def _list(path: str, given: Any) -> tuple[Any, ...]:
         values = [values]
     try:
         plain = json.loads(json.dumps(list(values), allow_nan=False, default=_from_numpy))
-        _ = [
-            float(value) for value in plain if isinstance(value, int)
-        ]  # A number too large for the engine has no value.
+        _ = [float(value) for value in plain if isinstance(value, int)]  # One too large for the engine has no value.
     except (TypeError, ValueError, OverflowError):
-        raise StudyError(
-            f"{path} = {_shown(given)} is not usable: give a range as text, or a list of values."
-        ) from None
+        unusable = f"{path} = {_shown(given)} is not usable"
+        raise StudyError(f"{unusable}: give a range as text, or a list of values.") from None
     if not plain:
         raise StudyError(f"{path} has no values: zero cells cannot be computed; give one value at least.")
     return tuple(tuple(value) if isinstance(value, list) else value for value in plain)

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 
-from flexlab.analysis.figures import BLUE, GRAY, STYLE, VERMILION, drawable, save_figure
+from flexlab.analysis.figures import BLUE, GRAY, STYLE, VERMILION, drawable, panels, save_figure
 from flexlab.analysis.metrics.metric import named, numbers
 from flexlab.analysis.result import number_column
 from flexlab.analysis.sweep.axes import Axis
@@ -49,18 +49,15 @@ def draw_metric(plan: Plan, table: Any, name: str) -> Figure:
     """
     column = named(name).number.column
     numeric, every = _panels(plan, table)
-    panels = every[:PANELS]
-    left_out = f", {len(panels)} of {len(every)} combinations" if len(every) > len(panels) else ""
+    shown = every[:PANELS]
+    left_out = f", {len(shown)} of {len(every)} combinations" if len(every) > len(shown) else ""
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(SIZE[0] * min(len(panels), 2), SIZE[1] * -(-len(panels) // 2)), layout="constrained")
-        parts = figure.subplots(-(-len(panels) // 2), min(len(panels), 2), squeeze=False).ravel()
-        for spare in parts[len(panels) :]:
-            spare.set_axis_off()
+        figure, parts = panels(len(shown), *SIZE)
         figure.suptitle(f"{column.title} ({column.unit}){left_out}")
         values = drawable(number_column(table, column.key))
         scale = _color_scale(values)
         drawn: Any = None
-        for part, (title, rows) in zip(parts, panels, strict=False):
+        for part, (title, rows) in zip(parts, shown, strict=True):
             part.set_title(title, fontsize="medium")
             part.set_xlabel(_label(plan, numeric[0]))
             if len(numeric) == 1:
@@ -70,7 +67,7 @@ def draw_metric(plan: Plan, table: Any, name: str) -> Figure:
                 part.set_ylabel(_label(plan, numeric[1]))
                 drawn = _draw_map(part, numeric, table.take(rows), values[rows], plan.samples is None, scale)
         if drawn is not None:
-            figure.colorbar(drawn, ax=list(parts), label=f"{column.title} ({column.unit})")
+            figure.colorbar(drawn, ax=parts, label=f"{column.title} ({column.unit})")
     return figure
 
 
@@ -112,18 +109,13 @@ def _panels(plan: Plan, table: Any) -> tuple[list[Axis], list[tuple[str, np.ndar
         numeric, others = numeric[:2], others + numeric[2:]
     found = [("", np.arange(len(table)))]
     for axis in others:
-        names = np.array(table.column(axis.path).to_pylist(), dtype=object)
+        field, names = axis.path.rpartition(".")[2], np.array(table.column(axis.path).to_pylist(), dtype=object)
         found = [
-            (f"{title}  {_value_text(axis, value)}".strip(), rows[names[rows] == value])
+            (f"{title}  {f'{field} = {value:g}' if axis.numeric else value}".strip(), rows[names[rows] == value])
             for title, rows in found
             for value in dict.fromkeys(names)
         ]
     return numeric, found
-
-
-def _value_text(axis: Axis, value: Any) -> str:
-    """A value of an axis in a panel's title."""
-    return f"{axis.path.rpartition('.')[2]} = {value:g}" if axis.numeric else str(value)
 
 
 def _draw_curve(part: Axes, axis: Axis, table: Any, rows: np.ndarray, values: np.ndarray) -> None:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from flexlab.analysis.internal_force import internal_force_eq_26
+from flexlab.analysis.lesson_measures import bound_terms
 from flexlab.analysis.metrics.settling_time import settling_time
 from flexlab.analysis.validation.check import FINE, PERIOD, Check, Runs, above, alike, below, close, subject
 from flexlab.analysis.validation.mass_points import MassPoints, christoffel, time_derivative
@@ -96,12 +97,6 @@ def desired(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     phase, w = 2 * np.pi * t, 2 * np.pi
     sine, cosine = np.sin(phase)[:, None] * 0.2 * np.ones(3), np.cos(phase)[:, None] * 0.2 * np.ones(3)
     return sine + np.array([0.0, 0.75, 0.0]), w * cosine, -(w**2) * sine
-
-
-def bound_terms(x: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """1, ‖x‖ and ‖ẋ‖², by which the bound of Theorem 2 is made, (…, 3)."""
-    size, speed = np.linalg.norm(x, axis=-1), np.linalg.norm(v, axis=-1)
-    return np.stack([np.ones_like(size), size, speed**2], axis=-1)
 
 
 def paper_law(points: MassPoints, run: Run, k: int, b_hat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -8,9 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexlab.analysis.lesson_measures import bound_terms
 from flexlab.analysis.validation.check import EVERY, FINE, Check, Runs, alike, below, general, subject
 from flexlab.analysis.validation.mass_points import MassPoints, slopes, time_derivative
-from flexlab.analysis.validation.paper import bound_terms, desired
+from flexlab.analysis.validation.paper import desired
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Run
 

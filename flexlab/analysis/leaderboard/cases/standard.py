@@ -16,6 +16,7 @@ from flexlab.analysis.leaderboard.case import (
     rms_error,
     settled,
 )
+from flexlab.analysis.lesson_measures import bound_terms
 from flexlab.analysis.metrics import Column, Metric
 from flexlab.analysis.metrics.run_metrics import Window
 from flexlab.presets import load_preset
@@ -167,9 +168,7 @@ class BoundDrift(Metric):
 
     def update(self, samples: Samples) -> None:
         """Take in the next piece of a run."""
-        size = np.linalg.norm(samples.pose, axis=1)
-        speed = np.linalg.norm(samples.pose_rate, axis=1)
-        bound = np.sum(samples.bound_estimates * np.stack([np.ones_like(size), size, speed**2], axis=1), axis=1)
+        bound = np.sum(samples.bound_estimates * bound_terms(samples.pose, samples.pose_rate), axis=1)
         t = samples.time
         self._sums += [len(t), t.sum(), bound.sum(), (t * t).sum(), (t * bound).sum()]
 

@@ -125,10 +125,8 @@ MEGABYTE = 1e6
 
 def paper_table(costs: list[PaperCost]) -> "Table":
     """The paper's run."""
-    title, heads = (
-        "The paper's run: ms of processor time per simulated second",
-        ("setting", "step", "ms per s", "pose error"),
-    )
+    title = "The paper's run: ms of processor time per simulated second"
+    heads = ("setting", "step", "ms per s", "pose error")
     rows = ((c.setting, step_text(c.step), f"{c.ms_per_second:.2f}", error_text(c.pose_error)) for c in costs)
     return new_table(title, heads, rows)
 

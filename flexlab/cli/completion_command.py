@@ -3,7 +3,7 @@
 import importlib
 import io
 import os
-from contextlib import redirect_stdout
+from contextlib import redirect_stdout, suppress
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -55,15 +55,8 @@ def completion_script(shell: str) -> str:
     from flexlab.cli import COMMANDS
 
     commands = {name: importlib.import_module(f"flexlab.cli.{name}_command").command for name in COMMANDS}
-    printed = io.StringIO()
-    try:
-        with redirect_stdout(printed):
-            tyro.extras.subcommand_cli_from_dict(
-                commands,
-                prog="flexlab",
-                args=["--tyro-print-completion", shell],
-                config=(tyro.conf.FlagCreatePairsOff,),
-            )
-    except SystemExit:
-        pass
+    printed, words = io.StringIO(), ["--tyro-print-completion", shell]
+    with suppress(SystemExit), redirect_stdout(printed):
+        config = (tyro.conf.FlagCreatePairsOff,)
+        tyro.extras.subcommand_cli_from_dict(commands, prog="flexlab", args=words, config=config)
     return printed.getvalue()

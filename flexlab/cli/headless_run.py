@@ -32,15 +32,6 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 
-class _NoPandas:
-    """A finder that hides pandas, and leaves all other modules to the next finder."""
-
-    def find_spec(self, name: str, path: Any, target: Any = None, /) -> None:
-        """As of `importlib.abc.MetaPathFinder`."""
-        if name == "pandas":
-            raise ModuleNotFoundError("No module named 'pandas'", name=name)
-
-
 def leave_pandas_out() -> None:
     """Hide pandas from pyarrow, which then treats a pandas series as a list; other imports of pandas still work.
 
@@ -48,12 +39,11 @@ def leave_pandas_out() -> None:
     """
     if "pandas" in sys.modules:
         return
-    finder = _NoPandas()
-    sys.meta_path.insert(0, finder)
+    sys.modules["pandas"] = None  # type: ignore[assignment]  # Python's own way to say that there is no such module.
     try:
         pa.array([True])  # type: ignore[reportUnknownMemberType]  # As above.
     finally:
-        sys.meta_path.remove(finder)
+        del sys.modules["pandas"]
 
 
 MOST_EXPLAINED = 3
@@ -112,9 +102,8 @@ class Summary:
         table.add_column(f"0 to {min(START_SPAN, self.time):g} s", justify="right")
         table.add_column(f"{START_SPAN:g} to {self.time:g} s" if self.time > START_SPAN else "later", justify="right")
         for column, *peaks in zip(Magnitudes.columns, self._start.compute(), self._later.compute(), strict=True):
-            table.add_row(
-                f"{column.title}, {column.unit}", *(value_text(column, column.scale * peak) for peak in peaks)
-            )
+            texts = (value_text(column, column.scale * peak) for peak in peaks)
+            table.add_row(f"{column.title}, {column.unit}", *texts)
         return table
 
 

@@ -1,11 +1,10 @@
 """Listings of recorded runs on the terminal: a line of numbers with changes and notes below it, or all about one run."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from flexlab.analysis.metrics import Column as MetricColumn
 from flexlab.analysis.metrics.metric import named, numbers
 from flexlab.analysis.metrics.run_metrics import DURATION, UNKNOWN, measured, noted_text, noted_texts, results
 from flexlab.cli.console import new_table, note, output
@@ -18,7 +17,15 @@ class Column(NamedTuple):
 
     heading: str
     unit: str
-    text: Callable[[RunRow], str]
+    texts: list[str]
+    """One per run."""
+
+    @property
+    def width(self) -> int:
+        """Places on the terminal that its longest text takes."""
+        from rich.cells import cell_len
+
+        return max(map(cell_len, (self.heading, self.unit, *self.texts)))
 
 
 COLUMNS = {number.name: number.column for number in numbers()}
@@ -84,8 +91,7 @@ def print_table(rows: Sequence[RunRow], logs: Path) -> None:
     from rich.text import Text
 
     columns, left_out = _columns_with_room(rows)
-    cells = [[column.text(row) for column in columns] for row in rows]
-    widths = [_width(column, rows) for column in columns]
+    widths = [column.width for column in columns]
 
     def line(texts: Sequence[str]) -> str:
         first, *others = [
@@ -97,7 +103,7 @@ def print_table(rows: Sequence[RunRow], logs: Path) -> None:
     console = output()
     for heading in ([column.heading for column in columns], [column.unit for column in columns]):
         console.print(line(heading), style="bold", soft_wrap=True)
-    for row, texts in zip(rows, cells, strict=True):
+    for row, *texts in zip(rows, *(column.texts for column in columns), strict=True):
         console.print(line(texts), soft_wrap=True)
         if more := _more(row):
             below = Text(GAP + more, style="dim")
@@ -119,34 +125,23 @@ def count_text(count: int) -> str:
 
 def _columns_with_room(rows: Sequence[RunRow]) -> tuple[list[Column], list[str]]:
     """The columns that fit into the window, and the headings of the others."""
-    texts: dict[str, Callable[[RunRow], str]] = {
-        "run": lambda row: row.id,
-        "duration": lambda row: duration_text(row.duration),
-        "size": lambda row: size_text(row.size),
-        "state": state_word,
-    }
-    columns = [Column(heading, "", text) for heading, text in texts.items()]
+    columns = [
+        Column("run", "", [row.id for row in rows]),
+        Column("duration", "", [duration_text(row.duration) for row in rows]),
+        Column("size", "", [size_text(row.size) for row in rows]),
+        Column("state", "", [state_word(row) for row in rows]),
+    ]
+    metrics = [
+        Column(metric.heading, metric.unit, [noted_text(metric, row.metrics, row.is_stopped) for row in rows])
+        for metric in COLUMNS.values()
+        if metric.listed
+    ]
     # A narrow window leaves out the last columns.
-    listed = [column for column in COLUMNS.values() if column.listed]
-    metrics = [Column(column.heading, column.unit, _metric_text(column)) for column in listed]
-    console = output()
-    if not console.is_terminal:
-        return columns + metrics, []
-    room = console.width - sum(_width(column, rows) + len(GAP) for column in columns)
-    while metrics and sum(_width(column, rows) + len(GAP) for column in metrics) > room + len(GAP):
-        metrics.pop()
-    shown = {column.heading for column in metrics}
-    return columns + metrics, [column.heading for column in listed if column.heading not in shown]
-
-
-def _metric_text(column: MetricColumn) -> Callable[[RunRow], str]:
-    return lambda row: noted_text(column, row.metrics, row.is_stopped)
-
-
-def _width(column: Column, rows: Sequence[RunRow]) -> int:
-    from rich.cells import cell_len
-
-    return max(map(cell_len, (column.heading, column.unit, *(column.text(row) for row in rows))))
+    shown, console = len(metrics), output()
+    room = console.width + len(GAP) - sum(column.width + len(GAP) for column in columns)
+    while console.is_terminal and shown and sum(column.width + len(GAP) for column in metrics[:shown]) > room:
+        shown -= 1
+    return columns + metrics[:shown], [column.heading for column in metrics[shown:]]
 
 
 def _more(row: RunRow) -> str:

@@ -6,8 +6,9 @@ from typing import Annotated, Literal
 
 import tyro
 
-from flexlab.cli.console import complain, note, output
+from flexlab.cli.console import agreed, complain, note, output
 from flexlab.cli.options import Cluster, Law, Preset, Seed, Settings, Several, Threads, chosen_scenarios, option
+from flexlab.errors import StudyError
 
 FAILED_SHOWN = 3
 """Most failed cells whose reason is printed."""
@@ -83,8 +84,6 @@ def _names(text: str) -> tuple[str, ...]:
 
 
 def _pair(text: str) -> tuple[str, ...]:
-    from flexlab.errors import StudyError
-
     names = _names(text)
     if len(names) != 2:
         raise StudyError(
@@ -95,8 +94,6 @@ def _pair(text: str) -> tuple[str, ...]:
 
 def _ask(cells: int, yes: bool) -> None:
     from flexlab.analysis.sweep.plan import MANY_CELLS
-    from flexlab.cli.console import agreed
-    from flexlab.errors import StudyError
 
     if cells > MANY_CELLS and not yes:
         question = f"The sweep has {cells} cells, which may take many hours. Compute them all?"

@@ -12,7 +12,7 @@ from flexlab.control.law import law_of, nothing_derived
 from flexlab.quantities import base_exponents, describe, own_numbers
 from flexlab.recording.table_columns import table_columns, to_columns
 from flexlab.scenario import Scenario
-from flexlab.signal import AXIS
+from flexlab.signal import ARM, AXIS, JOINT
 from flexlab.sim.samples import rows_to_samples
 from flexlab.sim.signals import ACCELERATION_UNITS, POSE_UNITS, RATE_UNITS, known_signals, own_signals
 
@@ -61,28 +61,30 @@ def sample_variables(scenario: Scenario, row: np.ndarray, place: int, with_law: 
     return found
 
 
+def _in_a_row(about: Sequence[tuple[str, str, str]], place: int, causality: str, start: Any = ()) -> list[Variable]:
+    """Variables (name, unit, description) that stand one after another from `place` on; inputs begin with `start`."""
+    begin = np.ravel(start).tolist() if causality == "input" else [None] * len(about)
+    return [Variable(*each, causality, place + 8 * k, begin[k]) for k, each in enumerate(about)]
+
+
 def torques(scenario: Scenario, start: np.ndarray, place: int, causality: str) -> list[Variable]:
     """The motors' torques (arms, 3) at `place`."""
-    return [
-        Variable(
-            f"motor_torque_{side}_{joint + 1}", "N·m", f"torque of the {side} arm's motor {joint + 1}, held over a step",
-            causality, place + 8 * (3 * arm + joint), float(start[arm, joint]) if causality == "input" else None,
-        )
-        for arm, side in enumerate(("left", "right")[: len(scenario.arms)])
-        for joint in range(3)
-    ]  # fmt: skip
+    about = [
+        (f"motor_torque_{side}_{joint}", "N·m", f"torque of the {side} arm's motor {joint}, held over a step")
+        for side in ARM.labels[: len(scenario.arms)]
+        for joint in JOINT.labels
+    ]
+    return _in_a_row(about, place, causality, start)
 
 
 def inputs(scenario: Scenario, place: int) -> list[Variable]:
     """A law's inputs u (arms, 3) at `place`, before torque limits and delay."""
-    return [
-        Variable(
-            f"input_{side}_{axis}", "N" if axis != "theta" else "N·m", f"u, {axis}: what the {side} arm is to do at its grip",
-            "output", place + 8 * (3 * arm + number),
-        )
-        for arm, side in enumerate(("left", "right")[: len(scenario.arms)])
-        for number, axis in enumerate(AXIS.labels)
-    ]  # fmt: skip
+    about = [
+        (f"input_{side}_{axis}", unit, f"u, {axis}: what the {side} arm is to do at its grip")
+        for side in ARM.labels[: len(scenario.arms)]
+        for axis, unit in zip(AXIS.labels, ("N", "N", "N·m"), strict=True)
+    ]
+    return _in_a_row(about, place, "output")
 
 
 def sensors(scenario: Scenario, start: np.ndarray, place: int, causality: str) -> list[Variable]:
@@ -96,40 +98,31 @@ def sensors(scenario: Scenario, start: np.ndarray, place: int, causality: str) -
     ]
     law = scenario.controller
     about += [(f"strain_{j}", "1", f"strain at s/L = {at:.4g}") for j, at in enumerate(law_of(law).gauges(law))]
-    return [
-        Variable(*each, causality, place + 8 * k, float(start[k]) if causality == "input" else None)
-        for k, each in enumerate(about)
-    ]
+    return _in_a_row(about, place, causality, start)
 
 
 def law_signals(scenario: Scenario, place: int) -> list[Variable]:
     """The law's own signals, which stand at `place`, as outputs."""
     own = {signal.name: signal for signal in own_signals(scenario)}
-    found = []
-    for column in table_columns(scenario):
-        if column.signal in own:
-            name, _, unit = column.name.partition(" [")
-            meaning = f"{own[column.signal].symbol}: {own[column.signal].meaning}"
-            found.append(Variable(name, unit[:-1], meaning, "output", place + 8 * len(found)))
-    return found
+    columns = [(column.name.partition(" ["), own.get(column.signal)) for column in table_columns(scenario)]
+    about = [(name, unit[:-1], f"{it.symbol}: {it.meaning}") for (name, _, unit), it in columns if it is not None]
+    return _in_a_row(about, place, "output")
 
 
 def desired_motion(start: np.ndarray, place: int) -> list[Variable]:
     """Where the payload should be, as inputs: x_d, ẋ_d and ẍ_d (3, 3), which stand at `place`."""
-    about = (
-        (
-            "pose",
-            POSE_UNITS,
-            "x_d, {}: desired pose, which moves on with its rate and acceleration until the next step",
-        ),
+    moves_on = "x_d, {}: desired pose, which moves on with its rate and acceleration until the next step"
+    parts = (
+        ("pose", POSE_UNITS, moves_on),
         ("rate", RATE_UNITS, "ẋ_d, {}: its rate, which moves on with the acceleration"),
         ("acceleration", ACCELERATION_UNITS, "ẍ_d, {}: its acceleration"),
     )
-    return [
-        Variable(f"desired_{name}_{axis}", units[a], text.format(axis), "input", place + 8 * (3 * k + a), float(start[k, a]))
-        for k, (name, units, text) in enumerate(about)
-        for a, axis in enumerate(AXIS.labels)
-    ]  # fmt: skip
+    about = [
+        (f"desired_{name}_{axis}", unit, text.format(axis))
+        for name, units, text in parts
+        for axis, unit in zip(AXIS.labels, units, strict=True)
+    ]
+    return _in_a_row(about, place, "input", start)
 
 
 class Gain(NamedTuple):
@@ -159,12 +152,8 @@ def parameters(
     noise = scenario.controller.sensor_noise
     if noise.active and not is_plant:
         about = describe(type(noise), "seed")
-        start, low, high = float(noise.seed), about.low, about.high
-        found += [
-            Variable(
-                "noise_seed", "1", "Seed of the sensors' noise", "parameter", places["seed"], start, low, high, True
-            )
-        ]
+        range_, title = (float(noise.seed), about.low, about.high), "Seed of the sensors' noise"
+        found.append(Variable("noise_seed", "1", title, "parameter", places["seed"], *range_, is_whole=True))
     for gain in gains:
         part = type(gain.settings)
         about, size = describe(part, gain.field), own_numbers(part, Controller)[gain.field]
@@ -239,21 +228,13 @@ def _add_variables(root: Any, variables: Sequence[Variable], third: bool) -> Non
     parent = _element(root, "ModelVariables")
     for number, variable in enumerate(variables):
         values = {"min": variable.low, "max": variable.high, "start": variable.start}
-        numbers = {
-            name: repr(float(value)) for name, value in values.items() if value is not None and math.isfinite(value)
-        }
+        known = {name: float(value) for name, value in values.items() if value is not None}
+        numbers = {name: repr(value) for name, value in known.items() if math.isfinite(value)}
         variability = {"input": "discrete", "parameter": "tunable"}.get(variable.causality, "continuous")
-        about = {
-            "name": variable.name,
-            "valueReference": str(number),
-            "description": variable.description,
-            "causality": variable.causality,
-            "variability": variability,
-        }
-        if variable.causality == "output":
-            about["initial"] = "calculated"
-        elif variable.causality == "parameter":
-            about["initial"] = "exact"
+        about = {"name": variable.name, "valueReference": str(number), "description": variable.description}
+        about |= {"causality": variable.causality, "variability": variability}
+        if initial := {"output": "calculated", "parameter": "exact"}.get(variable.causality):
+            about["initial"] = initial
         if third:
             _element(parent, "Float64", **about, unit=variable.unit, **numbers)
         else:

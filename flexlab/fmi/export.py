@@ -130,24 +130,21 @@ def _layout(part: Part, token: str) -> tuple[str, bytes]:
         data += bytes(-len(data) % 64)
         at[f"AT_{name}"] = len(data)
         data += block
-    numbers = (
-        at
-        | part.numbers
-        | {
-            "WORD_COUNT": len(memory.words),
-            "VARIABLE_COUNT": len(part.variables),
-            "CALL_COUNT": len(calls) // 3,
-            "OWN_SIZE": len(memory.own),
-            "STATE_SIZE": memory.state_size,
-            "AT_Y": memory.places["y"],
-            "AT_GRAVITY": memory.places["gravity"],
-            "WORD_GRAVITY": memory.word("system.plant.gravity"),
-            "AT_SEED": memory.places["seed"],
-            "WORD_SEED": memory.word("sampling.seed"),
-            "FIRST_COUNT": len(part.first_words),
-            "AT_DESIRED_TIME": memory.places["ws.desired_time.data"],
-        }
-    )
+    numbers = at | part.numbers
+    numbers |= {
+        "WORD_COUNT": len(memory.words),
+        "VARIABLE_COUNT": len(part.variables),
+        "CALL_COUNT": len(calls) // 3,
+        "OWN_SIZE": len(memory.own),
+        "STATE_SIZE": memory.state_size,
+        "AT_Y": memory.places["y"],
+        "AT_GRAVITY": memory.places["gravity"],
+        "WORD_GRAVITY": memory.word("system.plant.gravity"),
+        "AT_SEED": memory.places["seed"],
+        "WORD_SEED": memory.word("sampling.seed"),
+        "FIRST_COUNT": len(part.first_words),
+        "AT_DESIRED_TIME": memory.places["ws.desired_time.data"],
+    }
     names = [each.name for each in part.called]
     lines = [f"#define {name} {value}" for name, value in numbers.items()] + [
         f"#define FUNCTIONS {', '.join(f'{name}(void)' for name in names)}",
@@ -166,17 +163,9 @@ def link(binary: Path, parts: Sequence[Path], headers: Path) -> None:
             f"A unit is linked by a C compiler, and {' '.join(compiler) or 'CC'} is not there: install one (gcc or clang), or "
             "name yours in the environment variable CC."
         )
-    options = [
-        "-shared",
-        "-fPIC",
-        "-O2",
-        "-std=c11",
-        "-fvisibility=hidden",
-        "-ffp-contract=off",
-        f"-I{headers}",
-        f"-I{SOURCES}",
-    ]
-    command = [*compiler, *options, *map(str, parts), "-lm", "-o", str(binary)]
+    options = "-shared -fPIC -O2 -std=c11 -fvisibility=hidden -ffp-contract=off".split()
+    folders = [f"-I{headers}", f"-I{SOURCES}"]
+    command = [*compiler, *options, *folders, *map(str, parts), "-lm", "-o", str(binary)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         lines = done.stderr.strip().splitlines() or [f"{compiler[0]} ended with {done.returncode}"]

@@ -80,10 +80,8 @@ def _caller(result: Any, name: str, by_words: bool) -> str:
     kind = context.call_conv.get_function_type(about.restype, about.argtypes)
     kernel = ir.Function(module, kind, about.llvm_func_name)
     if not by_words:
-        values, returned = (
-            [context.get_value_type(each) for each in about.argtypes],
-            context.get_value_type(about.restype),
-        )
+        values = [context.get_value_type(each) for each in about.argtypes]
+        returned = context.get_value_type(about.restype)
         void = returned if about.restype != types.void else ir.VoidType()
         caller = ir.Function(module, ir.FunctionType(void, values), name)
         builder = ir.IRBuilder(caller.append_basic_block())

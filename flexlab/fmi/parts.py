@@ -312,9 +312,8 @@ def _law_and_path(motion: Motion, path: Called, with_rate: bool = True) -> list[
         found.append(Called("flexlab_instant", instant, "sampling.kernel"))
     # A law that calls another one has its addresses among its gains.
     for other in laws().values():
-        for kernel, address in zip(
-            (other.kernel, other.fastest_rate), other.addresses if other.is_loaded else (), strict=False
-        ):
+        addresses = other.addresses if other.is_loaded else ()
+        for kernel, address in zip((other.kernel, other.fastest_rate), addresses, strict=False):
             for gain in np.flatnonzero(control.gains == float(address)):
                 found.append(Called(f"flexlab_called_{len(found)}", result_at(kernel, address), gain=int(gain)))
     return found

@@ -5,14 +5,13 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import viser
 
-from flexlab.analysis.explanations.explanation import Explained
+from flexlab.analysis.explanations.explanation import Explained, is_pulled
 from flexlab.guide import LOCKED, ClassRules
 from flexlab.lab import colors
 from flexlab.lab.lab_state import Notice
 from flexlab.lab.look_back import LookBack
 from flexlab.lab.view_settings import ViewSettings
 from flexlab.lab.widgets import put
-from flexlab.recording.course import is_pulled
 from flexlab.sim.commands import Pull
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Samples

@@ -50,9 +50,8 @@ def write_schema(presets: Path) -> Path:
     """Write the schema beside the files of a folder `presets`; returns its file. Raises OSError."""
     file = presets / REFERENCE
     file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_text(
-        json.dumps(scenario_schema(), indent=1, sort_keys=True, ensure_ascii=False) + "\n", encoding="utf-8"
-    )
+    text = json.dumps(scenario_schema(), indent=1, sort_keys=True, ensure_ascii=False) + "\n"
+    file.write_text(text, encoding="utf-8")
     return file
 
 

@@ -142,12 +142,8 @@ def _bound(schema: dict[str, Any], about: Quantity) -> None:
             schema["minimum"] = about.low
         if math.isfinite(about.high):
             schema["maximum"] = about.high
-    items = schema.get("items")
-    for inner in (
-        *schema.get("anyOf", ()),
-        *schema.get("prefixItems", ()),
-        *([items] if isinstance(items, dict) else ()),
-    ):
+    items = [schema["items"]] if isinstance(schema.get("items"), dict) else []
+    for inner in (*schema.get("anyOf", ()), *schema.get("prefixItems", ()), *items):
         _bound(inner, about)
 
 
@@ -176,9 +172,8 @@ class Part(BaseModel):
         about = describe(cls, info.field_name or "")
         for number in _flatten(value):
             if not about.low <= number <= about.high:
-                raise PydanticCustomError(
-                    "range", "is outside the allowed range {range}", {"range": about.range_text()}
-                )
+                allowed = {"range": about.range_text()}
+                raise PydanticCustomError("range", "is outside the allowed range {range}", allowed)
         return value
 
 

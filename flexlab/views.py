@@ -84,11 +84,11 @@ def _about(signal: Signal) -> str:
     return f"{signal.symbol}: {signal.meaning}{source}, in {signal.unit_text}"
 
 
-def _view(entity: str, title: str, curves: str, units: str, *names: str, **how: Any) -> View:
-    """A view of curves whose names and units are separated by commas; a single unit is that of all curves."""
+def _view(entity: str, title: str, curves: str, units: str, signals: str = "", **how: Any) -> View:
+    """A view of curves; their names, units (or one of all) and signals are separated by commas."""
     each, unit = tuple(curves.split(", ")), tuple(units.split(", "))
-    known = {**TABLE, **DERIVED}
-    return View(entity, title, tuple(known[name] for name in names), each, unit * (len(each) // len(unit)), **how)
+    shown = tuple({**TABLE, **DERIVED}[name] for name in signals.split(", ") if name)
+    return View(entity, title, shown, each, unit * (len(each) // len(unit)), **how)
 
 
 MILLI = 1e3
@@ -97,25 +97,13 @@ PERCENT = 100.0
 
 ERROR = _view("error", "Tracking error", "x, y, θ", "mm, mm, mrad", "tracking_error", scale=MILLI, least=0.1)
 DEFLECTION = _view(
-    "vibration",
-    "Mid-span deflection, true size",
-    "vibration, deflection, quasi-static",
-    "mm",
-    "vibration",
-    "midspan_deflection",
-    "quasi_static_deflection",
-    scale=MILLI,
-    least=0.01,
-    palette=(VIOLET, GREEN, OLIVE),
-)
+    "vibration", "Mid-span deflection, true size", "vibration, deflection, quasi-static", "mm",
+    "vibration, midspan_deflection, quasi_static_deflection", scale=MILLI, least=0.01, palette=(VIOLET, GREEN, OLIVE),
+)  # fmt: skip
 INTERNAL_FORCE = _view(
-    "internal_force",
-    "Internal force, left arm",
-    "Fx, Fy, M",
-    "N, N, N·m",
-    "internal_force",
+    "internal_force", "Internal force, left arm", "Fx, Fy, M", "N, N, N·m", "internal_force",
     beside=" It only squeezes and bends; the right arm's is equal and opposite.",
-)
+)  # fmt: skip
 TORQUES = tuple(
     _view("joint_torque", "Joint torques", curves, "N·m", "joint_torque", palette=(*LEFT, *RIGHT))
     for curves in ("left τ1, left τ2, left τ3", "left τ1, left τ2, left τ3, right τ1, right τ2, right τ3")
@@ -126,40 +114,24 @@ ESTIMATES = _view(
     "bound_estimates", "Bound estimates b̂", "b̂0, b̂1, b̂2", "N, N/m, N·s²/m²", "bound_estimates", least=0.01
 )
 ENERGIES = _view(
-    "energy",
-    "Energy of arms and payload",
-    "kinetic, elastic, weight, total, work put in, work of the axial load, damped away",
-    "J",
-    "kinetic_energy",
-    "elastic_energy",
-    "gravity_energy",
-    "total_energy",
-    "input_work",
-    "axial_work",
-    "dissipated_energy",
+    "energy", "Energy of arms and payload",
+    "kinetic, elastic, weight, total, work put in, work of the axial load, damped away", "J",
+    "kinetic_energy, elastic_energy, gravity_energy, total_energy, input_work, axial_work, dissipated_energy",
     palette=(VIOLET, GREEN, OLIVE, ROSE, ORANGE, SKY, GRAY),
-)
+)  # fmt: skip
 ELASTIC = _view(
     "elastic_energy", "Elastic energy", "elastic", "mJ", "elastic_energy", scale=MILLI, least=0.01, palette=(GREEN,)
 )
 """Its own plot: beside the other energies it would be a line at zero."""
 AXIAL_LOAD = _view("axial_load", "Axial load", "place 1, place 2, place 3, place 4", "N", "axial_load")
 AXIAL_SHARE = _view(
-    "axial_load_share",
-    "Axial load beside P_cr",
-    "compression, stiffness taken by the spin",
-    "%",
-    "axial_load_share",
-    "spin_share",
-    scale=PERCENT,
-)
+    "axial_load_share", "Axial load beside P_cr", "compression, stiffness taken by the spin", "%",
+    "axial_load_share, spin_share", scale=PERCENT,
+)  # fmt: skip
 REAL_TIME_FACTOR = _view(
-    "real_time_factor",
-    "Real-time factor",
-    "real-time factor",
-    "1",
+    "real_time_factor", "Real-time factor", "real-time factor", "1",
     beside="Simulated seconds per wall second, as reached (1: real time); one value per block of the simulation thread.",
-)
+)  # fmt: skip
 """Its values come with blocks, not from samples."""
 
 
@@ -177,16 +149,5 @@ def _own_view(signal: Signal) -> View:
 
 def views(scenario: Scenario) -> tuple[View, ...]:
     """All views of a run, the most important first, its law's own signals last."""
-    arms = len(scenario.arms)
-    shared = (
-        ERROR,
-        DEFLECTION,
-        INTERNAL_FORCE,
-        TORQUES[arms - 1],
-        SLIDING,
-        ESTIMATES,
-        ENERGIES,
-        AXIAL_LOAD,
-        AXIAL_SHARE,
-    )
-    return (*shared, *own_views(scenario))
+    torques, own = TORQUES[len(scenario.arms) - 1], own_views(scenario)
+    return ERROR, DEFLECTION, INTERNAL_FORCE, torques, SLIDING, ESTIMATES, ENERGIES, AXIAL_LOAD, AXIAL_SHARE, *own

@@ -44,6 +44,8 @@ ZSTD = b"\x28\xb5\x2f\xfd"
 """How a zstd frame begins."""
 TRAILER = struct.Struct("<QI")
 """Size before packing and checksum, at the end of a block."""
+UNREADABLE = (zlib.error, struct.error, ArithmeticError, LookupError, OSError, RecursionError, TypeError, ValueError)
+"""Errors that bytes which are no block may raise."""
 LONGEST_REASON = 100
 """Characters of why a block cannot be read."""
 LARGEST_BLOCK = 1_000_000_000
@@ -104,16 +106,7 @@ def decode_block(data: bytes) -> tuple[Samples, int]:
     """
     try:
         return _decode(data)
-    except (
-        zlib.error,
-        struct.error,
-        ArithmeticError,
-        LookupError,
-        OSError,
-        RecursionError,
-        TypeError,
-        ValueError,
-    ) as error:
+    except UNREADABLE as error:
         reason = visible(error, LONGEST_REASON)
         raise RecordingError(f"A block of exact samples cannot be read ({reason}): the recording is damaged.") from None
 

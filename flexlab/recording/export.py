@@ -154,9 +154,8 @@ def import_run(path: Path) -> tuple[Run, dict[str, Any]]:
         raise
     except FileNotFoundError:
         raise RecordingError(f"There is no file {path}: check the name.") from None
-    except (
-        Exception
-    ) as error:  # Archives fail in a dozen ways: locked, torn, packed unusually, too large by what they say.
+    except Exception as error:
+        # Archives fail in a dozen ways: locked, torn, packed unusually, too large by what they say.
         raise RecordingError(f"{path} is not a run exported by flexlab ({_reason(error)}).") from None
     return Run(**samples.signals(), scenario=scenario, status=status), metadata | {"left_out": left_out}
 

@@ -3,7 +3,6 @@
 import contextlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 
@@ -81,9 +80,7 @@ class HeadlessRecording:
     def __enter__(self) -> "HeadlessRecording":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         """Close and finish the file; of an interrupted run, what there is of it."""
         writer = self._writer
         if writer.is_lost:  # Somebody else has had the file: what is left of it is made whole.
@@ -136,9 +133,8 @@ def write_run(run: Run, logs: Path, name: str, notes: RunNotes | None = None, co
     if course is None:
         course = Course(float(run.time[1] - run.time[0]) if len(run) > 1 else TICK)
     measured = run.status.text if run.status == MEASURED else ""
-    info = RunInfo(
-        name, run.scenario, course.sample_period, course.start, measured=measured, recorded_by=course.recorded_by
-    )
+    made = {"measured": measured, "recorded_by": course.recorded_by}
+    info = RunInfo(name, run.scenario, course.sample_period, course.start, **made)
     with HeadlessRecording(logs, info, notes, in_one_piece=True) as recording:
         recording.write_whole(run, course.events)
     return recording.path

@@ -108,10 +108,8 @@ def _send_run(stream: rr.RecordingStream, number: int, recording: Recording, fac
     scenario, label = recording.scenario, run_label(number)
     signals = views(scenario)
     for signal in signals:
-        names, colors = (
-            [f"{label}: {name}" for name in signal.names],
-            [_shade(color, number) for color in signal.colors],
-        )
+        names = [f"{label}: {name}" for name in signal.names]
+        colors = [_shade(color, number) for color in signal.colors]
         stream.log(f"runs/{label}/{signal.entity}", curves(names, colors), static=True)
     for entity, shape in fixed_shapes(scenario) if recording.status != MEASURED else ():
         stream.log(f"runs/{label}/{entity}", shape, static=True)

@@ -205,6 +205,10 @@ def _assemble(path: Path, rows: Rows) -> Recording:
     if period <= 0:
         raise ValueError(f"its sample period is {period:g} s.")
     status = Status(str(end.get("status", "running")), str(end.get("text", "The recording breaks off.")), ended)
+    written_in = properties["format"]
+    told = {
+        name: value for name, value in (properties | end).items() if name != "scenario" and isinstance(value, PLAIN)
+    }
     return Recording(
         path=path,
         name=str(properties["preset"]),
@@ -215,13 +219,9 @@ def _assemble(path: Path, rows: Rows) -> Recording:
         started=started,
         sample_period=period,
         part=part,
-        computed_in=checked_format(
-            properties.get("computed_in", properties["format"]), max(FORMAT, properties["format"])
-        ),
+        computed_in=checked_format(properties.get("computed_in", written_in), max(FORMAT, written_in)),
         state=run_state(path),
-        properties={
-            name: value for name, value in (properties | end).items() if name != "scenario" and isinstance(value, PLAIN)
-        },
+        properties=told,
     )
 
 

@@ -158,21 +158,16 @@ class RunEncoder:
             single("TextLog", "text", "Text", f"t = {event.time:.3f} s: {event.text}"),
             single("TextLog", "level", "TextLogLevel", LEVELS.get(event.level, "INFO")),
         ]
-        record = checked({"record": self._record(self._event_count, event)})
+        places = {"number": self._event_count, "tick": round(event.time / self.info.sample_period)}
+        record = checked({"record": json.dumps(places | event_values(event), ensure_ascii=False)})
         self._send(EVENTS, time, lines)
         self._send(RECORDS, time, [single("flexlab.Event", name, None, text) for name, text in record.items()])
         self._event_count += 1
 
-    def _record(self, number: int, event: Event) -> str:
-        """An event as JSON with its exact time."""
-        places = {"number": number, "tick": round(event.time / self.info.sample_period)}
-        return json.dumps(places | event_values(event), ensure_ascii=False)
-
     def end(self, status: Status, dropped: int = 0) -> None:
         """Write how the run ended; close the sinks after this."""
-        self._send_event(
-            Event(status.time or self.last_time, f"{END}: {status.text}", level="error" if status.failed else "info")
-        )
+        level = "error" if status.failed else "info"
+        self._send_event(Event(status.time or self.last_time, f"{END}: {status.text}", level=level))
         counts = {"rows": self.rows, "dropped": dropped, "events": self._event_count}
         values = checked({"status": str(status), "text": status.text, "time_s": self.last_time, **counts})
         self._log([(PROPERTIES + "end", rr.AnyValues(**values))])

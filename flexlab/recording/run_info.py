@@ -69,11 +69,9 @@ class RunNotes(Protocol):
 
     def add(self, samples: Samples) -> None:
         """Take in a block (N >= 1)."""
-        ...
 
     def add_event(self, event: Event) -> None:
         """Take in an event."""
-        ...
 
     def result(self, status: Status) -> dict[str, Any]:
         """Notes by name, plain enough for JSON; `status`: how the run ended."""

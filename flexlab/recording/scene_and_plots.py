@@ -58,24 +58,15 @@ def fixed_shapes(scenario: Scenario) -> Iterator[tuple[str, rr.AsComponents]]:
     """The static parts, (entity, archetype): links' sizes, bases, colours, curves' widths."""
     arms = scenario.arms
     colors = [color for color, _ in zip((BLUE, VERMILION), arms, strict=False)]
-    yield (
-        "scene/links",
-        rr.Capsules3D(
-            lengths=[length for arm in arms for length in arm.link_length],
-            radii=[radius for _ in arms for radius in LINK_RADIUS],
-            colors=[color for color in colors for _ in range(3)],
-            fill_mode="solid",
-        ),
+    links = rr.Capsules3D(
+        lengths=[length for arm in arms for length in arm.link_length],
+        radii=[radius for _ in arms for radius in LINK_RADIUS],
+        colors=[color for color in colors for _ in range(3)],
+        fill_mode="solid",
     )
-    yield (
-        "scene/bases",
-        rr.Boxes3D(
-            centers=[(*arm.base, -BASE_SIZE[2]) for arm in arms],
-            half_sizes=[BASE_SIZE] * len(arms),
-            colors=[GRAY] * len(arms),
-            fill_mode="solid",
-        ),
-    )
+    yield "scene/links", links
+    centers, sizes = [(*arm.base, -BASE_SIZE[2]) for arm in arms], [BASE_SIZE] * len(arms)
+    yield "scene/bases", rr.Boxes3D(centers=centers, half_sizes=sizes, colors=[GRAY] * len(arms), fill_mode="solid")
     yield "scene/beam", rr.LineStrips3D.from_fields(radii=BEAM_RADIUS, colors=[GREEN])
     yield "scene/chords", rr.LineStrips3D.from_fields(radii=[THIN_RADIUS, 2 * THIN_RADIUS], colors=[GRAY, PURPLE])
     yield "scene/path", rr.LineStrips3D.from_fields(radii=THIN_RADIUS / 2, colors=[PURPLE])
@@ -91,13 +82,8 @@ def moving_shapes(scenario: Scenario, samples: Samples, factor: float) -> Iterat
     chords = [link_points(scenario, samples.pose), link_points(scenario, samples.desired_pose)]
     yield "scene/chords", [line_strips(_in_space(np.stack(chords, axis=1), height=-2 * BEAM_RADIUS))]
     force = FORCE_SCALE * _in_space(samples.internal_force[:, :, :2])
-    yield (
-        "scene/internal_force",
-        [
-            vectors("Arrows3D", "vectors", "Vector3D", force),
-            vectors("Arrows3D", "origins", "Position3D", _in_space(arms[:, :, 3])),
-        ],
-    )
+    origins = vectors("Arrows3D", "origins", "Position3D", _in_space(arms[:, :, 3]))
+    yield "scene/internal_force", [vectors("Arrows3D", "vectors", "Vector3D", force), origins]
 
 
 PATH_POINTS = 256

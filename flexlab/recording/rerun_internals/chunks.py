@@ -196,10 +196,8 @@ def _rows(batch: pa.RecordBatch) -> Iterator[Row]:
     columns = {name.rpartition(":")[2]: batch.column(name).to_pylist() for name in components}
     for row, instant in enumerate(_instants(batch)):
         # Where bytes were changed, a column that is no component may have any name.
-        yield (
-            instant,
-            {n: column[row][0] for n, column in columns.items() if isinstance(column[row], list) and column[row]},
-        )
+        lists = {name: column[row] for name, column in columns.items() if isinstance(column[row], list)}
+        yield instant, {name: values[0] for name, values in lists.items() if values}
 
 
 def _instants(batch: pa.RecordBatch) -> list[int]:

@@ -191,7 +191,8 @@ def run_state(path: Path) -> State:
         notes = read_notes(path)
         if notes.get("damaged_size") == path.stat().st_size:
             return "damaged"
-        begins_well = _begins_well(path)
+        with path.open("rb") as file:
+            begins_well = file.read(len(FAMILY)) == FAMILY
         if begins_well and has_footer(path):
             return "recovered" if notes.get("recovered") else "complete"
         if is_in_use(path):
@@ -199,11 +200,6 @@ def run_state(path: Path) -> State:
         # An empty file is one that is just being made, or whose lab died at that moment: nothing to mend.
         return "unfinished" if begins_well else "damaged"
     return "damaged"
-
-
-def _begins_well(path: Path) -> bool:
-    with path.open("rb") as file:
-        return file.read(len(FAMILY)) == FAMILY
 
 
 def list_runs(logs: Path) -> list[Path]:

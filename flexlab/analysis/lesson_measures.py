@@ -1,5 +1,6 @@
 """Measures of a run for lessons and explanations: frequencies, peaks, jumps; and lengths in sentences."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -20,6 +21,7 @@ from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Event
 from flexlab.sim.target import first_mode, shaper_impulses
+from flexlab.text import number_text
 
 SECONDS = 30.0
 """Length of the newest part of a run that a check sees, s."""
@@ -38,6 +40,27 @@ def first_frequency(payload: Payload) -> float:
     """f1 of the payload with its grips held, Hz; cached, as the lab asks several times a second and 64 elements take a while."""
     with one_blas_thread():
         return float(np.min(build_beam(payload).modes.omega)) / (2 * np.pi)
+
+
+FEWEST = 8
+"""Least samples per period of the beam's first mode: with fewer, a peak may be 8 % higher than the highest sample."""
+
+
+def coarse_note(scenario: Scenario, period: float) -> str:
+    """A sentence if samples `period` s apart are too few for metrics of a vibration in the beam's first mode, grips held.
+
+    Empty: they are not. Such metrics are those of the samples and not of what moves.
+    """
+    frequency = first_frequency(scenario.payload)
+    if not period * frequency * FEWEST > 1:
+        return ""
+    digits = 10.0 ** math.floor(math.log10(1 / (FEWEST * frequency)))
+    enough = digits * math.floor(1 / (FEWEST * frequency) / digits)
+    return (
+        f"Samples are {number_text(1e3 * period)} ms apart, and the beam's first mode has a period of "
+        f"{number_text(1e3 / frequency, 3)} ms: peaks, settling time and RMS of what vibrates may be far from the motion's. Take "
+        f"samples every {number_text(1e3 * enough)} ms or oftener."
+    )
 
 
 def ring_frequency(samples: Samples) -> float:

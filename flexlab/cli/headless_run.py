@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa  # type: ignore[import-untyped]  # It ships no types.
 
-from flexlab.analysis.coarse_samples import coarse_note
 from flexlab.analysis.explanations.explanation import LONGEST_LOOK, explain_run
+from flexlab.analysis.lesson_measures import coarse_note
 from flexlab.analysis.metrics import Column, RunMetrics
 from flexlab.analysis.metrics.metric import Peak
 from flexlab.analysis.metrics.run_metrics import value_text
@@ -32,6 +32,15 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 
+class _NoPandas:
+    """A finder that hides pandas, and leaves all other modules to the next finder."""
+
+    def find_spec(self, name: str, path: Any, target: Any = None, /) -> None:
+        """As of `importlib.abc.MetaPathFinder`."""
+        if name == "pandas":
+            raise ModuleNotFoundError("No module named 'pandas'", name=name)
+
+
 def leave_pandas_out() -> None:
     """Hide pandas from pyarrow, which then treats a pandas series as a list; other imports of pandas still work.
 
@@ -39,11 +48,12 @@ def leave_pandas_out() -> None:
     """
     if "pandas" in sys.modules:
         return
-    sys.modules["pandas"] = None  # type: ignore[assignment]  # Python's own way to say that there is no such module.
+    finder = _NoPandas()
+    sys.meta_path.insert(0, finder)
     try:
         pa.array([True])  # type: ignore[reportUnknownMemberType]  # As above.
     finally:
-        del sys.modules["pandas"]
+        sys.meta_path.remove(finder)
 
 
 MOST_EXPLAINED = 3

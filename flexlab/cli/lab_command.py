@@ -73,22 +73,10 @@ def command(
     [(name, scenario)] = chosen_scenarios([preset], (), law, None, path)
     most = capacity().labs if max_sessions is None else max_sessions
     settings = Settings(
-        logs=logs,
-        host=host,
-        port=port,
-        base_url=base_url,
-        rerun=rerun,
-        private=private,
-        max_sessions=most,
-        max_per_address=max_per_address,
-        idle_time=idle_time,
-        token=token,
-        teacher_token=teacher_token,
-        quota=quota,
-        max_size=max_size,
-        max_age=max_age,
-        class_service="" if private else os.environ.get("FLEXLAB_CLASS", ""),
-    )
+        logs=logs, host=host, port=port, base_url=base_url, rerun=rerun, private=private, max_sessions=most,
+        max_per_address=max_per_address, idle_time=idle_time, token=token, teacher_token=teacher_token, quota=quota,
+        max_size=max_size, max_age=max_age, class_service="" if private else os.environ.get("FLEXLAB_CLASS", ""),
+    )  # fmt: skip
     # Before compiling, which takes long.
     check_folder(logs)
     listen(settings.host, port).close()

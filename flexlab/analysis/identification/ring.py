@@ -6,7 +6,7 @@ The signal is a sum of decaying oscillations, a slow background and white noise,
 
 fitted by least squares over (ω_k, σ_k) with the linear parts solved exactly (variable projection: Golub and Pereyra, SIAM J.
 Numer. Anal. 10 (1973) 413). Modes are added while Schwarz's criterion gains; intervals are those of the linearised fit, and
-wider by the error of this model where the residual is no white noise (`model_error.py`).
+wider by the error of this model where the residual is no white noise (`evidence.shifts`).
 """
 
 from dataclasses import dataclass, field
@@ -23,10 +23,10 @@ from flexlab.analysis.identification.evidence import (
     SEEN_NEAR,
     is_white,
     local_density,
+    shifts,
     stands_out,
     unevenness,
 )
-from flexlab.analysis.identification.model_error import shifts
 from flexlab.errors import StudyError
 from flexlab.lapack import one_blas_thread
 
@@ -39,7 +39,6 @@ GAIN = 10.0
 """Least gain of Schwarz's criterion for one more mode: very strong evidence (Kass and Raftery 1995)."""
 BACKGROUND_ORDER = 2
 START_RATIOS = (0.002, 0.01, 0.05, 0.2)
-"""Initial damping ratios of the search."""
 LARGEST_RATIO = 0.9
 NOISE_ALONE = "no oscillation stands out from the noise"
 NOT_ONE = "the samples hold something else as well, such as a second tap; say where one free ring begins and ends"

@@ -10,8 +10,8 @@ import pyarrow as pa
 
 from flexlab import __version__
 from flexlab.analysis.leaderboard.case import Case, Score, Variant
-from flexlab.analysis.leaderboard.entry import INVALID, Entrant, Row, Task, compute
-from flexlab.analysis.leaderboard.store import RowStore, engine, machine, row_key
+from flexlab.analysis.leaderboard.entry import INVALID, Entrant, Row, Task, compute, machine
+from flexlab.analysis.leaderboard.store import RowStore, engine, row_key
 from flexlab.analysis.result import Result
 from flexlab.analysis.workers import Told, Workers, chosen_workers
 from flexlab.errors import ScenarioError, StudyError
@@ -118,7 +118,6 @@ SCHEMA = pa.schema(
     + [("value", pa.float64()), ("shown", pa.float64()), ("unit", pa.string()), ("seed", pa.int64())]
     + [(name, pa.string()) for name in _ABOUT]
 )
-"""Columns of the table."""
 
 
 def make_tasks(cases: Iterable[Case], entrants: Sequence[Entrant], seed: int = 0) -> tuple[Task, ...]:
@@ -150,13 +149,8 @@ def compute_rows(tasks: Sequence[Task], workers: Workers | None) -> Iterator[Row
     """The rows of some tasks, as they are done; `workers` None: a thread per core. Raises `StudyError`."""
     if tasks:
         with (workers or chosen_workers())() as run:
-            for _, row in run(_compute, tasks):
+            for _, row in run(compute, tasks):
                 yield row
-
-
-def _compute(task: Task) -> Row:
-    # On a worker of a cluster, the machine is the worker's.
-    return compute(task, machine())
 
 
 def run_board(

@@ -6,7 +6,7 @@ a metric over a window of a run, with its formula; less is better.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from math import inf, nan
 from typing import Any
 
@@ -79,24 +79,20 @@ def since(window: Window) -> str:
     return f", t ≥ {first:g} s" if last == inf else f", {first:g} s ≤ t ≤ {last:g} s"
 
 
-def _score(metric: type[Metric], formula: str, window: Window, **more: Any) -> Score:
-    return Score(metric.columns[0], f"{formula}{since(window)}", metric, window=window, **more)
+def _score(
+    metric: type[Metric], formula: str, window: Window = ALWAYS, column: Column | None = None, **more: Any
+) -> Score:
+    return Score(column or metric.columns[0], f"{formula}{since(window)}", metric, window=window, **more)
 
 
-def peak_error() -> Score:
-    """max √(e_x² + e_y²)."""
-    return _score(peak_position_error, "max √(e_x² + e_y²)", ALWAYS)
-
-
-def rms_error(window: Window) -> Score:
-    """√(mean(e_x² + e_y²))."""
-    return _score(rms_position_error, "√(mean(e_x² + e_y²))", window)
-
-
-def largest_vibration(window: Window) -> Score:
-    """max |w(0, t) - its quasi-static part|."""
-    column = Column("vibration", "Largest vibration", "vibration", "µm", 1e6)
-    return Score(column, f"max |w − w_qs| at mid-span{since(window)}", metrics.peak_vibration, window=window)
+VIBRATION = Column("vibration", "Largest vibration", "vibration", "µm", 1e6)
+peak_error = partial(_score, peak_position_error, "max √(e_x² + e_y²)")
+rms_error = partial(_score, rms_position_error, "√(mean(e_x² + e_y²))")
+largest_vibration = partial(_score, metrics.peak_vibration, "max |w − w_qs| at mid-span", column=VIBRATION)
+settled = partial(_score, SettlingTime, "last t with |w − w_qs| > 1 % of its peak", floor=1e-3)
+peak_torque = partial(_score, metrics.peak_torque, "max |τ| of any joint")
+internal_force = partial(_score, metrics.rms_internal_force, "√(mean(F_1x² + F_1y²))")
+"""Scores by their formulas, over a window, s, if one is given."""
 
 
 def residual(later: bool = True) -> Score:
@@ -105,21 +101,6 @@ def residual(later: bool = True) -> Score:
     column = Column("residual-later" if later else "residual", title, "residual", "µm", 1e6)
     time = f"T + {LATER:g} s" if later else "T"
     return Score(column, f"max |w − w_qs| at mid-span, t > {time}, T: the stop", ResidualVibration, int(later))
-
-
-def settled(window: Window = ALWAYS) -> Score:
-    """The time until the vibration stays below a hundredth of its peak."""
-    return _score(SettlingTime, "last t with |w − w_qs| > 1 % of its peak", window, floor=1e-3)
-
-
-def peak_torque(window: Window = ALWAYS) -> Score:
-    """max |τ| of all joints."""
-    return _score(metrics.peak_torque, "max |τ| of any joint", window)
-
-
-def internal_force(window: Window = ALWAYS) -> Score:
-    """RMS of the force with which the arms press against each other."""
-    return _score(metrics.rms_internal_force, "√(mean(F_1x² + F_1y²))", window)
 
 
 SAMPLE_PERIOD = 0.001

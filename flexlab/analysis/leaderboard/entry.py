@@ -1,5 +1,6 @@
 """The laws that enter, with their settings, and the rows: one law in one variant of one case, with its scores."""
 
+import platform
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
@@ -8,6 +9,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
+import llvmlite.binding
 from pydantic import ConfigDict, TypeAdapter
 
 from flexlab.analysis.leaderboard.case import SAMPLE_PERIOD, Case
@@ -134,7 +136,6 @@ class Row:
     """Hash of scenario, law, case and engine."""
     engine: str
     version: str
-    """flexlab's version."""
     machine: str
 
     @property
@@ -170,10 +171,15 @@ class Task(NamedTuple):
     """What is known of the row before."""
 
 
-def compute(task: Task, machine: str) -> Row:
-    """Simulate a task. The row of a law that fails says why."""
+def machine() -> str:
+    """The processor, for which the engine is compiled."""
+    return f"{platform.machine()} {llvmlite.binding.get_host_cpu_name()}"
+
+
+def compute(task: Task) -> Row:
+    """Simulate a task on this machine, a cluster's worker maybe. The row of a law that fails says why."""
     hashed, metrics = ResultHash(), [(score, score.metric()) for score in task.case.scores]
-    row = replace(task.row, machine=machine)
+    row = replace(task.row, machine=machine())
     if task.scenario is not None:
         try:
             with one_blas_thread(), _turn(task.scenario):

@@ -11,7 +11,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import llvmlite.binding
 import numba
 import numpy as np
 import scipy
@@ -55,11 +54,6 @@ def engine() -> str:
     files += [_PACKAGE / name for name in _FILES] + [Path(__file__).with_name(name) for name in _HERE]
     versions = [__version__, numba.__version__, np.__version__, scipy.__version__, platform.python_version()]
     return digest([*versions, *(part for file in files for part in (file.name, file.read_bytes()))])
-
-
-def machine() -> str:
-    """The processor, for which the engine is compiled."""
-    return f"{platform.machine()} {llvmlite.binding.get_host_cpu_name()}"
 
 
 def law_source(scenario: Scenario) -> str:

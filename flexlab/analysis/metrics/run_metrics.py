@@ -216,7 +216,7 @@ def run_metrics(
     collection = MetricCollection(window, own)
     collection.update(samples)
     # Help of commands that name metrics shall not wait for the engine.
-    from flexlab.analysis.coarse_samples import coarse_note
+    from flexlab.analysis.lesson_measures import coarse_note
     from flexlab.sim.samples import Run
 
     note = ""

@@ -53,14 +53,19 @@ def friction(runs: Runs) -> Iterator[Check]:
     known = simulate(load_preset("paper").replace({**FRICTION, "controller.model.friction_factor": 1.0}), 1.0)
     statement = "the paper's run with friction that its controller knows: pose beside that without friction, m or rad"
     yield below(statement, 1e-9, known.pose - runs.paper.pose[: len(known.time)])
-    for name in INTEGRATORS:
-        changes = {**FRICTION, "simulation.integrator": name, "simulation.step": 1e-5}
-        run = run_of(f"the run with friction ({name})", changes, 0.2, 0.001)
-        statement = "energy gained = work put in - energy damped - loss in the joints, as a part of the work"
-        yield balanced(f"{name}: {statement}", run, float(np.ptp(run.input_work)))
+    yield from _energy("friction", FRICTION, "work put in")
     run = run_of("the run with friction", FRICTION, 0.1, 0.001)
     statement = "internal force with friction, by Eq. (26) and by Eqs. (13)-(15): largest difference, as a part"
     yield same_internal_force(statement, run)
+
+
+def _energy(what: str, joints: dict[str, Any], work: str) -> Iterator[Check]:
+    """The balance of energy of the paper's run with such joints, under each integrator."""
+    for name in INTEGRATORS:
+        changes = {**joints, "simulation.integrator": name, "simulation.step": 1e-5}
+        run = run_of(f"the run with {what} ({name})", changes, 0.2, 0.001)
+        statement = f"{name}: energy gained = {work} - energy damped - loss in the joints, as a part of the work"
+        yield balanced(statement, run, float(np.ptp(run.input_work)))
 
 
 def _coasting() -> Iterator[Check]:
@@ -115,9 +120,8 @@ def _weight(arm, payload, angle: np.ndarray) -> np.ndarray:
     outwards = [*arm.link_center[:2], arm.link_center[2], arm.link_length[2] + payload.length / 2]
     joints = np.concatenate([[0.0], np.cumsum(np.array(arm.link_length[:2]) * np.cos(turned[:2]))])
     places = [joints[min(k, 2)] + outwards[k] * np.cos(turned[min(k, 2)]) for k in range(4)]
-    return np.array(
-        [9.81 * sum(mass[k] * (places[k] - joints[j]) for k in range(4) if min(k, 2) >= j) for j in range(3)]
-    )
+    carried = [[k for k in range(4) if min(k, 2) >= j] for j in range(3)]
+    return 9.81 * np.array([sum(mass[k] * (places[k] - joints[j]) for k in carried[j]) for j in range(3)])
 
 
 COUNTS = (20000.0, 16384.0, 9000.0)
@@ -208,11 +212,7 @@ def motors(runs: Runs) -> Iterator[Check]:
     yield from _lag()
     yield from _ideal_limit(runs)
     yield from _curve()
-    for name in INTEGRATORS:
-        changes = {**WHOLE, "simulation.integrator": name, "simulation.step": 1e-5}
-        run = run_of(f"the run with motors ({name})", changes, 0.2, 0.001)
-        statement = "energy gained = the motors' work - energy damped - loss in the joints, as a part of the work"
-        yield balanced(f"{name}: {statement}", run, float(np.ptp(run.input_work)))
+    yield from _energy("motors", WHOLE, "the motors' work")
     run = run_of("the run with motors", WHOLE, 0.1, 1e-4)
     middle = (run.joint_torque[1:] + run.joint_torque[:-1]) / 2
     work = np.cumsum((middle * np.diff(run.joint_angle, axis=0)).sum(axis=(1, 2)))
@@ -251,12 +251,10 @@ def _ideal_limit(runs: Runs) -> Iterator[Check]:
 
 def _curve() -> Iterator[Check]:
     weak = {"joints.motor.stall_torque": (WEAK, 0.0, 0.0), "joints.motor.no_load_speed": (SLOW, 1.0, 1.0)}
-    time = 0.5
-    turned, fallen = moment_of_momentum(weak, time)
-    statement = (
-        "one arm coasts faster than its motor's no-load speed: its moment of momentum falls by τ_s (angle/ω_0 - t)"
-    )
-    yield close(f"{statement}, N·m·s", WEAK * (turned / SLOW - time), fallen, relative=1e-6)
+    turned, fallen = moment_of_momentum(weak, 0.5)
+    statement = "its moment of momentum falls by τ_s (angle/ω_0 - t), N·m·s"
+    statement = f"one arm coasts faster than its motor's no-load speed: {statement}"
+    yield close(statement, WEAK * (turned / SLOW - 0.5), fallen, relative=1e-6)
     run = run_of("the run with weak motors", CURVE, 0.05, 1e-5)
     rate, asked = np.gradient(run.joint_angle, run.time, axis=0), _asked(run)
     stall, fall = np.array(STALL), np.array(STALL) / np.array(FREE)

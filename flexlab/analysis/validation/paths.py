@@ -127,11 +127,9 @@ def _waypoints() -> Iterator[Check]:
 
 
 def _table() -> Iterator[Check]:
-    rows = tuple(
-        (t, 0.1 * np.sin(3 * t), 0.75 + 0.05 * np.cos(4 * t), 0.2 * np.sin(2 * t)) for t in np.linspace(0, 1.5, 31)
-    )
-    _, motion = _motion("table", rows=rows)
-    given = np.array(rows)
+    t = np.linspace(0, 1.5, 31)
+    given = np.column_stack([t, 0.1 * np.sin(3 * t), 0.75 + 0.05 * np.cos(4 * t), 0.2 * np.sin(2 * t)])
+    _, motion = _motion("table", rows=given.tolist())
     missed = poses(motion, given[:, 0])[:, 0] - given[:, 1:]
     yield below("table: the spline goes through its rows: largest error, m, rad", 1e-12, missed)
     ends = poses(motion, [0.0, 1.5])[:, 1:]
@@ -146,9 +144,8 @@ def _smooth_start(times: np.ndarray) -> Iterator[Check]:
     tau = reached[:, None] * (1 + x) / 2 / ramp
     along = (10 * tau**3 - 15 * tau**4 + 6 * tau**5) @ weight * reached / 2 + np.maximum(times - ramp, 0)
     error = poses(motion, times)[:, 0] - POSES["sine"](path, along)
-    yield below(
-        "a smooth start goes along the path at a speed that grows as 10τ³ - 15τ⁴ + 6τ⁵: error, m, rad", 1e-13, error
-    )
+    statement = "a smooth start goes along the path at a speed that grows as 10τ³ - 15τ⁴ + 6τ⁵: error, m, rad"
+    yield below(statement, 1e-13, error)
 
 
 def _shapers(times: np.ndarray) -> Iterator[Check]:
@@ -161,9 +158,8 @@ def _shapers(times: np.ndarray) -> Iterator[Check]:
     }
     for shaper, size in sizes.items():
         path, motion = _motion("circle", shaper=shaper, shaper_frequency=FREQUENCY, shaper_damping=RATIO)
-        wanted = sum(
-            part * POSES["circle"](path, np.maximum(times - j * half, 0)) for j, part in enumerate(size / size.sum())
-        )
+        later = [POSES["circle"](path, np.maximum(times - j * half, 0)) for j in range(len(size))]
+        wanted = np.tensordot(size / size.sum(), later, 1)
         error = poses(motion, times)[:, 0] - wanted
         yield below(f"{shaper}: x_d is Σ A_j x(t - t_j): largest error, m, rad", 1e-13, error)
         for words, ratio in (("lower", np.sqrt(0.8)), ("higher", np.sqrt(1.2))):

@@ -88,9 +88,8 @@ Law = Callable[[Instant, np.ndarray], np.ndarray]
 
 def _sliding_mode(at: Instant, _: np.ndarray) -> np.ndarray:
     s, r, r_dot = at.surface()
-    return at.shared(
-        r_dot, r, -at.law.feedback_gain * s - at.law.bound * s / max(np.linalg.norm(s), at.law.boundary_layer)
-    )
+    size = max(np.linalg.norm(s), at.law.boundary_layer)
+    return at.shared(r_dot, r, -at.law.feedback_gain * s - at.law.bound * s / size)
 
 
 def _super_twisting(at: Instant, w: np.ndarray) -> np.ndarray:

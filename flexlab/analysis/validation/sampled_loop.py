@@ -161,25 +161,17 @@ def _observer() -> Iterator[Check]:
     """
     trusting = {"unknown_force": (0.01, 0.01, 0.01), "unknown_modal_force": 1e-4}
     sinking = {"gravity": 0.5, "initial.beam_coordinates": None}
-    statement = (
-        "the Kalman observer predicts hᵀq̇ by the delay and half a period, to where its torque acts: relative error"
-    )
-    yield below(statement, 0.02, _observed("the observed run", {}, {}))
-    statement = (
-        "one that trusts its model more than its gauges predicts the ring of a beam whose arms sink: relative error"
-    )
-    yield below(statement, 0.02, _observed("the run of sinking arms", trusting, sinking))
+    statement = "the Kalman observer predicts hᵀq̇ by the delay and half a period, to where its torque acts"
+    yield below(f"{statement}: relative error", 0.02, _observed("the observed run", {}, {}))
+    statement = "one that trusts its model more than its gauges predicts the ring of a beam whose arms sink"
+    yield below(f"{statement}: relative error", 0.02, _observed("the run of sinking arms", trusting, sinking))
 
 
 def _observed(name: str, observer: dict[str, Any], changes: dict[str, Any]) -> float:
     """Largest error of the predicted hᵀq̇ over its largest value."""
     gain = 1.0
-    law = {
-        "kind": "composite",
-        "slow": {"kind": "none"},
-        "lateral_vibration_gain": gain,
-        "observer": {"kind": "kalman", "observer_modes": 4, **observer},
-    }
+    law = {"kind": "composite", "slow": {"kind": "none"}, "lateral_vibration_gain": gain}
+    law["observer"] = {"kind": "kalman", "observer_modes": 4, **observer}
     run = _held(name, law, **changes)
     points = MassPoints(run.scenario)
     h = points.payload_inertia(np.zeros(3 + run.beam_rates.shape[1]))[1, 3:]

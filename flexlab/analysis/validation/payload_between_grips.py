@@ -1,0 +1,271 @@
+"""Grips that give way, and a payload that is filled or emptied: mass points at each instant, energy, limits, closed forms."""
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+
+from flexlab.analysis.validation.check import (
+    DAMPING,
+    FINE,
+    STILL,
+    Check,
+    Runs,
+    above,
+    alike,
+    balanced,
+    below,
+    close,
+    general,
+    run_of,
+    same_internal_force,
+    subject,
+)
+from flexlab.analysis.validation.mass_points import (
+    COMPLEX_STEP,
+    MassPoints,
+    coordinates,
+    lagrange,
+    pose_by_angles,
+    residual_force,
+    time_derivative,
+)
+from flexlab.presets import load_preset
+from flexlab.sim.commands import ChangeScenario, Pull, Tap
+from flexlab.sim.samples import Samples
+from flexlab.sim.world import World
+
+STIFFNESS, DAMPERS = np.array((4e4, 3e4, 2e3)), np.array((40.0, 30.0, 2.0))
+"""Stiffness, N/m, N/m, N·m/rad, and damping, N·s/m, N·s/m, N·m·s/rad, of the grips in the fine run."""
+FIRM = (1.6e7, 6.4e7)
+"""Stiffnesses of nearly rigid grips, N/m and N·m/rad."""
+BEGUN = 40
+"""Samples after which the ring of a start in firm grips has faded."""
+HEAVY, SOFT, FADING, HIT = 1e4, 5e3, 3.0, 1e-4
+"""Mass of links that hardly move, kg; stiffness, N/m, and damping, N·s/m, of the grips; impulse of a tap, N·s."""
+
+
+@subject("Grips that give way", 14)
+def grips(_: Runs) -> Iterator[Check]:
+    """Lagrange's equations of each body, energy, the limit of stiff grips, a ring and a sag in closed form."""
+    yield from _compliant_motion()
+    run = run_of("the run with compliant grips", {"grips.model": "compliant", "gravity": 9.81}, 0.4, 0.001)
+    moved = float(np.abs(np.diff(run.input_work)).sum() + np.ptp(run.own["grip_loss"]))
+    yield balanced("energy gained = work - energy damped - loss in the grips, as a part of what moved", run, moved)
+    yield from _stiff()
+    yield from _ring()
+    yield from _sag()
+
+
+def apart(z: np.ndarray, side: float) -> np.ndarray:
+    """δ of a grip at `side`, m, of a payload and an arm with these poses (6,), (3,)."""
+    along, across = np.array([np.cos(z[2]), np.sin(z[2])]), np.array([-np.sin(z[2]), np.cos(z[2])])
+    gap = z[3:5] + side * np.array([np.cos(z[5]), np.sin(z[5])]) - z[:2] - side * along
+    return np.array([along @ gap, across @ gap, z[5] - z[2]])
+
+
+def pull(z: np.ndarray, rate: np.ndarray, side: float) -> np.ndarray:
+    """The forces of springs and dampers on both poses, (6,): -∂/∂z ½Σk δ² - ∂/∂ż ½Σc δ̇²."""
+    steps = 1j * COMPLEX_STEP * np.eye(6)
+    J = np.stack([apart(z + step, side).imag / COMPLEX_STEP for step in steps], axis=1)
+    return -J.T @ (STIFFNESS * apart(z, side) + DAMPERS * (J @ rate))
+
+
+def _compliant_motion() -> Iterator[Check]:
+    """Every body's own equations along a run of `general`, with poses from the joint angles."""
+    given = {"model": "compliant", "stiffness": tuple(STIFFNESS), "damping": tuple(DAMPERS)}
+    run = general("the general run with compliant grips", {"grips": given})
+    points, half = MassPoints(run.scenario), run.scenario.payload.length / 2
+    p, rate, rows = coordinates(run)
+    poses = [pose_by_angles(run.scenario, index, run.joint_angle[:, index]) for index in range(2)]
+    rates = [np.pad(time_derivative(pose, FINE), ((2, 2), (0, 0))) for pose in poses]
+    sides = (-half, half)
+    for index, name in enumerate(("left", "right")):
+        z = np.hstack([run.pose, poses[index]])
+        statement = f"δ of the {name} grip is the gap between the ends, from the joint angles: difference, m or rad"
+        gaps = [apart(at, sides[index]) for at in z]
+        yield below(statement, 1e-12, run.own[f"{name}_grip_displacement"] - gaps)
+    yield above("which it is, m or rad, at most", 1e-4, np.abs(run.own["left_grip_displacement"]).max())
+    energy, pulls = [], {}
+    for k in rows:
+        own = sum(0.5 * rates[i][k] @ points.arm_inertia(poses[i][k], i) @ rates[i][k] for i in range(2))
+        own += 0.5 * rate[k] @ points.payload_inertia(p[k]) @ rate[k] + points.payload_potential(p[k])
+        own += sum(points.arm_potential(poses[i][k], i) for i in range(2))
+        both = [np.concatenate([run.pose[k], poses[i][k]]) for i in range(2)]
+        moving = [np.concatenate([run.pose_rate[k], rates[i][k]]) for i in range(2)]
+        energy.append(own + sum(0.5 * STIFFNESS @ apart(both[i], sides[i]) ** 2 for i in range(2)))
+        pulls[k] = np.array([pull(both[i], moving[i], sides[i]) for i in range(2)])
+    yield alike("T + V is that of mass points and springs: relative error", 1e-9, run.total_energy[rows], energy)
+    grip_force, pulled = run.internal_force[rows] + run.moving_force[rows][:, None], np.array(list(pulls.values()))
+    yield alike("the internal force is made of the grips' pulls: relative error", 1e-7, grip_force, pulled[:, :, :3])
+
+    def force(k: int) -> np.ndarray:
+        return np.concatenate([pulls[k][:, :3].sum(axis=0), -DAMPING * rate[k, 3:]])
+
+    error = residual_force(run, lambda _: (points.payload_inertia, points.payload_potential), force)
+    yield below("Lagrange's equations of the payload between the grips: relative residual", 1e-6, error)
+    for index, name in enumerate(("left", "right")):
+        x, v = poses[index], rates[index]
+        momenta = np.array([points.arm_inertia(x[k], index) @ v[k] for k in range(2, len(run) - 2)])
+        change, residual = time_derivative(momenta, FINE), []
+        own = partial(points.arm_inertia, index=index), partial(points.arm_potential, index=index)
+        for k in [k for k in rows if 4 <= k < len(run) - 4]:
+            needed = lagrange(*own, x[k], v[k], change[k - 4])
+            residual.append(needed - run.arm_input[k, index] - pulls[k][index, 3:])
+        error = np.abs(residual).max(axis=0) / np.abs(run.arm_input[:, index]).max(axis=0)
+        yield below(f"and those of the {name} arm, with the opposite pull: relative residual", 1e-5, error)
+
+
+def _stiff() -> Iterator[Check]:
+    """The run comes to the paper's as k → ∞, at first order in 1/k."""
+    found, calm = [], {"initial.pose_rate": None}
+    exact = run_of("the paper's run without its jerk", {**calm, "simulation.step": 2e-5}, 0.2, 0.001)
+    for stiffness in FIRM:
+        firm = {"model": "compliant", "stiffness": (stiffness,) * 3, "damping": (stiffness**0.5,) * 3}
+        run = run_of("the run with stiff grips", {**calm, "grips": firm}, 0.2, 0.001)
+        force = np.abs(run.internal_force - exact.internal_force)[BEGUN:].max() / np.abs(exact.internal_force).max()
+        found.append((np.abs(run.pose - exact.pose)[BEGUN:].max(), force))
+    slope = np.log(np.divide(*found)) / np.log(FIRM[1] / FIRM[0])
+    yield close("stiffer grips: the pose comes to the paper's with 1/k to the power", 1.0, slope[0], absolute=0.03)
+    yield close("and the internal force", 1.0, slope[1], absolute=0.1)
+    yield below("beside which it is, as a part of its peak", 1e-3, found[1][1])
+
+
+def _ring() -> Iterator[Check]:
+    """A payload between arms that hardly move is, along itself, one mass on two springs and two dampers."""
+    arms = {f"{side}_arm.link_mass": (HEAVY,) * 3 for side in ("left", "right")}
+    still = {"controller.kind": "none", "initial.pose": (0.0, 0.75, 0.0), "simulation.step": 1e-5}
+    soft = {"grips.model": "compliant", "grips.stiffness": (SOFT, SOFT, SOFT), "grips.damping": (FADING,) * 3}
+    world = World(load_preset("paper").replace({**arms, **still, **soft}))
+    world.apply(Tap(0.0, (HIT, 0.0)))
+    run, m = world.run(300), 1.0
+    ring = np.sqrt(2 * SOFT / m - (FADING / m) ** 2)
+    expected = HIT / m * np.exp(-FADING / m * run.time) * np.sin(ring * run.time) / ring
+    statement = "tapped between heavy arms: x0 = J/(mω) e^(-ct/m) sin ωt, ω² = 2k/m - c²/m²"
+    yield alike(statement, 1e-3, run.pose[:, 0], expected)
+
+
+def _sag() -> Iterator[Check]:
+    """Deflection of the grips at rest under gravity."""
+    soft = {"model": "compliant", "stiffness": (1e5, 4e4, 5e3), "damping": (200.0, 200.0, 20.0)}
+    run = run_of("the run at rest in compliant grips", {**STILL, "gravity": 9.81, "grips": soft}, 2.0, 0.001)
+    for name in ("left", "right"):
+        found, statement = run.own[f"{name}_grip_displacement"][-1, 1], "grip gives way across by mg/2k"
+        yield close(f"at rest under gravity the {name} {statement}", 9.81 / 2 / 4e4, found, "m", 1e-5)
+
+
+FILLED, EMPTIED, BEGIN, DURATION = 3.0, 0.3, 0.05, 0.2
+"""μ of two runs; when the change begins and how long it takes, s."""
+LIGHT = 1e-7
+"""Mass of links whose inertia does not count, kg."""
+KNOWN, SPRINGS, RATE_GAINS = 0.4, (2e3, 2e3, 1e3), (200.0, 200.0, 100.0)
+"""Share of the change that a law knows; its K_p, N/m, N·m/rad, and K_d, N·s/m, N·m·s/rad."""
+SPEED, PULL, AHEAD = 0.3, 2.0, 0.9
+"""Speed of a coasting payload, m/s; stiffness, N/m, and place, m, of a hand that pulls one."""
+
+
+@subject("A payload that is filled or emptied", 13)
+def mass_change(runs: Runs) -> Iterator[Check]:
+    """Lagrange's equations with the momentum that material brings, energy, the motion after the change, closed forms."""
+    yield from _filling_motion()
+    for factor in (FILLED, EMPTIED):
+        run = run_of("the run with another mass", {**_change(factor), "gravity": 9.81}, 0.4, 0.001)
+        statement = "energy gained = work - energy damped + energy that material brought, as a part of what moved"
+        yield balanced(f"mass × {factor:g}: {statement}", run)
+        yield from _afterwards(factor)
+        yield from _free(factor)
+        yield from _hanging(factor)
+
+
+def _change(factor: float) -> dict[str, object]:
+    """The fields that change the payload's mass by this factor."""
+    return {"payload.mass_change": {"factor": factor, "begin": BEGIN, "duration": DURATION}}
+
+
+def mass_ratio(time: np.ndarray, factor: float, begin: float, duration: float) -> tuple[np.ndarray, np.ndarray]:
+    """s and ṡ of 10u³ - 15u⁴ + 6u⁵, 1 and 1/s, (N,) each."""
+    ramp = np.polynomial.Polynomial([0, 0, 0, 10, -15, 6])
+    u = np.clip((time - begin) / duration, 0.0, 1.0)
+    return 1 + (factor - 1) * ramp(u), (factor - 1) * ramp.deriv()(u) / duration
+
+
+def _filling_motion() -> Iterator[Check]:
+    """A run of `general` in the middle of a fast change, against mass points that get heavier."""
+    begin, duration = 0.0, 0.01
+    change = {"factor": FILLED, "begin": begin, "duration": duration}
+    run = general("the general run with another mass", {"payload.mass_change": change})
+    points = MassPoints(run.scenario)
+    s, s_dot = mass_ratio(run.time, FILLED, begin, duration)
+    statement = "the payload weighs ρL (1 + (μ - 1)(10u³ - 15u⁴ + 6u⁵)): relative error"
+    yield alike(statement, 1e-14, run.own["payload_mass"], s)
+    heavy = [points.filled(factor) for factor in s]
+    p, rate, rows = coordinates(run)
+    yield above("mass that has joined by the end, as a part of that at the start", 0.2, s[-1] - 1)
+    energy = [0.5 * rate[k] @ heavy[k].inertia(p[k]) @ rate[k] + heavy[k].potential(p[k]) for k in rows]
+    statement = "T + V is that of points as heavy as they are then: relative error"
+    yield alike(statement, 1e-10, run.total_energy[rows], energy)
+
+    def force(k: int) -> np.ndarray:
+        brought = s_dot[k] * points.payload_inertia(p[k]) @ rate[k]
+        return brought + np.concatenate([run.arm_input[k].sum(axis=0), -DAMPING * rate[k, 3:]])
+
+    error = residual_force(run, lambda k: (heavy[k].inertia, heavy[k].potential), force)
+    statement = "Lagrange's equations with the momentum ṡ A v that material brings, for x0, y0, θ: relative residual"
+    yield below(statement, 1e-6, error[:3].max())
+    yield below("and for the beam's q: relative residual", 1e-6, error[3:].max())
+    changed, told = time_derivative(run.pose_rate, FINE), run.pose_acceleration
+    yield alike("the sampled ẍ is the change of ẋ: relative error", 1e-6, changed, told[2:-2], told)
+    statement = "internal force, by Eq. (26) and by Eqs. (13)-(15): largest difference, as a part"
+    yield same_internal_force(statement, run)
+
+
+def _afterwards(factor: float) -> Iterator[Check]:
+    """After the change the motion is that of a payload which always had the new density."""
+    still = {"simulation.integrator": "rk4", "simulation.step": 1e-5, "gravity": 9.81}
+    one, other = (World(load_preset("paper").replace({**_change(factor), **still})) for _ in range(2))
+    one.advance(300)
+    other.advance(300)
+    denser = {
+        "payload.mass_change.factor": 1.0,
+        "payload.linear_density": factor * other.scenario.payload.linear_density,
+        "controller.model.linear_density_factor": 1 / factor,
+    }
+    other.apply(ChangeScenario(denser))
+    changed, always = one.advance(300), other.advance(300)
+    statement = f"mass × {factor:g}, 0.3 s after its change: pose beside that of a payload of that density, m or rad"
+    yield below(statement, 1e-10, changed.pose - always.pose)
+    yield alike("and the deflection, as a part", 1e-7, changed.midspan_deflection, always.midspan_deflection)
+
+
+def _free(factor: float) -> Iterator[Check]:
+    """A payload between weightless arms with motors off, coasting and pulled."""
+    coasting, pulled = _light_run(factor, SPEED, 0.0), _light_run(factor, 0.0, PULL)
+    statement = f"mass × {factor:g}: a payload that coasts between weightless arms keeps its velocity, as a part"
+    yield below(statement, 1e-5, coasting.pose_rate[:, 0] / SPEED - 1)
+    force = PULL * (AHEAD - pulled.pose[:, 0])
+    s, _ = mass_ratio(pulled.time, factor, BEGIN, DURATION)
+    rate = force / s
+    # Simpson's rule: the change begins and ends on samples.
+    pairs = (rate[:-2:2] + 4 * rate[1:-1:2] + rate[2::2]) * (pulled.time[2::2] - pulled.time[:-2:2]) / 6
+    statement = f"mass × {factor:g}: pulled by F, it has gained v = ∫F/(s m) dt"
+    yield close(statement, float(pairs.sum()), float(pulled.pose_rate[-1, 0]), "m/s", 1e-5)
+
+
+def _hanging(factor: float) -> Iterator[Check]:
+    """A payload that pd holds against a weight of which it knows a part."""
+    law = {"kind": "pd", "position_gain": SPRINGS, "velocity_gain": RATE_GAINS, "model": {"mass_change_factor": KNOWN}}
+    changes = {**STILL, "gravity": 9.81, "controller": law, **_change(factor)}
+    run = World(load_preset("paper").replace(changes)).run(3000)
+    statement = f"of which the law knows {KNOWN:g} of the change: pd hangs by (1 - {KNOWN:g})(μ - 1) m g/K_p"
+    exact, found = -(1 - KNOWN) * (factor - 1) * 9.81 / SPRINGS[1], float(run.tracking_error[-1, 1])
+    yield close(f"mass × {factor:g}, {statement}", exact, found, "m", 1e-6)
+
+
+def _light_run(factor: float, speed: float, stiffness: float) -> Samples:
+    """0.4 s of the paper's payload in arms whose links weigh `LIGHT`, along x; `stiffness`: of a hand at its middle, N/m."""
+    arms = {f"{side}_arm.link_mass": (LIGHT,) * 3 for side in ("left", "right")}
+    still = {"controller.kind": "none", "initial.pose": (0.0, 0.75, 0.0), "initial.pose_rate": (speed, 0.0, 0.0)}
+    world = World(load_preset("paper").replace({**_change(factor), **arms, **still}))
+    if stiffness:
+        world.apply(Pull(0.0, (AHEAD, 0.75), stiffness))
+    return world.run(400)

@@ -26,10 +26,8 @@ from flexlab.recording.run_info import these_versions
 METADATA, RUN = "ro-crate-metadata.json", "run.rrd"
 SPECIFICATION = "https://w3id.org/ro/crate/1.1"
 LICENSE = "https://spdx.org/licenses/MIT"
-LARGEST_METADATA = 10_000_000
-"""Most bytes of the metadata."""
-LARGEST_RUN = 50_000_000_000
-"""Most bytes of a recording that is unpacked."""
+LARGEST_METADATA, LARGEST_RUN = 10_000_000, 50_000_000_000
+"""Most bytes of the metadata, and of a recording that is unpacked."""
 
 KINDS = {
     RUN: ("application/octet-stream", "The recording: every sample, bit for bit"),
@@ -67,13 +65,12 @@ def _fill(folder: Path, source: Path, recording: Recording) -> None:
         if event.command is not None
     ]
     recorded = {name: recording.properties[name] for name in these_versions() if name in recording.properties}
-    found = run_metrics(recording.samples, finished=not recording.status.failed)
-    metrics = {**found.as_data(), "result_hash": result_hash(recording.samples)}
+    metrics = run_metrics(recording.samples, finished=not recording.status.failed).as_data()
     documents = {
         "scenario.json": json.loads(scenario_text(recording.scenario)),
         "commands.json": commands,
         "versions.json": {"recorded_by": recorded, "archived_by": these_versions()},
-        "metrics.json": metrics,
+        "metrics.json": {**metrics, "result_hash": result_hash(recording.samples)},
     }
     for name, data in documents.items():
         text = json.dumps(data, indent=1, ensure_ascii=False, default=str) + "\n"
@@ -113,12 +110,8 @@ def _metadata(folder: Path, files: list[str], recording: Recording) -> dict[str,
         "hasPart": [{"@id": item["@id"]} for item in described],
         "mentions": [{"@id": "#run"}],
     }
-    descriptor = {
-        "@id": METADATA,
-        "@type": "CreativeWork",
-        "conformsTo": {"@id": SPECIFICATION},
-        "about": {"@id": "./"},
-    }
+    conforms = {"conformsTo": {"@id": SPECIFICATION}, "about": {"@id": "./"}}
+    descriptor = {"@id": METADATA, "@type": "CreativeWork", **conforms}
     return {"@context": f"{SPECIFICATION}/context", "@graph": [descriptor, root, program, action, *described]}
 
 
@@ -152,9 +145,8 @@ def unpack_capsule(archive_path: Path, folder: Path) -> Path:
                 raise RecordingError(f"{archive_path} is no archive of a run: it describes no {RUN}.")
             for name, digest in described.items():
                 if name not in sizes or _digest(archive, name, folder / RUN if name == RUN else None) != digest:
-                    raise RecordingError(
-                        f"{archive_path}: {name!r:.80} was changed or is missing: get the archive again."
-                    )
+                    changed = f"{name!r:.80} was changed or is missing"
+                    raise RecordingError(f"{archive_path}: {changed}: get the archive again.")
     except RecordingError:
         raise
     except FileNotFoundError:

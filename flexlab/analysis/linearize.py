@@ -26,7 +26,6 @@ from flexlab.sim.world import World
 TORQUE, TASK = "joint_torque", "arm_input"
 DESIRED = ("desired_pose", "desired_pose_rate", "desired_pose_acceleration")
 INPUTS = (TORQUE, TASK, *DESIRED)
-"""The possible inputs of a model."""
 SIDES, AXES = ("left", "right"), ("x", "y", "theta")
 POSE_UNITS, FORCE_UNITS = ("m", "m", "rad"), ("N", "N", "N·m")
 
@@ -68,13 +67,17 @@ def linearize(
 
 def _names(inputs: str | Sequence[str]) -> tuple[str, ...]:
     names = _listed("inputs", inputs)
-    for name in names:
-        if name not in INPUTS:
-            near = difflib.get_close_matches(str(name), INPUTS) or INPUTS
-            raise StudyError(f"inputs: {name!r:.60} is no input of a linear model: did you mean {', '.join(near)}?")
+    _check_known("inputs", names, INPUTS, "input of a linear model")
     if not names:
         raise StudyError(f"inputs is empty: name one or more of {', '.join(INPUTS)}.")
     return names
+
+
+def _check_known(what: str, names: Sequence[str], known: Sequence[str], kind: str) -> None:
+    for name in names:
+        if name not in known:
+            near = difflib.get_close_matches(str(name), known) or known
+            raise StudyError(f"{what}: {name!r:.60} is no {kind}: did you mean {', '.join(near)}?")
 
 
 def _listed(what: str, names: str | Sequence[str]) -> tuple[str, ...]:
@@ -234,11 +237,7 @@ class Outputs(NamedTuple):
 def choose_columns(linear: Linearization, signals: Sequence[str]) -> tuple[Column, ...]:
     """The columns of the named signals. Raises `StudyError` for an unknown signal."""
     every = table_columns(linear.probe.scenario)
-    known = list(dict.fromkeys(column.signal for column in every))
-    for name in signals:
-        if name not in known:
-            near = difflib.get_close_matches(str(name), known) or known
-            raise StudyError(f"outputs: {name!r:.60} is no signal of a run: did you mean {', '.join(near)}?")
+    _check_known("outputs", signals, list(dict.fromkeys(column.signal for column in every)), "signal of a run")
     return tuple(column for name in signals for column in every if column.signal == name)
 
 

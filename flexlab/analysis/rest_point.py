@@ -63,7 +63,6 @@ class LoopProbe:
     def __init__(self, scenario: Scenario):
         """`scenario`: a valid one, whose noise, limits, delay, motors, encoders, grips and path are left out."""
         self.original = scenario
-        """The scenario as it was given."""
         period = scenario.controller.control_period
         try:
             scenario = scenario.replace({PERIOD: period or PROBE_PERIOD, **IDEAL})

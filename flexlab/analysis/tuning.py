@@ -93,9 +93,8 @@ def parse_cost(weights: Sequence[str] | Mapping[str, float], limits: Sequence[st
     """A cost from texts such as `rms_error.y=1`, or from mappings; a missing weight is 1. Raises `StudyError`."""
     cost = Cost(_numbers("cost", weights, default=1.0), _numbers("limit", limits, default=None))
     if not cost.weights:
-        raise StudyError(
-            "The cost names no metric: say what is to be small, as in rms_error.y=1,rms_internal_force=0.01."
-        )
+        example = "rms_error.y=1,rms_internal_force=0.01"
+        raise StudyError(f"The cost names no metric: say what is to be small, as in {example}.")
     return cost
 
 

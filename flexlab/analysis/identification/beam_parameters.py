@@ -56,9 +56,8 @@ def read_measured(path: Path, time: str | None = None, signal: str | None = None
     t_place, t_unit = _column(path, names, time, 0)
     y_place, y_unit = _column(path, names, signal, 1)
     if t_place == y_place:
-        raise StudyError(
-            f"{path}: {visible(names[t_place], LONGEST_NAME)} cannot be both time and signal: name two columns."
-        )
+        both = visible(names[t_place], LONGEST_NAME)
+        raise StudyError(f"{path}: {both} cannot be both time and signal: name two columns.")
     if t_unit and t_unit not in TIME_UNITS:
         known = ", ".join(dict.fromkeys(TIME_UNITS))
         raise StudyError(f"{path}: {visible(t_unit, LONGEST_NAME)} is no unit of time: choose one of {known}.")
@@ -87,9 +86,8 @@ def read_measured(path: Path, time: str | None = None, signal: str | None = None
         raise StudyError(f"{path}: the signal reaches {np.abs(y).max():.3g}, over {LARGEST_SIGNAL:g}: check its unit.")
     gaps = steps > GAP * np.median(steps)
     if gaps.any():
-        notes.append(
-            f"{gaps.sum()} gaps, the longest {steps.max():.3g} s where samples are {np.median(steps):.3g} s apart."
-        )
+        usual = f"where samples are {np.median(steps):.3g} s apart"
+        notes.append(f"{gaps.sum()} gaps, the longest {steps.max():.3g} s {usual}.")
     unit = "m" if y_unit in SIGNAL_UNITS else visible(y_unit, LONGEST_NAME)
     for sign in (1, -1):
         if count := _cut_off(sign * y):
@@ -127,9 +125,8 @@ def _read(path: Path) -> tuple[list[str], list[list[str]], bool]:
         with path.open(encoding="utf-8-sig", newline="") as file:
             lines = (line for line in file if line.strip() and not line.startswith("#"))
             first = next(lines, "")
-            dialect = (
-                ";" if first.count(";") > first.count(",") else "\t" if first.count("\t") > first.count(",") else ","
-            )
+            semicolons, tabs, commas = map(first.count, ";\t,")
+            dialect = ";" if semicolons > commas else "\t" if tabs > commas else ","
             names = next(csv.reader([first], delimiter=dialect), [])
             return [name.strip() for name in names], list(csv.reader(lines, delimiter=dialect)), dialect != ","
     except FileNotFoundError:
@@ -184,7 +181,6 @@ class BeamParameters:
     frequency: Estimate
     """The loudest mode's, of the middle pose: its interval holds those of the ring's other poses."""
     damping_ratio: Estimate
-    """Likewise."""
     scenario: Scenario
     """The scenario with the parameters that are identifiable."""
 
@@ -206,14 +202,13 @@ def beam_parameters(
     frequency, ratio = fit.first.frequency, fit.first.damping_ratio
     density = Estimate(np.nan, np.nan, np.nan, "kg/m", "a ring tells EI/ρ alone; weigh the beam for ρ")
     reason = frequency.reason or (_left_out(fit, scenario) if in_loop else "") or other
-    middle = poses[0] if poses else None
+    middle, stiffness, fitted, rings = poses[0] if poses else None, np.nan, scenario, np.empty((0, 2))
     try:
-        stiffness, fitted = (
-            _solve_stiffness(scenario, frequency.value, in_loop, middle) if not reason else (np.nan, scenario)
-        )
-        rings = np.array([first_mode(fitted, in_loop, pose) for pose in poses] if not reason else [])
+        if not reason:
+            stiffness, fitted = _solve_stiffness(scenario, frequency.value, in_loop, middle)
+            rings = np.array([first_mode(fitted, in_loop, pose) for pose in poses])
     except FlexlabError:
-        reason, stiffness, fitted, rings = OUT_OF_RANGE, np.nan, scenario, np.empty((0, 2))
+        reason, stiffness, fitted = OUT_OF_RANGE, np.nan, scenario
     if len(rings):
         elsewhere, off = rings[0, 0] / rings[:, 0], rings[:, 1] - rings[0, 1]
         low, high = frequency.low * float(elsewhere.min()), frequency.high * float(elsewhere.max())
@@ -222,9 +217,7 @@ def beam_parameters(
     spread = (np.array([frequency.low, frequency.high]) / frequency.value) ** 2
     EI = Estimate(stiffness, *map(float, stiffness * spread), "N·m²", reason)
     unit = scenario.about(path).unit_text().strip()
-    damping, final = _solve_damping(
-        fitted, path, ratio, lambda one: first_mode(one, in_loop, middle)[1], unit if unit != "1" else "", reason
-    )
+    damping, final = _solve_damping(fitted, path, ratio, lambda one: first_mode(one, in_loop, middle)[1], unit, reason)
     return BeamParameters(EI, density, damping, path, frequency, ratio, final)
 
 

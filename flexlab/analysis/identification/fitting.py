@@ -95,12 +95,10 @@ class Fit(Result):
 
     def __str__(self) -> str:
         ring = self.ring
-        lines = [
-            f"{ring.samples} samples from t = {ring.start:.6g} s to {ring.end:.6g} s, noise {ring.noise:.3g} {self.unit}"
-        ]
-        if not self.is_ring:
-            return "\n".join([*lines, f"No ring: {ring.problem}."])
-        return "\n".join([*lines, *(f"  {name:<4} {value}" for name, value in self.estimates.items())])
+        span = f"t = {ring.start:.6g} s to {ring.end:.6g} s"
+        lines = [f"{ring.samples} samples from {span}, noise {ring.noise:.3g} {self.unit}"]
+        lines += [f"  {name:<4} {value}" for name, value in self.estimates.items()] if self.is_ring else []
+        return "\n".join(lines if self.is_ring else [*lines, f"No ring: {ring.problem}."])
 
 
 def fit_file(
@@ -189,7 +187,6 @@ def _window(t: np.ndarray, y: np.ndarray, start: float | None, end: float | None
     first, last = t[0] if start is None else start, t[-1] if end is None else end
     inside = (t >= first) & (t <= last)
     if not inside.any():
-        raise StudyError(
-            f"There are no samples from {first:.6g} to {last:.6g} s: the data last from {t[0]:.6g} to {t[-1]:.6g} s."
-        )
+        data = f"the data last from {t[0]:.6g} to {t[-1]:.6g} s"
+        raise StudyError(f"There are no samples from {first:.6g} to {last:.6g} s: {data}.")
     return t[inside], y[inside]

@@ -290,20 +290,18 @@ def _mode(
     )
     f, zeta = natural / (2 * np.pi), float(sigma) / natural
     periods, rate = f * tau[-1], (len(tau) - 1) / tau[-1]
-    why = problem
-    if not why and periods < FEWEST_PERIODS:
-        why = f"the samples hold {periods:.1f} of its periods; {FEWEST_PERIODS:g} are needed"
-    elif not why and f > rate / 2:
-        why = f"it lies beyond half the sample rate, {rate / 2:.4g} Hz"
-    elif not why and half_f > 0.5 * f:
-        why = "the noise hides it"
-    elif not why and zeta > LARGEST_RATIO:
-        why = "it is hardly an oscillation"
-    why_not = why
-    if not why and zeta + half_z < 0:
-        why_not = "the vibration grows"
-    elif not why and zeta - half_z <= 0:
-        why_not = f"it is below {max(zeta + half_z, 0):.2g}, but the noise hides by how much"
+    reasons = (
+        (periods < FEWEST_PERIODS, f"the samples hold {periods:.1f} of its periods; {FEWEST_PERIODS:g} are needed"),
+        (f > rate / 2, f"it lies beyond half the sample rate, {rate / 2:.4g} Hz"),
+        (half_f > 0.5 * f, "the noise hides it"),
+        (zeta > LARGEST_RATIO, "it is hardly an oscillation"),
+    )
+    further = (
+        (zeta + half_z < 0, "the vibration grows"),
+        (zeta - half_z <= 0, f"it is below {max(zeta + half_z, 0):.2g}, but the noise hides by how much"),
+    )
+    why = problem or next((reason for holds, reason in reasons if holds), "")
+    why_not = why or next((reason for holds, reason in further if holds), "")
     return RingMode(
         Estimate(f, f - half_f, f + half_f, "Hz", why),
         Estimate(zeta, zeta - half_z, zeta + half_z, "", why_not),

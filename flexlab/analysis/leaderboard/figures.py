@@ -58,9 +58,8 @@ def _draw_dots(axes: Axes, case: Case, values: np.ndarray) -> None:
     axes.grid(axis="x", which="both", alpha=0.2)
     axes.set_xlabel(f"{case.main.column.title} ({case.main.column.unit})")
     if len(case.variants) > 1:
-        axes.legend(
-            loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(case.variants), frameon=False, fontsize="small"
-        )
+        look = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "frameon": False, "fontsize": "small"}
+        axes.legend(ncols=len(case.variants), **look)
 
 
 def _draw_map(figure: Figure, axes: Axes, case: Case, values: np.ndarray) -> None:

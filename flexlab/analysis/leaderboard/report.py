@@ -116,9 +116,8 @@ def _overview_column(board: Leaderboard, case: Case) -> dict[str, Cell]:
         else:
             means[law] = exp(sum(log(found[law]) for found in entered) / len(entered))
     best = min(means.values(), default=1.0)
-    return cells | {
-        law: Cell(_ratio_text(mean / best), _level(mean / best), OF_THE_BEST) for law, mean in means.items()
-    }
+    over_best = {law: mean / best for law, mean in means.items()}
+    return cells | {law: Cell(_ratio_text(ratio), _level(ratio), OF_THE_BEST) for law, ratio in over_best.items()}
 
 
 def sections(board: Leaderboard) -> tuple[Section, ...]:
@@ -167,10 +166,9 @@ def _column(board: Leaderboard, case: Case, variant: Variant, score: Score) -> d
 
 def settings(board: Leaderboard) -> dict[str, list[str]]:
     """Law → its settings other than its defaults, and that it was sampled; laws without such have no entry."""
+    parts = ((row.law, part) for row in board.rows for part in BETWEEN.split(_in_words(row.note)))
     found: dict[str, list[str]] = {}
-    for law, part in dict.fromkeys(
-        (row.law, part) for row in board.rows for part in BETWEEN.split(_in_words(row.note))
-    ):
+    for law, part in dict.fromkeys(parts):
         if part:
             found.setdefault(law, []).append(part)
     return found

@@ -107,16 +107,18 @@ def forget(name: str) -> None:
     METRICS.pop(name, None)
 
 
-class RootMeanSquare(Metric):
+class _OfSignal(Metric):
+    @abstractmethod
+    def signal(self, samples: "Samples") -> np.ndarray:
+        """The signal that is measured, (N, columns)."""
+
+
+class RootMeanSquare(_OfSignal):
     """Base of metrics √(mean of signal²) over all samples."""
 
     def __init__(self) -> None:
         self._count = 0
         self._squares = np.zeros(len(self.columns))
-
-    @abstractmethod
-    def signal(self, samples: "Samples") -> np.ndarray:
-        """The signal that is squared, (N, columns)."""
 
     def update(self, samples: "Samples") -> None:
         """Take in the next piece of a run."""
@@ -136,15 +138,11 @@ def outlasting(time: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return time[size > largest_later], size[size > largest_later]
 
 
-class Peak(Metric):
+class Peak(_OfSignal):
     """Base of metrics that are the largest magnitude of a signal."""
 
     def __init__(self) -> None:
         self._peak = np.full(len(self.columns), -np.inf)
-
-    @abstractmethod
-    def signal(self, samples: "Samples") -> np.ndarray:
-        """Whose magnitude counts, (N, columns)."""
 
     def update(self, samples: "Samples") -> None:
         """Take in the next piece of a run."""

@@ -57,7 +57,6 @@ class OwnMetric:
 
 
 DECLARED: dict[str, OwnMetric] = {}
-"""All declared metrics, by name."""
 
 
 def metric(unit: str, title: str = "", of: Kind = "run") -> Callable[[Function], Function]:

@@ -127,9 +127,8 @@ def _range(path: str, text: str, whole: bool) -> Axis:
     if low >= high:
         raise StudyError(f"{path}={text} runs backwards or nowhere: write the smaller limit first.")
     if not 2 <= count <= MOST_VALUES:
-        raise StudyError(
-            f"{path}={_shown(text)} asks for {visible(words[2], 20)} values: a range has 2 to {MOST_VALUES}."
-        )
+        asked = f"{path}={_shown(text)} asks for {visible(words[2], 20)} values"
+        raise StudyError(f"{asked}: a range has 2 to {MOST_VALUES}.")
     if logarithmic and low <= 0:
         raise StudyError(f"{path}={text} is logarithmic and begins at {low:g}: begin above 0, or leave log out.")
     points = np.geomspace(low, high, count) if logarithmic else np.linspace(low, high, count)

@@ -35,7 +35,6 @@ DESIGNS = ("grid", "latin-hypercube", "sobol")
 TABLE_FORMAT = 2
 """Format of a sweep's table: 2 has metrics by name, in SI units, and the provenance."""
 MOST_CELLS = 100_000_000
-"""Most cells of a sweep."""
 MANY_CELLS = 100_000
 """Cells, about an hour's work, above which the command asks for confirmation."""
 PARTS, LARGEST_PART = 64, 256
@@ -147,9 +146,8 @@ def make_plan(
     samples = None if samples is None else whole_number("samples", samples, 1)
     seed = whole_number("seed", seed, 0)
     if (design == "grid") != (samples is None):
-        raise StudyError(
-            "samples says how many cells a design draws: give it with latin-hypercube or sobol, and not with a grid."
-        )
+        how = "give it with latin-hypercube or sobol, and not with a grid"
+        raise StudyError(f"samples says how many cells a design draws: {how}.")
     poorest = None if accuracy is None else finite_number("accuracy", accuracy, "m", 0.0)
     if poorest is not None and not any(axis.path.startswith("simulation") for axis in axes):
         scenario = scenario.replace({"simulation.accuracy": max(poorest, scenario.simulation.accuracy)})
@@ -208,16 +206,12 @@ BEAMS = KnownBeams()
 
 
 class Measured(NamedTuple):
-    """A scenario that was simulated, and its metrics."""
+    """A scenario that was simulated (None: it is not valid), how, as of `Cell`, and its metrics (None: it failed)."""
 
     scenario: Scenario | None
-    """None: it is not valid."""
     status: str
-    """As `Cell.status`."""
     sentence: str
-    """As `Cell.sentence`."""
     metrics: RunMetrics | None
-    """None: it failed."""
 
 
 def measured(scenario: Scenario, changes: Mapping[str, Any], duration: float, sample_period: float) -> Measured:

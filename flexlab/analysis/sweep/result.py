@@ -180,10 +180,8 @@ class Sweep(Result):
         try:
             return _rows(file, self.plan, range(len(self)))
         except (OSError, ValueError) as error:
-            reason = " ".join(str(error).split())
-            raise StudyError(
-                f"{file} is damaged ({reason:.100}): move it away, and the same sweep computes it again."
-            ) from None
+            damaged = f"{file} is damaged ({' '.join(str(error).split()):.100})"
+            raise StudyError(f"{damaged}: move it away, and the same sweep computes it again.") from None
 
     @property
     def axes(self) -> tuple[Axis, ...]:
@@ -229,9 +227,8 @@ class Sweep(Result):
 
     def __repr__(self) -> str:
         failed = f", {len(self.failed)} failed" if self.failed else ""
-        return (
-            f"<Sweep of {len(self)} cells over {', '.join(axis.path for axis in self.axes)}{failed}, in {self.folder}>"
-        )
+        fields = ", ".join(axis.path for axis in self.axes)
+        return f"<Sweep of {len(self)} cells over {fields}{failed}, in {self.folder}>"
 
     def _repr_html_(self) -> str:
         """The first rows, for notebooks."""

@@ -124,8 +124,7 @@ def _weight(arm, payload, angle: np.ndarray) -> np.ndarray:
     return 9.81 * np.array([sum(mass[k] * (places[k] - joints[j]) for k in carried[j]) for j in range(3)])
 
 
-COUNTS = (20000.0, 16384.0, 9000.0)
-"""Per turn of each joint."""
+COUNTS = (20000.0, 16384.0, 9000.0)  # per turn of each joint
 COUNT = 2 * np.pi / np.array(COUNTS)
 CLOCKED = {"controller.control_period": PERIOD, "joints.encoders.counts": COUNTS}
 READ = 2000
@@ -196,8 +195,7 @@ def _led_back(statement: str, joints: dict[str, Any]) -> Check:
     return alike(statement, 1e-3, z[:3], led_back, OFFSET)
 
 
-LATE = 0.004
-"""T_m, s."""
+LATE = 0.004  # T_m, s
 STALL, FREE = (450.0, 250.0, 90.0), (7.0, 6.0, 9.0)
 """Stall torques, N·m, and no-load speeds, rad/s; the paper's run needs more at its start, and less later."""
 CURVE = {"joints.motor.stall_torque": STALL, "joints.motor.no_load_speed": FREE}

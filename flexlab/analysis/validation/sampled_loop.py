@@ -18,8 +18,7 @@ PERIOD, DELAY = 1e-3, 2
 """T_c, s, and input delay in control periods."""
 FINER = 4
 """Samples of a run per control period."""
-LIMIT = (300.0, 150.0, 60.0)
-"""N·m."""
+LIMIT = (300.0, 150.0, 60.0)  # N·m
 MEASURED = 2000
 """Control instants of a noisy run, which give the standard deviation to 1.6 %."""
 SIGMA = (1e-4, 2e-4, 3e-4)

@@ -46,8 +46,7 @@ B2 = Case(
 )
 
 
-AT = 0.1
-"""s."""
+AT = 0.1  # s
 IMPULSE = 0.2
 """Impulse of a tap with a finger across the beam, N·s."""
 QUIET = 0.2
@@ -81,8 +80,7 @@ B4 = Case(
 )
 
 
-PERIOD = 0.001
-"""s."""
+PERIOD = 0.001  # s
 POSE_NOISE = (2e-6, 2e-6, 5e-6)
 """Noise of the pose, m, m, rad, as by encoders of 20 bits at the end of such arms."""
 RATE_NOISE = tuple(sqrt(2) / PERIOD * noise for noise in POSE_NOISE)
@@ -149,8 +147,7 @@ B6 = Case(
 )
 
 
-DURATION = 600.0
-"""s."""
+DURATION = 600.0  # s
 SETTLED, END = 60.0, 540.0
 """Start of the window of the drift, and of the last minute, s."""
 LEAKAGE = 0.1

@@ -223,10 +223,9 @@ def simulate_many(
         raise StudyError(f"scenarios = {scenarios!r:.60} is no list: give scenarios, as in ['paper', 'soft-beam'].")
     pairs = [("run", scenario) if isinstance(scenario, Mapping) else named_scenario(scenario) for scenario in scenarios]
     choose = law_and_path(law, path)
-    runs = compute_many(
-        [scenario for _, scenario in pairs], duration, sample_period, workers, progress, choose, cluster
-    )
-    return [_run(run, name) for (name, _), run in zip(pairs, runs, strict=True)]
+    names, chosen = [name for name, _ in pairs], [scenario for _, scenario in pairs]
+    runs = compute_many(chosen, duration, sample_period, workers, progress, choose, cluster)
+    return [_run(run, name) for name, run in zip(names, runs, strict=True)]
 
 
 def sweep(

@@ -102,7 +102,6 @@ CONTROL = (
 """The controller of the paper."""
 
 SYMBOLS = MOTION + BEAM + SYSTEM + CONTROL
-"""The whole table."""
 
 
 def lookup(name: str) -> Symbol:

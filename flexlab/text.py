@@ -111,9 +111,8 @@ CONTROL_PICTURES = 0x2400
 """Unicode's pictures of the 32 control characters follow one another from here: escape is ␛."""
 DELETE, DELETE_PICTURE = 0x7F, 0x2421
 
-_PICTURES = {code: CONTROL_PICTURES + code for code in range(0x20) if chr(code) not in "\t\n"} | {
-    DELETE: DELETE_PICTURE
-}
+_PICTURES = {code: CONTROL_PICTURES + code for code in range(0x20) if chr(code) not in "\t\n"}
+_PICTURES[DELETE] = DELETE_PICTURE
 # Without pictures: controls of the second kind, changes of the writing direction, other line ends, letters that nobody sees
 # (some of them may stand in Python's names), tags, and lone surrogates. Those that emoji need stay.
 _WITHOUT_PICTURE = re.compile(

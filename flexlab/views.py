@@ -91,9 +91,7 @@ def _view(entity: str, title: str, curves: str, units: str, signals: str = "", *
     return View(entity, title, shown, each, unit * (len(each) // len(unit)), **how)
 
 
-MILLI = 1e3
-"""Millimetres per metre, milliradians per radian."""
-PERCENT = 100.0
+MILLI, PERCENT = 1e3, 100.0
 
 ERROR = _view("error", "Tracking error", "x, y, θ", "mm, mm, mrad", "tracking_error", scale=MILLI, least=0.1)
 DEFLECTION = _view(

@@ -77,16 +77,11 @@ def start_times(cold: bool) -> StartTimes:
 def run_probe(program: str, environment: dict[str, str]) -> list[float]:
     """The JSON list that a Python program prints in a fresh interpreter. Raises `StudyError` if it fails."""
     try:
-        done = subprocess.run(
-            [sys.executable, "-c", program],
-            env=environment,
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            timeout=LONGEST_START,
-            check=True,
+        command, nothing = [sys.executable, "-c", program], subprocess.DEVNULL
+        printed = subprocess.check_output(
+            command, env=environment, stdin=nothing, stderr=subprocess.PIPE, text=True, timeout=LONGEST_START
         )
-        return json.loads(done.stdout)
+        return json.loads(printed)
     except (subprocess.SubprocessError, OSError, ValueError) as error:
         detail = getattr(error, "stderr", None) or str(error)
         raise StudyError(f"A fresh interpreter for the measurement failed: {str(detail).strip()[-300:]}") from None
@@ -168,7 +163,5 @@ def weigh_live() -> int:
 
 def resident(field: str) -> int:
     """This process's memory by Linux, bytes: VmRSS, the present, or VmHWM, the peak."""
-    for line in _STATUS.read_text(encoding="ascii").splitlines():
-        if line.startswith(field + ":"):
-            return int(line.split()[1]) * 1024
-    raise OSError(f"{_STATUS} has no {field}")
+    lines = (line.split() for line in _STATUS.read_text(encoding="ascii").splitlines())
+    return next(int(words[1]) * 1024 for words in lines if words[0] == f"{field}:")

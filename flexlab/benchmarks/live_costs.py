@@ -19,8 +19,7 @@ from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.step_trial import build_assembly
 from flexlab.sim.world import World
 
-MESHES = (2, 8, 64)
-"""Elements."""
+MESHES = (2, 8, 64)  # elements
 LIGHT_GOAL, BEAM_GOAL, FRAME_GOAL = 0.3, 2.0, 50.0
 """Goals, ms: gains, path and gravity on the paper's mesh; its beam; any change on the finest mesh."""
 
@@ -88,8 +87,7 @@ def _change(world: World, path: str, value: Any) -> tuple[float, float]:
 
 WARM = 100
 """Instants before the measured ones."""
-RUN = "gravity"
-"""The preset."""
+RUN = "gravity"  # the preset
 
 
 @dataclass(frozen=True)

@@ -88,9 +88,8 @@ class PaperCost:
 
 def variant(elements: int, integrator: str = "etdrk4", step: float | None = None) -> Scenario:
     """The paper's experiment on another mesh, with a given integrator and step (s, None: the engine's choice)."""
-    return load_preset("paper").replace(
-        {"payload.element_count": elements, "simulation.integrator": integrator, "simulation.step": step}
-    )
+    numerics = {"payload.element_count": elements, "simulation.integrator": integrator, "simulation.step": step}
+    return load_preset("paper").replace(numerics)
 
 
 def reference(elements: int, duration: float) -> tuple[Samples, float]:
@@ -158,12 +157,10 @@ def _point(integrator: str, elements: int, trial: Trial, exact: Samples) -> Work
 
 EXPONENT_GOAL = 1.2
 """Goal for the exponent of the cost over the number of elements."""
-MESHES = (2, 4, 8, 16, 32, 64)
-"""Elements."""
+MESHES = (2, 4, 8, 16, 32, 64)  # elements
 FIRST_FITTED = 8
 """Least elements of the fit; on coarser meshes arms and controller cost more than the beam."""
-STEP = 1e-3
-"""s."""
+STEP = 1e-3  # s
 
 
 @dataclass(frozen=True)

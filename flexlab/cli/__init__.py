@@ -24,10 +24,7 @@ from flexlab.errors import FlexlabError
 from flexlab.text import tell_failures_plainly
 
 ENDING = "_command"
-"""Ending of a command's module."""
-COMMANDS = tuple(
-    sorted(each.name.removesuffix(ENDING) for each in iter_modules(__path__) if each.name.endswith(ENDING))
-)
+COMMANDS = tuple(sorted(it.name.removesuffix(ENDING) for it in iter_modules(__path__) if it.name.endswith(ENDING)))
 """`flexlab` without a command means `flexlab lab`."""
 EXIT_OK, EXIT_BAD_INPUT = 0, 2
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)

@@ -57,7 +57,6 @@ def leave_pandas_out() -> None:
 
 
 MOST_EXPLAINED = 3
-"""Most explanations of a report."""
 START_SPAN = 1.0
 """Length of the start, s, in which the paper's controller reaches the path and the beam calms down."""
 

@@ -77,9 +77,8 @@ def _check(runs: tuple[str, ...], edits: bool, delete: bool, limits: bool, both:
         raise StudyError("--keep and --unkeep contradict each other: give one of them.")
     if not runs and (edits or delete):
         what = "--delete" if delete else "--note, --tags, --keep or --unkeep"
-        raise StudyError(
-            f"{what} needs a RUN: say which, as in flexlab logs newest {'--delete' if delete else '--keep'}."
-        )
+        example = f"flexlab logs newest {'--delete' if delete else '--keep'}"
+        raise StudyError(f"{what} needs a RUN: say which, as in {example}.")
     if delete and edits:
         raise StudyError("--delete and notes on the same run contradict each other: give one of them.")
     if limits and (runs or edits or delete):

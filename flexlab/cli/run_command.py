@@ -8,8 +8,7 @@ from flexlab.cli.warmup import loading
 from flexlab.errors import StudyError
 from flexlab.text import number_text
 
-LONGEST_DURATION = 1e6
-"""s."""
+LONGEST_DURATION = 1e6  # s
 
 
 def command(

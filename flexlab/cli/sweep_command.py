@@ -58,10 +58,8 @@ def command(
     from flexlab.analysis.workers import chosen_workers, progress_bar
     from flexlab.cli.warmup import warm_up
 
-    wanted = DEFAULT_ACCURACY if accuracy is None else accuracy
-    plan = make_plan(
-        scenario, parse_axes(vary, scenario), duration, sample_period, design, samples, design_seed, wanted
-    )
+    wanted, axes = DEFAULT_ACCURACY if accuracy is None else accuracy, parse_axes(vary, scenario)
+    plan = make_plan(scenario, axes, duration, sample_period, design, samples, design_seed, wanted)
     shown, pair = _names(show), _pair(pareto)
     for metric in (*shown, *pair):
         named(metric)
@@ -86,9 +84,8 @@ def _names(text: str) -> tuple[str, ...]:
 def _pair(text: str) -> tuple[str, ...]:
     names = _names(text)
     if len(names) != 2:
-        raise StudyError(
-            f"--pareto {shlex.quote(text)} names no two metrics: write two, as in rms_error.y,rms_internal_force."
-        )
+        example = "rms_error.y,rms_internal_force"
+        raise StudyError(f"--pareto {shlex.quote(text)} names no two metrics: write two, as in {example}.")
     return names
 
 

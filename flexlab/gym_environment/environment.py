@@ -192,9 +192,8 @@ class TwoArmsVector(VectorEnv[np.ndarray, np.ndarray, np.ndarray], _Scaled):
     def reset(self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None) -> Any:
         """Begin an episode in every world, or in those of `options["reset_mask"]` (num_envs,)."""
         if isinstance(seed, list) and len(seed) != self.num_envs:
-            raise StudyError(
-                f"seed has {len(seed)} numbers: give one number, or {self.num_envs}, of which the first counts."
-            )
+            usable = f"give one number, or {self.num_envs}, of which the first counts"
+            raise StudyError(f"seed has {len(seed)} numbers: {usable}.")
         one = seed[0] if isinstance(seed, list) else seed
         if options is not None and not isinstance(options, dict):
             raise StudyError(f"options = {options!r:.60} is not usable: give a dictionary, or None.")

@@ -144,9 +144,8 @@ class WorldBatch:
         self._bend_limit = DEFLECTION_LIMIT * base.payload.length
         self._desired = desired_at(first.system.trajectory, 0.0)
         given = base.initial.pose, base.initial.pose_rate
-        self._start = np.array(
-            [own if own is not None else path for own, path in zip(given, self._desired, strict=False)]
-        )
+        pairs = zip(given, self._desired, strict=False)
+        self._start = np.array([path if own is None else own for own, path in pairs])
         self._limits, self._noise = np.full(3, float(settings.torque_limit)), np.array(NOISE)
         self.state, self._begun = _new_worlds(count, first, settings), np.zeros(count, bool)
         threads = max(1, min(int(settings.threads or os.cpu_count() or 1), count // LEAST_PER_THREAD))
@@ -230,9 +229,8 @@ def _base(settings: Settings) -> Scenario:
         )
     changes = {"controller.kind": "none", "controller.control_period": settings.control_period}
     scenario = scenario.anew().replace({"controller.kind": "none"}).replace(changes)
-    scenario = scenario.replace(
-        {"simulation.integrator": "etdrk4", "simulation.accuracy": max(ACCURACY, scenario.simulation.accuracy)}
-    )
+    accuracy = max(ACCURACY, scenario.simulation.accuracy)
+    scenario = scenario.replace({"simulation.integrator": "etdrk4", "simulation.accuracy": accuracy})
     fault = check_trajectory(scenario)
     if fault is not None:
         raise StudyError(fault.text)

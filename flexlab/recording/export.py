@@ -87,8 +87,7 @@ def _variable(signal: Signal, array: np.ndarray, scenario: Scenario) -> tuple[tu
     return (tuple(names), array, about | ({"source": signal.equation} if signal.equation else {})), labels
 
 
-NAME = "flexlab"
-"""Name of the metadata."""
+NAME = "flexlab"  # of the metadata
 BATCH_ROWS = 20_000
 """Samples written at once: a long table then needs little memory, and small pieces pack badly."""
 LONGEST_REASON = 200
@@ -241,7 +240,6 @@ FORMATS: dict[str, tuple[Writer, Reader]] = {
     ".parquet": (_write_parquet, _read_parquet),
     ".npz": (_write_npz, _read_npz),
 }
-"""By suffix."""
 
 
 def _format(path: Path) -> tuple[Writer, Reader]:

@@ -153,7 +153,7 @@ def comparison_blueprint(runs: Sequence[NamedScenario], measured: Collection[int
     return side_by_side(left, right)
 
 
-def _scenes(runs: Sequence[NamedScenario], drawn: Sequence[int]) -> list[rrb.Spatial3DView]:
+def _scenes(runs: Sequence[NamedScenario], drawn: Sequence[int]) -> list[rrb.View]:
     """A drawing of each of the runs `drawn`, new ones each time: rerun drops a layout in which a view stands twice."""
     return [
         scene_view(

@@ -33,7 +33,6 @@ LONGEST_REASON = 200
 MOST_ROWS = 1000
 """Most samples of a block that is read: progress is reported after each."""
 SAMPLES = "/exact/samples"
-"""The entity that holds them."""
 
 
 @dataclass(frozen=True)

@@ -158,11 +158,15 @@ class RunEncoder:
             single("TextLog", "text", "Text", f"t = {event.time:.3f} s: {event.text}"),
             single("TextLog", "level", "TextLogLevel", LEVELS.get(event.level, "INFO")),
         ]
-        places = {"number": self._event_count, "tick": round(event.time / self.info.sample_period)}
-        record = checked({"record": json.dumps(places | event_values(event), ensure_ascii=False)})
+        record = checked({"record": self._record(self._event_count, event)})
         self._send(EVENTS, time, lines)
         self._send(RECORDS, time, [single("flexlab.Event", name, None, text) for name, text in record.items()])
         self._event_count += 1
+
+    def _record(self, number: int, event: Event) -> str:
+        """An event as JSON with its exact time."""
+        places = {"number": number, "tick": round(event.time / self.info.sample_period)}
+        return json.dumps(places | event_values(event), ensure_ascii=False)
 
     def end(self, status: Status, dropped: int = 0) -> None:
         """Write how the run ended; close the sinks after this."""

@@ -25,10 +25,8 @@ BEAM_POINTS = 33
 """Points of the drawn beam: smooth to the eighth mode."""
 LINK_RADIUS = (0.035, 0.028, 0.02)
 """m, from the base link to the last, for the drawing only."""
-BEAM_RADIUS = 0.009
-"""m."""
-THIN_RADIUS = 0.003
-"""m, of helper lines."""
+BEAM_RADIUS, THIN_RADIUS = 0.009, 0.003
+"""m, the latter of helper lines."""
 BASE_SIZE = (0.09, 0.09, 0.05)
 """Half edges of a base block, m."""
 FORCE_SCALE = 1e-3
@@ -182,9 +180,7 @@ def side_by_side(left: rrb.Container, right: rrb.Container | rrb.View, follow: b
     )
 
 
-def scene_view(
-    name: str, scenario: Scenario, contents: str = "/scene/**", shape: float = VIEW_SHAPE
-) -> rrb.Spatial3DView:
+def scene_view(name: str, scenario: Scenario, contents: str = "/scene/**", shape: float = VIEW_SHAPE) -> rrb.View:
     """The plane from above; `shape`: the view's width over its height, about."""
     (x, y, z), height = eye(scenario, shape)
     return rrb.Spatial3DView(

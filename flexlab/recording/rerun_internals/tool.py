@@ -72,14 +72,10 @@ class Mending:
 
     def _run(self, way: str, source: Path, target: Path) -> bool:
         command = [rerun_tool(), "rrd", way, "--continue-on-error", str(source), "-o", str(target)]
+        nothing, environment = subprocess.DEVNULL, os.environ | {"RUST_LOG": "warn"}
+        # A session of its own: Ctrl-C is for the lab, which then waits for this or stops it.
         self._process = subprocess.Popen(
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            env=os.environ | {"RUST_LOG": "warn"},
-            # A session of its own: Ctrl-C is for the lab, which then waits for this or stops it.
-            start_new_session=True,
+            command, stdin=nothing, stdout=nothing, stderr=subprocess.PIPE, env=environment, start_new_session=True
         )
         with contextlib.suppress(OSError, AttributeError):
             os.setpriority(os.PRIO_PROCESS, self._process.pid, LOW_PRIORITY)

@@ -35,7 +35,6 @@ MAX_SAME_NAME = 1000
 CLAIM_ATTEMPTS, CLAIM_PAUSE = 50, 0.01
 """How often, and with how many s between, a file is claimed before it counts as another's."""
 NEWEST = "newest"
-"""Name of the newest run."""
 NAMES_SAID = 3
 """Names listed of many that begin alike."""
 State = Literal["in use", "complete", "recovered", "unfinished", "damaged"]
@@ -274,8 +273,7 @@ def remove_run(path: Path) -> None:
         ) from None
 
 
-DAY = 86400.0
-"""s."""
+DAY = 86400.0  # s
 
 
 def removable_runs(

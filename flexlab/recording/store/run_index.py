@@ -235,10 +235,8 @@ def _lessons(values: Any) -> tuple[LessonProgress, ...]:
     found: list[LessonProgress] = []
     for value in values[:MOST_LESSONS] if isinstance(values, list) else ():
         if isinstance(value, dict):
-            texts = {
-                name: visible(value.get(name, ""), LONGEST_CHANGE)
-                for name in ("lesson", "question", "answer", "guess", "passed")
-            }
+            names = ("lesson", "question", "answer", "guess", "passed")
+            texts = {name: visible(value.get(name, ""), LONGEST_CHANGE) for name in names}
             options = _texts(value.get("options"), LONGEST_CHANGE, MOST_LESSONS)
             found.append(LessonProgress(step=int(_number(value.get("step")) or 1), options=options, **texts))
     return tuple(found)

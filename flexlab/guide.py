@@ -24,23 +24,15 @@ _INDEXED = re.compile(r"^\| ([^|_`\s]+)_(\w+) \|", re.MULTILINE)
 HEAD_LINE, GUESS, DO, OBSERVE, CHECK = "---", "## Guess", "## Do", "## Observe", "## Check"
 """Lines that separate the parts of a lesson."""
 _OPTION = re.compile(r"^- \[([ x])\] (.+)$", re.MULTILINE)
-
-
 STEPS = ("guess", "do", "observe")
 """Steps of a lesson in order; step 1 is the first."""
 NEEDED = ("title", "preset")
 FIELDS = (*NEEDED, "check", "exaggeration", "hint")
 """Of a lesson's head; those not needed may be left out: a check may also be rules after a line ## Check."""
-
-
 HIGHEST_EXAGGERATION = 1000.0
 """Factor on a drawn deflection."""
-
-
 Mistakes = Iterable[tuple[int, str]]
 """(line of the file, what is wrong in it)."""
-
-
 MOST_TOLD = 20
 """Mistakes of one file that are listed, at most."""
 

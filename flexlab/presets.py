@@ -57,8 +57,6 @@ def write_schema(presets: Path) -> Path:
 
 OWN_FOLDER = Path("presets")
 """A person's own presets, relative to the working directory."""
-
-
 _NUMBER_LIST = re.compile(r"\[\s+([^\[\]{}\"]*?)\s+\]")
 
 

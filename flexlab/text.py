@@ -110,7 +110,6 @@ REPLACEMENT = "\N{REPLACEMENT CHARACTER}"
 CONTROL_PICTURES = 0x2400
 """Unicode's pictures of the 32 control characters follow one another from here: escape is ␛."""
 DELETE, DELETE_PICTURE = 0x7F, 0x2421
-
 _PICTURES = {code: CONTROL_PICTURES + code for code in range(0x20) if chr(code) not in "\t\n"}
 _PICTURES[DELETE] = DELETE_PICTURE
 # Without pictures: controls of the second kind, changes of the writing direction, other line ends, letters that nobody sees
@@ -120,10 +119,7 @@ _WITHOUT_PICTURE = re.compile(
     "\u3164\ufe00-\ufe0e\ufeff\uffa0\ufff9-\ufffb\ud800-\udfff\U0001d173-\U0001d17a\U000e0000-\U000e0fff]"
 )
 _OBEYED = re.compile(f"\x7f|{_WITHOUT_PICTURE.pattern}")
-
 _BEFORE_UNIT = re.compile(r"(?<=\d) (?=(?:[kmµ]?m|[km]?s|k?Hz|[km]?N|N·m|mrad|rad|kg|micrometres|MB/min|%)\b|%)")
-
-
 PARSER = threading.RLock()
 """Held while Python parses a text: in 3.11, two threads at once fail with a SystemError (python/cpython#106905).
 `inspect.getsource` of a class parses, too."""

@@ -24,7 +24,6 @@ CURVES = (VIOLET, OLIVE, ROSE)
 """Of the curves of x, y and θ, and of all other first, second and third ones: none of them is an arm's colour, nor the beam's."""
 LEFT, RIGHT = (BLUE, (38, 150, 170), (104, 112, 220)), (VERMILION, (176, 128, 10), (206, 72, 112))
 """Of the left arm's and of the right arm's three curves: the arm's colour and two near it."""
-
 OWN = "own/"
 """Where a law's own signals are in recordings."""
 LEAST_OWN = 1e-6
@@ -92,7 +91,6 @@ def _view(entity: str, title: str, curves: str, units: str, signals: str = "", *
 
 
 MILLI, PERCENT = 1e3, 100.0
-
 ERROR = _view("error", "Tracking error", "x, y, θ", "mm, mm, mrad", "tracking_error", scale=MILLI, least=0.1)
 DEFLECTION = _view(
     "vibration", "Mid-span deflection, true size", "vibration, deflection, quasi-static", "mm",

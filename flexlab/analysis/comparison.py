@@ -26,15 +26,12 @@ if TYPE_CHECKING:
 
 Table = list[list[str]]
 """A row of headings, then the rows of the table."""
-
 SAME_LENGTH = 1e-9
 """Difference of durations, s, below which two runs count as equally long."""
-
 SAMPLE_PERIOD, COMMANDS = "sample_period", "commands"
 """Names of what is no field of a scenario, and makes runs differ."""
 MOST_COMMANDS = 3
 """Most commands of a run that are told."""
-
 SAME = "All runs started from the same scenario."
 
 

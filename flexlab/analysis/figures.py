@@ -35,8 +35,6 @@ RESOLUTION = 200
 """Resolution of PNG, dots per inch."""
 POINTS = 4000
 """Most points of a curve; of a longer signal, the least and largest value of each stretch are drawn."""
-
-
 LARGEST = 1e100
 """Largest magnitude that is drawn: an axis that is longer has no ticks."""
 
@@ -51,7 +49,6 @@ BLUE, VERMILION, GREEN, GRAY, PURPLE = map(
 """Colours, as in the lab, of left arm, right arm, payload, background of a curve, and desired motion."""
 LINES = ("-", "--", "-.", ":")
 """Line styles of the first to fourth curve, which tell them apart without colours."""
-
 MILLI = 1e3
 AXES = ("x", "y", "θ")
 
@@ -65,8 +62,6 @@ STYLE: Any = {
     "svg.hashsalt": "flexlab",
     "svg.fonttype": "none",
 }
-
-
 _GROUND = re.compile(r'(<path [^>]*style="fill: )#ffffff("|; opacity)')
 _PAGE_STYLE = (
     "<style>svg text { fill: currentColor } @media (prefers-color-scheme: dark) { svg:root { color: #e6eaf0 } }</style>"

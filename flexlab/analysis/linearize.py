@@ -206,20 +206,11 @@ def _about(linear: Linearization, answers: "Outputs", drive: _Drive, closed: boo
         part[np.ix_(order, order)] for part in (linear.plant.mass, linear.plant.damping, linear.plant.stiffness)
     )
     return About(
-        states=tuple(states),
-        inputs=drive.names,
-        outputs=outputs,
-        mass=mass,
-        damping=damping,
-        stiffness=stiffness,
-        pose=linear.rest.motion.x.copy(),
-        torque=linear.rest.torque.reshape(-1, 3).copy(),
-        output_at_rest=answers.at_rest,
-        closed=closed,
-        input_delay=late,
-        note=loop_note(linear),
+        states=tuple(states), inputs=drive.names, outputs=outputs, mass=mass, damping=damping, stiffness=stiffness,
+        pose=linear.rest.motion.x.copy(), torque=linear.rest.torque.reshape(-1, 3).copy(), output_at_rest=answers.at_rest,
+        closed=closed, input_delay=late, note=loop_note(linear),
         disk_margin=find_disk_margin(linear, find_poles(linear).value),
-    )
+    )  # fmt: skip
 
 
 class Outputs(NamedTuple):

@@ -39,7 +39,6 @@ TOLERANCE = 3e-7
 """Largest difference attributed to rounding, over the signal's largest value in the run. Other BLAS kernels and C libraries make
 1e-11 within a second under most laws, and 2e-7 under those that solve a Riccati equation; a relative change of a gain by 1e-6
 makes 4e-7 or more in at least one signal."""
-
 AT_REST = 1e-6
 """Smallest value that counts as a signal's largest one, in SI units and over the largest value of all signals with these units:
 the difference of two numbers has their rounding errors."""

@@ -25,8 +25,6 @@ from flexlab.sim.sampled_control import Sampling, control_instant
 
 PROBE_PERIOD = 1e-3
 """Control period for a scenario without one, s; the law's answer at an instant does not depend on it."""
-
-
 STRAIGHT = 1e-3
 """Largest step of the pose rate, as a share of the friction's smoothing speed, within which friction is nearly linear."""
 
@@ -80,17 +78,11 @@ class LoopProbe:
         self.size = 2 * (3 + self.mode_count)
         """Number of components of a displacement."""
         # Over a period of 1 s the change of a continuous law's memory is its rate.
+        delay = self.original.controller.input_delay
         self._sampling = Sampling(
-            period=period or 1.0,
-            steps=1,
-            delay=self.original.controller.input_delay,
-            noise=np.zeros(8),
-            gauge_noise=np.zeros((2, 0)),
-            strain=build_strains(scenario, self.beam),
-            strain_noise=0.0,
-            seed=0,
-            line=np.zeros((self.original.controller.input_delay + 1, self.arm_count, 3)),
-        )
+            period=period or 1.0, steps=1, delay=delay, noise=np.zeros(8), gauge_noise=np.zeros((2, 0)),
+            strain=build_strains(scenario, self.beam), strain_noise=0.0, seed=0, line=np.zeros((delay + 1, self.arm_count, 3)),
+        )  # fmt: skip
         self._workspace = new_workspace(self.system)
         self._y = np.zeros(state_length(self.system))
         self._memory = memory_slice(self.system)

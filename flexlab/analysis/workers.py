@@ -82,7 +82,6 @@ PATIENCE = 10.0
 """Longest wait for the scheduler's answer, s."""
 AHEAD = 3
 """Items per thread that are submitted ahead, so that a study of millions does not fill the memory."""
-
 Work = Callable[[Any], Any]
 """The work on one item. A cluster needs one that can be pickled: a function of a module, or a `partial` of one."""
 Does = Callable[[Work, Iterable[Any]], Iterator[tuple[int, Any]]]

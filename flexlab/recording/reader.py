@@ -208,20 +208,11 @@ def _assemble(path: Path, rows: Rows) -> Recording:
     told = {
         name: value for name, value in (properties | end).items() if name != "scenario" and isinstance(value, PLAIN)
     }
+    computed_in = checked_format(properties.get("computed_in", written_in), max(FORMAT, written_in))
     return Recording(
-        path=path,
-        name=str(properties["preset"]),
-        scenario=scenario,
-        start=state,
-        events=events,
-        status=status,
-        started=started,
-        sample_period=period,
-        part=part,
-        computed_in=checked_format(properties.get("computed_in", written_in), max(FORMAT, written_in)),
-        state=run_state(path),
-        properties=told,
-    )
+        path=path, name=str(properties["preset"]), scenario=scenario, start=state, events=events, status=status,
+        started=started, sample_period=period, part=part, computed_in=computed_in, state=run_state(path), properties=told,
+    )  # fmt: skip
 
 
 def _events(path: Path, rows: Rows, end: Mapping[str, Any]) -> tuple[Event, ...]:

@@ -13,8 +13,7 @@ from flexlab.analysis.figures import svg_text
 from flexlab.analysis.leaderboard.board import Finding, Leaderboard, make_tasks, run_board, verify
 from flexlab.analysis.leaderboard.case import Case, Variant, cases, chosen_cases, peak_error, settled
 from flexlab.analysis.leaderboard.entry import Row, chosen_entrants, entrants
-from flexlab.analysis.leaderboard.figures import draw_case
-from flexlab.analysis.leaderboard.report import overview, sections, settings, write_report
+from flexlab.analysis.leaderboard.report import draw_case, overview, sections, settings, write_report
 from flexlab.analysis.leaderboard.store import RowStore, law_source, shipped_rows
 from flexlab.errors import StudyError
 from flexlab.presets import load_preset

@@ -189,8 +189,6 @@ class Explained:
 
 EXPLANATIONS: dict[str, Explanation] = {}
 """Every explanation by its name, the most important first."""
-
-
 NOTHING = 1e-9
 """Magnitude below which a number in a sentence is rounding."""
 

@@ -150,7 +150,6 @@ def spillover(seen: Evidence) -> str | None:
 
 SMALL = 30.0
 """Phase margin of all motors below which it counts as small, °, as in textbooks."""
-
 SLOWEST = 0.1
 """Lowest frequency of a small margin, Hz; a slower pole belongs to a memory that hardly moves."""
 

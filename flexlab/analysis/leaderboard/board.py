@@ -78,7 +78,7 @@ class Leaderboard(Result):
 
     def plot(self, case: str = "") -> "Figure":
         """The main score of every law in a case, named as in "B1"; the first case without a name. Raises `StudyError`."""
-        from flexlab.analysis.leaderboard.figures import draw_case
+        from flexlab.analysis.leaderboard.report import draw_case
 
         known = {each.name: each for each in self.cases}
         if case and case not in known:

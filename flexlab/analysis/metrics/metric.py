@@ -84,8 +84,6 @@ class Metric(ABC):
 Signal = Callable[["Samples"], np.ndarray]
 METRICS: dict[str, type[Metric]] = {}
 """Every metric by its name, in the order of tables."""
-
-
 MetricClass = TypeVar("MetricClass", bound=type[Metric])
 
 

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 Window = tuple[float, float]
 """First and last instant, s."""
-
 DURATION, NOT_FINISHED = "duration", "did not finish"
 """The only metric of a stopped run, and the word for the others."""
 ROUNDING = 1e-9

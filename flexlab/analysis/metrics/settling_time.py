@@ -11,7 +11,6 @@ if TYPE_CHECKING:
 
 SHARE = 0.01
 """Share of its peak below which a vibration counts as gone, as in the paper's "disappears at 0.5 s"."""
-
 QUIET = 0.01
 """Least time below this share at the end of the samples, s."""
 LONGER = 2.0
@@ -21,13 +20,10 @@ AGAIN, NEAR = 4.0, 0.02
 after it; earlier pauses then do not count."""
 FINEST, MOST_PIECES = 0.0025, 4000
 """Shortest piece of time whose peak is kept, s, and most pieces; pieces double in length if a run has more."""
-
 PARTS, KEEPS = 3, 0.8
 """Parts of an unsettled run, of which the last two are compared, and ratio of their peaks from which there is no decay."""
-
 NOTHING = 1e-9
 """Largest vibration that is the integrator's error, m."""
-
 NOT_SETTLED = "not settled"
 
 

@@ -39,7 +39,6 @@ MANY_CELLS = 100_000
 """Cells, about an hour's work, above which the command asks for confirmation."""
 PARTS, LARGEST_PART = 64, 256
 """Number of parts that are computed and saved one by one, about, and most cells of a part."""
-
 DEFAULT_ACCURACY = 1e-7
 """Pose accuracy of a cell, m: metrics have an error of about 1e-5, and steps are up to five times those of a lab's run."""
 
@@ -113,11 +112,7 @@ class Plan:
         return {
             "scenario": self.scenario.model_dump(mode="json"),
             "vary": [axis.as_data() for axis in self.axes],
-            "duration": self.duration,
-            "sample_period": self.sample_period,
-            "design": self.design,
-            "samples": self.samples,
-            "seed": self.seed,
+            **{name: getattr(self, name) for name in ("duration", "sample_period", "design", "samples", "seed")},
             "metrics": [*METRICS, *(own.digest for own in own_metrics())],
             "table": TABLE_FORMAT,
             "engine": engine(),

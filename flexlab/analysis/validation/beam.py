@@ -59,7 +59,6 @@ SPUN = {0.0: 3.5160, 1.0: 3.5432, 2.0: 3.6218, 5.0: 4.0739, 10.0: 5.0490}
 (1982) 197-202, with Southwell's λ² less γ²)."""
 SOFTENED_AWAY = 3.516
 """γ at which a spun beam has no stiffness left in a model without axial load."""
-
 FELT, PLAIN = {"payload.axial_load": "first-order"}, {"payload.axial_load": "none"}
 PRESSED = {"controller.wanted_internal_force": 30.0}
 SPIN_UP, SPUN_FOR = 3.0, 5.0

@@ -31,7 +31,6 @@ from flexlab.sim.world import World
 PERIOD = 0.001
 """Control period, s."""
 INTEGRATORS = ("etdrk4", "rk4", "generalized-alpha")
-
 COASTING = {"controller.kind": "none", "initial.pose_rate": (-0.3, 0.1, 0.4), "initial.beam_coordinates": None}
 """The preset single-arm with motors off."""
 VISCOUS, COULOMB = 4.0, 0.3

@@ -19,8 +19,6 @@ STEP = 1e-4
 """Step of fourth-order differences, m and rad."""
 GAUSS_POINTS = 6
 """Per element, exact for the beam's kinetic energy."""
-
-
 HELD = {"pinned-pinned": (0, -2), "pinned-clamped": (0, -2, -1)}
 """Boundary → which of the 2 (n + 1) nodal coordinates are zero."""
 

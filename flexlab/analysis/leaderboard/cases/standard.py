@@ -30,8 +30,6 @@ B1 = Case(
     3.0,
     (settled(), peak_error(), rms_error((1.0, 3.0)), peak_torque(), internal_force()),
 )
-
-
 STIFFNESSES = (100.0, 10.0, 1.27)
 """Bending stiffnesses, N·m², with first modes of 44, 14 and 5 Hz."""
 
@@ -44,8 +42,6 @@ B2 = Case(
     {"trajectory.kind": "rest-to-rest"},
     tuple(Variant(f"EI = {EI:g} N·m²", {"payload.bending_stiffness": EI}) for EI in STIFFNESSES),
 )
-
-
 AT = 0.1  # s
 IMPULSE = 0.2
 """Impulse of a tap with a finger across the beam, N·s."""
@@ -61,8 +57,6 @@ B3 = Case(
     {"trajectory.kind": "hold"},
     commands=((AT, Tap(0.0, (0.0, IMPULSE))),),
 )
-
-
 WRONG = (-0.5, -0.2, 0.2, 0.5)
 BELIEVED = {"EI": "controller.model.stiffness_factor", "ρ": "controller.model.linear_density_factor"}
 
@@ -78,8 +72,6 @@ B4 = Case(
         for wrong in WRONG
     ),
 )
-
-
 PERIOD = 0.001  # s
 POSE_NOISE = (2e-6, 2e-6, 5e-6)
 """Noise of the pose, m, m, rad, as by encoders of 20 bits at the end of such arms."""
@@ -120,10 +112,8 @@ RATIOS = (0.25, 0.5, 0.8, 0.9, 1.0, 1.1, 1.25, 2.0)
 """Path frequency over f1."""
 ACCELERATION = 2.0
 """Peak acceleration of the path across the beam, m/s², and so the beam's load, the same at all frequencies."""
-
 STIFFNESS = 10.0
 """Bending stiffness, N·m², with which arms can follow a path at twice the first mode's frequency."""
-
 _payload = load_preset("paper").payload
 FIRST_MODE = pi / (2 * _payload.length**2) * sqrt(STIFFNESS / _payload.linear_density)
 """f1 of the beam on two fixed pins, Hz."""
@@ -145,8 +135,6 @@ B6 = Case(
     {"payload.bending_stiffness": STIFFNESS, "initial.pose_rate": None, "trajectory.smooth_start": 0.5},
     tuple(Variant(f"{ratio:g} f1", _path(ratio)) for ratio in RATIOS),
 )
-
-
 DURATION = 600.0  # s
 SETTLED, END = 60.0, 540.0
 """Start of the window of the drift, and of the last minute, s."""
@@ -194,8 +182,6 @@ B7 = Case(
     (Variant("σ as it is"), Variant(f"σ = {LEAKAGE:g} 1/s", law_fields={"leakage": LEAKAGE})),
     long=True,
 )
-
-
 ENCODER = 2.0**20
 """Counts per turn of a joint: 20 bits."""
 JOINTS = {
@@ -208,7 +194,6 @@ JOINTS = {
     "joints.friction.coulomb": (8.0, 6.0, 2.0),
     "joints.friction.static_factor": 1.5,
 }
-
 KNOWN = {"controller.model.friction_factor": 1.0}
 FILLED = {"payload.mass_change.factor": 1.5, "payload.mass_change.begin": 0.5, "payload.mass_change.duration": 1.0}
 

@@ -143,7 +143,6 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
         return to_dataset(self)
 
     def _repr_html_(self) -> str:
-        """The run and its metrics, for notebooks."""
         return f"<p>{escape(repr(self))}</p>{self.metrics._repr_html_()}"
 
     def __repr__(self) -> str:
@@ -167,15 +166,13 @@ def simulate(
 ) -> Run:
     """Simulate a scenario for `duration` s with a sample exactly at every k · `sample_period` s, t = 0 included.
 
-    `scenario`: a `Scenario`, the name of a preset, the path of a scenario file, or plain data. `commands`: (time in s,
-    command) pairs, as a person in the live lab would give them; each takes effect on the first sample instant that is not
-    before its time. `law`: another control law, by its name, the path of a Python file or unit (.fmu) that holds one, the
-    address of a program (tcp://HOST:PORT), or a class of `OwnLaw`; `path`: another path, by its name, a CSV file, a Python
-    file, or a class of `OwnPath`. A run that cannot start or go on ends early: `run.status` says why, and the good samples
-    are kept.
-    Raises `PresetError` or `ScenarioError` for a scenario or command that is not valid and `StudyError` for a duration or
-    period that is not, a command that changes the beam's mesh or starts the run anew, and, with `check`, for a run that
-    did not finish.
+    `scenario`: a `Scenario`, the name of a preset, the path of a scenario file, or plain data. `commands`: (time in s, command)
+    pairs, as a person in the live lab would give them; each takes effect on the first sample instant that is not before its
+    time. `law`: another control law, by its name, the path of a Python file or unit (.fmu) that holds one, the address of a
+    program (tcp://HOST:PORT), or a class of `OwnLaw`; `path`: another path, by its name, a CSV file, a Python file, or a class
+    of `OwnPath`. A run that cannot start or go on ends early: `run.status` says why, and the good samples are kept. Raises
+    `PresetError` or `ScenarioError` for a scenario or command that is not valid and `StudyError` for a duration or period that
+    is not, a command that changes the beam's mesh or starts the run anew, and, with `check`, for a run that did not finish.
     """
     must_finish = flag("check", check)
     name, valid = named_scenario(scenario, law, path)
@@ -293,8 +290,7 @@ def export_fmu(
     `part`: "plant", arms and beam, whose motors' torques are inputs; "law", law and path, whose inputs are what is measured; or
     "loop", both together, which gives the bits of `simulate`; or "follower", the loop without its path, whose inputs are the
     desired motion. `version` of FMI: 3 or 2. Importers look every `sample_period` s, or at multiples of it. A C compiler is
-    needed.
-    Raises `PresetError`, `ScenarioError` or `StudyError`.
+    needed. Raises `PresetError`, `ScenarioError` or `StudyError`.
     """
     from flexlab.fmi.export import write_fmu
 

@@ -2,8 +2,7 @@
 
 A line `![alt](file.svg)` becomes the picture itself (inline SVG takes the page's text colour, and no page shows it smaller
 than it is); a line `[symbols: x e …]` becomes a table of those symbols from `flexlab.notation`; in a table's first column
-`x_d` becomes x with an index. All texts are flexlab's
-own: nothing that a person typed gets into them.
+`x_d` becomes x with an index. All texts are flexlab's own: nothing that a person typed gets into them.
 """
 
 import html
@@ -23,6 +22,7 @@ _SYMBOLS = re.compile(r"^\[symbols: ([^\]]+)\]$", re.MULTILINE)
 _INDEXED = re.compile(r"^\| ([^|_`\s]+)_(\w+) \|", re.MULTILINE)
 HEAD_LINE, GUESS, DO, OBSERVE, CHECK = "---", "## Guess", "## Do", "## Observe", "## Check"
 """Lines that separate the parts of a lesson."""
+PARTS = {GUESS: "guess", DO: "steps", OBSERVE: "observe", CHECK: "check"}
 _OPTION = re.compile(r"^- \[([ x])\] (.+)$", re.MULTILINE)
 STEPS = ("guess", "do", "observe")
 """Steps of a lesson in order; step 1 is the first."""
@@ -225,35 +225,21 @@ def _head(text: str) -> tuple[dict[str, str], dict[str, int], list[tuple[int, st
 def _parts(file: Path, text: str) -> tuple[dict[str, str], list[tuple[int, str]]]:
     """Head, question, steps, observe, guess and check (may be empty); what is missing. Raises `LessonError`: there is no head."""
     lines = text.split("\n")
-
-    def place(line: str, start: int, end: int | None = None) -> int:
-        found = range(start, len(lines) if end is None else end)
-        return next((number for number in found if lines[number] == line), -1)
-
-    def wrong(number: int, reason: str) -> LessonError:
-        return LessonError(file, [(number, reason)])
-
     if lines[0] != HEAD_LINE:
-        raise wrong(1, "a lesson begins with a line --- and its head.")
-    second = place(HEAD_LINE, 1)
-    if second < 0:
-        raise wrong(len(lines), "the head does not end: it needs a second line ---.")
-    do = place(DO, second)
-    observe = place(OBSERVE, max(do, second))
-    missing = [
-        (len(lines), f"there is no line {title}: a lesson has ## Do and ## Observe, in this order.")
-        for at, title in ((do, DO), (observe, OBSERVE))
-        if at < 0
-    ]
-    check = place(CHECK, max(observe, second))
-    last = len(lines) if check < 0 else check
-    observe = last if observe < 0 else observe
-    do = observe if do < 0 else do
-    guess = place(GUESS, second, do)
-    ends = {"head": (1, second), "question": (second + 1, do if guess < 0 else guess)}
-    ends |= {"guess": (do, do) if guess < 0 else (guess + 1, do)}
-    ends |= {"steps": (do + 1, observe), "observe": (observe + 1, last), "check": (last + 1, len(lines))}
-    return {name: "\n".join(lines[start:end]) for name, (start, end) in ends.items()}, missing
+        raise LessonError(file, [(1, "a lesson begins with a line --- and its head.")])
+    if HEAD_LINE not in lines[1:]:
+        raise LessonError(file, [(len(lines), "the head does not end: it needs a second line ---.")])
+    second, part, following, missing = lines.index(HEAD_LINE, 1), "question", list(PARTS), [DO, OBSERVE]
+    found: dict[str, list[str]] = {"head": lines[1:second], "question": [], **{name: [] for name in PARTS.values()}}
+    for line in lines[second + 1 :]:
+        if line in following:
+            part, following = PARTS[line], following[following.index(line) + 1 :]
+            missing = [title for title in missing if title != line]
+        else:
+            found[part].append(line)
+    lacks = "there is no line {}: a lesson has ## Do and ## Observe, in this order."
+    mistakes = [(len(lines), lacks.format(title)) for title in missing]
+    return {name: "\n".join(those) for name, those in found.items()}, mistakes
 
 
 def _lesson(file: Path) -> Lesson:

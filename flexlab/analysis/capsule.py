@@ -83,7 +83,6 @@ def _fill(folder: Path, source: Path, recording: Recording) -> None:
 
 
 def _metadata(folder: Path, files: list[str], recording: Recording) -> dict[str, Any]:
-    """The RO-Crate metadata."""
     described = [_file(folder, name) for name in files]
     program = {
         "@id": "https://pypi.org/project/flexlab/",

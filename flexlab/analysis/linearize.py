@@ -44,11 +44,10 @@ def linearize(
     jumps and then stands. `outputs`: names of a run's signals. `closed`: whether the control law acts, to whose torques the
     inputs are added; None: if a desired pose is an input.
 
-    With a control period the model describes control instants: torques are held and come late by the input delay, and
-    outputs are those just after the law has acted. States: pose, modal coordinates (in ascending frequency), their rates,
-    the law's memory as far as it changes in the first order, torques on their way.
-    Raises `ScenarioError` for a scenario that is not valid, and `StudyError` for unknown names, a pose that an arm cannot
-    take, or a loop that has no rest point.
+    With a control period the model describes control instants: torques are held and come late by the input delay, and outputs
+    are those just after the law has acted. States: pose, modal coordinates (in ascending frequency), their rates, the law's
+    memory as far as it changes in the first order, torques on their way. Raises `ScenarioError` for a scenario that is not
+    valid, and `StudyError` for unknown names, a pose that an arm cannot take, or a loop that has no rest point.
     """
     known = any_scenario(scenario).replace({})
     driven = _names(inputs)

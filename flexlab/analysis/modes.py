@@ -179,7 +179,6 @@ class Modes:
         return "\n".join(lines + (["", self.note] if self.note else []))
 
     def _repr_html_(self) -> str:
-        """The tables of modes and poles, for notebooks."""
         return f"<p>{escape(repr(self))}</p><pre>{escape(str(self))}</pre>"
 
     def __repr__(self) -> str:

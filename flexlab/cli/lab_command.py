@@ -56,7 +56,11 @@ def command(
 ) -> None:
     """Open the lab: two arms carry a flexible beam, live in your browser, every run recorded."""
     if private:
-        _read_ahead()
+        from flexlab.compiled import is_warm
+        from flexlab.server.child_processes import prepare_lab_processes
+
+        if is_warm():  # Else both processes would compile the engine. The first visitor waits for both.
+            prepare_lab_processes()
     with loading():
         from flexlab.cli.options import chosen_scenarios
         from flexlab.cli.warmup import compiling_the_rest, warm_up
@@ -96,16 +100,6 @@ def command(
     if last is not None:
         review = "flexlab review" if logs == LOGS else f"flexlab review {last}"
         output().print(f"The last run is in {last}. Look at it with: {review}", soft_wrap=True)
-
-
-def _read_ahead() -> None:
-    """Start loading the program of labs in parallel, as the first visitor waits for both."""
-    from flexlab.compiled import is_warm
-    from flexlab.server.child_processes import prepare_lab_processes
-
-    # If the engine is not compiled yet, both processes would compile it.
-    if is_warm():
-        prepare_lab_processes()
 
 
 @contextmanager

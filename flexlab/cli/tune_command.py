@@ -92,7 +92,6 @@ def _print(found: "Tuning") -> None:
 
 
 def _number(values: "Mapping[str, float]", name: str) -> str:
-    """A metric of a candidate."""
     if not values:
         return "fails"
     return f"{values[name]:.5g}" if values[name] == values[name] else "–"

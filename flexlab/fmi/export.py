@@ -72,7 +72,6 @@ def write_fmu(
 
 
 def _write(folder: Path, file: Path, part: Part, name: str, version: int, place: tuple[str, str, str]) -> None:
-    """Compile and pack a unit."""
     text = scenario_text(part.scenario)
     token = hashlib.sha256(f"{__version__} {version} {name} {part.tick_period} {text}".encode()).hexdigest()[:32]
     tool = f"flexlab {__version__}"

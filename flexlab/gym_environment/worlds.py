@@ -131,7 +131,8 @@ class WorldBatch:
         self.settings, self.count = settings, count
         base = _base(settings)
         self.scenario, self.arm_count = base, len(base.arms)
-        stiffness = _stiffnesses(settings, base)
+        given = settings.stiffness
+        stiffness = np.geomspace(*given, settings.variants) if given else np.array([base.payload.bending_stiffness])
         assemblies: list[Assembly] = []
         for value in stiffness:
             scenario = base.replace({"payload.bending_stiffness": float(value)})
@@ -143,8 +144,7 @@ class WorldBatch:
         self._variants = _stack(assemblies)
         self._bend_limit = DEFLECTION_LIMIT * base.payload.length
         self._desired = desired_at(first.system.trajectory, 0.0)
-        given = base.initial.pose, base.initial.pose_rate
-        pairs = zip(given, self._desired, strict=False)
+        pairs = zip((base.initial.pose, base.initial.pose_rate), self._desired, strict=False)
         self._start = np.array([path if own is None else own for own, path in pairs])
         self._limits, self._noise = np.full(3, float(settings.torque_limit)), np.array(NOISE)
         self.state, self._begun = _new_worlds(count, first, settings), np.zeros(count, bool)
@@ -235,12 +235,6 @@ def _base(settings: Settings) -> Scenario:
     if fault is not None:
         raise StudyError(fault.text)
     return scenario
-
-
-def _stiffnesses(settings: Settings, base: Scenario) -> np.ndarray:
-    if settings.stiffness is None:
-        return np.array([base.payload.bending_stiffness])
-    return np.geomspace(*settings.stiffness, settings.variants)
 
 
 def _stack(assemblies: list[Assembly]) -> Variants:

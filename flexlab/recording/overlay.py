@@ -167,5 +167,4 @@ def _scenes(runs: Sequence[NamedScenario], drawn: Sequence[int]) -> list[rrb.Vie
 
 
 def _overlay(signal: View, labels: Sequence[str]) -> rrb.TimeSeriesView:
-    """One plot with the curves of all runs."""
     return plot_view(signal, [f"/runs/{label}/{signal.entity}" for label in labels])

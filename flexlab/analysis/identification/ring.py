@@ -226,18 +226,13 @@ def _described(
         amplitude = float(np.hypot(linear[2 * k], linear[2 * k + 1])) * scale
         found.append(_mode(omega, sigma, own, factor, moved[k], amplitude, tau, problem))
     # A slow change of the background looks like part of a period, and the first samples after a tap like a fast mode.
-    seen = [mode for mode in found if _resolved(mode.frequency.value, tau)]
+    seen = [mode for mode in found if FEWEST_PERIODS <= mode.frequency.value * tau[-1] <= (len(tau) - 1) / 2]
     loudest = max(seen, key=lambda mode: mode.amplitude, default=None)
     found = [mode for mode in seen if mode.frequency.identifiable or mode is loudest] or found
     found.sort(key=lambda mode: mode.frequency.value)
     background = basis[:, 2 * len(modes) :] @ linear[2 * len(modes) :] * scale
     noise = float(np.sqrt(variance)) * scale
     return RingFit(tuple(found), noise, float(time[0]), float(time[-1]), len(time), background, problem)
-
-
-def _resolved(frequency: float, tau: np.ndarray) -> bool:
-    """Whether the samples hold enough periods of a frequency, and samples enough of each."""
-    return FEWEST_PERIODS <= frequency * tau[-1] <= (len(tau) - 1) / 2
 
 
 def _near(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> list[tuple[float, float]]:

@@ -98,7 +98,6 @@ class Leaderboard(Result):
         return f"<Leaderboard in {cases}, laws: {len(self.laws)}, rows: {len(self.rows)}, failed: {len(self.failed)}>"
 
     def _repr_html_(self) -> str:
-        """Laws and their main scores, for notebooks."""
         places = [(case, variant) for case in self.cases for variant in case.variants]
         heads = ("law", *(f"{case.name} {variant.name}" for case, variant in places))
         lines = ([law, *(self._main(case, variant, law) for case, variant in places)] for law in self.laws)

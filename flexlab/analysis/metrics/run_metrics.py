@@ -162,7 +162,6 @@ class RunMetrics:
         return "\n".join([f"Over {self.window_text}:", *rows, *([self.note] if self.note else [])])
 
     def _repr_html_(self) -> str:
-        """A table, for notebooks."""
         caption = f"Over {self.window_text}" + (f". {self.note}" if self.note else "")
         return html_table(((row.key, row.text) for row in self.rows), caption=caption)
 

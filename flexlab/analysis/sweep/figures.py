@@ -55,7 +55,8 @@ def draw_metric(plan: Plan, table: Any, name: str) -> Figure:
         figure, parts = panels(len(shown), *SIZE)
         figure.suptitle(f"{column.title} ({column.unit}){left_out}")
         values = drawable(number_column(table, column.key))
-        scale = _color_scale(values)
+        known = values[~np.isnan(values)] if not np.isnan(values).all() else np.array([0.0, 1.0])
+        scale = (LogNorm if _scale(known) == "log" else Normalize)(known.min(), known.max())
         drawn: Any = None
         for part, (title, rows) in zip(parts, shown, strict=True):
             part.set_title(title, fontsize="medium")
@@ -166,11 +167,6 @@ def _edges(centers: np.ndarray, logarithmic: bool) -> np.ndarray:
     between = (places[1:] + places[:-1]) / 2
     edges = np.concatenate([[2 * places[0] - between[0]], between, [2 * places[-1] - between[-1]]])
     return np.exp(edges) if logarithmic else edges
-
-
-def _color_scale(values: np.ndarray) -> Normalize:
-    known = values[~np.isnan(values)] if not np.isnan(values).all() else np.array([0.0, 1.0])
-    return (LogNorm if _scale(known) == "log" else Normalize)(known.min(), known.max())
 
 
 def _scale(values: np.ndarray) -> str:

@@ -231,7 +231,6 @@ class Sweep(Result):
         return f"<Sweep of {len(self)} cells over {fields}{failed}, in {self.folder}>"
 
     def _repr_html_(self) -> str:
-        """The first rows, for notebooks."""
         rows = ([_text(value) for value in row.values()] for row in self.table.slice(0, HTML_ROWS).to_pylist())
         return f"<p>{escape(repr(self))}</p>{html_table(rows, self.table.column_names)}"
 

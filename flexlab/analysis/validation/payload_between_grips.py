@@ -178,7 +178,6 @@ def mass_change(runs: Runs) -> Iterator[Check]:
 
 
 def _change(factor: float) -> dict[str, object]:
-    """The fields that change the payload's mass by this factor."""
     return {"payload.mass_change": {"factor": factor, "begin": BEGIN, "duration": DURATION}}
 
 

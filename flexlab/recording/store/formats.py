@@ -32,14 +32,9 @@ OLD_QUASI_STATIC = "quasi_static_deflection_of_format_1"
 """What format 1 called the quasi-static deflection: of the actual acceleration, which jumps."""
 
 
-def _check_table() -> None:
-    """Raises ValueError for a signal of a format that is not written yet: no replay would compare it."""
-    late = [name for name, signal in TABLE.items() if max(signal.since, signal.computed_since) > FORMAT]
-    if late:
-        raise ValueError(f"{', '.join(late)}: since is above format {FORMAT}, which is written now: leave it out.")
-
-
-_check_table()
+# No replay would compare a signal of a format that is not written yet.
+if _late := [name for name, signal in TABLE.items() if max(signal.since, signal.computed_since) > FORMAT]:
+    raise ValueError(f"{', '.join(_late)}: since is above format {FORMAT}, which is written now: leave it out.")
 
 
 def readable(properties: dict) -> bool:

@@ -182,20 +182,11 @@ def read_lesson(
         reason = f"exaggeration = {factor[:40]!r} is no factor for the drawn deflection: write {allowed}."
         mistakes.append((lines["exaggeration"], reason))
     lesson = Lesson(
-        id=file.stem,
-        title=head.get("title", ""),
-        preset=head.get("preset", ""),
-        check=head.get("check") or parts["check"],
-        question=question,
-        guess=" ".join(_OPTION.sub("", guess).split()),
-        options=tuple(option for _, option in options),
-        answer=right[0] if right else "",
-        steps=steps,
-        observe=observe,
-        hint=head.get("hint", ""),
-        exaggeration=exaggeration or None,
-        lines=tuple(lines.items()),
-    )
+        id=file.stem, title=head.get("title", ""), preset=head.get("preset", ""), check=head.get("check") or parts["check"],
+        question=question, guess=" ".join(_OPTION.sub("", guess).split()), options=tuple(option for _, option in options),
+        answer=right[0] if right else "", steps=steps, observe=observe, hint=head.get("hint", ""),
+        exaggeration=exaggeration or None, lines=tuple(lines.items()),
+    )  # fmt: skip
     mistakes += further(lesson)
     if mistakes:
         raise LessonError(file, mistakes)

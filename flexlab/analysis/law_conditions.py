@@ -42,16 +42,10 @@ def circumstances(scenario: Scenario) -> Circumstances:
     modes, asked = beam.modes, desired_poses(system, scenario.trajectory)
     rigid = system._replace(plant=system.plant._replace(kappa=np.zeros(3)))
     around = Circumstances(
-        scenario=scenario,
-        instants=np.array(reached),
-        path=path,
-        reaction=np.zeros((len(path), 3)),
-        omega=modes.omega,
-        damping=np.diag(modes.D),
-        loads=np.stack([modes.V.T @ beam.matrices.h, modes.V.T @ beam.matrices.g]),
-        fastest_rate=control_rate(system, asked),
-        slow_rate=control_rate(rigid, asked),
-    )
+        scenario=scenario, instants=np.array(reached), path=path, reaction=np.zeros((len(path), 3)), omega=modes.omega,
+        damping=np.diag(modes.D), loads=np.stack([modes.V.T @ beam.matrices.h, modes.V.T @ beam.matrices.g]),
+        fastest_rate=control_rate(system, asked), slow_rate=control_rate(rigid, asked),
+    )  # fmt: skip
     for k, (now, B) in enumerate(zip(path, around.inertias(), strict=True)):
         unknown = B - now.M[: now.arm_count].sum(axis=0) - np.diag([m, m, inertia])
         around.reaction[k] = unknown @ now.desired[2] + [0.0, (now.m - m) * now.gravity, 0.0]

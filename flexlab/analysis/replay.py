@@ -68,7 +68,6 @@ class Replay(Result):
     """The result in a sentence or two."""
     deviation: float | None = None
     """Largest difference by rounding, over the signal's largest value; None: all bits are the same."""
-
     scenario: Scenario | None = None
     """The scenario at the start of the run."""
 

@@ -25,15 +25,6 @@ NEUTRAL = 1e-3
 """Growth, 1/s, below which a pole counts as neutral: above all rounding, and less than 6 % in a minute."""
 
 
-class LoopMap(NamedTuple):
-    """A linear loop. Its state: that of `held_plant`, memory, torques held until now (if the law uses them) and on their way."""
-
-    matrix: np.ndarray
-    """Matrix of dz/dt (1/s), or of z one control period later."""
-    kept_memory: np.ndarray
-    """Indices of the law's memory states in it, those that change in the first order."""
-
-
 class Poles(NamedTuple):
     """Poles by magnitude."""
 
@@ -91,8 +82,11 @@ def kept_memory(linear: Linearization) -> np.ndarray:
     return np.flatnonzero(np.any(rows != 0, axis=1) & ~linear.rest.moving)
 
 
-def loop_map(linear: Linearization) -> LoopMap:
-    """Plant and law closed into one loop, with the scenario's control period and input delay."""
+def loop_map(linear: Linearization) -> np.ndarray:
+    """The matrix of dz/dt (1/s) of plant and law closed into one loop, or of z one control period later.
+
+    z: the state of `held_plant`, kept memory, torques held until now (if the law uses them) and on their way.
+    """
     law, torques = linear.law, linear.torque_count
     controller = linear.probe.original.controller
     period, kept = controller.control_period, kept_memory(linear)
@@ -104,8 +98,7 @@ def loop_map(linear: Linearization) -> LoopMap:
     memory = np.hstack([by_state(linear, law.motion[rows]), law.memory[np.ix_(rows, kept)]])
     states, k = len(A), len(kept)
     if period is None:
-        matrix = np.vstack([np.hstack([A, np.zeros((states, k))]) + B @ answer, memory])
-        return LoopMap(matrix, kept)
+        return np.vstack([np.hstack([A, np.zeros((states, k))]) + B @ answer, memory])
     delay = controller.input_delay
     # Torques, too, enter as forces on the pose; for a law that uses torques, those held until now are states.
     line = np.kron(np.eye(delay + 1), np.linalg.pinv(to_pose)) if law.line.shape[1] else np.zeros((0, 3 * delay))
@@ -120,20 +113,19 @@ def loop_map(linear: Linearization) -> LoopMap:
     if size > own:
         matrix[own:-3, own + 3 :] = np.eye(size - own - 3)
         matrix[-3:] = asked
-    return LoopMap(matrix, kept)
+    return matrix
 
 
 def find_poles(linear: Linearization) -> Poles:
     """The poles of the loop, without those of torques that vanish within a control period."""
-    loop = loop_map(linear)
-    value, left, right = eigenvectors(loop.matrix)
+    value, left, right = eigenvectors(loop_map(linear))
     # Participation |l_i r_i| of each state in each eigenvalue (rows), independent of the states' units; rows add up to 1.
     product = np.abs(left.conj() * right).T
     share = product / np.maximum(product.sum(axis=1, keepdims=True), np.finfo(float).tiny)
     groups = np.zeros((len(value), linear.probe.mode_count + 3))
     n = linear.probe.mode_count
     late = 6 + 2 * n + 3 * (linear.probe.original.joints.motor.time_constant > 0)
-    own = late + len(loop.kept_memory)
+    own = late + len(kept_memory(linear))
     groups[:, 0] = share[:, :3].sum(axis=1) + share[:, 3 + n : 6 + n].sum(axis=1)
     groups[:, 1 : 1 + n] = share[:, 3 : 3 + n] + share[:, 6 + n : 6 + 2 * n]
     groups[:, 1 + n] = share[:, late:own].sum(axis=1)

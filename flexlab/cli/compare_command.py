@@ -38,15 +38,13 @@ def command(
         raise StudyError("A comparison needs two runs at least: name them, as in flexlab compare newest 2026-05-01T14.")
     if save is not None and save.suffix != ".rrd":
         raise StudyError(f"--save {save} is no name for a recording: let it end in .rrd.")
-    from flexlab.analysis.comparison import compare_into
+    from flexlab.analysis.comparison import compare, compare_into
     from flexlab.recording.store.run_files import NEWEST, find_run, newest_run
 
     paths = [find_run(run, logs) if run != NEWEST else newest_run(logs, made=not changes) for run in runs]
     if changes:
         paths.append(_changed_run(paths[0], changes, logs))
     if as_json:
-        from flexlab.analysis.comparison import compare
-
         print_json(compare(paths).as_data())
         return
     if save is not None:
@@ -61,17 +59,16 @@ def command(
 
 def _changed_run(path: Path, changes: dict[str, Any], logs: Path) -> Path:
     """The recording of a run's scenario with some changes, simulated for the same time unless there is one."""
+    from flexlab.analysis.result import scenario_hash
     from flexlab.cli.headless_run import run_and_record
     from flexlab.cli.warmup import warm_up
-    from flexlab.recording.reader import read_recording
-
-    recording = read_recording(path)
-    from flexlab.analysis.result import scenario_hash
     from flexlab.presets import telling_name
+    from flexlab.recording.reader import read_recording
     from flexlab.recording.store.notes import read_notes, write_notes
     from flexlab.recording.store.run_files import VARIANT, list_runs
     from flexlab.scenario.settings import change_settings
 
+    recording = read_recording(path)
     scenario = change_settings(recording.scenario, changes)
     begin, end = recording.span
     duration = end - begin

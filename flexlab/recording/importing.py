@@ -63,17 +63,10 @@ def _take_recording(path: Path, logs: Path, notes: Mapping[str, str]) -> Path:
             shutil.copyfileobj(source, file.handle)
         os.fsync(file.handle.fileno())
         write_notes(
-            file.path,
-            ended=recording.state == "complete",
-            preset=recording.name,
-            started=recording.started.isoformat(timespec="seconds"),
-            status=str(recording.status),
-            begins=begin,
-            duration=end - begin,
-            rows=sum(rows for *_, rows in times),
-            imported=path.name,
-            **notes,
-        )
+            file.path, ended=recording.state == "complete", preset=recording.name,
+            started=recording.started.isoformat(timespec="seconds"), status=str(recording.status), begins=begin,
+            duration=end - begin, rows=sum(rows for *_, rows in times), imported=path.name, **notes,
+        )  # fmt: skip
     except OSError as error:
         file.release()
         remove_run(file.path)

@@ -42,13 +42,10 @@ class RunInfo:
     """The same for all parts of a run and for file and live view."""
     part: int = 1
     """Which file of the run: a full disk ends one part and the next begins when there is room."""
-
     begin_notes: Mapping[str, Any] = field(default_factory=dict[str, Any])
     """Notes written beside the file as it begins, so that they are there if its writer dies."""
-
     measured: str = ""
     """Which data a measured run is; it cannot be drawn in space. Empty for a simulated run."""
-
     recorded_by: Mapping[str, str | int] | None = None
     """Versions and machine that computed the samples, by the names of the recording's properties; None: these here."""
 

@@ -109,7 +109,7 @@ def test_the_map_is_one_simulated_period(law: str, delay: int, changes: dict):
     still = advanced(np.zeros(len(unit)))[: len(index)] * size
     assert np.abs(still - y[index]).max() < 1e-9
     simulated = np.linalg.eigvals(np.stack([(advanced(e) - advanced(-e)) / 2 for e in unit], axis=1))
-    own = np.linalg.eigvals(loop_map(linear_of(found)).matrix)
+    own = np.linalg.eigvals(loop_map(linear_of(found)))
     for z in own[np.abs(own) > 0.05]:
         assert np.abs(simulated - z).min() < (2e-4 if law == "none" else 1e-6)
     for z in simulated[np.abs(simulated) > 0.05]:
@@ -260,7 +260,7 @@ def test_motors_within_the_disk_margin_keep_the_loop_stable():
         motion[:count] *= factors[:, None]
         memory[:count] *= factors[:, None]
         changed = linear._replace(law=linear.law._replace(motion=motion, memory=memory))
-        return float(np.abs(np.linalg.eigvals(loop_map(changed).matrix)).max())
+        return float(np.abs(np.linalg.eigvals(loop_map(changed))).max())
 
     rng = np.random.default_rng(3)
     low, high = margin.each.gain

@@ -92,7 +92,7 @@ def test_the_map_of_one_control_period_is_the_simulations(delay: int, gravity: f
     unit = np.eye(len(index) + line.size)
     assert np.abs(advanced(np.zeros(len(unit)))[: len(index)] * size - y[index]).max() < 1e-8
     simulated = np.linalg.eigvals(np.stack([(advanced(e) - advanced(-e)) / 2 for e in unit], axis=1))
-    own = np.linalg.eigvals(loop_map(linear).matrix)
+    own = np.linalg.eigvals(loop_map(linear))
     for z in own[np.abs(own) > 0.1]:
         assert np.abs(simulated - z).min() < 1e-5
     for z in simulated[np.abs(simulated) > 0.1]:

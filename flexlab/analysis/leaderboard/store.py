@@ -6,6 +6,7 @@ import json
 import platform
 import secrets
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -129,11 +130,11 @@ def ship(rows: Sequence[Row]) -> None:
     (web_assets_folder() / SHIPPED).write_text(f"[{json.dumps(common)}, [\n{text}\n]]\n", encoding="utf-8")
 
 
+@dataclass(frozen=True)
 class RowStore:
     """The rows in one folder."""
 
-    def __init__(self, folder: Path):
-        self.folder = folder
+    folder: Path
 
     def prepare(self) -> None:
         """Make the folder. Raises `StudyError` if that is not possible."""
@@ -161,10 +162,8 @@ class RowStore:
             keys = read_json(self.folder / LAST, LARGEST)
         except (OSError, ValueError):
             return ()
-        if not isinstance(keys, list):
-            return ()
-        found: Sequence[Row | None] = [self.get(key) for key in keys if isinstance(key, str) and key.isalnum()]
-        return tuple(row for row in found if row is not None)
+        usable = [key for key in keys if isinstance(key, str) and key.isalnum()] if isinstance(keys, list) else []
+        return tuple(row for key in usable if (row := self.get(key)) is not None)
 
     def _path(self, key: str) -> Path:
         return self.folder / ROWS / f"{key}.json"

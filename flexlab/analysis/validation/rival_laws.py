@@ -86,21 +86,19 @@ Law = Callable[[Instant, np.ndarray], np.ndarray]
 """Maps a law's inputs and memory to u_i, (2, 3)."""
 
 
-def _sliding_mode(at: Instant, _: np.ndarray) -> np.ndarray:
-    s, r, r_dot = at.surface()
-    size = max(np.linalg.norm(s), at.law.boundary_layer)
-    return at.shared(r_dot, r, -at.law.feedback_gain * s - at.law.bound * s / size)
+def _with(force: Callable[[Any, np.ndarray, np.ndarray], np.ndarray]) -> Law:
+    """The law whose common force follows from its settings, s and its memory."""
+
+    def law(at: Instant, memory: np.ndarray) -> np.ndarray:
+        s, r, r_dot = at.surface()
+        return at.shared(r_dot, r, force(at.law, s, memory))
+
+    return law
 
 
-def _super_twisting(at: Instant, w: np.ndarray) -> np.ndarray:
-    s, r, r_dot = at.surface()
-    root = np.sqrt(max(np.linalg.norm(s), at.law.boundary_layer))
-    return at.shared(r_dot, r, -at.law.proportional_gain * s / root + w)
-
-
-def _disturbance_observer(at: Instant, d_hat: np.ndarray) -> np.ndarray:
-    s, r, r_dot = at.surface()
-    return at.shared(r_dot, r, -at.law.feedback_gain * s - d_hat)
+def _layer(law: Any, s: np.ndarray) -> float:
+    """‖s‖, or the boundary layer if that is larger, m/s."""
+    return max(float(np.linalg.norm(s)), law.boundary_layer)
 
 
 def _regressor_adaptive(at: Instant, estimates: np.ndarray) -> np.ndarray:
@@ -109,9 +107,8 @@ def _regressor_adaptive(at: Instant, estimates: np.ndarray) -> np.ndarray:
 
 
 def _adaptive(at: Instant, b_hat: np.ndarray, law: Any) -> np.ndarray:
-    s, r, r_dot = at.surface()
     bound = b_hat @ bound_terms(at.x, at.v)
-    return at.shared(r_dot, r, -law.feedback_gain * s - bound * s / max(np.linalg.norm(s), law.boundary_layer))
+    return _with(lambda _, s, __: -law.feedback_gain * s - bound * s / _layer(law, s))(at, b_hat)
 
 
 def _damped(at: Instant, slow: np.ndarray) -> np.ndarray:
@@ -145,9 +142,9 @@ def _joint_pd(at: Instant, _: np.ndarray) -> np.ndarray:
 
 
 LAWS: dict[str, Law] = {
-    "sliding-mode": _sliding_mode,
-    "super-twisting": _super_twisting,
-    "disturbance-observer": _disturbance_observer,
+    "sliding-mode": _with(lambda law, s, _: -law.feedback_gain * s - law.bound * s / _layer(law, s)),
+    "super-twisting": _with(lambda law, s, w: -law.proportional_gain * s / np.sqrt(_layer(law, s)) + w),
+    "disturbance-observer": _with(lambda law, s, d_hat: -law.feedback_gain * s - d_hat),
     "regressor-adaptive": _regressor_adaptive,
     "vibration-damping": lambda at, b_hat: _damped(at, _adaptive(at, b_hat, at.law)),
     "composite": lambda at, b_hat: _damped(at, _adaptive(at, b_hat, at.law.slow)),

@@ -22,8 +22,7 @@ from flexlab.compiled import PLAIN_PYTHON
 from flexlab.errors import StudyError
 from flexlab.files import filled, writing
 from flexlab.fmi.description import Model, model_description
-from flexlab.fmi.machine_code import data_object, write_object
-from flexlab.fmi.memory import bits
+from flexlab.fmi.machine_code import bits, data_object, write_object
 from flexlab.fmi.parts import Part, make_part
 from flexlab.presets import scenario_text
 from flexlab.scenario import Scenario

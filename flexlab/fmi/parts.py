@@ -29,8 +29,7 @@ from flexlab.fmi.description import (
     sensors,
     torques,
 )
-from flexlab.fmi.machine_code import result_at
-from flexlab.fmi.memory import CLOCK, Memory, arrays_of, lay_out, schemes_of, words_of
+from flexlab.fmi.machine_code import CLOCK, Memory, arrays_of, lay_out, result_at, schemes_of, words_of
 from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import ETA
 from flexlab.physics.sensors import begin_reading

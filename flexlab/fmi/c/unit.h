@@ -9,7 +9,7 @@
 
 enum { DONE, REFUSED = 3 }; /* As fmi2OK, fmi3OK and fmi2Error, fmi3Error. */
 
-enum { NUMBER, OWN, SHARED };        /* Kinds of words: flexlab/fmi/memory.py. */
+enum { NUMBER, OWN, SHARED };        /* Kinds of words: flexlab/fmi/machine_code.py. */
 enum { UNREACHABLE = 1, SINGULAR, NOT_A_NUMBER, BENT, OTHER_STEP = 100 }; /* flexlab/sim/advance.py. */
 
 typedef struct Unit Unit;

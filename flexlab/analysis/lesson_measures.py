@@ -134,11 +134,6 @@ class Look:
     samples: Samples
     events: Sequence[Event]
 
-    @property
-    def now(self) -> float:
-        """The newest instant, s."""
-        return float(self.samples.time[-1])
-
     def part(self, begin: float, end: float) -> Samples:
         """The samples between two instants, s."""
         return between(self.samples, begin, end)
@@ -152,11 +147,6 @@ class Look:
     def path_rate(self) -> np.ndarray:
         """Rate of the target at the first sample, m/s, m/s, rad/s, (3,)."""
         return (self.samples.desired_pose[1] - self.samples.desired_pose[0]) / tick(self.samples)
-
-    @cached_property
-    def shaper_delay(self) -> float:
-        """Delay by which the input shaper ends the motion later, s. Raises `FlexlabError` if the closed loop has no mode."""
-        return float(max(shaper_impulses(self.scenario)[:, 1], default=0.0))
 
     @cached_property
     def loop_frequency(self) -> float:
@@ -184,12 +174,14 @@ class Look:
 
 
 VALUES: dict[str, Callable[[Look], Any]] = {
-    "t": lambda look: look.now,
+    "t": lambda look: float(look.samples.time[-1]),
     # Whether the run's first instant is seen.
     "starts": lambda look: bool(look.samples.time[0] < 0.5 * tick(look.samples)),
     "changed": lambda look: any(isinstance(event.command, ChangeScenario) for event in look.events),
     "touched": lambda look: bool(look.touches),  # changed, pulled or tapped
-    "undisturbed": lambda look: look.now - max([float(look.samples.time[0]), *look.touches]),  # for so many s
+    "undisturbed": lambda look: (
+        float(look.samples.time[-1]) - max([float(look.samples.time[0]), *look.touches])
+    ),  # for so many s
     "arms": lambda look: len(look.scenario.arms),
     "mode_count": lambda look: look.scenario.payload.coordinate_count,
     # Of the path, as far as it is seen.
@@ -199,7 +191,7 @@ VALUES: dict[str, Callable[[Look], Any]] = {
     "start_jump": lambda look: float(np.linalg.norm((look.samples.pose_rate[0] - look.path_rate)[:2])),  # off it there
     "first_frequency": lambda look: first_frequency(look.scenario.payload),  # with its grips held
     "usual_frequency": lambda look: first_frequency(look.scenario.payload.model_copy(update=USUAL_STIFFNESS)),
-    "shaper_delay": lambda look: look.shaper_delay,
+    "shaper_delay": lambda look: float(max(shaper_impulses(look.scenario)[:, 1], default=0.0)),
     "loop_frequency": lambda look: look.loop_frequency,
     "growth": lambda look: _growth(look.scenario.anew()).rate,  # of the closed loop's fastest growing pole
     "growing_pole": lambda look: _growth(look.scenario.anew()).origin,  # what it is of, as in "beam mode 3"

@@ -21,13 +21,14 @@ from flexlab.errors import StudyError
 from flexlab.lapack import one_blas_thread
 from flexlab.presets import AnyScenario, any_scenario
 from flexlab.recording.table_columns import Column, table_columns
+from flexlab.signal import ARM, AXIS
+from flexlab.sim.signals import POSE_UNITS
 from flexlab.sim.world import World
 
 TORQUE, TASK = "joint_torque", "arm_input"
 DESIRED = ("desired_pose", "desired_pose_rate", "desired_pose_acceleration")
 INPUTS = (TORQUE, TASK, *DESIRED)
-SIDES, AXES = ("left", "right"), ("x", "y", "theta")
-POSE_UNITS, FORCE_UNITS = ("m", "m", "rad"), ("N", "N", "N·m")
+FORCE_UNITS = ("N", "N", "N·m")
 
 
 def linearize(
@@ -106,7 +107,7 @@ def _drive(linear: Linearization, driven: tuple[str, ...]) -> _Drive:
             names += _of_joints(name, torques)
             blocks.append((np.eye(torques), np.zeros((9, torques))))
         elif name == TASK:
-            names += [each for side in SIDES[: torques // 3] for each in _of_axes(f"{name}_{side}", FORCE_UNITS)]
+            names += [each for side in ARM.labels[: torques // 3] for each in _of_axes(f"{name}_{side}", FORCE_UNITS)]
             back = np.linalg.inv(linear.probe.task_inputs(linear.rest.motion))
             blocks.append((back, np.zeros((9, torques))))
         else:
@@ -117,11 +118,11 @@ def _drive(linear: Linearization, driven: tuple[str, ...]) -> _Drive:
 
 
 def _of_axes(name: str, units: Sequence[str], per: str = "") -> list[Named]:
-    return [Named(f"{name}_{axis}", unit + per) for axis, unit in zip(AXES, units, strict=True)]
+    return [Named(f"{name}_{axis}", unit + per) for axis, unit in zip(AXIS.labels, units, strict=True)]
 
 
 def _of_joints(name: str, count: int, place: str = "") -> list[Named]:
-    return [Named(f"{name}_{SIDES[k // 3]}_{k % 3 + 1}{place}", "N·m") for k in range(count)]
+    return [Named(f"{name}_{ARM.labels[k // 3]}_{k % 3 + 1}{place}", "N·m") for k in range(count)]
 
 
 def _assemble(linear: Linearization, answers: "Outputs", driven: tuple[str, ...], closed: bool) -> LinearModel:

@@ -138,7 +138,8 @@ def take_measurement(
     the run's vibration. `scenario`: what the beam is believed to be; `what`: which data these are, in words. The same data are
     taken in once. Raises `RecordingError`.
     """
-    digest = _digest(scenario, time, deflection, rest)
+    arrays = (np.ascontiguousarray(array, float).tobytes() for array in (time, deflection, rest))
+    digest = hashlib.sha256(b"".join([scenario.model_dump_json().encode(), *arrays])).hexdigest()
     for run in list_runs(logs):
         if read_notes(run).get(NOTE) == digest:
             return run
@@ -151,10 +152,3 @@ def take_measurement(
     run = Run(**rows_to_samples(rows, arms, own).signals(), scenario=scenario, status=status)
     info = RunInfo(file_word(source.stem), scenario, float(np.median(np.diff(time))), measured=said)
     return take_run(run, info, source.name, logs, **{NOTE: digest})
-
-
-def _digest(scenario: Scenario, *arrays: np.ndarray) -> str:
-    found = hashlib.sha256(scenario.model_dump_json().encode())
-    for array in arrays:
-        found.update(np.ascontiguousarray(array, float).tobytes())
-    return found.hexdigest()

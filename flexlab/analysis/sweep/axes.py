@@ -143,21 +143,14 @@ def _list(path: str, given: Any) -> tuple[Any, ...]:
     if not isinstance(values, Sequence) or isinstance(values, str):
         values = [values]
     try:
-        plain = json.loads(json.dumps(list(values), allow_nan=False, default=_from_numpy))
+        plain = json.loads(json.dumps(list(values), allow_nan=False, default=lambda one: one.tolist()))
         _ = [float(value) for value in plain if isinstance(value, int)]  # One too large for the engine has no value.
-    except (TypeError, ValueError, OverflowError):
+    except (AttributeError, TypeError, ValueError, OverflowError):
         unusable = f"{path} = {_shown(given)} is not usable"
         raise StudyError(f"{unusable}: give a range as text, or a list of values.") from None
     if not plain:
         raise StudyError(f"{path} has no values: zero cells cannot be computed; give one value at least.")
     return tuple(tuple(value) if isinstance(value, list) else value for value in plain)
-
-
-def _from_numpy(value: Any) -> Any:
-    """NumPy's numbers and arrays as plain data. Raises TypeError."""
-    if isinstance(value, (np.generic, np.ndarray)):
-        return value.tolist()
-    raise TypeError
 
 
 def _listed(text: str) -> list[Any]:

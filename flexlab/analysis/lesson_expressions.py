@@ -108,14 +108,10 @@ def expression(text: str, known: Collection[str] = (), truth: bool = False) -> V
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         raise ExpressionError(f"the check {text[:60]!r} cannot be read ({error}).") from None
     value = _compiled(tree, known)
-    is_truth = isinstance(tree, (ast.Compare, ast.BoolOp)) or _is_not(tree)
+    is_truth = isinstance(tree, (ast.Compare, ast.BoolOp)) or isinstance(getattr(tree, "op", None), ast.Not)
     if truth and not is_truth and not (isinstance(tree, ast.Name) and tree.id in (*known, *TRUTHS)):
         raise ExpressionError(f"the check {text[:60]!r} is no comparison: write for example settling_time < 0.2.")
     return value
-
-
-def _is_not(node: ast.AST) -> bool:
-    return isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not)
 
 
 def _compiled(node: ast.AST, known: Collection[str]) -> Value:
@@ -133,7 +129,7 @@ def _compiled(node: ast.AST, known: Collection[str]) -> Value:
         parts = [_compiled(part, known) for part in node.values]
         combine = all if isinstance(node.op, ast.And) else any
         return lambda run: combine(part(run) for part in parts)
-    if isinstance(node, ast.UnaryOp) and _is_not(node):
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
         negated = _compiled(node.operand, known)
         return lambda run: not negated(run)
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):

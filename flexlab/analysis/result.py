@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexlab import __version__
-from flexlab.analysis.metrics.metric import Number, named
+from flexlab.analysis.metrics.metric import named
 from flexlab.errors import StudyError
 from flexlab.files import DIGITS, short_hash
 from flexlab.scenario import Scenario
@@ -66,11 +66,6 @@ def named_column(table: Any, name: str) -> Any:
     if not isinstance(name, str) or name not in table.column_names:
         raise StudyError(f"{name!r:.60} is no column: there are {', '.join(table.column_names)}.")
     return table.column(name)
-
-
-def about_number(number: Number) -> dict[str, str]:
-    """The metadata of a metric's column: title and unit."""
-    return {"title": number.column.title, "unit": number.column.si_unit}
 
 
 class ResultHash:

@@ -59,25 +59,21 @@ class Cost:
             return FAILED
         values = numbers_of(metrics)
         excess = sum(
-            max(values[name] / limit - 1, 0.0 if self._within(metrics, name) else NOT_SETTLED)
+            max(values[name] / limit - 1, 0.0 if metrics[name] <= limit else NOT_SETTLED)
             for name, limit in self.limits.items()
         )
         total = sum(weight * values[name] for name, weight in self.weights.items())
         return min(total + FAILED * 1e-6 * excess, FAILED)
 
     def holds(self, metrics: RunMetrics) -> bool:
-        """Whether a run keeps within the limits."""
-        return all(self._within(metrics, name) for name in self.limits)
+        """Whether a run keeps within the limits; one that has not settled keeps within none of its settling time, NaN."""
+        return all(metrics[name] <= limit for name, limit in self.limits.items())
 
     def lacks(self, metrics: RunMetrics) -> str:
         """Why a run has no cost, in a sentence, as a metric has no value in it; empty: it has one."""
         values = numbers_of(metrics)
         missing = [name for name in self.names if math.isnan(values[name])]
         return f"The metric {missing[0]} has no value in this run." if missing else ""
-
-    def _within(self, metrics: RunMetrics, name: str) -> bool:
-        """Whether a run keeps within a limit; one that has not settled keeps within none of its settling time."""
-        return metrics[name] <= self.limits[name]
 
 
 def numbers_of(metrics: RunMetrics) -> dict[str, float]:

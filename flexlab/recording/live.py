@@ -55,14 +55,13 @@ class LiveHub:
 
     def _make_room(self) -> None:
         while self._bytes > self._most_bytes:
-            oldest = next((piece for piece in self._pieces[:-1] if not self._is_needed(piece)), None)
+            going_on = {piece.run for piece in self._pieces if not piece.is_first}
+            usable = (piece for piece in self._pieces[:-1] if not (piece.is_first and piece.run in going_on))
+            oldest = next(usable, None)
             if oldest is None:
                 return
             self._pieces.remove(oldest)
             self._bytes -= len(oldest.data)
-
-    def _is_needed(self, piece: Piece) -> bool:
-        return piece.is_first and any(other.run == piece.run and not other.is_first for other in self._pieces)
 
     def after(self, number: int) -> tuple[int, list[bytes]]:
         """(number of the newest piece, the pieces after `number`); for -1 all that is kept, as a rerun file."""

@@ -137,7 +137,10 @@ def _range(path: str, text: str, whole: bool) -> Axis:
 
 
 def _list(path: str, given: Any) -> tuple[Any, ...]:
-    values = _listed(given) if isinstance(given, str) else given
+    values = given
+    if isinstance(given, str):
+        values = parse_value(f"[{given}]")
+        values = values if isinstance(values, list) else [parse_value(word.strip()) for word in given.split(",")]
     if isinstance(values, np.ndarray):
         values = values.tolist()
     if not isinstance(values, Sequence) or isinstance(values, str):
@@ -151,11 +154,6 @@ def _list(path: str, given: Any) -> tuple[Any, ...]:
     if not plain:
         raise StudyError(f"{path} has no values: zero cells cannot be computed; give one value at least.")
     return tuple(tuple(value) if isinstance(value, list) else value for value in plain)
-
-
-def _listed(text: str) -> list[Any]:
-    values = parse_value(f"[{text}]")
-    return values if isinstance(values, list) else [parse_value(word.strip()) for word in text.split(",")]
 
 
 def _shown(value: Any) -> str:

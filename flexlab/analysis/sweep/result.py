@@ -18,7 +18,7 @@ import pyarrow.parquet as parquet
 
 from flexlab import __version__
 from flexlab.analysis.metrics.metric import numbers
-from flexlab.analysis.result import Result, about_number, named_column, number_column
+from flexlab.analysis.result import Result, named_column, number_column
 from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.plan import Cell, Plan, run_part
 from flexlab.analysis.workers import Told, Workers
@@ -52,7 +52,8 @@ def schema(plan: Plan) -> pa.Schema:
     Metrics are in SI units; the columns' metadata hold titles and units. "scenario" is the hash of the cell's scenario.
     """
     axes = [(axis.path, pa.float64() if axis.numeric else pa.string()) for axis in plan.axes]
-    metrics = [pa.field(each.name, pa.float64(), metadata=about_number(each)) for each in numbers()]
+    shown = ((each.name, {"title": each.column.title, "unit": each.column.si_unit}) for each in numbers())
+    metrics = [pa.field(name, pa.float64(), metadata=title_and_unit) for name, title_and_unit in shown]
     about = json.dumps({"sweep": plan.as_data(), "key": plan.key}, ensure_ascii=False, sort_keys=True)
     columns = [("cell", pa.int64()), *axes, ("status", pa.string()), ("sentence", pa.string()), *metrics]
     provenance = [(name, pa.string()) for name in ("scenario", "key", "version")]

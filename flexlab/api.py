@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexlab.analysis.metrics import RunMetrics, run_metrics
+from flexlab.analysis.metrics.run_metrics import Noted
 from flexlab.analysis.result import result_hash
 from flexlab.analysis.sweep.axes import parse_axes
 from flexlab.analysis.sweep.plan import DEFAULT_ACCURACY, MANY_CELLS, make_plan
@@ -313,9 +314,7 @@ def _by_kind(vary: Any) -> Any:
     }
 
 
-def _run(
-    run: samples.Run, name: str, noted: Mapping[str, float | None] | None = None, course: Course | None = None
-) -> Run:
+def _run(run: samples.Run, name: str, noted: Noted = None, course: Course | None = None) -> Run:
     made = Run(**run.signals(), scenario=run.scenario, status=run.status, name=name)
     vars(made).update(_noted=noted or {}, _course=course)
     return made

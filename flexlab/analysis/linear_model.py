@@ -105,9 +105,7 @@ class SampledLinearModel(LinearModel, dlti):
     """A `LinearModel` from one control instant to the next."""
 
 
-def make_model(
-    matrices: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray], period: float | None, about: About
-) -> LinearModel:
+def make_model(matrices: tuple[np.ndarray, ...], period: float | None, about: About) -> LinearModel:
     """The model with A, B, C, D; sampled if `period`, s, is given."""
     # By scipy's annotations, a subclass constructs its parent.
     model: Any = ContinuousLinearModel(*matrices) if period is None else SampledLinearModel(*matrices, dt=period)

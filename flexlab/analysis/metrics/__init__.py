@@ -1,7 +1,4 @@
-"""Metrics: the numbers by which runs are compared.
-
-To add one, add a file here that registers it; `metric.py` says how.
-"""
+"""Metrics: the numbers by which runs are compared. To add one, add a file here that registers it; `metric.py` says how."""
 
 from flexlab.analysis.metrics.metric import METRICS, Column, Metric, register
 from flexlab.analysis.metrics.run_metrics import MetricCollection, MetricRow, RunMetrics, run_metrics

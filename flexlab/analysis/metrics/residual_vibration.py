@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexlab.analysis.metrics.metric import Column, Metric, outlasting, register
+from flexlab.analysis.metrics.run_metrics import ROUNDING
 
 if TYPE_CHECKING:
     from flexlab.sim.samples import Samples
@@ -13,8 +14,6 @@ LATER = 0.2
 """Time after the stop from which the second number counts, s, as for a next move that waits."""
 STOPPED = 0.01
 """Time for which the target must stand still at the end of the samples, s, so that a turning point is no stop."""
-ROUNDING = 1e-9
-"""Tolerance of that time, s, as sample instants are products of whole numbers and periods."""
 
 
 @register

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 Window = tuple[float, float]
 """First and last instant, s."""
+Noted = Mapping[str, float | None] | None
+"""Metrics that somebody declared as the run was recorded, by title and unit, SI."""
 DURATION, NOT_FINISHED = "duration", "did not finish"
 """The only metric of a stopped run, and the word for the others."""
 ROUNDING = 1e-9
@@ -81,14 +83,12 @@ class RunMetrics:
         values: dict[str, tuple[float, ...]],
         finished: bool = True,
         reasons: Mapping[str, str] | None = None,
-        noted: Mapping[str, float | None] | None = None,
+        noted: Noted = None,
         note: str = "",
     ):
         """`window`: first and last instant, s; None without samples. `values`: numbers by the metrics' names; `reasons`: why not.
 
-        `noted`: of metrics that somebody declared as the run was recorded, by title and unit, SI. `note`: what to know of all.
-
-        Of a run that stopped before its end only the duration is a number: what it did not do yet, nobody knows.
+        `note`: what to know of all. Of a run that stopped before its end only the duration is a number: nobody knows the rest.
         """
         self.window, self.note = window, note
         if not finished:
@@ -191,9 +191,7 @@ class MetricCollection:
         for metric in self._metrics.values():
             metric.update(samples)
 
-    def compute(
-        self, finished: bool = True, noted: Mapping[str, float | None] | None = None, note: str = ""
-    ) -> RunMetrics:
+    def compute(self, finished: bool = True, noted: Noted = None, note: str = "") -> RunMetrics:
         """The metrics of all pieces so far; `finished`: whether the run came to its end; others as for `RunMetrics`."""
         values = {name: metric.compute() for name, metric in self._metrics.items()}
         reasons = {name: metric.reason() for name, metric in self._metrics.items()}
@@ -201,11 +199,7 @@ class MetricCollection:
 
 
 def run_metrics(
-    samples: "Samples",
-    window: Window = (-inf, inf),
-    finished: bool = True,
-    own: bool = True,
-    noted: Mapping[str, float | None] | None = None,
+    samples: "Samples", window: Window = (-inf, inf), finished: bool = True, own: bool = True, noted: Noted = None
 ) -> RunMetrics:
     """The metrics of a run, or of what of it lies within a window, s; `finished`: whether it came to its end.
 

@@ -105,11 +105,10 @@ SYMBOLS = MOTION + BEAM + SYSTEM + CONTROL
 
 def lookup(name: str) -> Symbol:
     """The row whose symbol, code name or word is `name` (symbols first). Raises KeyError."""
-    for column in (0, 1, 2):
-        for row in SYMBOLS:
-            if row[column] == name:
-                return row
-    raise KeyError(f"{name} is not in the symbol table")
+    found = [row for column in (0, 1, 2) for row in SYMBOLS if row[column] == name]
+    if not found:
+        raise KeyError(f"{name} is not in the symbol table")
+    return found[0]
 
 
 def markdown_table() -> str:

@@ -36,10 +36,10 @@ SILENT = 1e-9
 
 
 @lru_cache(maxsize=32)
+@one_blas_thread()
 def first_frequency(payload: Payload) -> float:
     """f1 of the payload with its grips held, Hz; cached, as the lab asks several times a second and 64 elements take a while."""
-    with one_blas_thread():
-        return float(np.min(build_beam(payload).modes.omega)) / (2 * np.pi)
+    return float(np.min(build_beam(payload).modes.omega)) / (2 * np.pi)
 
 
 FEWEST = 8

@@ -33,10 +33,10 @@ def tracking_energy(scenario: Scenario, samples: Samples) -> np.ndarray:
 
 
 @lru_cache(maxsize=8)
+@one_blas_thread()
 def _inertia(payload: Payload) -> tuple[float, ...]:
     """m, I, hᵀM_q⁻¹h, hᵀM_q⁻¹g, gᵀM_q⁻¹g: found once per payload."""
-    with one_blas_thread():
-        beam = build_beam(payload)
+    beam = build_beam(payload)
     return float(beam.matrices.m), float(beam.matrices.I), *map(float, beam.kappa)
 
 

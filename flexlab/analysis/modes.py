@@ -187,6 +187,7 @@ class Modes:
         return f"<Modes: {len(self.frequency)}, the first at {self.frequency[0]:.4g} Hz; {len(self.poles)} poles, {loop}{rigid}>"
 
 
+@one_blas_thread()
 def modes(scenario: AnyScenario, pose: tuple[float, float, float] | None = None) -> Modes:
     """Modes of the payload, and poles of the closed loop while `pose` (None: the trajectory's centre) is held.
 
@@ -196,13 +197,8 @@ def modes(scenario: AnyScenario, pose: tuple[float, float, float] | None = None)
     Without a rest point there are no poles, and `note` says why. Raises `ScenarioError` for an invalid scenario and
     `StudyError` for a pose that an arm cannot take.
     """
-    with one_blas_thread():
-        return _modes(any_scenario(scenario).replace({}), pose)
-
-
-def _modes(scenario: Scenario, pose: tuple[float, float, float] | None) -> Modes:
-    at = check_pose(scenario, pose)
-    beam = build_beam(scenario.payload)
+    scenario = any_scenario(scenario).replace({})
+    at, beam = check_pose(scenario, pose), build_beam(scenario.payload)
     order = np.argsort(beam.modes.omega)
     omega, V = beam.modes.omega[order], beam.modes.V[:, order]
     h, g = V.T @ beam.matrices.h, V.T @ beam.matrices.g
@@ -218,19 +214,12 @@ def _modes(scenario: Scenario, pose: tuple[float, float, float] | None) -> Modes
         poles, origin = found.value, tuple(names[k] for k in np.argmax(found.share, axis=1))
         note = loop_note(linear)
     result = Modes(
-        frequency=omega / (2 * np.pi),
-        damping_ratio=np.diag(beam.modes.D)[order] / (2 * omega),
-        shape=V,
-        lateral_participation=h**2 / beam.matrices.m,
-        angular_participation=g**2 / beam.matrices.I,
-        pose=at if linear is None else linear.rest.motion.x.copy(),
-        poles=poles,
-        pole_origin=origin,
-        control_period=scenario.controller.control_period,
-        input_delay=scenario.controller.input_delay,
-        note=note,
+        frequency=omega / (2 * np.pi), damping_ratio=np.diag(beam.modes.D)[order] / (2 * omega), shape=V,
+        lateral_participation=h**2 / beam.matrices.m, angular_participation=g**2 / beam.matrices.I,
+        pose=at if linear is None else linear.rest.motion.x.copy(), poles=poles, pole_origin=origin,
+        control_period=scenario.controller.control_period, input_delay=scenario.controller.input_delay, note=note,
         linearization=linear,
-    )
+    )  # fmt: skip
     for array in vars(result).values():
         if isinstance(array, np.ndarray):
             array.flags.writeable = False

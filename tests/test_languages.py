@@ -140,7 +140,8 @@ UNSEEN = {
     law = ◦ is no address; What is printed beyond ◦; MB is left out""",
     "in the log": "server/labs/preloaded.py; lab/viser_internals.py: This is no message",
     "by commands that ask, or that fit and set": """analysis/replay.py: the program at ◦; analysis/replay.py: the unit ◦;
-    analysis/replay.py: ◦, Python code of ◦ lines; Let it run here; Connect to it; The run was controlled by the unit; The run was not replayed; scenario/settings.py; ◦ is no signal that rings;
+    analysis/replay.py: ◦, Python code of ◦ lines; Let it run here; Connect to it;
+    The run was controlled by the unit; The run was not replayed; scenario/settings.py; ◦ is no signal that rings;
     ◦ has no samples after ◦ s in which""",
     "to who calls flexlab from Python": """changes = ◦ is not usable; own/files.py: The; ◦ is no scenario: give a Scenario;
     control/law.py; control/path.py; samples have no signal""",

@@ -55,12 +55,15 @@ class ThreadWatch:
 
     def _watch(self) -> None:
         while not self._ended.wait(LOOK_EVERY):
-            watched = [thread for thread in threading.enumerate() if thread.name.startswith(self._prefix)]
-            for thread in (thread.native_id for thread in watched if thread.native_id is not None):
-                now, waited = time.perf_counter(), time_in_queue(thread)
-                if waited is not None:
-                    first, _ = self._lives.get(thread, (now - waited, 0.0))
-                    self._lives[thread] = first, now - waited
+            for thread in threading.enumerate():
+                if thread.name.startswith(self._prefix) and thread.native_id is not None:
+                    self._look(thread.native_id)
+
+    def _look(self, thread: int) -> None:
+        now, waited = time.perf_counter(), time_in_queue(thread)
+        if waited is not None:
+            first, _ = self._lives.get(thread, (now - waited, 0.0))
+            self._lives[thread] = first, now - waited
 
 
 def time_in_queue(thread: int) -> float | None:

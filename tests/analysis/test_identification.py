@@ -182,7 +182,7 @@ def test_anothers_csv_is_read_with_its_units_and_gaps(flexlab_command: Command, 
     assert (measured.unit, len(measured.time)) == ("m", 789)
     assert measured.time[0] == 0.0
     assert measured.signal[0] == pytest.approx(3e-3 * np.cos(0.3))
-    assert measured.notes[0] == "1 of 790 rows have no number and are left out."
+    assert measured.notes[0] == "1 of 790 rows have no number and are left out, the first being 2.5, , x."
     assert measured.notes[1].startswith("2 gaps, the longest 0.0055 s")
     done = flexlab_command(
         "fit", "mine.csv", "--signal", "laser", "--time", "t", "--start", "0.01", "--preset", "paper"
@@ -198,6 +198,16 @@ def write_signal(path: Path, signal: np.ndarray, comma: bool = False) -> Path:
     lines = [f"{0.001 * k:.3f};{1e3 * y:.6f}" for k, y in enumerate(signal)]
     path.write_text("t [s];y [mm]\n" + "\n".join(lines).replace(".", "," if comma else "."), encoding="utf-8")
     return path
+
+
+def test_a_minus_sign_of_typesetting_is_read(tmp_path: Path):
+    """All negative samples were left out."""
+    file = write_signal(tmp_path / "set.csv", ring(np.arange(0, 0.4, 1e-3), 44.0, 0.03, 1e-3))
+    by_hyphen = read_measured(file)
+    file.write_text(file.read_text(encoding="utf-8").replace("-", "−"), encoding="utf-8")
+    by_minus = read_measured(file)
+    np.testing.assert_array_equal(by_minus.signal, by_hyphen.signal)
+    assert by_minus.notes == by_hyphen.notes == ()
 
 
 def test_a_measurement_in_logs_is_fitted_as_its_file(flexlab_command: Command, tmp_path: Path):

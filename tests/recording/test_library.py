@@ -154,3 +154,17 @@ def test_a_run_being_written_never_goes(tmp_path: Path) -> None:
 def test_a_limit_that_is_none_is_said(tmp_path: Path, limit: float) -> None:
     with pytest.raises(RecordingError, match=r"most_bytes = .* is no limit"):
         removable_runs(tmp_path, most_bytes=limit)
+
+
+def test_a_name_that_leaves_no_room_for_notes_and_a_link_are_deleted_alone(tmp_path: Path) -> None:
+    kept = tmp_path / "elsewhere.rrd"
+    kept.write_bytes(b"kept")
+    logs = tmp_path / "logs"
+    logs.mkdir()
+    longest, link = logs / f"{'y' * 251}.rrd", logs / "link.rrd"
+    longest.write_bytes(b"")
+    link.symlink_to(kept)
+    for path in (longest, link):
+        remove_run(path)
+    assert list(logs.iterdir()) == []
+    assert kept.read_bytes() == b"kept"

@@ -77,7 +77,8 @@ def read_measured(path: Path, time: str | None = None, signal: str | None = None
         )
     notes = []
     if not good.all():
-        notes.append(f"{np.sum(~good)} of {len(good)} rows have no number and are left out.")
+        first = visible(", ".join(rows[int(np.argmin(good))]), LONGEST_NAME)
+        notes.append(f"{np.sum(~good)} of {len(good)} rows have no number and are left out, the first being {first}.")
     steps = np.diff(t)
     if not SHORTEST_STEP <= np.median(steps) <= LONGEST_STEP or np.abs(t).max() > LATEST:
         usual = f"{np.median(steps):.3g} s apart, up to t = {t[np.abs(t).argmax()]:.3g} s"
@@ -157,7 +158,8 @@ def _column(path: Path, names: list[str], wanted: str | None, place: int) -> tup
 
 def _number(row: list[str], place: int, comma: bool) -> float:
     try:
-        return float(row[place].replace(",", ".") if comma else row[place])
+        text = row[place].replace("−", "-")  # As typesetting programs write it.
+        return float(text.replace(",", ".") if comma else text)
     except (ValueError, IndexError):
         return math.nan
 

@@ -266,7 +266,8 @@ def remove_run(path: Path) -> None:
     """Delete a recording and its notes. Raises `RecordingError` if it cannot be deleted."""
     try:
         path.unlink(missing_ok=True)
-        notes_path(path).unlink(missing_ok=True)
+        if os.path.lexists(notes_path(path)):  # Their name may be too long for any file.
+            notes_path(path).unlink(missing_ok=True)
     except OSError as error:
         raise RecordingError(
             f"{visible(path)} cannot be deleted ({error.strerror}): check its folder's rights."

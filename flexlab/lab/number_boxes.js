@@ -10,11 +10,11 @@
   const REST = 400, PAUSE = 3000; // ms: after which what is typed acts, and after which nobody types any more
   const last = new WeakMap(); // box → its last number
   let held = null, timer = 0; // a box whose text has not acted yet
-  let busy = null, told = null, pause = 0; // a box that somebody types in, and what the page would show in it
+  let busy = null, pause = 0; // a box that somebody types in
   let written = null; // a number with a power of ten, as far as somebody has written it
 
   // While somebody types, the page changes neither text nor caret: an earlier value that comes late would mix with the digits.
-  const tell = function (text) { if (this === busy) told = text; else setValue.call(this, text); };
+  const tell = function (text) { if (this !== busy) setValue.call(this, text); };
   const { setSelectionRange } = HTMLInputElement.prototype;
   const select = function (...range) { if (this !== busy) setSelectionRange.apply(this, range); };
   Object.defineProperty(HTMLInputElement.prototype, "value", { ...value, set: tell });
@@ -28,12 +28,13 @@
   }
 
   function end() {
+    const box = busy, acts = held !== null;
     act();
-    const box = busy;
     busy = null;
     clearTimeout(pause);
-    if (box && told !== null) setValue.call(box, told);
-    told = null;
+    if (!box || acts) return; // what acts now, the page will show
+    const told = box[Object.keys(box).find((name) => name.startsWith("__reactProps$"))]?.value;
+    if (told !== undefined) setValue.call(box, told);
   }
 
   function hold(box) {
@@ -48,7 +49,6 @@
     held = null;
     clearTimeout(timer);
     if (!box) return;
-    told = null; // older than what acts now
     setValue.call(box, box.value.replace(/^([^,.]*),([^,]*)$/, "$1.$2")); // viser takes a comma for a point only by itself
     box.dispatchEvent(new Event("input", { bubbles: true }));
   }

@@ -178,10 +178,9 @@ def test_a_value_that_comes_late_does_not_stand_between_typed_digits(page: LabPa
     wait_until(lambda: page.snapshot.scenario.payload.bending_stiffness == 100.0, "EI is 100")
     box = page.box(EI)
     page.page.evaluate("window.usualTimeout = window.setTimeout")
-    page.page.evaluate(
-        "(late) => window.setTimeout = (call, ms, ...more) => usualTimeout(call, late.includes(ms) ? 20_000 : ms, ...more)",
-        [3000] if acts else [400, 3000],
-    )
+    stretched = """(those) => window.setTimeout = (call, ms, ...more) =>
+      usualTimeout(call, those.includes(ms) ? 20_000 : ms, ...more)"""
+    page.page.evaluate(stretched, [3000] if acts else [400, 3000])
     box.press("ControlOrMeta+a")
     box.press_sequentially("2.")
     if acts:
@@ -189,10 +188,11 @@ def test_a_value_that_comes_late_does_not_stand_between_typed_digits(page: LabPa
     for late in (64.0, 100.0):
         show_true_value_of(page, late)
     assert box.input_value() == "2."
-    page.page.evaluate("window.setTimeout = usualTimeout")
+    page.page.evaluate(stretched, [3000])
     box.press_sequentially("5717")
     wait_until(lambda: page.snapshot.scenario.payload.bending_stiffness == 2.5717, "EI is 2.5717")
     expect(box).to_have_value("2.5717")
+    page.page.evaluate("window.setTimeout = usualTimeout")
     page.session.lab_state.change({"payload.bending_stiffness": 64.0})
     expect(box).to_have_value("64", timeout=PATIENCE)  # Once nobody types any more.
 

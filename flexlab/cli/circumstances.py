@@ -29,7 +29,7 @@ def refusal(error: Exception) -> str | None:
 def _unloadable(error: Exception) -> str | None:
     """The sentence about the library that raised this while it was loaded; None for any other error."""
     frames = [frame for frame, _ in walk_tb(error.__traceback__)]
-    if not any(frame.f_code.co_name == "<module>" for frame in frames):
+    if not any(frame.f_code.co_name == "<module>" for frame in frames) or _is_interrupt(error):
         return None
     foreign = [each for each in walk_tb(error.__traceback__) if _library(each[0]) != OWN]
     if foreign:
@@ -42,6 +42,11 @@ def _unloadable(error: Exception) -> str | None:
     variables = [said for frame, line in reversed(foreign) if (said := _variables(frame, line))]
     mending = f"mend or unset {variables[0]}" if variables else f"install {library} again"
     return f"{library} cannot be loaded ({why}): {mending}."
+
+
+def _is_interrupt(error: BaseException | None) -> bool:
+    """Whether Ctrl-C raised this, also where a library passes it on as an error of its own."""
+    return error is not None and (isinstance(error, KeyboardInterrupt) or _is_interrupt(error.__context__))
 
 
 def _library(frame: FrameType) -> str:

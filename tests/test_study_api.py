@@ -88,6 +88,14 @@ def test_a_metric_of_ones_own_is_in_runs_and_sweeps(tmp_path: Path):
     assert notes["note"] == "The metric broken failed: ValueError: no such thing"
     forget("broken")
     assert flexlab.simulate("paper", 0.05).metrics.farthest == run.pose[:, 1].max()
+
+    @flexlab.metric("1")
+    def leaving(samples: flexlab.Samples) -> float:
+        raise SystemExit(3)
+
+    swept = run_sweep(plan, tmp_path / "left", chosen_workers(1))
+    assert swept.failed == {0: "The metric leaving failed: SystemExit: 3"}
+    forget("leaving")
     before = plan.key
     flexlab.metric("m", of="rms")(farthest)
     assert make_plan(plan.scenario, plan.axes, 0.05, 0.001).key != before, "another metric is another sweep"

@@ -118,7 +118,9 @@ def _made(declared: OwnMetric) -> type[Metric]:
 def _called(declared: OwnMetric, samples: "Samples") -> np.ndarray:
     try:
         found = np.asarray(declared.function(samples))
-    except Exception as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # SystemExit too: a sweep goes on.
         reason = visible(" ".join(str(error).split())) or "no reason given"
         raise StudyError(f"The metric {declared.name} failed: {type(error).__name__}: {reason:.300}") from error
     if found.dtype.kind not in REAL:

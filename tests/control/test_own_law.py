@@ -188,6 +188,16 @@ def test_what_a_law_does_wrong_is_said_with_file_and_line(wrong: str, apart: boo
     assert_says(run.status.text, said)
 
 
+@pytest.mark.parametrize("period", [None, 0.001])
+def test_a_law_that_fails_in_its_last_call_has_failed(period: float | None):
+    chosen = scenario(acting('if at.time > 0.0499:\n    raise ValueError("too late")\nreturn at.weights'), "bad.py")
+    run = simulate(chosen.replace({"controller.control_period": period}), 0.05)
+    assert run.status == "law failed"
+    assert_says(run.status.text, "too late")
+    assert run.time[-1] == pytest.approx(0.049)
+    assert np.isfinite(run.joint_torque).all()
+
+
 @pytest.mark.parametrize("wrong", APART)
 def test_what_would_harm_the_lab_ends_only_its_own_process(wrong: str):
     hosts.run_apart()

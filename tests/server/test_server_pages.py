@@ -120,8 +120,10 @@ def test_deleting_asks_first_and_spares_the_run_that_is_being_recorded(
     front_server = open_another()
     logs = front_server.settings.logs
     shutil.copy(recorded, logs / recorded.name)
-    # A file is there an instant before its recorder has claimed it.
-    running = wait_until(lambda: [file for file in logs.glob("*.rrd") if is_in_use(file)], "a recording")[0]
+    # A file is there before its recorder has claimed it, and claimed before anything is in it.
+    running = wait_until(
+        lambda: [file for file in logs.glob("*.rrd") if is_in_use(file) and file.stat().st_size], "a recording"
+    )[0]
     assert "Delete this run?" in ask(front_server.url, f"/runs/delete?run={recorded.stem}").text
     assert (logs / recorded.name).exists()
     assert post(front_server.url, "/runs/delete", {"run": recorded.stem, "sure": "yes"}).status == 303

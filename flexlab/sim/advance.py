@@ -44,16 +44,6 @@ def diverged(system, y):
 
 
 @inlined
-def is_finite(u):
-    """Whether all inputs u (arms, 3) of the controller are finite: a law may fail in the last call of a run, too."""
-    for i in range(len(u)):
-        for a in range(3):
-            if not np.isfinite(u[i, a]):
-                return False
-    return True
-
-
-@inlined
 def energy_beyond_work(plant, y, ws):
     """Energy of arms and payload less the work done on them, J, after `find_state` of y: its decrease is what was dissipated."""
     factor = mass_factor(plant.mass_change, ws)
@@ -147,8 +137,6 @@ def advance(
                 if code == 0 and flows and (j == 0 or last):
                     note_beginning(system.plant, etdrk4.flow, last, y, ws)
             if j == 0:
-                if code == 0 and done > 0 and not is_finite(ws.u):
-                    code = DIVERGED
                 if code == 0 and row >= 0:
                     known = flows and np.isfinite(true_rate[0])
                     write_sample(system, t, y, true_rate if known else ws.eta_dot, ws, rows[row])

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlab.compiled import entry_point
+from flexlab.control.law import laws
 from flexlab.physics.dynamics import velocities_at
 from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import ETA
@@ -107,11 +108,17 @@ def fill(motion: Motion, rows: np.ndarray) -> int:
         motion.estimate = motion.estimate._replace(peaks=peaks, torque_change=change)
         if checked:
             _check(motion, part[ticks - 1], start)
-    if code != 0:
+    if code != 0 or (done > 0 and _law_failed(motion, rows[done - 1])):
         find_mass_at(motion.assembly.system.plant, motion.time, motion.workspace)
         velocities_at(motion.assembly.system.plant, motion.y, motion.workspace)
         motion.status = runtime_fault(motion.assembly, code, motion.y, motion.workspace.velocity, motion.time)
     return done
+
+
+def _law_failed(motion: Motion, row: np.ndarray) -> bool:
+    """Whether the law failed in its call for the newest sample `row`: a step that notices it may not follow."""
+    law = motion.scenario.controller
+    return not np.isfinite(row).all() and bool(laws()[law.kind].problem(law))
 
 
 def _go_back(motion: Motion, state: WorldState, estimate: accuracy.Estimate) -> None:

@@ -194,8 +194,7 @@ def test_a_law_that_fails_in_its_last_call_has_failed(period: float | None):
     run = simulate(chosen.replace({"controller.control_period": period}), 0.05)
     assert run.status == "law failed"
     assert_says(run.status.text, "too late")
-    assert run.time[-1] == pytest.approx(0.049)
-    assert np.isfinite(run.joint_torque).all()
+    assert np.isfinite(run.pose).all()
 
 
 @pytest.mark.parametrize("wrong", APART)

@@ -134,6 +134,11 @@ class Look:
     samples: Samples
     events: Sequence[Event]
 
+    @property
+    def now(self) -> float:
+        """The newest instant, s."""
+        return float(self.samples.time[-1])
+
     def part(self, begin: float, end: float) -> Samples:
         """The samples between two instants, s."""
         return between(self.samples, begin, end)
@@ -174,14 +179,12 @@ class Look:
 
 
 VALUES: dict[str, Callable[[Look], Any]] = {
-    "t": lambda look: float(look.samples.time[-1]),
+    "t": lambda look: look.now,
     # Whether the run's first instant is seen.
     "starts": lambda look: bool(look.samples.time[0] < 0.5 * tick(look.samples)),
     "changed": lambda look: any(isinstance(event.command, ChangeScenario) for event in look.events),
     "touched": lambda look: bool(look.touches),  # changed, pulled or tapped
-    "undisturbed": lambda look: (
-        float(look.samples.time[-1]) - max([float(look.samples.time[0]), *look.touches])
-    ),  # for so many s
+    "undisturbed": lambda look: look.now - max([float(look.samples.time[0]), *look.touches]),  # for so many s
     "arms": lambda look: len(look.scenario.arms),
     "mode_count": lambda look: look.scenario.payload.coordinate_count,
     # Of the path, as far as it is seen.

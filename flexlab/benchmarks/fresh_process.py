@@ -163,5 +163,7 @@ def weigh_live() -> int:
 
 def resident(field: str) -> int:
     """This process's memory by Linux, bytes: VmRSS, the present, or VmHWM, the peak."""
-    lines = (line.split() for line in _STATUS.read_text(encoding="ascii").splitlines())
-    return next(int(words[1]) * 1024 for words in lines if words[0] == f"{field}:")
+    for line in _STATUS.read_text(encoding="ascii").splitlines():
+        if line.startswith(field + ":"):
+            return int(line.split()[1]) * 1024
+    raise OSError(f"{_STATUS} has no {field}")

@@ -152,8 +152,8 @@ def parameters(
     noise = scenario.controller.sensor_noise
     if noise.active and not is_plant:
         about = describe(type(noise), "seed")
-        range_, title = (float(noise.seed), about.low, about.high), "Seed of the sensors' noise"
-        found.append(Variable("noise_seed", "1", title, "parameter", places["seed"], *range_, is_whole=True))
+        span, title = (float(noise.seed), about.low, about.high), "Seed of the sensors' noise"
+        found.append(Variable("noise_seed", "1", title, "parameter", places["seed"], *span, is_whole=True))
     for gain in gains:
         part = type(gain.settings)
         about, size = describe(part, gain.field), own_numbers(part, Controller)[gain.field]

@@ -19,6 +19,7 @@ from rerun.chunk import LazyChunkStream, RrdReader
 from rerun_bindings import flush_and_cleanup_orphaned_recordings
 
 from flexlab.errors import RecordingError
+from flexlab.text import visible
 
 TIMELINE = "sim_time"
 """The one timeline of a recording: simulation time. Wall clocks may jump, so none is recorded as an axis."""
@@ -37,9 +38,8 @@ def new_stream(application: str, run_id: str | None = None) -> rr.RecordingStrea
     flush_and_cleanup_orphaned_recordings()
     stream = rr.RecordingStream(application, recording_id=run_id, send_properties=False)
     if not rr.is_enabled(stream):
-        raise RecordingError(
-            f"Rerun records nothing while RERUN = {os.environ.get('RERUN')} is in the environment: unset it."
-        )
+        setting = visible(os.environ.get("RERUN", ""))
+        raise RecordingError(f"Rerun records nothing while RERUN = {setting} is in the environment: unset it.")
     # Wall-clock axes would only be a second, jumpy time beside the simulation's own.
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)

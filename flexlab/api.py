@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexlab.analysis.metrics import RunMetrics, run_metrics
+from flexlab.analysis.metrics.own import OwnMetric, own_metrics
 from flexlab.analysis.metrics.run_metrics import Noted
 from flexlab.analysis.result import result_hash
 from flexlab.analysis.sweep.axes import parse_axes
@@ -52,22 +53,30 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
         _noted: Mapping[str, float | None]
         """Of a recorded run: metrics of somebody's own by title and unit, SI, as they were noted."""
 
+        _measured: tuple[list[OwnMetric], RunMetrics] | None
+        """The metrics, and which of somebody's own were declared as they were computed; None: not yet."""
+
         _course: Course | None
         """How it went, so that what is recorded of it can be replayed; None: from its scenario's start, untouched."""
 
     # Whatever has a public name here must be none of a law's signals, and be in `sim.samples.TAKEN`.
     def __init__(self, *, name: str = "run", **parts: Any):
         super().__init__(**parts)
-        vars(self).update(name=name, _noted={}, _course=None)
+        vars(self).update(name=name, _noted={}, _measured=None, _course=None)
 
-    @cached_property
+    @property
     def metrics(self) -> RunMetrics:
         """Tracking errors, vibration, settling time, torques…: of the whole run, in SI units; `print` shows a table.
 
         NaN, but for the duration, for a run that stopped before its end. Metrics of your own (`flexlab.metric`) that were noted
         with a recording are there too. Raises `StudyError` if one of your own fails.
         """
-        return run_metrics(self, finished=not self.status.failed, noted=self._noted)
+        declared = own_metrics()
+        if self._measured is None or self._measured[0] != declared:
+            found = run_metrics(self, finished=not self.status.failed, noted=self._noted)
+            vars(self).update(_measured=(declared, found))
+            return found
+        return self._measured[1]
 
     @cached_property
     def explanations(self) -> tuple["Explained", ...]:

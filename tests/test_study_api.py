@@ -106,6 +106,47 @@ def test_a_metric_of_ones_own_is_in_runs_and_sweeps(tmp_path: Path):
         _ = flexlab.simulate("paper", 0.05).metrics
 
 
+def test_a_metric_that_is_declared_or_changed_later_counts_in_a_run_whose_metrics_were_read():
+    """As in a notebook, whose cells run in any order."""
+    run = flexlab.simulate("paper", 0.05)
+    assert run.metrics is run.metrics
+    before = run.metrics
+    for scale in (1.0, 2.0):
+
+        @flexlab.metric("m")
+        def last_place(samples: flexlab.Samples, scale: float = scale) -> float:
+            return scale * samples.pose[-1, 1]
+
+        assert run.metrics["last_place"] == scale * run.pose[-1, 1]
+    with pytest.raises(StudyError, match="last_place was declared after these numbers were computed"):
+        before["last_place"]
+    forget("last_place")
+    with pytest.raises(StudyError, match="'last_place' is no metric"):
+        run.metrics["last_place"]
+    assert run.metrics.own == []
+
+
+def test_results_of_before_a_metric_was_declared_keep_their_tables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A table that was not yet looked at was "damaged", or a traceback."""
+    monkeypatch.chdir(tmp_path)
+    runs = [flexlab.simulate(name, 0.05).save(tmp_path / "logs") for name in ("paper", "soft-beam")]
+    swept = flexlab.sweep("paper", {EI: [50.0, 100.0]}, duration=0.05, progress=False)
+    tuned = flexlab.tune("paper", {"controller.feedback_gain": "50:800"}, duration=0.05, candidates=10, progress=False)
+    compared = flexlab.compare(*runs)
+
+    @flexlab.metric("J")
+    def late(samples: flexlab.Samples) -> float:
+        return float(samples.input_work[-1])
+
+    for result in (swept, tuned, compared):
+        assert "peak_torque" in result.table.column_names
+        assert "late" not in result.table.column_names
+        assert result.plot() is not None
+        with pytest.raises(StudyError, match="late"):
+            result.plot("late")
+    forget("late")
+
+
 def test_a_metric_of_ones_own_is_read_back_where_nobody_declares_it(flexlab_command: Command, tmp_path: Path):
     @flexlab.metric("m", "Farthest place", of="peak")
     def farthest(samples: flexlab.Samples) -> np.ndarray:
@@ -115,9 +156,10 @@ def test_a_metric_of_ones_own_is_read_back_where_nobody_declares_it(flexlab_comm
     path = run.save(tmp_path / "logs")
     assert flexlab.read(path).metrics.own == ["Farthest place [m]"]
     assert flexlab.read(path).metrics.farthest == run.metrics.farthest, "declared here: computed from the samples"
+    computed = run.metrics.farthest
     forget("farthest")
     found = flexlab.read(path)
-    assert found.metrics["Farthest place [m]"] == pytest.approx(run.metrics.numbers[-1], rel=1e-3)
+    assert found.metrics["Farthest place [m]"] == pytest.approx(computed, rel=1e-3)
     assert "Farthest place [m]" in str(found.metrics)
     again = found.save(tmp_path / "again")
     assert read_notes(again)["metrics"]["Farthest place [m]"] == read_notes(path)["metrics"]["Farthest place [m]"]

@@ -54,13 +54,12 @@ class Comparison(Result):
     @cached_property
     def table(self) -> Any:
         """A row per run: label, name, duration, status, every metric (SI), every setting that differs, provenance."""
-        by_run = zip(*self.metrics, strict=True)
+        by_run, names = zip(*self.metrics, strict=True), {number.column.field: number.name for number in numbers()}
         rows = []
         for label, recording, duration, found in zip(self.labels, self.recordings, self.duration, by_run, strict=True):
             about = {"label": label, "run": recording.path.stem, "duration": duration, "status": str(recording.status)}
             values = {
-                number.name: None if isnan(row.value) else row.value / row.column.scale
-                for number, row in zip(numbers(), found, strict=True)
+                names[row.column.field]: None if isnan(row.value) else row.value / row.column.scale for row in found
             }
             settings = {path: texts[self.labels.index(label)] for path, texts in self.settings}
             rows.append(about | values | settings | provenance(recording.scenario))

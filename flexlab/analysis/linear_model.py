@@ -74,6 +74,11 @@ class LinearModel(StateSpace):
     disk_margin: "DiskMargin | None"
     """Margins of the closed loop at the joint torques."""
 
+    @property
+    def poles(self) -> np.ndarray:
+        """Eigenvalues of A, 1/s (or factors from one control instant to the next)."""
+        return np.linalg.eigvals(self.A)  # scipy takes the roots of a polynomial, and fails for several outputs.
+
     def to_control(self) -> Any:
         """The model as a `control.StateSpace` of python-control. Raises `StudyError` if that is not installed."""
         try:

@@ -19,7 +19,7 @@ from scipy.optimize import differential_evolution
 
 from flexlab.analysis.figures import BLUE, GRAY, STYLE, VERMILION
 from flexlab.analysis.metrics import RunMetrics
-from flexlab.analysis.metrics.metric import named, number_names, numbers
+from flexlab.analysis.metrics.metric import named
 from flexlab.analysis.result import Result, provenance
 from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.figures import SIZE, pareto_front
@@ -78,7 +78,7 @@ class Cost:
 
 def numbers_of(metrics: RunMetrics) -> dict[str, float]:
     """Number by each name of a metric, NaN if it has none; a run that has not settled has ten times its length as its time."""
-    found: dict[str, float] = {number.name: metrics[number.name] for number in numbers()}
+    found = metrics.by_name()
     found |= {row.column.field: row.value for row in metrics.rows}
     if math.isnan(metrics[SETTLING]):
         found[SETTLING] = found[named(SETTLING).number.column.field] = NOT_SETTLED * metrics.duration
@@ -187,13 +187,14 @@ class Tuning(Result):
     def table(self) -> Any:
         """A row per candidate, the scenario as it was first, then the cheapest: what was changed, cost, metrics by name, SI."""
         paths = dict.fromkeys(path for candidate in self.candidates for path in candidate.changes)
+        names = list(dict.fromkeys(name for each in self.candidates if each.metrics for name in each.metrics.by_name()))
         rows = []
         for candidate in self.candidates:
-            found = {} if candidate.metrics is None else {name: candidate.metrics[name] for name in number_names()}
+            found = {} if candidate.metrics is None else candidate.metrics.by_name()
             rows.append(
                 {path: candidate.changes.get(path, self._before(path)) for path in paths}
                 | {"cost": candidate.cost, "sentence": candidate.reason}
-                | {name: None if math.isnan(value := found.get(name, math.nan)) else value for name in number_names()}
+                | {name: None if math.isnan(value := found.get(name, math.nan)) else value for name in names}
                 | self._provenance(candidate)
             )
         return pa.Table.from_pylist(rows)
@@ -218,6 +219,8 @@ class Tuning(Result):
         names = [*wanted, *self.cost.names, "rms_error.y", "rms_internal_force"]
         first, second = list(dict.fromkeys(names))[:2]
         found = [values for candidate in self.candidates if (values := candidate.numbers)]
+        if later := [name for name in (first, second) if found and name not in found[0]]:
+            raise StudyError(f"The metric {later[0]} was declared after this tuning: tune anew.")
         x, y = (np.array([values[name] for values in found]) for name in (first, second))
         with mpl.rc_context(STYLE):
             figure = Figure(figsize=SIZE, layout="constrained")

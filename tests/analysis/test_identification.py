@@ -224,6 +224,20 @@ def test_a_measurement_in_logs_is_fitted_as_its_file(flexlab_command: Command, t
     assert again.estimates["EI"].low == pytest.approx(direct.low, rel=1e-4)
 
 
+@pytest.mark.parametrize("elements", [1, 2, 16])
+def test_the_stiffness_of_a_real_beam_is_told_beside_that_of_a_coarse_mesh(tmp_path: Path, elements: int):
+    """The closed formula of a pinned beam, f = (π/2L²) √(EI/ρ): the note, or EI itself where the mesh is fine."""
+    file = write_signal(tmp_path / "vice.csv", ring(np.arange(0, 0.8, 1e-3), 44.0, 0.03, 1e-3))
+    fit = flexlab.fit(file, scenario=flexlab.load_preset("paper").replace({"payload.element_count": elements}))
+    told = [
+        float(found[1]) for note in fit.notes if (found := re.search(r"a real beam that rings so has (\S+) N", note))
+    ]
+    truth = 2.0 * (2 * 0.5**2 * 44.0 / np.pi) ** 2
+    assert [*told, fit.estimates["EI"].value][0] == pytest.approx(truth, rel=1e-4 if elements == 16 else 1e-5)
+    assert elements == 16 or told
+    assert not [note for note in fit_file(file).notes if "mesh" in note], "without a scenario there is no stiffness"
+
+
 def test_decimal_commas_are_read_where_they_separate_no_columns(tmp_path: Path):
     signal = ring(np.arange(0, 0.5, 1e-3), 30.0, 0.02, 1e-3)
     by_point = read_measured(write_signal(tmp_path / "point.csv", signal))

@@ -9,7 +9,13 @@ import numpy as np
 import pyarrow as pa
 
 from flexlab import __version__
-from flexlab.analysis.identification.beam_parameters import BeamParameters, another_mode, beam_parameters, read_measured
+from flexlab.analysis.identification.beam_parameters import (
+    BeamParameters,
+    another_mode,
+    beam_parameters,
+    mesh_note,
+    read_measured,
+)
 from flexlab.analysis.identification.evidence import ring_begins
 from flexlab.analysis.identification.free_ring import ring_of_run
 from flexlab.analysis.identification.ring import Estimate, RingFit, fit_ring
@@ -48,7 +54,7 @@ class Fit(Result):
     measured: bool
     """Whether the samples are a measurement, not those of a run."""
     notes: tuple[str, ...]
-    """Sentences on left-out samples."""
+    """Sentences on left-out samples, and on the mesh."""
 
     @property
     def is_ring(self) -> bool:
@@ -155,6 +161,8 @@ def _fit(
         poses = _poses(simulated[0], y - ring.background)
         other = another_mode(ring, simulated[1], poses[0])
     beam = None if scenario is None else beam_parameters(ring, scenario, simulated is not None, poses, other)
+    if beam is not None and simulated is None and (note := mesh_note(beam)):
+        notes += (note,)
     if beam is not None:
         along = replace(ring.first, frequency=beam.frequency, damping_ratio=beam.damping_ratio)
         ring = replace(ring, modes=tuple(along if mode is ring.first else mode for mode in ring.modes))

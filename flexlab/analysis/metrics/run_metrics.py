@@ -10,7 +10,8 @@ from functools import cache
 from math import inf, isnan, nan
 from typing import TYPE_CHECKING, Any
 
-from flexlab.analysis.metrics.metric import METRICS, Column, Metric, named
+from flexlab.analysis.metrics.metric import METRICS, Column, Metric, named, numbers
+from flexlab.errors import StudyError
 from flexlab.text import html_table, result_text
 
 if TYPE_CHECKING:
@@ -98,9 +99,10 @@ class RunMetrics:
         self._noted = {key: nan if value is None else value for key, value in (noted or {}).items() if key not in known}
 
     def __getattr__(self, name: str) -> Any:
-        values = self.__dict__.get("_values", {}).get(name)
+        known = self.__dict__.get("_values", {})
+        values = known.get(name)
         if values is None:
-            raise AttributeError(f"there is no metric {name!r}: choose one of {', '.join(METRICS)}")
+            raise AttributeError(f"there is no metric {name!r}: choose one of {', '.join(known)}")
         return values[0] if len(values) == 1 else _parts(name)(*values)
 
     def __getitem__(self, name: str) -> float:
@@ -108,6 +110,10 @@ class RunMetrics:
         if isinstance(name, str) and name in self._noted:
             return self._noted[name]
         found = named(name)
+        if found.number.metric not in self._values:
+            raise StudyError(
+                f"The metric {found.number.name} was declared after these numbers were computed: compute them anew."
+            )
         return found.scale * self._values[found.number.metric][found.number.index]
 
     def __dir__(self) -> Iterable[str]:
@@ -134,6 +140,14 @@ class RunMetrics:
         """Title and unit of those that somebody declared for their own studies."""
         declared = [column.key for name in self._values if METRICS[name].own for column in METRICS[name].columns]
         return [*declared, *self._noted]
+
+    def by_name(self) -> dict[str, float]:
+        """All numbers, SI, by name as in `metric.numbers`; of those alone that were declared when they were computed."""
+        return {
+            number.name: self._values[number.metric][number.index]
+            for number in numbers()
+            if number.metric in self._values
+        }
 
     @property
     def numbers(self) -> tuple[float, ...]:

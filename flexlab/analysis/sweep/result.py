@@ -84,14 +84,14 @@ def part_file(folder: Path, cells: range) -> Path:
     return folder / PARTS / f"{cells.start:09d}.parquet"
 
 
-def _rows(file: Path, plan: Plan, cells: range) -> pa.Table:
+def _rows(file: Path, layout: pa.Schema, cells: range) -> pa.Table:
     """The rows of these cells in a file. Raises OSError, or ValueError for a file that holds anything else."""
     check_ordinary(file)
     try:
         table = parquet.read_table(file, partitioning=None)
     except pa.ArrowException as error:
         raise ValueError(str(error)) from None
-    if table.schema != schema(plan) or not np.array_equal(table.column("cell"), cells):
+    if table.schema != layout or not np.array_equal(table.column("cell"), cells):
         raise ValueError("it holds other cells")
     return table
 
@@ -99,7 +99,7 @@ def _rows(file: Path, plan: Plan, cells: range) -> pa.Table:
 def read_part(folder: Path, plan: Plan, cells: range) -> dict[str, list[Any]] | None:
     """The columns of a part; None: it has no file, as before it is computed and after the end of the sweep, or a damaged one."""
     try:
-        return _rows(part_file(folder, cells), plan, cells).to_pydict()
+        return _rows(part_file(folder, cells), schema(plan), cells).to_pydict()
     except (OSError, ValueError):
         return None
 
@@ -156,7 +156,7 @@ def join_parts(folder: Path, plan: Plan) -> None:
             layout = schema(plan)
             with replacing(folder / TABLE) as draft, parquet.ParquetWriter(draft, layout, compression="zstd") as writer:
                 for cells in plan.parts():
-                    writer.write_table(_rows(part_file(folder, cells), plan, cells))
+                    writer.write_table(_rows(part_file(folder, cells), layout, cells))
         shutil.rmtree(folder / PARTS, ignore_errors=True)
 
 
@@ -170,6 +170,7 @@ class Sweep(Result):
     def __init__(self, plan: Plan, folder: Path):
         """The sweep of `plan`, whose table is in `folder`."""
         self.plan, self.folder = plan, folder
+        self._layout = schema(plan)  # A metric that is declared later is not in the table.
 
     @cached_property
     def table(self) -> Any:
@@ -179,7 +180,7 @@ class Sweep(Result):
         """
         file = self.folder / TABLE
         try:
-            return _rows(file, self.plan, range(len(self)))
+            return _rows(file, self._layout, range(len(self)))
         except (OSError, ValueError) as error:
             damaged = f"{file} is damaged ({' '.join(str(error).split()):.100})"
             raise StudyError(f"{damaged}: move it away, and the same sweep computes it again.") from None

@@ -79,7 +79,7 @@ class LabState:
         """Number of browsers connected to this lab."""
         self.view = ViewSettings(exaggeration=fitting_exaggeration(snapshot.scenario))
         """What the screen shows."""
-        self._lesson_holds_factor = False
+        self._lesson_factor: float | None = None
         self._fitted_speed = snapshot.target_speed
         self._slow = SlowChanges(self._change_slowly, self.warn)
         self._let_go_of(origin)
@@ -132,15 +132,15 @@ class LabState:
             self.view = dataclasses.replace(self.view, **changes)
 
     def hold_exaggeration(self, factor: float | None) -> None:
-        """Draw deflections by a fixed factor, as in a lesson; None: by the factor that suits each run."""
-        self._lesson_holds_factor = factor is not None
+        """Begin each run with a fixed factor on drawn deflections, as in a lesson; None: with the factor that suits it."""
+        self._lesson_factor = factor
         if factor is not None and self.view.follow_deflection:
             self.set_view(exaggeration=factor)
 
-    @property
-    def _chooses_exaggeration(self) -> bool:
-        """Whether the factor follows the run. It stays in a lesson and beside a kept run, so that runs can be compared."""
-        return self.view.follow_deflection and not self._lesson_holds_factor and self.kept is None
+    def _fit_exaggeration(self, scenario: Scenario) -> None:
+        """Choose the factor for a run that begins. It stays beside a kept run, so that the two can be compared."""
+        if self.view.follow_deflection and self.kept is None:
+            self.set_view(exaggeration=self._lesson_factor or fitting_exaggeration(scenario))
 
     def change(self, changes: Mapping[str, Any]) -> None:
         """Ask for scenario fields by path; raises `ScenarioError`, and sends nothing, if the result is not valid.
@@ -206,8 +206,7 @@ class LabState:
         with self.lock:
             if isinstance(command, Reset):
                 self.pulled = None
-                if self._chooses_exaggeration:
-                    self.set_view(exaggeration=fitting_exaggeration(self.intended))
+                self._fit_exaggeration(self.intended)
             self._ask(command)
             if isinstance(command, Play | Pause):
                 self._asked_play = (self._asked, isinstance(command, Play))
@@ -245,8 +244,8 @@ class LabState:
             self._fitted_speed = snapshot.target_speed
             if self.view.follow_speed:
                 self.set_view(plot_window=fitting_window(snapshot.target_speed))
-        if not self._chooses_exaggeration or not snapshot.playing:
-            return
+        if not self.view.follow_deflection or not snapshot.playing or snapshot.answered < self._asked:
+            return  # What was asked for may begin another run, whose factor the old one's bending must not lower.
         payload, recent = snapshot.scenario.payload, self.runner.recent(SEEN_AT_ONCE)
         if len(recent) and recent.beam_coordinates.shape[1] == payload.coordinate_count:
             deflection = peak_deflection(payload, recent.beam_coordinates)
@@ -297,8 +296,7 @@ class LabState:
         self._settings, self._run_name = settings, settings.name
         self.pulled = None
         self.set_view(shown_mode=None)
-        if self._chooses_exaggeration:
-            self.set_view(exaggeration=fitting_exaggeration(settings.scenario))
+        self._fit_exaggeration(settings.scenario)
         self._ask(LoadScenario(settings.scenario, settings.name, settings.origin))
         self._let_go_of(settings.origin)
         if BY_PERSON.get() and self.company() > 1:

@@ -1,5 +1,6 @@
 """What the lab chooses for the screen by itself."""
 
+import time
 from itertools import pairwise
 
 import numpy as np
@@ -15,7 +16,7 @@ from flexlab.lab.scene.stage import floor_extent
 from flexlab.lab.view_settings import fitting_exaggeration, fitting_window, tamed_exaggeration
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
-from flexlab.sim.commands import Reset
+from flexlab.sim.commands import Play, Reset
 from flexlab.sim.runner import Runner
 from flexlab.text import escaped, number_text, speed_text
 
@@ -57,6 +58,33 @@ def test_within_a_lesson_and_beside_a_kept_run_the_factor_stays() -> None:
     lab_state.hold_exaggeration(None)
     lab_state.submit(Reset())
     assert lab_state.view.exaggeration == fitting_exaggeration(load_preset("stiff-beam"))
+
+
+def test_a_wild_deflection_lowers_a_lessons_factor_until_a_new_run_begins() -> None:
+    """Lesson 9 asks to go on until the beam buckles: it was drawn with 50 times its 81 mm, far out of the picture."""
+    bent = load_preset("squeeze-until-it-buckles").replace(
+        {"initial.beam_coordinates": (0.0, 0.0, 0.0, 0.08, 0.0, 0.0, 0.0, 0.0)}
+    )
+    runner = Runner(bent, "bent")
+    lab_state = LabState(runner)
+    lab_state.hold_exaggeration(50.0)
+    lab_state.submit(Play())
+    _run_on(runner)
+    lab_state.fit_view(runner.snapshot)
+    assert 0 < lab_state.view.exaggeration * 0.08 <= 0.36 * 0.5
+    lab_state.load(load_preset("paper"), "paper")
+    lab_state.fit_view(runner.snapshot)
+    assert lab_state.view.exaggeration == 50.0, "the run on the screen is still the old one"
+    _run_on(runner)
+    lab_state.fit_view(runner.snapshot)
+    assert lab_state.view.exaggeration == 50.0
+
+
+def _run_on(runner: Runner) -> None:
+    """A few frames, until samples of what was asked for are there."""
+    for _ in range(5):
+        time.sleep(0.01)
+        runner.frame()
 
 
 def test_the_window_follows_the_speed() -> None:

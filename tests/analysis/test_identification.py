@@ -39,6 +39,17 @@ def test_exact_data_give_the_exact_modes_at_uneven_times_too():
         assert fit.first.amplitude == pytest.approx(then, rel=1e-4)
 
 
+@pytest.mark.parametrize("begins", [2.0, 2.375, 2.75, 2.875])
+def test_what_the_arms_motion_does_to_a_ring_is_no_mode_of_its_own(begins: float):
+    """The frequency changes with the pose: the modes were 42.2, 45.6 and 47.9 Hz, of a beam whose second is at 198 Hz."""
+    run = flexlab.simulate("paper", begins + 1.0, commands=[(begins, Tap(0.0, (0.0, 0.15)))])
+    ring_after = (run.time > begins + 0.001) & (run.time < begins + 0.545)
+    fit = fit_ring(run.time[ring_after], run.vibration[ring_after])
+    assert fit.is_ring
+    assert [mode.frequency.value for mode in fit.modes] == pytest.approx([45.5], abs=0.1)
+    assert fit.first is fit.modes[0]
+
+
 def test_intervals_cover_95_percent_of_500_truths():
     """95 ± 3 %, of frequencies of 4 to 60 Hz, ratios of 0.3 to 6 %, noise of 0.3 to 5 %; f1 within 1 %, ζ within 5 %."""
     rng = np.random.default_rng(7)

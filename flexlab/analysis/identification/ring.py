@@ -16,6 +16,7 @@ from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 from flexlab.analysis.identification.evidence import (
+    BESIDE,
     BEST_TOLD,
     DENSE,
     LEFT,
@@ -42,6 +43,8 @@ START_RATIOS = (0.002, 0.01, 0.05, 0.2)
 LARGEST_RATIO = 0.9
 NOISE_ALONE = "no oscillation stands out from the noise"
 NOT_ONE = "the samples hold something else as well, such as a second tap; say where one free ring begins and ends"
+SHADOW = 0.5
+"""Amplitude, over a mode's, up to which another one close beside it is none of its own."""
 FITTED = 1e-9
 """Relative change at which a search ends, far below any interval."""
 
@@ -221,6 +224,7 @@ def _described(
         own = near[k] * covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2]
         amplitude = float(np.hypot(linear[2 * k], linear[2 * k + 1])) * scale
         found.append(_mode(omega, sigma, own, factor, moved[k], amplitude, tau, problem))
+    found = _without_shadows(found)
     # A slow change of the background looks like part of a period, and the first samples after a tap like a fast mode.
     seen = [mode for mode in found if FEWEST_PERIODS <= mode.frequency.value * tau[-1] <= (len(tau) - 1) / 2]
     loudest = max(seen, key=lambda mode: mode.amplitude, default=None)
@@ -229,6 +233,21 @@ def _described(
     background = basis[:, 2 * len(modes) :] @ linear[2 * len(modes) :] * scale
     noise = float(np.sqrt(variance)) * scale
     return RingFit(tuple(found), noise, float(time[0]), float(time[-1]), len(time), background, problem)
+
+
+def _without_shadows(modes: list[RingMode]) -> list[RingMode]:
+    """The modes but for those that stand close beside a louder one.
+
+    They make up for what no constant frequency and damping tells of it, as where the arms carry the beam on: a beam has no two
+    modes so close together.
+    """
+    return [one for one in modes if not any(_shadows(one, other) for other in modes)]
+
+
+def _shadows(one: RingMode, louder: RingMode) -> bool:
+    """Whether a mode stands so close to a louder one that the two share what they ring."""
+    f, other = one.frequency.value, louder.frequency.value
+    return one.amplitude < SHADOW * louder.amplitude and abs(f - other) < BESIDE * louder.damping_ratio.value * other
 
 
 def _near(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> list[tuple[float, float]]:

@@ -57,7 +57,7 @@ def command(
     """Open the lab: two arms carry a flexible beam, live in your browser, every run recorded."""
     if private:
         from flexlab.compiled import is_warm
-        from flexlab.server.child_processes import prepare_lab_processes
+        from flexlab.server.tasks import prepare_lab_processes
 
         if is_warm():  # Else both processes would compile the engine. The first visitor waits for both.
             prepare_lab_processes()

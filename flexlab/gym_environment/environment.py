@@ -31,8 +31,8 @@ from flexlab.gym_environment.kernels import OBSERVED
 from flexlab.gym_environment.worlds import WRENCH, Settings, WorldBatch
 from flexlab.lab import colors
 from flexlab.lab.scene.beam import STATIONS
+from flexlab.lab.scene.cameras import floor_extent
 from flexlab.lab.scene.scene import PICTURES_PER_SECOND, Window
-from flexlab.lab.scene.stage import floor_extent
 from flexlab.lab.view_settings import fitting_exaggeration
 from flexlab.scenario import Scenario
 from flexlab.sim.geometry import arm_points, beam_points

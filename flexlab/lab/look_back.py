@@ -91,11 +91,7 @@ class LookBack:
             return now
         checkpoint = self._runner.checkpoint(float(sample.time[0]))
         return replace(
-            now,
-            scenario=checkpoint.scenario,
-            first_frequency=checkpoint.first_frequency,
-            latest=sample,
-            display=sample,
+            now, scenario=checkpoint.scenario, first_frequency=checkpoint.first_frequency, latest=sample, display=sample
         )
 
     def recent(self, seconds: float) -> Samples:

@@ -18,10 +18,9 @@ from flexlab.guide import LessonProgress
 from flexlab.lab.input_guard import InputGuard
 from flexlab.lab.scene.arms import Arms
 from flexlab.lab.scene.beam import Beam
-from flexlab.lab.scene.cameras import FIELD_OF_VIEW, Window, overview
+from flexlab.lab.scene.cameras import FIELD_OF_VIEW, Window, draw_floor, floor_extent, overview, set_light
 from flexlab.lab.scene.forces import Forces
 from flexlab.lab.scene.overlays import Overlays
-from flexlab.lab.scene.stage import draw_floor, floor_extent, set_light
 from flexlab.lab.view_settings import ViewSettings, fitting_exaggeration
 from flexlab.lab.viser_internals import in_the_systems_colors
 from flexlab.lab.viser_server import open_server

@@ -82,14 +82,7 @@ class GuardedServer(viser.ViserServer):
     It never opens viser's tunnel through an outside machine, whatever a browser asks.
     """
 
-    def __init__(
-        self,
-        plug: socket.socket,
-        admission: Admission,
-        check: Check,
-        script: str,
-        sheet: str,
-    ):
+    def __init__(self, plug: socket.socket, admission: Admission, check: Check, script: str, sheet: str):
         """`script` and style `sheet` are added to the page."""
         self._check = check
         connection = functools.partial(_GuardedConnection, self)

@@ -113,13 +113,7 @@ class OwnKinds(Generic[K]):
         return own.kind
 
     def model(
-        self,
-        declared: Declared,
-        source: str,
-        file: str,
-        kind: str,
-        reserved: Collection[str] = (),
-        **fields: Any,
+        self, declared: Declared, source: str, file: str, kind: str, reserved: Collection[str] = (), **fields: Any
     ) -> type[Any]:
         """The model of what a text declares, with `fields` besides its settings. Raises `ScenarioError`."""
         for name, _ in declared.settings:

@@ -97,11 +97,7 @@ class Visit(web.RequestHandler):
         return waits and time_taken > BODY_TIME and self.received - self.body_before < BODY_RATE * time_taken
 
     def handle_error(
-        self,
-        request: web.BaseRequest,
-        status: int = 500,
-        exc: BaseException | None = None,
-        message: str | None = None,
+        self, request: web.BaseRequest, status: int = 500, exc: BaseException | None = None, message: str | None = None
     ) -> web.StreamResponse:
         """Refuse what is no request in one line that quotes nothing of it: its head may hold a token."""
         if status >= 500:

@@ -19,14 +19,7 @@ import aiohttp
 from aiohttp import hdrs, web
 
 from flexlab.errors import LabError
-from flexlab.server.auth import (
-    ELSEWHERE,
-    Handler,
-    add_headers,
-    answer_in_sentences,
-    is_from_elsewhere,
-    refuse,
-)
+from flexlab.server.auth import ELSEWHERE, Handler, add_headers, answer_in_sentences, is_from_elsewhere, refuse
 from flexlab.server.base_url import put_before
 from flexlab.server.connections import watch_patience
 from flexlab.server.front_server import FILES, FrontServer

@@ -30,10 +30,10 @@ from flexlab.recording.store.notes import notes_path, read_notes
 from flexlab.recording.store.run_files import SUFFIX, remove_run
 from flexlab.recording.store.run_index import RunRow
 from flexlab.scenario.field_text import field_title
-from flexlab.server.child_processes import end_with_the_server, failures_told_plainly, job_processes
 from flexlab.server.labs.lab_provider import Choice
 from flexlab.server.limits import LOOK, LOOK_AGAIN, PER_SECOND, Quota, Visitor
 from flexlab.server.task_book import BAD, GOOD, Outcome, Task, TaskBook
+from flexlab.server.tasks import end_with_the_server, failures_told_plainly, job_processes
 from flexlab.sim.pacing import FASTEST
 from flexlab.text import visible
 

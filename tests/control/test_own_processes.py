@@ -18,8 +18,8 @@ from waiting import wait_until
 from flexlab.errors import ScenarioError
 from flexlab.lab.session import Session
 from flexlab.own import hosts
-from flexlab.own.apart import LawApart
 from flexlab.own.files import LAW_FILES
+from flexlab.own.hosts import LawApart
 from flexlab.own.law import add_own_law
 from flexlab.own.process import MOST_READ, PROBE
 from flexlab.presets import load_preset

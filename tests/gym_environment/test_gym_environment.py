@@ -19,7 +19,7 @@ from flexlab.errors import StudyError
 from flexlab.gym_environment.environment import OBSERVATION, TwoArms, TwoArmsVector
 from flexlab.gym_environment.worlds import RULES
 from flexlab.lab.colors import GREEN
-from flexlab.lab.scene.stage import floor_extent
+from flexlab.lab.scene.cameras import floor_extent
 from flexlab.presets import load_preset
 from flexlab.sim.world import World
 

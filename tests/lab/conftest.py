@@ -9,7 +9,8 @@ from lab_page import LabPage, LastingWindow, wait_until
 from playwright.sync_api import Browser
 from waiting import PATIENCE
 
-from flexlab.lab import lab_state, render_loop
+from flexlab.lab import lab_state
+from flexlab.lab import session as lab_session
 from flexlab.lab.panel import number_control, panel
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset
@@ -79,8 +80,8 @@ def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> 
 def window(_lasting_window: LastingWindow, request: pytest.FixtureRequest) -> Iterator[LastingWindow]:
     """The window, while labs send as many pictures as it draws."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(render_loop, "FRAME_TIME", PAUSE / 1000)
-        patch.setattr(render_loop, "READOUT_EVERY", 1)
+        patch.setattr(lab_session, "FRAME_TIME", PAUSE / 1000)
+        patch.setattr(lab_session, "READOUT_EVERY", 1)
         patch.setattr(lab_state, "NOTICE_TIME", PATIENCE)  # A busy page may draw a sentence late.
         for module in (number_control, panel):
             patch.setattr(module, "READING_TIME", PATIENCE)

@@ -9,8 +9,7 @@ import pytest
 from lab_page import wait_until
 from raw_browser import RawBrowser, html_texts, widget
 
-from flexlab.lab.render_loop import RenderLoop
-from flexlab.lab.session import Session
+from flexlab.lab.session import RenderLoop, Session
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 

@@ -7,7 +7,7 @@ import pytest
 
 from flexlab.analysis.explanations.explanation import EXPLANATIONS, Background, Evidence, Explained, explain
 from flexlab.lab.mode_computation import ModeStudy
-from flexlab.lab.plots.explanation_list import MISSED, MOST, REWORDED, SEEN, CalmList, list_html
+from flexlab.lab.plots.plots import MISSED, MOST, REWORDED, SEEN, CalmList, list_html
 from flexlab.presets import load_preset
 from flexlab.sim.commands import ChangeScenario, Play, Pull, Tap
 from flexlab.sim.simulate import simulate

@@ -7,8 +7,7 @@ from lab_page import wait_until
 from raw_browser import RawBrowser, page_report
 
 from flexlab.lab.page_reports import PageReports
-from flexlab.lab.render_loop import Attendance
-from flexlab.lab.session import Session
+from flexlab.lab.session import Attendance, Session
 from flexlab.presets import load_preset
 from flexlab.sim.commands import Reset
 

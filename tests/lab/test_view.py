@@ -11,8 +11,7 @@ from flexlab.control.path import build_motion
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.panel.number_control import Scale
 from flexlab.lab.panel.run_comparison import change_text
-from flexlab.lab.scene.cameras import FIELD_OF_VIEW, Window, overview, payload_view
-from flexlab.lab.scene.stage import floor_extent
+from flexlab.lab.scene.cameras import FIELD_OF_VIEW, Window, floor_extent, overview, payload_view
 from flexlab.lab.view_settings import fitting_exaggeration, fitting_window, tamed_exaggeration
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario

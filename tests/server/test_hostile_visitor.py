@@ -25,10 +25,9 @@ from flexlab.recording.reader import read_recording
 from flexlab.recording.store.run_files import run_state
 from flexlab.recording.store.run_index import annotate_run, find_row
 from flexlab.server import connections
-from flexlab.server.front_server import FrontServer
+from flexlab.server.front_server import FrontServer, TemporaryFolder, remove_left
 from flexlab.server.labs import per_visitor
 from flexlab.server.limits import FREE
-from flexlab.server.temporary_folder import TemporaryFolder, remove_left
 from flexlab.text import visible
 
 

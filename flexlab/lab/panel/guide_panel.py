@@ -4,15 +4,7 @@ from flexlab.analysis.lesson_checks import read_check
 from flexlab.analysis.lesson_measures import SECONDS
 from flexlab.analysis.own_lessons import lesson_files, lesson_menu, own_lessons
 from flexlab.errors import LabError
-from flexlab.guide import (
-    STEPS,
-    Chapter,
-    Lesson,
-    LessonProgress,
-    chapters,
-    step_text,
-    without_html,
-)
+from flexlab.guide import STEPS, Chapter, Lesson, LessonProgress, chapters, step_text, without_html
 from flexlab.lab.view_settings import fitting_exaggeration
 from flexlab.lab.widgets import Menu, Widgets, put
 from flexlab.presets import load_preset

@@ -131,10 +131,7 @@ class NumberControl:
         self._switch = self._slider = None
         if switch is not None:
             self._switch = widgets.checkbox(
-                switch[0],
-                value is not None,
-                lambda on: self._turn(switch[1]() if on else None),
-                LIVE_HINTS[about.live],
+                switch[0], value is not None, lambda on: self._turn(switch[1]() if on else None), LIVE_HINTS[about.live]
             )
         shown = switch[1]() if switch is not None and value is None else value
         label = f"{about.title} ({about.unit})" if about.unit_text() else about.title

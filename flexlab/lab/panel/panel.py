@@ -1,4 +1,4 @@
-"""The control panel: what a person can change, and what the lab says about the run."""
+"""The control panel: what a person can change, what is drawn and how large, and what the lab says about the run."""
 
 import time
 from collections.abc import Callable
@@ -12,29 +12,64 @@ from flexlab.lab.lab_state import LabState
 from flexlab.lab.look_back import LookBack
 from flexlab.lab.mode_computation import ModeStudy
 from flexlab.lab.panel.mode_table import ModePanel
-from flexlab.lab.panel.number_control import READING_TIME, SETTLE_TIME
+from flexlab.lab.panel.number_control import READING_TIME, SETTLE_TIME, NumberControl
 from flexlab.lab.panel.playback import Events, Playback, PlayScreen, Scrub
 from flexlab.lab.panel.readouts import SEEN_TOGETHER, notices_html, number_html, status_html
 from flexlab.lab.panel.ring_panel import RingPanel
 from flexlab.lab.panel.run_comparison import Comparing
 from flexlab.lab.panel.scenario_files import Presets, ScenarioFiles
-from flexlab.lab.panel.sections import (
-    GROUPS,
-    SECTIONS,
-    Folder,
-    conditions_html,
-    group_rows,
-    section_rows,
-    three_valued,
-)
-from flexlab.lab.panel.view_controls import Look, ViewControls
+from flexlab.lab.panel.sections import GROUPS, SECTIONS, Folder, conditions_html, group_rows, section_rows, three_valued
 from flexlab.lab.picking import Picking, touch_controls
 from flexlab.lab.reference_run import Recorded
-from flexlab.lab.widgets import LAST, Widgets, put, table_html
+from flexlab.lab.scene.cameras import VIEWS, Look
+from flexlab.lab.view_settings import EXAGGERATION, PLOT_WINDOWS, SWITCHES, fitting_window
+from flexlab.lab.widgets import LAST, Menu, Widgets, put, table_html
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
 from flexlab.sim.snapshot import Event, Snapshot
 from flexlab.text import escaped
+
+
+class ViewControls:
+    """Controls of the view, in the GUI container that is open while it is made."""
+
+    def __init__(self, widgets: Widgets, look: Look):
+        self._lab_state = lab_state = widgets.lab_state
+        self._exaggeration = NumberControl(
+            widgets,
+            EXAGGERATION,
+            lambda: lab_state.view.exaggeration,
+            lambda factor: lab_state.set_view(exaggeration=factor, follow_deflection=False),
+            hint=f"Drawing only, {EXAGGERATION.range_text()}; plots stay in true mm.",
+        )
+        windows = {f"{window:g} s": window for window in PLOT_WINDOWS}
+        self._window = Menu(
+            widgets,
+            "Plot window",
+            lambda: windows,
+            lambda: f"{lab_state.view.plot_window:g} s",
+            lambda word: lab_state.set_view(plot_window=windows[word], follow_speed=False),
+        )
+        for view in VIEWS:
+            hint = "Camera view, in this browser"
+            widgets.button(view, lambda event, view=view: look(event.client, view), hint=hint)
+        self._switches = {
+            setting: widgets.checkbox(label, getattr(lab_state.view, setting), partial(self._set, setting))
+            for setting, label in SWITCHES.items()
+        }
+
+    def settle(self, at_once: bool) -> None:
+        """Follow the view's settings; leave alone what a person is at, unless it is to be `at_once`."""
+        self._exaggeration.settle(at_once)
+        self._window.settle()
+        for setting, box in self._switches.items():
+            put(box, value=getattr(self._lab_state.view, setting))
+
+    def _set(self, setting: str, on: bool) -> None:
+        self._lab_state.set_view(**{setting: on})
+        if setting == "follow_speed" and on:
+            self._lab_state.set_view(plot_window=fitting_window(self._lab_state.snapshot.target_speed))
+
 
 NUMBER_KEYS = 9
 MORE = (

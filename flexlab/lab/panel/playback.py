@@ -15,9 +15,8 @@ from flexlab.lab.panel.field import Entry
 from flexlab.lab.panel.number_control import BOX_DIGITS
 from flexlab.lab.panel.readouts import events_html
 from flexlab.lab.panel.sections import Folder
-from flexlab.lab.panel.view_controls import Look
 from flexlab.lab.picking import Picking
-from flexlab.lab.scene.cameras import VIEWS
+from flexlab.lab.scene.cameras import VIEWS, Look
 from flexlab.lab.widgets import Menu, Widgets, put
 from flexlab.scenario import Scenario
 from flexlab.sim.command_queue import MOST_STEPS

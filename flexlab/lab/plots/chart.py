@@ -147,11 +147,7 @@ INCREMENTS = tuple(digit * 10.0**power for power in range(-3, 10) for digit in (
 def axis(size: int, label: str = "") -> uplot.Axis:
     """An axis with short ticks and `size` px of room."""
     made = uplot.Axis(
-        size=size,
-        gap=2,
-        incrs=INCREMENTS,
-        ticks=uplot.Axis_Ticks(size=4, width=1),
-        grid=uplot.Axis_Grid(width=1),
+        size=size, gap=2, incrs=INCREMENTS, ticks=uplot.Axis_Ticks(size=4, width=1), grid=uplot.Axis_Grid(width=1)
     )
     return cast(uplot.Axis, made | {"label": label, "labelSize": UNIT_SIZE, "labelGap": 0}) if label else made
 

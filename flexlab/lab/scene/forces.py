@@ -1,5 +1,8 @@
 """Forces and moments at the grips: straight arrows and bent ones, each kind with a scale of its own that adapts in steps."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 import viser
 
@@ -37,85 +40,75 @@ def _arrows_away(count: int) -> np.ndarray:
     return np.tile([AWAY, AWAY + [1.0, 0.0, 0.0]], (count, 1, 1)).astype(np.float32)
 
 
-class StraightArrows:
-    """Arrows for one force per grip."""
+def _hidden_arrows(scene: viser.SceneApi, name: str, color: colors.Color, count: int, sizes: Sequence[float]) -> Any:
+    """`sizes`: radii of shaft and head, and the head's length, m."""
+    shaft, head, length = sizes
+    look = {"shaft_radius": shaft, "head_radius": head, "head_length": length, "visible": False}
+    return scene.add_arrows(name, _arrows_away(count), np.tile(np.array(color, np.uint8), (count, 1)), **look)
 
-    def __init__(
-        self,
-        scene: viser.SceneApi,
-        name: str,
-        color: colors.Color,
-        scenario: Scenario,
-        height: float,
-    ):
-        count, size = len(scenario.arms), scene_size(scenario)
-        self._height, self._longest = height, LONGEST_ARROW * scenario.payload.length
-        self._range = Range(LEAST_FORCE, FRAMES_BEFORE_SHRINKING)
+
+class Arrows:
+    """Arrows of one kind, one for each grip, with a scale of their own."""
+
+    def __init__(self, handle: Any, away: np.ndarray, least: float, height: float):
+        """`away`: the points of arrows that nobody sees; `least`: the smallest range; `height` above the floor, m."""
+        self._handle, self._away, self._height = handle, away, height
+        self._range = Range(least, FRAMES_BEFORE_SHRINKING)
         self._was_shown = False
-        self._handle = scene.add_arrows(
-            name,
-            _arrows_away(count),
-            np.tile(np.array(color, np.uint8), (count, 1)),
-            shaft_radius=0.006 * size,
-            head_radius=0.016 * size,
-            head_length=0.04 * size,
-            visible=False,
-        )
+
+    def update(self, places: np.ndarray, loads: np.ndarray, shown: bool) -> None:
+        """Draw `loads`, (arms, 2) N or (arms,) N·m, at `places` (arms, 2) m."""
+        largest = float(np.linalg.norm(loads.reshape(len(loads), -1), axis=1).max())
+        self._range.fit(largest)
+        self._handle.visible = shown and largest > HIDDEN_BELOW * self._range.limit
+        if shown:  # Those too small to be seen, too: they grow where they are.
+            plane = self._plane(places, loads)
+            height = np.full((*plane.shape[:2], 1), self._height)
+            self._handle.points = np.concatenate([plane, height], axis=2).astype(np.float32)
+        elif self._was_shown:
+            self._handle.points = self._away
+        self._was_shown = shown
+
+    def _plane(self, places: np.ndarray, loads: np.ndarray) -> np.ndarray:
+        """The drawn lines' ends, (lines, 2, 2) m."""
+        raise NotImplementedError
+
+
+class StraightArrows(Arrows):
+    """Arrows of forces."""
+
+    def __init__(self, scene: viser.SceneApi, name: str, color: colors.Color, scenario: Scenario, height: float):
+        self._longest = LONGEST_ARROW * scenario.payload.length
+        count, sizes = len(scenario.arms), [scene_size(scenario) * part for part in (0.006, 0.016, 0.04)]
+        arrows = _hidden_arrows(scene, name, color, count, sizes)
+        super().__init__(arrows, _arrows_away(count), LEAST_FORCE, height)
 
     @property
     def per_meter(self) -> float:
         """N that one metre of arrow stands for."""
         return self._range.limit / self._longest
 
-    def update(self, starts: np.ndarray, force: np.ndarray, shown: bool) -> None:
-        """Draw `force` (arms, 2) N at `starts` (arms, 2) m."""
-        largest = float(np.linalg.norm(force, axis=1).max())
-        self._range.fit(largest)
-        self._handle.visible = shown and largest > HIDDEN_BELOW * self._range.limit
-        if shown:  # Those too small to be seen, too: they grow where they are.
-            plane = np.stack([starts, starts + force / self.per_meter], axis=1)
-            height = np.full((len(starts), 2, 1), self._height)
-            self._handle.points = np.concatenate([plane, height], axis=2).astype(np.float32)
-        elif self._was_shown:
-            self._handle.points = _arrows_away(len(starts))
-        self._was_shown = shown
+    def _plane(self, places: np.ndarray, loads: np.ndarray) -> np.ndarray:
+        return np.stack([places, places + loads / self.per_meter], axis=1)
 
 
-class BentArrows:
-    """Arcs with heads for one moment per grip."""
+class BentArrows(Arrows):
+    """Arcs with heads, of moments."""
 
     def __init__(self, scene: viser.SceneApi, name: str, color: colors.Color, count: int, size: float, height: float):
-        self._height, self._radius = height, ARC_RADIUS * size
-        self._range = Range(LEAST_MOMENT, FRAMES_BEFORE_SHRINKING)
-        self._away = np.tile(AWAY, (count * (ARC_PIECES + 2), 2, 1)).astype(np.float32)
-        self._was_shown = False
-        self._handle = scene.add_line_segments(
-            name,
-            self._away,
-            color,
-            thickness=3.5,
-            thickness_units="screen",
-            visible=False,
-        )
+        self._radius = ARC_RADIUS * size
+        away = np.tile(AWAY, (count * (ARC_PIECES + 2), 2, 1)).astype(np.float32)
+        lines = scene.add_line_segments(name, away, color, thickness=3.5, thickness_units="screen", visible=False)
+        super().__init__(lines, away, LEAST_MOMENT, height)
 
     @property
     def per_quarter_turn(self) -> float:
         """N·m that a quarter of a turn stands for."""
         return self._range.limit * (np.pi / 2) / WIDEST_ARC
 
-    def update(self, centers: np.ndarray, moment: np.ndarray, shown: bool) -> None:
-        """Draw `moment` (arms,) N·m around `centers` (arms, 2) m."""
-        largest = float(np.abs(moment).max())
-        self._range.fit(largest)
-        self._handle.visible = shown and largest > HIDDEN_BELOW * self._range.limit
-        if shown:
-            arcs = [self._arc(c, m / self._range.limit * WIDEST_ARC) for c, m in zip(centers, moment, strict=True)]
-            plane = np.concatenate(arcs)
-            height = np.full((*plane.shape[:2], 1), self._height)
-            self._handle.points = np.concatenate([plane, height], axis=2).astype(np.float32)
-        elif self._was_shown:
-            self._handle.points = self._away
-        self._was_shown = shown
+    def _plane(self, places: np.ndarray, loads: np.ndarray) -> np.ndarray:
+        turns = loads / self._range.limit * WIDEST_ARC
+        return np.concatenate([self._arc(center, turn) for center, turn in zip(places, turns, strict=True)])
 
     def _arc(self, center: np.ndarray, turn: float) -> np.ndarray:
         """Line segments (ARC_PIECES + 2, 2, 2): the arc from the top of the circle, and two strokes of its head."""
@@ -147,14 +140,12 @@ class Forces:
 
     def scales(self, view: ViewSettings) -> list[tuple[str, str]]:
         """(what, how much) for every kind of arrow that is shown."""
-        rows = []
-        if view.forces:
-            rows.append(("internal force, 10 cm =", f"{number_text(0.1 * self._internal.per_meter)} N"))
-        if view.moving_force:
-            rows.append(("moving force, 10 cm =", f"{number_text(0.1 * self._moving.per_meter)} N"))
-        if view.moments:
-            rows.append(("internal moment, ¼ turn =", f"{number_text(self._moment.per_quarter_turn)} N·m"))
-        return rows
+        rows = (
+            (view.forces, "internal force, 10 cm =", 0.1 * self._internal.per_meter, "N"),
+            (view.moving_force, "moving force, 10 cm =", 0.1 * self._moving.per_meter, "N"),
+            (view.moments, "internal moment, ¼ turn =", self._moment.per_quarter_turn, "N·m"),
+        )
+        return [(what, f"{number_text(amount)} {unit}") for shown, what, amount, unit in rows if shown]
 
 
 def held_point(scenario: Scenario, sample: Samples, pull: Pull, exaggeration: float = 1.0) -> np.ndarray:
@@ -172,16 +163,9 @@ class PullArrow:
     """Drawn while somebody pulls."""
 
     def __init__(self, scene: viser.SceneApi, scenario: Scenario):
-        self._size = size = scene_size(scenario)
-        self._arrow = scene.add_arrows(
-            "/pull",
-            _arrows_away(1),
-            np.array([colors.VERMILION], np.uint8),
-            shaft_radius=0.005 * size,
-            head_radius=0.014 * size,
-            head_length=0.035 * size,
-            visible=False,
-        )
+        self._size = scene_size(scenario)
+        sizes = [self._size * part for part in (0.005, 0.014, 0.035)]
+        self._arrow = _hidden_arrows(scene, "/pull", colors.VERMILION, 1, sizes)
         self._label = scene.add_label("/pull_force", "", anchor="bottom-left", visible=False)
 
     def update(self, scenario: Scenario, sample: Samples, view: ViewSettings, pull: Pull | None) -> None:

@@ -14,7 +14,7 @@ from flexlab.lab import colors
 from flexlab.lab.scene import arms
 from flexlab.lab.scene.arms import scene_size
 from flexlab.lab.scene.beam import Tube
-from flexlab.lab.scene.stage import floor_extent
+from flexlab.lab.scene.cameras import floor_extent
 from flexlab.lab.view_settings import ViewSettings
 from flexlab.scenario import Scenario
 from flexlab.sim.geometry import link_points

@@ -11,9 +11,9 @@ from flexlab.lab.reference_run import ReferenceRun
 from flexlab.lab.scene import cameras
 from flexlab.lab.scene.arms import Arms
 from flexlab.lab.scene.beam import Beam, ReferenceBeam, StrainBeam
+from flexlab.lab.scene.cameras import draw_floor, set_light
 from flexlab.lab.scene.forces import Forces, PullArrow
 from flexlab.lab.scene.overlays import Overlays, Reach
-from flexlab.lab.scene.stage import draw_floor, set_light
 from flexlab.lab.view_settings import ViewSettings, fitting_exaggeration
 from flexlab.lab.viser_server import set_theme
 from flexlab.scenario import Scenario

@@ -16,11 +16,11 @@ from flexlab.errors import FlexlabError, LabError
 from flexlab.guide import ClassRules
 from flexlab.own import hosts
 from flexlab.recording.repair import finish, finish_abandoned
-from flexlab.server.child_processes import prepare_lab_processes
 from flexlab.server.labs.lab_provider import LOOK_AGAIN, Choice, FullError, Lab, LabProvider, Order, WaitingLine
 from flexlab.server.labs.worker import STOP_TIME, PrivateLab
 from flexlab.server.limits import owner_word
 from flexlab.server.settings import SECRET_BYTES, Settings
+from flexlab.server.tasks import prepare_lab_processes
 
 ID_BYTES = 12
 """Randomness in the path of a lab."""

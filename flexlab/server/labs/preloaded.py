@@ -10,8 +10,8 @@ import pyarrow  # type: ignore[import-untyped]  # It ships no types.
 
 from flexlab.errors import FlexlabError
 from flexlab.presets import load_preset
-from flexlab.server.child_processes import leave_interrupts_to_the_server
 from flexlab.server.labs import worker
+from flexlab.server.tasks import leave_interrupts_to_the_server
 from flexlab.sim.world import World
 
 READ_LATE = ("dateutil.parser", "imageio.v3", "PIL.Image", "pyarrow.compute", "rich.table")

@@ -13,14 +13,9 @@ from flexlab.errors import FlexlabError, LabError, RecordingError
 from flexlab.guide import ClassRules
 from flexlab.own.files import know_own_files
 from flexlab.recording.live import LiveHub, Take
-from flexlab.server.child_processes import (
-    failures_told_plainly,
-    job_processes,
-    leave_interrupts_to_the_server,
-    without_interrupt,
-)
 from flexlab.server.labs.lab_provider import Choice, Hold, Lab, LabStatus, Order
 from flexlab.server.labs.recorded_lab import RecordedLab
+from flexlab.server.tasks import failures_told_plainly, job_processes, leave_interrupts_to_the_server, without_interrupt
 
 STATUS_PERIOD = 0.25
 """Seconds between two reports of a worker, as long as there is news."""

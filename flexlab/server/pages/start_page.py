@@ -26,10 +26,7 @@ PICTURE_KINDS = ("webp", "png", "jpg", "svg")
 async def start_page(request: web.Request) -> web.Response:
     """The start page."""
     context, pictures = context_of(request), _pictures()
-    presets, rows = await asyncio.gather(
-        context.preset_cards.look(pictures),
-        runs_for(request, NEWEST),
-    )
+    presets, rows = await asyncio.gather(context.preset_cards.look(pictures), runs_for(request, NEWEST))
     # Where each has a lab of their own, they first say who they are.
     first = "/" if context.places.is_private else "/lab/"
     values: dict[str, Any] = table_values(rows, short=True) | {

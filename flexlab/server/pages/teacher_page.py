@@ -128,8 +128,7 @@ def _questions(places: Sequence[Lab], rules: ClassRules) -> list[dict[str, Any]]
     told: list[dict[str, Any]] = []
     # By the length of "Lesson 2" first: it stands before "Lesson 10", and one's own come last.
     for lesson in sorted(
-        {one.lesson: one for one in met}.values(),
-        key=lambda one: (len(one.lesson.partition(":")[0]), one.lesson),
+        {one.lesson: one for one in met}.values(), key=lambda one: (len(one.lesson.partition(":")[0]), one.lesson)
     ):
         counts = Counter(progress.guess for progress in met if progress.lesson == lesson.lesson)
         shown = rules.lesson == lesson.lesson and rules.step == len(STEPS)

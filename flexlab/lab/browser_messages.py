@@ -153,7 +153,9 @@ def decode(raw: Any) -> Heard:
     if not all(abs(number) <= FARTHEST for number in _places(message)):
         raise Refused(f"{type(message).__name__} has a number that is not finite, or over {FARTHEST:g}")
     if isinstance(message, ViewerCameraMessage):
-        _check_camera(message)
+        sight = math.dist(message.look_at, message.position)
+        if min(math.hypot(*message.wxyz), math.hypot(*message.up_direction), sight) < LEAST_DIRECTION:
+            raise Refused("ViewerCameraMessage has a direction without length")
     return message
 
 
@@ -170,10 +172,3 @@ def _places(message: Heard) -> Iterator[float]:
             yield from value
         elif isinstance(value, (int, float)):
             yield value
-
-
-def _check_camera(camera: ViewerCameraMessage) -> None:
-    sight = math.dist(camera.look_at, camera.position)
-    for vector in (camera.wxyz, camera.up_direction, (sight,)):
-        if math.hypot(*vector) < LEAST_DIRECTION:
-            raise Refused("ViewerCameraMessage has a direction without length")

@@ -4,15 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flexlab.views import BLUE as BLUE
-from flexlab.views import GRAY as GRAY
-from flexlab.views import GREEN as GREEN
-from flexlab.views import ORANGE as ORANGE
-from flexlab.views import PURPLE as PURPLE
-from flexlab.views import SKY as SKY
-from flexlab.views import VERMILION as VERMILION
-from flexlab.views import VIOLET as VIOLET
-from flexlab.views import Color as Color
+from flexlab.views import BLUE, GRAY, GREEN, ORANGE, PURPLE, SKY, VERMILION, VIOLET, Color  # noqa: F401
 
 ARMS: tuple[Color, Color] = (BLUE, VERMILION)
 """Left arm, right arm."""

@@ -2,7 +2,6 @@
 
 import html
 import math
-import threading
 import time
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
@@ -103,7 +102,6 @@ class PageReports:
         self._arrange, self._cover, self._start_anew = arrange, cover, start_anew
         self._began_anew = -math.inf
         self._pages: dict[int, _Page] = {}
-        self._lock = threading.Lock()
         self._mark = server.gui.add_html(_mark(run_number, name))
         server.on_client_connect(self._greet)
         server.on_client_disconnect(self._forget)
@@ -122,13 +120,13 @@ class PageReports:
         now = time.monotonic()
         return any(
             page.report.run == run_number if page.report is not None else now - page.since > LONGEST_SILENCE
-            for page in self._all()
+            for page in list(self._pages.values())
         )
 
     def open_charts(self) -> dict[str, tuple[float, float]] | None:
         """The charts on any screen, and the part of the window that is seen; None: a page has not reported, perhaps all."""
         found: dict[str, tuple[float, float]] = {}
-        for page in self._all():
+        for page in list(self._pages.values()):
             if page.report is None:
                 return None
             for uuid, (first, last) in page.report.charts.items():
@@ -139,7 +137,7 @@ class PageReports:
     @property
     def somebody_hears(self) -> bool:
         """Whether the sound is on in any page."""
-        return any(page.report is not None and page.report.hears for page in self._all())
+        return any(page.report is not None and page.report.hears for page in list(self._pages.values()))
 
     def say(self, client: viser.ClientHandle, text: str) -> None:
         """Have one browser's screen reader say a text."""
@@ -157,18 +155,13 @@ class PageReports:
         page.show()
         return page.presents or (page.report is not None and PLOTS in page.report.open)
 
-    def _all(self) -> list[_Page]:
-        with self._lock:
-            return list(self._pages.values())
-
     async def _greet(self, client: viser.ClientHandle) -> None:
         # It belongs to this browser alone: the others need not get its reports.
         way = client.gui.add_text("page", "", visible=False)
         uuid = widget_uuid(way)
         page = _Page(uuid, client.gui.add_html(""))
         page.show()
-        with self._lock:
-            self._pages[client.client_id] = page
+        self._pages[client.client_id] = page
 
         async def told(event: Any) -> None:
             try:
@@ -189,8 +182,7 @@ class PageReports:
         way.on_update(told)
 
     async def _forget(self, client: viser.ClientHandle) -> None:
-        with self._lock:
-            self._pages.pop(client.client_id, None)
+        self._pages.pop(client.client_id, None)
 
 
 def _mark(run_number: int, name: str) -> str:

@@ -248,7 +248,11 @@ def on_disconnect(server: viser.ViserServer, tell: Callable[[int], None]) -> Non
 def bound_buffer(server: viser.ViserServer, client: viser.ClientHandle) -> None:
     """Limit what the kernel buffers for a browser: else a slow one shows old pictures. viser gives no access to the socket."""
     connection = server._websock_server._live_connections.get(client.client_id)
-    transport = getattr(connection, "transport", None)
+    bound_transport(getattr(connection, "transport", None))
+
+
+def bound_transport(transport: asyncio.BaseTransport | None) -> None:
+    """Limit what the kernel buffers for who is at the other end."""
     plug = transport.get_extra_info("socket") if transport is not None else None
     if plug is not None:
         plug.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)

@@ -114,9 +114,7 @@ def _serve(load: Callable[[str, str], T], answer: Callable[[T, socket.socket, Sa
     faulthandler.register(signal.SIGUSR1, file=reported.fileno(), all_threads=False, chain=False)
     faulthandler.enable(file=reported.fileno(), all_threads=False)
     length = receive(calls, 8)
-    if length is None:
-        return
-    text = receive(calls, int.from_bytes(length, "little"))
+    text = length and receive(calls, int.from_bytes(length, "little"))
     if text is None:
         return
     _watch_exits(say, file)

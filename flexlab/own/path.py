@@ -85,7 +85,7 @@ class OwnTrajectory(Trajectory):
     @model_validator(mode="after")
     def _has_its_table(self) -> "OwnTrajectory":
         wanted = _digest_of(self)
-        if self.table_of != wanted or _rows(self.table) is None:
+        if self.table_of != wanted or from_text(self.table) is None:
             try:
                 options = flat_numbers(self, self.options).tobytes()
                 table = _made_table(self.kind, self.source, self.repeats, options)
@@ -98,7 +98,7 @@ class OwnTrajectory(Trajectory):
     @property
     def rows(self) -> np.ndarray:
         """(t, x, y, θ), (N, 4), s, m, m, rad."""
-        rows = _rows(self.table)
+        rows = from_text(self.table)
         assert rows is not None
         return rows
 
@@ -161,16 +161,8 @@ def _digest_of(path: OwnTrajectory) -> str:
 
 
 @lru_cache(maxsize=TABLES_KEPT)
-def _rows(table: str) -> np.ndarray | None:
-    rows = from_text(table)
-    if rows is not None:
-        rows.flags.writeable = False
-    return rows
-
-
-@lru_cache(maxsize=TABLES_KEPT)
 def _pieces(table: str, repeats: bool) -> np.ndarray:
-    rows = _rows(table)
+    rows = from_text(table)
     assert rows is not None
     return polynomials(rows, "round" if repeats else "free")
 
@@ -310,8 +302,9 @@ def to_text(rows: np.ndarray) -> str:
     return base64.b64encode(rows.astype("<f8").tobytes()).decode()
 
 
+@lru_cache(maxsize=TABLES_KEPT)
 def from_text(text: str) -> np.ndarray | None:
-    """The table (N, 4) that `to_text` was given; None for any other text."""
+    """The table (N, 4) that `to_text` was given, read only; None for any other text."""
     try:
         numbers = np.frombuffer(base64.b64decode(text, validate=True), "<f8")
     except (ValueError, binascii.Error):
@@ -319,5 +312,6 @@ def from_text(text: str) -> np.ndarray | None:
     if len(numbers) % COLUMNS or not FREE_ROWS <= len(numbers) // COLUMNS <= MOST + 1:
         return None
     rows = numbers.reshape(-1, COLUMNS).astype(float)
+    rows.flags.writeable = False
     usable = np.isfinite(rows).all() and rows[0, 0] == 0 and (np.diff(rows[:, 0]) > 0).all()
     return rows if usable and np.abs(rows).max() <= FARTHEST else None

@@ -230,15 +230,11 @@ def _gain(variable: Any) -> str:
     start = float(str(variable.start).split()[0])
     low, high = (_bound(bound, other) for bound, other in ((variable.min, -WIDE), (variable.max, WIDE)))
     low, high = min(low, start), max(high, start)
-    ends = _slider(start)
-    ends = max(low, ends[0]), min(high, ends[1])
+    shown = sorted((0.0, 3 * start)) if start else (-1.0, 1.0)
+    ends = max(low, shown[0]), min(high, shown[1])
     bounded = variable.min is not None and variable.max is not None
     slider = "" if bounded or not ends[0] < ends[1] else f", slider={ends}"
     return f"gain({start!r}, {_unit(variable)!r}, low={low!r}, high={high!r}, title={_title(variable)!r}{slider})"
-
-
-def _slider(start: float) -> tuple[float, float]:
-    return (min(0.0, 3 * start), max(0.0, 3 * start)) if start else (-1.0, 1.0)
 
 
 def _bound(given: Any, otherwise: float) -> float:

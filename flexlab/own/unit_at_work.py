@@ -125,7 +125,7 @@ class Unit:
                 self._set(self._tuned, parameters)
             self._set(self._asked, given)
             self._unit.doStep(kept.time, at.time - kept.time)
-        answer = self._get(self._given)
+        answer = list((self._unit.getFloat64 if self._third else self._unit.getReal)(self._given))
         state = self._unit.getFMUState() if self._goes_back else None
         self._forget(mark)
         self._next.setdefault(before, mark)
@@ -180,9 +180,6 @@ class Unit:
     def _set(self, references: list[int], values: list[float]) -> None:
         if references:
             (self._unit.setFloat64 if self._third else self._unit.setReal)(references, values)
-
-    def _get(self, references: list[int]) -> list[float]:
-        return list((self._unit.getFloat64 if self._third else self._unit.getReal)(references))
 
     def _note(self, _: Any, name: bytes, status: int, category: bytes, message: bytes, *more: Any) -> None:
         if status >= WORST or not self._said:

@@ -14,9 +14,17 @@ from flexlab.errors import FlexlabError
 from flexlab.recording.store.run_files import SUFFIX
 from flexlab.recording.store.run_index import NoSuchRun
 from flexlab.server.limits import BusyError, network_of
-from flexlab.server.pages.page_context import Context, context_of
 from flexlab.server.pages.templating import ALL_RUNS, HAS_CLASS, button, message, part
-from flexlab.server.visitors import has_class, is_teacher, keep_visitor, known_visitor_of, same, set_cookie
+from flexlab.server.visitors import (
+    Context,
+    context_of,
+    has_class,
+    is_teacher,
+    keep_visitor,
+    known_visitor_of,
+    same,
+    set_cookie,
+)
 from flexlab.sockets import LOOPBACK, is_of_host, name_in
 from flexlab.text import limited
 
@@ -46,6 +54,7 @@ HEADERS = {
 """Sent with everything that does not set its own."""
 
 _HOST = re.compile(r"(\[[0-9a-fA-F:.]+\]|[\w.-]+)(?::\d{1,5})?\Z", re.ASCII)
+_CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 
 log = limited(__name__)
 
@@ -164,15 +173,11 @@ def is_from_own_page(request: web.Request) -> bool:
 
 def _malformed(request: web.Request) -> tuple[int, str] | None:
     path = request.path
-    if (
-        any(part == ".." for part in re.split(r"[/\\]", path))
-        or "\\" in path
-        or any(ord(c) < 32 or ord(c) == 127 for c in path)
-    ):
+    if ".." in path.split("/") or "\\" in path or _CONTROL.search(path):
         return 404, "There is nothing outside the server's own pages."
     if not _HOST.match(request.host) or not name_in(request.host):
         return 400, "This request names no proper host."
-    if any(ord(c) < 32 or ord(c) == 127 for c in unquote(request.rel_url.raw_query_string)):
+    if _CONTROL.search(unquote(request.rel_url.raw_query_string)):
         return 400, "This address holds control characters: copy it again."
     if request.method not in SAFE_METHODS:
         if request.headers.get(hdrs.CONTENT_ENCODING, "identity").lower() != "identity":
@@ -197,10 +202,8 @@ def _foreign(request: web.Request, context: Context) -> tuple[int, str] | None:
         # A foreign name that points to 127.0.0.1 would make a foreign page look like one of ours.
         name = name_in(request.host)
         if name not in LOOPBACK:
-            return (
-                403,
-                f"This lab is open to this machine only, not as {name}: use 127.0.0.1, or start it with a token.",
-            )
+            told = f"This lab is open to this machine only, not as {name}: use 127.0.0.1, or start it with a token."
+            return 403, told
     return (403, ELSEWHERE) if is_from_elsewhere(request) else None
 
 
@@ -243,8 +246,7 @@ def ask_for_token(request: web.Request, sentence: str = OPENS_WITH_TOKEN) -> web
     """A page on which a token can be entered."""
     # The form leads to where the link would have led.
     here = request.method == "GET" and not is_websocket(request)
-    query = request.query.items() if here else ()
-    query = [(name, value) for name, value in query if name != "token"]
+    query = [(name, value) for name, value in request.query.items() if here and name != "token"]
     form = part("sign_in", request.rel_url.raw_path if here else "/", query)
     return message("Sign in", sentence, 401, form)
 

@@ -14,6 +14,7 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import IO, Any
 
@@ -42,7 +43,6 @@ from flexlab.server.pages import (
     study_pages,
     teacher_page,
 )
-from flexlab.server.pages.page_context import CONTEXT, Context
 from flexlab.server.pages.templating import catalogues
 from flexlab.server.preset_cards import PresetCards
 from flexlab.server.proxy import inside_connector
@@ -51,7 +51,7 @@ from flexlab.server.settings import GIGABYTE, SECRET_BYTES, Settings
 from flexlab.server.study import MOST_AT_ONCE, MOST_STUDIES
 from flexlab.server.task_book import TaskBook
 from flexlab.server.tasks import Tasks
-from flexlab.server.visitors import cookie_key, greet
+from flexlab.server.visitors import CONTEXT, Context, cookie_key, greet
 from flexlab.sockets import listen
 
 try:
@@ -202,8 +202,7 @@ class FrontServer:
         """For files that nobody keeps; gone when the server closes."""
         self.context: Context
         self._opened: Future[None] = Future()
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._closing: asyncio.Event | None = None
+        self._end: Callable[[], object] = lambda: None
         self._last: Path | None = None
         self._thread = threading.Thread(target=self._run, name="flexlab-server", daemon=True)
         self._thread.start()
@@ -229,10 +228,8 @@ class FrontServer:
 
     def close(self) -> Path | None:
         """Close every page and lab, runs kept; returns the newest recording. May be called twice."""
-        loop, closing = self._loop, self._closing
-        if loop is not None and closing is not None:
-            with contextlib.suppress(RuntimeError):
-                loop.call_soon_threadsafe(closing.set)
+        with contextlib.suppress(RuntimeError):  # It is closed already.
+            self._end()
         self._thread.join()
         return self._last
 
@@ -252,9 +249,10 @@ class FrontServer:
                 self._opened.set_exception(error)
 
     async def _serve(self) -> None:
-        self._loop, self._closing = asyncio.get_running_loop(), asyncio.Event()
+        loop, closing = asyncio.get_running_loop(), asyncio.Event()
+        self._end = partial(loop.call_soon_threadsafe, closing.set)
         threads = MOST_THREADS + self.settings.max_sessions
-        self._loop.set_default_executor(ThreadPoolExecutor(threads, thread_name_prefix="flexlab-server-thread"))
+        loop.set_default_executor(ThreadPoolExecutor(threads, thread_name_prefix="flexlab-server-thread"))
         async with aiohttp.ClientSession(connector=inside_connector()) as inside:
             measuring, tasks = Measuring(self.settings.logs), Tasks()
             beside: list[asyncio.Task[Any]] = [asyncio.create_task(tidy_up(self.settings))]
@@ -291,7 +289,7 @@ class FrontServer:
                     await self.places.rule(await asyncio.to_thread(teacher_page.kept_rules, self.settings.logs))
                 connections = Connections(self._plug, runner.server)
                 self._opened.set_result(None)
-                await self._closing.wait()
+                await closing.wait()
             finally:
                 for task in beside:
                     task.cancel()

@@ -25,10 +25,9 @@ from flexlab.server.connections import watch_patience
 from flexlab.server.front_server import FILES, FrontServer
 from flexlab.server.labs.hub_labs import REPORTS, HubLabs
 from flexlab.server.pages import teacher_page
-from flexlab.server.pages.page_context import CONTEXT, Context, context_of
 from flexlab.server.pages.templating import OF_HUB
 from flexlab.server.settings import SECRET_BYTES, Settings
-from flexlab.server.visitors import scheme_of, set_cookie
+from flexlab.server.visitors import CONTEXT, Context, context_of, scheme_of, set_cookie
 from flexlab.sockets import listen
 
 CALLBACK = "/oauth_callback"
@@ -182,12 +181,8 @@ def open_hub_service(environment: Mapping[str, str]) -> FrontServer:
 def main() -> None:
     """Serve until the hub ends it."""
     ended = threading.Event()
-
-    def end(number: int, _: object) -> None:
-        ended.set()
-
     for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, end)
+        signal.signal(number, lambda number, frame: ended.set())
     with open_hub_service(os.environ):
         ended.wait()
 

@@ -10,15 +10,13 @@ from aiohttp import WSCloseCode, WSMsgType, hdrs, web
 from markupsafe import Markup
 
 from flexlab.lab.browser_messages import LARGEST_MESSAGE
+from flexlab.lab.viser_internals import SEND_BUFFER, bound_transport
 from flexlab.lab.viser_server import SECRET_HEADER
 from flexlab.server.labs.lab_provider import Lab
-from flexlab.server.pages.page_context import context_of
 from flexlab.server.pages.templating import language_script
-from flexlab.server.visitors import visitor_of
+from flexlab.server.visitors import context_of, visitor_of
 from flexlab.text import limited
 
-SOCKET_BUFFER = 64 * 1024
-"""Bytes that may wait in the kernel on either side: without this bound a slow visitor sees pictures half a minute old."""
 HEARTBEAT = 60.0
 """Seconds between two checks whether a visitor is still there; one that does not answer for half of it is gone."""
 HTTP_PATIENCE = aiohttp.ClientTimeout(total=30.0)
@@ -45,7 +43,7 @@ def inside_connector() -> aiohttp.TCPConnector:
     def small(address: tuple[Any, ...]) -> socket.socket:
         family, kind, protocol, *_ = address
         plug = socket.socket(family, kind, protocol)
-        plug.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, SOCKET_BUFFER)
+        plug.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, SEND_BUFFER)
         return plug
 
     return aiohttp.TCPConnector(limit=0, socket_factory=small)
@@ -116,7 +114,7 @@ async def _relay(request: web.Request, place: Lab) -> web.StreamResponse:
             heartbeat=HEARTBEAT,
         )
         await down.prepare(request)
-        _bound_buffer(request)
+        bound_transport(request.transport)
         await _first_of(_to_visitor(up, down), _to_lab(request, down, up))
         await down.close(code=up.close_code or WSCloseCode.GOING_AWAY)
         return down
@@ -159,9 +157,3 @@ async def _first_of(*works: Coroutine[Any, Any, None]) -> None:
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
-
-
-def _bound_buffer(request: web.Request) -> None:
-    plug = request.transport.get_extra_info("socket") if request.transport is not None else None
-    if plug is not None:
-        plug.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SOCKET_BUFFER)

@@ -85,12 +85,14 @@ class Settings:
             )
         if self.host.startswith(UNIX) and self.private:
             raise LabError("A Unix socket is for one person behind a proxy that knows them: leave out --private.")
-        if not 1 <= self.max_sessions <= MOST_SESSIONS:
-            raise LabError(f"max-sessions = {self.max_sessions} is outside 1 to {MOST_SESSIONS}: choose within it.")
-        if not SHORTEST_IDLE <= self.idle_time <= LONGEST_IDLE:
-            raise LabError(
-                f"idle-time = {self.idle_time:g} s is outside {SHORTEST_IDLE:g} to {LONGEST_IDLE:.0f} s: choose within it."
-            )
+        ranges = (
+            ("max-sessions", self.max_sessions, 1, MOST_SESSIONS, ""),
+            ("idle-time", self.idle_time, SHORTEST_IDLE, LONGEST_IDLE, " s"),
+            ("max-per-address", self.max_per_address, 1, self.max_sessions, ""),
+        )
+        for name, given, low, high, unit in ranges:
+            if given is not None and not low <= given <= high:
+                raise LabError(f"{name} = {given:.9g}{unit} is outside {low:g} to {high:g}{unit}: choose within it.")
         limits = ("max-size", self.max_size, "GB"), ("max-age", self.max_age, "days"), ("quota", self.quota, "MB")
         for name, limit, unit in limits:
             if limit is not None and not 0 < limit < math.inf:
@@ -100,10 +102,6 @@ class Settings:
                 _check_token(token, name)
         if self.token is not None and self.token == self.teacher_token:
             raise LabError("The teacher's token is the token that opens the lab to all: choose another one.")
-        if self.max_per_address is not None and not 1 <= self.max_per_address <= self.max_sessions:
-            raise LabError(
-                f"max-per-address = {self.max_per_address} is outside 1 to {self.max_sessions}: choose within it."
-            )
         if self.token is None and not self.is_local:
             settle("token", secrets.token_urlsafe(SECRET_BYTES))
         if self.teacher_token is None and self.token is not None:
@@ -223,13 +221,8 @@ class Capacity:
 
 def capacity() -> Capacity:
     """Cores and memory of this machine, now."""
-    return Capacity(_cores(), _free_memory())
-
-
-def _cores() -> int:
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return Capacity(cores, _free_memory())
 
 
 def _free_memory() -> float | None:

@@ -22,8 +22,8 @@ from flexlab.server import connections
 from flexlab.server.front_server import FrontServer
 from flexlab.server.labs.lab_provider import FullError, Lab
 from flexlab.server.limits import FREE, MOST_HELD, MOST_PENDING, Guesses, Limit, Visitor, network_of
-from flexlab.server.pages.page_context import MOST_FILES, MOST_PAGES, MOST_VIEWERS
 from flexlab.server.pages.run_actions import KEPT_FREE, _check_room
+from flexlab.server.visitors import MOST_FILES, MOST_PAGES, MOST_VIEWERS
 
 CLASS = 25
 ADDRESS = "192.0.2.7"

@@ -31,9 +31,9 @@ from flexlab.server.front_server import FrontServer
 from flexlab.server.labs.lab_provider import MOST_OF_ADDRESS, FullError, WaitingLine
 from flexlab.server.limits import LOOK_AGAIN, THE_SERVER, BusyError, Limit, Quota, Visitor, owner_word
 from flexlab.server.pages import run_actions, runs_pages
-from flexlab.server.pages.page_context import MOST_PAGES, MOST_VIEWERS
 from flexlab.server.run_jobs import take_in
 from flexlab.server.tasks import AT_ONCE, MOST_OF_ONE, Turns
+from flexlab.server.visitors import MOST_PAGES, MOST_VIEWERS
 from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
 

@@ -66,17 +66,13 @@ class Guide:
     def update(self, snapshot: Snapshot) -> None:
         """Follow the files and the teacher, and check the open lesson, which reads the whole run: once a second."""
         self._follow_files()
-        if self._lab_state.rules.pace != self._pace:
-            self._follow_teacher()
+        rules = self._lab_state.rules
+        if rules.pace != self._pace:  # Go to the step of the class, or show all steps again.
+            self._pace = rules.pace
+            self._turn_to(rules.lesson if rules.lesson in self._pages else self._shown)
         lesson = self._lesson()
         if lesson is not None:
             self._check(lesson, snapshot)
-
-    def _follow_teacher(self) -> None:
-        """Go to the step of the class, or show all steps again."""
-        rules = self._lab_state.rules
-        self._pace = rules.pace
-        self._turn_to(rules.lesson if rules.lesson in self._pages else self._shown)
 
     def _choose(self, title: str) -> None:
         rules = self._lab_state.rules

@@ -179,7 +179,9 @@ class Panel:
         self._modes.update(snapshot)
         self._ring.update()
         self._filing.update(snapshot)
-        self._tell_three_valued(lab_state.intended)
+        if lab_state.intended is not self._told:
+            self._told, note = lab_state.intended, three_valued(lab_state.intended)
+            put(self._note, content=f'<div class="fl fl-dim">{escaped(note)}</div>', visible=bool(note))
         is_new, self._run_number = snapshot.run_number != self._run_number, snapshot.run_number
         self._viewing.settle(is_new)
         for control in self._touching:
@@ -196,11 +198,6 @@ class Panel:
             for section in self._sections:
                 section.settle(is_new)
         put(self._conditions, content=conditions_html(self._study.conditions))
-
-    def _tell_three_valued(self, scenario: Scenario) -> None:
-        if scenario is not self._told:
-            self._told, note = scenario, three_valued(scenario)
-            put(self._note, content=f'<div class="fl fl-dim">{escaped(note)}</div>', visible=bool(note))
 
     def _keys(
         self, present: Callable[[viser.ClientHandle], None], say: Callable[[viser.ClientHandle], None]

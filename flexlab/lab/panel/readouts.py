@@ -32,13 +32,14 @@ def status_html(snapshot: Snapshot, view: ViewSettings, scales: Sequence[tuple[s
     sample = snapshot.latest
     tone, word = _status(snapshot)
     bending = 1e3 * float(sample.midspan_deflection[0])
+    limit = ' <span class="fl-bad">at its limit</span>' if sample.saturated[0] else ""
     speed = f"{speed_text(snapshot.target_speed)} / {_measured(snapshot.actual_speed)}"
     rows = [
         ("simulation time t", f"{fixed_text(float(sample.time[0]), 3)} s"),
         ("speed, wanted / actual", f'<span class="fl-bad">too slow:</span> {speed}' if snapshot.too_slow else speed),
         ("first beam frequency f<sub>1</sub>, grips held", f"{fixed_text(snapshot.first_frequency, 2)} Hz"),
         ("mid-span deflection", f"{fixed_text(bending, 3, signed=True)} mm"),
-        ("largest joint torque", _torque(sample)),
+        ("largest joint torque", f"{fixed_text(float(np.abs(sample.joint_torque[0]).max()), 1)} N·m{limit}"),
         ("drawn deflection", f"{number_text(view.exaggeration)} × true size"),
         *scales,
     ]
@@ -69,12 +70,6 @@ def largest_vibration(recent: Samples, events: Sequence[Event]) -> str:
 def _measured(speed: float) -> str:
     """A measured speed, to a hundredth or, in slow motion, to two digits."""
     return f"{fixed_text(speed, 2)} ×" if speed >= 0.1 or speed == 0 else f"{number_text(speed, 2)} ×"
-
-
-def _torque(sample: Samples) -> str:
-    """The largest joint torque now, and whether a motor is at its limit."""
-    limit = ' <span class="fl-bad">at its limit</span>' if sample.saturated[0] else ""
-    return f"{fixed_text(float(np.abs(sample.joint_torque[0]).max()), 1)} N·m{limit}"
 
 
 def notices_html(snapshot: Snapshot, notice: Notice, rules: ClassRules) -> str:

@@ -157,8 +157,12 @@ class ScenarioFiles:
         if self._shown_for is not None and self._shown_for[0] is key[0] and self._shown_for[1] is key[1]:
             return
         self._shown_for = key
-        self._suggest()
-        self._changes.content = changes_html(lab_state.name, *key)
+        before, self._suggested = self._suggested, self._suggestion()
+        if self.name.value == before != self._suggested:  # Nobody has written one.
+            self.name.value = self._suggested
+        name = escaped(lab_state.name)
+        table = changes_table(*key, "changed, not saved", name, "now")
+        self._changes.content = f'<div class="fl">{table or f"As in {name}: nothing is changed."}</div>'
         if self._link is not None:
             address = escaped(self._link(lab_state.to_keep))
             self._address.content = (
@@ -171,7 +175,7 @@ class ScenarioFiles:
         name, scenario = self.name.value, self._lab_state.to_keep
         if usable_stem(name) != self._lab_state.name:
             scenario = scenario.replace({"title": name})
-            changed = told(self._changed())
+            changed = told(differences(self._lab_state.baseline, self._lab_state.intended))
             changes = ", ".join(f"{field_title(path, scenario)} {value_text(new)}" for path, _, new in changed)
             if changes:
                 scenario = scenario.replace({"watch": f"From {self._lab_state.name}: {changes}."[:LONGEST_WORDS]})
@@ -182,18 +186,9 @@ class ScenarioFiles:
         self._on_saved()
         self._lab_state.say(f"Saved as {path}.")
 
-    def _changed(self) -> list[tuple[str, Any, Any]]:
-        return differences(self._lab_state.baseline, self._lab_state.intended)
-
     def _suggestion(self) -> str:
         name = self._lab_state.name
         return (name if name.startswith("my-") else f"my-{name}")[:LONGEST_NAME]
-
-    def _suggest(self) -> None:
-        """Suggest a name for what is there now, unless a person has written one."""
-        before, self._suggested = self._suggested, self._suggestion()
-        if self.name.value == before != self._suggested:
-            self.name.value = self._suggested
 
     def _download(self, event: Any) -> None:
         content = scenario_text(self._lab_state.to_keep).encode()
@@ -227,9 +222,3 @@ class ScenarioFiles:
         rows = decoded_path(content, visible(Path(name).name, LONGEST_FILE_NAME))
         self._lab_state.change({"trajectory.kind": "table", "trajectory.rows": rows})
         self._lab_state.say(f"Follows {len(rows)} rows from now on.")
-
-
-def changes_html(name: str, baseline: Scenario, scenario: Scenario) -> str:
-    """What is changed against the preset or file, as a table."""
-    table = changes_table(baseline, scenario, "changed, not saved", escaped(name), "now")
-    return f'<div class="fl">{table or f"As in {escaped(name)}: nothing is changed."}</div>'

@@ -56,11 +56,6 @@ def _torque_limits(scenario: Scenario, tones: Sequence[colors.Color]) -> tuple[L
     return tuple(Limit(f"limit {k} (N·m)", value, tone) for k, (value, tone) in enumerate(levels, 1))
 
 
-def _wanted_force(scenario: Scenario) -> tuple[Limit, ...]:
-    force = abs(scenario.controller.wanted_internal_force)
-    return (Limit("wanted F_d (N)", force, colors.GRAY),) if force else ()
-
-
 def _law_limits(scenario: Scenario, view: View) -> tuple[Limit, ...]:
     """The levels that the control law knows for a signal."""
     levels = law_of(scenario.controller).limits(scenario.controller).get(view.signals[0].name, {})
@@ -91,13 +86,15 @@ def tabs(scenario: Scenario) -> dict[str, tuple[Plot, ...]]:
         )
         for name, joints in zip(("left", "right")[: len(scenario.arms)], (range(3), range(3, 6)), strict=False)
     ]
+    force = abs(scenario.controller.wanted_internal_force)
+    wanted = (Limit("wanted F_d (N)", force, colors.GRAY),) if force else ()
     estimates = [_plot(views.ESTIMATES)] if BOUND_ESTIMATES in law_of(scenario.controller).memory else []
     own = [_plot(view, limits=_law_limits(scenario, view)) for view in views.own_views(scenario)]
     return {
         "Motion": (
             _plot(views.ERROR),
             _plot(views.DEFLECTION, 0, 2),
-            _plot(views.INTERNAL_FORCE, limits=_wanted_force(scenario)),
+            _plot(views.INTERNAL_FORCE, limits=wanted),
         ),
         "Torques": (*torques, _plot(views.AXIAL_SHARE, note=LOAD_NOTE)),
         "Control": (_plot(views.SLIDING, limits=_law_limits(scenario, views.SLIDING)), *estimates, *own),

@@ -3,7 +3,6 @@
 A browser's camera fits its window until the person moves it.
 """
 
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -224,30 +223,25 @@ class ClientCameras:
     def __init__(self, server: viser.ViserServer, runner: Runner):
         self._server, self._runner = server, runner
         self._watches: dict[int, _Watch] = {}
-        self._lock = threading.Lock()
         server.on_client_connect(self._greet)
         server.on_client_disconnect(self._forget)
 
     def choose(self, client: viser.ClientHandle, view: str) -> None:
         """Show one of `VIEWS` in one browser."""
-        with self._lock:
-            watch = self._watches.get(client.client_id)
+        watch = self._watches.get(client.client_id)
         if watch is not None:
             watch.view = view
             self._aim(watch, self._runner.snapshot)
 
     def cover(self, client: viser.ClientHandle, above: float, below: float) -> None:
         """Keep the machine in the part of one browser's picture that nothing lies over; shares of its height."""
-        with self._lock:
-            watch = self._watches.setdefault(client.client_id, _Watch(client))
+        watch = self._watches.setdefault(client.client_id, _Watch(client))
         watch.covered = (above, below)
         self._reshape(watch)
 
     def follow(self, snapshot: Snapshot) -> None:
         """Move the cameras that follow the payload, and with a new run those that stand; called for every picture."""
-        with self._lock:
-            watches = list(self._watches.values())
-        for watch in watches:
+        for watch in list(self._watches.values()):
             try:
                 if watch.view in MOVING:
                     self._aim(watch, snapshot)
@@ -259,8 +253,7 @@ class ClientCameras:
                 watch.view = STANDING
 
     async def _greet(self, client: viser.ClientHandle) -> None:
-        with self._lock:
-            watch = self._watches.setdefault(client.client_id, _Watch(client))
+        watch = self._watches.setdefault(client.client_id, _Watch(client))
 
         async def reshape(camera: viser.CameraHandle) -> None:
             if camera.position[2] < LOWEST:
@@ -287,8 +280,7 @@ class ClientCameras:
             self._aim(watch, snapshot)
 
     async def _forget(self, client: viser.ClientHandle) -> None:
-        with self._lock:
-            self._watches.pop(client.client_id, None)
+        self._watches.pop(client.client_id, None)
 
     def _aim(self, watch: _Watch, snapshot: Snapshot) -> None:
         camera = watch.client.camera

@@ -69,7 +69,10 @@ class Overlays:
 
     def update(self, scenario: Scenario, sample: Samples, view: ViewSettings) -> None:
         """Move everything to where `sample` (N = 1) has it, showing what `view` asks for."""
-        self._update_path(scenario, view)
+        self._path.visible = view.path
+        if scenario.trajectory != self._path_source:
+            self._path.points = segments(path_points(scenario), self._height)
+            self._path_source = scenario.trajectory
         self._update_trail(sample, view)
         self._ghost.mesh.visible = view.ghost
         # By vertices, not by node pose: the browser applies poses ahead of arrays, and the ghost would lead the beam.
@@ -83,12 +86,6 @@ class Overlays:
     def forget_trail(self) -> None:
         """Begin the trail anew: after a reset."""
         self._trail_places.clear()
-
-    def _update_path(self, scenario: Scenario, view: ViewSettings) -> None:
-        self._path.visible = view.path
-        if scenario.trajectory != self._path_source:
-            self._path.points = segments(path_points(scenario), self._height)
-            self._path_source = scenario.trajectory
 
     def _update_trail(self, sample: Samples, view: ViewSettings) -> None:
         self._trail.visible = view.trail

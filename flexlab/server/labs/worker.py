@@ -29,8 +29,6 @@ STOP_TIME = 15.0
 
 Word = Callable[[RecordedLab], object] | None
 """What the server tells a worker: what to do with its lab, as an `operator.methodcaller`, or to close."""
-Answer = int | str
-"""A worker's first word: the port of its lab, or why it could not be opened."""
 
 
 def _sender(pipe: Connection) -> Take:
@@ -55,7 +53,8 @@ def work(order: Order, pipe: Connection, live: Connection | None) -> None:
     except FlexlabError as error:
         pipe.send(str(error))
         return
-    try:
+    # If the server is gone, the run is still to be closed properly.
+    with contextlib.closing(lab), contextlib.suppress(EOFError, OSError):
         pipe.send(lab.port)
         told: LabStatus | None = None
         told_at = 0.0
@@ -69,10 +68,6 @@ def work(order: Order, pipe: Connection, live: Connection | None) -> None:
                 if word is None:
                     return
                 word(lab)
-    except (EOFError, OSError):
-        pass  # The server is gone: the run is still to be closed properly.
-    finally:
-        lab.close()
 
 
 class PrivateLab(Lab):
@@ -102,7 +97,8 @@ class PrivateLab(Lab):
         self._on_end = on_end
         self._answered = threading.Event()
         self._sending = threading.Lock()
-        self._answer: Answer | None = None
+        self._answer: int | str | None = None
+        """The worker's first word: the port of its lab, or why it could not be opened."""
         self.heard_at = time.monotonic()
         """When it last sent anything, monotonic s."""
         self._listener = threading.Thread(target=self._listen, name="flexlab-worker", daemon=True)
@@ -138,11 +134,8 @@ class PrivateLab(Lab):
 
     def send(self, word: Word) -> None:
         """Have it do something with its lab, or close."""
-        with self._sending:
-            try:
-                self._pipe.send(word)
-            except OSError:
-                pass  # It has just ended; the listener tells.
+        with self._sending, contextlib.suppress(OSError):  # It may have just ended; the listener tells.
+            self._pipe.send(word)
 
     def stop(self, patience: float) -> None:
         """Close lab and recording, by force if that takes longer than `patience` s. Blocks."""

@@ -24,12 +24,13 @@ from flexlab.server.auth import (
 )
 from flexlab.server.labs.lab_provider import LOOK_AGAIN, Choice, FullError, Lab
 from flexlab.server.limits import Visitor
-from flexlab.server.pages.page_context import context_of, fresh
 from flexlab.server.pages.templating import button, message
 from flexlab.server.proxy import proxy_page, proxy_websocket
 from flexlab.server.scenario_links import decode_scenario, scenario_path
 from flexlab.server.visitors import (
     checked_name,
+    context_of,
+    fresh,
     has_teacher_cookie,
     keep_visitor,
     known_visitor_of,

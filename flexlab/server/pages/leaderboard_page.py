@@ -15,10 +15,9 @@ from flexlab.analysis.leaderboard.entry import chosen_entrants
 from flexlab.analysis.leaderboard.report import page_figure, page_values
 from flexlab.analysis.leaderboard.store import FOLDER, RowStore, digest, engine, shipped_rows
 from flexlab.errors import FlexlabError
-from flexlab.server.pages.page_context import Context, context_of, told
 from flexlab.server.pages.templating import page
 from flexlab.server.task_book import IDLE, Outcome
-from flexlab.server.visitors import visitor_of
+from flexlab.server.visitors import Context, context_of, told, visitor_of
 
 ROUTES = web.RouteTableDef()
 

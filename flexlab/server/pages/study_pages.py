@@ -13,12 +13,11 @@ from flexlab.errors import FlexlabError, LabError
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.server.auth import is_opened_by_person, refuse
-from flexlab.server.pages.page_context import context_of, file_answer, fresh, told
 from flexlab.server.pages.templating import button, message, page
 from flexlab.server.scenario_links import decode_scenario, encode_scenario, scenario_path
 from flexlab.server.study import MOST_VALUES, Found, Study, known_studies, metric_columns, read_study
 from flexlab.server.task_book import Task
-from flexlab.server.visitors import keep_visitor, known_visitor_of, visitor_of
+from flexlab.server.visitors import context_of, file_answer, fresh, keep_visitor, known_visitor_of, told, visitor_of
 from flexlab.text import visible
 
 ROUTES = web.RouteTableDef()
@@ -44,16 +43,12 @@ class Begun:
     """Name of the scenario: a preset's, or the lab's."""
 
 
-def _visitor(request: web.Request) -> str:
-    """Id of the visitor whose studies a page shows; empty in a shared lab, whose visitors share all studies."""
-    context = context_of(request)
-    return visitor_of(request).id if context.places.is_private else ""
-
-
 @ROUTES.get("/studies")
 async def studies(request: web.Request) -> web.Response:
     """The forms for the lab's scenario or a preset, and the list of studies."""
     context = context_of(request)
+    # In a shared lab visitors share all studies.
+    mine = visitor_of(request).id if context.places.is_private else ""
     cards = await asyncio.to_thread(context.preset_cards.read)
     presets = [(card.name, card.scenario.title or card.name) for card in cards if card.scenario is not None]
     lab = _lab_scenario(request)
@@ -61,7 +56,8 @@ async def studies(request: web.Request) -> web.Response:
     if chosen == FROM_LAB and lab is None:
         chosen = presets[0][0] if presets else ""
     try:
-        name, scenario = lab if chosen == FROM_LAB and lab is not None else await asyncio.to_thread(_preset, chosen)
+        of_lab = lab if chosen == FROM_LAB else None
+        name, scenario = of_lab or (chosen, await asyncio.to_thread(load_preset, chosen))
     except FlexlabError as error:
         return message("No such scenario", str(error), 404, ALL_STUDIES)
     fields = {item.path: item for item in varied_fields(scenario)}
@@ -80,7 +76,7 @@ async def studies(request: web.Request) -> web.Response:
         metrics=metric_columns(),
         kinds=list(known_studies().values()),
         most_values=MOST_VALUES,
-        studies=[_row(task) for task in context.studies.all() if task.about.visitor == _visitor(request)],
+        studies=[_row(task) for task in context.studies.all() if task.about.visitor == mine],
     )
 
 
@@ -92,10 +88,6 @@ def _lab_scenario(request: web.Request) -> tuple[str, Scenario] | None:
         return None
     status = place.status()
     return (status.name, decode_scenario(status.link)) if status.link else None
-
-
-def _preset(name: str) -> tuple[str, Scenario]:
-    return name, load_preset(name)
 
 
 def _row(task: Task) -> dict[str, Any]:
@@ -144,9 +136,8 @@ def _task(request: web.Request) -> Task:
 @ROUTES.get("/studies/{study}")
 async def study_page(request: web.Request) -> web.Response:
     """The page of a study: its progress, or its results."""
-    try:
-        task = _task(request)
-    except web.HTTPNotFound:
+    task = context_of(request).studies.get(request.match_info["study"])
+    if task is None:
         return message("No such study", NO_STUDY, 404, ALL_STUDIES)
     study: Study = task.about.study
     found = study.found(task) if task.result is not None else Found()

@@ -23,9 +23,8 @@ from flexlab.server.auth import ask_for_token
 from flexlab.server.labs.lab_provider import Choice, Hold, Lab, state_of
 from flexlab.server.labs.recorded_lab import little_space
 from flexlab.server.limits import for_teacher
-from flexlab.server.pages.page_context import context_of, fresh
 from flexlab.server.pages.templating import page
-from flexlab.server.visitors import is_teacher, set_cookie
+from flexlab.server.visitors import context_of, fresh, is_teacher, set_cookie
 
 ROUTES = web.RouteTableDef()
 

@@ -218,10 +218,9 @@ class LabState:
         """Pull beam or link, or let go (None)."""
         if pull is not None:
             self._check_lock()
-        if pull is None and self.pulled is not None:
-            self.runner.submit(dataclasses.replace(self.pulled, stiffness=0.0))
-        elif pull is not None:
             self.runner.submit(pull)
+        elif self.pulled is not None:
+            self.runner.submit(dataclasses.replace(self.pulled, stiffness=0.0))
         self.pulled = pull
 
     def settle(self, snapshot: Snapshot) -> None:

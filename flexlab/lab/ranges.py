@@ -63,7 +63,4 @@ def round_up(value: float) -> float:
     if not value > 0 or not math.isfinite(value):
         return 0.0
     power = 10.0 ** math.floor(math.log10(value))
-    for step in STEPS:
-        if value <= step * power * (1 + 1e-9):
-            return step * power
-    return 10.0 * power
+    return power * next((step for step in STEPS if value <= step * power * (1 + 1e-9)), 10.0)

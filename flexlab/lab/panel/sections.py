@@ -31,12 +31,12 @@ def entries(scenario: Scenario, part_path: str) -> list[Entry]:
     part = scenario.get(part_path) if part_path else scenario
     found = list(_walk(part, part_path))
     rank = {name: index - len(FIRST) for index, name in enumerate(FIRST)} | dict.fromkeys(LAST, 1)
-    return sorted(found, key=lambda entry: _extreme([rank.get(name, 0) for name in entry.path.split(".")]))
 
+    def place(entry: Entry) -> int:
+        ranks = [rank.get(name, 0) for name in entry.path.split(".")]
+        return min(ranks) or max(ranks)
 
-def _extreme(ranks: list[int]) -> int:
-    """The rank that a path gets from its names."""
-    return min(ranks) or max(ranks)
+    return sorted(found, key=place)
 
 
 def _walk(part: Part, path: str) -> Iterator[Entry]:
@@ -96,65 +96,36 @@ class Group(NamedTuple):
     paths: tuple[str, ...]
 
 
-def _arm(side: str) -> tuple[str, ...]:
-    fields = ("base", "link_mass", "link_length", "link_center", "link_inertia", "elbow")
-    return tuple(f"{side}_arm.{field}" for field in fields)
+def _of(part: str, *names: str) -> tuple[str, ...]:
+    return tuple(f"{part}.{name}" for name in names)
 
 
 GAINS, PATH_NUMBERS = "controller.*", "trajectory.*"
+ARM = "base", "link_mass", "link_length", "link_center", "link_inertia", "elbow"
 GROUPS = (
     Group("Gains for x, y and θ apart", (GAINS,)),
     Group("Motors, sampling and sensors", (
-        "controller.torque_limit",
-        "controller.control_period",
-        "controller.input_delay",
+        *_of("controller", "torque_limit", "control_period", "input_delay"),
         "joints.encoders.counts",
-        "controller.sensor_noise.pose",
-        "controller.sensor_noise.pose_rate",
-        "controller.sensor_noise.strain",
+        *_of("controller.sensor_noise", "pose", "pose_rate", "strain"),
         "payload.thickness",
-        "controller.sensor_noise.moment_rate",
-        "controller.sensor_noise.seed",
+        *_of("controller.sensor_noise", "moment_rate", "seed"),
     )),
-    Group("Observer", (
-        "controller.observer.unknown_force",
-        "controller.observer.unknown_modal_force",
-        "controller.observer.horizon",
-    )),
+    Group("Observer", _of("controller.observer", "unknown_force", "unknown_modal_force", "horizon")),
     Group("What the controller believes", (
-        "controller.model.linear_density_factor",
-        "controller.model.length_factor",
-        "controller.model.stiffness_factor",
-        "controller.model.axial_load",
-        "controller.model.friction_factor",
-        "controller.model.mass_change_factor",
+        *_of("controller.model", "linear_density_factor", "length_factor", "stiffness_factor", "axial_load"),
+        *_of("controller.model", "friction_factor", "mass_change_factor"),
     )),
     Group("Friction and motors of the joints", (
-        "joints.friction.viscous",
-        "joints.friction.coulomb",
-        "joints.friction.static_factor",
-        "joints.friction.stribeck_speed",
-        "joints.friction.smoothing_speed",
-        "joints.motor.time_constant",
-        "joints.motor.stall_torque",
-        "joints.motor.no_load_speed",
+        *_of("joints.friction", "viscous", "coulomb", "static_factor", "stribeck_speed", "smoothing_speed"),
+        *_of("joints.motor", "time_constant", "stall_torque", "no_load_speed"),
     )),
-    Group("Grips", (
-        "grips.model",
-        "grips.stiffness",
-        "grips.damping",
-        "grips.measured_at",
-    )),
+    Group("Grips", _of("grips", "model", "stiffness", "damping", "measured_at")),
     Group("Path, part by part", (PATH_NUMBERS,)),
-    Group("Start of a run", ("initial.pose", "initial.pose_rate")),
-    Group("Left arm", _arm("left")),
-    Group("Right arm", _arm("right")),
-    Group("Numerics", (
-        "simulation.integrator",
-        "simulation.step",
-        "simulation.accuracy",
-        "payload.mode_count",
-    )),
+    Group("Start of a run", _of("initial", "pose", "pose_rate")),
+    Group("Left arm", _of("left_arm", *ARM)),
+    Group("Right arm", _of("right_arm", *ARM)),
+    Group("Numerics", (*_of("simulation", "integrator", "step", "accuracy"), "payload.mode_count")),
 )  # fmt: skip
 
 
@@ -171,10 +142,7 @@ SWITCHES: dict[str, Switch] = {
     "right_arm.link_inertia": ("Inertias other than m l²/12", lambda scenario: scenario.arms[-1].inertia),
     "trajectory.shaper_frequency": ("Shaper made for a frequency given here", lambda _: FIRST_SHAPED),
     "trajectory.shaper_damping": ("Shaper made for a damping given here", lambda _: 0.0),
-    "controller.observer.horizon": (
-        "Prediction ahead by another time",
-        lambda scenario: scenario.controller.input_delay + 0.5,
-    ),
+    "controller.observer.horizon": ("Prediction ahead by another time", lambda s: s.controller.input_delay + 0.5),
     "simulation.step": ("Longest step chosen by hand", lambda _: FIRST_STEP),
     "payload.mode_count": ("Keep fewer modes", lambda scenario: scenario.payload.coordinate_count),
 }

@@ -246,7 +246,11 @@ class ClientCameras:
                 if watch.view in MOVING:
                     self._aim(watch, snapshot)
                 elif watch.run != snapshot.run_number:
-                    self._fit_run(watch, snapshot)
+                    # Show where a new run's path goes, unless the person has moved the camera.
+                    watch.run, put_at = snapshot.run_number, watch.put_at
+                    moved = put_at is None or not _at_rest(watch.client.camera.position, put_at)
+                    if watch.view != STANDING and not moved:
+                        self._aim(watch, snapshot)
             except Exception:
                 # A failure of one browser's camera must not stop the others.
                 log.exception("the camera of browser %s cannot follow: it stays where it is", watch.client.client_id)
@@ -272,12 +276,6 @@ class ClientCameras:
         reshaped = abs(camera.aspect - watch.put_for.aspect) > SAME_ASPECT or watch.covered != watch.put_for[1:]
         if watch.view not in (*MOVING, STANDING) and (put_back or (stands and reshaped)):
             self._aim(watch, self._runner.snapshot)
-
-    def _fit_run(self, watch: _Watch, snapshot: Snapshot) -> None:
-        """Show where a new run's path goes, unless the person has moved the camera."""
-        watch.run = snapshot.run_number
-        if watch.view != STANDING and watch.put_at is not None and _at_rest(watch.client.camera.position, watch.put_at):
-            self._aim(watch, snapshot)
 
     async def _forget(self, client: viser.ClientHandle) -> None:
         self._watches.pop(client.client_id, None)

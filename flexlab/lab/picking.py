@@ -120,7 +120,6 @@ def touch_controls(widgets: Widgets, touch: Picking) -> list[NumberControl]:
 
 
 def _control(widgets: Widgets, about: Quantity, touch: Picking, name: str) -> NumberControl:
-    """A control of an attribute of `touch`."""
     usual = getattr(touch, name)
     return NumberControl(
         widgets,

@@ -190,7 +190,6 @@ class Session:
         """Checks every message of every browser, and counts the refused ones."""
         self.runner = Runner(scenario, name, consumers=consumers, playing=playing, origin=origin, hold_starts=attended)
         self.lab_state = LabState(self.runner, origin)
-        """What the controls share."""
         self._server: GuardedServer | None = None
         self._study = ModeStudy()
         self._closing = ExitStack()
@@ -243,7 +242,6 @@ class Session:
         self.stop()
 
     def _furnish(self, server: GuardedServer) -> RenderLoop:
-        """Fill the server's page."""
         lab_state = self.lab_state
         lab_state.company = lambda: len(server.get_clients())
         gui, runner, study = server.gui, self.runner, self._study

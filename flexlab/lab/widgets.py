@@ -83,7 +83,6 @@ class Menu:
         """`options` gives the words that there are now, `shown` that for what is so now; `choose` gets the chosen one."""
         self._label, self._options, self._shown, self._choose = label, options, shown, choose
         self.widget = widgets.gui.add_dropdown(label, tuple(options()), hint=hint)
-        """As viser has it."""
         self.widget.on_update(widgets.handler(lambda _: self._ask(self.widget.value)))
         self.settle()
 

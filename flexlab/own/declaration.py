@@ -195,16 +195,8 @@ def read_declaration(source: str, file: str) -> Declaration:
     law.few("gains", sum(one.size for one in gains.values()), MOST_SETTINGS)
     law.few("numbers of memory", sum(one.size for one in memories.values()), MOST_MEMORY)
     law.few("signals", len(found[OwnSignal]), MOST_SIGNALS)
-    return Declaration(
-        law.node.name,
-        law.line,
-        law.meaning,
-        tuple(gains.items()),
-        period,
-        on_save == ON_SAVE[0],
-        tuple(memories.items()),
-        tuple(found[OwnSignal]),
-    )
+    kept, signals, goes_on = tuple(memories.items()), tuple(found[OwnSignal]), on_save == ON_SAVE[0]
+    return Declaration(*law.about, tuple(gains.items()), period, goes_on, kept, signals)
 
 
 def read_path_declaration(source: str, file: str) -> PathDeclaration:
@@ -227,7 +219,7 @@ def read_path_declaration(source: str, file: str) -> PathDeclaration:
     if not path.has_method("position"):
         raise path.problem(path.line, f"{path.node.name} has no method position(self, t), which gives x, y and θ")
     path.few("options", sum(one.size for one in options.values()), MOST_SETTINGS)
-    return PathDeclaration(path.node.name, path.line, path.meaning, tuple(options.items()), lasting[0] == "period")
+    return PathDeclaration(*path.about, tuple(options.items()), lasting[0] == "period")
 
 
 _MAKERS: dict[str, Callable[..., Any]] = {"gain": gain, "memory": memory, "readout": readout}

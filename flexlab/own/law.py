@@ -52,7 +52,6 @@ class OwnController(Controller):
 
 
 def _restored(data: dict[str, Any]) -> OwnController:
-    """Undoes `__reduce__`."""
     return OWN_LAWS.restored(data)
 
 

@@ -151,7 +151,6 @@ def _now(time: float) -> float:
 
 
 def _restored(data: dict[str, Any]) -> OwnTrajectory:
-    """Undoes `__reduce__`."""
     return OWN_PATHS.restored(data)
 
 

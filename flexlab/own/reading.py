@@ -98,8 +98,9 @@ class DeclaredClass:
             text = f"the name of the class has {len(self.node.name)} characters: {LONGEST_CLASS} are the most"
             raise self.problem(self.node.lineno, text)
         self.line: int = self.node.lineno
-        self.meaning = visible(" ".join((ast.get_docstring(self.node) or self.node.name).split("\n\n")[0].split()))
-        """First paragraph of its docstring."""
+        meaning = visible(" ".join((ast.get_docstring(self.node) or self.node.name).split("\n\n")[0].split()))
+        self.about = self.node.name, self.line, meaning
+        """Its name, line, and the first paragraph of its docstring."""
         self._known: dict[str, Any] = {}
         for node in tree.body:
             if isinstance(node, ast.Assign) and len(node.targets) == 1 and isinstance(node.targets[0], ast.Name):

@@ -50,7 +50,6 @@ class Question:
 
     name: str
     words: str
-    """Its label."""
     default: str = ""
     is_metric: bool = False
     none: str = ""
@@ -164,10 +163,8 @@ def read_study(form: Form, scenario: Scenario) -> Study:
         raise StudyError(f"{visible(form.get('kind', ''), LONGEST_SHOWN)!r} is no study: choose of {known}.") from None
     duration = number_of(form, "duration", "Simulated time")
     if not 0 < duration <= LONGEST_RUN:
-        raise StudyError(
-            f"Simulated time = {number_text(duration)} s is outside 0 to {number_text(LONGEST_RUN)} s: choose "
-            "within it."
-        )
+        given, most = number_text(duration), number_text(LONGEST_RUN)
+        raise StudyError(f"Simulated time = {given} s is outside 0 to {most} s: choose within it.")
     try:
         return study.read(form, scenario, duration)
     except FlexlabError as error:
@@ -215,26 +212,19 @@ def axes_of(form: Form, scenario: Scenario, counted: bool) -> tuple[Axis, ...]:
         if path in CHOSEN:
             texts.append(f"{path}={','.join(_chosen(form, end, path, counted))}")
             continue
-        low, high = (
-            number_of(form, f"low{end}", f"The lower limit of {path}"),
-            number_of(form, f"high{end}", f"The upper limit of {path}"),
-        )
+        low = number_of(form, f"low{end}", f"The lower limit of {path}")
+        high = number_of(form, f"high{end}", f"The upper limit of {path}")
         if form.get(f"log{end}") and low <= 0:
             raise StudyError(
                 f"{path} has equal ratios and begins at {number_text(low)}: begin above 0, or take the tick away."
             )
+        count = whole_of(form, f"count{end}", f"Values of {path}") if counted else 2
+        if count > MOST_VALUES:
+            shown = number_text(count, LONGEST_NUMBER)
+            raise StudyError(f"{shown} values of {path} are too many: choose {MOST_VALUES} at most.")
+        spacing = ":log" if form.get(f"log{end}") else ""
         # `parse_axes` reads the numbers again, so they keep every digit.
-        parts = [repr(low), repr(high), *(["log"] if form.get(f"log{end}") else [])]
-        if counted:
-            count = whole_of(form, f"count{end}", f"Values of {path}")
-            if count > MOST_VALUES:
-                raise StudyError(
-                    f"{number_text(count, LONGEST_NUMBER)} values of {path} are too many: choose {MOST_VALUES} at most."
-                )
-            parts.append(str(count))
-        else:
-            parts.append("2")
-        texts.append(f"{path}={':'.join(parts)}")
+        texts.append(f"{path}={low!r}:{high!r}{spacing}:{count}")
     if not texts:
         raise StudyError("Nothing is varied: choose a field.")
     return parse_axes(texts, scenario)

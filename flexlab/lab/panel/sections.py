@@ -203,7 +203,6 @@ class Folder:
         """`title` None: without head and border. `rows`: what it shows of a scenario."""
         self._widgets, self._rows = widgets, rows
         self.folder = widgets.gui.add_folder(title, expand_by_default=is_open)
-        """As viser has it."""
         self._fields: list[NumberControl | Menu] = []
         self._built_for: list[Entry] | None = None
         self._followed: Scenario | None = None

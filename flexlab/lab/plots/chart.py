@@ -223,7 +223,6 @@ class Chart:
             padding=(6, 12, 0, 0),
         )
         self.uuid = widget_uuid(self._handle)
-        """The page's identifier of this chart."""
         note = f'<div class="fl fl-dim">{escaped(plot.note)}</div>' if plot.note else ""
         self._note = gui.add_html(note, visible=bool(note))
 

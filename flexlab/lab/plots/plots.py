@@ -90,7 +90,6 @@ class Spectrum:
             padding=(6, 12, 0, 0),
         )
         self.uuid = widget_uuid(self._handle)
-        """The page's identifier of this chart."""
 
     def clear(self) -> None:
         """Show nothing: another run has begun."""
@@ -157,7 +156,6 @@ class Plots:
         with spectrum:
             self._spectrum = Spectrum(gui, scenario)
         self.homes = (*self._homes.values(), spectrum)
-        """The tabs."""
         self._charts: list[list[Chart]] = []
         self._plotted: object = None
         self._build(scenario, None)
@@ -289,7 +287,6 @@ class ExplanationList:
         self._runner, self._study = runner, study
         self._calm = CalmList()
         self.sentences: Sequence[Explained] = ()
-        """The sentences that are shown."""
         self._run_number, self._time = -1, -1.0
         self._places = []
         for tab in tabs:

@@ -59,7 +59,6 @@ def _folder(context: Context) -> Path:
 
 
 async def _newest(context: Context) -> tuple[Leaderboard, str]:
-    """(The newest table, its digest)."""
     return await asyncio.to_thread(newest_board, _folder(context))
 
 

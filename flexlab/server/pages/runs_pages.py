@@ -42,16 +42,8 @@ class TableColumn:
     unit: str = ""
 
 
-COLUMNS = tuple(
-    TableColumn(name, kind, name)
-    for name, kind in (
-        ("Started", "time"),
-        ("Preset", "text"),
-        ("Duration", "number"),
-        ("Size", "number"),
-        ("State", "text"),
-    )
-)
+_FIRST = ("Started", "time"), ("Preset", "text"), ("Duration", "number"), ("Size", "number"), ("State", "text")
+COLUMNS = tuple(TableColumn(name, kind, name) for name, kind in _FIRST)
 METRIC_COLUMNS = [column for metric in METRICS.values() for column in metric.columns if column.listed]
 """The metrics in the table; a run's own page has all."""
 LAST_COLUMNS = (

@@ -14,6 +14,7 @@ LONGEST_HISTORY = 200
 """Steps that can be undone."""
 ONE_GESTURE = 1.0
 """Changes of the same settings within this time, wall seconds, are one step: a slider sends twenty a second."""
+PATH = "trajectory"
 
 
 @dataclass(frozen=True)
@@ -63,9 +64,6 @@ class Undo:
                 target.append(present)
                 return found
         return None
-
-
-PATH = "trajectory"
 
 
 class SlowChanges:

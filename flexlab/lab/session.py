@@ -37,6 +37,24 @@ from flexlab.text import number_text
 
 UNATTENDED_TIME = 60.0
 """Seconds without a browser after which a lab pauses, and so records no more; a reload takes ten."""
+FRAME_TIME = 1 / 30
+"""Wall seconds per picture."""
+READOUT_EVERY = 3
+"""Pictures per update of plots and readouts: 10 Hz, as fast as numbers can be read."""
+SELDOM = 10
+"""Updates per one of what takes longer to find, or to read: 1 Hz."""
+UNSEEN_TIME = 0.25
+"""Wall seconds between two checks for browsers; a new connection also wakes the thread at once."""
+PANEL_WIDTH, NARROW_PANEL = 330, 300
+"""Width of the panel, px: holds the longest label with its unit on one line; the second in a narrow window."""
+NARROW_WINDOW = 1200
+"""Windows narrower than this, px, get the narrow panel."""
+GUIDE_WIDTH, FOLDED_WIDTH = 280, 36
+"""Width of the guide's column, px, open and folded."""
+PLOTS_HEIGHT, GAP = 248, 8
+"""Height of the panel of plots, a row of charts with legends of two lines, and its distance from the picture's edges, px."""
+FIRST_WINDOW = Window(1.0)
+"""The picture that is assumed until a browser reports its own."""
 
 
 class Attendance:
@@ -76,17 +94,6 @@ class Attendance:
             self._lab_state.say(f"This lab paused at t = {time_now} s while nobody watched: it runs again.")
             self._lab_state.submit(Play())
         self._held_run = 0
-
-
-FRAME_TIME = 1 / 30
-"""Wall seconds per picture."""
-READOUT_EVERY = 3
-"""Pictures per update of plots and readouts: 10 Hz, as fast as numbers can be read."""
-SELDOM = 10
-"""Updates per one of what takes longer to find, or to read: 1 Hz."""
-
-UNSEEN_TIME = 0.25
-"""Wall seconds between two checks for browsers; a new connection also wakes the thread at once."""
 
 
 class RenderLoop:
@@ -138,18 +145,6 @@ class RenderLoop:
                 self._stop.wait(max(FRAME_TIME - (time.monotonic() - began), 0.002))
             else:
                 self._come.wait(UNSEEN_TIME)
-
-
-PANEL_WIDTH, NARROW_PANEL = 330, 300
-"""Width of the panel, px: holds the longest label with its unit on one line; the second in a narrow window."""
-NARROW_WINDOW = 1200
-"""Windows narrower than this, px, get the narrow panel."""
-GUIDE_WIDTH, FOLDED_WIDTH = 280, 36
-"""Width of the guide's column, px, open and folded."""
-PLOTS_HEIGHT, GAP = 248, 8
-"""Height of the panel of plots, a row of charts with legends of two lines, and its distance from the picture's edges, px."""
-FIRST_WINDOW = Window(1.0)
-"""The picture that is assumed until a browser reports its own."""
 
 
 class Session:

@@ -52,6 +52,10 @@ ANSWER_BYTES = MESSAGE.fields["plant"][1]  # type: ignore[index]  # It has field
 
 AnswerFunction = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64, ctypes.c_int64)
 """C function of two addresses, a message, where the outcome goes, and a `LAW_INPUT` record."""
+FORMER_PLACES = ("flexlab.own_laws.declaration", "flexlab.own_paths.declaration")
+"""Modules from which texts in earlier recordings import."""
+LONGEST_WORDS = 200
+"""Characters of an exception's own text that are shown."""
 
 
 class Channel(NamedTuple):
@@ -72,12 +76,6 @@ def address_of(function: Any) -> int:
 def record_at(address: int, kind: np.dtype) -> Any:
     """The record at an address."""
     return np.frombuffer((ctypes.c_char * kind.itemsize).from_address(address), kind)[0]
-
-
-FORMER_PLACES = ("flexlab.own_laws.declaration", "flexlab.own_paths.declaration")
-"""Modules from which texts in earlier recordings import."""
-LONGEST_WORDS = 200
-"""Characters of an exception's own text that are shown."""
 
 
 class RunningText:

@@ -41,6 +41,7 @@ HEADER = (
 FUTURE = "__future__"
 LARGEST = 4 * LONGEST_SOURCE
 """Bytes of a file, whose characters have four at most."""
+K = TypeVar("K", bound=Law | DesiredPath)
 
 
 def class_text(given: type) -> str:
@@ -115,9 +116,6 @@ def _definition(name: str, value: Any) -> str:
     if origin == OwnLaw.__module__:
         origin = "flexlab"  # Recordings outlive the modules in which public names stand.
     return f"from {origin} import {known} as {name}"
-
-
-K = TypeVar("K", bound=Law | DesiredPath)
 
 
 def declares(text: str, base: str) -> bool:

@@ -29,15 +29,13 @@ OWN_PLACE = 80
 """Rank in menus: after the built-in laws, before "none"."""
 
 K = TypeVar("K", bound=Law | Path)
+MODELS_KEPT = 32
+"""Texts whose models are kept: to make one takes longer than to make a world, and pydantic may drop a Ctrl-C meanwhile."""
 
 
 def source_field(source: str, word: str) -> Any:
     """The model's field for the text of a law or a path."""
     return Field(source, max_length=LONGEST_SOURCE, title=f"Text of the {word}")
-
-
-MODELS_KEPT = 32
-"""Texts whose models are kept: to make one takes longer than to make a world, and pydantic may drop a Ctrl-C meanwhile."""
 
 
 @dataclass(frozen=True)

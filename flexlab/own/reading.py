@@ -24,6 +24,21 @@ LONGEST_CLASS = 200
 """Characters of a class's name, which stands in menus and sentences."""
 SCHEME = "tcp://"
 """How the address of a program that computes a law begins."""
+WORDS = r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])"
+"""The bounds between the words of a class's name."""
+_ARITHMETIC: dict[type, Callable[..., Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.USub: operator.neg,
+    ast.UAdd: operator.pos,
+}
+MOST_DATA = LONGEST_SOURCE * 5 // 8
+"""Bytes of a data file; in base64 they need a third more, and the law itself needs room."""
+_KEPT = re.compile(
+    r'(data_file\(\s*"[^"\\]{1,200}"), "((?:[A-Za-z0-9+/]{4})*(?:[A-Za-z0-9+/]{2}==|[A-Za-z0-9+/]{3}=)?)"\)'
+)
 
 
 class TextProblem(Exception):
@@ -45,10 +60,6 @@ def is_foreign(file: str) -> bool:
     return is_address(file) or is_unit(file)
 
 
-WORDS = r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])"
-"""The bounds between the words of a class's name."""
-
-
 def kind_of(name: str) -> str:
     """A class's name in scenarios: SoftPD becomes soft-pd, PIDControl pid-control."""
     return re.sub(WORDS, "-", name).replace("_", "-").lower()
@@ -62,16 +73,6 @@ def is_finite(value: Any) -> bool:
 def called(node: ast.AST) -> str:
     """The last part of a dotted name: "gain" of `flexlab.gain`."""
     return node.attr if isinstance(node, ast.Attribute) else node.id if isinstance(node, ast.Name) else ""
-
-
-_ARITHMETIC: dict[type, Callable[..., Any]] = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-    ast.USub: operator.neg,
-    ast.UAdd: operator.pos,
-}
 
 
 class DeclaredClass:
@@ -171,13 +172,6 @@ class DeclaredClass:
             node.lineno,
             f"{text} is not a number that stands in the file: declarations are read without running the file",
         )
-
-
-MOST_DATA = LONGEST_SOURCE * 5 // 8
-"""Bytes of a data file; in base64 they need a third more, and the law itself needs room."""
-_KEPT = re.compile(
-    r'(data_file\(\s*"[^"\\]{1,200}"), "((?:[A-Za-z0-9+/]{4})*(?:[A-Za-z0-9+/]{2}==|[A-Za-z0-9+/]{3}=)?)"\)'
-)
 
 
 def data_file(name: str, kept: str = "") -> io.BytesIO:

@@ -25,6 +25,20 @@ from flexlab.text import visible
 _FMI_BASES = ("kg", "m", "s", "A", "K", "mol", "cd")
 """Without rad, which tools may leave out."""
 _SPELT = (("**", "^"), ("^2", "²"), ("2", "²"), ("*", "·"), (".", "·"), (" ", "·"), ("(", ""), (")", ""), ("Nm", "N·m"))
+SIDES, AXES, JOINTS = ("left", "right"), ("x", "y", "theta"), ("1", "2", "3")
+_NAMED = {
+    "pose": ("pose", AXES),
+    "pose_rate": ("pose_rate", AXES),
+    "beam_rate": ("beam_moment_rate", ("h", "g")),
+    "strains": ("strain", tuple(map(str, range(MOST_GAUGES)))),
+    "desired_pose": ("desired_pose", AXES),
+    "desired_rate": ("desired_rate", AXES),
+    "desired_acceleration": ("desired_acceleration", AXES),
+    "joint_angles": ("joint_angle", JOINTS),
+    "joint_rates": ("joint_rate", JOINTS),
+    "weights": ("weight", AXES),
+}
+"""Number of `Measurement` → its name in a unit, and how the names of its parts end."""
 
 
 def problem_with_unit(variable: Any, definitions: Iterable[Any], wanted: str) -> str:
@@ -45,22 +59,6 @@ def _spelt(name: str) -> str:
     for other, ours in _SPELT:
         name = name.replace(other, ours)
     return name
-
-
-SIDES, AXES, JOINTS = ("left", "right"), ("x", "y", "theta"), ("1", "2", "3")
-_NAMED = {
-    "pose": ("pose", AXES),
-    "pose_rate": ("pose_rate", AXES),
-    "beam_rate": ("beam_moment_rate", ("h", "g")),
-    "strains": ("strain", tuple(map(str, range(MOST_GAUGES)))),
-    "desired_pose": ("desired_pose", AXES),
-    "desired_rate": ("desired_rate", AXES),
-    "desired_acceleration": ("desired_acceleration", AXES),
-    "joint_angles": ("joint_angle", JOINTS),
-    "joint_rates": ("joint_rate", JOINTS),
-    "weights": ("weight", AXES),
-}
-"""Number of `Measurement` → its name in a unit, and how the names of its parts end."""
 
 
 def _units_of_parts(asked: str) -> dict[str, str]:

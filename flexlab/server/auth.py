@@ -57,6 +57,17 @@ _HOST = re.compile(r"(\[[0-9a-fA-F:.]+\]|[\w.-]+)(?::\d{1,5})?\Z", re.ASCII)
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 
 log = limited(__name__)
+TOO_MANY = "Too many wrong tokens came from your address: wait a few seconds, then try again."
+SENTENCES = {
+    403: "This is not for visitors.",
+    404: "There is no such page. The start page shows what there is.",
+    405: "This address does not take what was sent to it.",
+}
+ELSEWHERE = "This came from a page of another site."
+OPENS_WITH_TOKEN = (
+    "This lab opens with a token: use the whole address that you were given (the terminal shows it), "
+    "or enter the token."
+)
 
 
 async def add_headers(request: web.Request, response: web.StreamResponse) -> None:
@@ -102,15 +113,6 @@ async def answer_in_sentences(request: web.Request, handler: Handler) -> web.Str
 def _failed(request: web.Request, error: Exception) -> web.Response:
     log.exception("A page failed: %.20s %.200r", request.method, request.path)
     return message("That did not work", f"This page failed ({type(error).__name__}). The labs run on.", 500)
-
-
-TOO_MANY = "Too many wrong tokens came from your address: wait a few seconds, then try again."
-
-SENTENCES = {
-    403: "This is not for visitors.",
-    404: "There is no such page. The start page shows what there is.",
-    405: "This address does not take what was sent to it.",
-}
 
 
 @web.middleware
@@ -207,9 +209,6 @@ def _foreign(request: web.Request, context: Context) -> tuple[int, str] | None:
     return (403, ELSEWHERE) if is_from_elsewhere(request) else None
 
 
-ELSEWHERE = "This came from a page of another site."
-
-
 def is_from_elsewhere(request: web.Request) -> bool:
     """Whether a page of another site sends this, and it could change something."""
     if request.method in SAFE_METHODS and not is_websocket(request):
@@ -234,12 +233,6 @@ def _sign_in(request: web.Request, kind: str, token: str) -> web.Response:
     set_cookie(request, answer, context.cookie(kind), context.signed(kind, token), "Strict")
     keep_visitor(request, answer, known_visitor_of(request))
     return answer
-
-
-OPENS_WITH_TOKEN = (
-    "This lab opens with a token: use the whole address that you were given (the terminal shows it), "
-    "or enter the token."
-)
 
 
 def ask_for_token(request: web.Request, sentence: str = OPENS_WITH_TOKEN) -> web.Response:

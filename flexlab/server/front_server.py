@@ -64,6 +64,10 @@ LOCK = "in-use"
 """A file in the folder whose lock ends with its server; a process's number could belong to another process by now."""
 YOUNG = 60.0
 """Age of a folder without a lock file, s, up to which it may be one that is just being made."""
+CLOSING_TIME = 1.0
+"""Seconds that open pages get when the server closes: a lab's page never ends by itself."""
+MOST_THREADS = 32
+"""Threads that wait for disks and processes, beside one for each private lab: labs that open together do not delay pages."""
 
 
 class TemporaryFolder:
@@ -170,13 +174,6 @@ def delete_over_limits(settings: Settings) -> None:
             log.warning("Deleted %s: it was over the limits that this lab was started with.", path.name)
     except (FlexlabError, OSError) as error:
         log.warning("Old runs could not be deleted: %s", error)
-
-
-CLOSING_TIME = 1.0
-"""Seconds that open pages get when the server closes: a lab's page never ends by itself."""
-
-MOST_THREADS = 32
-"""Threads that wait for disks and processes, beside one for each private lab: labs that open together do not delay pages."""
 
 
 def _port_of(plug: socket.socket) -> int:

@@ -16,13 +16,29 @@ from flexlab.recording.rerun_internals.rrd_file import has_footer
 from flexlab.recording.store.notes import notes_path, read_notes
 from flexlab.recording.store.run_files import list_runs
 
+HOUSEHOLD = 64
+"""Bits of an IPv6 address that name a network, such as a household's: a machine in it chooses the others freely."""
+FREE = 10.0
+"""Wrong tokens of one address that are answered at once: people mistype."""
+SPACING = 0.5
+"""Seconds between two later answers."""
+MOST_PENDING, MOST_HELD = 8, 64
+"""Answers that are held back at once, of one address and of all. An address that asks more is not even compared; where all
+together do, answers come at once, so that nobody is locked out by others."""
+MOST_ADDRESSES = 10_000
+"""Addresses that are remembered: the one that guessed longest ago is forgotten first."""
+LOOK, LOOK_AGAIN = 5.0, 1.0
+"""Seconds between two checks of the folder, and where more is asked for than was free at the last one."""
+MEGABYTE = 1e6
+PER_SECOND = 0.6 * MEGABYTE
+"""Bytes that a simulated second of the paper's run takes, about."""
+INDEX, INDEX_SHARE = 160_000, 0.01
+"""Bytes, and share of its size, by which a run grows at most when it is finished: 136 kB and 0.5 kB per written block."""
+_TAKEN = re.compile(r"Your runs take (\d+) MB of the (\d+) MB ")
+
 
 class BusyError(LabError):
     """Too much of something is going on: the same request may be answered later."""
-
-
-HOUSEHOLD = 64
-"""Bits of an IPv6 address that name a network, such as a household's: a machine in it chooses the others freely."""
 
 
 def network_of(address: str) -> str:
@@ -109,17 +125,6 @@ class Limit:
             self._taken.remove(asker)
 
 
-FREE = 10.0
-"""Wrong tokens of one address that are answered at once: people mistype."""
-SPACING = 0.5
-"""Seconds between two later answers."""
-MOST_PENDING, MOST_HELD = 8, 64
-"""Answers that are held back at once, of one address and of all. An address that asks more is not even compared; where all
-together do, answers come at once, so that nobody is locked out by others."""
-MOST_ADDRESSES = 10_000
-"""Addresses that are remembered: the one that guessed longest ago is forgotten first."""
-
-
 class Guesses:
     """The wrong tokens of all addresses of one server. For its event loop only."""
 
@@ -147,20 +152,6 @@ class Guesses:
             await asyncio.sleep(due - now)
         finally:
             self._held -= 1
-
-
-LOOK, LOOK_AGAIN = 5.0, 1.0
-"""Seconds between two checks of the folder, and where more is asked for than was free at the last one."""
-MEGABYTE = 1e6
-PER_SECOND = 0.6 * MEGABYTE
-"""Bytes that a simulated second of the paper's run takes, about."""
-
-
-INDEX, INDEX_SHARE = 160_000, 0.01
-"""Bytes, and share of its size, by which a run grows at most when it is finished: 136 kB and 0.5 kB per written block."""
-
-
-_TAKEN = re.compile(r"Your runs take (\d+) MB of the (\d+) MB ")
 
 
 def for_teacher(problem: str) -> str:

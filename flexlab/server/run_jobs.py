@@ -39,6 +39,22 @@ from flexlab.text import visible
 
 MOST_SAMPLES = 1_200_000
 """Most samples of a run that a job reads whole: 20 minutes at a lab's rate, 0.6 GB in memory."""
+OVERLAY = "overlay.rrd"
+"""File in the folder of a comparison."""
+LONGEST_NUMBER = 20
+"""Most characters of a number of samples that a sentence repeats."""
+BYTES_OF_SAMPLE = 550
+"""Bytes that a sample takes in a recording, about: of a run that is still being recorded nothing else tells its length."""
+INDEXING = 0.05
+"""The share of a comparison's work that comes after its last sample."""
+UNSEEN = int(FASTEST * LOOK * PER_SECOND)
+"""Bytes that a lab records, about, between two looks at what its owner has."""
+MOST_COMPARISONS = 8
+"""Most comparisons that a server keeps: enough to go back and forth."""
+MOST_REPLAYS = 200
+"""Most replays that a server keeps."""
+LOW_PRIORITY = 19
+"""Unix niceness of the measuring process, the lowest priority."""
 
 
 @dataclass(frozen=True)
@@ -51,18 +67,6 @@ class ComparisonTables:
     """One tuple per metric, one row per run."""
     settings: tuple[tuple[str, tuple[str, ...]], ...]
     """(title with symbol and unit, the runs' values) of each field in which they differ."""
-
-
-OVERLAY = "overlay.rrd"
-"""File in the folder of a comparison."""
-
-
-LONGEST_NUMBER = 20
-"""Most characters of a number of samples that a sentence repeats."""
-BYTES_OF_SAMPLE = 550
-"""Bytes that a sample takes in a recording, about: of a run that is still being recorded nothing else tells its length."""
-INDEXING = 0.05
-"""The share of a comparison's work that comes after its last sample."""
 
 
 def compare_runs(paths: tuple[Path, ...], folder: Path, report: Callable[[float], None]) -> Outcome:
@@ -174,10 +178,6 @@ def range_name(path: Path, start: float | None, end: float | None) -> str:
     return f"{path.stem}-{'start' if start is None else f'{start:g}'}-to-{'end' if end is None else f'{end:g}'}-s"
 
 
-UNSEEN = int(FASTEST * LOOK * PER_SECOND)
-"""Bytes that a lab records, about, between two looks at what its owner has."""
-
-
 def take_in(path: Path, logs: Path, notes: dict[str, str], quota: float | None) -> str:
     """Import an uploaded file into the library, note its owner and measure it; return the new run's id.
 
@@ -197,10 +197,6 @@ def take_in(path: Path, logs: Path, notes: dict[str, str], quota: float | None) 
     return taken.stem
 
 
-MOST_COMPARISONS = 8
-"""Most comparisons that a server keeps: enough to go back and forth."""
-
-
 def comparison(book: TaskBook, asker: Visitor, rows: Sequence[RunRow]) -> Task:
     """The comparison of these runs, begun if it is not kept. Raises `BusyError`."""
     asked = tuple(row.id for row in rows)
@@ -209,10 +205,6 @@ def comparison(book: TaskBook, asker: Visitor, rows: Sequence[RunRow]) -> Task:
     key = making or hashlib.sha256(repr([(row.id, row.size) for row in rows]).encode()).hexdigest()[:24]
     paths = tuple(row.path for row in rows)
     return book.kept("Comparison", key, asker, compare_runs, paths, about=asked)
-
-
-MOST_REPLAYS = 200
-"""Most replays that a server keeps."""
 
 
 def begin_replay(book: TaskBook, asker: Visitor, row: RunRow) -> None:
@@ -225,10 +217,6 @@ def replay_of(book: TaskBook, row: RunRow) -> Task | None:
     task = book.get(row.id)
     known = task is not None and (task.working or task.about == row.size or row.state == "in use")
     return task if known else None
-
-
-LOW_PRIORITY = 19
-"""Unix niceness of the measuring process, the lowest priority."""
 
 
 @failures_told_plainly()

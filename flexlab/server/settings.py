@@ -33,6 +33,16 @@ SHORTEST_IDLE, LONGEST_IDLE = 1.0, 604_800.0
 MEGABYTE, GIGABYTE = 1e6, 1e9
 BASE_URL = re.compile(r"(/(?!\.{1,2}(/|$))[A-Za-z0-9._~%@+-]+)*", re.ASCII)
 """Segments that need no quoting in pages, headers and cookies."""
+FAR_AWAY = {socket.AF_INET: "192.0.2.1", socket.AF_INET6: "2001:db8::1"}
+"""Addresses of no machine: the way there would lead over the interface that others are on. Nothing is sent."""
+LAB_MEMORY = 120e6
+"""Bytes that a lab has for itself: measured 65 to 100 MB where labs share the program, with room for fine meshes."""
+KEPT_FREE = 1e9
+"""Bytes for the server itself, exports, and whatever else the machine does."""
+LABS_PER_CORE = 6
+"""A lab that runs before its visitor's eyes costs a quarter to a third of a core, one that nobody looks at 0.3 %: so many as
+leave each at full speed while half of a class reads."""
+MEMORY_TABLE = Path("/proc/meminfo")
 
 
 @dataclass(frozen=True)
@@ -154,10 +164,6 @@ def _check_token(token: str, name: str) -> None:
         )
 
 
-FAR_AWAY = {socket.AF_INET: "192.0.2.1", socket.AF_INET6: "2001:db8::1"}
-"""Addresses of no machine: the way there would lead over the interface that others are on. Nothing is sent."""
-
-
 def network_addresses() -> list[str]:
     """This machine's addresses in its networks, the one of the default route first."""
     found: list[str] = []
@@ -185,16 +191,6 @@ def terminal_code(address: str) -> str:
 def picture_code(address: str) -> str:
     """A QR code as the address of a picture that is in it, dark on light whatever the page's colours."""
     return segno.make(address, micro=False).svg_data_uri(scale=4, border=2, dark="#1c2430", light="#ffffff")
-
-
-LAB_MEMORY = 120e6
-"""Bytes that a lab has for itself: measured 65 to 100 MB where labs share the program, with room for fine meshes."""
-KEPT_FREE = 1e9
-"""Bytes for the server itself, exports, and whatever else the machine does."""
-LABS_PER_CORE = 6
-"""A lab that runs before its visitor's eyes costs a quarter to a third of a core, one that nobody looks at 0.3 %: so many as
-leave each at full speed while half of a class reads."""
-MEMORY_TABLE = Path("/proc/meminfo")
 
 
 @dataclass(frozen=True)

@@ -42,6 +42,8 @@ LONGEST_SHOWN = 30
 """Most characters of an input that a message repeats."""
 
 Form = Mapping[str, Any]
+_PATH = re.compile(r"'?\b([a-z]\w*(?:\.\w+)+)\b'?(?:=([^\s:]+):([^\s:]+)\S*)?")
+"""A field as sentences for the command line name it, perhaps with a range, LOW:HIGH:COUNT."""
 
 
 @dataclass(frozen=True)
@@ -169,10 +171,6 @@ def read_study(form: Form, scenario: Scenario) -> Study:
         return study.read(form, scenario, duration)
     except FlexlabError as error:
         raise StudyError(_in_titles(str(error), scenario)) from None
-
-
-_PATH = re.compile(r"'?\b([a-z]\w*(?:\.\w+)+)\b'?(?:=([^\s:]+):([^\s:]+)\S*)?")
-"""A field as sentences for the command line name it, perhaps with a range, LOW:HIGH:COUNT."""
 
 
 def _in_titles(sentence: str, scenario: Scenario) -> str:

@@ -36,6 +36,19 @@ MOST_FILES = 2, 30, 40, 4
 """Files on their way: a class behind one address asks for one each at once. `claim_room` bounds their bytes."""
 SIGNATURE = 40
 """Hexadecimal digits of a signature in a cookie."""
+KEY_FILE = ".flexlab-cookie-key"
+"""In the logs folder, so that visitors keep their runs when the server starts again."""
+KEY_BYTES = 32
+VISITOR_BYTES = 18
+"""Randomness of the cookie by which a visitor finds their own lab and runs again."""
+COOKIE_AGE = 30 * 24 * 3600
+"""Seconds for which a browser stays signed in, keeps a name, and finds its runs again."""
+LONGEST_NAME = 40
+"""Characters of a visitor's name: a first and a last one."""
+MOST_PARTS = 4
+"""Characters that a letter may be typed as: itself and its accents."""
+LONGEST_COOKIE = 500
+"""Characters of such a name as a cookie holds it."""
 
 
 @dataclass(frozen=True)
@@ -113,21 +126,6 @@ def file_answer(path: Path, name: str = "") -> web.FileResponse:
 def told(task: Task | None) -> web.Response:
     """The state of a task, for the script in its page; also of one that nobody has begun."""
     return fresh((task or IDLE).as_data())
-
-
-KEY_FILE = ".flexlab-cookie-key"
-"""In the logs folder, so that visitors keep their runs when the server starts again."""
-KEY_BYTES = 32
-VISITOR_BYTES = 18
-"""Randomness of the cookie by which a visitor finds their own lab and runs again."""
-COOKIE_AGE = 30 * 24 * 3600
-"""Seconds for which a browser stays signed in, keeps a name, and finds its runs again."""
-LONGEST_NAME = 40
-"""Characters of a visitor's name: a first and a last one."""
-MOST_PARTS = 4
-"""Characters that a letter may be typed as: itself and its accents."""
-LONGEST_COOKIE = 500
-"""Characters of such a name as a cookie holds it."""
 
 
 def same(given: str, wanted: str) -> bool:

@@ -21,6 +21,19 @@ Switch = tuple[str, Callable[[Scenario], Any]]
 
 
 SQUEEZE = "controller.wanted_internal_force"
+HINTS = {
+    "controller.kind": "Keeps the motion; fields that the new law lacks are dropped.",
+    "trajectory.kind": "Goes on from where the target is; fields that the new path lacks are dropped.",
+    "controller.slow.kind": "Any law. Keeps the motion.",
+    "controller.observer.kind": "Rates of the beam: measured, or estimated from strain gauges by a sampled law.",
+    "payload.axial_load": "Whether the beam feels the force along it. Acts at once.",
+    "controller.model.axial_load": "Whether the observer reckons with the steady force along the beam.",
+    "grips.model": "Whether the grips give way. Starts a new run.",
+    "grips.measured_at": "By the arms' joint angles, or at the payload. Acts at once.",
+    "left_arm.elbow": "Sign of joint 2. Starts a new run.",
+    "right_arm.elbow": "Sign of joint 2. Starts a new run.",
+}
+"""Path → what a change does, where `LIVE_HINTS` does not tell."""
 
 
 def special_values(path: str, scenario: Scenario) -> Marks:
@@ -93,21 +106,6 @@ def field(widgets: Widgets, entry: Entry, switch: Switch | None = None) -> Numbe
         switch=None if switch is None else (switch[0], lambda: switch[1](lab_state.intended)),
         marks=lambda: special_values(path, lab_state.intended),
     )
-
-
-HINTS = {
-    "controller.kind": "Keeps the motion; fields that the new law lacks are dropped.",
-    "trajectory.kind": "Goes on from where the target is; fields that the new path lacks are dropped.",
-    "controller.slow.kind": "Any law. Keeps the motion.",
-    "controller.observer.kind": "Rates of the beam: measured, or estimated from strain gauges by a sampled law.",
-    "payload.axial_load": "Whether the beam feels the force along it. Acts at once.",
-    "controller.model.axial_load": "Whether the observer reckons with the steady force along the beam.",
-    "grips.model": "Whether the grips give way. Starts a new run.",
-    "grips.measured_at": "By the arms' joint angles, or at the payload. Acts at once.",
-    "left_arm.elbow": "Sign of joint 2. Starts a new run.",
-    "right_arm.elbow": "Sign of joint 2. Starts a new run.",
-}
-"""Path → what a change does, where `LIVE_HINTS` does not tell."""
 
 
 def changes_for(path: str, value: Any) -> dict[str, Any]:

@@ -29,6 +29,12 @@ from flexlab.scenario import Scenario
 from flexlab.sim.snapshot import Event, Snapshot
 from flexlab.text import escaped
 
+NUMBER_KEYS = 9
+MORE = (
+    "Tab goes from one control to the next; arrows move a slider. "
+    "Elsewhere arrows turn the camera, and A, D, W, S, Q, E move it. Ctrl+K opens the palette of commands, Esc closes."
+)
+
 
 class ViewControls:
     """Controls of the view, in the GUI container that is open while it is made."""
@@ -69,13 +75,6 @@ class ViewControls:
         self._lab_state.set_view(**{setting: on})
         if setting == "follow_speed" and on:
             self._lab_state.set_view(plot_window=fitting_window(self._lab_state.snapshot.target_speed))
-
-
-NUMBER_KEYS = 9
-MORE = (
-    "Tab goes from one control to the next; arrows move a slider. "
-    "Elsewhere arrows turn the camera, and A, D, W, S, Q, E move it. Ctrl+K opens the palette of commands, Esc closes."
-)
 
 
 class Key(NamedTuple):

@@ -34,6 +34,14 @@ SAME_PRESS = 0.25
 """Wall seconds within which a click that follows the key, or the hold, of the same button belongs to it."""
 KEY_REPEATS = 0.1
 """Wall seconds within which a repeated key is one that is held down."""
+SHORTEST_PAST = 0.02
+"""Seconds of the past from which on the bar is shown."""
+FINE_REACH, FINE, COARSE = 5.0, 0.001, 0.01
+"""s: up to this reach the bar's steps are the run's samples, beyond it they are coarser."""
+SENTENCE = (
+    "Tap the beam or drag it: a stiffer one rings faster, a damped one comes to rest sooner, "
+    "and slow motion shows how it bends."
+)
 
 
 def speed_menu(widgets: Widgets, label: str) -> Menu:
@@ -122,12 +130,6 @@ class Playback:
         self._lab_state.submit(SetSpeed(min(max(speed, SPEEDS[-1]), SPEEDS[0])))
 
 
-SHORTEST_PAST = 0.02
-"""Seconds of the past from which on the bar is shown."""
-FINE_REACH, FINE, COARSE = 5.0, 0.001, 0.01
-"""s: up to this reach the bar's steps are the run's samples, beyond it they are coarser."""
-
-
 class Scrub:
     """The bar along the lower edge of the picture that goes back in time, in the GUI container that is open while it is made."""
 
@@ -187,12 +189,6 @@ class Events:
         if ticks > MOST_STEPS + 0.5:
             raise LabError(f"{wanted} is more than {number_text(MOST_STEPS * TICK)} s ahead: go there in steps.")
         self._lab_state.submit(StepOnce(round(ticks)))
-
-
-SENTENCE = (
-    "Tap the beam or drag it: a stiffer one rings faster, a damped one comes to rest sooner, "
-    "and slow motion shows how it bends."
-)
 
 
 def _play_rows(scenario: Scenario) -> list[Entry]:

@@ -18,6 +18,7 @@ from flexlab.text import escaped, number_text
 
 LOOKED_BACK = 30.0
 """Seconds in which a ring is looked for: all that a runner keeps."""
+SYMBOLS = {"lateral_vibration_gain": ("k_v", "1/(kg·s)"), "angular_vibration_gain": ("k_θ", "1/(kg·m²·s)")}
 
 
 @dataclass(frozen=True)
@@ -28,9 +29,6 @@ class FittedRing:
     since: str
     """What made it ring, as in "the tap at t = 1.200 s"."""
     remedies: Remedies | None
-
-
-SYMBOLS = {"lateral_vibration_gain": ("k_v", "1/(kg·s)"), "angular_vibration_gain": ("k_θ", "1/(kg·m²·s)")}
 
 
 class RingPanel:

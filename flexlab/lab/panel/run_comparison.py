@@ -16,6 +16,8 @@ from flexlab.sim.snapshot import Snapshot
 from flexlab.text import escaped, number_text
 
 MOST_CHANGES = 12
+AS_FACTOR = 1000.0
+"""Per cent from which on a change is read more easily as a factor."""
 
 
 class Comparing:
@@ -93,10 +95,6 @@ def comparison_html(kept: ReferenceRun, snapshot: Snapshot, runner: Runner) -> s
 def metric_text(row: MetricRow) -> str:
     """A metric with three digits, or what stands for a missing one, as HTML."""
     return escaped(row.column.missing) if math.isnan(row.value) else number_text(row.value, 3)
-
-
-AS_FACTOR = 1000.0
-"""Per cent from which on a change is read more easily as a factor."""
 
 
 def change_text(percent: float) -> str:

@@ -25,6 +25,12 @@ LONGEST_NAME = 40
 
 MOST_PRESETS = 60
 """Files in a person's own folder: as many as a menu can hold, and no visitor fills the disk."""
+CHANGES_NAMED = 4
+"""Changes named below the menu; the tab File has all."""
+LONGEST_WORDS = 1200
+"""Characters of what to watch, as a scenario takes them."""
+LONGEST_FILE_NAME = 60
+"""Characters of a file's name that a sentence repeats."""
 
 
 def save_preset(scenario: Scenario, name: str, folder: Path = OWN_FOLDER) -> Path:
@@ -71,10 +77,6 @@ def read_upload(file_name: str, content: bytes) -> tuple[str, Scenario]:
     return stem, read_scenario(content, f"{stem}.json")
 
 
-CHANGES_NAMED = 4
-"""Changes named below the menu; the tab File has all."""
-
-
 class Presets:
     """A menu of presets, in the GUI container that is open while it is made."""
 
@@ -110,12 +112,6 @@ class Presets:
         """The presets that there are now, and what the scenario came from."""
         names, present = preset_names(), self._lab_state.name
         return names if present in names else [present, *names]
-
-
-LONGEST_WORDS = 1200
-"""Characters of what to watch, as a scenario takes them."""
-LONGEST_FILE_NAME = 60
-"""Characters of a file's name that a sentence repeats."""
 
 
 class ScenarioFiles:

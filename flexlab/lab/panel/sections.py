@@ -24,6 +24,9 @@ LAST = ("load_share", "wanted_internal_force", "mass_change")
 """Fields that stand after the others: what all laws share, and what few payloads have."""
 SHOWN_PARTS = ("payload.mass_change",)
 """Parts without a kind whose numbers stand among those of what they are a part of."""
+FIRST_PERIOD, FIRST_TORQUE_LIMIT, FIRST_STEP, FIRST_SHAPED = 1e-3, 400.0, 1e-4, 45.5
+"""First values of switches: an ordinary controller's 1 ms, two thirds of the paper's largest torque in N·m, 0.1 ms, and the
+paper's ring in Hz."""
 
 
 def entries(scenario: Scenario, part_path: str) -> list[Entry]:
@@ -82,11 +85,6 @@ def three_valued(scenario: Scenario) -> str:
             values = ", ".join(number_text(item) for item in value)
             sentences.append(f"{entry.name} is {values} for x, y, θ: the slider sets all three.")
     return " ".join(sentences)
-
-
-FIRST_PERIOD, FIRST_TORQUE_LIMIT, FIRST_STEP, FIRST_SHAPED = 1e-3, 400.0, 1e-4, 45.5
-"""First values of switches: an ordinary controller's 1 ms, two thirds of the paper's largest torque in N·m, 0.1 ms, and the
-paper's ring in Hz."""
 
 
 class Group(NamedTuple):

@@ -28,6 +28,25 @@ STRETCHES = 140
 """Per window, or per part of it that is zoomed into: one per two screen pixels of a plot."""
 WHOLE = (0.0, 1.0)
 """The visible part of a window that nobody has zoomed into, as shares of it."""
+HEIGHT = 140
+"""Height of a chart without its legend, px."""
+X_AXIS_SIZE, Y_AXIS_SIZE, UNIT_SIZE = 34, 50, 18
+"""Room for the numbers at the axes, px: "50,000" upright, and the legend's first line below; and for the unit beside them."""
+UNNAMED = "fl-unnamed"
+"""Style class of series that the legend leaves out."""
+# The vertical range is held by an unseen last series that goes from end to end at every point, whatever is zoomed into: a
+# changed scale option would make the browser build the chart anew and lose its place. No other series may have a say: one
+# that begins with a gap would leave the axis without numbers.
+RANGE_HOLDER = cast(
+    uplot.Series, {"label": "range", "class": UNNAMED, "stroke": "rgba(0,0,0,0)", "width": 0, "points": {"show": False}}
+)
+EXACTLY_THE_DATA = {"min": {"pad": 0, "mode": 0}, "max": {"pad": 0, "mode": 0}}
+INCREMENTS = tuple(digit * 10.0**power for power in range(-3, 10) for digit in (1, 2, 5))
+"""Between ticks, in plot units: the chart writes three decimals at most, so that 0.0025 would read 0.003."""
+DASHES = ((), (9, 4), (12, 3, 3, 3))
+"""px: of the first, second and third curve, for whoever cannot tell their colours apart; then anew."""
+LARGEST = float(np.finfo(np.float32).max)
+"""Beyond it a chart has no numbers; runs that reach it have stopped."""
 
 
 class Curve:
@@ -123,27 +142,6 @@ def _mark_extremes(drawn: np.ndarray, block: np.ndarray, stretch: int) -> None:
         _mark_extremes(drawn[end:], block[:, end:], block.shape[1] - 1 - end)
 
 
-HEIGHT = 140
-"""Height of a chart without its legend, px."""
-X_AXIS_SIZE, Y_AXIS_SIZE, UNIT_SIZE = 34, 50, 18
-"""Room for the numbers at the axes, px: "50,000" upright, and the legend's first line below; and for the unit beside them."""
-
-UNNAMED = "fl-unnamed"
-"""Style class of series that the legend leaves out."""
-
-# The vertical range is held by an unseen last series that goes from end to end at every point, whatever is zoomed into: a
-# changed scale option would make the browser build the chart anew and lose its place. No other series may have a say: one
-# that begins with a gap would leave the axis without numbers.
-RANGE_HOLDER = cast(
-    uplot.Series, {"label": "range", "class": UNNAMED, "stroke": "rgba(0,0,0,0)", "width": 0, "points": {"show": False}}
-)
-EXACTLY_THE_DATA = {"min": {"pad": 0, "mode": 0}, "max": {"pad": 0, "mode": 0}}
-
-
-INCREMENTS = tuple(digit * 10.0**power for power in range(-3, 10) for digit in (1, 2, 5))
-"""Between ticks, in plot units: the chart writes three decimals at most, so that 0.0025 would read 0.003."""
-
-
 def axis(size: int, label: str = "") -> uplot.Axis:
     """An axis with short ticks and `size` px of room."""
     made = uplot.Axis(
@@ -156,10 +154,6 @@ def units_of(labels: Sequence[str]) -> str:
     """The units in brackets at the ends of labels, each once."""
     found = (re.search(r"\(([^()]+)\)$", label) for label in labels)
     return ", ".join(dict.fromkeys(each[1] for each in found if each))
-
-
-DASHES = ((), (9, 4), (12, 3, 3, 3))
-"""px: of the first, second and third curve, for whoever cannot tell their colours apart; then anew."""
 
 
 def signal_series(label: str, tone: colors.Color, place: int = 0) -> uplot.Series:
@@ -180,10 +174,6 @@ def limit_series(limit: Limit) -> list[uplot.Series]:
     style = {"stroke": colors.css(limit.tone), "width": 1, "dash": (3, 6), "points": {"show": False}, "auto": False}
     second = {**style, "label": limit.label, "class": UNNAMED}
     return [cast(uplot.Series, {**style, "label": limit.label}), cast(uplot.Series, second)]
-
-
-LARGEST = float(np.finfo(np.float32).max)
-"""Beyond it a chart has no numbers; runs that reach it have stopped."""
 
 
 def compact(time: np.ndarray, lines: Sequence[np.ndarray], spacing: float) -> tuple[np.ndarray, ...]:

@@ -43,6 +43,12 @@ SHORTEST = 64
 PATIENCE = 6
 """Spectra in a row that must find the axis too high before it comes down (3 s)."""
 Y_AXIS_SIZE = 62
+MOST = 3
+"""Sentences at once."""
+SEEN, MISSED = 2, 2
+"""Checks in a row after which a sentence appears, and after which it disappears."""
+REWORDED = 5
+"""Checks for which a sentence keeps its numbers."""
 
 
 def amplitude_spectrum(signal: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
@@ -240,14 +246,6 @@ def _plotted(scenario: Scenario, kept: ReferenceRun | None) -> list:
     """What the charts were built for: titles, limit lines, and the kept run."""
     keys = [(plot.title, plot.limits) for plots in tabs(scenario).values() for plot in plots]
     return [*keys, id(kept)]
-
-
-MOST = 3
-"""Sentences at once."""
-SEEN, MISSED = 2, 2
-"""Checks in a row after which a sentence appears, and after which it disappears."""
-REWORDED = 5
-"""Checks for which a sentence keeps its numbers."""
 
 
 class CalmList:

@@ -27,6 +27,11 @@ RING_TOP, RING_SECTIONS = 0.031, 28
 """Height of the coloured ring above the joint's middle, before the joint's scale; and its facets."""
 GRIPPER_LENGTH = 0.055
 """Distance from the gripper's palm to the grip, by which the last link's bar is shorter."""
+PAPER_REACH = 1.5
+"""Sum of the paper's link lengths, m: the arm that the parts are drawn for."""
+JOINTS = 3
+GRAB_WIDTH, GRAB_HEIGHT = 0.11, 0.06
+"""Cross-section of the invisible bar that can be dragged, for the first link, m: as wide as its joint."""
 
 
 def accent_ring() -> tuple[np.ndarray, np.ndarray]:
@@ -57,13 +62,6 @@ def grab_bar() -> tuple[np.ndarray, np.ndarray]:
 def load_model(name: str) -> bytes:
     """The GLB file of a part: base, link, joint or gripper."""
     return (web_assets_folder() / "models" / f"{name}.glb").read_bytes()
-
-
-PAPER_REACH = 1.5
-"""Sum of the paper's link lengths, m: the arm that the parts are drawn for."""
-JOINTS = 3
-GRAB_WIDTH, GRAB_HEIGHT = 0.11, 0.06
-"""Cross-section of the invisible bar that can be dragged, for the first link, m: as wide as its joint."""
 
 
 def scene_size(scenario: Scenario) -> float:

@@ -31,6 +31,26 @@ GRAB_EVERY, GRAB_SIDES = 8, 6
 """Stations of the drawn tube per station of the unseen one; nobody sees that it is coarse."""
 TUBE_RADIUS = 0.015
 """Drawn radius for the paper's arms, m; the model's beam has no thickness."""
+OPACITY = 0.45
+SHARE = 0.9
+"""Thickness relative to the present beam, which must stay in front."""
+PIECES = 48
+OVERLAP = 1.15
+"""Length of a piece relative to its share of the beam: closes the gaps on the outside of a bend."""
+FIBRE = 1e-3
+"""Distance from the neutral axis at which strain is stated, m; the model's beam has no thickness of its own."""
+MICRO = 1e6
+LEAST_STRAIN = 1.0
+"""The colour range never falls below this, µm/m or N."""
+FRAMES_BEFORE_SHRINKING = 75
+"""Pictures without a large strain before the colours are spread anew (2.5 s)."""
+NEUTRAL = (225, 225, 225)
+NEGATIVE, POSITIVE = colors.BLUE, colors.VERMILION
+COLORED = {
+    "strain": ("strain, 1 mm off the axis", "µm/m"),
+    "axial": ("force along the beam, compression to tension", "N"),
+}
+"""What the colours show, by its setting of the view, and its unit."""
 
 
 def tube_vertices(line: np.ndarray, radius: float, height: float, sides: int = SIDES) -> np.ndarray:
@@ -97,11 +117,6 @@ class Beam:
         self._around.draw(line[::GRAB_EVERY])
 
 
-OPACITY = 0.45
-SHARE = 0.9
-"""Thickness relative to the present beam, which must stay in front."""
-
-
 class ReferenceBeam:
     """The beam of the kept run, drawn while that has a sample for the present time."""
 
@@ -115,25 +130,6 @@ class ReferenceBeam:
         self._tube.mesh.visible = past is not None
         if kept is not None and past is not None:
             self._tube.draw(beam_points(kept.scenario, past, STATIONS, view.exaggeration)[0])
-
-
-PIECES = 48
-OVERLAP = 1.15
-"""Length of a piece relative to its share of the beam: closes the gaps on the outside of a bend."""
-FIBRE = 1e-3
-"""Distance from the neutral axis at which strain is stated, m; the model's beam has no thickness of its own."""
-MICRO = 1e6
-LEAST_STRAIN = 1.0
-"""The colour range never falls below this, µm/m or N."""
-FRAMES_BEFORE_SHRINKING = 75
-"""Pictures without a large strain before the colours are spread anew (2.5 s)."""
-NEUTRAL = (225, 225, 225)
-NEGATIVE, POSITIVE = colors.BLUE, colors.VERMILION
-COLORED = {
-    "strain": ("strain, 1 mm off the axis", "µm/m"),
-    "axial": ("force along the beam, compression to tension", "N"),
-}
-"""What the colours show, by its setting of the view, and its unit."""
 
 
 def curvature_functions(payload: Payload, count: int) -> np.ndarray:

@@ -31,6 +31,17 @@ TRAIL_POINTS = 91
 GHOST_OPACITY = 0.3
 GHOST_RADIUS = 0.013
 """Drawn radius of the desired pose for the paper's arms, m: a little narrower than the beam, whose colour it leaves alone."""
+CELL = 0.02
+"""Size of one pixel of the shading, m."""
+CLOSE = 0.35
+"""Sine of the elbow below which a pose counts as near a singularity (20°)."""
+ANGLE_STEP = 0.05
+"""Change of the payload's angle after which the shading is made anew, rad."""
+ABOVE_FLOOR = 0.004
+"""m, so that shading and floor do not flicker through each other."""
+UNREACHABLE = (128, 134, 142, 150)
+SINGULAR = (230, 159, 0)
+"""Grey for what cannot be reached; orange, the denser the nearer, for what is near a singularity."""
 
 
 def path_points(scenario: Scenario) -> np.ndarray:
@@ -96,19 +107,6 @@ class Overlays:
             missing = TRAIL_POINTS - len(self._trail_places)
             line = np.array([self._trail_places[0]] * missing + list(self._trail_places))
             self._trail.points = segments(line, self._height + 0.015 * self._size)
-
-
-CELL = 0.02
-"""Size of one pixel of the shading, m."""
-CLOSE = 0.35
-"""Sine of the elbow below which a pose counts as near a singularity (20°)."""
-ANGLE_STEP = 0.05
-"""Change of the payload's angle after which the shading is made anew, rad."""
-ABOVE_FLOOR = 0.004
-"""m, so that shading and floor do not flicker through each other."""
-UNREACHABLE = (128, 134, 142, 150)
-SINGULAR = (230, 159, 0)
-"""Grey for what cannot be reached; orange, the denser the nearer, for what is near a singularity."""
 
 
 def elbow_sines(scenario: Scenario, x: np.ndarray, y: np.ndarray, angle: float) -> np.ndarray:

@@ -26,6 +26,10 @@ MODE_SHOWN_AT = 1.0
 """Wall frequency of an animated mode, Hz."""
 MODE_SIZE = 0.06
 """Drawn size of an animated mode, in beam lengths, whatever the exaggeration."""
+PICTURES_PER_SECOND = 25
+"""Pictures per simulated second, which takes a second of wall time."""
+LATE = 1.0
+"""Largest delay, s, that later pictures make up for."""
 
 
 class Scene:
@@ -96,12 +100,6 @@ class Scene:
 def _structure(scenario: Scenario) -> tuple:
     """What the drawn parts were built from; a change rebuilds them, everything else only moves them."""
     return scenario.left_arm, scenario.right_arm, scenario.payload.length, scenario.trajectory.middle
-
-
-PICTURES_PER_SECOND = 25
-"""Pictures per simulated second, which takes a second of wall time."""
-LATE = 1.0
-"""Largest delay, s, that later pictures make up for."""
 
 
 class Window:

@@ -16,6 +16,13 @@ from flexlab.recording.live import LiveHub
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Origin
 
+LOOK_AGAIN = 5
+"""Seconds between two requests of a page that waits."""
+PATIENCE = 6.0 * LOOK_AGAIN
+"""Seconds without a request after which a visitor has left the line."""
+MOST_WAITING, MOST_OF_ADDRESS = 200, 50
+"""Visitors who wait at once, in all and of one address: more than a room holds."""
+
 
 @dataclass(frozen=True)
 class Choice:
@@ -170,14 +177,6 @@ class LabProvider:
     async def close(self) -> Path | None:
         """End all labs; returns the newest recording."""
         return None
-
-
-LOOK_AGAIN = 5
-"""Seconds between two requests of a page that waits."""
-PATIENCE = 6.0 * LOOK_AGAIN
-"""Seconds without a request after which a visitor has left the line."""
-MOST_WAITING, MOST_OF_ADDRESS = 200, 50
-"""Visitors who wait at once, in all and of one address: more than a room holds."""
 
 
 class WaitingLine:

@@ -45,6 +45,11 @@ LINKED = "shared-scenario"
 START_PAGE = Markup(' <a class="button quiet" href="/">Start page</a>')
 NEW_LAB = Markup('<a class="button" href="/lab/">Open a new lab</a> <a class="button quiet" href="/runs">Runs</a>')
 NOT_YOURS = "This lab belongs to another browser, or was closed long ago. You can have one of your own."
+LOOK = 0.1
+"""Seconds between two checks for new data, which come five times a second."""
+PATIENCE = 30.0
+"""Seconds that a viewer may take for one piece; one that hangs is cut off."""
+NOT_SERVED = "Live data are served by a lab that was started with --rerun, to whoever has that lab open."
 
 
 @ROUTES.get("/lab")
@@ -200,14 +205,6 @@ async def state(request: web.Request) -> web.Response:
     live = "/live" if place.live is not None else ""
     link = scenario_path(status.link)
     return fresh({"open": True, "name": status.name, "state": status.state, "link": link, "live": live})
-
-
-LOOK = 0.1
-"""Seconds between two checks for new data, which come five times a second."""
-PATIENCE = 30.0
-"""Seconds that a viewer may take for one piece; one that hangs is cut off."""
-
-NOT_SERVED = "Live data are served by a lab that was started with --rerun, to whoever has that lab open."
 
 
 def live_name(lab: Lab) -> str:

@@ -23,6 +23,10 @@ ROUTES = web.RouteTableDef()
 
 MOST_BOARDS = 4
 """Most tasks that a server keeps: the newest computation, and the figures of the newest tables."""
+PLACE = "/leaderboard"
+TABLE = "table"
+"""Key of the task that computes; a task that draws has the table's digest as its key."""
+DRAWING_POLICY = "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'self'"
 
 
 def newest_board(folder: Path) -> tuple[Leaderboard, str]:
@@ -45,12 +49,6 @@ def draw_board(kept: Path) -> Outcome:
     """The result is (digest of the newest table, its figures by case as SVG)."""
     board, name = newest_board(kept)
     return Outcome((name, {case.name: page_figure(board, case) for case in board.cases}))
-
-
-PLACE = "/leaderboard"
-TABLE = "table"
-"""Key of the task that computes; a task that draws has the table's digest as its key."""
-DRAWING_POLICY = "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'self'"
 
 
 def _folder(context: Context) -> Path:

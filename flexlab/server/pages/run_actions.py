@@ -44,6 +44,13 @@ LARGEST_SHARE = {"csv": 4.0, "parquet": 1.5, "npz": 1.5, "zip": 3.0}
 BACK = Markup('<a class="button" href="/runs/{}">Back to the run</a> <a class="button quiet" href="/runs">All runs</a>')
 
 log = limited(__name__)
+MOST_RUNS = 500
+"""Runs at once: as many names as a form may hold."""
+LARGEST_ARCHIVE = 4_000_000_000
+"""Bytes of recordings in one archive."""
+RECORDINGS = "rrd"
+FORMATS = (RECORDINGS, *TABLES)
+"""Formats of the runs in an archive."""
 
 
 async def row_of(request: web.Request) -> RunRow:
@@ -205,15 +212,6 @@ def read_time(name: str, text: object) -> float | None:
     if math.isnan(time):
         raise RecordingError(f"{name} = {shown(text.strip())} is no time: give a number of seconds, such as 1.5.")
     return time
-
-
-MOST_RUNS = 500
-"""Runs at once: as many names as a form may hold."""
-LARGEST_ARCHIVE = 4_000_000_000
-"""Bytes of recordings in one archive."""
-RECORDINGS = "rrd"
-FORMATS = (RECORDINGS, *TABLES)
-"""Formats of the runs in an archive."""
 
 
 async def _chosen(request: web.Request) -> list[RunRow]:

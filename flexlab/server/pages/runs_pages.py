@@ -30,6 +30,15 @@ from flexlab.server.visitors import context_of, file_answer, runs_for, visitor_o
 from flexlab.text import visible
 
 ROUTES = web.RouteTableDef()
+VIEWER_POLICY = (
+    "default-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' data: blob:; connect-src 'self' data: blob:; "
+    "object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
+)
+"""Left alone, the viewer would fetch fonts, look for updates and report its use: it may talk to this address only."""
+FETCHING = '<script src="../static/fetch_recordings.js"></script>'
+"""The script by which the viewer asks for recordings."""
+NO_FILE_NAME = r"[^\w.-]+"
+"""What is replaced in the name of a downloaded recording."""
 
 
 @dataclass(frozen=True)
@@ -163,17 +172,6 @@ async def _keep(part: BodyPartReader, folder: Path) -> Path:
     except OSError as error:
         raise RecordingError(f"The upload cannot be stored ({error.strerror}): make room on the disk.") from None
     return path
-
-
-VIEWER_POLICY = (
-    "default-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' data: blob:; connect-src 'self' data: blob:; "
-    "object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
-)
-"""Left alone, the viewer would fetch fonts, look for updates and report its use: it may talk to this address only."""
-FETCHING = '<script src="../static/fetch_recordings.js"></script>'
-"""The script by which the viewer asks for recordings."""
-NO_FILE_NAME = r"[^\w.-]+"
-"""What is replaced in the name of a downloaded recording."""
 
 
 @ROUTES.get("/runs")

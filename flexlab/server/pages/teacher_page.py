@@ -35,6 +35,9 @@ MOST_CHARACTERS = 200
 """Longest name of a lesson."""
 
 _RULES = TypeAdapter(ClassRules)
+NOT_YOURS = (
+    "This page is the teacher's: use the address that flexlab printed for the teacher, or enter the teacher's token."
+)
 
 
 def keep_rules(logs: Path, rules: ClassRules) -> None:
@@ -50,11 +53,6 @@ def kept_rules(logs: Path) -> ClassRules:
     except ValidationError:
         return ClassRules()
     return rules if 1 <= rules.step <= len(STEPS) and len(rules.lesson) <= MOST_CHARACTERS else ClassRules()
-
-
-NOT_YOURS = (
-    "This page is the teacher's: use the address that flexlab printed for the teacher, or enter the teacher's token."
-)
 
 
 @ROUTES.get("/teacher")

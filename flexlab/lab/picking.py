@@ -10,10 +10,9 @@ import numpy as np
 import viser
 
 from flexlab.errors import LabError
-from flexlab.lab.lab_state import LabState
 from flexlab.lab.panel.number_control import NumberControl
 from flexlab.lab.scene.arms import BEAM_HEIGHT, LINK_HEIGHTS, scene_size
-from flexlab.lab.widgets import Widgets, handler
+from flexlab.lab.widgets import Widgets
 from flexlab.quantities import Quantity
 from flexlab.sim.commands import Pull, Tap
 from flexlab.sim.geometry import arm_points
@@ -36,16 +35,16 @@ class Held(NamedTuple):
 class Picking:
     """Turns drags and clicks on the drawn machine into commands. `stiffness` N/m, `impulse` N·s, `place` s/L."""
 
-    def __init__(self, lab_state: LabState):
-        self._lab_state = lab_state
+    def __init__(self, widgets: Widgets):
+        self._lab_state, self._handler = widgets.lab_state, widgets.handler
         self._held: Held | None = None
         self.stiffness, self.impulse, self.place = 500.0, 0.15, 0.0
 
     def attach(self, beam: viser.MeshHandle, links: viser.BatchedMeshHandle) -> None:
         """Make a drawn beam and drawn arms touchable; links are instances arm by arm, from the base."""
-        beam.on_drag("left")(handler(self._lab_state, lambda event: self._drag(event, self._take_beam)))
-        beam.on_click(handler(self._lab_state, lambda event: self._tap_at(self._on_beam(self._seen(event)))))
-        links.on_drag("left")(handler(self._lab_state, lambda event: self._drag(event, self._take_link)))
+        beam.on_drag("left")(self._handler(lambda event: self._drag(event, self._take_beam)))
+        beam.on_click(self._handler(lambda event: self._tap_at(self._on_beam(self._seen(event)))))
+        links.on_drag("left")(self._handler(lambda event: self._drag(event, self._take_link)))
 
     def tap(self) -> None:
         """Tap at the chosen place."""

@@ -13,26 +13,6 @@ LAST = 1e12
 """viser's rank of a widget that stays below those that come later."""
 
 
-def handler(lab_state: LabState, action: Callable[[Any], None]) -> Callable[[Any], Coroutine[Any, Any, None]]:
-    """A callback for a widget: runs `action(event)` for what a person did, and shows what went wrong as a sentence.
-
-    Events without a client are the server's own writes to the widget, and ask for nothing.
-    """
-
-    async def callback(event: Any) -> None:
-        if event.client is None:
-            return
-        lab_state.touched_at = time.monotonic()
-        asked = BY_PERSON.set(True)
-        try:
-            with telling(lab_state.warn, "This control failed ({}); the simulation goes on."):
-                action(event)
-        finally:
-            BY_PERSON.reset(asked)
-
-    return callback
-
-
 class Widgets:
     """Makes widgets, in the GUI container that is open, whose callbacks show what went wrong as a sentence."""
 
@@ -40,8 +20,23 @@ class Widgets:
         self.gui, self.lab_state = gui, lab_state
 
     def handler(self, action: Callable[[Any], None]) -> Callable[[Any], Coroutine[Any, Any, None]]:
-        """A callback for any widget, as `handler` makes it."""
-        return handler(self.lab_state, action)
+        """A callback: runs `action(event)` for what a person did, and shows what went wrong as a sentence.
+
+        Events without a client are the server's own writes to the widget, and ask for nothing.
+        """
+
+        async def callback(event: Any) -> None:
+            if event.client is None:
+                return
+            self.lab_state.touched_at = time.monotonic()
+            asked = BY_PERSON.set(True)
+            try:
+                with telling(self.lab_state.warn, "This control failed ({}); the simulation goes on."):
+                    action(event)
+            finally:
+                BY_PERSON.reset(asked)
+
+        return callback
 
     def button(
         self,

@@ -315,11 +315,11 @@ def open_front_server(
         choice = Choice(scenario, name)
         # Without the token, which is for its owner to hand out: whoever follows the link is asked for it.
         address = settings.address(_port_of(plug), host=settings.public_host())
+        secret, quota = secrets.token_urlsafe(SECRET_BYTES), settings.bytes_of_visitor
+        order = Order(choice, settings.logs, address, settings.shadows, settings.rerun, secret, quota=quota)
         if settings.private:
-            places = PrivateLabs(settings, choice, address)
+            places = PrivateLabs(settings, order)
         else:
-            secret = secrets.token_urlsafe(SECRET_BYTES)
-            order = Order(choice, settings.logs, address, settings.shadows, settings.rerun, secret)
             places = SharedLab(order, on_problem)
             undoing.callback(places.laboratory.close)
         server = FrontServer(settings, places, plug)

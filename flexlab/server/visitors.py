@@ -193,15 +193,11 @@ def visitor_of(request: web.Request) -> Visitor:
         name = checked_name(unquote(given, errors="strict"))
     except (LabError, UnicodeDecodeError):
         name = ""
-    word = _issued(context, request.cookies.get(context.cookie("visitor"), ""))
+    word = request.cookies.get(context.cookie("visitor"), "")
+    # An id that this server gave; a made-up one would be a new visitor at every request.
+    given, _, signature = word.rpartition(".")
+    word = word if same(signature, context.signed("visitor", given)) else ""
     return Visitor(word, network_of(request.remote or ""), is_teacher(request), name)
-
-
-def _issued(context: Context, given: str) -> str:
-    """A visitor's id if this server gave it; else none: a made-up one would be a new visitor at every request."""
-    word, _, signature = given.rpartition(".")
-    wanted = context.signed("visitor", word)
-    return given if same(signature, wanted) else ""
 
 
 def known_visitor_of(request: web.Request) -> Visitor:

@@ -8,6 +8,7 @@ import secrets
 import time
 from collections import OrderedDict
 from collections.abc import Coroutine, Sequence
+from dataclasses import replace
 from operator import methodcaller
 from pathlib import Path
 from typing import Any
@@ -53,11 +54,11 @@ class PrivateLabs(LabProvider):
 
     is_private = True
 
-    def __init__(self, settings: Settings, first: Choice, address: str):
-        """`first`: the scenario of a visitor who chose none. `address`: of the server."""
+    def __init__(self, settings: Settings, order: Order):
+        """`order`: what the lab of a visitor is opened with who chose nothing."""
         super().__init__()
         prepare_lab_processes()
-        self._settings, self._first, self._address = settings, first, address
+        self._settings, self._order = settings, order
         self._numbers = itertools.count(1)
         self._places: dict[str, PrivateLab] = {}
         self._opening: dict[str, asyncio.Future[PrivateLab]] = {}
@@ -78,7 +79,7 @@ class PrivateLabs(LabProvider):
             # Before anything is awaited, so that simultaneous visitors are counted one by one.
             self._admit(visitor, address)
             # Two pages opened at once by one visitor share what the first one starts.
-            opening = asyncio.ensure_future(self._open(visitor, choice or self._first, name))
+            opening = asyncio.ensure_future(self._open(visitor, choice or self._order.choice, name))
             self._opening[visitor] = opening
             opening.add_done_callback(lambda _: self._opening.pop(visitor, None))
             return await asyncio.shield(opening)
@@ -108,17 +109,13 @@ class PrivateLabs(LabProvider):
             with contextlib.suppress(RuntimeError):  # The server itself is closed already.
                 loop.call_soon_threadsafe(self._over, lab)
 
-        order = Order(
-            choice,
-            self._settings.logs,
-            self._address,
-            self._settings.shadows,
-            self._settings.rerun,
-            secrets.token_urlsafe(SECRET_BYTES),
-            owner_word(visitor),
-            name,
-            self._settings.bytes_of_visitor,
-            hosts.allowed(),
+        order = replace(
+            self._order,
+            choice=choice,
+            secret=secrets.token_urlsafe(SECRET_BYTES),
+            owner=owner_word(visitor),
+            visitor=name,
+            own_files=hosts.allowed(),
         )
         place = await asyncio.to_thread(PrivateLab, next(self._numbers), lab, visitor, order, tell)
         self._places[lab] = place

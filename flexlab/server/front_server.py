@@ -199,6 +199,7 @@ class FrontServer:
         """For files that nobody keeps; gone when the server closes."""
         self.context: Context
         self._opened: Future[None] = Future()
+        self._loop: asyncio.AbstractEventLoop | None = None
         self._end: Callable[[], object] = lambda: None
         self._last: Path | None = None
         self._thread = threading.Thread(target=self._run, name="flexlab-server", daemon=True)
@@ -246,7 +247,8 @@ class FrontServer:
                 self._opened.set_exception(error)
 
     async def _serve(self) -> None:
-        loop, closing = asyncio.get_running_loop(), asyncio.Event()
+        self._loop = loop = asyncio.get_running_loop()
+        closing = asyncio.Event()
         self._end = partial(loop.call_soon_threadsafe, closing.set)
         threads = MOST_THREADS + self.settings.max_sessions
         loop.set_default_executor(ThreadPoolExecutor(threads, thread_name_prefix="flexlab-server-thread"))

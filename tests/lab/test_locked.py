@@ -63,7 +63,9 @@ def test_nothing_that_a_student_does_moves_a_locked_lab(
         }
         browser.update(own, {"value": json.dumps(told)})
         heard = session._reports
-        wait_until(lambda: [page.report.again for page in heard._pages.values() if page.report] == [7], "all is heard", 60)
+        wait_until(
+            lambda: [page.report.again for page in heard._pages.values() if page.report] == [7], "all is heard", 60
+        )
         assert lab_state.notice.text == LOCKED
     assert lab_state._asked == asked, "no command came to the engine"
     now = session.runner.snapshot

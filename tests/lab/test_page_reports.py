@@ -111,7 +111,9 @@ def test_a_preset_chosen_again_and_again_begins_few_runs(session: Session) -> No
         for again in range(1, 501):
             browser.update(way(session), {"value": page_report(1, dark=again == 500, again=again)})
         reports: PageReports = session._reports
-        wait_until(lambda: [page.report.again for page in reports._pages.values() if page.report] == [500], "all are heard", 30)
+        wait_until(
+            lambda: [page.report.again for page in reports._pages.values() if page.report] == [500], "all are heard", 30
+        )
         asked = session.lab_state._asked
         session.runner.submit(Reset())
         wait_until(lambda: session.runner.snapshot.answered > asked, "all is done", 30)

@@ -13,7 +13,7 @@ from flexlab.analysis import comparison, tuning
 from flexlab.analysis import replay as replaying
 from flexlab.analysis.capsule import unpack_capsule, write_capsule
 from flexlab.analysis.comparison import Comparison
-from flexlab.analysis.identification.fitting import Fit, fit_file, fit_run
+from flexlab.analysis.identification.fitting import Fit, fit_file, fit_run, is_measurement
 from flexlab.analysis.leaderboard.board import Leaderboard, make_tasks, run_board
 from flexlab.analysis.leaderboard.case import Case, chosen_cases
 from flexlab.analysis.leaderboard.entry import AnyEntrant, chosen_entrants
@@ -87,7 +87,7 @@ def fit(
     of, column = text_or_none("signal", signal, "vibration"), text_or_none("time", time, "time")
     first, last = time_or_none("start", start), time_or_none("end", end)
     known = None if scenario is None else any_scenario(scenario)
-    if not isinstance(source, Run) and str(source).lower().endswith(".csv"):
+    if not isinstance(source, Run) and is_measurement(str(source)):
         return fit_file(Path(source), column, of, first, last, known)
     if column is not None:
         raise StudyError(f"time = {column!r:.60} names a column of a file: a run has one time, leave it out.")

@@ -33,12 +33,12 @@ def command(
     simulations. Says "no ring" where the samples hold none, and "not identifiable" where they do not tell. Exits with 1 if the
     first frequency is not.
     """
-    from flexlab.analysis.identification.fitting import fit_file, fit_run, keep_measurement
+    from flexlab.analysis.identification.fitting import fit_file, fit_run, is_measurement, keep_measurement
     from flexlab.errors import RecordingError
     from flexlab.presets import find_scenario, save_scenario
 
     path = Path(source)
-    measured = source.lower().endswith(".csv")
+    measured = is_measurement(source)
     scenario = find_scenario(preset)[1] if preset else None
     if measured:
         fit = fit_file(path, time, signal, start, end, scenario)

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -189,6 +190,10 @@ def write_csv(path: Path, text: str = "") -> np.ndarray:
 
 def test_anothers_csv_is_read_with_its_units_and_gaps(flexlab_command: Command, tmp_path: Path):
     write_csv(tmp_path / "mine.csv")
+    shutil.copy(tmp_path / "mine.csv", tmp_path / "mine.TXT")
+    assert flexlab.fit(tmp_path / "mine.TXT").as_data() == flexlab.fit(tmp_path / "mine.csv").as_data(), (
+        "as instruments end names"
+    )
     measured = read_measured(tmp_path / "mine.csv")
     assert (measured.unit, len(measured.time)) == ("m", 789)
     assert measured.time[0] == 0.0
@@ -340,6 +345,10 @@ def test_what_is_no_deflection_is_fitted_and_not_kept(flexlab_command: Command, 
         (("unitless.csv",), "the unit of time is not known"),
         (("binary.csv",), "cannot be read as a CSV file"),
         (("nothing",), "no recording nothing"),
+        (
+            ("old.mat",),
+            "old.mat is no recording (.rrd) and no table (.csv, .tsv, .txt, .dat): save its columns as CSV.",
+        ),
     ],
 )
 def test_bad_input_is_one_sentence(flexlab_command: Command, tmp_path: Path, words: tuple[str, ...], says: str):
@@ -348,6 +357,7 @@ def test_bad_input_is_one_sentence(flexlab_command: Command, tmp_path: Path, wor
     (tmp_path / "empty.csv").write_text("")
     (tmp_path / "unitless.csv").write_text("t,y\n0,1\n1,2\n")
     (tmp_path / "binary.csv").write_bytes(bytes(range(256)))
+    (tmp_path / "old.mat").write_bytes(b"MATLAB 7.3 MAT-file")
     done = flexlab_command("fit", *words)
     assert done.returncode == 2, done.stdout
     assert says in done.stderr

@@ -26,9 +26,10 @@ from flexlab.presets import load_preset
 from flexlab.recording.course import changed_scenario
 from flexlab.recording.importing import take_measurement
 from flexlab.recording.reader import read_recording
-from flexlab.recording.store.run_files import find_run
+from flexlab.recording.store.run_files import SUFFIX, find_run
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import MEASURED
+from flexlab.text import visible
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -105,6 +106,23 @@ class Fit(Result):
         lines = [f"{ring.samples} samples from {span}, noise {ring.noise:.3g} {self.unit}"]
         lines += [f"  {name:<4} {value}" for name, value in self.estimates.items()] if self.is_ring else []
         return "\n".join(lines if self.is_ring else [*lines, f"No ring: {ring.problem}."])
+
+
+TABLES = (".csv", ".tsv", ".txt", ".dat")
+"""Ends of the names of files whose columns are fitted."""
+
+
+def is_measurement(source: str) -> bool:
+    """Whether what is to be fitted is a measurement in a file, rather than a run. Raises `StudyError` if it is neither."""
+    path = Path(source)
+    if path.suffix.lower() in TABLES:
+        return True
+    if path.suffix.lower() not in ("", SUFFIX) and path.is_file():
+        known = ", ".join(TABLES)
+        raise StudyError(
+            f"{visible(path.name, 60)} is no recording (.rrd) and no table ({known}): save its columns as CSV."
+        )
+    return False
 
 
 def fit_file(

@@ -1,5 +1,6 @@
 """Sockets that listen on exactly the address asked for, or one sentence on why they cannot."""
 
+import contextlib
 import errno
 import ipaddress
 import os
@@ -19,6 +20,29 @@ WILDCARDS = ("0.0.0.0", "::", "")
 """Hosts that stand for all addresses of this machine."""
 UNIX = "unix:"
 """Prefix of a host that is the path of a Unix socket."""
+
+
+MOST_HANDLES, FEWEST_HANDLES = 65_536, 64
+"""Handles asked of the system: far more than labs and visitors need; and those without which a lab hangs as it begins."""
+
+
+def raise_handles() -> int:
+    """Raise the limit on files and connections of this process; returns it. Raises `LabError` for one too low for a lab."""
+    if sys.platform == "win32":
+        return MOST_HANDLES
+    import resource
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = MOST_HANDLES if hard == resource.RLIM_INFINITY else min(MOST_HANDLES, hard)
+    if soft != resource.RLIM_INFINITY and soft < wanted:
+        with contextlib.suppress(OSError, ValueError):
+            resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+            soft = wanted
+    most = MOST_HANDLES if soft == resource.RLIM_INFINITY else soft
+    if most < FEWEST_HANDLES:
+        needed = f"a lab needs {FEWEST_HANDLES}: allow more (ulimit -n {FEWEST_HANDLES})"
+        raise LabError(f"This process may have {most} files and connections open at once, and {needed}.")
+    return most
 
 
 class PortInUse(LabError):

@@ -56,11 +56,32 @@ def test_rerun_that_is_switched_off_is_the_reason_why_nothing_is_recorded(tmp_pa
     assert "RERUN = off" in refused(done("import", "table.csv", folder=tmp_path, RERUN="off"))
 
 
-def test_what_the_machine_refuses_is_one_sentence(tmp_path: Path):
-    program = 'ulimit -n 10; exec "$0" -m flexlab run paper --duration 0.01'
+OPEN_A_LAB = """
+import sys
+import flexlab
+try:
+    with flexlab.Lab():
+        pass
+except flexlab.FlexlabError as error:
+    sys.exit(str(error))
+"""
+
+
+@pytest.mark.parametrize(
+    ("handles", "words", "says"),
+    [
+        (10, ("-m", "flexlab", "run", "paper", "--duration", "0.01"), "Too many open files: close other programs"),
+        (14, ("-m", "flexlab", "--no-browser", "--port", "0"), "and a lab needs 64: allow more (ulimit -n 64)"),
+        (14, ("-c", OPEN_A_LAB), "may have 14 files and connections open at once, and a lab needs 64"),
+    ],
+)
+def test_what_the_machine_refuses_is_one_sentence(tmp_path: Path, handles: int, words: tuple[str, ...], says: str):
+    """With so few handles a lab hung as it began."""
     said = subprocess.run(
-        ["sh", "-c", program, sys.executable], cwd=tmp_path, stdin=subprocess.DEVNULL,
+        ["sh", "-c", f'ulimit -n {handles}; exec "$@"', "sh", sys.executable, *words], cwd=tmp_path, stdin=subprocess.DEVNULL,
         capture_output=True, text=True, encoding="utf-8", timeout=PATIENCE, check=False,
     )  # fmt: skip
-    assert refused(said) == "Too many open files: close other programs, or allow more (ulimit -n).\n"
+    assert says in said.stderr
+    assert said.stderr.count("\n") == 1
+    assert said.returncode
     assert refusal(MemoryError()) == "No memory is left: close other programs, or allow more (ulimit -v)."

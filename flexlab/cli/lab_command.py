@@ -55,6 +55,9 @@ def command(
     max_age: Annotated[float | None, option("Delete older runs, but never kept ones.", "DAYS")] = None,
 ) -> None:
     """Open the lab: two arms carry a flexible beam, live in your browser, every run recorded."""
+    from flexlab.sockets import listen, raise_handles
+
+    raise_handles()
     if private:
         from flexlab.compiled import is_warm
         from flexlab.server.tasks import prepare_lab_processes
@@ -69,7 +72,6 @@ def command(
         from flexlab.recording.store.run_files import check_folder
         from flexlab.server.front_server import open_front_server
         from flexlab.server.settings import Settings, capacity
-        from flexlab.sockets import listen
 
     run_apart()
     for problem in [*LAW_FILES.add_all(), *PATH_FILES.add_all()]:

@@ -20,6 +20,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
 from flexlab.lab.browser_messages import LARGEST_MESSAGE
+from flexlab.sockets import raise_handles
 
 VERSION = "1.1"
 """The version of viser that these belong to."""
@@ -84,6 +85,7 @@ class GuardedServer(viser.ViserServer):
 
     def __init__(self, plug: socket.socket, admission: Admission, check: Check, script: str, sheet: str):
         """`script` and style `sheet` are added to the page."""
+        raise_handles()  # Without enough of them viser's thread fails, and its server waits for it for ever.
         self._check = check
         connection = functools.partial(_GuardedConnection, self)
         self.inputs = threading.RLock()

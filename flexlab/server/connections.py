@@ -4,7 +4,6 @@ import asyncio
 import contextlib
 import errno
 import socket
-import sys
 import time
 from collections import Counter
 from collections.abc import Awaitable, Callable
@@ -14,6 +13,7 @@ from aiohttp import web
 from aiohttp.web_protocol import RequestPayloadError
 
 from flexlab.server.limits import network_of
+from flexlab.sockets import raise_handles
 from flexlab.text import limited
 
 HEAD_TIME = 10.0
@@ -29,8 +29,6 @@ RESTING_SHARE = 4
 """One in so many of all handles that this process may have can be such a connection."""
 MOST_OF_ADDRESS, ADDRESS_SHARE = 1000, 2
 """Connections of one address, resting or not, and the share of all handles that they may take: others must come in too."""
-MOST_HANDLES = 65_536
-"""Handles asked of the system at start: far more than labs and visitors need."""
 STALLED_TIME = 60.0
 """Seconds after which a visitor who takes nothing of what is sent is cut off, on Linux: else the connection would stay."""
 LOOK = 1.0
@@ -137,7 +135,7 @@ class Connections:
     def __init__(self, plug: socket.socket, manager: web.Server):
         self._plug, self._manager = plug, manager
         self._open: dict[Visit, None] = {}
-        handles = _raise_handles()
+        handles = raise_handles()
         self._most = min(MOST_RESTING, handles // RESTING_SHARE)
         self._most_of_address = min(MOST_OF_ADDRESS, handles // ADDRESS_SHARE)
         self._tasks = [asyncio.create_task(self._accept()), asyncio.create_task(self._look())]
@@ -205,21 +203,6 @@ class Connections:
             for visit in [visit for visit in self._open if visit.is_too_slow(now)]:
                 log.warning("Closed a connection from %s: its request took too long to come.", visit.address)
                 visit.cut()
-
-
-def _raise_handles() -> int:
-    """Raise the limit on this process's handles; returns it."""
-    if sys.platform == "win32":
-        return MOST_HANDLES
-    import resource
-
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    wanted = MOST_HANDLES if hard == resource.RLIM_INFINITY else min(MOST_HANDLES, hard)
-    if soft != resource.RLIM_INFINITY and soft < wanted:
-        with contextlib.suppress(OSError, ValueError):
-            resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
-            soft = wanted
-    return MOST_HANDLES if soft == resource.RLIM_INFINITY else soft
 
 
 @web.middleware

@@ -20,6 +20,7 @@ from flexlab.scenario import Scenario
 from flexlab.sim.commands import Pull
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Snapshot
+from flexlab.sockets import raise_handles
 from flexlab.text import number_text
 
 MODE_SHOWN_AT = 1.0
@@ -107,6 +108,7 @@ class Window:
 
     def __init__(self, scenario: Scenario):
         self._scenario, self._view = scenario, ViewSettings(exaggeration=fitting_exaggeration(scenario))
+        raise_handles()
         self._server = server = viser.ViserServer(host="127.0.0.1", label="flexlab", verbose=False)
         set_theme(server.gui, dark=False)
         server.gui.add_markdown(f"Deflection drawn × {number_text(self._view.exaggeration)}")

@@ -1,5 +1,6 @@
 """Reloads a person's own laws and paths in the running lab when their files are saved."""
 
+import contextlib
 import threading
 import time
 from pathlib import Path
@@ -38,20 +39,21 @@ class OwnFileWatch:
             file: stamp for file, stamp in self._stamps().items() if file not in self._known or not _is_new(file)
         }
         self._thread = threading.Thread(target=self._follow, name="flexlab-own-files", daemon=True)
-
-    def start(self) -> None:
-        """Begin."""
         self._thread.start()
 
     def stop(self) -> None:
         """End; returns when the thread is done."""
         self._stop.set()
-        if self._thread.is_alive():
-            self._thread.join()
+        self._thread.join()
 
     def _stamps(self) -> dict[Path, Stamp]:
         found = self._known.union(*(folder.glob("*.py") for folder in self._folders))
-        return {file: stamp for file in found if (stamp := _stamp(file)) is not None}
+        stamps: dict[Path, Stamp] = {}
+        for file in found:
+            with contextlib.suppress(OSError):
+                about = file.stat()
+                stamps[file] = about.st_mtime_ns, about.st_ino, about.st_size
+        return stamps
 
     def _follow(self) -> None:
         before: dict[Path, Stamp] = {}
@@ -125,14 +127,6 @@ def _with_text(kind: Any, present: Part, source: str, left_out: tuple[str, ...])
         if name in kind.model.model_fields and name not in left_out
     }
     return {"kind": kind.kind, **kept, "source": source}
-
-
-def _stamp(file: Path) -> Stamp | None:
-    try:
-        found = file.stat()
-    except OSError:
-        return None
-    return found.st_mtime_ns, found.st_ino, found.st_size
 
 
 def _is_new(file: Path) -> bool:

@@ -215,7 +215,6 @@ class Session:
             drawing, own_files = self._furnish(self._server), OwnFileWatch(self.lab_state)
             for part in (self.runner, self._study, drawing, own_files):
                 closing.callback(part.stop)
-            own_files.start()
             self.runner.start()
             drawing.start()
         except BaseException:

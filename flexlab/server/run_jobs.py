@@ -3,9 +3,7 @@
 When a visitor opens the library, a process at low priority measures runs that have no metrics yet.
 """
 
-import contextlib
 import hashlib
-import os
 import time
 import zipfile
 from collections.abc import Callable, Sequence
@@ -33,7 +31,7 @@ from flexlab.scenario.field_text import field_title
 from flexlab.server.labs.lab_provider import Choice
 from flexlab.server.limits import LOOK, LOOK_AGAIN, PER_SECOND, Quota, Visitor
 from flexlab.server.task_book import BAD, GOOD, Outcome, Task, TaskBook
-from flexlab.server.tasks import end_with_the_server, failures_told_plainly, job_processes
+from flexlab.server.tasks import failures_told_plainly, job_processes, work_for_the_server
 from flexlab.sim.pacing import FASTEST
 from flexlab.text import visible
 
@@ -222,11 +220,8 @@ def replay_of(book: TaskBook, row: RunRow) -> Task | None:
 @failures_told_plainly()
 def measure(logs: Path) -> None:
     """The main function of the measuring process."""
-    end_with_the_server()
-    with contextlib.suppress(AttributeError, OSError):
-        os.nice(LOW_PRIORITY)
-    with contextlib.suppress(KeyboardInterrupt):
-        note_missing_metrics(logs)
+    work_for_the_server(LOW_PRIORITY)
+    note_missing_metrics(logs)
 
 
 class Measuring:

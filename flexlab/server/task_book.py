@@ -88,12 +88,10 @@ class TaskBook:
         task = self._tasks.get(key)
         if task is not None and task.working:
             return task
+        self._all.check(asker)
         held = ExitStack()
         if self._limit is not None:
             held.enter_context(self._limit.place(asker))
-        with held:
-            self._all.check(asker)
-            held = held.pop_all()
         folder = self._folder / f"task-{hashlib.sha256(f'{word} {key}'.encode()).hexdigest()[:NAME_DIGITS]}"
         task = Task(key, asker, folder, about, sentence=f"{word}: waiting for its turn")
         self._tasks[key] = task

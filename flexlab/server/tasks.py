@@ -93,8 +93,11 @@ def failures_told_plainly() -> Generator[None, None, None]:
         sys.exit(1)
 
 
-def end_with_the_server() -> None:
-    """Called in the process itself: end when the server is killed, as nobody waits for the result."""
+def work_for_the_server(niceness: int) -> None:
+    """Called in a job's process itself: work at this Unix niceness, and end with the server, however that ends."""
+    leave_interrupts_to_the_server()
+    with contextlib.suppress(AttributeError, OSError):
+        os.nice(niceness)
     parent = multiprocessing.parent_process()
     if parent is None:
         return
@@ -146,12 +149,8 @@ Word = float | Done | LabError
 def carry_out(work: Callable[..., Any], arguments: tuple[Any, ...], own_laws: dict[str, str], pipe: Connection) -> None:
     """The main function of a task's process."""
     know_own_files(own_laws)
-    leave_interrupts_to_the_server()
-    end_with_the_server()
-    with contextlib.suppress(AttributeError, OSError):
-        os.nice(LOW_PRIORITY)
+    work_for_the_server(LOW_PRIORITY)
     _limit_memory()
-
     more = {"report": pipe.send} if "report" in inspect.signature(work).parameters else {}
     try:
         word: Done | LabError = Done(work(*arguments, **more))

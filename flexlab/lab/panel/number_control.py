@@ -123,7 +123,7 @@ class NumberControl:
         the switch that gives the field a value, and which; None: it always has one.
         """
         self._about = about
-        self._read, self._ask, self._usual, self._marks = read, ask, usual, marks
+        self._read, self._ask, self._usual, self._marks = read, ask, usual or read, marks
         self._value = value = read()
         self._stays_at = value  # As the sentence below the box says.
         self._touched, self._typed, self._marked = -math.inf, False, []
@@ -169,7 +169,7 @@ class NumberControl:
 
     def _show(self, value: Numbers) -> None:
         self._value = value
-        self._offer_way_back()
+        put(self._back, visible=self._usual() != value)
         if self._switch is not None:
             put(self._switch, value=value is not None)
         put(self._box, visible=value is not None)
@@ -234,18 +234,14 @@ class NumberControl:
             self._complain(f"{error} It stays at {_text(self._stays_at)}.")
             return False
         self._value = value
-        self._offer_way_back()
+        put(self._back, visible=self._usual() != value)
         self._complain("")
         return True
 
     def _go_back(self) -> None:
-        if self._usual is not None and self._accepted(self._usual()):
+        if self._accepted(self._usual()):
             self._touched = -math.inf
             self._show(self._value)
-
-    def _offer_way_back(self) -> None:
-        if self._usual is not None:
-            put(self._back, visible=self._usual() != self._value)
 
     def _complain(self, text: str) -> None:
         box = f'<div class="fl"><div class="fl-box fl-error">{escaped(text)}</div></div>' if text else ""

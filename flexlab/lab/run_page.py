@@ -18,7 +18,7 @@ from flexlab.guide import LessonProgress
 from flexlab.lab.input_guard import InputGuard
 from flexlab.lab.scene.arms import Arms
 from flexlab.lab.scene.beam import Beam
-from flexlab.lab.scene.cameras import FIELD_OF_VIEW, Window, draw_floor, floor_extent, overview, set_light
+from flexlab.lab.scene.cameras import FIELD_OF_VIEW, Window, draw_stage, floor_extent, overview
 from flexlab.lab.scene.forces import Forces
 from flexlab.lab.scene.overlays import Overlays
 from flexlab.lab.view_settings import ViewSettings, fitting_exaggeration
@@ -69,11 +69,10 @@ def animation_html(run: Run) -> str:
     server = open_server(0, InputGuard())
     try:
         scene = server.scene
-        set_light(scene, shadows=False)
         shot = overview(scenario, WINDOW)
         server.initial_camera.fov = FIELD_OF_VIEW
         server.initial_camera.look_at, server.initial_camera.position = shot.look_at, shot.position
-        draw_floor(scene, scenario)
+        draw_stage(scene, scenario, shadows=False)
         arms, beam = Arms(scene, scenario), Beam(scene, scenario)
         overlays, forces = Overlays(scene, scenario), Forces(scene, scenario)
         x_min, x_max, _, y_max = floor_extent(scenario)

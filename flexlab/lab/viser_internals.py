@@ -86,8 +86,7 @@ class GuardedServer(viser.ViserServer):
     def __init__(self, plug: socket.socket, admission: Admission, check: Check, script: str, sheet: str):
         """`script` and style `sheet` are added to the page."""
         raise_handles()  # Without enough of them viser's thread fails, and its server waits for it for ever.
-        self._check = check
-        connection = functools.partial(_GuardedConnection, self)
+        connection = functools.partial(_GuardedConnection, self, check)
         self.inputs = threading.RLock()
         """Held while a person's input is handled; other code that writes to widgets holds it too, see `_take_up_whole`."""
         # viser's page puts its own styles at the end of its head: what comes after the body has the last word.
@@ -95,10 +94,6 @@ class GuardedServer(viser.ViserServer):
         with _serving_on(plug, admission, connection, added), _quiet():
             super().__init__(host="127.0.0.1", port=plug.getsockname()[1], label="flexlab", verbose=False)
         self._take_up_whole()
-
-    async def verdict(self, connection: ServerConnection, raw: Any) -> Verdict:
-        """What becomes of a message that came over a connection."""
-        return await self._check(client_of(self, connection), raw)
 
     def _take_up_whole(self) -> None:
         """Let no other code write to a widget between a person's input and the callback that reads it: it would be lost."""
@@ -132,15 +127,15 @@ class GuardedServer(viser.ViserServer):
 class _GuardedConnection(ServerConnection):
     """The connection that viser reads from: it passes on accepted messages only."""
 
-    def __init__(self, owner: GuardedServer, *arguments: Any, **options: Any):
+    def __init__(self, owner: GuardedServer, check: Check, *arguments: Any, **options: Any):
         super().__init__(*arguments, **options)
-        self._owner = owner
+        self._owner, self._check = owner, check
 
     async def recv(self, decode: bool | None = None) -> Any:
         """The next accepted message."""
         while True:
             raw = await super().recv(decode)
-            verdict = await self._owner.verdict(self, raw)
+            verdict = await self._check(client_of(self._owner, self), raw)
             if verdict == "pass":
                 return raw
             if verdict == "hang up":

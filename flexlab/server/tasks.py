@@ -1,4 +1,7 @@
-"""Long work on runs (comparing, replaying, exporting) in separate processes, so that labs and pages never wait for it."""
+"""Long work on runs (comparing, replaying, exporting) in separate processes, so that labs and pages never wait for it.
+
+What comes first starts the processes of labs, too, and is what all have in common.
+"""
 
 import asyncio
 import contextlib

@@ -42,10 +42,8 @@ class ModePanel:
         study.ask(self._lab_state.intended)
         self._table = widgets.gui.add_html("")
         self._choice = widgets.gui.add_dropdown("Mode", tuple(str(k + 1) for k in range(MOST_MODES)), initial_value="1")
-        seen, bent = (
-            f"Speed so that it is seen below {SEEN_AT:g} Hz",
-            "A new run that starts with the beam bent in this mode",
-        )
+        seen = f"Speed so that it is seen below {SEEN_AT:g} Hz"
+        bent = "A new run that starts with the beam bent in this mode"
         widgets.button("Slow motion for it", lambda _: self._slow_down(self._chosen()), hint=seen)
         widgets.button("Start in it", lambda _: self._start_in(self._chosen()), hint=bent)
         hint = "Draws the mode instead of the run"
@@ -157,10 +155,9 @@ def _poles_html(result: Modes) -> str:
     note = f'<div class="fl-line">{escaped(result.note)}</div>' if result.note else ""
     if not len(result.poles):
         return f'<h2 class="fl-title">Arms, beam and controller together</h2>{note}'
-    kind = "sampled" if result.control_period is not None else "continuous"
-    sampling = (
-        sampling_text(result.control_period, result.input_delay) if kind == "sampled" else "controller continuous"
-    )
+    kind, sampling = "continuous", "controller continuous"
+    if result.control_period is not None:
+        kind, sampling = "sampled", sampling_text(result.control_period, result.input_delay)
     rows = result.pole_rows()
     # What grows, then what swings: poles of the pose alone fade without being seen.
     seen = [row for row in rows if row.verdict == "grows" or row.frequency > 0]

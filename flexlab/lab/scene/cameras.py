@@ -34,6 +34,29 @@ MARGIN = 0.25
 """Floor around the arms' reach, m."""
 BEYOND = 3.0
 """How far the drawn floor goes on, m: to the edges of any picture."""
+FIELD_OF_VIEW = np.radians(28.0)
+"""Vertical, rad: narrow, so that the plane of motion is hardly distorted."""
+TILT = np.radians(24.0)
+"""Angle between the line of sight and the vertical in the overview, rad."""
+PLAN_TILT = np.radians(0.5)
+"""The same angle of the plan view, rad: straight down would leave open which side is up."""
+FRONT_TILT = np.radians(62.0)
+CAPTION = 0.2
+"""Room for the words above the picture, m."""
+FILLED = 0.97
+"""Share of the window that the floor takes up, in the direction in which it fits just so."""
+AROUND = 0.35
+"""Room around the payload wherever its path takes it, in its lengths: for what bends, and the arms that hold it; across it,
+together with what a turned link needs, as the root of both squares."""
+LEAST_FREE = 0.2
+"""Share of the picture's height that counts as free whatever covers it."""
+CLOSE_UP = 2.6
+"""Distance of the close views, in payload lengths."""
+VIEWS = ("Payload", "Overview", "Plan", "Front", "Left grip", "Follow")
+MOVING = ("Left grip", "Follow")
+"""The views that move with the machine."""
+Look = Callable[[viser.ClientHandle, str], None]
+"""Show a named camera view in one browser."""
 
 
 def floor_extent(scenario: Scenario) -> tuple[float, float, float, float]:
@@ -59,8 +82,14 @@ def _lengths(axis: str, places: np.ndarray) -> list[tuple[float, str]]:
     return list(zip(places.tolist(), [*texts[:-1], *(f"{axis} = {text} m" for text in texts[-1:])], strict=True))
 
 
-def draw_floor(scene: viser.SceneApi, scenario: Scenario) -> None:
-    """The grid below the arms, with lengths along its edges."""
+def draw_stage(scene: viser.SceneApi, scenario: Scenario, shadows: bool) -> None:
+    """The grid below the arms with lengths along its edges, and light from above and the side.
+
+    It is bright enough for both colour modes, without bleaching the colours.
+    """
+    scene.configure_environment_map(None)
+    scene.configure_default_lights(enabled=True, cast_shadow=shadows)
+    scene.add_light_hemisphere("/sky", sky_color=(255, 255, 255), ground_color=(170, 178, 190), intensity=SKY_INTENSITY)
     x_min, x_max, y_min, y_max = floor_extent(scenario)
     scene.add_grid(
         "/floor/grid",
@@ -85,39 +114,6 @@ def draw_floor(scene: viser.SceneApi, scenario: Scenario) -> None:
     for y, text in _lengths("y", _sections(y_min, y_max)):
         place = (x_min + LABEL_INSET, y, LABEL_HEIGHT)
         scene.add_label(f"/floor/y{y:g}", text, position=place, anchor="center-left", depth_test=True)
-
-
-def set_light(scene: viser.SceneApi, shadows: bool) -> None:
-    """Light from above and the side: bright enough for both colour modes, without bleaching the colours."""
-    scene.configure_environment_map(None)
-    scene.configure_default_lights(enabled=True, cast_shadow=shadows)
-    scene.add_light_hemisphere("/sky", sky_color=(255, 255, 255), ground_color=(170, 178, 190), intensity=SKY_INTENSITY)
-
-
-FIELD_OF_VIEW = np.radians(28.0)
-"""Vertical, rad: narrow, so that the plane of motion is hardly distorted."""
-TILT = np.radians(24.0)
-"""Angle between the line of sight and the vertical in the overview, rad."""
-PLAN_TILT = np.radians(0.5)
-"""The same angle of the plan view, rad: straight down would leave open which side is up."""
-FRONT_TILT = np.radians(62.0)
-CAPTION = 0.2
-"""Room for the words above the picture, m."""
-FILLED = 0.97
-"""Share of the window that the floor takes up, in the direction in which it fits just so."""
-AROUND = 0.35
-"""Room around the payload wherever its path takes it, in its lengths: for what bends, and the arms that hold it; across it,
-together with what a turned link needs, as the root of both squares."""
-LEAST_FREE = 0.2
-"""Share of the picture's height that counts as free whatever covers it."""
-CLOSE_UP = 2.6
-"""Distance of the close views, in payload lengths."""
-
-VIEWS = ("Payload", "Overview", "Plan", "Front", "Left grip", "Follow")
-MOVING = ("Left grip", "Follow")
-"""The views that move with the machine."""
-Look = Callable[[viser.ClientHandle, str], None]
-"""Show a named camera view in one browser."""
 
 
 class Window(NamedTuple):

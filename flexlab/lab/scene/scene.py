@@ -11,7 +11,7 @@ from flexlab.lab.reference_run import ReferenceRun
 from flexlab.lab.scene import cameras
 from flexlab.lab.scene.arms import Arms
 from flexlab.lab.scene.beam import Beam, ReferenceBeam, StrainBeam
-from flexlab.lab.scene.cameras import draw_floor, set_light
+from flexlab.lab.scene.cameras import draw_stage
 from flexlab.lab.scene.forces import Forces, PullArrow
 from flexlab.lab.scene.overlays import Overlays, Reach
 from flexlab.lab.view_settings import ViewSettings, fitting_exaggeration
@@ -87,8 +87,7 @@ class Scene:
     def _build(self, scenario: Scenario) -> None:
         scene = self._server.scene
         scene.reset()
-        set_light(scene, self._shadows)
-        draw_floor(scene, scenario)
+        draw_stage(scene, scenario, self._shadows)
         self._reach = Reach(scene, scenario)
         self._arms, self._overlays = Arms(scene, scenario), Overlays(scene, scenario)
         self._beam, self._strain = Beam(scene, scenario), StrainBeam(scene, scenario)
@@ -112,8 +111,7 @@ class Window:
         self._server = server = viser.ViserServer(host="127.0.0.1", label="flexlab", verbose=False)
         set_theme(server.gui, dark=False)
         server.gui.add_markdown(f"Deflection drawn × {number_text(self._view.exaggeration)}")
-        set_light(server.scene, shadows=True)
-        draw_floor(server.scene, scenario)
+        draw_stage(server.scene, scenario, shadows=True)
         self._arms, self.beam = Arms(server.scene, scenario), Beam(server.scene, scenario)
 
         @server.on_client_connect

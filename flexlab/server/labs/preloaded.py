@@ -1,4 +1,4 @@
-"""Imported once by the process from which labs and jobs are forked (`child_processes`), so that they share its memory."""
+"""Imported once by the process from which labs and jobs are forked (`job_processes`), so that they share its memory."""
 
 import gc
 import logging

@@ -68,6 +68,9 @@ CLOSING_TIME = 1.0
 """Seconds that open pages get when the server closes: a lab's page never ends by itself."""
 MOST_THREADS = 32
 """Threads that wait for disks and processes, beside one for each private lab: labs that open together do not delay pages."""
+LOOK = 60.0
+"""Seconds between two checks."""
+log = logging.getLogger(__name__)
 
 
 class TemporaryFolder:
@@ -150,12 +153,6 @@ async def _static(request: web.Request) -> web.StreamResponse:
 @FILES.get("/favicon.ico")
 async def _icon(request: web.Request) -> web.StreamResponse:
     return web.FileResponse(STATIC / "icon.svg")
-
-
-LOOK = 60.0
-"""Seconds between two checks."""
-
-log = logging.getLogger(__name__)
 
 
 async def tidy_up(settings: Settings) -> None:

@@ -28,6 +28,12 @@ PATH_TIME = 4.0
 MARGIN = 0.12
 """Share of the drawing's width around what is drawn."""
 ASPECT = 16 / 10
+MOST_DRAWN = 200
+"""Presets that get a picture."""
+MOST_READ = 1000
+"""Presets that stay read."""
+FileState = tuple[str, int, int]
+"""Path, size, and time of the last change: another one is another preset."""
 
 
 def thumbnail(scenario: Scenario) -> Markup:
@@ -56,15 +62,6 @@ def _box(points: np.ndarray) -> str:
 
 def _points(points: np.ndarray) -> str:
     return " ".join(f"{x:.3f},{-y:.3f}" for x, y in points)
-
-
-MOST_DRAWN = 200
-"""Presets that get a picture."""
-
-MOST_READ = 1000
-"""Presets that stay read."""
-FileState = tuple[str, int, int]
-"""Path, size, and time of the last change: another one is another preset."""
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,26 @@ LONGEST_SOCKET = 107
 """Bytes of a socket's path on Linux."""
 SOCKET_NAME = 40
 """Bytes that Python's server of forks adds to the folder of temporary files: a folder of its own, and the socket's name."""
+AT_ONCE = 3
+"""Tasks that run at once, the last of them only for the teacher; they have low priority, so more would only be slower."""
+MOST_OF_ONE, MOST_OF_ADDRESS, MOST = 4, 30, 40
+"""Most running and waiting tasks: of one visitor, of one address, and of all visitors."""
+MOST_OF_TEACHER = 10
+"""Most running and waiting tasks of the teacher, in addition."""
+LOW_PRIORITY = 10
+"""Unix niceness: below the labs, but above work for which nobody waits."""
+MOST_MEMORY = 4_000_000_000
+"""Memory that a task may take, bytes: a hostile upload could unpack into any size."""
+LONGEST = 600.0
+"""Time that a task may take, s."""
+OUT_OF_MEMORY = Path("/proc/self/oom_score_adj")
+"""On Linux, 1000 in this file makes the kernel end this process first if memory runs out, before labs and the server."""
+TOO_LARGE = (
+    f"This takes more than {MOST_MEMORY / 1e9:g} GB of memory: choose a shorter range of time, or use the command line."
+)
+CLOSING = "This server is closing."
+T = TypeVar("T")
+log = logging.getLogger(__name__)
 
 
 def _forks() -> bool:
@@ -110,31 +130,6 @@ def work_for_the_server(niceness: int) -> None:
         os._exit(1)
 
     threading.Thread(target=watch, name="flexlab-parent", daemon=True).start()
-
-
-AT_ONCE = 3
-"""Tasks that run at once, the last of them only for the teacher; they have low priority, so more would only be slower."""
-MOST_OF_ONE, MOST_OF_ADDRESS, MOST = 4, 30, 40
-"""Most running and waiting tasks: of one visitor, of one address, and of all visitors."""
-MOST_OF_TEACHER = 10
-"""Most running and waiting tasks of the teacher, in addition."""
-LOW_PRIORITY = 10
-"""Unix niceness: below the labs, but above work for which nobody waits."""
-MOST_MEMORY = 4_000_000_000
-"""Memory that a task may take, bytes: a hostile upload could unpack into any size."""
-LONGEST = 600.0
-"""Time that a task may take, s."""
-
-OUT_OF_MEMORY = Path("/proc/self/oom_score_adj")
-"""On Linux, 1000 in this file makes the kernel end this process first if memory runs out, before labs and the server."""
-
-TOO_LARGE = (
-    f"This takes more than {MOST_MEMORY / 1e9:g} GB of memory: choose a shorter range of time, or use the command line."
-)
-CLOSING = "This server is closing."
-
-T = TypeVar("T")
-log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)

@@ -49,6 +49,12 @@ SEEN, MISSED = 2, 2
 """Checks in a row after which a sentence appears, and after which it disappears."""
 REWORDED = 5
 """Checks for which a sentence keeps its numbers."""
+Recent = Callable[[float], Samples]
+"""The last so many s of the run, at full rate."""
+OVERLAP = 0.05
+"""Extra samples asked for at each update, s: covers what usually arrives between the snapshot and the request."""
+SPECTRUM_EVERY = 5
+"""Updates of the other charts per spectrum (2 Hz)."""
 
 
 def amplitude_spectrum(signal: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
@@ -139,14 +145,6 @@ class Spectrum:
         )
         frequency, *lines = (column[order] for column in columns)
         return compact(frequency, lines, self._highest / POINTS)
-
-
-Recent = Callable[[float], Samples]
-"""The last so many s of the run, at full rate."""
-OVERLAP = 0.05
-"""Extra samples asked for at each update, s: covers what usually arrives between the snapshot and the request."""
-SPECTRUM_EVERY = 5
-"""Updates of the other charts per spectrum (2 Hz)."""
 
 
 class Plots:

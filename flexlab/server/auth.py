@@ -4,7 +4,6 @@ import codecs
 import errno
 import hmac
 import re
-from collections.abc import Awaitable, Callable
 from urllib.parse import quote, unquote
 
 from aiohttp import hdrs, web
@@ -13,6 +12,7 @@ from aiohttp.http_exceptions import HttpProcessingError
 from flexlab.errors import FlexlabError
 from flexlab.recording.store.run_files import SUFFIX
 from flexlab.recording.store.run_index import NoSuchRun
+from flexlab.server.connections import Handler
 from flexlab.server.limits import BusyError, network_of
 from flexlab.server.pages.templating import ALL_RUNS, HAS_CLASS, button, message, part
 from flexlab.server.visitors import (
@@ -27,8 +27,6 @@ from flexlab.server.visitors import (
 )
 from flexlab.sockets import LOOPBACK, is_of_host, name_in
 from flexlab.text import limited
-
-Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 LARGEST_BODY = 64 * 1024
 """Bytes of a form: the server takes notes on a run, nothing larger."""

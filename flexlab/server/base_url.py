@@ -5,12 +5,12 @@ out gets it: links in pages, redirects, cookies. Scripts find it in their own ad
 """
 
 import re
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from typing import Any
 
 from aiohttp import hdrs, web
 
-Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+from flexlab.server.connections import Handler
 
 _ADDRESS = re.compile(rb'((?:href|src|action|formaction|data-address|data-recording|data-state)=")/(?!/)')
 """The beginning of an address of this server in an attribute of a page."""

@@ -19,9 +19,9 @@ import aiohttp
 from aiohttp import hdrs, web
 
 from flexlab.errors import LabError
-from flexlab.server.auth import ELSEWHERE, Handler, add_headers, answer_in_sentences, is_from_elsewhere, refuse
+from flexlab.server.auth import ELSEWHERE, add_headers, answer_in_sentences, is_from_elsewhere, refuse
 from flexlab.server.base_url import put_before
-from flexlab.server.connections import watch_patience
+from flexlab.server.connections import Handler, watch_patience
 from flexlab.server.front_server import FILES, FrontServer
 from flexlab.server.labs.hub_labs import REPORTS, HubLabs
 from flexlab.server.pages import teacher_page

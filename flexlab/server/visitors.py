@@ -6,7 +6,7 @@ import hmac
 import os
 import secrets
 import unicodedata
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
@@ -20,6 +20,7 @@ from flexlab.errors import LabError
 from flexlab.files import is_regular
 from flexlab.recording.store.run_files import list_files
 from flexlab.recording.store.run_index import NoSuchRun, RunRow, find_row, read_rows
+from flexlab.server.connections import Handler
 from flexlab.server.labs.lab_provider import LabProvider
 from flexlab.server.limits import Guesses, Limit, Visitor, network_of
 from flexlab.server.preset_cards import PresetCards
@@ -211,9 +212,7 @@ def known_visitor_of(request: web.Request) -> Visitor:
 
 
 @web.middleware
-async def greet(
-    request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
-) -> web.StreamResponse:
+async def greet(request: web.Request, handler: Handler) -> web.StreamResponse:
     """Give a new visitor a cookie, so that many at one address are told apart."""
     answer = await handler(request)
     first = answer.status == 200 and answer.content_type == "text/html" and not answer.prepared

@@ -9,7 +9,7 @@ from own_law_text import PD
 from own_path_text import ROUND
 from raw_browser import RawBrowser, widget
 
-from flexlab.lab.panel.field import changes_for
+from flexlab.lab.panel.sections import changes_for
 from flexlab.lab.session import Session
 from flexlab.own import hosts
 from flexlab.own.files import add_own_law_file

@@ -6,7 +6,7 @@ import pytest
 from lab_page import wait_until
 from own_path_text import ROUND
 
-from flexlab.lab.panel.field import changes_for
+from flexlab.lab.panel.sections import changes_for
 from flexlab.lab.session import Session
 from flexlab.own.files import add_own_path_file
 from flexlab.presets import load_preset

@@ -14,11 +14,11 @@ from flexlab.lab.mode_computation import ModeStudy
 from flexlab.lab.panel.mode_table import ModePanel
 from flexlab.lab.panel.number_control import READING_TIME, SETTLE_TIME, NumberControl
 from flexlab.lab.panel.playback import Events, Playback, PlayScreen, Scrub
-from flexlab.lab.panel.readouts import SEEN_TOGETHER, notices_html, number_html, status_html
+from flexlab.lab.panel.readouts import SEEN_TOGETHER, conditions_html, notices_html, number_html, status_html
 from flexlab.lab.panel.ring_panel import RingPanel
 from flexlab.lab.panel.run_comparison import Comparing
 from flexlab.lab.panel.scenario_files import Presets, ScenarioFiles
-from flexlab.lab.panel.sections import GROUPS, SECTIONS, Folder, conditions_html, group_rows, section_rows, three_valued
+from flexlab.lab.panel.sections import GROUPS, SECTIONS, Folder, group_rows, section_rows, three_valued
 from flexlab.lab.picking import Picking, touch_controls
 from flexlab.lab.reference_run import Recorded
 from flexlab.lab.scene.cameras import VIEWS, Look

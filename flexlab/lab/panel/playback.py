@@ -11,10 +11,9 @@ import viser
 
 from flexlab.errors import LabError
 from flexlab.lab.look_back import LookBack
-from flexlab.lab.panel.field import Entry
 from flexlab.lab.panel.number_control import BOX_DIGITS
 from flexlab.lab.panel.readouts import events_html
-from flexlab.lab.panel.sections import Folder
+from flexlab.lab.panel.sections import Entry, Folder
 from flexlab.lab.picking import Picking
 from flexlab.lab.scene.cameras import VIEWS, Look
 from flexlab.lab.widgets import Menu, Widgets, put

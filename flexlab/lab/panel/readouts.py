@@ -1,11 +1,12 @@
 """What the panel says about the run: time, speed, status and events as HTML, and a spoken summary."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 import viser
 
 from flexlab.analysis.explanations.explanation import Explained, is_pulled
+from flexlab.control.conditions import Condition
 from flexlab.guide import LOCKED, ClassRules
 from flexlab.lab import colors
 from flexlab.lab.lab_state import Notice
@@ -131,6 +132,15 @@ def events_html(snapshot: Snapshot) -> str:
         time = f"{fixed_text(event.time, 3)} s"
         lines.append(f'<div><span class="fl-dim">{time}</span> <span{bad}>{escaped(event.text)}</span></div>')
     return f'<div class="fl fl-list" tabindex="0">{"".join(lines) or "Nothing yet."}</div>'
+
+
+def conditions_html(conditions: Iterable[Condition]) -> str:
+    """The conditions of the control law, each with its numbers, met or not."""
+    lines = []
+    for condition in conditions:
+        kind, word = ("fl-dim", "met") if condition.met else ("fl-bad", "not met")
+        lines.append(f'<div class="fl-line {kind}"><b>{word}</b> {escaped(condition.sentence)}</div>')
+    return f'<div class="fl">{"".join(lines)}</div>' if lines else ""
 
 
 def _without_drags(events: tuple[Event, ...]) -> list[Event]:

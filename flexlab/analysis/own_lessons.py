@@ -42,6 +42,10 @@ MOST = 50
 """Lessons that a menu can hold."""
 
 
+OWN = "Own lesson: "
+"""What the guide's menu has before the title of one's own lessons."""
+
+
 class OwnLesson(NamedTuple):
     """A lesson, or what is wrong with its file."""
 
@@ -60,7 +64,12 @@ def own_lessons(folder: Path = OWN_LESSONS) -> list[OwnLesson]:
 def lesson_menu(own: Sequence[OwnLesson]) -> dict[str, Lesson]:
     """All lessons that can be read, flexlab's and one's own, by their names in the guide's menu."""
     found = {f"Lesson {number}: {lesson.title}": lesson for number, lesson in enumerate(lessons(), 1)}
-    return found | {f"Own lesson: {mine.lesson.title}": mine.lesson for mine in own if mine.lesson is not None}
+    return found | {f"{OWN}{mine.lesson.title}": mine.lesson for mine in own if mine.lesson is not None}
+
+
+def short_name(lesson: str) -> str:
+    """What a lesson of that menu is called where there is little room: "Lesson 3", or the title of one's own."""
+    return lesson.removeprefix(OWN) if lesson.startswith(OWN) else lesson.partition(":")[0]
 
 
 def lesson_files(folder: Path = OWN_LESSONS) -> dict[str, int]:

@@ -11,7 +11,7 @@ from flexlab.analysis import own_lessons as own_lesson_files
 from flexlab.analysis.lesson_checks import Verdict, read_check
 from flexlab.analysis.lesson_expressions import ExpressionError, LookedAt, expression
 from flexlab.analysis.lesson_measures import Look
-from flexlab.analysis.own_lessons import OwnLesson, lesson_mistakes, own_lessons
+from flexlab.analysis.own_lessons import OwnLesson, lesson_menu, lesson_mistakes, own_lessons, short_name
 from flexlab.lab.panel.guide_panel import Guide
 from flexlab.lab.session import Session
 from flexlab.lab.widgets import Widgets
@@ -46,6 +46,15 @@ def test_the_documented_example_is_a_lesson(tmp_path: Path) -> None:
     assert (found.done, found.sentence) == (False, "Move the slider of EI to the right.")
     stiff = simulate(load_preset("paper").replace({"payload.bending_stiffness": 600.0}), 1.2, 0.001)
     assert verdict(own, stiff.scenario, stiff.slice(0, len(stiff))).done
+
+
+def test_guesses_in_two_lessons_of_ones_own_are_told_apart(tmp_path: Path) -> None:
+    """Before each of them stood "Own lesson", and nothing else."""
+    for file, title in (("a.md", "Stiffer: more EI"), ("b.md", "Softer")):
+        (tmp_path / file).write_text(EXAMPLE.replace("title: Stiffer", f"title: {title}"), encoding="utf-8")
+    shown = [short_name(name) for name in lesson_menu(own_lessons(tmp_path))]
+    assert shown[0] == "Lesson 1"
+    assert shown[-2:] == ["Stiffer: more EI", "Softer"]
 
 
 def test_a_byte_order_mark_is_no_part_of_a_lesson(tmp_path: Path) -> None:

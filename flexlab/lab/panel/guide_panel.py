@@ -2,7 +2,7 @@
 
 from flexlab.analysis.lesson_checks import read_check
 from flexlab.analysis.lesson_measures import SECONDS
-from flexlab.analysis.own_lessons import lesson_files, lesson_menu, own_lessons
+from flexlab.analysis.own_lessons import OWN, lesson_files, lesson_menu, own_lessons
 from flexlab.errors import LabError
 from flexlab.guide import STEPS, Chapter, Lesson, LessonProgress, chapters, step_text, without_html
 from flexlab.lab.view_settings import fitting_exaggeration
@@ -49,7 +49,7 @@ class Guide:
             if own.lesson is None:
                 title = f"{own.name} (cannot be read)"
                 # Own texts come from files of whoever started the lab; still they get no HTML into the page.
-                self._pages[f"Own lesson: {title}"] = Chapter(own.name, title, without_html(own.problem))
+                self._pages[f"{OWN}{title}"] = Chapter(own.name, title, without_html(own.problem))
 
     def _follow_files(self) -> None:
         """Take up lessons of one's own that are new or were saved; the page that is open stays open."""

@@ -14,7 +14,7 @@ from urllib.parse import urlencode
 from aiohttp import hdrs, web
 from pydantic import TypeAdapter, ValidationError
 
-from flexlab.analysis.own_lessons import lesson_menu, lesson_mistakes, own_lessons
+from flexlab.analysis.own_lessons import lesson_menu, lesson_mistakes, own_lessons, short_name
 from flexlab.errors import LabError
 from flexlab.guide import STEPS, ClassRules, step_text
 from flexlab.presets import load_preset, preset_names
@@ -97,9 +97,7 @@ async def labs(request: web.Request) -> web.Response:
 
 def _told(place: Lab, rules: ClassRules) -> dict[str, Any]:
     status = place.status()
-    guesses = [
-        f"{progress.lesson.partition(':')[0]}: {progress.guess}" for progress in status.lessons if progress.guess
-    ]
+    guesses = [f"{short_name(progress.lesson)}: {progress.guess}" for progress in status.lessons if progress.guess]
     return {
         "lab": place.path,
         "who": f"Student {place.number}" if rules.hides_names else who(place),

@@ -30,8 +30,6 @@ AGAIN_PERIOD = 1.0
 """Least time between two runs that begin because the shown preset was chosen again, s: each is a recording."""
 
 log = limited(__name__)
-
-
 Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
 
 

@@ -8,8 +8,6 @@ SHRINK_BELOW = 0.45
 """The range shrinks when the signals use less than this share of it ..."""
 SHRINK_AFTER = 15
 """... for this many updates in a row (1.5 s at 10 Hz)."""
-
-
 HARDLY_SEEN, NARROWEST = 0.005, 0.1
 """Shares of a plot's larger side: below the first the other side is left out, above it it gets at least the second."""
 

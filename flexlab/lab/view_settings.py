@@ -20,8 +20,6 @@ MOST_DRAWN = 0.35
 """Largest drawn deflection, as a share of the beam's length, while the lab chooses the factor."""
 PLOT_WINDOWS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0)
 """Choices for the plots' time window, s."""
-
-
 USUAL_WINDOW = 5.0
 """Wall seconds that the plots show."""
 

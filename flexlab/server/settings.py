@@ -28,8 +28,6 @@ MOST_SESSIONS = 1000
 """Private labs that may be asked for at once: far more than any machine can run."""
 SHORTEST_IDLE, LONGEST_IDLE = 1.0, 604_800.0
 """s: from what lets a page be reloaded to a week."""
-
-
 MEGABYTE, GIGABYTE = 1e6, 1e9
 BASE_URL = re.compile(r"(/(?!\.{1,2}(/|$))[A-Za-z0-9._~%@+-]+)*", re.ASCII)
 """Segments that need no quoting in pages, headers and cookies."""

@@ -21,8 +21,6 @@ from flexlab.text import escaped, visible, with_units
 
 LONGEST_NAME = 40
 """Characters of a name: what a menu shows."""
-
-
 MOST_PRESETS = 60
 """Files in a person's own folder: as many as a menu can hold, and no visitor fills the disk."""
 CHANGES_NAMED = 4

@@ -25,8 +25,6 @@ START_TIME = 120.0
 """Seconds that a worker may take to open its lab: two on a warm machine, most of a minute if it must compile first."""
 STOP_TIME = 15.0
 """Seconds that a worker may take to close its recording before it is ended by force (the recording is then mended)."""
-
-
 Word = Callable[[RecordedLab], object] | None
 """What the server tells a worker: what to do with its lab, as an `operator.methodcaller`, or to close."""
 

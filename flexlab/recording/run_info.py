@@ -88,7 +88,7 @@ def parameters_text(info: RunInfo) -> str:
     heading = scenario.title or name
     notes = (
         f"- preset or file: **{name}**\n"
-        f"- The beam's deflection is drawn **{number_text(factor)} times** its size; plots are true.\n"
+        f"- Deflections are drawn **× {number_text(factor)}**; plots are true.\n"
         "- Purple: desired pose and path. Orange arrows: internal force (1 m is 1000 N)."
     )
     return f"# {heading}\n\n{scenario.watch}\n\n{notes}\n\n```json\n{scenario_json(scenario)}\n```\n"

@@ -100,7 +100,7 @@ def test_the_file_brings_its_layout_and_its_parameters(recording_file: Path) -> 
         chunk.to_record_batch().column("TextDocument:text").to_pylist()[0][0]
         for chunk in reader.stream().filter(content=["/parameters"])
     ]
-    assert "**50 times**" in texts[0]
+    assert "drawn **× 50**" in texts[0]
     assert '"bending_stiffness": 100.0' in texts[0]
 
 

@@ -7,6 +7,7 @@ therefore contains a digest of all kernel sources: any edit compiles anew, and n
 import hashlib
 import logging
 import os
+import sys
 from collections.abc import Callable, Hashable
 from pathlib import Path
 from time import perf_counter
@@ -16,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numba
 import numpy as np
 from llvmlite import ir
+from llvmlite.binding import get_host_cpu_name
 from numba.core import config, event
 from numba.extending import intrinsic
 
@@ -57,14 +59,24 @@ def _digest() -> str:
     return digest.hexdigest()[:16]
 
 
+def engine() -> str:
+    """A name for the kernel sources and their compiler: the same wherever results are."""
+    return f"kernels-{_DIGEST}"
+
+
 def cache_folder() -> Path:
-    """The folder of machine code, one per version of the sources, below NUMBA_CACHE_DIR or the user's cache folder."""
+    """The folder of machine code, one per version of the sources, of Python and of the processor.
+
+    It is below NUMBA_CACHE_DIR or the user's cache folder, which several machines may share.
+    """
     base = os.environ.get("NUMBA_CACHE_DIR")
     root = Path(base) if base else user_cache()
-    return root / "flexlab" / f"kernels-{_DIGEST}"
+    made_for = f"{_DIGEST} {sys.implementation.cache_tag} {_settings.CPU_NAME or _PROCESSOR}"
+    return root / "flexlab" / f"kernels-{hashlib.sha256(made_for.encode()).hexdigest()[:16]}"
 
 
 _DIGEST = _digest()
+_PROCESSOR = get_host_cpu_name()
 
 
 def is_warm() -> bool:

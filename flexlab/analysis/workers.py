@@ -14,7 +14,7 @@ from typing import Any
 
 from flexlab.analysis.metrics.own import OwnMetric, know_own_metrics, own_metrics
 from flexlab.arguments import flag, whole_number
-from flexlab.compiled import cache_folder
+from flexlab.compiled import engine
 from flexlab.errors import ScenarioError, StudyError
 from flexlab.lapack import one_blas_thread
 from flexlab.own.files import know_own_texts, own_texts
@@ -88,11 +88,6 @@ Does = Callable[[Work, Iterable[Any]], Iterator[tuple[int, Any]]]
 """Maps work over items: yields (number of the item, its result) as each is done, in any order. Raises `StudyError`."""
 Workers = Callable[[], AbstractContextManager[Does]]
 """A context manager that provides the threads or workers."""
-
-
-def engine() -> str:
-    """A name for the numerical sources on this machine."""
-    return cache_folder().name
 
 
 def chosen_workers(workers: int | None = None, cluster: str | None = None) -> Workers:

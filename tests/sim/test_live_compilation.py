@@ -6,7 +6,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from numba.core import config
 
+from flexlab.compiled import PLAIN_PYTHON, engine, is_warm
 from flexlab.control.law import laws
 from flexlab.presets import load_preset
 from flexlab.sim import assembly
@@ -55,6 +57,22 @@ def test_everything_can_be_compiled_beforehand():
     compile_everything()
     assert is_everything_compiled()
     assert all(law.is_loaded for law in laws().values())
+
+
+@pytest.mark.skipif(PLAIN_PYTHON, reason="nothing is compiled")
+def test_machine_code_of_another_python_or_processor_does_not_count(monkeypatch: pytest.MonkeyPatch):
+    """Homes are shared among machines, and outlive a Python. Results are the same everywhere, and so is the engine's name."""
+    World(load_preset("paper"))
+    name = engine()
+    assert is_warm()
+    with monkeypatch.context() as another:
+        another.setattr(sys.implementation, "cache_tag", "cpython-399")
+        assert not is_warm()
+        assert not is_everything_compiled()
+    monkeypatch.setattr(config, "CPU_NAME", "another")
+    assert not is_warm()
+    assert not is_everything_compiled()
+    assert engine() == name
 
 
 def test_compiling_for_a_lab_ends_with_the_lab_however_that_ends(tmp_path: Path):

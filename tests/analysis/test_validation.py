@@ -4,7 +4,8 @@ import ast
 import json
 import re
 import subprocess
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import get_args
 
@@ -95,6 +96,24 @@ def flipped_damping(circumstances: pytest.MonkeyPatch) -> None:
     circumstances.setattr(NodalDamping, "modal", lambda self, omega, V: -self.coefficient * (V.T @ V))
 
 
+def forget_what_is_known() -> None:
+    """Clear the caches of the engine."""
+    engine = tuple(f"flexlab.{room}." for room in ("physics", "control", "sim"))
+    for module in [module for name, module in sys.modules.items() if name.startswith(engine)]:
+        for each in vars(module).values():
+            if hasattr(each, "cache_clear"):
+                each.cache_clear()
+
+
+@pytest.fixture
+def nothing_known() -> Iterator[None]:
+    """No beam of before hides what is planted, and none with a planted error is left to other tests."""
+    forget_what_is_known()
+    yield
+    forget_what_is_known()
+
+
+@pytest.mark.usefixtures("nothing_known")
 @pytest.mark.parametrize(("plant", "group"), [(flipped_stiffness, closed_form), (flipped_damping, mass_points)])
 def test_a_flipped_sign_that_needs_no_compiling_does_not_pass(
     plant: Callable[[pytest.MonkeyPatch], None], group: Group, monkeypatch: pytest.MonkeyPatch

@@ -197,7 +197,9 @@ def test_the_files_hold_every_score_with_formula_unit_and_hashes(board: Leaderbo
     line = next(line for line in table if (line["law"], line["variant"], line["score"]) == ("pd", "soft", "peak"))
     assert line["shown"] == 1e3 * line["value"]
     assert (line["unit"], line["formula"], line["seed"]) == ("mm", "max √(e_x² + e_y²)", 0)
-    assert line["key"] == board.row(QUICK, QUICK.variants[1], "pd").key  # type: ignore[union-attr]
+    row = board.row(QUICK, QUICK.variants[1], "pd")
+    assert row is not None
+    assert line["key"] == row.key
     assert paths[3].read_text(encoding="utf-8").startswith("<svg")
     drawn = re.findall(r"<svg.*?</svg>", html, re.DOTALL)
     assert len(drawn) == 1

@@ -239,9 +239,7 @@ def mesh_note(found: BeamParameters) -> str:
     real = EI.value * (first_mode(found.scenario, False)[0] / first_mode(finer, False)[0]) ** 2
     if EI.low <= real <= EI.high:
         return ""
-    return (
-        f"EI is that of a mesh of {few} elements, which rings too high: a real beam that rings so has {real:.5g} N·m²."
-    )
+    return f"EI belongs to a mesh of {few} elements, which rings too high: a real beam of this frequency has {real:.5g} N·m²."
 
 
 def _left_out(fit: RingFit, scenario: Scenario) -> str:

@@ -44,7 +44,7 @@ LARGEST_RATIO = 0.9
 NOISE_ALONE = "no oscillation stands out from the noise"
 NOT_ONE = "the samples hold something else as well, such as a second tap; say where one free ring begins and ends"
 SHADOW = 0.5
-"""Amplitude, over a mode's, up to which another one close beside it is none of its own."""
+"""Amplitude over that of a louder mode close by, up to which a mode is not listed: it belongs to the louder one."""
 FITTED = 1e-9
 """Relative change at which a search ends, far below any interval."""
 
@@ -238,14 +238,14 @@ def _described(
 def _without_shadows(modes: list[RingMode]) -> list[RingMode]:
     """The modes but for those that stand close beside a louder one.
 
-    They make up for what no constant frequency and damping tells of it, as where the arms carry the beam on: a beam has no two
-    modes so close together.
+    They make up for a frequency that changes along the ring, as where the arms carry the beam on. A beam has no two modes so
+    close together.
     """
     return [one for one in modes if not any(_shadows(one, other) for other in modes)]
 
 
 def _shadows(one: RingMode, louder: RingMode) -> bool:
-    """Whether a mode stands so close to a louder one that the two share what they ring."""
+    """Whether a mode is much weaker than another one close beside it."""
     f, other = one.frequency.value, louder.frequency.value
     return one.amplitude < SHADOW * louder.amplitude and abs(f - other) < BESIDE * louder.damping_ratio.value * other
 

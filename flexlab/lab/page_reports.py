@@ -100,6 +100,7 @@ class PageReports:
         self._arrange, self._cover, self._start_anew = arrange, cover, start_anew
         self._began_anew = -math.inf
         self._pages: dict[int, _Page] = {}
+        """By client; they come and go on other threads, so that copies are walked through."""
         self._mark = server.gui.add_html(_mark(run_number, name))
         server.on_client_connect(self._greet)
         server.on_client_disconnect(self._forget)

@@ -69,6 +69,8 @@ CASES = (
     Case("error within the layer", r"error of 0\.72 mm .* 8\.59 N over 200 N·s/m .* 0\.86 mm", (), {}, 2.0, "smooth-start"),
     Case("error within the layer", r"error of 0\.32 mm .* over 500 N·s/m", START, {"controller.kind": "sliding-mode"}, 2.0),
     Case("outside the boundary layer", r"layer of 0\.02 m/s for 100 %.*K above 430 N·s/m", SLOW, {}, 4.0, "weak-feedback"),
+    Case("outside the boundary layer", r"asks for ‖Ψ‖ = 8\.59 N, and K = 0 N·s/m alone does not hold that\. K above 430 N·s/m",
+         SLOW, {"controller.feedback_gain": 0.0}, 4.0, "weak-feedback"),
     Case("error of feedback alone", r"error of 20\.\d\d mm .* 369 N, .* P = 20000 N/m by: 18\.4\d mm", (*START, *SLOW),
          {"controller.kind": "pd"}, 2.0),
     Case("wrong payload", r"3 times as heavy .* from 8\.59 N to 19\.\d N, and the error is 1\.43 mm", STEADY,
@@ -213,6 +215,17 @@ def test_what_is_too_short_or_stands_still_gets_no_wrong_word(preset: str):
 def test_with_its_motors_off_a_payload_that_follows_nothing_is_not_explained_by_its_path(preset: str):
     scenario = load_preset(preset).replace({"controller.kind": "none"})
     assert not sentences(scenario, simulate(scenario, 2.5))
+
+
+@pytest.mark.parametrize("law", ["adaptive-sliding-mode", "sliding-mode", "computed-torque", "pd"])
+def test_a_gain_of_zero_is_explained_without_dividing_by_it(law: str):
+    """Whoever turned K, Λ or P down to 0 was told "float division by zero", in `run.explanations` and by `flexlab run`."""
+    scenario = load_preset("smooth-start").replace({"controller.kind": law})
+    gains = ("feedback_gain", "sliding_slope", "bound", "position_gain", "velocity_gain")
+    for gain in [name for name in gains if hasattr(scenario.controller, name)]:
+        weak = scenario.replace({f"controller.{gain}": 0.0})
+        for text in sentences(weak, simulate(weak, 2.0, 0.002)).values():
+            assert not re.search(r"\b(nan|inf)\b|\d{6}", text)
 
 
 def test_a_law_whose_memory_hardly_moves_is_not_called_nearly_lost():

@@ -13,6 +13,8 @@ OFTEN = 0.05
 """Least share of the time with s outside its layer."""
 AGREES = (0.4, 1.25)
 """Range of measured over predicted error; the prediction is a bound for a slow motion."""
+FASTEST = 1000.0
+"""m/s from which on a gain is not said to hold a force."""
 
 
 def _layer(seen: Evidence) -> tuple[Samples, float, Circumstances] | None:
@@ -35,6 +37,11 @@ def _stiffness(seen: Evidence, span: Samples, layer: float) -> float:
     return gain + bound / layer
 
 
+def _agrees(error: float, predicted: float) -> bool:
+    """Whether an error is worth a sentence, and what was predicted."""
+    return error >= WORTH and AGREES[0] * predicted < error < AGREES[1] * predicted
+
+
 @register("outside the boundary layer", "K ‖s‖ = ‖Ψ‖, inside only if ‖Ψ‖ ≤ K ε", "Sliding variable s", 13)
 def outside_the_layer(seen: Evidence) -> str | None:
     """The feedback is too weak for the beam's reaction, so that s leaves its layer in steady motion."""
@@ -46,10 +53,11 @@ def outside_the_layer(seen: Evidence) -> str | None:
     share, force = float((size > layer).mean()), around.largest_reaction
     if share < OFTEN or force <= gain * layer:
         return None
+    held = f"alone holds that at {n(force / gain)} m/s" if force < FASTEST * gain else "alone does not hold that"
     return (
         f"‖s‖ is outside its boundary layer of {n(layer)} m/s for {n(100 * share)} % of the last second, up to "
-        f"{n(float(size.max()))} m/s: the beam asks for ‖Ψ‖ = {n(force)} N, and K = {n(gain)} N·s/m alone holds "
-        f"that at {n(force / gain)} m/s. K above {n(force / layer)} N·s/m or faster adaptation brings it in."
+        f"{n(float(size.max()))} m/s: the beam asks for ‖Ψ‖ = {n(force)} N, and K = {n(gain)} N·s/m "
+        f"{held}. K above {n(force / layer)} N·s/m or faster adaptation brings it in."
     )
 
 
@@ -63,10 +71,12 @@ def error_within_the_layer(seen: Evidence) -> str | None:
     if seen.scenario.trajectory.bending_feedforward or seen.field("feedback_gain") is None:
         return None
     stiffness = _stiffness(seen, span, layer)
+    if stiffness * slope == 0:
+        return None
     error = _error(span)
     predicted = around.largest_reaction / (stiffness * slope)
     inside = float(np.linalg.norm(span.sliding_variable, axis=1).max()) <= layer
-    if not inside or error < WORTH or not AGREES[0] < error / predicted < AGREES[1]:
+    if not inside or not _agrees(error, predicted):
         return None
     share, limit = ("", "at most") if error <= predicted else ("mostly ", "for a slow motion")
     return (
@@ -80,14 +90,14 @@ def error_within_the_layer(seen: Evidence) -> str | None:
 def error_of_feedback_alone(seen: Evidence) -> str | None:
     """The spring of pd supplies the force of the motion's inertia."""
     span, around, law = seen.steady, seen.background.around, seen.scenario.controller
-    if law.kind != "pd" or span is None or around is None or not seen.moving:
+    gain = seen.field("position_gain")
+    if law.kind != "pd" or not gain or span is None or around is None or not seen.moving:
         return None
     force = np.array([B @ now.desired[2] + now.C.sum(axis=0) @ now.desired[1]
                       for now, B in zip(around.path, around.inertias(), strict=True)])  # fmt: skip
-    gain = seen.field("position_gain") or np.inf
     predicted = float(np.linalg.norm(force[:, :2], axis=1).max()) / gain
     error = _error(span)
-    if error < WORTH or not AGREES[0] < error / predicted < AGREES[1]:
+    if not _agrees(error, predicted):
         return None
     return (
         f"The error of {length(error)} is what the motion's inertia, {n(predicted * gain)} N, stretches the spring P = {n(gain)} "

@@ -87,7 +87,10 @@ def encode_block(samples: Samples) -> bytes:
         "signals": [[name, list(signal.shape[1:])] for name, signal in kept.items()],
         "derived": derived,
     }
-    patterns = np.concatenate([signal.reshape(len(samples), -1).T for signal in kept.values()]).view(np.int64)
+    # Of one order for any number of rows, as for each order the kernel would be compiled.
+    numbers = np.empty((sum(prod(signal.shape[1:]) for signal in kept.values()), len(samples)))
+    np.concatenate([signal.reshape(len(samples), -1).T for signal in kept.values()], out=numbers)
+    patterns = numbers.view(np.int64)
     text = json.dumps(header).encode()
     head = struct.pack("<I", len(text)) + text
     raw = np.empty(len(head) + patterns.nbytes, np.uint8)

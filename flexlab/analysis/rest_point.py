@@ -21,7 +21,7 @@ from flexlab.sim.assembly import build_strains, build_system
 from flexlab.sim.build import build_beam
 from flexlab.sim.closed_loop import System, memory_slice, new_workspace, rates_at, state_length
 from flexlab.sim.motion import law_start, start_controller
-from flexlab.sim.sampled_control import Sampling, control_instant
+from flexlab.sim.sampled_control import Sampling, control_instant, with_kernel
 
 PROBE_PERIOD = 1e-3
 """Control period for a scenario without one, s; the law's answer at an instant does not depend on it."""
@@ -79,10 +79,12 @@ class LoopProbe:
         """Number of components of a displacement."""
         # Over a period of 1 s the change of a continuous law's memory is its rate.
         delay = self.original.controller.input_delay
-        self._sampling = Sampling(
+        sampling = Sampling(
             period=period or 1.0, steps=1, delay=delay, noise=np.zeros(8), gauge_noise=np.zeros((2, 0)),
             strain=build_strains(scenario, self.beam), strain_noise=0.0, seed=0, line=np.zeros((delay + 1, self.arm_count, 3)),
         )  # fmt: skip
+        # Asked for as a sampled run asks for it, `control_instant` is found on disk.
+        self._sampling = with_kernel(sampling, self.system)
         self._workspace = new_workspace(self.system)
         self._y = np.zeros(state_length(self.system))
         self._memory = memory_slice(self.system)

@@ -29,6 +29,9 @@ WHILE_OPEN = "--while-open"
 """Argument of a process that must end when its standard input does, finished or not."""
 
 JOINTS = {"joints.friction.viscous": (1.0, 1.0, 1.0)}
+AXIAL = {"payload.axial_load": "first-order"}
+SHAPED = {"trajectory.shaper": "zvd"}
+"""The first mode of a shaped path asks for the rates alone, as the rest point that every lab looks for does."""
 FURTHER = {"payload.mass_change.factor": 2.0}, {"grips.model": "compliant"}, JOINTS
 """Extensions of the paper's plant: the loop is compiled for each combination, and contains no other extension but axial load."""
 
@@ -66,34 +69,29 @@ def _compile_paper() -> None:
     """The paper's plant with every integrator, and with sampled control; all laws and paths."""
     scenario = Scenario()
     World(scenario).apply(CHANGE)
-    _compile_loops(scenario)
+    _compile_loops(scenario.replace(SHAPED))
     for law in laws().values():
         _ = law.addresses
     for path in paths().values():
         _ = path.address
 
 
-def _compile_joints() -> None:
-    _compile_loops(Scenario().replace(JOINTS))
-    # The first mode of a shaped path asks for the rates alone, as rest points do.
-    World(Scenario().replace({"trajectory.shaper": "zvd"}))
-
-
-def _compile_axial_load() -> None:
-    _compile_loops(Scenario().replace({"payload.axial_load": "first-order"}))
+def _compile_loop(changes: Mapping[str, Any]) -> None:
+    """Every integrator and sampled control, for a plant beyond the paper's."""
+    _compile_loops(Scenario().replace({**changes, **SHAPED}))
 
 
 def _compile_plant(changes: Mapping[str, Any]) -> None:
     """A plant beyond the paper's, with sampled control."""
-    world = World(Scenario().replace({**changes, "controller.control_period": 0.001}))
+    world = World(Scenario().replace({**changes, **SHAPED, "controller.control_period": 0.001}))
     world.run(1)
     world.apply(CHANGE)
 
 
 PARTS: tuple[Callable[[], None], ...] = (
     _compile_paper,
-    _compile_joints,
-    _compile_axial_load,
+    partial(_compile_loop, JOINTS),
+    partial(_compile_loop, AXIAL),
     *(
         partial(_compile_plant, {name: value for part in parts for name, value in part.items()})
         for count in range(1, len(FURTHER) + 1)

@@ -59,6 +59,34 @@ def test_everything_can_be_compiled_beforehand():
     assert all(law.is_loaded for law in laws().values())
 
 
+LATER = """
+import sys
+from pathlib import Path
+
+opened = set()
+sys.addaudithook(lambda event, given: opened.add(Path(str(given[0])).name) if event == "open" else None)
+
+from flexlab.analysis.modes import modes
+from flexlab.presets import load_preset, preset_names
+from flexlab.sim.compile_all import compile_everything
+from flexlab.sim.world import World
+
+compile_everything()
+compiled = set(opened)
+for name in preset_names():
+    World(load_preset(name)).run(1)
+    modes(load_preset(name))
+print(*sorted(name for name in opened - compiled if name.endswith(".nbc")))
+"""
+
+
+@pytest.mark.skipif(PLAIN_PYTHON, reason="nothing is compiled")
+def test_a_lab_with_any_preset_needs_no_more_than_that(tmp_path: Path):
+    """The lab shows the modes of what it runs: that was compiled within it, once on each machine."""
+    done = subprocess.run([sys.executable, "-c", LATER], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
+
+
 @pytest.mark.skipif(PLAIN_PYTHON, reason="nothing is compiled")
 def test_machine_code_of_another_python_or_processor_does_not_count(monkeypatch: pytest.MonkeyPatch):
     """Homes are shared among machines, and outlive a Python. Results are the same everywhere, and so is the engine's name."""

@@ -4,6 +4,7 @@ In a source checkout they are folders beside the package; in an installed wheel 
 """
 
 import atexit
+import logging
 import os
 import shutil
 import tempfile
@@ -32,18 +33,29 @@ def web_assets_folder() -> Path:
 
 
 def user_cache() -> Path:
-    """The user's cache folder."""
+    """The user's cache folder, or one for this process if that cannot be written."""
     given = os.environ.get("XDG_CACHE_HOME")
     try:
-        return Path(given) if given else Path.home() / ".cache"
+        folder = Path(given) if given else Path.home() / ".cache"
     except RuntimeError:  # A container's user may have no home, and no name.
-        return _passing_cache()
+        return _passing_cache("You have no home folder")
+    return folder if _is_writable(folder / "flexlab") else _passing_cache(f"{folder} cannot be written")
+
+
+def _is_writable(folder: Path) -> bool:
+    """Whether this user may make a folder, or write into one that is there."""
+    there = next((each for each in (folder, *folder.parents) if os.path.exists(each)), folder)
+    return there.is_dir() and os.access(there, os.W_OK | os.X_OK)
 
 
 @cache
-def _passing_cache() -> Path:
+def _passing_cache(why: str) -> Path:
     """One for as long as this process runs: machine code in a folder that others could make first would not be safe."""
     folder = Path(tempfile.mkdtemp(prefix="flexlab-cache-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     os.environ["XDG_CACHE_HOME"] = str(folder)  # For processes that this one starts.
+    logging.getLogger("flexlab").warning(
+        "%s: each start compiles the equations of motion anew. Set XDG_CACHE_HOME to a folder that you may write to.",
+        why,
+    )
     return folder

@@ -44,7 +44,8 @@ def replacing(path: Path) -> Iterator[Path]:
     """A draft beside `path` that takes its place when the block is left without an error, at once or not at all."""
     if not path.name:  # The root, or the working directory.
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-    draft = path.with_name(f".{path.name}.{os.getpid()}-{threading.get_ident()}.draft")
+    # Its own name may be as long as names can be.
+    draft = path.with_name(f".{short_hash(path.name)}-{os.getpid()}-{threading.get_ident()}.draft")
     try:
         yield draft
         draft.replace(path)

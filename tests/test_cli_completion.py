@@ -1,14 +1,16 @@
 """`flexlab completion` prints and installs what shells take; the shell then completes commands."""
 
 import os
+import pwd
 import shutil
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
+from typing import NoReturn
 
 import pytest
 
-from flexlab.cli import main
+from flexlab.cli import COMMANDS, main
 
 BASH = shutil.which("bash")
 
@@ -48,3 +50,27 @@ def test_an_unknown_shell_is_one_sentence(flexlab_command: Callable, monkeypatch
     done = flexlab_command("completion")
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == "The shell tcsh is not known: name bash, zsh or fish.\n"
+
+
+def test_who_has_no_home_is_told_so(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+    """As the user of a container may have none, and no name: `completion --install` ended in a traceback."""
+
+    def unknown(number: int) -> NoReturn:
+        raise KeyError(number)
+
+    monkeypatch.delenv("HOME")
+    monkeypatch.setattr(pwd, "getpwuid", unknown)
+    with pytest.raises(SystemExit) as ended:
+        main(["completion", "bash", "--install"])
+    assert ended.value.code == 2
+    assert capsys.readouterr().err == (
+        "You have no home folder: set HOME, or leave out --install and put the script in its place.\n"
+    )
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_offers_no_value_that_means_nothing(command: str, capsys: pytest.CaptureFixture[str]):
+    """`--part {None,plant,…}` and "(default: None)" told what Python has, and not what to write."""
+    with pytest.raises(SystemExit):
+        main([*([] if command == "lab" else [command]), "--help"])
+    assert "None" not in capsys.readouterr().out

@@ -37,6 +37,15 @@ def bits(samples: Samples) -> list[bytes]:
     return [getattr(samples, name).tobytes() for name in Samples.__dataclass_fields__]
 
 
+def test_a_file_may_have_as_long_a_name_as_the_system_takes(flexlab_command: Command, tapped: Path, tmp_path: Path):
+    """Its draft had a longer one."""
+    name = f"{'ü' * 125}y.csv"
+    assert len(name.encode()) == 255
+    out = flexlab_command("export", tapped.stem, "--to", name)
+    assert out.returncode == 0, out.stderr
+    assert (tmp_path / name).is_file()
+
+
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".npz"])
 def test_a_run_comes_back_as_it_went(flexlab_command: Command, tapped: Path, tmp_path: Path, suffix: str):
     out = flexlab_command("export", tapped.stem, "--to", f"out{suffix}")

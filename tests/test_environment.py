@@ -31,6 +31,15 @@ def test_what_a_library_refuses_at_its_start_is_one_sentence(tmp_path: Path, var
     assert f"{variable} = {value}" in said
 
 
+def test_a_folder_of_machine_code_that_cannot_be_written_is_named(monkeypatch: pytest.MonkeyPatch):
+    """Where the package cannot be written either: it was said that numba cannot be loaded, "install numba again"."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "/code")
+    error = RuntimeError("cannot cache function 'reduced': no locator available for file 'elementary.py'")
+    assert refusal(error) == (
+        "Machine code cannot be kept in /code: set NUMBA_CACHE_DIR to a folder that you may write to."
+    )
+
+
 def test_a_library_that_is_broken_is_named(tmp_path: Path):
     (tmp_path / "segno.py").write_text("from os import nothing_of_this_name\n")
     said = refused(done("lab", "--port", "0", "--no-browser", folder=tmp_path))

@@ -1,6 +1,9 @@
 """Where machine code and the viewer are kept, for users with a home and without."""
 
+import os
 import stat
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -24,3 +27,26 @@ def test_who_has_no_home_gets_a_folder_that_nobody_else_can_write(monkeypatch: p
     folder = user_cache()
     assert stat.S_IMODE(folder.stat().st_mode) == 0o700
     assert user_cache() == folder, "for this process, and those that it starts"
+
+
+# Root may write into every folder.
+@pytest.mark.parametrize("place", ["a file", *(["a folder that cannot be written"] if os.getuid() else [])])
+def test_a_home_that_cannot_be_written_does_not_keep_flexlab_from_running(tmp_path: Path, place: str):
+    """Services and containers have such homes; numba was said to be broken: "install numba again"."""
+    home = tmp_path / "home"
+    if place == "a file":
+        home.write_text("")
+    else:
+        home.mkdir(mode=0o555)
+    environment = {
+        name: value for name, value in os.environ.items() if name not in ("XDG_CACHE_HOME", "NUMBA_CACHE_DIR")
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", "import flexlab.sim.simulate"],
+        env={**environment, "HOME": str(home)}, cwd="/", capture_output=True, text=True,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (0, "")
+    assert done.stderr == (
+        f"{home}/.cache cannot be written: each start compiles the equations of motion anew. "
+        "Set XDG_CACHE_HOME to a folder that you may write to.\n"
+    )

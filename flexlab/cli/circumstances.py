@@ -11,6 +11,8 @@ from flexlab.text import visible
 
 NO_HANDLES = (errno.EMFILE, errno.ENFILE)
 OWN = "flexlab"
+UNWRITABLE = "no locator available"
+"""Numba's words where machine code cannot be kept."""
 NEAR = 10
 """Lines up to the one that failed in which the variable that it could not use is named."""
 LONGEST_REASON, LONGEST_VALUE = 200, 60
@@ -23,6 +25,11 @@ def refusal(error: Exception) -> str | None:
         return "No memory is left: close other programs, or allow more (ulimit -v)."
     if isinstance(error, OSError) and error.errno in NO_HANDLES:
         return f"{error.strerror}: close other programs, or allow more (ulimit -n)."
+    if UNWRITABLE in str(error):
+        from flexlab.assets import user_cache
+
+        place = os.environ.get("NUMBA_CACHE_DIR") or user_cache()
+        return f"Machine code cannot be kept in {place}: set NUMBA_CACHE_DIR to a folder that you may write to."
     return _unloadable(error)
 
 

@@ -29,7 +29,7 @@ PLACES = {
 
 def command(
     shell: tyro.conf.Positional[
-        Annotated[Shell | None, option("The shell; without it, yours as $SHELL says.", "[bash|zsh|fish]", default=None)]
+        Annotated[Shell | None, option("The shell; without it, yours as $SHELL says.", "[bash|zsh|fish]")]
     ] = None,
     install: Annotated[bool, option("Write it where the shell looks for it, in your home folder.")] = False,
 ) -> None:
@@ -42,7 +42,12 @@ def command(
         output().out(script, end="")
         return
     place, then = PLACES[chosen]
-    target = Path.home() / place
+    try:
+        target = Path.home() / place
+    except RuntimeError:  # As in a container.
+        raise StudyError(
+            "You have no home folder: set HOME, or leave out --install and put the script in its place."
+        ) from None
     with writable(target, "choose another home folder"):
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_text(script, encoding="utf-8")

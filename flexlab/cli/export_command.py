@@ -28,9 +28,13 @@ def command(
     end: Annotated[float | None, option("Leave out what is later, s.", "S")] = None,
     part: Annotated[
         Literal["plant", "law", "loop", "follower"] | None,
-        option("Of an .fmu: arms and beam, law and path, all of it, or all but the path.", default="(plant)"),
+        option(
+            "Of an .fmu: arms and beam, law and path, all of it, or all but the path.",
+            "plant|law|loop|follower",
+            default="(plant)",
+        ),
     ] = None,
-    fmi: Annotated[Literal[2, 3] | None, option("Of an .fmu: version of the standard.", default="(3)")] = None,
+    fmi: Annotated[Literal[2, 3] | None, option("Of an .fmu: version of the standard.", "2|3", default="(3)")] = None,
     logs: Logs = LOGS,
 ) -> None:
     """Write all signals of RUN as a table, or its figures, or both; or RUN as one page, or as one archive.

@@ -57,6 +57,28 @@ def test_metrics_that_an_earlier_version_noted_are_measured_again(run: Run, tmp_
     assert read_notes(path)["metrics"]["Vibration below 1 % after [s]"] == pytest.approx(0.44, abs=0.005)
 
 
+def test_another_file_under_a_runs_name_is_measured_anew_and_a_mended_or_copied_one_is_not(tmp_path: Path) -> None:
+    """The library told the metrics, the changes and the length of the file that had the name before."""
+    old, new = (simulate(load_preset(name), duration=0.2 + k) for k, name in enumerate(("paper", "soft-beam")))
+    path, other = write_run(old, tmp_path, "paper"), write_run(new, tmp_path, "soft-beam")
+    note_missing_metrics(tmp_path)
+    write_notes(path, note="the first", keep=True)
+    before, expected = read_row(path), read_row(other)
+    os.utime(path, (1e9, 1e9))
+    assert read_row(path).metrics == before.metrics, "a copy is younger"
+    os.utime(other, (1.5e9, 1.5e9))
+    other.replace(path)
+    row = read_row(path)
+    assert (row.metrics, row.duration, row.changes, row.status) == ({}, None, (), "")
+    assert (row.note, row.kept) == ("the first", True)
+    assert note_missing_metrics(tmp_path) == 1
+    assert (read_row(path).metrics, read_row(path).duration) == (expected.metrics, expected.duration)
+    assert read_row(path).note == "the first"
+    path.write_bytes(path.read_bytes() + bytes(8))
+    os.utime(path, (1.5e9, 1.5e9))
+    assert read_row(path).metrics == expected.metrics, "a mended file keeps its time"
+
+
 def test_a_run_that_has_not_settled_is_noted_as_such(tmp_path: Path) -> None:
     short = simulate(load_preset("paper"), duration=0.2)
     assert note_metrics(write_run(short, tmp_path, "paper"))["metrics"]["Vibration below 1 % after [s]"] is None

@@ -1,7 +1,5 @@
 """flexlab: two planar arms carry a flexible beam, simulated, controlled, seen live and recorded."""
 
-from typing import Any
-
 __version__ = "0.3.0"
 
 with open(f"{__file__}i", encoding="utf-8") as _stub:
@@ -11,7 +9,7 @@ with open(f"{__file__}i", encoding="utf-8") as _stub:
 __all__ = ["__version__", *sorted(_HOMES)]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     if name not in _HOMES:
         raise AttributeError(f"module 'flexlab' has no attribute {name!r}")
     from importlib import import_module

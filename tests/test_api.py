@@ -13,6 +13,7 @@ from exported import export_run
 import flexlab
 from flexlab.errors import FlexlabError, PresetError, RecordingError, ScenarioError, StudyError
 from flexlab.presets import scenario_text
+from flexlab.sim.commands import Tap
 
 
 def test_a_scenario_is_a_name_a_file_a_value_or_plain_data(tmp_path: Path):
@@ -129,6 +130,24 @@ def test_dir_and_all_are_complete():
         assert getattr(flexlab, name) is not None
     with pytest.raises(AttributeError, match="no attribute 'simulat'"):
         _ = flexlab.simulat  # type: ignore[attr-defined]
+
+
+def test_tab_offers_no_name_that_is_not_flexlabs():
+    assert not {"Any", "annotations"} & set(dir(flexlab))
+
+
+def test_results_can_be_compared_and_counted():
+    """A comparison of two raised "the truth value of an array is ambiguous", and none could be in a set."""
+    run = flexlab.simulate("paper", 0.3)
+    tapped = flexlab.simulate("paper", 0.6, commands=[(0.1, Tap(0.0, (0.0, 0.05)))])
+    for first, second in (
+        (flexlab.modes("paper"), flexlab.modes("paper")),
+        (flexlab.compare(run, tapped), flexlab.compare(run, tapped)),
+        (flexlab.fit(tapped), flexlab.fit(tapped)),
+    ):
+        assert first == first
+        assert first != second
+        assert len({first, second, first}) == 2
 
 
 def test_type_checkers_see_the_public_names(root: Path, tmp_path: Path):

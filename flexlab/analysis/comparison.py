@@ -35,7 +35,7 @@ MOST_COMMANDS = 3
 SAME = "All runs started from the same scenario."
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Comparison(Result):
     """A comparison of the runs A, B, C… in the given order."""
 

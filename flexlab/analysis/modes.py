@@ -103,7 +103,7 @@ POSE, MEMORY, ON_THEIR_WAY = "pose", "law's memory", "torques on their way"
 """Origins of poles besides the beam's modes."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Modes:
     """Modes in ascending frequency; n_m modes, n_q nodal coordinates, arrays read-only. `print` shows a table."""
 

@@ -4,6 +4,7 @@ A text is part of the scenario (`controller.source`, `trajectory.source`), so th
 complete. A scenario with a text makes its declaration known; the text runs only if it was allowed in this process.
 """
 
+import threading
 import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -32,6 +33,9 @@ K = TypeVar("K", bound=Law | Path)
 MODELS_KEPT = 32
 """Texts whose models are kept: to make one takes longer than to make a world, and pydantic may drop a Ctrl-C meanwhile."""
 
+ADDING = threading.RLock()
+"""Held while a law or path becomes known, and while a scenario is read: until then no scenario can have it."""
+
 
 def source_field(source: str, word: str) -> Any:
     """The model's field for the text of a law or a path."""
@@ -59,6 +63,11 @@ class OwnKinds(Generic[K]):
     def add(self, source: str, file: str) -> K:
         """Make a file's law or path known in place of an earlier text, and let it run. Raises `ScenarioError`."""
         own: Any = self.read(source, file, "")
+        with ADDING:
+            self._add(own, source, file)
+        return own
+
+    def _add(self, own: Any, source: str, file: str) -> None:
         known = self.registry.all().get(own.kind)
         if known is not None and not isinstance(known, self.sort):
             text = (
@@ -71,7 +80,6 @@ class OwnKinds(Generic[K]):
         hosts.allow(source, file)
         if known is None or default_source(known) != source:
             self.registry.add(own, instead=True)
-        return own
 
     def known(self) -> list[K]:
         """All known ones in Python."""
@@ -101,13 +109,14 @@ class OwnKinds(Generic[K]):
         """
         named = hosts.file_of(source)
         own: Any = self.read(source, named or f"the {self.word} of this scenario", "")
-        for kind in (own.kind, f"{own.kind}-{short_hash(source)[:6]}"):
-            known: Any = self.registry.all().get(kind)
-            if known is None:
-                self.registry.add(own if kind == own.kind else self.read(source, named or kind, kind))
-                return kind
-            if isinstance(known, self.sort) and known.declaration == own.declaration:
-                return kind
+        with ADDING:
+            for kind in (own.kind, f"{own.kind}-{short_hash(source)[:6]}"):
+                known: Any = self.registry.all().get(kind)
+                if known is None:
+                    self.registry.add(own if kind == own.kind else self.read(source, named or kind, kind))
+                    return kind
+                if isinstance(known, self.sort) and known.declaration == own.declaration:
+                    return kind
         return own.kind
 
     def model(

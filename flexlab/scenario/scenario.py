@@ -12,6 +12,7 @@ from flexlab.control.laws.adaptive_sliding_mode import AdaptiveSlidingMode
 from flexlab.control.path import Trajectory, on_new_path, paths
 from flexlab.control.paths.sine import SineTrajectory
 from flexlab.errors import ScenarioError
+from flexlab.own.kinds import ADDING
 from flexlab.own.law import OwnController, with_known_law
 from flexlab.own.path import OwnTrajectory, with_known_path
 from flexlab.quantities import Number, Numbers, Part, Quantity, Triple, describe, either, quantity
@@ -200,7 +201,8 @@ class Scenario(Part):
                 if not isinstance(old, Part) or isinstance(old, (OwnController, OwnTrajectory)):
                     return None
                 parts[name] = type(old).model_validate(data[name])
-            return Scenario.model_validate(self.model_copy(update=parts))
+            with ADDING:
+                return Scenario.model_validate(self.model_copy(update=parts))
         except (ValidationError, PydanticCustomError):
             return None
 
@@ -270,7 +272,8 @@ def parse_scenario(data: Any) -> Scenario:
         raise ScenarioError([("", f"A scenario is a JSON object with named fields, not {type(data).__name__}.")])
     data = _without_file_fields(cast("Mapping[str, Any]", data))
     try:
-        return Scenario.model_validate(with_known_path(with_known_law(in_present_terms(data))))
+        with ADDING:
+            return Scenario.model_validate(with_known_path(with_known_law(in_present_terms(data))))
     except ValidationError as error:
         found = error.errors(include_url=False)
         problems = [problem(Scenario, item) for item in found[:MOST_PROBLEMS]]

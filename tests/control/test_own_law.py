@@ -1,9 +1,11 @@
 """Control laws in plain Python: the numbers of built-in ones, here and in a process of their own, and all that goes wrong."""
 
 import re
+import sys
+import threading
 import time
 import warnings
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -399,3 +401,24 @@ def test_a_file_may_hold_a_kernel_instead():
     run = flexlab.simulate("paper", 0.1, law=Path(__file__).parent / "own_laws" / "leaky_integral.py")
     assert run["asked_work"].shape == (101,)
     forget_law("leaky-integral")
+
+
+def test_threads_that_bring_one_new_law_all_get_it(tmp_path: Path):
+    """A thread that found the law known before scenarios could have it was told that it "is not one of" them."""
+    load_preset("paper")
+    begin = threading.Barrier(4)
+    switching = sys.getswitchinterval()
+    sys.setswitchinterval(1e-5)
+    try:
+        for number in range(6):
+            file = tmp_path / f"law_{number}.py"
+            file.write_text(PD.replace("OwnPD", f"OwnPD{number}"), encoding="utf-8")
+
+            def with_law(_: int, file: Path = file) -> Scenario:
+                begin.wait()
+                return load_preset("paper").replace({"controller.kind": law_kind(file)})
+
+            with ThreadPoolExecutor(4) as threads:
+                assert len(set(threads.map(with_law, range(4)))) == 1
+    finally:
+        sys.setswitchinterval(switching)

@@ -38,7 +38,7 @@ UNTOLD = "paper"
 """The preset for a measurement without a scenario."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Fit(Result):
     """The ring in some samples, and the beam that rings alike."""
 

@@ -278,13 +278,14 @@ def _hold(probe: LoopProbe, z: np.ndarray, desired: np.ndarray) -> tuple[Motion,
     weight = probe.forces(straight, np.zeros(3 * probe.arm_count))[3:]
     motion = straight._replace(eta=weight / probe.beam.modes.omega**2)
     torque = np.zeros(3 * probe.arm_count)
-    # A law may use the torques in force, and they load the beam: iterate until all agree.
+    # A law may use the torques in force, they load the beam, and its bend enters their force along it: iterate until all agree.
     for _ in range(MOST_ROUNDS):
-        before, torque = torque, probe.answer(motion, memory, desired, torque)[0]
+        bent, before, torque = motion.eta, torque, probe.answer(motion, memory, desired, torque)[0]
         if probe.feels_axial_load:
             stiffness = np.diag(probe.beam.modes.omega**2) + probe.axial_stiffness(motion, torque)
             motion = straight._replace(eta=np.linalg.solve(stiffness, weight))
-        if np.abs(torque - before).max() <= BALANCED * BALANCED * (1 + np.abs(torque).max()):
+        settled = np.abs(motion.eta - bent).max() <= BALANCED * np.abs(bent).max()
+        if settled and np.abs(torque - before).max() <= BALANCED * BALANCED * (1 + np.abs(torque).max()):
             break
     return motion, torque
 

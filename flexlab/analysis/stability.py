@@ -24,6 +24,9 @@ DEADBEAT = 1e-5
 NEUTRAL = 1e-3
 """Growth, 1/s, below which a pole counts as neutral: above all rounding, and less than 6 % in a minute."""
 
+INTERNAL = 1e-9
+"""Share of the plant's input below which what internal forces do to the beam is rounding."""
+
 
 class Poles(NamedTuple):
     """Poles by magnitude."""
@@ -41,14 +44,28 @@ def beam_scale(linear: Linearization) -> np.ndarray:
     return np.concatenate([np.ones(3), linear.omega, np.ones(3 + n)])
 
 
-def held_plant(linear: Linearization, period: float | None) -> tuple[np.ndarray, np.ndarray]:
-    """A and B of the scaled state under generalised forces on the pose (3,), of dz/dt or over a period of held forces.
+def acting(linear: Linearization) -> tuple[np.ndarray, np.ndarray]:
+    """The plant's input as a product: generalised forces by what acts, (n, acting), and that by joint torques, (acting, torques).
 
-    The forces of late motors are part of the state, behind (x, Ωη, ẋ, η̇).
+    Torques act as three forces on the pose. The arms' internal forces act only where a beam that is bent at rest feels the force
+    along it: then there are more rows.
+    """
+    to_pose, to_beam = linear.plant.input[:3], linear.plant.input[3:]
+    by_pose = to_beam @ np.linalg.pinv(to_pose)
+    shapes, sizes, rows = np.linalg.svd(to_beam - by_pose @ to_pose)
+    further = int(np.sum(sizes > INTERNAL * np.linalg.norm(linear.plant.input)))
+    forces = np.block([[np.eye(3), np.zeros((3, further))], [by_pose, shapes[:, :further] * sizes[:further]]])
+    return forces, np.vstack([to_pose, rows[:further]])
+
+
+def held_plant(linear: Linearization, period: float | None) -> tuple[np.ndarray, np.ndarray]:
+    """A and B of the scaled state under what `acting` names, of dz/dt or over a period of held torques.
+
+    What late motors give is part of the state, behind (x, Ωη, ẋ, η̇).
     """
     A, _ = first_order(linear.plant)
-    n = len(linear.plant.mass)
-    force = np.vstack([np.zeros((n, 3)), np.linalg.solve(linear.plant.mass, np.eye(n)[:, :3])])
+    forces, _ = acting(linear)
+    force = np.vstack([np.zeros_like(forces), np.linalg.solve(linear.plant.mass, forces)])
     scale = beam_scale(linear)
     A, force = A * scale[:, None] / scale, force * scale[:, None]
     A, force = with_lag(A, force, linear.probe.original.joints.motor.time_constant)
@@ -69,7 +86,12 @@ def with_lag(A: np.ndarray, B: np.ndarray, time_constant: float) -> tuple[np.nda
 def by_state(linear: Linearization, by_motion: np.ndarray) -> np.ndarray:
     """Derivatives by (x, η, ẋ, η̇), (rows, 2 n), as derivatives by the state of `held_plant`; motors' forces are not measured."""
     scaled = by_motion / beam_scale(linear)
-    return np.hstack([scaled, np.zeros((len(scaled), 3 * (linear.probe.original.joints.motor.time_constant > 0)))])
+    return np.hstack([scaled, np.zeros((len(scaled), late_count(linear)))])
+
+
+def late_count(linear: Linearization) -> int:
+    """Number of states of late motors."""
+    return len(acting(linear)[1]) * (linear.probe.original.joints.motor.time_constant > 0)
 
 
 def kept_memory(linear: Linearization) -> np.ndarray:
@@ -91,28 +113,28 @@ def loop_map(linear: Linearization) -> np.ndarray:
     controller = linear.probe.original.controller
     period, kept = controller.control_period, kept_memory(linear)
     A, B = held_plant(linear, period)
-    # Torques act on the plant as three forces on the pose; the arms' internal forces have no effect.
-    to_pose = linear.plant.input[:3]
-    answer = np.hstack([by_state(linear, to_pose @ law.motion[:torques]), to_pose @ law.memory[:torques, kept]])
+    _, effect = acting(linear)
+    answer = np.hstack([by_state(linear, effect @ law.motion[:torques]), effect @ law.memory[:torques, kept]])
     rows = torques + kept
     memory = np.hstack([by_state(linear, law.motion[rows]), law.memory[np.ix_(rows, kept)]])
     states, k = len(A), len(kept)
     if period is None:
         return np.vstack([np.hstack([A, np.zeros((states, k))]) + B @ answer, memory])
     delay = controller.input_delay
-    # Torques, too, enter as forces on the pose; for a law that uses torques, those held until now are states.
-    line = np.kron(np.eye(delay + 1), np.linalg.pinv(to_pose)) if law.line.shape[1] else np.zeros((0, 3 * delay))
+    # Torques, too, enter by their effect; for a law that uses torques, those held until now are states.
+    count = len(effect)
+    line = np.kron(np.eye(delay + 1), np.linalg.pinv(effect)) if law.line.shape[1] else np.zeros((0, count * delay))
     own, size = states + k, states + k + line.shape[1]
     matrix = np.zeros((size, size), dtype=answer.dtype)
     matrix[:states, :states] = A
     matrix[states:own, :own] = memory + np.eye(k, own, states)
     matrix[states:own, own:] = law.line[rows] @ line
-    asked = np.hstack([answer, to_pose @ law.line[:torques] @ line])
-    held = np.eye(3, size, size - 3 * delay) if delay else asked
+    asked = np.hstack([answer, effect @ law.line[:torques] @ line])
+    held = np.eye(count, size, size - count * delay) if delay else asked
     matrix[:states] += B @ held
     if size > own:
-        matrix[own:-3, own + 3 :] = np.eye(size - own - 3)
-        matrix[-3:] = asked
+        matrix[own:-count, own + count :] = np.eye(size - own - count)
+        matrix[-count:] = asked
     return matrix
 
 
@@ -124,7 +146,7 @@ def find_poles(linear: Linearization) -> Poles:
     share = product / np.maximum(product.sum(axis=1, keepdims=True), np.finfo(float).tiny)
     groups = np.zeros((len(value), linear.probe.mode_count + 3))
     n = linear.probe.mode_count
-    late = 6 + 2 * n + 3 * (linear.probe.original.joints.motor.time_constant > 0)
+    late = 6 + 2 * n + late_count(linear)
     own = late + len(kept_memory(linear))
     groups[:, 0] = share[:, :3].sum(axis=1) + share[:, 3 + n : 6 + n].sum(axis=1)
     groups[:, 1 : 1 + n] = share[:, 3 : 3 + n] + share[:, 6 + n : 6 + 2 * n]
@@ -214,7 +236,7 @@ def _torque_loop(linear: Linearization, rates: np.ndarray) -> np.ndarray:
     """H(ω), joint torques that the law asks for by those in force, (rates, arms · 3, arms · 3)."""
     controller, law, torques = linear.probe.original.controller, linear.law, linear.torque_count
     period, kept = controller.control_period, kept_memory(linear)
-    A, B = held_plant(linear, period)
+    (A, B), (_, effect) = held_plant(linear, period), acting(linear)
     triangle, basis = complex_schur(A)
     force = basis.conj().T @ B
     answer = by_state(linear, law.motion[:torques]) @ basis
@@ -234,11 +256,11 @@ def _torque_loop(linear: Linearization, rates: np.ndarray) -> np.ndarray:
             slope = z if period is None else z - 1
             told = np.hstack([memory_in @ motion, ago[torques + kept]])
             through = memory_out @ np.linalg.solve(slope * np.eye(len(kept)) - memory_own, told)
-            asked, known = asked + through[:, :3], known + through[:, 3:]
+            asked, known = asked + through[:, : len(effect)], known + through[:, len(effect) :]
         if seen.shape[1]:
             asked = np.linalg.solve(np.eye(torques) - known, asked)
         late = 1.0 if period is None else z**-controller.input_delay
-        result[k] = late * asked @ linear.plant.input[:3]
+        result[k] = late * asked @ effect
     return result
 
 

@@ -262,13 +262,14 @@ def may_touch(request: web.Request, row: RunRow) -> bool:
 
 
 async def runs_for(request: web.Request, most: int | None = None) -> list[RunRow]:
-    """The runs that the visitor may see, newest first, or the newest `most`."""
+    """The runs that the visitor may see, or the `most` that were written last: those that began last come first."""
     logs = context_of(request).settings.logs
 
     def found() -> Iterator[RunRow]:
         return (row for row in read_rows(list_files(logs)) if may_touch(request, row))
 
-    return await asyncio.to_thread(lambda: list(islice(found(), most)))
+    rows = await asyncio.to_thread(lambda: list(islice(found(), most)))
+    return sorted(rows, key=lambda row: row.started, reverse=True)
 
 
 async def run_for(request: web.Request, run: str) -> RunRow:

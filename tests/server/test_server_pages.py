@@ -1,5 +1,6 @@
 """The pages of a server, asked for without a browser."""
 
+import os
 import re
 import shutil
 from collections.abc import Callable
@@ -158,6 +159,20 @@ def test_runs_are_measured_when_somebody_looks(open_another: Callable[..., Front
     assert value > 1
     assert f"{value:.4g}</td>" in ask(front_server.url, "/runs").text
     assert "Vibration below 1 % after [s]" in ask(front_server.url, f"/runs/{file.stem}").text
+
+
+def test_copied_runs_are_listed_by_when_they_began_as_the_column_says(
+    open_another: Callable[..., FrontServer], recorded: Path
+):
+    """A copy is younger than its original: the table stood in the order of the copies."""
+    front_server = open_another()
+    logs = front_server.settings.logs
+    for age, day in ((3, "02"), (1, "01"), (2, "03")):
+        file = logs / f"2026-01-{day}T00-00-00-run.rrd"
+        shutil.copy(recorded, file)
+        os.utime(file, (1e9 - age, 1e9 - age))
+    found = re.findall(r'href="/runs/(2026-01-\d\d)', ask(front_server.url, "/runs").text)
+    assert list(dict.fromkeys(found)) == ["2026-01-03", "2026-01-02", "2026-01-01"]
 
 
 def test_many_runs_are_listed(open_another: Callable[..., FrontServer], recorded: Path):

@@ -15,7 +15,7 @@ class Lab:
     """A live lab of a scenario: `with flexlab.Lab("soft-beam") as lab: display(lab)`, until the block ends or `close()`.
 
     Takes the scenario, law and path that `simulate` takes. The lab serves this machine only, on any free port; `url` opens it in
-    a browser, and `runner` takes commands. Raises `LabError` if it cannot be started.
+    a browser, and `session.runner` takes commands. Raises `LabError` if it cannot be started.
     """
 
     def __init__(

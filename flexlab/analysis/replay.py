@@ -83,8 +83,8 @@ class Replay(Result):
 
     @property
     def agrees(self) -> bool:
-        """Whether replay and recording agree."""
-        return self.difference is None
+        """Whether replay and recording agree, in one sample at least."""
+        return self.difference is None and self.compared > 0
 
     @property
     def identical(self) -> bool:
@@ -116,6 +116,8 @@ def replay(recording: Recording, seen: Callable[[float], None] = lambda time: No
             text = f"The replay stopped at t = {late:g} s, before the recording's end."
             return result(done, difference, text + _why_stopped(repetition.world))
         seen(float(recorded.time[-1]))
+    if done == 0:
+        return result(0, None, "The recording has no samples: there was nothing to compare.")
     left_out = _left_out(recording, absent)
     if rounding is None or rounding.same_bits:
         return result(done, None, f"All {done} samples came out again, bit for bit.{left_out}")

@@ -162,6 +162,14 @@ def test_a_forgotten_command_is_found(recording: Recording) -> None:
     assert found.difference.time == pytest.approx(tap.time + 0.001, abs=1e-9)
 
 
+def test_a_recording_that_has_lost_its_samples_did_not_come_out_again(recording: Recording) -> None:
+    """ "All 0 samples came out again, bit for bit" was said of a recording that breaks off before its first one."""
+    found = replay(having(recording, recording.samples.slice(0, 0)))
+    assert found.text == "The recording has no samples: there was nothing to compare."
+    assert not found.agrees
+    assert not found.identical
+
+
 def test_a_gap_is_left_out(recording: Recording) -> None:
     keep = np.r_[0:100, 250 : len(recording.samples)]
     samples = replace(recording.samples, **{n: getattr(recording.samples, n)[keep] for n in vars(recording.samples)})

@@ -289,6 +289,21 @@ rate of two readings: physics/sensors.py
 lag of the rate in the linear model: analysis/linearization.py
     law.memory, -by_rate
     law.memory, by_rate
+acceleration in the axial load that a law believes in: control/observers/believed_plant.py
+    load[0] * G0 + load[1] * G1
+    load[0] * G0 - load[1] * G1
+weight in the axial load that a law believes in: control/observers/believed_plant.py
+    * law.model.linear_density_factor * payload.length
+    / law.model.linear_density_factor * payload.length
+leg that does not reach its speed: control/paths/waypoints.py
+    - 3 * rising) / 2
+    + 3 * rising) / 2
+leg that reaches no limit but its jerk: control/paths/waypoints.py
+    _cube_root(0.5 / jerk)
+    _cube_root(2.0 / jerk)
+damping for which a shaper is made: sim/target.py
+    np.clip(-value.real[place]
+    np.clip(value.real[place]
 """
 """Name and file of each error; below, what is right and what is wrong."""
 

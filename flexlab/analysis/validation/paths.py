@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from flexlab.analysis.modes import modes, rings_of
 from flexlab.analysis.validation.check import Check, Runs, alike, below, close, run_of, subject
 from flexlab.analysis.validation.mass_points import MassPoints
 from flexlab.control.motion import poses
@@ -78,6 +79,7 @@ def paths_and_shapers(_: Runs) -> Iterator[Check]:
     shaped = {"smooth_start": 0.8, "shaper": "zvd", "shaper_frequency": 9.0}
     yield from _rates("a sine with smooth start and shaper", times, "sine", **shaped)
     yield from _waypoints()
+    yield from _legs()
     yield from _table()
     yield from _smooth_start(times)
     yield from _shapers(times)
@@ -126,6 +128,37 @@ def _waypoints() -> Iterator[Check]:
         yield close(f"waypoints: largest {words} is its limit", limit, np.abs(values).max(), unit, relative=1e-6)
 
 
+LEGS: dict[str, tuple[float, float, float, Callable[[float, float, float, float], float]]] = {
+    "its largest speed and acceleration": (0.4, 3.0, 40.0, lambda way, v, a, j: way / v + v / a + a / j),
+    "its largest speed alone": (0.1, 3.0, 40.0, lambda way, v, a, j: way / v + 2 * np.sqrt(v / j)),
+    "its largest acceleration alone": (
+        4.0,
+        3.0,
+        40.0,
+        lambda way, v, a, j: a / j + np.sqrt((a / j) ** 2 + 4 * way / a),
+    ),
+    "neither": (4.0, 30.0, 40.0, lambda way, v, a, j: 4 * np.cbrt(way / (2 * j))),
+}
+"""What a leg reaches → limits of speed, acceleration and jerk, and its shortest duration, s, by its length and these.
+
+Biagiotti, Melchiorri: Trajectory Planning for Automatic Machines and Robots (2008), 3.4.
+"""
+WAY = 0.3
+"""Length of such a leg, m."""
+
+
+def _legs() -> Iterator[Check]:
+    for words, (*limits, duration) in LEGS.items():
+        along = dict(zip(("velocity_limit", "acceleration_limit", "jerk_limit"), limits, strict=True))
+        path, motion = _motion("waypoints", points=((0.0, 0.75, 0.0), (WAY, 0.75, 0.0)), **along)
+        shortest = duration(WAY, *limits)
+        yield close(
+            f"waypoints: duration of a leg that reaches {words}", shortest, float(path.end), "s", relative=1e-12
+        )
+        last = poses(motion, [float(path.end) - 1e-9])[0, 0, 0]
+        yield close("and its end, a nanosecond before", WAY, last, "m", absolute=1e-12)
+
+
 def _table() -> Iterator[Check]:
     t = np.linspace(0, 1.5, 31)
     given = np.column_stack([t, 0.1 * np.sin(3 * t), 0.75 + 0.05 * np.cos(4 * t), 0.2 * np.sin(2 * t)])
@@ -167,8 +200,10 @@ def _shapers(times: np.ndarray) -> Iterator[Check]:
             exact = abs(RESIDUALS[shaper](np.cos(np.pi * ratio / 2)))
             yield close(statement, exact, _left(shaper, ratio), absolute=1e-9)
     scenario = load_preset("paper").replace({"trajectory.shaper": "zv"})
-    late = float(build_trajectory(scenario).impulses[1, 1])
+    (first, _), (second, late) = build_trajectory(scenario).impulses
     yield close("a shaper is made for the closed loop's first mode, 45.5 Hz", 45.5, 0.5 / late, "Hz", relative=2e-3)
+    decay = np.exp(rings_of(modes(scenario))[1].rate * late)
+    yield close("and for its decay in the loop: second impulse over the first", decay, second / first, relative=1e-6)
 
 
 def _left(shaper: str, ratio: float) -> float:

@@ -10,6 +10,7 @@ from flexlab.analysis.modes import modes
 from flexlab.analysis.validation.check import STILL, Check, Runs, above, alike, below, close, run_of, subject
 from flexlab.analysis.validation.mass_points import MassPoints, slopes
 from flexlab.analysis.validation.paper import paper_law
+from flexlab.control.observers.believed_plant import believed_plant
 from flexlab.physics.sensors import strain_rows
 from flexlab.presets import load_preset
 from flexlab.sim.samples import Run
@@ -41,6 +42,7 @@ def sampled_loop(runs: Runs) -> Iterator[Check]:
     yield from _gauges()
     yield from _observer()
     yield from _regulator()
+    yield from _believed_load()
     changes = {
         "payload.element_count": 8,
         "payload.damping.coefficient": 0.0,
@@ -210,3 +212,24 @@ def _regulator() -> Iterator[Check]:
     wanted, found = -state[acting] @ gain.T, run.arm_input.sum(axis=1)[acting + 1]
     statement = "lqr asks for -K z of its own Riccati equation, z as it will be when the torques act: relative error"
     yield alike(statement, 0.02, found, wanted)
+
+
+def _believed_load() -> Iterator[Check]:
+    """The stiffness from the steady axial force that a linear law believes in, beside that of such a payload held at rest."""
+    heavier, tilted = 1.3, {"kind": "hold", "pose": (0.0, 0.75, 0.4)}
+    at_rest = {"payload.axial_load": "first-order", "gravity": 9.81, "trajectory": tilted, "initial.pose": None}
+    law = {"wanted_internal_force": 40.0, "load_share": 0.3}
+    holding = {"kind": "computed-torque", "position_gain": 1e6, **law}
+    model = {"linear_density_factor": heavier, "axial_load": "first-order"}
+    paper = load_preset("paper").replace(at_rest)
+    held = modes(
+        paper.replace({"controller": holding, "payload.linear_density": heavier * paper.payload.linear_density})
+    ).linearization
+    assert held is not None
+    believing = {"kind": "lqr", "control_period": PERIOD, "model": model, **law}
+    told = believed_plant(paper.replace({"controller": believing}), len(held.omega), ())
+    order = np.argsort(held.omega)
+    wanted = held.probe.axial_stiffness(held.rest.motion, held.rest.torque)[np.ix_(order, order)]
+    found = told.stiffness - np.diag(told.omega**2)
+    error = np.abs(found - wanted).max() / np.abs(wanted).max()
+    yield below("the axial load that lqr believes in stiffens its modes as at rest: relative error", 1e-3, error)

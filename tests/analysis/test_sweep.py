@@ -21,6 +21,8 @@ from flexlab.analysis.metrics.metric import forget
 from flexlab.analysis.sweep.axes import parse_axes
 from flexlab.analysis.sweep.figures import pareto_front, write_figures
 from flexlab.analysis.sweep.plan import BEAMS, make_plan, run_part
+from flexlab.analysis.sweep.result import run_sweep
+from flexlab.analysis.workers import chosen_workers
 from flexlab.errors import FlexlabError, ScenarioError, StudyError
 from flexlab.presets import load_preset
 
@@ -208,6 +210,21 @@ def test_the_same_sweep_is_not_computed_twice_and_needs_no_folder(tmp_path: Path
     assert again.folder == first.folder
     assert again.folder.parent == Path("sweeps")
     assert (again.folder / "cells.parquet").stat().st_mtime_ns == stamp
+
+
+def test_two_who_compute_one_sweep_at_once_both_get_it(tmp_path: Path):
+    """The slower one was told that the folder cannot be written, as the other had removed the parts."""
+    plan = make_plan(load_preset("paper"), axes("gravity=0,1,2"), 0.02, 0.001)
+    others = []
+
+    def meanwhile(done: int, total: int | None) -> None:
+        if not others:
+            others.append(None)
+            others.append(run_sweep(plan, tmp_path, chosen_workers(1)))
+
+    swept = run_sweep(plan, tmp_path, chosen_workers(1), meanwhile)
+    assert swept.table.equals(others[1].table)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["cells.parquet", "sweep.json"]
 
 
 def other_table(file: Path) -> None:

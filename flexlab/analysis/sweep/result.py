@@ -107,8 +107,10 @@ def read_part(folder: Path, plan: Plan, cells: range) -> dict[str, list[Any]] | 
 def save_part(folder: Path, plan: Plan, cells: Sequence[Cell]) -> None:
     """Write a part, whole or not at all. Raises `StudyError`."""
     part = part_file(folder, range(cells[0].number, cells[-1].number + 1))
-    with writable(folder, ADVICE), replacing(part) as draft:
-        parquet.write_table(to_table(plan, cells), draft)
+    with writable(folder, ADVICE):
+        part.parent.mkdir(exist_ok=True)  # The same sweep, computed twice at once, may have been finished.
+        with replacing(part) as draft:
+            parquet.write_table(to_table(plan, cells), draft)
 
 
 def run_sweep(plan: Plan, folder: Path, workers: Workers, told: Told = lambda done, total: None) -> "Sweep":
@@ -152,11 +154,16 @@ def _check_plan(folder: Path, plan: Plan) -> None:
 def join_parts(folder: Path, plan: Plan) -> None:
     """Write the whole table, unless it is there, and remove its parts. Raises `StudyError`."""
     with writable(folder, ADVICE):
-        if not (folder / TABLE).exists():
+        table = folder / TABLE
+        if not table.exists():
             layout = schema(plan)
-            with replacing(folder / TABLE) as draft, parquet.ParquetWriter(draft, layout, compression="zstd") as writer:
-                for cells in plan.parts():
-                    writer.write_table(_rows(part_file(folder, cells), layout, cells))
+            try:
+                with replacing(table) as draft, parquet.ParquetWriter(draft, layout, compression="zstd") as writer:
+                    for cells in plan.parts():
+                        writer.write_table(_rows(part_file(folder, cells), layout, cells))
+            except OSError:
+                if not table.exists():  # Else the same sweep, computed twice at once, has joined them.
+                    raise
         shutil.rmtree(folder / PARTS, ignore_errors=True)
 
 

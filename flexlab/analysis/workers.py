@@ -4,7 +4,9 @@ The results are the same on both: workers with another engine are refused, and o
 Laws and paths in Python are sent along.
 """
 
+import ctypes
 import os
+import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, ThreadPoolExecutor, wait
 from contextlib import AbstractContextManager, contextmanager, suppress
@@ -106,19 +108,32 @@ def chosen_workers(workers: int | None = None, cluster: str | None = None) -> Wo
 
 @contextmanager
 def _on_threads(count: int) -> Iterator[Does]:
-    """The kernels release Python's lock, so threads suffice."""
-    pool = ThreadPoolExecutor(count, thread_name_prefix=THREADS)
+    """The kernels release Python's lock, so threads suffice. Ctrl-C, or an error, ends what is under way."""
+    pool, busy = ThreadPoolExecutor(count, thread_name_prefix=THREADS), set[int]()
 
     def run(work: Work, items: Iterable[Any]) -> Iterator[tuple[int, Any]]:
+        def one(item: Any) -> Any:
+            busy.add(threading.get_ident())
+            try:
+                return work(item)
+            finally:
+                busy.discard(threading.get_ident())
+
         left = enumerate(items)
-        ahead = {pool.submit(work, item): number for number, item in islice(left, AHEAD * count)}
+        ahead = {pool.submit(one, item): number for number, item in islice(left, AHEAD * count)}
         while ahead:
             for future in wait(ahead, return_when=FIRST_COMPLETED).done:
                 yield ahead.pop(future), future.result()
-                ahead |= {pool.submit(work, item): number for number, item in islice(left, 1)}
+                ahead |= {pool.submit(one, item): number for number, item in islice(left, 1)}
 
     try:
         yield run
+    except BaseException:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for thread in tuple(busy):
+            # Python has no other way to end a thread's work; it is heard between two calls of the engine's loop.
+            ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), ctypes.py_object(KeyboardInterrupt))
+        raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 

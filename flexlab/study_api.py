@@ -82,7 +82,8 @@ def fit(
     """Fit a free vibration: `.ring.modes` with 95 % intervals, the `.beam` that fits; `.is_ring` tells whether there is one.
 
     `source`: a run, or a CSV file, whose columns `time` and `signal` name, with a unit as in "laser [mm]". `start`, `end`: s;
-    None: where the ring begins. `scenario`: what is known of the beam; None: a run's own. Raises `StudyError`, `RecordingError`.
+    None: where the ring begins. `scenario`: what is known of the beam; None: a run's own. In a file the beam rings between ends
+    that nothing moves, as in a vice; a run's rings in its loop. Raises `StudyError`, `RecordingError`.
     """
     of, column = text_or_none("signal", signal, "vibration"), text_or_none("time", time, "time")
     first, last = time_or_none("start", start), time_or_none("end", end)

@@ -70,6 +70,8 @@ class Trial(NamedTuple):
     """Their samples."""
     finer_ticks: int
     """How many of them have shorter steps, as they follow a start."""
+    ended: bool = False
+    """Whether the motion cannot go on after them."""
 
 
 def build_assembly(
@@ -138,9 +140,9 @@ def _needed(assembly: Assembly, tick: int, least: int, most: int, at_once: bool)
             trial = found[finer] if finer in found else _begun(assembly, tick, finer)
             found[finer] = trial and _moved(trial, ticks)
         coarse, fine = found[level], found[level + 1]
-        if fine is None:
+        if coarse is None or fine is None:
             return level
-        excess = math.inf if coarse is None else _excess(assembly, coarse, fine)
+        excess = _excess(assembly, coarse, fine)
         if excess < CLEAR or (excess <= 1 and ticks == TRIED_LONGER):
             return level
         if excess <= 1:
@@ -153,7 +155,7 @@ def _needed(assembly: Assembly, tick: int, least: int, most: int, at_once: bool)
 
 
 def _begun(assembly: Assembly, tick: int, times: int) -> Trial | None:
-    """Trial from number `tick` on with a step that is halved so many times, before its first tick; None: it fails."""
+    """Trial from number `tick` on with a step that is halved so many times, before its first tick; None: it cannot begin."""
     motion = begin_motion(halved(_without_counts(assembly), times), tick)
     if motion.status.failed:
         return None
@@ -164,12 +166,14 @@ def _begun(assembly: Assembly, tick: int, times: int) -> Trial | None:
     return Trial(motion, np.zeros((0, motion.row_length)), finer_ticks)
 
 
-def _moved(trial: Trial, ticks: int) -> Trial | None:
-    """A trial of so many ticks with long steps, if it has less; None: it fails."""
+def _moved(trial: Trial, ticks: int) -> Trial:
+    """A trial of so many ticks with long steps, if it has less and does not end."""
+    if trial.ended:
+        return trial
     rows = np.zeros((trial.finer_ticks + ticks - len(trial.rows), trial.rows.shape[1]))
     done, code = move_on(trial.motion, rows)
     trial.motion.tick += done
-    return trial._replace(rows=np.concatenate([trial.rows, rows])) if done == len(rows) and code == 0 else None
+    return trial._replace(rows=np.concatenate([trial.rows, rows[:done]]), ended=done < len(rows) or code != 0)
 
 
 def _without_counts(assembly: Assembly) -> Assembly:
@@ -208,12 +212,21 @@ def _rate_error(assembly: Assembly, coarse: Trial, fine: Trial) -> np.ndarray:
 
 
 def _excess(assembly: Assembly, coarse: Trial, fine: Trial) -> float:
-    """Difference of two trials over what is allowed, 1."""
-    forces, finer_forces = (accuracy.forces(trial.rows, assembly) for trial in (coarse, fine))
+    """Difference of two trials over what is allowed, 1. If the finer one ends, of the ticks that both have."""
+    if coarse.ended and not (fine.ended and len(fine.rows) <= len(coarse.rows)):
+        return math.inf
+    common = min(len(coarse.rows), len(fine.rows))
+    if common == 0:
+        return 0.0
+    rows, finer_rows = coarse.rows[:common], fine.rows[:common]
+    forces, finer_forces = (accuracy.forces(each, assembly) for each in (rows, finer_rows))
     peak = float(np.abs(finer_forces).max())
     force = float(np.abs(forces - finer_forces).max())
-    poses = np.abs(coarse.rows[:, POSE : POSE + 3] - fine.rows[:, POSE : POSE + 3])
-    pose = max(float(poses.max()), float((poses[-1] + np.abs(_rate_error(assembly, coarse, fine)) / RATE_DECAY).max()))
+    poses = np.abs(rows[:, POSE : POSE + 3] - finer_rows[:, POSE : POSE + 3])
+    pose, (pose_bound, force_bound) = float(poses.max()), bounds(assembly.scenario, peak)
+    if fine.ended:
+        return max(force / force_bound, pose / pose_bound) / ALLOWED_SHARE
+    pose = max(pose, float((poses[-1] + np.abs(_rate_error(assembly, coarse, fine)) / RATE_DECAY).max()))
     ringing = np.where(
         accuracy.oscillates(assembly), accuracy.mode_forces(assembly, coarse.motion.y - fine.motion.y), 0.0
     )
@@ -221,5 +234,4 @@ def _excess(assembly: Assembly, coarse: Trial, fine: Trial) -> float:
     decay = np.maximum(ring_decay(assembly.beam), 1e-6 / HORIZON)
     faded, faded_here = (1 - exponentials(-decay * span) for span in (HORIZON, len(coarse.rows) * assembly.tick_period))
     coming = math.sqrt(math.fsum((ringing * faded / faded_here) ** 2))
-    pose_bound, force_bound = bounds(assembly.scenario, peak)
     return max(max(force, coming) / force_bound, pose / pose_bound) / ALLOWED_SHARE

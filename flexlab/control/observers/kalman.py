@@ -194,7 +194,10 @@ def net_force(now, place, force, u):
 
 @inlined
 def update_estimate(gains, now, memory, estimate):
-    """Fill estimate with ẑ(k) from the memory of the instant before; the first one is what is measured."""
+    """Fill estimate with ẑ(k) from the memory of the instant before.
+
+    Before the first one stand pose and rate as measured, and modes at rest.
+    """
     n = 3 + int(gains.observed_modes)
     force, error = now.scratch[0], now.scratch[2:7]
     if memory[2 * n] < 0.5:

@@ -21,8 +21,8 @@ MILLI = 1e-3
 class Waypoints(Trajectory):
     """From pose to pose on straight lines, each as fast as the limits allow, `pause` s in each; the last one is held.
 
-    Between two poses jerk is piecewise constant: up to seven phases (Biagiotti and Melchiorri, Trajectory Planning for
-    Automatic Machines and Robots, 2008, section 3.4).
+    A pose equal to the one before it is passed over, with its pause. Between two poses jerk is piecewise constant: up to seven
+    phases (Biagiotti and Melchiorri, Trajectory Planning for Automatic Machines and Robots, 2008, section 3.4).
     """
 
     kind: Literal["waypoints"] = "waypoints"

@@ -97,6 +97,9 @@ def test_words_and_fields_choose_and_order(flexlab_command: Command, logs: Path)
     assert names("--search", "gravity: 0", "--sort", "torque") == ["soft-beam", "paper"]
     assert names("--search", "gravity: 0", "--sort", "torque", "--reverse") == ["paper", "soft-beam"]
     assert names("--search", "nothing like it") == []
+    both = [run_of(logs, preset).stem for preset in ("paper", "soft-beam")]
+    assert both[0] not in good(flexlab_command("logs", *both, "--search", "soft")), "it listed whatever was named"
+    assert "No run of these has the words" in flexlab_command("logs", both[0], "--search", "soft").stderr
 
 
 def test_what_has_not_settled_comes_last_either_way(flexlab_command: Command, logs: Path):

@@ -63,12 +63,14 @@ def command(
     rows = sorted_rows(chosen or list_rows(logs), sort, reverse, search)
     if as_json:
         print_json([plain_row(row) for row in rows])
-    elif chosen:
-        print_runs(chosen)
+    elif chosen and rows:
+        print_runs(rows)
     elif rows:
         print_table(rows, logs)
+    elif search:
+        say(f"No run {'of these' if chosen else f'in {logs}'} has the words {search!r}.")
     else:
-        say(f"No run in {logs} has the words {search!r}." if search else f"There is no run in {logs} yet.")
+        say(f"There is no run in {logs} yet.")
 
 
 def _check(runs: tuple[str, ...], edits: bool, delete: bool, limits: bool, both: bool) -> None:

@@ -1,6 +1,7 @@
 """The environment as Gymnasium knows it, for one world and for many.
 
-An action is what the motors do for one control period (zero-order hold), in [-1, 1]:
+An action is what the motors do for one control period (zero-order hold), in [-1, 1]; numbers beyond are taken as the limit, which
+policies that draw at random pass now and then:
     action="wrench": force (x, y) and moment on the payload over 600 N, 600 N, 150 N·m; the arms share it, and each turns its
         share into joint torques at the present pose, u_i = 𝒥_iᵀτ_i;
     action="torques": joint torques of the left, then the right arm, over the torque limit.
@@ -99,7 +100,7 @@ class _Scaled:
         self._window: Window | None = None
 
     def _scaled(self, actions: Any, shape: tuple[int, ...]) -> np.ndarray:
-        """Actions in [-1, 1] as N and N·m, (worlds, numbers). Raises `StudyError` for anything else."""
+        """Actions, limited to [-1, 1], as N and N·m, (worlds, numbers). Raises `StudyError` for what is no action."""
         try:
             given = np.asarray(actions)
             given = given.astype(float) if given.dtype.kind in "biuf" else None

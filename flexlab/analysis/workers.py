@@ -8,10 +8,11 @@ import ctypes
 import os
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, CancelledError, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
 from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import partial
 from itertools import islice
+from time import sleep
 from typing import Any
 
 from flexlab.analysis.metrics.own import OwnMetric, know_own_metrics, own_metrics
@@ -82,6 +83,8 @@ THREADS = "flexlab-workers"
 """Beginning of the threads' names."""
 PATIENCE = 10.0
 """Longest wait for the scheduler's answer, s."""
+AGAIN = 0.1
+"""s from one attempt to end what is under way to the next."""
 AHEAD = 3
 """Items per thread that are submitted ahead, so that a study of millions does not fill the memory."""
 Work = Callable[[Any], Any]
@@ -109,30 +112,42 @@ def chosen_workers(workers: int | None = None, cluster: str | None = None) -> Wo
 @contextmanager
 def _on_threads(count: int) -> Iterator[Does]:
     """The kernels release Python's lock, so threads suffice. Ctrl-C, or an error, ends what is under way."""
-    pool, busy = ThreadPoolExecutor(count, thread_name_prefix=THREADS), set[int]()
+    pool, ended = ThreadPoolExecutor(count, thread_name_prefix=THREADS), threading.Event()
+    under_way, busy = set[Future[Any]](), set[int]()
 
     def run(work: Work, items: Iterable[Any]) -> Iterator[tuple[int, Any]]:
         def one(item: Any) -> Any:
             busy.add(threading.get_ident())
             try:
-                return work(item)
+                return None if ended.is_set() else work(item)
             finally:
                 busy.discard(threading.get_ident())
 
+        def submitted(most: int) -> dict[Future[Any], int]:
+            new = {pool.submit(one, item): number for number, item in islice(left, most)}
+            under_way.update(new)
+            for future in new:
+                future.add_done_callback(under_way.discard)
+            return new
+
         left = enumerate(items)
-        ahead = {pool.submit(one, item): number for number, item in islice(left, AHEAD * count)}
+        ahead = submitted(AHEAD * count)
         while ahead:
             for future in wait(ahead, return_when=FIRST_COMPLETED).done:
                 yield ahead.pop(future), future.result()
-                ahead |= {pool.submit(one, item): number for number, item in islice(left, 1)}
+                ahead |= submitted(1)
 
     try:
         yield run
     except BaseException:
+        ended.set()
         pool.shutdown(wait=False, cancel_futures=True)
-        for thread in tuple(busy):
-            # Python has no other way to end a thread's work; it is heard between two calls of the engine's loop.
-            ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), ctypes.py_object(KeyboardInterrupt))
+        while under_way:
+            for thread in tuple(busy):
+                # Python has no other way to end a thread's work. It is heard between two calls of the engine's loop, and lost
+                # where a library drops it.
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), ctypes.py_object(KeyboardInterrupt))
+            sleep(AGAIN)
         raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)

@@ -185,8 +185,12 @@ def test_the_word_on_a_missing_graphics_card_leaves_the_scene_by_itself(
 def test_on_a_phone_that_word_takes_a_line_and_not_the_scene(newcomer: Page, shared_session: Session) -> None:
     newcomer.set_viewport_size({"width": 390, "height": 844})
     newcomer.goto(address(shared_session))
-    look = "(word) => [word.getBoundingClientRect().height, getComputedStyle(word).pointerEvents]"
-    height, touched = newcomer.locator("[data-fl-no-card]").evaluate(look)
+    # At once: on a busy machine it could be gone between being found and being looked at.
+    look = """() => {
+      const word = document.querySelector('[data-fl-no-card]');
+      return word && [word.getBoundingClientRect().height, getComputedStyle(word).pointerEvents];
+    }"""
+    height, touched = newcomer.wait_for_function(look).json_value()
     assert height < 60
     assert touched == "none", "what is behind it is the scene's"
 

@@ -335,6 +335,9 @@ def test_figures_say_units_and_mark_what_failed(tmp_path: Path):
     assert len(drawn_cells.plot("force").axes) == 2
     with pytest.raises(StudyError, match=r"'forc' is no metric: choose one of duration, rms_error\.x"):
         sweep.plot("forc")
+    trade_off = drawn_cells.plot_pareto("rms_error.y", "peak_torque").axes[0]
+    assert [trade_off.get_xlabel(), trade_off.get_ylabel()] == ["RMS error y (mm)", "Peak joint torque (N·m)"]
+    assert len(trade_off.lines[0].get_xdata()) == len(drawn_cells)
 
 
 def test_a_figure_shows_every_cell_or_says_how_many_it_leaves_out(tmp_path: Path):

@@ -81,11 +81,11 @@ def draw_pareto(table: Any, first: str, second: str) -> Figure:
         axes = figure.add_subplot()
         axes.plot(x, y, "o", color=GRAY, markersize=3, alpha=0.6, label="cell")
         best = pareto_front(x, y)
-        axes.step(x[best], y[best], "o-", where="post", color=VERMILION, markersize=4, label="bettered by none")
+        axes.step(x[best], y[best], "o-", where="post", color=VERMILION, markersize=4, label="Pareto front")
         axes.set(xscale=_scale(x), yscale=_scale(y))
         axes.set_xlabel(f"{one.title} ({one.unit})")
         axes.set_ylabel(f"{other.title} ({other.unit})")
-        axes.set_title(f"{len(best)} of {int(np.sum(~np.isnan(x + y)))} cells are bettered by none in both")
+        axes.set_title(f"{len(best)} of {int(np.sum(~np.isnan(x + y)))} cells are Pareto-optimal: no other is better in both")
         axes.legend(frameon=False)
     return figure
 

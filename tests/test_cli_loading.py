@@ -2,6 +2,7 @@
 
 import gc
 import importlib
+import subprocess
 import sys
 
 import pytest
@@ -36,3 +37,11 @@ def test_other_modules_and_later_ones_are_read_at_once(module, monkeypatch):
     assert sys.read_at_last  # type: ignore[attr-defined]
     assert sys.meta_path == before
     assert gc.isenabled()
+
+
+def test_a_lab_in_which_nobody_draws_or_fits_loads_no_library_for_it():
+    """Together they take as long to load as everything that flexlab itself has."""
+    program = "import sys, flexlab.server.front_server; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert "flexlab.analysis.figures" in done.stdout.split()
+    assert not {"matplotlib", "scipy.optimize", "scipy.stats"} & set(done.stdout.split())

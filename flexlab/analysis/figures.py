@@ -9,13 +9,9 @@ import re
 from collections.abc import Mapping, Sequence
 from itertools import pairwise, product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.colors import to_hex
-from matplotlib.figure import Figure
 
 from flexlab import views as palette
 from flexlab.errors import RecordingError, StudyError
@@ -25,6 +21,12 @@ from flexlab.sim.samples import Run, Samples
 from flexlab.sim.signals import DERIVED, known_signals
 from flexlab.text import in_mathtext
 from flexlab.views import DEFLECTION, ERROR, Color, View, views
+
+if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 FORMATS = ("png", "svg")
 WIDTH = 6.0
@@ -40,7 +42,7 @@ LARGEST = 1e100
 
 
 def _hex(color: Color) -> str:
-    return to_hex(np.divide(color, 255))
+    return "#" + bytes(color).hex()
 
 
 BLUE, VERMILION, GREEN, GRAY, PURPLE = map(
@@ -69,16 +71,30 @@ _PAGE_STYLE = (
 """An SVG element takes its colour from the page; an SVG image has to ask for the colour scheme itself."""
 
 
-def svg_text(figure: Figure, salt: str = STYLE["svg.hashsalt"]) -> str:
+def style(**more: Any) -> "AbstractContextManager[None]":
+    """The context in which figures are made and written, with `more` of matplotlib's settings."""
+    import matplotlib as mpl  # It takes half a second to load: a lab in which nobody draws does without.
+
+    return mpl.rc_context(STYLE | more)
+
+
+def empty_figure(width: float, height: float) -> "Figure":
+    """A figure, inches."""
+    from matplotlib.figure import Figure  # As in `style`.
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def svg_text(figure: "Figure", salt: str = STYLE["svg.hashsalt"]) -> str:
     """A figure as an SVG element. The same figure and `salt` give the same text; figures on one page need different salts."""
-    with mpl.rc_context(STYLE | {"svg.hashsalt": salt}):
+    with style(**{"svg.hashsalt": salt}):
         drawn = io.StringIO()
         figure.savefig(drawn, format="svg", metadata={"Date": None})
     svg = drawn.getvalue()
     return svg[svg.index("<svg") :]
 
 
-def page_svg(figure: Figure, salt: str = STYLE["svg.hashsalt"]) -> str:
+def page_svg(figure: "Figure", salt: str = STYLE["svg.hashsalt"]) -> str:
     """A figure as an SVG element without a background, whose lines and words have the page's colour, light or dark."""
     head, end, rest = svg_text(figure, salt).partition(">")
     shown = _GROUND.sub(r"\1none\2", rest).replace("stroke: #000000", "stroke: currentColor")
@@ -114,10 +130,10 @@ def figure_kind(path: Path) -> str:
     return kind
 
 
-def save_figure(figure: Figure, path: Path) -> Path:
+def save_figure(figure: "Figure", path: Path) -> Path:
     """Write a figure, whole or not at all, in the format that its name says; returns the path. Raises `StudyError`."""
     kind = figure_kind(path)
-    with writing(path) as draft, mpl.rc_context(STYLE):
+    with writing(path) as draft, style():
         # A date would make two files of the same run differ.
         figure.savefig(draft, format=kind, dpi=RESOLUTION, metadata={"Date": None} if kind == "svg" else None)
     return path
@@ -143,18 +159,18 @@ class Plot(NamedTuple):
     title: str = ""
 
 
-def draw_figure(number: int, samples: Samples) -> Figure:
+def draw_figure(number: int, samples: Samples) -> "Figure":
     """Figure 2, 3, 4 or 5 of the paper for these samples (N >= 1)."""
-    with mpl.rc_context(STYLE):
+    with style():
         figure, (first, *_) = _stacked(samples.time, FIGURES[number](samples))
         if first.get_legend_handles_labels()[1]:  # Above the plot, where no curve is.
             first.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, frameon=False)
     return figure
 
 
-def _stacked(time: np.ndarray, plots: Sequence[Plot]) -> tuple[Figure, list[Axes]]:
+def _stacked(time: np.ndarray, plots: Sequence[Plot]) -> "tuple[Figure, list[Axes]]":
     """A figure of some plots, one below the other, and their axes."""
-    figure = Figure(figsize=(WIDTH, ROW_HEIGHT * max(len(plots), 2)), layout="constrained")
+    figure = empty_figure(WIDTH, ROW_HEIGHT * max(len(plots), 2))
     parts = list(figure.subplots(len(plots), 1, sharex=True, squeeze=False)[:, 0])
     for part, plot in zip(parts, plots, strict=True):
         for curve in plot.curves:
@@ -221,7 +237,7 @@ MOST_CURVES = 12
 """Most curves of a plot with a legend."""
 
 
-def draw_signals(run: Run, names: Sequence[str] = ()) -> Figure:
+def draw_signals(run: Run, names: Sequence[str] = ()) -> "Figure":
     """A plot for each named signal over time, in SI units; a signal whose entries have different units gets one for each.
 
     Without names: the lab's first views, in its units and colours. Raises `StudyError` for an unknown signal, or a run
@@ -236,7 +252,7 @@ def draw_signals(run: Run, names: Sequence[str] = ()) -> Figure:
         raise StudyError("There is nothing to draw: the run has no samples.")
     seen = [plot for view in views(run.scenario)[:MOST_LOOKED_AT] for plot in _of_view(run, view)]
     plots = [plot for name in names for plot in _of_signal(run, known[name])] or seen
-    with mpl.rc_context(STYLE):
+    with style():
         figure, parts = _stacked(run.time, plots)
         for part, plot in zip(parts, plots, strict=True):
             if 1 < len(plot.curves) <= MOST_CURVES:
@@ -269,9 +285,9 @@ def _add(plot: Plot, name: str, values: np.ndarray, color: str | None) -> None:
     plot.curves.append(Curve(name, values, color, LINES[len(plot.curves) % len(LINES)]))
 
 
-def draw_bars(labels: Sequence[str], shown: Mapping[str, np.ndarray]) -> Figure:
+def draw_bars(labels: Sequence[str], shown: Mapping[str, np.ndarray]) -> "Figure":
     """Bars of numbers by run, title → values (runs,); NaN for a run without a value."""
-    with mpl.rc_context(STYLE):
+    with style():
         figure, places = panels(len(shown), WIDTH / min(len(shown), 2), ROW_HEIGHT)
         for axes, (title, values) in zip(places, shown.items(), strict=True):
             axes.bar(labels, np.where(np.isnan(values), 0.0, values), color=BLUE)
@@ -279,20 +295,20 @@ def draw_bars(labels: Sequence[str], shown: Mapping[str, np.ndarray]) -> Figure:
     return figure
 
 
-def panels(count: int, width: float, height: float) -> tuple[Figure, list[Axes]]:
+def panels(count: int, width: float, height: float) -> "tuple[Figure, list[Axes]]":
     """A figure of panels in rows of two, each so many inches wide and high."""
     rows, columns = -(-count // 2), min(count, 2)
-    figure = Figure(figsize=(width * columns, height * rows), layout="constrained")
+    figure = empty_figure(width * columns, height * rows)
     places = list(figure.subplots(rows, columns, squeeze=False).ravel())
     for spare in places[count:]:
         spare.set_axis_off()
     return figure, places[:count]
 
 
-def draw_fit(time: np.ndarray, signal: np.ndarray, background: np.ndarray, unit: str) -> Figure:
+def draw_fit(time: np.ndarray, signal: np.ndarray, background: np.ndarray, unit: str) -> "Figure":
     """A measured signal (N,) at `time` (N,), s, and the background (N,) about which it rings."""
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH, 2 * ROW_HEIGHT), layout="constrained")
+    with style():
+        figure = empty_figure(WIDTH, 2 * ROW_HEIGHT)
         axes = figure.add_subplot()
         axes.plot(time, signal, color=BLUE, label="samples")
         axes.plot(time, background, color=GRAY, label="rings about")

@@ -9,15 +9,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import product
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import matplotlib as mpl
 import numpy as np
 import pyarrow as pa
-from matplotlib.figure import Figure
-from scipy.optimize import differential_evolution
 
-from flexlab.analysis.figures import BLUE, GRAY, STYLE, VERMILION
+from flexlab.analysis.figures import BLUE, GRAY, VERMILION, empty_figure, style
 from flexlab.analysis.metrics import RunMetrics
 from flexlab.analysis.metrics.metric import named
 from flexlab.analysis.result import Result, provenance
@@ -32,6 +29,9 @@ from flexlab.scenario import Scenario
 from flexlab.scenario.settings import change_settings
 from flexlab.sim.simulate import sample_count
 from flexlab.sim.snapshot import TICK
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 FAILED = 1e12
 """Cost of a run that fails. A run that exceeds a limit costs a millionth of it per relative excess, so that any run within its
@@ -213,7 +213,7 @@ class Tuning(Result):
         except FlexlabError:
             return provenance(self.scenario) | {"scenario": None}
 
-    def plot(self, first: str = "", second: str = "") -> Figure:
+    def plot(self, first: str = "", second: str = "") -> "Figure":
         """The trade-off between two metrics among all candidates; by default the first two of the cost. Raises `StudyError`."""
         wanted = [named(name).number.name for name in (first, second) if not isinstance(name, str) or name]
         names = [*wanted, *self.cost.names, "rms_error.y", "rms_internal_force"]
@@ -222,8 +222,8 @@ class Tuning(Result):
         if later := [name for name in (first, second) if found and name not in found[0]]:
             raise StudyError(f"The metric {later[0]} was declared after this tuning: tune anew.")
         x, y = (np.array([values[name] for values in found]) for name in (first, second))
-        with mpl.rc_context(STYLE):
-            figure = Figure(figsize=SIZE, layout="constrained")
+        with style():
+            figure = empty_figure(*SIZE)
             axes = figure.add_subplot()
             axes.plot(x, y, "o", color=GRAY, markersize=3, alpha=0.6, label="tried")
             best = pareto_front(x, y)
@@ -260,6 +260,8 @@ def tune(
 
     `workers`: None: a thread per core.
     """
+    from scipy.optimize import differential_evolution  # It takes its time to load.
+
     sample_count(duration, TICK)
     for axis in axes:
         if axis.low is None:

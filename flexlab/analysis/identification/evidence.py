@@ -7,7 +7,7 @@ it, which take up what is left of another (`shifts`).
 """
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 BLOCKS, FEWEST_IN_BLOCK = 64, 8
 """Number of blocks of the search for a ring's beginning, and least samples of a block."""
@@ -87,7 +87,7 @@ def is_white(rest: np.ndarray) -> bool:
     power = float(rest @ rest)
     alike = np.array([rest[lag:] @ rest[:-lag] for lag in range(1, lags + 1)]) / power
     Q = count * (count + 2) * np.sum(alike**2 / (count - np.arange(1, lags + 1)))
-    return bool(chi2.sf(Q, lags) >= WHITE)
+    return bool(chdtrc(lags, Q) >= WHITE)
 
 
 def unevenness(rest: np.ndarray, rings: np.ndarray) -> float:

@@ -12,8 +12,7 @@ wider by the error of this model where the residual is no white noise (`evidence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from flexlab.analysis.identification.evidence import (
     BESIDE,
@@ -177,6 +176,8 @@ def _with_another(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarr
 
 def _refined(start: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarray:
     """The best fit with as many modes, near `start`."""
+    from scipy.optimize import least_squares  # It takes its time to load: a lab that fits nothing does without.
+
     scale = start[:, :1].repeat(2, axis=1)
     low, high = np.zeros_like(start), np.column_stack([start[:, 0] * 4, start[:, 0] * 2])
     low[:, 0], low[:, 1] = start[:, 0] / 4, -0.05 * start[:, 0]
@@ -215,7 +216,7 @@ def _described(
     variance = float(rest @ rest) / freedom
     size = np.linalg.norm(J, axis=0)
     covariance = variance * np.linalg.pinv((J / size).T @ (J / size)) / np.outer(size, size)
-    factor = float(student.ppf(0.5 + CONFIDENCE / 2, freedom))
+    factor = float(stdtrit(freedom, 0.5 + CONFIDENCE / 2))
     near = [max(1.0, density) for density, _ in _near(modes, tau, y)]
     exact = rest.std() < BEST_TOLD or is_white(rest)
     moved = [np.zeros((1, 2))] * len(modes) if exact else shifts(modes, J, rest, linear, tau)

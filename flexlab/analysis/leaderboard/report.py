@@ -9,23 +9,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import exp, isnan, log, log2
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import matplotlib as mpl
 import numpy as np
 import pyarrow.csv
 import pyarrow.parquet
 from markupsafe import Markup
-from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm
-from matplotlib.figure import Figure
 
-from flexlab.analysis.figures import BLUE, GREEN, STYLE, VERMILION, drawable, page_svg, svg_text
+from flexlab.analysis.figures import BLUE, GREEN, VERMILION, drawable, empty_figure, page_svg, style, svg_text
 from flexlab.analysis.leaderboard.board import Leaderboard
 from flexlab.analysis.leaderboard.case import Case, Score, Variant
 from flexlab.files import filled, make_folder, write_text, writing
 from flexlab.scenario.field_text import field_title, in_words
 from flexlab.text import number_text, typed_number
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 FAILS = "fails"
 LEVELS = 6
@@ -222,11 +222,11 @@ DARK = 0.45
 """Share of the colour scale, from its dark end, with white digits."""
 
 
-def draw_case(case: Case, laws: Sequence[str], values: np.ndarray) -> Figure:
+def draw_case(case: Case, laws: Sequence[str], values: np.ndarray) -> "Figure":
     """The main scores (laws, variants) in the shown unit, on a logarithmic scale; NaN: none. Less is better."""
     values = drawable(values)
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH, AROUND + LINE * max(len(laws), 2)))
+    with style():
+        figure = empty_figure(WIDTH, AROUND + LINE * max(len(laws), 2))
         figure.set_layout_engine("constrained", w_pad=BESIDE)
         axes = figure.add_subplot()
         if len(case.variants) <= len(MARKS):
@@ -240,7 +240,7 @@ def draw_case(case: Case, laws: Sequence[str], values: np.ndarray) -> Figure:
     return figure
 
 
-def _draw_dots(axes: Axes, case: Case, values: np.ndarray) -> None:
+def _draw_dots(axes: "Axes", case: Case, values: np.ndarray) -> None:
     for place, variant in enumerate(case.variants):
         color, mark = MARKS[place]
         axes.plot(values[:, place], range(len(values)), mark, color=color, markersize=5, label=variant.name)
@@ -258,17 +258,17 @@ def _draw_dots(axes: Axes, case: Case, values: np.ndarray) -> None:
         axes.legend(ncols=len(case.variants), **look)
 
 
-def _draw_map(figure: Figure, axes: Axes, case: Case, values: np.ndarray) -> None:
+def _draw_map(figure: "Figure", axes: "Axes", case: Case, values: np.ndarray) -> None:
     known = values[np.isfinite(values)]
-    norm = LogNorm(known.min(), max(known.max(), known.min() * 1.001)) if len(known) else LogNorm(1, 10)
-    drawn = axes.imshow(values, norm=norm, cmap="cividis_r", aspect="auto")
+    least, most = (known.min(), max(known.max(), known.min() * 1.001)) if len(known) else (1.0, 10.0)
+    drawn = axes.imshow(values, norm="log", vmin=least, vmax=most, cmap="cividis_r", aspect="auto")
     axes.grid(False)
     axes.set_xticks(range(len(case.variants)), [variant.name for variant in case.variants], rotation=30, ha="right")
     for line, place in np.ndindex(*values.shape):
         value = values[line, place]
         text, color = "–", "black"  # The page draws black in its own colour.
         if np.isfinite(value):
-            text, color = number_text(value, 2), "white" if norm(value) > 1 - DARK else INK
+            text, color = number_text(value, 2), "white" if drawn.norm(value) > 1 - DARK else INK
         axes.text(place, line, text, ha="center", va="center", fontsize="x-small", color=color)
     figure.colorbar(drawn, ax=axes, label=f"{case.main.column.title} ({case.main.column.unit})")
 

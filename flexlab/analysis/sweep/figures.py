@@ -2,20 +2,20 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm, Normalize
-from matplotlib.figure import Figure
 
-from flexlab.analysis.figures import BLUE, GRAY, STYLE, VERMILION, drawable, panels, save_figure
+from flexlab.analysis.figures import BLUE, GRAY, VERMILION, drawable, empty_figure, panels, save_figure, style
 from flexlab.analysis.metrics.metric import named, numbers
 from flexlab.analysis.result import number_column
 from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.plan import Plan
 from flexlab.text import in_mathtext
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 SIZE = (6.0, 4.2)
 """Inches."""
@@ -41,7 +41,7 @@ def write_figures(
     return [save_figure(figure, folder / f"{name}.svg") for name, figure in figures.items()]
 
 
-def draw_metric(plan: Plan, table: Any, name: str) -> Figure:
+def draw_metric(plan: Plan, table: Any, name: str) -> "Figure":
     """A metric over the varied fields: a curve over one field, a heat map over two of a grid, points for sampled cells.
 
     A field without numbers gets a panel for each value, as does a third one with numbers of a grid. Failed cells are crossed
@@ -51,12 +51,12 @@ def draw_metric(plan: Plan, table: Any, name: str) -> Figure:
     numeric, every = _panels(plan, table)
     shown = every[:PANELS]
     left_out = f", {len(shown)} of {len(every)} combinations" if len(every) > len(shown) else ""
-    with mpl.rc_context(STYLE):
+    with style():
         figure, parts = panels(len(shown), *SIZE)
         figure.suptitle(f"{column.title} ({column.unit}){left_out}")
         values = drawable(number_column(table, column.key))
         known = values[~np.isnan(values)] if not np.isnan(values).all() else np.array([0.0, 1.0])
-        scale = (LogNorm if _scale(known) == "log" else Normalize)(known.min(), known.max())
+        scale = {"norm": _scale(known), "vmin": known.min(), "vmax": known.max()}
         drawn: Any = None
         for part, (title, rows) in zip(parts, shown, strict=True):
             part.set_title(title, fontsize="medium")
@@ -72,12 +72,12 @@ def draw_metric(plan: Plan, table: Any, name: str) -> Figure:
     return figure
 
 
-def draw_pareto(table: Any, first: str, second: str) -> Figure:
+def draw_pareto(table: Any, first: str, second: str) -> "Figure":
     """Two metrics of all cells; a line joins the cells for which no other cell is smaller in both."""
     one, other = (named(name).number.column for name in (first, second))
     x, y = (drawable(number_column(table, each.key)) for each in (one, other))
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=SIZE, layout="constrained")
+    with style():
+        figure = empty_figure(*SIZE)
         axes = figure.add_subplot()
         axes.plot(x, y, "o", color=GRAY, markersize=3, alpha=0.6, label="cell")
         best = pareto_front(x, y)
@@ -85,7 +85,9 @@ def draw_pareto(table: Any, first: str, second: str) -> Figure:
         axes.set(xscale=_scale(x), yscale=_scale(y))
         axes.set_xlabel(f"{one.title} ({one.unit})")
         axes.set_ylabel(f"{other.title} ({other.unit})")
-        axes.set_title(f"{len(best)} of {int(np.sum(~np.isnan(x + y)))} cells are Pareto-optimal: no other is better in both")
+        axes.set_title(
+            f"{len(best)} of {int(np.sum(~np.isnan(x + y)))} cells are Pareto-optimal: no other is better in both"
+        )
         axes.legend(frameon=False)
     return figure
 
@@ -119,7 +121,7 @@ def _panels(plan: Plan, table: Any) -> tuple[list[Axis], list[tuple[str, np.ndar
     return numeric, found
 
 
-def _draw_curve(part: Axes, axis: Axis, table: Any, rows: np.ndarray, values: np.ndarray) -> None:
+def _draw_curve(part: "Axes", axis: Axis, table: Any, rows: np.ndarray, values: np.ndarray) -> None:
     if axis.numeric:
         x = number_column(table, axis.path)
     else:
@@ -136,7 +138,9 @@ def _draw_curve(part: Axes, axis: Axis, table: Any, rows: np.ndarray, values: np
         part.set_xscale("log")
 
 
-def _draw_map(part: Axes, axes: Sequence[Axis], cells: Any, values: np.ndarray, grid: bool, scale: Normalize) -> Any:
+def _draw_map(
+    part: "Axes", axes: Sequence[Axis], cells: Any, values: np.ndarray, grid: bool, scale: dict[str, Any]
+) -> Any:
     """A heat map over the first two axes; `grid`: whether the cells may be all combinations of their values."""
     across, up = axes[:2]
     x, y = number_column(cells, across.path), number_column(cells, up.path)
@@ -150,9 +154,9 @@ def _draw_map(part: Axes, axes: Sequence[Axis], cells: Any, values: np.ndarray, 
         placed[np.searchsorted(lines, y), np.searchsorted(columns, x)] = values
         part.set_facecolor(NOT_SETTLED)
         edges = _edges(columns, across.logarithmic), _edges(lines, up.logarithmic)
-        drawn = part.pcolormesh(*edges, placed, norm=scale, cmap="viridis", rasterized=True)
+        drawn = part.pcolormesh(*edges, placed, **scale, cmap="viridis", rasterized=True)
     else:
-        drawn = part.scatter(x, y, c=values, norm=scale, cmap="viridis", s=12)
+        drawn = part.scatter(x, y, c=values, **scale, cmap="viridis", s=12)
     if failed.any():
         part.plot(x[failed], y[failed], "x", color=VERMILION, markersize=4, label="failed")
         part.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize="small", frameon=False)

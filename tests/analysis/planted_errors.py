@@ -262,6 +262,9 @@ torque of a late motor that turns the links: physics/joints.py
 no-load speed: physics/joints.py
     stall / np.array(motor
     0.9 * stall / np.array(motor
+memory in the sampled loop: analysis/stability.py
+    matrix[states:own, :own] = memory + np.eye
+    matrix[states:own, :own] = memory - np.eye
 late motors in linear models: analysis/stability.py
     np.eye(count) / time_constant
     np.eye(count) / (1.1 * time_constant)

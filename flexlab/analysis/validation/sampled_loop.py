@@ -51,6 +51,11 @@ def sampled_loop(runs: Runs) -> Iterator[Check]:
     poles = modes(load_preset("paper").replace(changes)).poles
     near = poles[np.abs(np.abs(poles.imag) / (2 * np.pi) - 400) < 5]
     yield close("rate feedback one sample late feeds the 400 Hz mode: rate", GROWTH, near.real.max(), "1/s", 0.005)
+    law = {"kind": "disturbance-observer", "observer_gain": 60.0, "control_period": PERIOD}
+    poles = modes(load_preset("paper").replace({"trajectory": {"kind": "hold"}, "controller": law})).poles
+    rate = np.log(1 - 60.0 * PERIOD) / PERIOD
+    slowed = poles.real[np.argmin(np.abs(poles - rate))]
+    yield close("a sampled momentum observer forgets by 1 - ℓT_c in a period: rate", rate, slowed, "1/s", 1e-6)
 
 
 def _torques(points: MassPoints, x: np.ndarray, u: np.ndarray) -> np.ndarray:

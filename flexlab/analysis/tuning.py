@@ -33,9 +33,11 @@ from flexlab.sim.snapshot import TICK
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FAILED = 1e12
-"""Cost of a run that fails. A run that exceeds a limit costs a millionth of it per relative excess, so that any run within its
-limits is better than one beyond them, and that is better than one that fails."""
+WITHIN, BEYOND, FAILS = range(3)
+"""How a candidate ends, in the order of a search: any run within its limits is better than one beyond them, and that is
+better than one that fails."""
+STAGE = 1000.0
+"""What the search adds for each of them: more than asinh of any number."""
 NOT_SETTLED = 10.0
 """The settling time of a run that has not settled, in lengths of the run."""
 SETTLING = "settling_time"
@@ -54,20 +56,28 @@ class Cost:
         return tuple(dict.fromkeys((*self.weights, *self.limits)))
 
     def of(self, metrics: RunMetrics | None) -> float:
-        """The cost of a run; of None, which failed, and of one in which a metric has no value, `FAILED`."""
+        """Metrics times weights, whatever the limits; NaN of None, a run that failed, and where a metric has no value."""
         if metrics is None or self.lacks(metrics):
-            return FAILED
+            return math.nan
         values = numbers_of(metrics)
-        excess = sum(
-            max(values[name] / limit - 1, 0.0 if metrics[name] <= limit else NOT_SETTLED)
+        return sum(weight * values[name] for name, weight in self.weights.items())
+
+    def excess(self, metrics: RunMetrics | None) -> float:
+        """By what part of them a run exceeds the limits, together: 0 within them; NaN as of `of`.
+
+        One that has not settled keeps within no limit of its settling time.
+        """
+        if metrics is None or self.lacks(metrics):
+            return math.nan
+        values = numbers_of(metrics)
+        return sum(
+            NOT_SETTLED if math.isnan(metrics[name]) else max(values[name] - limit, 0.0) / limit
             for name, limit in self.limits.items()
         )
-        total = sum(weight * values[name] for name, weight in self.weights.items())
-        return min(total + FAILED * 1e-6 * excess, FAILED)
 
     def holds(self, metrics: RunMetrics) -> bool:
-        """Whether a run keeps within the limits; one that has not settled keeps within none of its settling time, NaN."""
-        return all(metrics[name] <= limit for name, limit in self.limits.items())
+        """Whether a run keeps within the limits."""
+        return self.excess(metrics) == 0
 
     def lacks(self, metrics: RunMetrics) -> str:
         """Why a run has no cost, in a sentence, as a metric has no value in it; empty: it has one."""
@@ -135,10 +145,20 @@ class Candidate:
 
     changes: dict[str, Any]
     cost: float
+    """Metrics times weights; NaN of one that fails."""
+    excess: float
+    """By what part of them the limits are exceeded, together: 0 within them; NaN of one that fails."""
     metrics: RunMetrics | None
-    """Metrics in the scenario with the highest cost; None: the run fails there."""
+    """Metrics in the worst scenario; None: the run fails there."""
     reason: str
     """Why it fails."""
+
+    @property
+    def rank(self) -> tuple[int, float, float]:
+        """How the search orders candidates: those within the limits by cost, those beyond by excess, those that fail."""
+        if math.isnan(self.cost):
+            return FAILS, 0.0, 0.0
+        return (BEYOND, self.excess, self.cost) if self.excess > 0 else (WITHIN, 0.0, self.cost)
 
     @property
     def numbers(self) -> dict[str, float]:
@@ -161,8 +181,8 @@ class Tuning(Result):
 
     @property
     def best(self) -> Candidate:
-        """The candidate that costs least."""
-        return min(self.candidates, key=lambda candidate: candidate.cost)
+        """The candidate within the limits that costs least, or else the one that exceeds them least."""
+        return min(self.candidates, key=lambda candidate: candidate.rank)
 
     @property
     def tuned(self) -> Scenario:
@@ -172,7 +192,7 @@ class Tuning(Result):
     @property
     def holds(self) -> bool:
         """Whether the best candidate keeps within the limits."""
-        return self.best.metrics is not None and self.cost.holds(self.best.metrics)
+        return self.best.rank[0] == WITHIN
 
     @property
     def problem(self) -> str:
@@ -185,7 +205,10 @@ class Tuning(Result):
 
     @cached_property
     def table(self) -> Any:
-        """A row per candidate, the scenario as it was first, then the cheapest: what was changed, cost, metrics by name, SI."""
+        """A row per candidate, the scenario as it was first, then from the best: what was changed, cost, metrics by name, SI.
+
+        The excess says by what part of them the limits are exceeded, together; cost and excess of one that fails are null.
+        """
         paths = dict.fromkeys(path for candidate in self.candidates for path in candidate.changes)
         names = list(dict.fromkeys(name for each in self.candidates if each.metrics for name in each.metrics.by_name()))
         rows = []
@@ -193,8 +216,8 @@ class Tuning(Result):
             found = {} if candidate.metrics is None else candidate.metrics.by_name()
             rows.append(
                 {path: candidate.changes.get(path, self._before(path)) for path in paths}
-                | {"cost": candidate.cost, "sentence": candidate.reason}
-                | {name: None if math.isnan(value := found.get(name, math.nan)) else value for name in names}
+                | {"cost": _told(candidate.cost), "excess": _told(candidate.excess), "sentence": candidate.reason}
+                | {name: _told(found.get(name, math.nan)) for name in names}
                 | self._provenance(candidate)
             )
         return pa.Table.from_pylist(rows)
@@ -241,7 +264,12 @@ class Tuning(Result):
 
     def __repr__(self) -> str:
         found = ", ".join(f"{path} = {value:.5g}" for path, value in self.best.changes.items()) or "nothing better"
-        costs = f"cost {self.before.cost:.4g} → {self.best.cost:.4g}"
+        how = {
+            WITHIN: f"{self.before.cost:.4g}",
+            BEYOND: f"{self.before.cost:.4g} beyond the limits",
+            FAILS: "of a failure",
+        }
+        costs = f"cost {how[self.before.rank[0]]} → {self.best.cost:.4g}"
         return f"<Tuning of {len(self.candidates)} candidates: {self.problem or f'{costs}, {found}'}>"
 
 
@@ -274,6 +302,7 @@ def tune(
         for values in product(*(axis.values for axis in robust))
     ]
     tried = [_try(variants, cost, duration, {})]
+    scale = abs(tried[0].cost)
     if tried[0].metrics is None and not any(axis.path.startswith("controller") for axis in axes):
         raise StudyError(f"The scenario fails as it is: {tried[0].reason}")
 
@@ -295,14 +324,25 @@ def tune(
                 found[number] = candidate
                 told(first + len(found), candidates)
             tried.extend(found[number] for number in range(len(changes)))
-            return [candidate.cost for candidate in tried[first:]]
+            return [_energy(candidate, scale) for candidate in tried[first:]]
 
         differential_evolution(
             lambda shares: costs(None, [shares])[0],
             [(0.0, 1.0)] * len(axes), init=population, maxiter=rounds, rng=start, updating="deferred",
-            workers=costs, polish=False, tol=1e-6,
+            workers=costs, polish=False, tol=0, atol=1e-6,
         )  # fmt: skip
-    return Tuning(scenario, cost, (tried[0], *sorted(tried[1:], key=lambda item: (item.cost, str(item.changes)))))
+    return Tuning(scenario, cost, (tried[0], *sorted(tried[1:], key=lambda item: (item.rank, str(item.changes)))))
+
+
+def _energy(candidate: Candidate, scale: float) -> float:
+    """One number that orders candidates as their rank does; `scale`: the cost of one, NaN or 0 if there is none."""
+    stage, excess, cost = candidate.rank
+    size = cost / scale if scale > 0 else cost
+    return STAGE * stage + min(math.asinh(excess if stage == BEYOND else size), STAGE - 1)
+
+
+def _told(value: float) -> float | None:
+    return None if math.isnan(value) else value
 
 
 def _try(variants: Sequence[Scenario], cost: Cost, duration: float, changes: dict[str, Any]) -> Candidate:
@@ -310,10 +350,10 @@ def _try(variants: Sequence[Scenario], cost: Cost, duration: float, changes: dic
     for variant in variants:
         run = measured(variant, changes, duration, TICK)
         reason = run.sentence if run.metrics is None else cost.lacks(run.metrics)
-        found = Candidate(changes, cost.of(run.metrics), run.metrics, reason)
-        if worst is None or found.cost > worst.cost:
+        found = Candidate(changes, cost.of(run.metrics), cost.excess(run.metrics), run.metrics, reason)
+        if worst is None or found.rank > worst.rank:
             worst = found
-        if worst.cost >= FAILED:
+        if worst.rank[0] == FAILS:
             break
     assert worst is not None
     return worst

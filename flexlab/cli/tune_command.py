@@ -85,8 +85,10 @@ def _print(found: "Tuning") -> None:
         table.add_row(path, str(before), f"{value:.6g}")
     for name in found.cost.names:
         both = (candidate.numbers for candidate in (found.before, found.best))
-        table.add_row(name, *(_number(values, name) for values in both))
-    table.add_row("cost", f"{found.before.cost:.5g}", f"{found.best.cost:.5g}")
+        limit = f", at most {found.cost.limits[name]:g}" if name in found.cost.limits else ""
+        table.add_row(f"{name}{limit}", *(_number(values, name) for values in both))
+    costs = ({**each.numbers, "cost": each.cost} if each.numbers else {} for each in (found.before, found.best))
+    table.add_row("cost", *(_number(values, "cost") for values in costs))
     output().print(table)
     output().print(f"{len(found.candidates)} candidates were tried.")
 

@@ -62,9 +62,9 @@ def tune(
     Raises `PresetError`, `ScenarioError` or `StudyError`.
     """
     _, valid = named_scenario(scenario, law, path)
-    axes = parse_axes(change, valid)
+    axes = parse_axes(change, valid, "change")
     none = robust is None or (isinstance(robust, (Sequence, Mapping)) and not robust)
-    others = () if none else parse_axes(robust, valid)
+    others = () if none else parse_axes(robust, valid, "robust")
     known = chosen_workers(workers, cluster)
     with progress_bar(progress, "candidates") as told:
         return tuning.tune(valid, axes, parse_cost(cost, limit), others, duration, candidates, seed, told, known)

@@ -303,6 +303,24 @@ def test_a_leaderboard_of_nothing_is_said():
 @pytest.mark.parametrize("given", [np.zeros(3), 5, True, "x", object(), [5]])
 def test_what_varies_is_a_dictionary_or_a_list(given: Any):
     one_sentence(lambda: flexlab.tune("paper", {EI: "50:60"}, robust=given, duration=0.01, candidates=8), "not")
+    one_sentence(lambda: flexlab.tune("paper", given, duration=0.01, candidates=8), "change = ", "is not usable")
+
+
+@pytest.mark.parametrize("given", NO_TEXT)
+def test_a_cluster_is_the_text_of_an_address(given: Any):
+    one_sentence(lambda: flexlab.simulate_many(["paper"], 0.01, cluster=given), "cluster = ", "as in 'tcp://HOST:8786'")
+
+
+@pytest.mark.parametrize(
+    ("given", "nested"),
+    [
+        ({"payload.length": 0.4}, '{"payload": {"length": …}}'),
+        ({"payload": {"damping.coefficient": 1}}, '{"damping": {"coefficient": …}}'),
+    ],
+)
+def test_a_path_as_a_key_is_to_be_nested(given: Any, nested: str):
+    """The sentence was: 'payload.length' is not a scenario field: did you mean payload.length?"""
+    one_sentence(lambda: flexlab.simulate(given, 0.01), "names a field by its path", nested)
 
 
 def test_help_shows_nothing_private():

@@ -16,7 +16,7 @@ from time import sleep
 from typing import Any
 
 from flexlab.analysis.metrics.own import OwnMetric, know_own_metrics, own_metrics
-from flexlab.arguments import flag, whole_number
+from flexlab.arguments import flag, text_or_none, whole_number
 from flexlab.compiled import engine
 from flexlab.errors import ScenarioError, StudyError
 from flexlab.lapack import one_blas_thread
@@ -100,6 +100,7 @@ def chosen_workers(workers: int | None = None, cluster: str | None = None) -> Wo
     if cluster is None:
         count = os.cpu_count() or 1 if workers is None else whole_number("workers", workers, 1, MOST_WORKERS)
         return partial(_on_threads, count)
+    text_or_none("cluster", cluster, "tcp://HOST:8786")
     if workers is not None:
         raise StudyError("workers says how many threads this machine uses: a cluster has its own; give one of the two.")
     try:

@@ -104,7 +104,11 @@ def problem(model: type[Part], item: Any) -> tuple[str, str]:
     if kind == "extra_forbidden":
         above, _, owners = locate(model, item["loc"][:-1])
         here = [f"{above}.{name}" if above else name for owner in owners for name in owner.model_fields]
-        return path, unknown_field(path, here, field_paths(model))
+        known, key = field_paths(model), str(item["loc"][-1])
+        if "." in key and (f"{above}.{key}" if above else key) in known:
+            nested = ": {".join(f'"{name}"' for name in key.split(".")) + ": …" + "}" * key.count(".")
+            return path, f"{path} names a field by its path: nest it, as in {{{nested}}}."
+        return path, unknown_field(path, here, known)
     if kind == "missing":
         return path, f"{path} is missing: give it a value."
     if kind == "range":

@@ -280,7 +280,7 @@ def test_a_cluster_that_cannot_be_used_is_said(scheduler: str, tmp_path: Path, m
     with pytest.raises(StudyError, match="has no workers: start some with dask worker tcp://"):
         flexlab.sweep("paper", VARY, 0.1, folder=tmp_path / "a", cluster=scheduler)
     monkeypatch.setattr("flexlab.analysis.workers.PATIENCE", 1.0)  # Only these are waited for to the end.
-    for address in ("tcp://127.0.0.1:1", "nowhere", "tcp://no.such.host.invalid:8786", ""):
+    for address in ("tcp://127.0.0.1:1", "nowhere", "tcp://no.such.host.invalid:8786"):
         with pytest.raises(StudyError, match="No Dask scheduler answers") as caught:
             flexlab.sweep("paper", VARY, 0.1, folder=tmp_path / "b", cluster=address)
         assert "\n" not in str(caught.value)

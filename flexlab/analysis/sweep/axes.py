@@ -61,18 +61,18 @@ class Axis:
         return {name: getattr(self, name) for name in names} | {"values": list(self.values)}
 
 
-def parse_axes(vary: Mapping[str, Any] | Sequence[str], scenario: Scenario) -> tuple[Axis, ...]:
+def parse_axes(vary: Mapping[str, Any] | Sequence[str], scenario: Scenario, argument: str = "vary") -> tuple[Axis, ...]:
     """The axes from `path=range` texts, or from a mapping of paths to ranges (as text) or lists of values.
 
-    A range is `low:high`, optionally `lin` or `log`, and optionally a count: "1:1000:log:25". Raises `StudyError` or
-    `ScenarioError`.
+    A range is `low:high`, optionally `lin` or `log`, and optionally a count: "1:1000:log:25". Raises `StudyError`, which calls
+    `vary` as the `argument` does, or `ScenarioError`.
     """
     if isinstance(vary, Mapping):
         items = [(str(path), given) for path, given in vary.items()]
     elif isinstance(vary, Sequence) and not isinstance(vary, str) and all(isinstance(text, str) for text in vary):
         items = [_split(text) for text in vary]
     else:
-        raise StudyError(f"vary = {_shown(vary)} is not usable: give a dictionary or a list, as in [{ONE!r}].")
+        raise StudyError(f"{argument} = {_shown(vary)} is not usable: give a dictionary or a list, as in [{ONE!r}].")
     if not items:
         raise StudyError(f"Nothing is varied: say what, as in {EXAMPLE}.")
     paths = [path for path, _ in items]

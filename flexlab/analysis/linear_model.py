@@ -3,12 +3,21 @@
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from scipy.signal import StateSpace, dlti, lti
+from scipy.linalg import eigvals
+from scipy.signal import StateSpace, TransferFunction, ZerosPolesGain, dlti, lti
 
 from flexlab.errors import StudyError
 
 if TYPE_CHECKING:
     from flexlab.analysis.stability import DiskMargin
+
+
+INFINITE = 1e6
+"""Magnitude of a zero, as multiple of the fastest pole's, from which it is one at infinity."""
+OUTSIDE = (1.5, 2.1, 2.9)
+"""Places at which a gain may be read, as multiples of the fastest pole's magnitude: one is far from all zeros."""
+LOST = 1e-3
+"""Largest error, as part of the response, of polynomials that are given."""
 
 
 class Named(NamedTuple):
@@ -51,8 +60,8 @@ class About(NamedTuple):
 class LinearModel(StateSpace):
     """dz/dt = A z + B u (or z at the next control instant), y = C z + D u for small changes from rest.
 
-    It is a `scipy.signal.StateSpace`, which `scipy.signal.lsim`, `step`, `dlsim` and `bode` take; `about` holds M, C, K and
-    the rest point. `flexlab.linearize` makes it.
+    It is a `scipy.signal.StateSpace`, which `scipy.signal.lsim` and `dlsim` take, with one input `step`, and with one output,
+    too, `bode` and `dbode`; `about` holds M, C, K and the rest point. `flexlab.linearize` makes it.
     """
 
     about: About
@@ -78,6 +87,61 @@ class LinearModel(StateSpace):
     def poles(self) -> np.ndarray:
         """Eigenvalues of A, 1/s (or factors from one control instant to the next)."""
         return np.linalg.eigvals(self.A)  # scipy takes the roots of a polynomial, and fails for several outputs.
+
+    @property
+    def _matrices(self) -> tuple[np.ndarray, ...]:
+        return tuple(np.asarray(part) for part in (self.A, self.B, self.C, self.D))
+
+    def response(self, points: np.ndarray) -> np.ndarray:
+        """C (s - A)⁻¹ B + D at complex `points` (N,): s = iω in 1/s, or z = exp(iωT_c); (N, outputs, inputs)."""
+        s, (A, B, C, D) = np.asarray(points, dtype=complex), self._matrices
+        return C @ np.linalg.solve(s[:, None, None] * np.eye(len(A)) - A, B.astype(complex)) + D
+
+    def to_zpk(self) -> ZerosPolesGain:
+        """Zeros, poles and gain; `zeros`, `bode` and `freqresp` ask for them. Raises `StudyError` but for one channel.
+
+        They are eigenvalues. The polynomials that scipy would go through lose all digits in a sampled loop.
+        """
+        self._check_channel("A transfer function", outputs=True)
+        (A, B, C, D), poles = self._matrices, self.poles
+        b, c = (float(np.abs(part).max()) for part in (B, C))
+        if (b == 0 or c == 0) and not D.any():
+            return ZerosPolesGain([], poles, 0.0, **self._dt_dict)
+        b, c = b or 1.0, c or 1.0
+        pencil, weight = np.block([[A, B / b], [C / c, D / (b * c)]]), np.diag([*np.ones(len(A)), 0.0])
+        zeros = eigvals(pencil, weight)
+        fastest = max(1.0, float(np.abs(poles).max(initial=0.0)))
+        zeros = zeros[np.abs(zeros) < INFINITE * fastest]
+        place = max((ratio * fastest for ratio in OUTSIDE), key=lambda s: np.abs(s - zeros).min(initial=np.inf))
+        ratio = np.exp(np.log(place - poles + 0j).sum() - np.log(place - zeros + 0j).sum())
+        gain = float((self.response(np.array([place]))[0, 0, 0] * ratio).real)
+        return ZerosPolesGain(zeros, poles, gain, **self._dt_dict)
+
+    def to_tf(self) -> TransferFunction:
+        """The transfer function of one channel. Raises `StudyError` where its polynomials would lose the digits."""
+        factors = self.to_zpk()
+        function = factors.to_tf()
+        fastest = max(1.0, float(np.abs(factors.poles).max(initial=0.0)))
+        points = (
+            1j * fastest * np.logspace(-4, 0, 40) if self.dt is None else np.exp(1j * np.pi * np.logspace(-3, 0, 40))
+        )
+        exact = self.response(points)[:, 0, 0]
+        error = np.abs(np.polyval(function.num, points) / np.polyval(function.den, points) - exact)
+        if not np.all(error <= LOST * np.abs(exact).max()):
+            raise StudyError(
+                f"Polynomials of {len(self.A)} states lose the digits of this transfer function: take to_zpk, bode, response "
+                "or to_control."
+            )
+        return function
+
+    def _check_channel(self, what: str, outputs: bool = False) -> None:
+        inputs = len(self.about.inputs)
+        if inputs == 1 and (not outputs or len(self.about.outputs) == 1):
+            return
+        wants = "one input and one output" if outputs else "one input"
+        has = f"{inputs} inputs" + (f" and {len(self.about.outputs)} outputs" if outputs else "")
+        example = 'inputs="desired_pose_y"' + (', outputs="pose_y"' if outputs else "")
+        raise StudyError(f"{what} is of {wants}, and this model has {has}: name one, as in linearize(…, {example}).")
 
     def to_control(self) -> Any:
         """The model as a `control.StateSpace` of python-control. Raises `StudyError` if that is not installed."""
@@ -105,9 +169,26 @@ class LinearModel(StateSpace):
 class ContinuousLinearModel(LinearModel, lti):
     """A `LinearModel` of differential equations."""
 
+    def step(self, X0: Any = None, T: Any = None, N: Any = None) -> Any:
+        """The response to a step of one input, as of `scipy.signal.step`. Raises `StudyError` for more inputs."""
+        self._check_channel("A step response")
+        return super().step(X0, T, N)
+
+    def impulse(self, X0: Any = None, T: Any = None, N: Any = None) -> Any:
+        """The response to an impulse in one input, as of `scipy.signal.impulse`. Raises `StudyError` for more inputs."""
+        self._check_channel("An impulse response")
+        return super().impulse(X0, T, N)
+
+    def to_discrete(self, dt: float, method: str = "zoh", alpha: float | None = None) -> StateSpace:
+        """The model sampled with a period of `dt`, s, as of `scipy.signal.StateSpace`."""
+        return StateSpace(self.A, self.B, self.C, self.D).to_discrete(dt, method, alpha)
+
 
 class SampledLinearModel(LinearModel, dlti):
     """A `LinearModel` from one control instant to the next."""
+
+    def _as_tf(self) -> Any:
+        return self.to_zpk()  # scipy's dfreqresp takes both, and asks for polynomials.
 
 
 def make_model(matrices: tuple[np.ndarray, ...], period: float | None, about: About) -> LinearModel:

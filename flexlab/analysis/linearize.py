@@ -4,7 +4,7 @@ Any recorded signal can be an output: its derivatives at the rest point are diff
 """
 
 import difflib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -42,21 +42,22 @@ def linearize(
 
     `inputs`: "joint_torque" (N·m, of each joint), "arm_input" (u_i = 𝒥ᵀτ, N, N, N·m), "desired_pose", "desired_pose_rate",
     "desired_pose_acceleration". These three are independent inputs here: a step in "desired_pose" alone is a target that
-    jumps and then stands. `outputs`: names of a run's signals. `closed`: whether the control law acts, to whose torques the
-    inputs are added; None: if a desired pose is an input.
+    jumps and then stands. `outputs`: names of a run's signals. Of both, one part may be named: "desired_pose_y", "pose_y".
+    `closed`: whether the control law acts, to whose torques the inputs are added; None: if a desired pose is an input.
 
     With a control period the model describes control instants: torques are held and come late by the input delay, and outputs
-    are those just after the law has acted. States: pose, modal coordinates (in ascending frequency), their rates, the law's
+    are those just after the law has acted. A law that looks ahead on the path, as `lqr` does by its delay, sees it go on with
+    that acceleration. States: pose, modal coordinates (in ascending frequency), their rates, the law's
     memory as far as it changes in the first order, torques on their way. Raises `ScenarioError` for a scenario that is not
     valid, and `StudyError` for unknown names, a pose that an arm cannot take, or a loop that has no rest point.
     """
     known = any_scenario(scenario).replace({})
-    driven = _names(inputs)
+    driven = _driven(inputs, len(known.arms))
     shown = _listed("outputs", outputs)
-    acts = any(name in DESIRED for name in driven)
-    acting = acts if closed is None else flag("closed", closed)
+    acts = [part.name for signal, _, part in driven if signal in DESIRED]
+    acting = bool(acts) if closed is None else flag("closed", closed)
     if acts and not acting:
-        raise StudyError(f"{driven} drive the control law: with closed=False choose {TORQUE} or {TASK} as inputs.")
+        raise StudyError(f"{acts[0]} drives the control law: with closed=False choose {TORQUE} or {TASK} as inputs.")
     if not shown:
         raise StudyError("outputs is empty: name one signal of a run or more, such as 'pose'.")
     with one_blas_thread():
@@ -65,19 +66,32 @@ def linearize(
         return _assemble(linear, answers, driven, acting)
 
 
-def _names(inputs: str | Sequence[str]) -> tuple[str, ...]:
+Part = tuple[str, int, Named]
+"""A part of an input: the input's name, the part's place in it, and its own name and unit."""
+
+
+def _driven(inputs: str | Sequence[str], arms: int) -> list[Part]:
+    """The parts of the named inputs, in their order."""
     names = _listed("inputs", inputs)
-    _check_known("inputs", names, INPUTS, "input of a linear model")
+    parts = [(signal, place, part) for signal in INPUTS for place, part in enumerate(_parts(signal, arms))]
+    known = {signal: [part.name for name, _, part in parts if name == signal] for signal in INPUTS}
+    _check_known("inputs", names, known, "input of a linear model")
     if not names:
         raise StudyError(f"inputs is empty: name one or more of {', '.join(INPUTS)}.")
-    return names
+    return [each for name in names for each in parts if name in (each[0], each[2].name)]
 
 
-def _check_known(what: str, names: Sequence[str], known: Sequence[str], kind: str) -> None:
+def _check_known(what: str, names: Sequence[str], known: Mapping[str, Sequence[str]], kind: str) -> None:
+    """`known`: the names of each name's parts."""
+    named: list[str] = []
     for name in names:
-        if name not in known:
-            near = difflib.get_close_matches(str(name), known) or known
-            raise StudyError(f"{what}: {name!r:.60} is no {kind}: did you mean {', '.join(near)}?")
+        parts = known.get(name) or [part for parts in known.values() for part in parts if part == name]
+        if not parts:
+            near = difflib.get_close_matches(str(name), [*known, *(part for parts in known.values() for part in parts)])
+            raise StudyError(f"{what}: {name!r:.60} is no {kind}: did you mean {', '.join(near or known)}?")
+        named += parts
+    if twice := [part for part in named if named.count(part) > 1]:
+        raise StudyError(f"{what}: {twice[0]} is named twice.")
 
 
 def _listed(what: str, names: str | Sequence[str]) -> tuple[str, ...]:
@@ -98,23 +112,25 @@ class _Drive(NamedTuple):
     """(x_d, ẋ_d, ẍ_d) by inputs, (9, inputs)."""
 
 
-def _drive(linear: Linearization, driven: tuple[str, ...]) -> _Drive:
+def _drive(linear: Linearization, driven: Sequence[Part]) -> _Drive:
     torques = linear.torque_count
-    names: list[Named] = []
-    blocks = []
-    for name in driven:
-        if name == TORQUE:
-            names += _of_joints(name, torques)
-            blocks.append((np.eye(torques), np.zeros((9, torques))))
-        elif name == TASK:
-            names += [each for side in ARM.labels[: torques // 3] for each in _of_axes(f"{name}_{side}", FORCE_UNITS)]
-            back = np.linalg.inv(linear.probe.task_inputs(linear.rest.motion))
-            blocks.append((back, np.zeros((9, torques))))
+    effect = {TORQUE: np.eye(torques), TASK: np.linalg.inv(linear.probe.task_inputs(linear.rest.motion))}
+    torque, desired = np.zeros((torques, len(driven))), np.zeros((9, len(driven)))
+    for column, (signal, place, _) in enumerate(driven):
+        if signal in effect:
+            torque[:, column] = effect[signal][:, place]
         else:
-            order = DESIRED.index(name)
-            names += _of_axes(name, POSE_UNITS, ("", "/s", "/s²")[order])
-            blocks.append((np.zeros((torques, 3)), np.eye(9)[:, 3 * order : 3 * order + 3]))
-    return _Drive(tuple(names), *(np.hstack(part) for part in zip(*blocks, strict=True)))
+            desired[3 * DESIRED.index(signal) + place, column] = 1.0
+    return _Drive(tuple(part for _, _, part in driven), torque, desired)
+
+
+def _parts(signal: str, arms: int) -> list[Named]:
+    """The parts of an input."""
+    if signal == TORQUE:
+        return _of_joints(signal, 3 * arms)
+    if signal == TASK:
+        return [each for side in ARM.labels[:arms] for each in _of_axes(f"{signal}_{side}", FORCE_UNITS)]
+    return _of_axes(signal, POSE_UNITS, ("", "/s", "/s²")[DESIRED.index(signal)])
 
 
 def _of_axes(name: str, units: Sequence[str], per: str = "") -> list[Named]:
@@ -125,7 +141,7 @@ def _of_joints(name: str, count: int, place: str = "") -> list[Named]:
     return [Named(f"{name}_{ARM.labels[k // 3]}_{k % 3 + 1}{place}", "N·m") for k in range(count)]
 
 
-def _assemble(linear: Linearization, answers: "Outputs", driven: tuple[str, ...], closed: bool) -> LinearModel:
+def _assemble(linear: Linearization, answers: "Outputs", driven: Sequence[Part], closed: bool) -> LinearModel:
     """A, B, C, D over (x, η, ẋ, η̇, late motors' torques, memory, torques on their way)."""
     controller, torques = linear.probe.original.controller, linear.torque_count
     period, late = controller.control_period, controller.input_delay
@@ -226,10 +242,13 @@ class Outputs(NamedTuple):
 
 
 def choose_columns(linear: Linearization, signals: Sequence[str]) -> tuple[Column, ...]:
-    """The columns of the named signals. Raises `StudyError` for an unknown signal."""
-    every = table_columns(linear.probe.scenario)
-    _check_known("outputs", signals, list(dict.fromkeys(column.signal for column in every)), "signal of a run")
-    return tuple(column for name in signals for column in every if column.signal == name)
+    """The columns of the named signals, or parts of signals. Raises `StudyError` for an unknown name."""
+    every = table_columns(linear.probe.scenario, derived=True)
+    known: dict[str, list[str]] = {}
+    for column in every:
+        known.setdefault(column.signal, []).append(column.part)
+    _check_known("outputs", signals, known, "signal of a run")
+    return tuple(column for name in signals for column in every if name in (column.signal, column.part))
 
 
 def linear_outputs(linear: Linearization, columns: tuple[Column, ...]) -> Outputs:

@@ -11,7 +11,7 @@ from flexlab.errors import RecordingError
 from flexlab.scenario import Scenario
 from flexlab.signal import ARM, COORDINATE, Axis, Signal
 from flexlab.sim.samples import Samples
-from flexlab.sim.signals import TABLE, known_signals, own_signals
+from flexlab.sim.signals import DERIVED, TABLE, known_signals, own_signals
 from flexlab.sim.snapshot import LONGEST_PERIOD, SHORTEST_PERIOD, Event
 from flexlab.text import number_text, visible
 
@@ -32,14 +32,20 @@ class Column:
     index: tuple[int, ...]
     """Index within one row of that field; () for a number."""
 
+    @property
+    def part(self) -> str:
+        """The name without its unit."""
+        return self.name.partition(" [")[0]
 
-def table_columns(scenario: Scenario, later: Iterable[Scenario] = ()) -> tuple[Column, ...]:
-    """All columns of a run of `scenario`, in the order of the table of signals, then the law's own.
+
+def table_columns(scenario: Scenario, later: Iterable[Scenario] = (), derived: bool = False) -> tuple[Column, ...]:
+    """All columns of a run of `scenario`, in the order of the table of signals, then the law's own, then, if wanted, `derived`.
 
     `later`: the scenarios that changes made of it, whose laws may have other signals of their own.
     """
     own = {signal.name: signal for each in (scenario, *later) for signal in own_signals(each)}
-    return tuple(column for signal in (*TABLE.values(), *own.values()) for column in _columns(signal, scenario))
+    signals = (*TABLE.values(), *own.values(), *(DERIVED.values() if derived else ()))
+    return tuple(column for signal in signals for column in _columns(signal, scenario))
 
 
 def _columns(signal: Signal, scenario: Scenario) -> list[Column]:

@@ -1,12 +1,13 @@
 """Linear models: against an independent linearisation, against the nonlinear run, and in the hands of other tools."""
 
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
 from reference.lagrangian import Lagrangian
 from reference.linear import NEAR, hessian, open_loop_matrices
-from scipy.signal import StateSpace, cont2discrete, dlsim, lsim
+from scipy.signal import StateSpace, bode, cont2discrete, dbode, dfreqresp, dlsim, freqresp, lsim
 
 import flexlab
 from flexlab.analysis.linear_model import LinearModel
@@ -163,6 +164,9 @@ def test_names_units_and_one_line():
     [
         ({"inputs": "joint_torqe"}, "did you mean joint_torque"),
         ({"outputs": ("pose", "deflection")}, "'deflection' is no signal"),
+        ({"outputs": "pose_z"}, "'pose_z' is no signal of a run: did you mean pose_y"),
+        ({"inputs": "desired_pose_z"}, "did you mean desired_pose_y"),
+        ({"outputs": ("pose", "pose_y")}, "pose_y is named twice"),
         ({"outputs": ()}, "outputs is empty"),
         ({"inputs": []}, "inputs is empty"),
         ({"pose": (9.0, 9.0, 0.0)}, "reach"),
@@ -194,3 +198,84 @@ def test_python_control_that_is_missing_is_asked_for(monkeypatch: pytest.MonkeyP
     monkeypatch.setitem(sys.modules, "control", None)
     with pytest.raises(StudyError, match=r"flexlab\[control\]"):
         flexlab.linearize(load_preset("paper")).to_control()
+
+
+NAMED = {"inputs": "desired_pose_y", "outputs": "vibration"}
+
+
+@pytest.mark.parametrize("name", ["paper", "composite", "lqr", "single-arm"])
+@pytest.mark.parametrize("channel", [NAMED, {"inputs": "joint_torque_left_2", "outputs": "pose_y", "closed": True}])
+def test_scipys_frequency_response_of_a_channel_is_exact(name: str, channel: dict):
+    """Through scipy's polynomials that of a sampled loop, of 39 states, was wrong by its own size."""
+    model = flexlab.linearize(name, **channel)
+    assert (model.input_names, model.output_names) == ((channel["inputs"],), (channel["outputs"],))
+    if model.dt is None:
+        w, found = freqresp(model, np.logspace(-1, 4, 60))
+        points = 1j * w
+    else:
+        w, found = dfreqresp(model, np.linspace(0.001, 3.1, 60))
+        points = np.exp(1j * w)
+    identity = np.eye(len(model.A))
+    exact = np.array([(model.C @ np.linalg.solve(s * identity - model.A, model.B) + model.D)[0, 0] for s in points])
+    np.testing.assert_allclose(found, exact, atol=1e-6 * np.abs(exact).max())
+    np.testing.assert_allclose(model.response(points)[:, 0, 0], exact, rtol=1e-6)
+    magnitude = (bode if model.dt is None else dbode)(model, w)[1]
+    np.testing.assert_allclose(magnitude, 20 * np.log10(np.abs(found)), atol=1e-9)
+
+
+def test_a_transfer_function_is_exact_or_refused():
+    paper = flexlab.linearize("paper", inputs="desired_pose_y", outputs="pose_y")
+    function, s = paper.to_tf(), np.array([20j, 300j, 2000j])
+    ratio = np.polyval(function.num, s) / np.polyval(function.den, s)
+    np.testing.assert_allclose(ratio, paper.response(s)[:, 0, 0], rtol=1e-4)
+    with pytest.raises(StudyError, match="Polynomials of 39 states lose the digits"):
+        flexlab.linearize("lqr", inputs="desired_pose_y", outputs="pose_y").to_tf()
+    nothing = flexlab.linearize("single-arm", inputs="desired_pose_y", outputs="internal_force_left_y")
+    assert nothing.to_zpk().gain == 0
+    assert not len(nothing.zeros)
+
+
+@pytest.mark.parametrize("sampling", [{}, SAMPLED])
+def test_what_needs_one_channel_says_so(sampling: dict):
+    """scipy spoke of arrays that could not be broadcast, and gave a transfer function of the first input alone."""
+    model: Any = flexlab.linearize(still(**sampling), inputs="desired_pose", outputs=("pose", "vibration"))
+    needs_one = [
+        model.to_zpk, model.to_tf, model.bode, model.freqresp, lambda: model.zeros,
+        lambda: (dbode if sampling else bode)(model),
+    ]  # fmt: skip
+    for ask in needs_one:
+        with pytest.raises(
+            StudyError, match=r"one input and one output, and this model has 3 inputs and 4 outputs: name"
+        ):
+            ask()
+    if not sampling:
+        for ask in (model.step, model.impulse):
+            with pytest.raises(StudyError, match=r"response is of one input, and this model has 3 inputs: name one"):
+                ask()
+        one = flexlab.linearize(still(), inputs="desired_pose_y", outputs=("pose", "vibration"))
+        assert one.step(N=500)[1][-1, 1] == pytest.approx(1, abs=1e-3)
+        held = one.to_discrete(1e-3)
+        A, B, *_ = cont2discrete((one.A, one.B, one.C, one.D), 1e-3)
+        np.testing.assert_array_equal(held.A, A)
+        np.testing.assert_array_equal(held.B, B)
+
+
+def test_a_part_is_what_it_is_of_the_whole():
+    whole = flexlab.linearize("gravity", inputs=("joint_torque", "desired_pose_rate"), outputs=("pose", "joint_angle"))
+    part = flexlab.linearize(
+        "gravity", inputs=("desired_pose_rate_theta", "joint_torque_right_3"), outputs=("joint_angle_left_2", "pose_y")
+    )
+    columns = [whole.input_names.index(name) for name in part.input_names]
+    rows = [whole.output_names.index(name) for name in part.output_names]
+    np.testing.assert_array_equal(part.B, whole.B[:, columns])
+    np.testing.assert_array_equal(part.C, whole.C[rows])
+    np.testing.assert_array_equal(part.D, whole.D[np.ix_(rows, columns)])
+
+
+def test_a_signal_that_follows_from_others_is_an_output():
+    model = flexlab.linearize(
+        "gravity", inputs="desired_pose_y", outputs=("vibration", "midspan_deflection", "quasi_static_deflection")
+    )
+    np.testing.assert_allclose(model.C[0], model.C[1] - model.C[2], atol=1e-12)
+    assert model.output_units == ("m", "m", "m")
+    assert "total_energy" in flexlab.linearize("gravity", outputs="total_energy").output_names

@@ -268,7 +268,7 @@ def _draw_map(figure: "Figure", axes: "Axes", case: Case, values: np.ndarray) ->
         value = values[line, place]
         text, color = "–", "black"  # The page draws black in its own colour.
         if np.isfinite(value):
-            text, color = number_text(value, 2), "white" if drawn.norm(value) > 1 - DARK else INK
+            text, color = number_text(value, 2), "white" if np.greater(drawn.norm(value), 1 - DARK) else INK
         axes.text(place, line, text, ha="center", va="center", fontsize="x-small", color=color)
     figure.colorbar(drawn, ax=axes, label=f"{case.main.column.title} ({case.main.column.unit})")
 

@@ -126,6 +126,26 @@ def test_a_class_from_the_first_entry_to_the_teacher_s_pause(server: FrontServer
         assert (notes["owner"], notes["visitor"]) == (anna.owner, "Anna <b>")
 
 
+def test_two_students_of_one_name_are_told_apart(tmp_path: Path, recorded: Path):
+    room = {"max_sessions": 2, "max_per_address": 2}
+    with open_server(tmp_path, token=TOKEN, teacher_token=TEACHER, private=True, **room) as opened:
+        teacher, students = Person(opened, TEACHER), [Person(opened), Person(opened)]
+        for number, student in enumerate(students):
+            student.post("/name", ("name", "Anna"))
+            student.enter()
+            if number == 0:
+                assert [lab["who"] for lab in teacher.labs()] == ["Anna"], "alone she needs no mark"
+            run = Path(shutil.copy(recorded, tmp_path / f"2025-01-01T12-00-0{number}-paper.rrd"))
+            write_notes(run, owner=student.owner, visitor="Anna")
+        names = [f"Anna ({student.owner[:4]})" for student in students]
+        assert [lab["who"] for lab in teacher.labs()] == names
+        table = teacher.ask("/runs").text
+        assert all(f'<span class="by">{name}</span>' in table for name in names)
+        assert '<span class="by">Anna</span>' in students[0].ask("/runs").text, "she sees none but her own"
+        students[1].post("/name", ("name", "Anna B."))
+        assert [lab["who"] for lab in teacher.labs()] == ["Anna", "Anna B."]
+
+
 def test_who_records_too_much_is_told_and_recorded_again_once_runs_are_deleted(
     server: FrontServer, teacher: Person, anna: Person, runs: dict[str, str]
 ):

@@ -322,3 +322,15 @@ def test_imports_count_for_the_quota(server: FrontServer, recorded: Path):
     assert {path.name for path in server.settings.logs.iterdir()} == before
     (server.settings.logs / f"{run}.rrd").unlink()
     assert upload(server.url, "more.rrd", recorded.read_bytes(), dora.cookies).status == 303
+
+
+def test_an_import_of_a_browser_without_a_cookie_is_its_own_and_counts(tmp_path: Path, recorded: Path):
+    most = 1.5 * recorded.stat().st_size / 1e6
+    with open_server(tmp_path, token=TOKEN, teacher_token=TEACHER, private=True, quota=most) as opened:
+        emil = Person(opened)
+        del emil.cookies[f"flexlab-visitor-{opened.port}"]  # The browser forgot it while the page Runs stood open.
+        form, boundary = file_form("mine.rrd", recorded.read_bytes())
+        answers = [emil.ask("/runs/import", "POST", form, Content_Type=boundary) for _ in range(2)]
+        assert [answer.status for answer in answers] == [303, 422]
+        assert emil.ask(answers[0].headers["Location"]).status == 200
+        assert "that each visitor has" in answers[1].text

@@ -109,6 +109,8 @@ class Lab:
     """Where visitors find it: `/lab` or `/s/<id>`."""
     name = ""
     """What its visitor is called; empty: not known."""
+    owner = ""
+    """The mark of its visitor's runs; empty: they belong to nobody."""
     visitors = 0
     """Open pages."""
     secret = ""

@@ -74,7 +74,7 @@ class PrivateLab(Lab):
     def __init__(self, number: int, lab: str, visitor: str, order: Order, on_end: Callable[[], None]):
         """Start the process. `on_end` is called, on a thread, when it is over for whatever reason."""
         self.number, self.visitor, self.path = number, visitor, f"/s/{lab}"
-        self.secret, self.name = order.secret, order.visitor
+        self.secret, self.name, self.owner = order.secret, order.visitor, order.owner
         self.seen = time.monotonic()
         """When the last of its pages was closed, monotonic s."""
         self.why = ""

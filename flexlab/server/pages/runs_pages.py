@@ -22,11 +22,12 @@ from flexlab.recording.viewer import VIEWER_FILES, viewer_folder
 from flexlab.scenario.field_text import change_in_words
 from flexlab.server.auth import WITH_A_PASS, has_pass, recording_address
 from flexlab.server.labs.recorded_lab import little_space
+from flexlab.server.limits import names_told_apart
 from flexlab.server.pages.run_actions import EXPORTS, TABLES, claim_room, file_on_its_way, row_of
 from flexlab.server.pages.templating import ALL_RUNS, message, page, part
 from flexlab.server.run_jobs import replay_of, take_in
 from flexlab.server.task_book import IDLE
-from flexlab.server.visitors import context_of, file_answer, runs_for, visitor_of
+from flexlab.server.visitors import context_of, file_answer, keep_visitor, known_visitor_of, runs_for, visitor_of
 from flexlab.text import visible
 
 ROUTES = web.RouteTableDef()
@@ -70,6 +71,7 @@ def table_values(rows: Sequence[RunRow], short: bool = False) -> dict[str, Any]:
     )
     return {
         "rows": rows,
+        "names": names_told_apart((row.visitor, row.owner) for row in rows),
         "short": short,
         "columns": COLUMNS if short else (*COLUMNS, *metrics, *LAST_COLUMNS),
         "metric_columns": METRIC_COLUMNS,
@@ -108,23 +110,21 @@ warnings.filterwarnings("ignore", category=BadContentDispositionParam)
 @ROUTES.post("/runs/import")
 async def upload(request: web.Request) -> web.StreamResponse:
     """Take one file; its run's page follows."""
-    context = context_of(request)
+    context, visitor = context_of(request), known_visitor_of(request)
+    # Where each has their own runs, this one is marked as the visitor's and counts for their quota.
+    owned = context.places.is_private and not visitor.is_teacher
+    notes = {"owner": visitor.owner, "visitor": visitor.name} if owned else {}
+    quota = context.settings.bytes_of_visitor if owned else None
     try:
         async with file_on_its_way(request) as folder:
             path = await _receive(request, folder)
-            run = await context.tasks.run(visitor_of(request), take_in, path, context.settings.logs, *_owner(request))
+            run = await context.tasks.run(visitor_of(request), take_in, path, context.settings.logs, notes, quota)
     except FlexlabError as error:
         return message("Nothing was imported", str(error), 422, ALL_RUNS)
-    raise web.HTTPSeeOther(f"/runs/{run}")
-
-
-def _owner(request: web.Request) -> tuple[dict[str, str], float | None]:
-    """(notes that mark the run as the visitor's, where each has their own; bytes that all of theirs may take)."""
-    visitor = visitor_of(request)
-    if visitor.is_teacher or not context_of(request).places.is_private:
-        return {}, None
-    notes = {"owner": visitor.owner, "visitor": visitor.name}
-    return notes, context_of(request).settings.bytes_of_visitor
+    answer = web.Response(status=303, headers={hdrs.LOCATION: f"/runs/{run}"})
+    if owned:
+        keep_visitor(request, answer, visitor)
+    return answer
 
 
 async def _receive(request: web.Request, folder: Path) -> Path:

@@ -22,7 +22,7 @@ from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.server.auth import ask_for_token
 from flexlab.server.labs.lab_provider import Choice, Hold, Lab, state_of
 from flexlab.server.labs.recorded_lab import little_space
-from flexlab.server.limits import for_teacher
+from flexlab.server.limits import for_teacher, names_told_apart
 from flexlab.server.pages.templating import page
 from flexlab.server.visitors import context_of, fresh, is_teacher, set_cookie
 
@@ -87,20 +87,21 @@ async def labs(request: web.Request) -> web.Response:
         raise web.HTTPForbidden
     places = context_of(request).places
     running, rules = places.running(), places.rules
+    names = names_told_apart((place.name, place.owner) for place in running)
     told = {
-        "labs": [_told(place, rules) for place in running],
+        "labs": [_told(place, names[place.name, place.owner], rules) for place in running],
         "questions": _questions(running, rules),
         "rules": {"lesson": rules.lesson, "step": str(rules.step), "lock": rules.locked, "hide": rules.hides_names},
     }
     return fresh(told)
 
 
-def _told(place: Lab, rules: ClassRules) -> dict[str, Any]:
+def _told(place: Lab, name: str, rules: ClassRules) -> dict[str, Any]:
     status = place.status()
     guesses = [f"{short_name(progress.lesson)}: {progress.guess}" for progress in status.lessons if progress.guess]
     return {
         "lab": place.path,
-        "who": f"Student {place.number}" if rules.hides_names else who(place),
+        "who": f"Student {place.number}" if rules.hides_names else who(place, name),
         "preset": status.name,
         "title": status.title,
         "lesson": status.lesson,
@@ -136,9 +137,9 @@ def _questions(places: Sequence[Lab], rules: ClassRules) -> list[dict[str, Any]]
     return told
 
 
-def who(place: Lab) -> str:
+def who(place: Lab, name: str) -> str:
     """A lab's name: its visitor's, or a number."""
-    return place.name or ("Everybody" if place.path == "/lab" else f"Visitor {place.number}")
+    return name or ("Everybody" if place.path == "/lab" else f"Visitor {place.number}")
 
 
 def _lessons() -> list[str]:

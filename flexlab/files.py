@@ -42,15 +42,30 @@ def read_json(path: Path, largest: int) -> Any:
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """A draft beside `path` that takes its place when the block is left without an error, at once or not at all."""
-    if not path.name:  # The root, or the working directory.
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-    # Its own name may be as long as names can be.
-    draft = path.with_name(f".{short_hash(path.name)}-{os.getpid()}-{threading.get_ident()}.draft")
+    draft = _draft_of(path)
     try:
         yield draft
         draft.replace(path)
     finally:
         draft.unlink(missing_ok=True)
+
+
+def _draft_of(path: Path) -> Path:
+    if not path.name:  # The root, or the working directory.
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    # Its own name may be as long as names can be.
+    return path.with_name(f".{short_hash(path.name)}-{os.getpid()}-{threading.get_ident()}.draft")
+
+
+def check_writing(path: Path) -> None:
+    """Refuse at once a file that could not be written after long work. Raises `StudyError`."""
+    with writable(path, "choose another file"):
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        check_ordinary(path)
+        draft = _draft_of(path)
+        draft.touch()
+        draft.unlink()
 
 
 @contextmanager

@@ -86,15 +86,12 @@ def fit(
     that nothing moves, as in a vice; a run's rings in its loop. Raises `StudyError`, `RecordingError`.
     """
     of, column = text_or_none("signal", signal, "vibration"), text_or_none("time", time, "time")
-    first, last = time_or_none("start", start), time_or_none("end", end)
     known = None if scenario is None else any_scenario(scenario)
     if not isinstance(source, Run) and is_measurement(str(source)):
-        return fit_file(Path(source), column, of, first, last, known)
-    if column is not None:
-        raise StudyError(f"time = {column!r:.60} names a column of a file: a run has one time, leave it out.")
+        return fit_file(Path(source), column, of, start, end, known)
     with ExitStack() as stack:
         (path,) = _paths([source], logs, stack)
-        return fit_run(str(path), path.parent, of, first, last, known)
+        return fit_run(str(path), path.parent, column, of, start, end, known)
 
 
 def compare(*runs: AnyRun, logs: str | Path = LOGS) -> Comparison:

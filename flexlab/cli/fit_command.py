@@ -43,7 +43,7 @@ def command(
     if measured:
         fit = fit_file(path, time, signal, start, end, scenario)
     else:
-        fit = fit_run(source, logs, signal, start, end, scenario)
+        fit = fit_run(source, logs, time, signal, start, end, scenario)
     for sentence in fit.notes:
         note(sentence)
     kept = None

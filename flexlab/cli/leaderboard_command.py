@@ -42,6 +42,7 @@ def command(
     from flexlab.analysis.leaderboard.store import FOLDER, RowStore
     from flexlab.analysis.workers import chosen_workers, progress_bar
     from flexlab.cli.warmup import warm_up
+    from flexlab.files import make_folder
     from flexlab.presets import load_preset
 
     known = chosen_workers(workers, cluster)
@@ -49,6 +50,8 @@ def command(
     cases = chosen_cases(case or None, long)
     tasks = make_tasks(cases, chosen_entrants(law_name or None, law), seed)
     store = RowStore(FOLDER)
+    if to is not None:
+        make_folder(to)
     if cluster is None:
         warm_up(load_preset("paper"))
     if verify:

@@ -49,6 +49,7 @@ def command(
     from flexlab.analysis.tuning import parse_cost, tune
     from flexlab.analysis.workers import chosen_workers, progress_bar
     from flexlab.cli.warmup import warm_up
+    from flexlab.files import check_writing
     from flexlab.presets import save_scenario
 
     axes = parse_axes(change, scenario)
@@ -57,6 +58,8 @@ def command(
     for file in (save, figure):  # Before hours of work.
         if file is not None and not file.parent.is_dir():
             raise StudyError(f"{file} cannot be written: there is no folder {file.parent}.")
+        if file is not None:
+            check_writing(file)
     if figure is not None:
         figure_kind(figure)
     known = chosen_workers(workers, cluster)

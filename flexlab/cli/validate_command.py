@@ -19,8 +19,11 @@ def command(
     from flexlab.analysis.validation import validate
     from flexlab.analysis.validation.report import write_report
     from flexlab.cli.warmup import warm_up
+    from flexlab.files import check_writing, make_folder
     from flexlab.presets import load_preset
 
+    make_folder(to.parent, "choose another file")
+    check_writing(to)
     warm_up(load_preset("paper"))
     began = time.perf_counter()
     found = validate()

@@ -130,12 +130,15 @@ def test_a_field_of_several_numbers_is_tuned_and_one_that_takes_none_is_told():
         (("--change", "gravity=0:1", "--candidates", "3"), "candidates = 3 is not usable"),
         (("--change", "gravity=0,1",), "a range is searched, not a list"),
         (("--change", "gravity=0:1", "--save", "no/such/t.json"), "there is no folder no/such"),
+        (("--change", "gravity=0:1", "--save", "."), ". cannot be written (Is a directory)"),
+        (("--change", "gravity=0:1", "--figure", "taken.svg"), "taken.svg cannot be written (Is a directory)"),
         (("--change", "gravity=0:1", "--figure", "t.bmp"), "let it end in .svg or .png"),
     ],
 )  # fmt: skip
 def test_bad_input_is_one_sentence(
-    flexlab_command: Callable[..., subprocess.CompletedProcess[str]], words: tuple[str, ...], says: str
+    flexlab_command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path, words: tuple[str, ...], says: str
 ):
+    (tmp_path / "taken.svg").mkdir()
     done = flexlab_command("tune", "paper", *words)
     assert done.returncode == 2, done.stderr
     assert says in done.stderr

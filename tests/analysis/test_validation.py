@@ -123,6 +123,19 @@ def test_a_flipped_sign_that_needs_no_compiling_does_not_pass(
     assert not all(check.holds for check in group(Runs()))
 
 
+def test_a_report_that_cannot_be_written_is_refused_at_once(
+    flexlab_command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("flexlab.analysis.validation.validate", lambda: pytest.fail("it was computed for nothing"))
+    (tmp_path / "taken.html").mkdir()
+    (tmp_path / "file").touch()
+    for place in ("taken.html", "file/report.html"):
+        done = flexlab_command("validate", "--to", place)
+        assert (done.returncode, done.stdout) == (2, "")
+        assert "cannot be written" in done.stderr
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "taken.html"], "no draft is left"
+
+
 def test_the_command_says_what_does_not_hold(
     flexlab_command: Callable[..., subprocess.CompletedProcess[str]],
     validation: Validation,

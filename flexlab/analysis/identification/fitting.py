@@ -21,6 +21,7 @@ from flexlab.analysis.identification.free_ring import ring_of_run
 from flexlab.analysis.identification.ring import Estimate, RingFit, fit_ring
 from flexlab.analysis.result import Result, provenance
 from flexlab.analysis.run_summary import note_metrics
+from flexlab.arguments import time_or_none
 from flexlab.errors import RecordingError, StudyError
 from flexlab.presets import load_preset
 from flexlab.recording.course import changed_scenario
@@ -137,6 +138,7 @@ def fit_file(
 
     `scenario`: the known parameters of the beam, whose grips a vice holds. Raises `StudyError`.
     """
+    start, end = time_or_none("start", start), time_or_none("end", end)
     found = read_measured(path, time, signal)
     t, y = _window(found.time, found.signal, start, end)
     notes = found.notes
@@ -149,12 +151,16 @@ def fit_file(
 def fit_run(
     run: str,
     logs: Path,
+    time: str | None = None,
     signal: str | None = None,
     start: float | None = None,
     end: float | None = None,
     scenario: Scenario | None = None,
 ) -> Fit:
     """The fit of a recorded run after its last tap, or from its first ring; `scenario` None: the run's. Raises `FlexlabError`."""
+    if time is not None:
+        raise StudyError(f"time = {time!r:.60} names a column of a file: a run has one time, leave it out.")
+    start, end = time_or_none("start", start), time_or_none("end", end)
     recording = read_recording(find_run(run, logs))
     t, y, unit = ring_of_run(recording, signal or "vibration", start, end)
     own = changed_scenario(recording.scenario, recording.events, float(t[0]))

@@ -281,6 +281,18 @@ def test_a_folder_with_another_plan_is_another_sweeps(text: str, tmp_path: Path)
         flexlab.sweep("paper", {EI: [50.0, 100.0]}, 0.02, folder=tmp_path)
 
 
+def test_a_sweep_of_another_version_is_told_so_and_left_as_it_is(tmp_path: Path):
+    vary = {EI: [50.0, 100.0]}
+    flexlab.sweep("paper", vary, 0.02, folder=tmp_path)
+    plan = tmp_path / "sweep.json"
+    data = json.loads(plan.read_text("utf-8")) | {"key": "0" * 16, "engine": "kernels-0"}
+    plan.write_text(json.dumps(data), "utf-8")
+    before = sorted(tmp_path.iterdir())
+    with pytest.raises(StudyError, match="holds a sweep of another version of flexlab"):
+        flexlab.sweep("paper", vary, 0.02, folder=tmp_path)
+    assert sorted(tmp_path.iterdir()) == before
+
+
 def test_a_plan_that_is_a_pipe_is_another_sweeps(tmp_path: Path):
     os.mkfifo(tmp_path / "sweep.json")
     with pytest.raises(StudyError, match="holds another sweep"):

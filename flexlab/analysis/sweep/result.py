@@ -23,6 +23,7 @@ from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.plan import Cell, Plan, run_part
 from flexlab.analysis.workers import Told, Workers
 from flexlab.arguments import whole_number
+from flexlab.compiled import engine
 from flexlab.errors import StudyError
 from flexlab.files import check_ordinary, read_json, replacing, writable
 from flexlab.scenario import Scenario
@@ -120,8 +121,9 @@ def run_sweep(plan: Plan, folder: Path, workers: Workers, told: Told = lambda do
     byte for byte. Raises `StudyError`, also for a folder that cannot be written or holds another sweep.
     """
     with writable(folder, ADVICE):
-        (folder / PARTS).mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
         _check_plan(folder, plan)
+        (folder / PARTS).mkdir(exist_ok=True)
     if not (folder / TABLE).exists():
         missing = [cells for cells in plan.parts() if read_part(folder, plan, cells) is None]
         done = plan.cell_count - sum(map(len, missing))
@@ -144,11 +146,18 @@ def _check_plan(folder: Path, plan: Plan) -> None:
         with replacing(file) as draft:
             draft.write_text(text + "\n", encoding="utf-8")
     try:
-        held = read_json(file, LARGEST_PLAN)["key"]
+        held = read_json(file, LARGEST_PLAN)
+        key, made_by = held["key"], held["engine"]
     except (ValueError, KeyError, TypeError):
-        held = None
-    if held != plan.key:
+        key, made_by = None, engine()
+    if key == plan.key:
+        return
+    if made_by == engine():
         raise StudyError(f"{folder} holds another sweep: choose another folder, or move that one away.")
+    raise StudyError(
+        f"{folder} holds a sweep of another version of flexlab, whose results may differ: choose another folder, or move that "
+        "one away."
+    )
 
 
 def join_parts(folder: Path, plan: Plan) -> None:

@@ -249,6 +249,13 @@ def test_what_the_teacher_asked_holds_after_a_restart(tmp_path: Path, private: b
         assert rules == {"lesson": lesson, "step": "2", "lock": True, "hide": True}
         if not private:
             wait_until(lambda: Person(server, TEACHER).labs()[0]["state"] == "paused", "nobody can play")
+    gone = {"step": 2, "lesson": "Own lesson: since deleted", "locked": True}
+    (tmp_path / ".class.json").write_text(json.dumps({"rules": gone}))
+    with open_server(tmp_path, **settings) as server:
+        rules = json.loads(Person(server, TEACHER).ask("/teacher/labs").text)["rules"]
+        assert rules == {"lesson": "", "step": "3", "lock": True, "hide": False}, (
+            "the class waits at no lesson that is gone"
+        )
     (tmp_path / ".class.json").write_text('{"rules": {"step": 99, "lesson": 3}}')
     with open_server(tmp_path, **settings) as server:
         rules = json.loads(Person(server, TEACHER).ask("/teacher/labs").text)["rules"]

@@ -6,7 +6,7 @@ What the teacher asks of the class is kept beside the runs: a server that is sta
 import asyncio
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
@@ -31,8 +31,6 @@ ROUTES = web.RouteTableDef()
 FILE = Path(".class")
 """File in the folder of the runs; `notes` adds its ending."""
 RULES = "rules"
-MOST_CHARACTERS = 200
-"""Longest name of a lesson."""
 
 _RULES = TypeAdapter(ClassRules)
 NOT_YOURS = (
@@ -47,12 +45,15 @@ def keep_rules(logs: Path, rules: ClassRules) -> None:
 
 
 def kept_rules(logs: Path) -> ClassRules:
-    """The rules that were kept; the usual ones for a file that is missing or malformed."""
+    """The rules that were kept, without a lesson that is gone; the usual ones for a file that is missing or malformed."""
     try:
         rules = _RULES.validate_python(read_notes(logs / FILE).get(RULES, {}))
     except ValidationError:
         return ClassRules()
-    return rules if 1 <= rules.step <= len(STEPS) and len(rules.lesson) <= MOST_CHARACTERS else ClassRules()
+    if not 1 <= rules.step <= len(STEPS):
+        return ClassRules()
+    # Between two servers a lesson may be deleted, or named otherwise by another version.
+    return rules if not rules.lesson or rules.lesson in _lessons() else replace(rules, lesson="", step=len(STEPS))
 
 
 @ROUTES.get("/teacher")

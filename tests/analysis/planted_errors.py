@@ -262,6 +262,15 @@ torque of a late motor that turns the links: physics/joints.py
 no-load speed: physics/joints.py
     stall / np.array(motor
     0.9 * stall / np.array(motor
+reach of the arms in the function that falls: analysis/lyapunov.py
+    grip_rate - l3 * turn_rate
+    grip_rate + l3 * turn_rate
+mid-span of a beam whose mesh changes: sim/bumpless_transfer.py
+    product(payload_row(old, 0.0), q) - product(
+    product(payload_row(old, 0.0), q) + product(
+moment between the arms: analysis/metrics/magnitudes.py
+    internal_force[:, 0, 2:]
+    internal_force[:, 0, 1:2]
 memory in the sampled loop: analysis/stability.py
     matrix[states:own, :own] = memory + np.eye
     matrix[states:own, :own] = memory - np.eye

@@ -7,6 +7,7 @@ import numpy as np
 
 from flexlab.analysis.internal_force import internal_force_eq_26
 from flexlab.analysis.lesson_measures import bound_terms
+from flexlab.analysis.lyapunov import tracking_energy
 from flexlab.analysis.metrics.settling_time import settling_time
 from flexlab.analysis.validation.check import FINE, PERIOD, Check, Runs, above, alike, below, close, subject
 from flexlab.analysis.validation.mass_points import MassPoints, christoffel, time_derivative
@@ -183,6 +184,7 @@ def _theorem_2(runs: Runs) -> Iterator[Check]:
         disturbance = M @ a + C @ v - run.arm_input[k].sum(axis=0)
         bound.append(np.linalg.norm(disturbance) / (1 + np.linalg.norm(x) + np.linalg.norm(v) ** 2))
         stored.append(0.5 * s @ M @ s)
+    yield alike("½ sᵀM̄s as the lab draws it: relative error", 1e-9, tracking_energy(run.scenario, run)[rows], stored)
     yield below("Theorem 2 assumes ‖Ψ‖ ≤ b0 + b1‖x‖ + b2‖ẋ‖²: holds with equal b of", 1e3, max(bound), "N")
     learnt = np.diff(run.bound_estimates, axis=0)
     yield above("b̂ never falls: least change", -1e-15, learnt.min())

@@ -1,0 +1,55 @@
+"""The numbers that sum up a run, from its samples by their definitions, and what a change in mid-run keeps."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from flexlab.analysis.metrics.residual_vibration import LATER
+from flexlab.analysis.metrics.run_metrics import run_metrics
+from flexlab.analysis.validation.check import PERIOD, Check, Runs, alike, run_of, subject
+from flexlab.presets import load_preset
+from flexlab.sim.commands import ChangeScenario
+from flexlab.sim.world import World
+
+STOP = 0.2
+"""Duration of a motion of 0.2 m after which a soft beam rings, s."""
+BEFORE = 0.02
+"""s before a change, while the beam rings."""
+
+
+@subject("Numbers that sum up a run", 15)
+def summary(runs: Runs) -> Iterator[Check]:
+    """Metrics of the paper's run and of one that stops; a finer mesh in mid-run."""
+    run = runs.paper
+    found, e = run_metrics(run, own=False), run.tracking_error
+    force, moment = run.internal_force[:, 0, :2], run.internal_force[:, 0, 2]
+    wanted = {
+        "duration": [run.time[-1] - run.time[0]],
+        "rms_error": np.sqrt((e**2).mean(axis=0)),
+        "peak_error": np.abs(e).max(axis=0),
+        "peak_vibration": [np.abs(run.midspan_deflection - run.quasi_static_deflection).max()],
+        "peak_torque": [np.abs(run.joint_torque).max()],
+        "peak_axial_load": [np.max(run.axial_load_share)],
+        "rms_internal_force": [np.sqrt((force**2).sum(axis=1).mean())],
+        "rms_internal_moment": [np.sqrt((moment**2).mean())],
+    }
+    for name, exact in wanted.items():
+        yield alike(f"{name.replace('_', ' ')}, from all samples: relative error", 1e-12, getattr(found, name), exact)
+    path = {"kind": "rest-to-rest", "duration": STOP}
+    stopped = run_of("the run that stops", {"trajectory": path, "payload.bending_stiffness": 5.0}, 0.6, PERIOD)
+    left = [np.abs(stopped.vibration[stopped.time > t - PERIOD / 2]).max() for t in (STOP, STOP + LATER)]
+    told = run_metrics(stopped, own=False).residual_vibration
+    yield alike("residual vibration after the stop: relative error", 1e-12, told, left)
+    yield from _finer_mesh()
+
+
+def _finer_mesh() -> Iterator[Check]:
+    """Two elements become eight: the cubics of each are cubics of its parts, so that nothing of the motion may change."""
+    world = World(load_preset("paper"), PERIOD)
+    world.run(round(BEFORE / PERIOD))
+    coarse = world.observe()
+    world.apply(ChangeScenario({"payload.element_count": 8}))
+    fine = world.observe()
+    for name in ("pose_rate", "midspan_deflection", "elastic_energy", "kinetic_energy"):
+        statement = f"four elements instead of one keep the {name.replace('_', ' ')}: relative change"
+        yield alike(statement, 1e-9, fine[name], coarse[name])

@@ -90,31 +90,7 @@ def read_measured(path: Path, time: str | None = None, signal: str | None = None
         usual = f"where samples are {np.median(steps):.3g} s apart"
         notes.append(f"{gaps.sum()} gaps, the longest {steps.max():.3g} s {usual}.")
     unit = "m" if y_unit in SIGNAL_UNITS else visible(y_unit, LONGEST_NAME)
-    for sign in (1, -1):
-        if count := _cut_off(sign * y):
-            limit = f"{sign * np.max(sign * y):.4g} {unit}".rstrip()
-            notes.append(
-                f"{count} samples stand at {limit}, as if cut off at the end of a sensor's range: the damping is then wrong; "
-                "begin the ring later."
-            )
     return Measured(t, y, unit, tuple(notes))
-
-
-def _cut_off(signal: np.ndarray) -> int:
-    """How many samples stand at the largest value of a signal as if they were cut off there; 0: they are not.
-
-    In rounded samples a ring's peaks share a value, too, but the next smaller one is then nearly as frequent.
-    """
-    counts = np.unique(signal, return_counts=True)[1]
-    at_limit = signal == signal.max()
-    peaks = np.count_nonzero(np.diff(at_limit, prepend=False) & at_limit)
-    next_smaller = int(counts[-2]) if len(counts) > 1 else 0
-    cut = peaks >= FEWEST_CUT_OFF and counts[-1] >= max(MORE * next_smaller, MORE * peaks / 2)
-    return int(counts[-1]) if cut else 0
-
-
-FEWEST_CUT_OFF, MORE = 3, 5
-"""Fewest peaks that are cut off, and samples there over those of the next smaller value."""
 
 
 def _read(path: Path) -> tuple[list[str], list[list[str]], bool]:

@@ -36,6 +36,25 @@ BEST_TOLD = 1e-12
 STANDS_OUT = 30.0
 """Least gain of Schwarz's criterion by all modes over noise alone, as a search over frequencies also finds chance lines."""
 
+FEWEST_CLIPPED, MORE = 3, 5
+"""Fewest peaks that are clipped, and samples there over those of the next smaller value."""
+
+
+def clipped_until(signal: np.ndarray) -> int | None:
+    """Index of the last sample at which peaks of a signal are clipped; None: they are not.
+
+    In rounded samples a ring's peaks share a value, too, but the next smaller one is then nearly as frequent.
+    """
+    last = []
+    for side in (signal, -signal):
+        counts = np.unique(side, return_counts=True)[1]
+        at_limit = side == side.max()
+        peaks = np.count_nonzero(np.diff(at_limit, prepend=False) & at_limit)
+        next_smaller = int(counts[-2]) if len(counts) > 1 else 0
+        if peaks >= FEWEST_CLIPPED and counts[-1] >= max(MORE * next_smaller, MORE * peaks / 2):
+            last.append(int(np.flatnonzero(at_limit)[-1]))
+    return max(last, default=None)
+
 
 def ring_begins(signal: np.ndarray) -> int:
     """Index of a ring's first peak; 0 if nothing quieter comes before it."""

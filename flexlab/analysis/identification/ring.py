@@ -21,6 +21,7 @@ from flexlab.analysis.identification.evidence import (
     LEFT,
     SEEN,
     SEEN_NEAR,
+    clipped_until,
     is_white,
     local_density,
     shifts,
@@ -133,7 +134,12 @@ def fit_ring(time: np.ndarray, signal: np.ndarray, most_modes: int = MOST_MODES)
         found, criterion = more, better
         if _rest(found, tau, y).std() < BEST_TOLD:
             break
-    return _described(_without_noise(found, tau, y), tau, y, scale, time, _reason(found, tau, y))
+    problem = _reason(found, tau, y)
+    if (last := clipped_until(y)) is not None:
+        problem = (
+            f"the signal is clipped until t = {time[last]:.6g} s; measure in a wider range, or begin the fit after that"
+        )
+    return _described(_without_noise(found, tau, y), tau, y, scale, time, problem)
 
 
 def _without_noise(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarray:

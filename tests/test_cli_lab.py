@@ -50,7 +50,11 @@ def test_a_busy_port_is_one_sentence(flexlab_command: Command, tmp_path: Path):
         (["--host", "256.1.1.1"], "256.1.1.1"),
         (["--host", "192.0.2.1"], "192.0.2.1"),
         (["--logs", "/proc/logs"], "/proc/logs"),
-        (["--max-sessions", "0"], "max-sessions = 0"),
+        (["--private", "--max-sessions", "0"], "max-sessions = 0"),
+        (["--max-sessions", "4"], "--max-sessions is for labs of each visitor's own: add --private"),
+        (["--max-per-address", "4"], "--max-per-address is for labs"),
+        (["--idle-time", "600"], "--idle-time is for labs"),
+        (["--quota", "50"], "--quota is for labs"),
         (["--token", "abc"], "16 characters"),
     ],
 )
@@ -78,3 +82,12 @@ def test_private_labs_for_others_ask_for_their_token_open_and_close(start_lab: C
     assert answer(url.split("?")[0]) == 401
     assert lab.end() == 0
     assert "Traceback" not in "".join(lab.complained)
+
+
+def test_a_token_on_this_machine_makes_a_teacher_who_is_told_the_address(start_lab: Callable[..., Lab]):
+    lab = start_lab("--token", "the-word-of-the-class")
+    assert answer(lab.url()) == 200
+    page = lab.wait(lambda: re.search(r"for the teacher: (http://\S+)", "".join(lab.said)))[1]
+    assert answer(page) == 200
+    assert answer(page.replace(page.partition("=")[2], "the-word-of-the-class")) == 401
+    assert lab.end() == 0

@@ -9,10 +9,18 @@ from flexlab.cli.console import complain, output
 from flexlab.cli.options import LOGS, Law, Logs, PathChoice, Preset, option
 from flexlab.cli.showing import ending, open_browser, wait_for, waiting_page
 from flexlab.cli.warmup import loading
+from flexlab.errors import LabError
 
 if TYPE_CHECKING:
     from flexlab.server.front_server import FrontServer
     from flexlab.server.settings import Settings
+
+
+def _check_private(**limits: float | None) -> None:
+    """Raise `LabError` for a limit that a lab of all would not hold."""
+    given = next((name.replace("_", "-") for name, limit in limits.items() if limit is not None), None)
+    if given is not None:
+        raise LabError(f"--{given} is for labs of each visitor's own: add --private, or leave it out.")
 
 
 def command(
@@ -40,8 +48,8 @@ def command(
         int | None, option("Most private labs of one address; one less than in all if left out.", "N")
     ] = None,
     idle_time: Annotated[
-        float, option("A private lab closes after so long without an open page, s.", "S", default=None)
-    ] = 600.0,
+        float | None, option("A private lab closes after so long without an open page, s; 600 if left out.", "S")
+    ] = None,
     token: Annotated[
         str | None, option("The word that opens the server to others; made up if left out.", "WORD")
     ] = None,
@@ -64,6 +72,8 @@ def command(
 
         if is_warm():  # Else both processes would compile the engine. The first visitor waits for both.
             prepare_lab_processes()
+    else:
+        _check_private(max_sessions=max_sessions, max_per_address=max_per_address, idle_time=idle_time, quota=quota)
     with loading():
         from flexlab.cli.options import chosen_scenarios
         from flexlab.cli.warmup import compiling_the_rest, warm_up
@@ -78,6 +88,7 @@ def command(
         complain(problem)
     [(name, scenario)] = chosen_scenarios([preset], (), law, None, path)
     most = capacity().labs if max_sessions is None else max_sessions
+    idle_time = Settings.idle_time if idle_time is None else idle_time
     settings = Settings(
         logs=logs, host=host, port=port, base_url=base_url, rerun=rerun, private=private, max_sessions=most,
         max_per_address=max_per_address, idle_time=idle_time, token=token, teacher_token=teacher_token, quota=quota,
@@ -124,7 +135,7 @@ def _welcome(front_server: "FrontServer") -> None:
             f"Private labs: at most {settings.max_sessions} at once, {settings.labs_per_address} of one address "
             f"({capacity().text}); who comes later waits in line."
         )
-    if settings.private or not settings.is_local:
+    if settings.has_class:
         teacher = front_server.address("/teacher", settings.teacher_token)
         lines.append(f"All labs at a glance, for the teacher: {teacher}")
     # With private labs, a visitor first gives a name.

@@ -121,6 +121,11 @@ class Settings:
         return self.max_per_address or max(self.max_sessions - 1, 1)
 
     @property
+    def has_class(self) -> bool:
+        """Whether there is a teacher of others: also behind a proxy on this machine, where there are tokens."""
+        return self.private or not self.is_local or self.teacher_token is not None
+
+    @property
     def bytes_of_visitor(self) -> float | None:
         """The quota in bytes."""
         return None if self.quota is None else self.quota * MEGABYTE

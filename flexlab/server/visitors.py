@@ -248,7 +248,7 @@ def has_teacher_cookie(request: web.Request) -> bool:
 def has_class(request: web.Request) -> bool:
     """Whether the visitor is the teacher of others."""
     context = context_of(request)
-    return is_teacher(request) and (context.places.is_private or not context.settings.is_local)
+    return is_teacher(request) and (context.places.is_private or context.settings.has_class)
 
 
 def may_touch(request: web.Request, row: RunRow) -> bool:

@@ -182,6 +182,12 @@ def test_only_who_teaches_has_the_class_in_the_head_of_every_page(teacher: Perso
         assert "/teacher" not in anna.ask(path).text
 
 
+def test_behind_a_proxy_of_this_machine_the_teacher_has_the_class_too(tmp_path: Path):
+    with open_server(tmp_path, token=TOKEN, teacher_token=TEACHER) as opened:
+        heads = [Person(opened, token).ask("/").text.partition("</header>")[0] for token in (TEACHER, TOKEN)]
+    assert ['<a href="/teacher"' in head for head in heads] == [True, False]
+
+
 def test_students_see_their_own_runs_and_the_teacher_all(
     teacher: Person, anna: Person, ben: Person, runs: dict[str, str]
 ):

@@ -42,9 +42,9 @@ class Plan:
 
 
 FULL = Plan(meshes=(2, 8, 32, 64), duration=1.0, repeats=3, rounds=5, cold=True)
-"""Takes one to three minutes."""
+"""Takes several minutes, most of them for the cold start."""
 QUICK = Plan(meshes=(2, 8), duration=0.3, repeats=3, rounds=2, cold=False)
-"""Takes less than half a minute."""
+"""Takes a minute or two."""
 
 
 def run_bench(as_json: bool, quick: bool = False, peers: ModuleType | None = None) -> None:

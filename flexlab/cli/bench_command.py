@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 def command(
     as_json: Annotated[bool, option("Print one JSON object instead of tables.", name="json")] = False,
-    quick: Annotated[bool, option("Measure less: half a minute instead of two.")] = False,
+    quick: Annotated[bool, option("Measure less, and no cold start: a minute or two instead of several.")] = False,
     peers: Annotated[
         bool,
         option("Compare with MuJoCo and Exudyn as well (in a checkout of flexlab, with flexlab[peers] installed)."),

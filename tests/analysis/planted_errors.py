@@ -271,6 +271,12 @@ mid-span of a beam whose mesh changes: sim/bumpless_transfer.py
 moment between the arms: analysis/metrics/magnitudes.py
     internal_force[:, 0, 2:]
     internal_force[:, 0, 1:2]
+decay that the condition of lqr tells: control/laws/lqr.py
+    eigvals(transition - inputs @ K)
+    eigvals(transition + inputs @ K)
+delay that a sampled loop allows: control/conditions.py
+    np.pi / (4 * delay + 2)
+    np.pi / (4 * delay + 1)
 memory in the sampled loop: analysis/stability.py
     matrix[states:own, :own] = memory + np.eye
     matrix[states:own, :own] = memory - np.eye

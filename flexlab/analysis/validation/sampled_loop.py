@@ -1,15 +1,18 @@
 """The sampled loop: clock, delay, limits, noise, strain gauges, observer and regulator, each against an independent answer."""
 
+import re
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from scipy.linalg import expm, solve_discrete_are
 
+from flexlab.analysis.law_conditions import circumstances, conditions_in
 from flexlab.analysis.modes import modes
 from flexlab.analysis.validation.check import STILL, Check, Runs, above, alike, below, close, run_of, subject
 from flexlab.analysis.validation.mass_points import MassPoints, slopes
 from flexlab.analysis.validation.paper import paper_law
+from flexlab.control.conditions import stability_limit
 from flexlab.control.observers.believed_plant import believed_plant
 from flexlab.physics.sensors import strain_rows
 from flexlab.presets import load_preset
@@ -217,6 +220,16 @@ def _regulator() -> Iterator[Check]:
     wanted, found = -state[acting] @ gain.T, run.arm_input.sum(axis=1)[acting + 1]
     statement = "lqr asks for -K z of its own Riccati equation, z as it will be when the torques act: relative error"
     yield alike(statement, 0.02, found, wanted)
+    decay = -np.log(np.abs(np.linalg.eigvals(Phi - Gamma @ gain)).max()) / PERIOD
+    said = " ".join(condition.sentence for condition in conditions_in(circumstances(run.scenario)))
+    told = float(re.findall(r"decays with ([\d.]+) 1/s", said)[0])
+    yield close("and its condition tells how fast the loop decays", decay, told, "1/s", 0.01)
+    for delay in (0, 1, 3):
+        loop = np.zeros(delay + 2)
+        loop[:2] = 1.0, -1.0
+        loop[-1] += stability_limit(delay)
+        statement = f"the fastest loop that {delay} samples of delay allow neither grows nor decays: largest |z|"
+        yield close(statement, 1.0, np.abs(np.roots(loop)).max(), absolute=1e-9)
 
 
 def _believed_load() -> Iterator[Check]:

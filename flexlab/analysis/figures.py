@@ -71,15 +71,15 @@ _PAGE_STYLE = (
 """An SVG element takes its colour from the page; an SVG image has to ask for the colour scheme itself."""
 
 
-def style(**more: Any) -> "AbstractContextManager[None]":
-    """The context in which figures are made and written, with `more` of matplotlib's settings."""
+def style(salt: str = STYLE["svg.hashsalt"]) -> "AbstractContextManager[None]":
+    """The context in which figures are made and written; `salt` as for `svg_text`."""
     import matplotlib as mpl  # It takes half a second to load: a lab in which nobody draws does without.
 
-    return mpl.rc_context(STYLE | more)
+    return mpl.rc_context(STYLE | {"svg.hashsalt": salt})
 
 
 def empty_figure(width: float, height: float) -> "Figure":
-    """A figure, inches."""
+    """A figure with nothing in it, of this size in inches."""
     from matplotlib.figure import Figure  # As in `style`.
 
     return Figure(figsize=(width, height), layout="constrained")
@@ -87,7 +87,7 @@ def empty_figure(width: float, height: float) -> "Figure":
 
 def svg_text(figure: "Figure", salt: str = STYLE["svg.hashsalt"]) -> str:
     """A figure as an SVG element. The same figure and `salt` give the same text; figures on one page need different salts."""
-    with style(**{"svg.hashsalt": salt}):
+    with style(salt):
         drawn = io.StringIO()
         figure.savefig(drawn, format="svg", metadata={"Date": None})
     svg = drawn.getvalue()

@@ -34,8 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WITHIN, BEYOND, FAILS = range(3)
-"""How a candidate ends, in the order of a search: any run within its limits is better than one beyond them, and that is
-better than one that fails."""
+"""How a candidate ends, from best to worst: within its limits, beyond them, or in a run that fails."""
 STAGE = 1000.0
 """What the search adds for each of them: more than asinh of any number."""
 NOT_SETTLED = 10.0
@@ -74,10 +73,6 @@ class Cost:
             NOT_SETTLED if math.isnan(metrics[name]) else max(values[name] - limit, 0.0) / limit
             for name, limit in self.limits.items()
         )
-
-    def holds(self, metrics: RunMetrics) -> bool:
-        """Whether a run keeps within the limits."""
-        return self.excess(metrics) == 0
 
     def lacks(self, metrics: RunMetrics) -> str:
         """Why a run has no cost, in a sentence, as a metric has no value in it; empty: it has one."""
@@ -264,12 +259,8 @@ class Tuning(Result):
 
     def __repr__(self) -> str:
         found = ", ".join(f"{path} = {value:.5g}" for path, value in self.best.changes.items()) or "nothing better"
-        how = {
-            WITHIN: f"{self.before.cost:.4g}",
-            BEYOND: f"{self.before.cost:.4g} beyond the limits",
-            FAILS: "of a failure",
-        }
-        costs = f"cost {how[self.before.rank[0]]} → {self.best.cost:.4g}"
+        before = ("{:.4g}", "{:.4g} beyond the limits", "of a failure")[self.before.rank[0]].format(self.before.cost)
+        costs = f"cost {before} → {self.best.cost:.4g}"
         return f"<Tuning of {len(self.candidates)} candidates: {self.problem or f'{costs}, {found}'}>"
 
 

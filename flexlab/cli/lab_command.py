@@ -16,13 +16,6 @@ if TYPE_CHECKING:
     from flexlab.server.settings import Settings
 
 
-def _check_private(**limits: float | None) -> None:
-    """Raise `LabError` for a limit that a lab of all would not hold."""
-    given = next((name.replace("_", "-") for name, limit in limits.items() if limit is not None), None)
-    if given is not None:
-        raise LabError(f"--{given} is for labs of each visitor's own: add --private, or leave it out.")
-
-
 def command(
     preset: Preset = "paper",
     law: Law = None,
@@ -113,6 +106,13 @@ def command(
     if last is not None:
         review = "flexlab review" if logs == LOGS else f"flexlab review {last}"
         output().print(f"The last run is in {last}. Look at it with: {review}", soft_wrap=True)
+
+
+def _check_private(**limits: float | None) -> None:
+    """Raise `LabError` for a limit that a lab of all would not hold."""
+    given = next((name.replace("_", "-") for name, limit in limits.items() if limit is not None), None)
+    if given is not None:
+        raise LabError(f"--{given} is for labs of each visitor's own: add --private, or leave it out.")
 
 
 @contextmanager

@@ -177,7 +177,7 @@ def test_each_names_an_equation_and_a_plot_of_the_lab():
     assert [each.place for each in EXPLANATIONS.values()] == sorted(each.place for each in EXPLANATIONS.values())
 
 
-@pytest.mark.parametrize(("duration", "period"), [(3.0, 0.001), (100.0, 0.01)])
+@pytest.mark.parametrize(("duration", "period"), [(3.0, 0.001), (400.0, 0.01)])
 @pytest.mark.parametrize("preset", preset_names())
 def test_an_error_exceeds_no_bound_that_its_sentence_names(preset: str, duration: float, period: float):
     """Wherever in the path's period the run ends: what the law has learnt acts with ‖ẋ‖², which is small at the turns."""

@@ -74,6 +74,10 @@ class Cost:
             for name, limit in self.limits.items()
         )
 
+    def holds(self, metrics: RunMetrics) -> bool:
+        """Whether a run keeps within the limits."""
+        return self.excess(metrics) == 0
+
     def lacks(self, metrics: RunMetrics) -> str:
         """Why a run has no cost, in a sentence, as a metric has no value in it; empty: it has one."""
         values = numbers_of(metrics)

@@ -28,6 +28,8 @@ def test_the_best_of_a_monotone_cost_lies_at_the_bound_and_a_limit_moves_it():
     force = numbers_of(flexlab.simulate(PAPER, 0.3).metrics)["force"]
     limited = tune(PAPER, GAIN, parse_cost("rms-y", f"force={force}"), duration=0.3, candidates=40)
     assert limited.holds
+    assert limited.cost.holds(limited.best.metrics)
+    assert not limited.cost.holds(free.best.metrics)
     assert limited.best.changes.get("controller.feedback_gain", 200) <= 200 * (1 + 1e-9)
     again = tune(PAPER, GAIN, parse_cost("rms-y", f"force={force}"), duration=0.3, candidates=40)
     assert [item.changes for item in again.candidates] == [item.changes for item in limited.candidates]

@@ -49,11 +49,18 @@ def pulls(page: LabPage) -> list[Pull]:
 
 @pytest.mark.usefixtures("new_lab")
 def test_undo_redo_and_the_way_back(page: LabPage) -> None:
+    def place() -> float:
+        """px from what stands before the menu of presets down to the box of EI."""
+        below = "box => box.getBoundingClientRect().y - document.querySelector('.fl-preset').closest('div').getBoundingClientRect().y"
+        return page.box(EI).evaluate(below)
+
+    before = place()
     page.enter(EI, "50")
     wait_until(lambda: stiffness(page) == 50.0, "the first change is taken")
     page.enter("Damping c (N·s/m)", "0.5")
     wait_until(lambda: page.snapshot.scenario.payload.damping.coefficient == 0.5, "both changes are taken")
     page.wait_for_text(", changed")
+    assert place() == before, "no control moves away under a hand"
     page.key("Control+z")
     wait_until(lambda: page.snapshot.scenario.payload.damping.coefficient == 0.1, "the damping is back")
     assert stiffness(page) == 50.0

@@ -96,15 +96,17 @@ class Presets:
         """Show which preset the scenario came from, its words, and whether it has been changed."""
         self.menu.settle()
         baseline, now = self._lab_state.baseline, self._lab_state.intended
+        head = f'<h2 class="fl-title">{escaped(baseline.title or self._lab_state.name)}</h2>'
+        text = f"{head}{escaped(with_units(baseline.watch))}"
         if not self._lab_state.changed:
-            head = f'<h2 class="fl-title">{escaped(baseline.title or self._lab_state.name)}</h2>'
-            put(self._text, content=f'<div class="fl">{head}{escaped(with_units(baseline.watch))}</div>')
+            put(self._text, content=f'<div class="fl">{text}</div>')
             return
-        # The preset's text no longer describes what runs.
+        # The preset's text no longer describes what runs; it keeps its height, so that no slider moves under a hand.
         words = [f"{title}: {old} → {new}" for title, old, new in told_html(baseline, now)]
         more = f"<br>… and {len(words) - CHANGES_NAMED} more" if len(words) > CHANGES_NAMED else ""
         head = f'<h2 class="fl-title">{escaped(self._lab_state.name)}, changed <span class="fl-badge">not saved</span></h2>'
-        put(self._text, content=f'<div class="fl">{head}{"<br>".join(words[:CHANGES_NAMED])}{more}</div>')
+        shown = f"{head}{'<br>'.join(words[:CHANGES_NAMED])}{more}"
+        put(self._text, content=f'<div class="fl fl-stack"><div aria-hidden="true">{text}</div><div>{shown}</div></div>')
 
     def _offered(self) -> list[str]:
         """The presets that there are now, and what the scenario came from."""

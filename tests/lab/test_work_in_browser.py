@@ -51,8 +51,8 @@ def pulls(page: LabPage) -> list[Pull]:
 def test_undo_redo_and_the_way_back(page: LabPage) -> None:
     def place() -> float:
         """px from what stands before the menu of presets down to the box of EI."""
-        below = "box => box.getBoundingClientRect().y - document.querySelector('.fl-preset').closest('div').getBoundingClientRect().y"
-        return page.box(EI).evaluate(below)
+        above = "document.querySelector('.fl-preset').closest('div').getBoundingClientRect().y"
+        return page.box(EI).evaluate(f"box => box.getBoundingClientRect().y - {above}")
 
     before = place()
     page.enter(EI, "50")

@@ -106,7 +106,9 @@ class Presets:
         more = f"<br>… and {len(words) - CHANGES_NAMED} more" if len(words) > CHANGES_NAMED else ""
         head = f'<h2 class="fl-title">{escaped(self._lab_state.name)}, changed <span class="fl-badge">not saved</span></h2>'
         shown = f"{head}{'<br>'.join(words[:CHANGES_NAMED])}{more}"
-        put(self._text, content=f'<div class="fl fl-stack"><div aria-hidden="true">{text}</div><div>{shown}</div></div>')
+        put(
+            self._text, content=f'<div class="fl fl-stack"><div aria-hidden="true">{text}</div><div>{shown}</div></div>'
+        )
 
     def _offered(self) -> list[str]:
         """The presets that there are now, and what the scenario came from."""

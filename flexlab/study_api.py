@@ -29,6 +29,7 @@ from flexlab.presets import AnyLaw, AnyPath, AnyScenario, any_scenario, named_sc
 from flexlab.recording.export import FORMATS as TABLES
 from flexlab.recording.export import export_recording
 from flexlab.recording.reader import read_recording
+from flexlab.recording.store.people import told_apart
 from flexlab.recording.store.run_files import find_run
 from flexlab.recording.store.run_index import RunRow, read_row
 from flexlab.scenario.field_text import change_in_words
@@ -190,7 +191,8 @@ def write_page(row: RunRow, target: Path) -> None:
     from flexlab.lab.run_page import Noted, write_run_page
 
     recording = read_recording(row.path)
-    noted = Noted(row.heading, row.note, row.lessons, tuple(map(change_in_words, row.changes)))
+    heading = told_apart([row], row.path.parent)[0].heading  # Two of one name hand in a sheet each.
+    noted = Noted(heading, row.note, row.lessons, tuple(map(change_in_words, row.changes)))
     write_run_page(recording.run, target, recording.name, noted, recording.events)
 
 

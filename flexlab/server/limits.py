@@ -6,8 +6,8 @@ import hashlib
 import ipaddress
 import re
 import time
-from collections import Counter, OrderedDict
-from collections.abc import Callable, Generator, Iterable
+from collections import OrderedDict
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,8 +34,6 @@ PER_SECOND = 0.6 * MEGABYTE
 """Bytes that a simulated second of the paper's run takes, about."""
 INDEX, INDEX_SHARE = 160_000, 0.01
 """Bytes, and share of its size, by which a run grows at most when it is finished: 136 kB and 0.5 kB per written block."""
-MARK = 4
-"""Characters of an owner's mark behind a name that others have, too."""
 _TAKEN = re.compile(r"Your runs take (\d+) MB of the (\d+) MB ")
 
 
@@ -58,16 +56,6 @@ def network_of(address: str) -> str:
 def owner_word(visitor: str) -> str:
     """The mark of a visitor's runs in their notes; it does not reveal the secret that it is made from. Empty for nobody."""
     return hashlib.sha256(f"flexlab run of {visitor}".encode("utf-8", "replace")).hexdigest()[:32] if visitor else ""
-
-
-def names_told_apart(people: Iterable[tuple[str, str]]) -> dict[tuple[str, str], str]:
-    """(Name, mark of their runs) → the name, with the beginning of the mark where others have the same name."""
-    known = set(people)
-    count = Counter(name for name, _ in known)
-    return {
-        (name, owner): f"{name} ({owner[:MARK]})" if name and owner and count[name] > 1 else name
-        for name, owner in known
-    }
 
 
 @dataclass(frozen=True)

@@ -105,11 +105,11 @@ class Settings:
         for name, limit, unit in limits:
             if limit is not None and not 0 < limit < math.inf:
                 raise LabError(f"{name} = {limit:g} {unit} is no limit: give a number above 0, or leave it out.")
-        for name, token in (("token", self.token), ("teacher's token", self.teacher_token)):
+        for name, token in (("--token", self.token), ("--teacher-token", self.teacher_token)):
             if token is not None:
                 _check_token(token, name)
         if self.token is not None and self.token == self.teacher_token:
-            raise LabError("The teacher's token is the token that opens the lab to all: choose another one.")
+            raise LabError("--teacher-token is the word of --token, which opens the lab to all: choose another one.")
         if self.token is None and not self.is_local:
             settle("token", secrets.token_urlsafe(SECRET_BYTES))
         if self.teacher_token is None and self.token is not None:
@@ -158,11 +158,13 @@ class Settings:
 def _check_token(token: str, name: str) -> None:
     """Raises `LabError` for a word that keeps nobody out, or that addresses and cookies do not take unchanged."""
     if len(token) < SHORTEST_TOKEN:
-        raise LabError(f"The {name} is too short to keep anybody out: give at least {SHORTEST_TOKEN} characters.")
+        raise LabError(
+            f"{name} has {len(token)} characters, too few to keep anybody out: give at least {SHORTEST_TOKEN}."
+        )
     strange = sorted(set(token) - TOKEN_LETTERS)
     if strange:
         raise LabError(
-            f"The {name} has {' '.join(map(ascii, strange[:5]))}, which an address cannot hold as it stands: "
+            f"{name} has {' '.join(map(ascii, strange[:5]))}, which an address cannot hold as it stands: "
             "use letters a to z, A to Z, digits, hyphens, dots and underscores."
         )
 

@@ -6,7 +6,7 @@ import hmac
 import os
 import secrets
 import unicodedata
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
@@ -18,6 +18,7 @@ from aiohttp import hdrs, web
 
 from flexlab.errors import LabError
 from flexlab.files import is_regular
+from flexlab.recording.store.people import told_apart
 from flexlab.recording.store.run_files import list_files
 from flexlab.recording.store.run_index import NoSuchRun, RunRow, find_row, read_rows
 from flexlab.server.connections import Handler
@@ -269,7 +270,14 @@ async def runs_for(request: web.Request, most: int | None = None) -> list[RunRow
         return (row for row in read_rows(list_files(logs)) if may_touch(request, row))
 
     rows = await asyncio.to_thread(lambda: list(islice(found(), most)))
-    return sorted(rows, key=lambda row: row.started, reverse=True)
+    return sorted(await with_names(request, rows), key=lambda row: row.started, reverse=True)
+
+
+async def with_names(request: web.Request, rows: Sequence[RunRow]) -> list[RunRow]:
+    """Runs as a page shows them: whoever sees those of others has people of one name told apart."""
+    if not visitor_of(request).is_teacher:
+        return list(rows)
+    return await asyncio.to_thread(told_apart, rows, context_of(request).settings.logs)
 
 
 async def run_for(request: web.Request, run: str) -> RunRow:

@@ -142,6 +142,16 @@ def test_two_students_of_one_name_are_told_apart(tmp_path: Path, recorded: Path)
         table = teacher.ask("/runs").text
         assert all(f'<span class="by">{name}</span>' in table for name in names)
         assert '<span class="by">Anna</span>' in students[0].ask("/runs").text, "she sees none but her own"
+        ids = [f"2025-01-01T12-00-0{number}-paper" for number in range(2)]
+        question = teacher.ask(f"/runs/delete?run={ids[0]}&run={ids[1]}").text
+        comparison = teacher.ask(teacher.ask(f"/compare?run={ids[0]}&run={ids[1]}").headers["Location"]).text
+        for name, run, student in zip(names, ids, students, strict=True):
+            assert f" · {name}" in teacher.ask(f"/runs/{run}").text
+            assert f", {name}</li>" in question
+            assert f" · {name}</span>" in comparison
+            assert " · Anna</p>" in student.ask(f"/runs/{run}").text, "she sees none but her own"
+            sheet = student.ask(f"/runs/{run}/export?format=html").text
+            assert f" · {name}" in sheet, "she hands it in where others hand in theirs"
         students[1].post("/name", ("name", "Anna B."))
         assert [lab["who"] for lab in teacher.labs()] == ["Anna", "Anna B."]
 

@@ -182,6 +182,7 @@ def read_row(path: Path) -> RunRow:
     except RecordingError as error:
         problem = str(error) if state != "in use" else f"{run_id(path)} has only just begun: look again in a moment."
     notes = read_notes(path)
+    visitor, owner = _whose(notes)
     named = _NAME.fullmatch(path.stem)
     started = _time(notes.get("started")) or (named and _time(named[1])) or _time(stat.st_mtime)
     return RunRow(
@@ -199,13 +200,22 @@ def read_row(path: Path) -> RunRow:
         note=visible(notes.get("note", ""), LONGEST_NOTE),
         tags=_texts(notes.get("tags"), LONGEST_TAGS, LONGEST_TAGS),
         kept=bool(notes.get("keep", False)),
-        owner=visible(notes.get("owner", ""), LONGEST_NAME),
-        visitor=visible(notes.get("visitor", ""), LONGEST_NAME),
+        owner=owner,
+        visitor=visitor,
         lessons=_lessons(notes.get("lessons")),
         own_metrics=_texts(notes.get("own_metrics"), LONGEST_NAME, MOST_METRICS),
         breaks_off=visible(notes.get(BREAKS_OFF, ""), LONGEST_CHANGE),
         problem=problem,
     )
+
+
+def whose(path: Path) -> tuple[str, str]:
+    """(Name, mark) of the visitor who made a recording; empty: nobody in particular."""
+    return _whose(read_notes(path))
+
+
+def _whose(notes: dict[str, Any]) -> tuple[str, str]:
+    return visible(notes.get("visitor", ""), LONGEST_NAME), visible(notes.get("owner", ""), LONGEST_NAME)
 
 
 def _time(value: Any) -> datetime | None:

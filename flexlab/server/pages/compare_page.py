@@ -10,7 +10,7 @@ from flexlab.server import run_jobs
 from flexlab.server.auth import COMPARISON, WITH_A_PASS, has_pass, is_opened_by_person, recording_address, refuse
 from flexlab.server.pages.templating import ALL_RUNS, message, page
 from flexlab.server.run_jobs import OVERLAY, ComparisonTables
-from flexlab.server.visitors import context_of, file_answer, is_teacher, run_for, told, visitor_of
+from flexlab.server.visitors import context_of, file_answer, is_teacher, run_for, told, visitor_of, with_names
 
 ROUTES = web.RouteTableDef()
 
@@ -43,6 +43,7 @@ async def comparison(request: web.Request) -> web.Response:
         except FlexlabError as error:
             return message(INCOMPARABLE, str(error), 422, ALL_RUNS)
         raise web.HTTPSeeOther(str(request.rel_url.with_query([*(("run", name) for name in names), ("of", task.key)])))
+    rows = await with_names(request, rows)
     labels = [run_label(number) for number in range(len(rows))]
     if task.working:
         return page("comparing.html", "Comparison", here="/runs", task=task, rows=rows, labels=labels)

@@ -19,7 +19,7 @@ from flexlab.server.auth import is_opened_by_person, refuse
 from flexlab.server.pages.lab_pages import enter_lab
 from flexlab.server.pages.templating import ALL_RUNS, message, page
 from flexlab.server.run_jobs import archive_into, begin_replay, choice_at, export_into, replay_of
-from flexlab.server.visitors import context_of, run_for, told, visitor_of
+from flexlab.server.visitors import context_of, run_for, told, visitor_of, with_names
 from flexlab.text import limited, shown, typed_number
 
 ROUTES = web.RouteTableDef()
@@ -263,7 +263,7 @@ async def delete(request: web.Request) -> web.StreamResponse:
     rows = await _chosen(request)
     if (await request.post()).get("sure") != "yes":
         stay = _staying(rows)
-        going = [row for row in rows if row.id not in stay]
+        going = await with_names(request, [row for row in rows if row.id not in stay])
         return page("delete.html", "Delete?", here="/runs", going=going, stay=list(stay.values()))
     if stay := await asyncio.to_thread(_staying, rows, delete_run):
         gone = f"{len(rows) - len(stay)} of {len(rows)} runs were deleted."

@@ -22,12 +22,19 @@ from flexlab.recording.viewer import VIEWER_FILES, viewer_folder
 from flexlab.scenario.field_text import change_in_words
 from flexlab.server.auth import WITH_A_PASS, has_pass, recording_address
 from flexlab.server.labs.recorded_lab import little_space
-from flexlab.server.limits import names_told_apart
 from flexlab.server.pages.run_actions import EXPORTS, TABLES, claim_room, file_on_its_way, row_of
 from flexlab.server.pages.templating import ALL_RUNS, message, page, part
 from flexlab.server.run_jobs import replay_of, take_in
 from flexlab.server.task_book import IDLE
-from flexlab.server.visitors import context_of, file_answer, keep_visitor, known_visitor_of, runs_for, visitor_of
+from flexlab.server.visitors import (
+    context_of,
+    file_answer,
+    keep_visitor,
+    known_visitor_of,
+    runs_for,
+    visitor_of,
+    with_names,
+)
 from flexlab.text import visible
 
 ROUTES = web.RouteTableDef()
@@ -71,7 +78,6 @@ def table_values(rows: Sequence[RunRow], short: bool = False) -> dict[str, Any]:
     )
     return {
         "rows": rows,
-        "names": names_told_apart((row.visitor, row.owner) for row in rows),
         "short": short,
         "columns": COLUMNS if short else (*COLUMNS, *metrics, *LAST_COLUMNS),
         "metric_columns": METRIC_COLUMNS,
@@ -222,6 +228,7 @@ async def review(request: web.Request) -> web.Response:
             row = await row_of(request)
     except RecordingError as error:
         return message("This run cannot be shown", str(error), 422, part("unshown", row))
+    [row] = await with_names(request, [row])
     end = f"{row.begins + row.duration:.10g}" if row.duration is not None else ""
     return page(
         "review.html",

@@ -70,13 +70,14 @@ def decode_scenario(word: str) -> Scenario:
 
 
 def _said(part: BaseModel, data: dict[str, Any]) -> dict[str, Any]:
-    """The entries of a part's plain `data` that differ from the defaults of its fields, and its kind."""
+    """The entries of a part's plain `data` that differ from the defaults of its fields, its kind, and what has no default."""
     said: dict[str, Any] = {}
     for name, value in data.items():
-        usual, own = type(part).model_fields[name].get_default(call_default_factory=True), getattr(part, name)
+        field, own = type(part).model_fields[name], getattr(part, name)
+        usual = field.get_default(call_default_factory=True)
         plain = usual.model_dump(mode="json") if isinstance(usual, BaseModel) else usual
-        # As text: -0.0 is another number than 0.0.
-        if name == "kind" or _text(value) != _text(plain):
+        # As text: -0.0 is another number than 0.0. An arm's place and elbow have no default.
+        if name == "kind" or field.is_required() or _text(value) != _text(plain):
             said[name] = _said(own, value) if isinstance(own, BaseModel) else value
     return said
 

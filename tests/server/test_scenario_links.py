@@ -1,8 +1,10 @@
 """A scenario travels in a link bit for bit; what is none is refused in a sentence."""
 
 import base64
+import contextlib
 import json
 import zlib
+from collections.abc import Iterator
 
 import pytest
 from hypothesis import given
@@ -23,6 +25,40 @@ def test_every_preset_fits_into_a_link(name: str):
     word = encode_scenario(scenario)
     assert decode_scenario(word) == scenario
     assert len(word) < LONGEST_LINK / 3
+
+
+def places(data: object, above: str = "") -> Iterator[tuple[str, object]]:
+    """(Dotted path, value) of each number, switch and list of numbers in a scenario's plain data."""
+    for name, value in data.items() if isinstance(data, dict) else ():
+        path = f"{above}.{name}" if above else name
+        if isinstance(value, dict):
+            yield from places(value, path)
+        elif isinstance(value, (int, float, list)):
+            yield path, value
+
+
+def others(value: object) -> list[object]:
+    """Values near one: of a field, some are valid."""
+    if isinstance(value, bool):
+        return [not value]
+    if isinstance(value, list):
+        return [[other, *value[1:]] for other in others(value[0])] if value else []
+    assert isinstance(value, (int, float))
+    return [-value or 1, value + 1, 0.9 * value, value / 2]
+
+
+@pytest.mark.parametrize("name", ["paper", "composite"])
+def test_whatever_is_changed_goes_into_a_link(name: str):
+    scenario = load_preset(name)
+    told: set[str] = set()
+    for path, value in places(scenario.model_dump(mode="json")):
+        for other in others(value):
+            with contextlib.suppress(ScenarioError):
+                changed = scenario.replace({path: other})
+                assert decode_scenario(encode_scenario(changed)) == changed, path
+                told.add(path)
+    assert told >= {"left_arm.base", "left_arm.elbow", "right_arm.link_mass", "payload.length"}
+    assert len(told) > 50
 
 
 @given(stiffness=st.floats(1.0, 1000.0), title=st.text(max_size=40))

@@ -175,6 +175,8 @@ class InputGuard:
             raise Refused("its file is too large", told)
         if message.part_count > 1 + message.size_bytes // SMALLEST_PART:
             raise Refused("its file has more parts than bytes to fill them")
+        if message.size_bytes > 0 and message.part_count == 0:
+            raise Refused("its file has no parts that could hold its bytes")
         if any(message.transfer_uuid in other.uploads for other in self._browsers.values()):
             raise Refused("its transfer has begun already")
         if sum(len(upload.parts) < upload.part_count for upload in browser.uploads.values()) >= MOST_UPLOADS:
@@ -197,8 +199,12 @@ def _take_part(browser: _Browser, message: FileTransferPart) -> None:
         raise Refused("it is a part that was not announced, or came before")
     if upload.received + len(message.content) > upload.size:
         raise Refused("its parts have more bytes than the file was to have")
+    received, is_last = upload.received + len(message.content), len(upload.parts) + 1 == upload.part_count
+    if is_last and received < upload.size:
+        told = f"This file did not arrive as a whole, {received} of {upload.size} bytes: choose it again."
+        raise Refused("its parts have fewer bytes than the file was to have", told)
     upload.parts.add(message.part_index)
-    upload.received += len(message.content)
+    upload.received = received
 
 
 def _check_touch(server: GuardedServer, message: SceneNodeClickMessage | SceneNodeDragMessage) -> None:

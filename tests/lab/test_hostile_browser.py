@@ -156,6 +156,20 @@ def test_parts_of_a_file_never_exceed_what_was_announced(session: Session) -> No
     wait_until(lambda: not session.server.gui._current_file_upload_states, "nothing of it is kept", 20)
 
 
+def test_a_file_shorter_than_announced_is_refused_in_a_sentence(
+    session: Session, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with RawBrowser(session) as browser:
+        browser.send(start(session, "none", part_count=0, size_bytes=5))
+        wait_until(lambda: session.guard.refused == 1, "bytes without a part are refused", 20)
+        browser.send(start(session, "t", part_count=1))
+        browser.send(part(session, "t", content=b"123"))
+        wait_until(lambda: "did not arrive as a whole" in session.lab_state.notice.text, "it is told", 20)
+        assert session.guard.refused == 2
+    wait_until(lambda: not session.server.gui._current_file_upload_states, "nothing of it is kept", 20)
+    assert capfd.readouterr() == ("", ""), "viser itself would write a line for each"
+
+
 def test_a_huge_upload_is_refused_before_it_is_kept(session: Session) -> None:
     with RawBrowser(session) as browser:
         browser.send(start(session, "t", size_bytes=LARGEST_UPLOAD + 1))

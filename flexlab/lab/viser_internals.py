@@ -7,7 +7,7 @@ import gzip
 import socket
 import threading
 from collections.abc import Awaitable, Callable, Collection, Iterator, Mapping
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager, redirect_stdout, suppress
 from io import StringIO
 from typing import Any, Literal, cast
 
@@ -252,7 +252,8 @@ def bound_transport(transport: asyncio.BaseTransport | None) -> None:
     """Limit what the kernel buffers for who is at the other end."""
     plug = transport.get_extra_info("socket") if transport is not None else None
     if plug is not None:
-        plug.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+        with suppress(OSError):  # They may have left meanwhile.
+            plug.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
 
 
 def find_input(server: viser.ViserServer, client: int, uuid: str) -> Any:

@@ -1,10 +1,13 @@
 """One browser that means harm: everybody else's lab goes on, nothing of it is kept, and the log stays short."""
 
+import asyncio
 import http.client
 import logging
 import math
+import socket
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -16,6 +19,7 @@ from websockets.sync.client import connect
 
 from flexlab.lab.input_guard import LARGEST_UPLOAD
 from flexlab.lab.session import Session
+from flexlab.lab.viser_internals import bound_transport
 from flexlab.presets import load_preset
 from flexlab.sim.commands import Play
 
@@ -270,6 +274,18 @@ def test_touching_needs_something_that_is_there(session: Session) -> None:
         wait_until(lambda: session.guard.refused == len(bad), "all are refused", 20)
         browser.send(drag)
         wait_until(lambda: session.lab_state.pulled is not None, "a proper one pulls", 20)
+
+
+def test_a_connection_that_has_just_ended_is_not_bounded_and_fails_nobody() -> None:
+    async def end() -> None:
+        transport, _ = await asyncio.get_running_loop().connect_accepted_socket(asyncio.Protocol, here)
+        transport.abort()
+        await asyncio.sleep(0.01)
+        bound_transport(transport)
+
+    here, there = socket.socketpair()
+    with there, here, ThreadPoolExecutor(1) as apart:  # A browser of other tests has this thread's event loop.
+        apart.submit(asyncio.run, end()).result()
 
 
 def test_a_storm_from_one_browser_waits_and_the_watcher_goes_on(session: Session) -> None:

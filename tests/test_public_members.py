@@ -1,0 +1,59 @@
+"""What scripts and notebooks say behind a dot: no member of a public class goes by accident.
+
+`public_members.txt` has them all. Who adds one, or takes one away on purpose and says so in the changelog, writes the file anew:
+`python tests/test_public_members.py`.
+"""
+
+from pathlib import Path
+from types import ModuleType
+
+import flexlab
+from flexlab.analysis import tuning
+from flexlab.analysis.identification import fitting
+from flexlab.analysis.validation import check
+
+LISTED = Path(__file__).with_name("public_members.txt")
+OF_RESULTS = (tuning, fitting, check)
+"""Modules whose other classes are met in results, as the cost in a tuning."""
+
+
+def classes() -> dict[str, type]:
+    """Public classes by name."""
+    found = {name: value for name in flexlab.__all__ if isinstance(value := getattr(flexlab, name), type)}
+    for module in OF_RESULTS:
+        found |= {name: value for name, value in vars(module).items() if _is_of(module, value)}
+    return dict(sorted(found.items()))
+
+
+def _is_of(module: ModuleType, value: object) -> bool:
+    return isinstance(value, type) and value.__module__ == module.__name__ and not value.__name__.startswith("_")
+
+
+def members(kind: type) -> list[str]:
+    """Public names of a class that are its own or from another class of flexlab, fields without a default too."""
+    of_flexlab = [each for each in kind.__mro__ if each.__module__.startswith("flexlab")]
+    return sorted(
+        {
+            name
+            for each in of_flexlab
+            for name in {*vars(each), *vars(each).get("__annotations__", {})}
+            if name[0] != "_"
+        }
+    )
+
+
+def listing() -> str:
+    """A line for each class."""
+    return "".join(f"{name}: {' '.join(members(kind))}\n" for name, kind in classes().items())
+
+
+def test_members_of_public_classes_are_those_that_are_listed():
+    listed = dict(line.split(": ") for line in LISTED.read_text(encoding="utf-8").splitlines())
+    now = {name: set(members(kind)) for name, kind in classes().items()}
+    gone = {name: lost for name, words in listed.items() if (lost := set(words.split()) - now.get(name, set()))}
+    assert not gone, "scripts and notebooks may use them"
+    assert LISTED.read_text(encoding="utf-8") == listing(), "write it anew: python tests/test_public_members.py"
+
+
+if __name__ == "__main__":
+    LISTED.write_text(listing(), encoding="utf-8")

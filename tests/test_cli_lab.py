@@ -55,7 +55,7 @@ def test_a_busy_port_is_one_sentence(flexlab_command: Command, tmp_path: Path):
         (["--max-per-address", "4"], "--max-per-address is for labs"),
         (["--idle-time", "600"], "--idle-time is for labs"),
         (["--quota", "50"], "--quota is for labs"),
-        (["--token", "abc"], "16 characters"),
+        (["--token", "abc"], "--token has 3 characters, too few to keep anybody out: give at least 16"),
     ],
 )
 def test_bad_input_is_one_sentence(flexlab_command: Command, words: list[str], says: str):

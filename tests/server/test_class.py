@@ -169,6 +169,7 @@ def test_who_records_too_much_is_told_and_recorded_again_once_runs_are_deleted(
     enlarge("ben")  # What others take is no matter.
     enlarge("anna")
     with looking(server.url, path, anna.cookies):
+        wait_until(lambda: teacher.labs()[0]["watching"], "she looks, as otherwise nothing is resumed")
         teacher.post("/teacher/resume", ("lab", path))
         lab = server.places.running()[0]
         wait_until(lambda: "Your runs take 6" in lab.status().problem, "she is told")

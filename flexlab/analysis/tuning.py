@@ -199,8 +199,7 @@ class Tuning(Result):
         changed = self.candidates[1:]
         if changed and all(candidate.reason for candidate in changed):
             return f"Every run that was tried fails: {self.best.reason or changed[0].reason}"
-        exceeded = "Nothing that was tried keeps within the limits: widen the ranges or the limits."
-        return "" if self.holds else exceeded
+        return "" if self.holds else "Nothing that was tried keeps within the limits: widen the ranges or the limits."
 
     @cached_property
     def table(self) -> Any:
@@ -341,14 +340,11 @@ def _told(value: float) -> float | None:
 
 
 def _try(variants: Sequence[Scenario], cost: Cost, duration: float, changes: dict[str, Any]) -> Candidate:
-    worst: Candidate | None = None
+    found: list[Candidate] = []
     for variant in variants:
         run = measured(variant, changes, duration, TICK)
         reason = run.sentence if run.metrics is None else cost.lacks(run.metrics)
-        found = Candidate(changes, cost.of(run.metrics), cost.excess(run.metrics), run.metrics, reason)
-        if worst is None or found.rank > worst.rank:
-            worst = found
-        if worst.rank[0] == FAILS:
+        found.append(Candidate(changes, cost.of(run.metrics), cost.excess(run.metrics), run.metrics, reason))
+        if found[-1].rank[0] == FAILS:
             break
-    assert worst is not None
-    return worst
+    return max(found, key=lambda candidate: candidate.rank)

@@ -5,28 +5,22 @@
 """
 
 from pathlib import Path
-from types import ModuleType
 
 import flexlab
-from flexlab.analysis import tuning
-from flexlab.analysis.identification import fitting
-from flexlab.analysis.validation import check
+from flexlab.analysis.leaderboard.entry import Row
+from flexlab.analysis.metrics.run_metrics import MetricRow
+from flexlab.analysis.tuning import Candidate, Cost
+from flexlab.analysis.validation.check import Check
 
 LISTED = Path(__file__).with_name("public_members.txt")
-OF_RESULTS = (tuning, fitting, check)
-"""Modules whose other classes are met in results, as the cost in a tuning."""
+IN_RESULTS = (Candidate, Check, Cost, MetricRow, Row)
+"""Classes that are met in results, as the cost in a tuning."""
 
 
 def classes() -> dict[str, type]:
     """Public classes by name."""
-    found = {name: value for name in flexlab.__all__ if isinstance(value := getattr(flexlab, name), type)}
-    for module in OF_RESULTS:
-        found |= {name: value for name, value in vars(module).items() if _is_of(module, value)}
-    return dict(sorted(found.items()))
-
-
-def _is_of(module: ModuleType, value: object) -> bool:
-    return isinstance(value, type) and value.__module__ == module.__name__ and not value.__name__.startswith("_")
+    public = [value for name in flexlab.__all__ if isinstance(value := getattr(flexlab, name), type)]
+    return {kind.__name__: kind for kind in sorted([*public, *IN_RESULTS], key=lambda kind: kind.__name__)}
 
 
 def members(kind: type) -> list[str]:

@@ -253,6 +253,9 @@ def test_the_ring_of_the_first_lesson_is_seen(chromium: Browser, session: Sessio
         sides: list[float] = []
 
         def seen() -> bool:
+            if page.snapshot.latest.time[0] > 0.2:  # A busy machine may have drawn too little of it before it faded.
+                sides.clear()
+                page.page.keyboard.press("r")
             left, middle, right = page.page.evaluate(BEAM, SIDES)
             along = (right[0] - left[0], right[1] - left[1])
             away = (middle[0] - left[0]) * along[1] - (middle[1] - left[1]) * along[0]

@@ -120,7 +120,8 @@ def replay(recording: Recording, seen: Callable[[float], None] = lambda time: No
         return result(0, None, "The recording has no samples: there was nothing to compare.")
     left_out = _left_out(recording, absent)
     if rounding is None or rounding.same_bits:
-        return result(done, None, f"All {done} samples came out again, bit for bit.{left_out}")
+        one, many = "The only sample came out again, bit for bit.", f"All {done} samples came out again, bit for bit."
+        return result(done, None, (one if done == 1 else many) + left_out)
     difference = rounding.first_beyond()
     if difference is not None:
         return result(done, difference, _difference_text(recording, difference, why), rounding.deviation)

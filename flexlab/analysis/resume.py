@@ -43,7 +43,7 @@ def state_at(recording: Recording, time: float) -> tuple[Scenario, WorldState]:
     # Half a sample of tolerance, as a typed time has fewer digits than a computed one.
     if not first - recording.sample_period / 2 <= time <= last + recording.sample_period / 2:
         asked, low, high = (number_text(value, 10) for value in (time, first, last))
-        raise StudyError(f"t = {asked} s was not recorded: choose {low} to {high} s.")
+        raise StudyError(f"t = {asked} s was not recorded: choose {low if first == last else f'{low} to {high}'} s.")
     again = Repetition(recording)
     for _ in again.samples_until(time):
         pass

@@ -228,3 +228,11 @@ def test_going_on_keeps_to_the_instants_of_a_lab(tmp_path: Path) -> None:
 def test_a_time_that_was_not_recorded_is_said(recording: Recording) -> None:
     with pytest.raises(StudyError, match=r"t = 99 s was not recorded: choose 0 to "):
         state_at(recording, 99.0)
+
+
+def test_a_run_of_one_sample_is_told_of_as_one(tmp_path: Path) -> None:
+    run = simulate(load_preset("paper"), duration=0.0)
+    recording = read_recording(write_run(run, tmp_path, "paper"))
+    assert replay(recording).text == "The only sample came out again, bit for bit."
+    with pytest.raises(StudyError, match=r"t = 1 s was not recorded: choose 0 s\.$"):
+        state_at(recording, 1.0)

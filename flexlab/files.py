@@ -6,12 +6,20 @@ import json
 import os
 import stat
 import threading
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from flexlab.errors import FlexlabError, StudyError
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None
+
+HAS_LOCKS = fcntl is not None
 
 
 def is_regular(path: Path) -> bool:
@@ -97,6 +105,20 @@ def make_folder(folder: Path, advice: str = "choose another folder") -> None:
     """Make a folder that need not exist yet. Raises `StudyError` with a sentence that ends in `advice`."""
     with writable(folder, advice):
         folder.mkdir(parents=True, exist_ok=True)
+
+
+def lock(file: IO[bytes] | int, attempts: int = 1, shared: bool = False) -> None:
+    """Lock an open file or folder until it is closed or its process ends; does nothing unless `HAS_LOCKS`.
+
+    `attempts`, 10 ms apart. Raises OSError, `BlockingIOError` if another process holds it at each of them.
+    """
+    if fcntl is not None:
+        kind = (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB
+        for _ in range(attempts - 1):
+            with suppress(BlockingIOError):
+                return fcntl.flock(file, kind)
+            time.sleep(0.01)
+        fcntl.flock(file, kind)
 
 
 DIGITS = 16

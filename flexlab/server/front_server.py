@@ -16,13 +16,14 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import aiohttp
 from aiohttp import web
 
 from flexlab.assets import web_assets_folder
 from flexlab.errors import FlexlabError, LabError
+from flexlab.files import HAS_LOCKS, lock
 from flexlab.recording.store.run_files import check_folder, removable_runs, remove_run
 from flexlab.scenario import Scenario
 from flexlab.server.auth import LARGEST_BODY, LIVE, add_headers, answer_in_sentences, check, recording_address
@@ -54,11 +55,6 @@ from flexlab.server.tasks import Tasks
 from flexlab.server.visitors import CONTEXT, Context, cookie_key, greet
 from flexlab.sockets import listen
 
-try:
-    import fcntl
-except ImportError:  # On Windows no folder is removed.
-    fcntl = None
-
 PREFIX = "flexlab-server-"
 LOCK = "in-use"
 """A file in the folder whose lock ends with its server; a process's number could belong to another process by now."""
@@ -80,8 +76,7 @@ class TemporaryFolder:
         remove_left()
         self.path = Path(tempfile.mkdtemp(prefix=PREFIX))
         self._lock = (self.path / LOCK).open("wb")
-        if fcntl is not None:
-            fcntl.flock(self._lock, fcntl.LOCK_EX)
+        lock(self._lock, attempts=10)  # Another server that starts looks at it for a moment.
 
     def close(self) -> None:
         """Remove the folder with its files."""
@@ -91,7 +86,7 @@ class TemporaryFolder:
 
 def remove_left() -> None:
     """Remove the folders of servers that no longer run."""
-    if fcntl is None:
+    if not HAS_LOCKS:
         return
     with contextlib.suppress(OSError):
         for folder in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
@@ -103,16 +98,12 @@ def remove_left() -> None:
 def _is_left(folder: Path) -> bool:
     """Whether no server holds the folder. Raises OSError for another user's folder."""
     try:
-        lock: IO[bytes] = (folder / LOCK).open("rb")
+        with (folder / LOCK).open("rb") as file:
+            lock(file)
     except FileNotFoundError:
         return time.time() - folder.stat().st_mtime > YOUNG
-    with lock:
-        if fcntl is None:
-            return False
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return False
+    except BlockingIOError:
+        return False
     return True
 
 

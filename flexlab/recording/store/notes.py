@@ -4,17 +4,11 @@ import contextlib
 import json
 import os
 import threading
-import time
 from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
-from flexlab.files import read_json, replacing
-
-try:
-    import fcntl
-except ImportError:  # Windows: there only threads of one process wait for one another.
-    fcntl = None
+from flexlab.files import lock, read_json, replacing
 
 LARGEST_NOTES = 10_000_000
 """Bytes of the largest file of notes that is read: an hour of dragging sliders makes one."""
@@ -74,21 +68,17 @@ def write_notes(path: Path, **changes: Any) -> None:
 
 
 _WRITING = threading.Lock()
-ATTEMPTS, PAUSE = 200, 0.01
-"""How often, and with how many s between, a change waits for another process: a hanging one must not stop all."""
+ATTEMPTS = 200
+"""How often a change tries to lock the folder: another process that hangs must not stop all."""
 
 
 @contextlib.contextmanager
 def _one_at_a_time(folder: Path) -> Generator[None]:
     """While this is open nobody else changes notes in the folder, so that no change is lost."""
     with _WRITING, contextlib.ExitStack() as closing:
-        if fcntl is not None:
-            with contextlib.suppress(OSError):  # Writing itself tells what is wrong with the folder.
-                handle = os.open(folder, os.O_RDONLY)
-                closing.callback(os.close, handle)
-                for _ in range(ATTEMPTS):
-                    with contextlib.suppress(BlockingIOError):
-                        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                        break
-                    time.sleep(PAUSE)
+        # Writing itself tells what is wrong with the folder, which Windows does not open.
+        with contextlib.suppress(OSError):
+            handle = os.open(folder, os.O_RDONLY)
+            closing.callback(os.close, handle)
+            lock(handle, ATTEMPTS)
         yield

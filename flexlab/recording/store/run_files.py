@@ -15,15 +15,10 @@ from pathlib import Path
 from typing import IO, Literal
 
 from flexlab.errors import RecordingError
-from flexlab.files import is_regular
+from flexlab.files import HAS_LOCKS, is_regular, lock
 from flexlab.recording.rerun_internals.rrd_file import FAMILY, has_footer
 from flexlab.recording.store.notes import notes_path, read_notes
 from flexlab.text import visible
-
-try:
-    import fcntl
-except ImportError:  # Windows: see `is_in_use`
-    fcntl = None
 
 SUFFIX = ".rrd"
 TIME_FORMAT = "%Y-%m-%dT%H-%M-%S"
@@ -32,8 +27,8 @@ QUIET_TIME = 60.0
 """s without a write after which a file counts as abandoned where locks are not to be had (Windows)."""
 MAX_SAME_NAME = 1000
 """Runs of one preset within one second."""
-CLAIM_ATTEMPTS, CLAIM_PAUSE = 50, 0.01
-"""How often, and with how many s between, a file is claimed before it counts as another's."""
+CLAIM_ATTEMPTS = 50
+"""How often a file is claimed before it counts as another's: who checks whether it is in use locks it for a moment."""
 NEWEST = "newest"
 NAMES_SAID = 3
 """Names listed of many that begin alike."""
@@ -116,28 +111,22 @@ def claim_run_file(logs: Path, name: str, started: datetime, part: int = 1) -> R
 def claim(path: Path, mode: Literal["xb", "rb+"]) -> RunFile:
     """Open and lock a file. Raises OSError, `BlockingIOError` if another process has it."""
     handle = path.open(mode, buffering=0)
-    # A process that checks whether the file is in use holds its lock for a moment.
-    for attempts_left in reversed(range(CLAIM_ATTEMPTS)):
-        try:
-            if fcntl is not None:
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            break
-        except OSError:
-            if attempts_left == 0:
-                handle.close()
-                raise
-            time.sleep(CLAIM_PAUSE)
+    try:
+        lock(handle, CLAIM_ATTEMPTS)
+    except OSError:
+        handle.close()
+        raise
     return RunFile(path, handle)
 
 
 def is_in_use(path: Path) -> bool:
     """Whether somebody is writing (or mending) the file."""
-    if fcntl is None:
+    if not HAS_LOCKS:
         return not read_notes(path).get("ended") and time.time() - path.stat().st_mtime < QUIET_TIME
     try:
         with path.open("rb", buffering=0) as handle:
             # Shared, so that two processes that check at once do not take each other for a writer.
-            fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            lock(handle, shared=True)
     except BlockingIOError:
         return True
     except OSError:

@@ -206,10 +206,10 @@ LONGEST_STEP = 0.1
 """Longest change of the pose in one Newton step, m and rad; elbows change their side within a few of these."""
 BALANCED = 1e-9
 """Residual force, relative to the forces that hold the arms, and residual change of the memory, below which the loop rests."""
-MOST_ROUNDS = 30
-"""Most rounds until a law that uses the torques in force agrees with them; an observer's share of its answer is below 0.1."""
+BEND = 1e-3
+"""Modal coordinate relative to which the residual bend of the beam counts, m·kg^½."""
 DIFFERENCE = 1e-6
-"""Step of the central differences, m, rad and units of the memory."""
+"""Step of the central differences, m, rad, m·kg^½, N·m and units of the memory."""
 
 
 class RestPoint(NamedTuple):
@@ -240,80 +240,85 @@ def find_rest(probe: LoopProbe, target: np.ndarray) -> RestPoint:
     """
     desired = np.zeros((3, 3))
     desired[0] = target
-    start, count = np.concatenate([target, probe.start_memory]), len(probe.start_memory)
+    no_torque, count = np.zeros(3 * probe.arm_count), len(probe.start_memory)
+    ends = np.cumsum([3, count, probe.mode_count])
+    stiffness = probe.beam.modes.omega**2
+    weight = probe.forces(probe.at_rest(target), no_torque)[3:]
+    motion = probe.at_rest(target)._replace(eta=weight / stiffness)
+    torque = probe.answer(motion, probe.start_memory, desired, no_torque)[0]
+    start = np.concatenate([target, probe.start_memory, motion.eta, torque])
+
+    def parts(z: np.ndarray) -> tuple[Motion, np.ndarray, np.ndarray]:
+        """Motion, torque and memory of the unknowns z: pose, memory, bend and joint torques."""
+        pose, memory, eta, torque = np.split(z, ends)
+        return probe.at_rest(pose)._replace(eta=eta), torque, memory
 
     def balance(z: np.ndarray) -> np.ndarray:
-        """Force on the pose (3,), relative to the forces that hold the arms, and change of the memory; z: pose and memory."""
-        motion, torque = _hold(probe, z, desired)
-        change = probe.answer(motion, z[3:], desired, torque)[1]
-        size = 1 + np.abs(probe.forces(motion, 0 * torque)[:3]).max()
-        return np.concatenate([probe.forces(motion, torque)[:3] / size, change])
+        """What is left of the forces on the pose, the memory's change, the forces on the bend, and what the law asks for.
 
-    balance(start)  # If the law fails, its own sentence says so.
-    frozen = _newton(balance, start, np.arange(3))
+        A law may use the torques in force, they load the beam, and its bend enters their force along it: all at once.
+        """
+        motion, torque, memory = parts(z)
+        force = probe.forces(motion, torque)
+        size = 1 + np.abs(probe.forces(motion, no_torque)[:3]).max()  # Those that hold the arms.
+        asked, change = probe.answer(motion, memory, desired, torque)
+        return np.concatenate([force[:3] / size, change, force[3:] / (stiffness * BEND), (asked - torque) / size])
+
+    def rest_point(z: np.ndarray, moving: np.ndarray) -> RestPoint:
+        return RestPoint(*parts(z), desired, np.isin(np.arange(3, 3 + count), moving))
+
+    whole, bent = np.arange(3 + count), np.arange(3 + count, len(start))
+    frozen = _newton(balance, start, np.arange(3), bent)
     if frozen is not None and _rests(balance(frozen)):
-        return _rest_point(probe, frozen, desired, np.arange(0))
+        return rest_point(frozen, whole[:0])
     begin = start if frozen is None else frozen
-    whole = np.arange(3 + count)
     settling = np.setdiff1d(whole, 3 + probe.growing)
     for free in (np.concatenate([whole[:3], 3 + probe.observed]), settling, whole):
-        found = _newton(balance, begin, free) if len(free) > 3 else None
+        found = _newton(balance, begin, free, bent) if len(free) > 3 else None
         if found is not None and _rests(balance(found)):
-            return _rest_point(probe, found, desired, whole[:0])
-    found = _newton(balance, begin, settling) if len(settling) > 3 else None
+            return rest_point(found, whole[:0])
+    found = _newton(balance, begin, settling, bent) if len(settling) > 3 else None
     if found is not None:
-        return _rest_point(probe, found, desired, 3 + probe.growing)
+        return rest_point(found, 3 + probe.growing)
     if frozen is None:
         pose = f"x = {target[0]:.3f} m, y = {target[1]:.3f} m, θ = {target[2]:.3f} rad"
         raise StudyError(
             f"The loop has no rest point near {pose}: the motors do not hold the weight there. "
             "Choose a law that holds the arms, higher gains, or no gravity."
         )
-    return _rest_point(probe, frozen, desired, whole[3:])
-
-
-def _hold(probe: LoopProbe, z: np.ndarray, desired: np.ndarray) -> tuple[Motion, np.ndarray]:
-    """The beam bent by its weight at a pose, and the law's torques there; z: pose and memory."""
-    straight, memory = probe.at_rest(z[:3]), z[3:]
-    weight = probe.forces(straight, np.zeros(3 * probe.arm_count))[3:]
-    motion = straight._replace(eta=weight / probe.beam.modes.omega**2)
-    torque = np.zeros(3 * probe.arm_count)
-    # A law may use the torques in force, they load the beam, and its bend enters their force along it: iterate until all agree.
-    for _ in range(MOST_ROUNDS):
-        bent, before, torque = motion.eta, torque, probe.answer(motion, memory, desired, torque)[0]
-        if probe.feels_axial_load:
-            stiffness = np.diag(probe.beam.modes.omega**2) + probe.axial_stiffness(motion, torque)
-            motion = straight._replace(eta=np.linalg.solve(stiffness, weight))
-        settled = np.abs(motion.eta - bent).max() <= BALANCED * np.abs(bent).max()
-        if settled and np.abs(torque - before).max() <= BALANCED * BALANCED * (1 + np.abs(torque).max()):
-            break
-    return motion, torque
+    return rest_point(frozen, whole[3:])
 
 
 def _rests(unbalance: np.ndarray) -> bool:
     return bool(np.abs(unbalance).max() < BALANCED)
 
 
-def _rest_point(probe: LoopProbe, z: np.ndarray, desired: np.ndarray, held: np.ndarray) -> RestPoint:
-    return RestPoint(*_hold(probe, z, desired), z[3:].copy(), desired, np.isin(np.arange(3, len(z)), held))
+def _newton(balance, start: np.ndarray, free: np.ndarray, bent: np.ndarray) -> np.ndarray | None:
+    """The zero of the equations `free` and `bent` over the unknowns of these numbers, or None.
 
-
-def _newton(balance, start: np.ndarray, free: np.ndarray) -> np.ndarray | None:
-    """The zero of the equations `free` over the unknowns `free`, or None; redundant unknowns change least."""
-    z = start.copy()
+    Of the unknowns `free`, redundant ones change least; those of `bent` follow from them.
+    """
+    z, unknowns = start.copy(), np.concatenate([free, bent])
     for _ in range(MOST_STEPS):
         try:
-            left = balance(z)[free]
+            left = balance(z)[unknowns]
             if _rests(left):
                 return z
-            slope = np.empty((len(free), len(free)))
-            for column, unknown in enumerate(free):
+            slope = np.empty((len(unknowns), len(unknowns)))
+            for column, unknown in enumerate(unknowns):
                 step = DIFFERENCE * np.eye(len(z))[unknown]
-                slope[:, column] = (balance(z + step)[free] - balance(z - step)[free]) / (2 * DIFFERENCE)
+                slope[:, column] = (balance(z + step) - balance(z - step))[unknowns] / (2 * DIFFERENCE)
         except StudyError:
             return None
-        change = -np.linalg.lstsq(slope, left, rcond=1e-12)[0]
+        A, B, C, D = (part for rows in np.split(slope, [len(free)]) for part in np.split(rows, [len(free)], axis=1))
+        force, rest = np.split(left, [len(free)])
+        try:
+            follow = np.linalg.solve(D, np.column_stack([C, rest]))
+        except np.linalg.LinAlgError:
+            return None
+        change = -np.linalg.lstsq(A - B @ follow[:, :-1], force - B @ follow[:, -1], rcond=1e-12)[0]
+        change = np.concatenate([change, -follow[:, -1] - follow[:, :-1] @ change])
         if not np.all(np.isfinite(change)):
             return None
-        z[free] += change / max(1.0, np.abs(change[:3]).max() / LONGEST_STEP)
+        z[unknowns] += change / max(1.0, np.abs(change[:3]).max() / LONGEST_STEP)
     return None

@@ -206,6 +206,16 @@ def test_poles_of_a_sagging_beam_are_those_of_the_linear_model(changes: dict):
     assert found.disk_margin is not None
 
 
+def test_an_observer_and_a_beam_pressed_by_its_law_rest_where_the_simulation_does():
+    """Torques and bend were made to agree in turns, which had not met after thirty: a stable loop was called unstable."""
+    scenario = sagging(**{"controller.control_period": 2e-3, "controller.input_delay": 1, "controller.kind": "lqr"})
+    found, run = modes(scenario), simulate(scenario, 6.0)
+    assert np.ptp(run.pose[-200:], axis=0).max() < 1e-9, "it rests"
+    assert not found.unstable
+    assert not found.note
+    np.testing.assert_allclose(found.pose, run.pose[-1], rtol=0, atol=1e-9)
+
+
 def test_a_wrong_mass_moves_the_rest_point_to_where_the_simulation_comes_to_rest():
     scenario = load_preset("gravity").replace(
         {**HELD, "controller.kind": "pd", "controller.model.linear_density_factor": 0.3}

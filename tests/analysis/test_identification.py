@@ -120,6 +120,48 @@ def test_a_noisy_tap_gives_back_the_beam():
     assert found.scenario.payload.bending_stiffness == found.bending_stiffness.value
 
 
+def pressed(stiffness: float, **changes: float | str) -> flexlab.Scenario:
+    """A soft beam that its arms press, at rest, whose ring is damped by its modes."""
+    return flexlab.load_preset("paper").replace(
+        {
+            "trajectory.kind": "hold",
+            "payload.axial_load": "first-order",
+            "payload.damping": {"kind": "modal", "ratio": 0.01},
+            "payload.bending_stiffness": stiffness,
+            "controller.kind": "pd",
+            **changes,
+        }
+    )
+
+
+@pytest.mark.parametrize("force", [50.0, -70.0])
+def test_a_pressed_or_pulled_beam_gives_its_own_stiffness(force: float):
+    """EI = 0.73 N·m² was said of the pressed one, with a tight interval: its frequency does not grow as the root of EI."""
+    true = pressed(2.0, **{"controller.wanted_internal_force": force})
+    loop = flexlab.modes(true)
+    pole = loop.poles[loop.pole_origin.index("beam mode 1")]
+    time = np.arange(0, 3, 1e-3)
+    signal = ring(time, abs(pole) / (2 * np.pi), -pole.real / abs(pole))
+    signal += 0.01 * np.random.default_rng(0).normal(size=len(time))
+    fit = fit_ring(time, signal)
+    found = beam_parameters(fit, true.replace({"payload.bending_stiffness": 2.6}), in_loop=True).bending_stiffness
+    assert found.value == pytest.approx(2.0, rel=5e-3)
+    assert found.low < 2.0 < found.high
+    stiffer = flexlab.modes(true.replace({"payload.bending_stiffness": found.high}))
+    pole = stiffer.poles[stiffer.pole_origin.index("beam mode 1")]
+    assert abs(pole) / (2 * np.pi) == pytest.approx(fit.first.frequency.high, rel=1e-4), "as far as the frequency"
+
+
+def test_a_loop_whose_first_mode_does_not_ring_tells_no_stiffness():
+    """The ring was compared with that of a vice, without a word."""
+    time = np.arange(0, 3, 1e-3)
+    fit = fit_ring(time, ring(time, 6.3, 0.02))
+    found = beam_parameters(fit, pressed(2.0, **{"controller.wanted_internal_force": 300.0}), in_loop=True)
+    assert found.bending_stiffness.reason == "the first mode of this scenario's loop does not ring"
+    assert np.isnan(found.bending_stiffness.value)
+    assert np.isnan(found.damping.value)
+
+
 def test_the_command_fits_the_last_tap_of_a_recording(flexlab_command: Command, tmp_path: Path):
     run = tapped()
     with HeadlessRecording(tmp_path / "logs", RunInfo("mine", run.scenario)) as recording:

@@ -140,11 +140,14 @@ def _number(row: list[str], place: int, comma: bool) -> float:
         return math.nan
 
 
-ROUNDS, CLOSE = 12, 1e-9
+ROUNDS, CLOSE = 30, 1e-9
 """Most rounds of the search, and the relative change at which it ends."""
+NUDGE, FARTHEST = 0.01, 0.7
+"""First and longest step in ln EI."""
 SEEN_AS = "beam mode 1"
 """Origin of the pole to which a ring belongs."""
 OUT_OF_RANGE = "what rings like this lies outside the range of the field"
+NO_RING = "the first mode of this scenario's loop does not ring"
 
 
 @dataclass(frozen=True)
@@ -181,18 +184,19 @@ def beam_parameters(
     density = Estimate(np.nan, np.nan, np.nan, "kg/m", "a ring tells EI/ρ alone; weigh the beam for ρ")
     reason = frequency.reason or (_left_out(fit, scenario) if in_loop else "") or other
     middle, stiffness, fitted, rings = poses[0] if poses else None, np.nan, scenario, np.empty((0, 2))
+    power = 0.5
     try:
         if not reason:
-            stiffness, fitted = _solve_stiffness(scenario, frequency.value, in_loop, middle)
+            stiffness, power, fitted = _solve_stiffness(scenario, frequency.value, in_loop, middle)
             rings = np.array([first_mode(fitted, in_loop, pose) for pose in poses])
-    except FlexlabError:
-        reason, stiffness, fitted = OUT_OF_RANGE, np.nan, scenario
+    except FlexlabError as error:
+        reason, stiffness, fitted = NO_RING if str(error) == NO_RING else OUT_OF_RANGE, np.nan, scenario
     if len(rings):
         elsewhere, off = rings[0, 0] / rings[:, 0], rings[:, 1] - rings[0, 1]
         low, high = frequency.low * float(elsewhere.min()), frequency.high * float(elsewhere.max())
         frequency = replace(frequency, low=low, high=high)
         ratio = replace(ratio, low=ratio.low - float(off.max()), high=ratio.high - float(off.min()))
-    spread = (np.array([frequency.low, frequency.high]) / frequency.value) ** 2
+    spread = (np.array([frequency.low, frequency.high]) / frequency.value) ** (1 / power)
     EI = Estimate(stiffness, *map(float, stiffness * spread), "N·m²", reason)
     unit = scenario.about(path).unit_text().strip()
     damping, final = _solve_damping(fitted, path, ratio, lambda one: first_mode(one, in_loop, middle)[1], unit, reason)
@@ -254,23 +258,44 @@ def first_mode(scenario: Scenario, in_loop: bool, pose: Pose | None = None) -> t
     `pose`: where the arms hold it; None: at the path's centre.
     """
     found = modes(scenario, pose)
-    if in_loop:
-        for pole, origin in zip(found.poles, found.pole_origin, strict=True):
-            if origin == SEEN_AS and pole.imag > 0:
-                return float(abs(pole)) / (2 * np.pi), float(-pole.real / abs(pole))
-    return float(found.frequency[0]), float(found.damping_ratio[0])
+    if not in_loop:
+        return float(found.frequency[0]), float(found.damping_ratio[0])
+    for pole, origin in zip(found.poles, found.pole_origin, strict=True):
+        if origin == SEEN_AS and pole.imag > 0:
+            return float(abs(pole)) / (2 * np.pi), float(-pole.real / abs(pole))
+    raise StudyError(NO_RING)
 
 
-def _solve_stiffness(scenario: Scenario, frequency: float, in_loop: bool, pose: Pose | None) -> tuple[float, Scenario]:
-    """EI by fixed-point steps, as the first mode's frequency is nearly proportional to √EI."""
-    stiffness = scenario.payload.bending_stiffness
+def _solve_stiffness(
+    scenario: Scenario, frequency: float, in_loop: bool, pose: Pose | None
+) -> tuple[float, float, Scenario]:
+    """EI, d ln f / d ln EI there, and the scenario: by secant steps, as f grows with EI, in a vice as √EI.
+
+    A beam that is pressed loses its frequency before its stiffness: there f grows much faster, and a long step ends in a beam
+    that buckles. Raises `StudyError` if no stiffness rings like this.
+    """
+    field = "payload.bending_stiffness"
+
+    def missing(scenario: Scenario) -> float:
+        return float(np.log(frequency / first_mode(scenario, in_loop, pose)[0]))
+
+    miss, step, power = missing(scenario), NUDGE, np.nan
     for _ in range(ROUNDS):
-        step = (frequency / first_mode(scenario, in_loop, pose)[0]) ** 2
-        stiffness *= step
-        scenario = scenario.replace({"payload.bending_stiffness": stiffness})
-        if abs(step - 1) < CLOSE:
+        stiffness = scenario.get(field) * float(np.exp(step))
+        try:
+            farther = scenario.replace({field: stiffness})
+            left = missing(farther)
+        except FlexlabError:
+            step /= 2
+            continue
+        power = (miss - left) / step
+        scenario, miss = farther, left
+        if abs(miss) < CLOSE:
+            return stiffness, power, scenario
+        if not power > 0:
             break
-    return stiffness, scenario
+        step = float(np.clip(miss / power, -FARTHEST, FARTHEST))
+    raise StudyError(OUT_OF_RANGE)
 
 
 def _solve_damping(
@@ -287,8 +312,10 @@ def _solve_damping(
         for _ in range(ROUNDS):
             change = (ratio.value - ratio_of(scenario.replace({path: value}))) / slope
             value, low, high = value + change, low + change, high + change
-            if abs(change) < CLOSE * abs(value):
+            if abs(change) < CLOSE * max(abs(value), high - low):
                 break
+        else:
+            raise StudyError(OUT_OF_RANGE)
         return Estimate(value, low, high, unit), scenario.replace({path: value})
     except FlexlabError:
         return Estimate(np.nan, np.nan, np.nan, unit, OUT_OF_RANGE), scenario

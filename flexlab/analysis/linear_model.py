@@ -6,6 +6,7 @@ import numpy as np
 from scipy.linalg import eigvals
 from scipy.signal import StateSpace, TransferFunction, ZerosPolesGain, dlti, lti
 
+from flexlab.arguments import whole_number
 from flexlab.errors import StudyError
 
 if TYPE_CHECKING:
@@ -97,11 +98,21 @@ class LinearModel(StateSpace):
         s, (A, B, C, D) = np.asarray(points, dtype=complex), self._matrices
         return C @ np.linalg.solve(s[:, None, None] * np.eye(len(A)) - A, B.astype(complex)) + D
 
-    def to_zpk(self) -> ZerosPolesGain:
+    def _of_input(self, number: int) -> "LinearModel":
+        number = whole_number("input", number, 0, len(self.about.inputs) - 1)
+        (A, B, C, D), chosen = self._matrices, slice(number, number + 1)
+        return make_model(
+            (A, B[:, chosen], C, D[:, chosen]), self.dt, self.about._replace(inputs=self.about.inputs[chosen])
+        )
+
+    def to_zpk(self, input: int | None = None) -> ZerosPolesGain:
         """Zeros, poles and gain; `zeros`, `bode` and `freqresp` ask for them. Raises `StudyError` but for one channel.
 
-        They are eigenvalues. The polynomials that scipy would go through lose all digits in a sampled loop.
+        `input`: which of several inputs, from 0. They are eigenvalues. The polynomials that scipy would go through lose all
+        digits in a sampled loop.
         """
+        if input is not None:
+            return self._of_input(input).to_zpk()
         self._check_channel("A transfer function", outputs=True)
         (A, B, C, D), poles = self._matrices, self.poles
         b, c = (float(np.abs(part).max()) for part in (B, C))
@@ -117,8 +128,10 @@ class LinearModel(StateSpace):
         gain = float((self.response(np.array([place]))[0, 0, 0] * ratio).real)
         return ZerosPolesGain(zeros, poles, gain, **self._dt_dict)
 
-    def to_tf(self) -> TransferFunction:
-        """The transfer function of one channel. Raises `StudyError` where its polynomials would lose the digits."""
+    def to_tf(self, input: int | None = None) -> TransferFunction:
+        """The transfer function of a channel, as of `to_zpk`. Raises `StudyError` where its polynomials lose the digits."""
+        if input is not None:
+            return self._of_input(input).to_tf()
         factors = self.to_zpk()
         function = factors.to_tf()
         fastest = max(1.0, float(np.abs(factors.poles).max(initial=0.0)))

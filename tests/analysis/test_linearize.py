@@ -235,6 +235,20 @@ def test_a_transfer_function_is_exact_or_refused():
     assert not len(nothing.zeros)
 
 
+@pytest.mark.parametrize("scenario", ["paper", "lqr"])
+def test_a_transfer_function_may_be_of_one_of_several_inputs(scenario: str):
+    several = flexlab.linearize(scenario, inputs="desired_pose", outputs="pose_y")
+    one = flexlab.linearize(scenario, inputs="desired_pose_y", outputs="pose_y")
+    found, wanted = several.to_zpk(input=1), one.to_zpk()
+    assert found.gain == pytest.approx(wanted.gain, rel=1e-9)
+    np.testing.assert_allclose(np.sort(np.abs(found.zeros)), np.sort(np.abs(wanted.zeros)), rtol=1e-6)
+    if scenario == "paper":
+        np.testing.assert_allclose(several.to_tf(input=1).num, one.to_tf().num, rtol=1e-6, atol=1e-6)
+    for wrong in (3, -1, "x", True):
+        with pytest.raises(StudyError, match=r"input = .* is not usable: give a whole number from 0 to 2"):
+            several.to_tf(input=wrong)
+
+
 @pytest.mark.parametrize("sampling", [{}, SAMPLED])
 def test_what_needs_one_channel_says_so(sampling: dict):
     """scipy spoke of arrays that could not be broadcast, and gave a transfer function of the first input alone."""

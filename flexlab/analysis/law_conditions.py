@@ -18,8 +18,13 @@ INSTANTS = 32
 """Instants of the slowest period at which the desired motion is evaluated."""
 
 
+def law_conditions(scenario: Scenario) -> tuple[Condition, ...]:
+    """The conditions of a scenario's law; none if motors are off or no desired pose can be reached."""
+    return conditions_in(circumstances(scenario))
+
+
 def conditions_in(around: Circumstances) -> tuple[Condition, ...]:
-    """The conditions of a law in its circumstances; none if motors are off or no desired pose can be reached."""
+    """The `law_conditions` in known circumstances."""
     law = law_of(around.scenario.controller)
     if not law.drives or not len(around.path):
         return ()

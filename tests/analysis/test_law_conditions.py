@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from flexlab.analysis.law_conditions import circumstances, conditions_in
+from flexlab.analysis.law_conditions import circumstances, law_conditions
 from flexlab.analysis.modes import modes
 from flexlab.control.law import laws
 from flexlab.lab.mode_computation import ModeStudy
@@ -18,9 +18,7 @@ from flexlab.sim.simulate import simulate
 
 def named(scenario: Scenario, start: str):
     """The condition that begins with `start`."""
-    (found,) = [
-        condition for condition in conditions_in(circumstances(scenario)) if condition.sentence.startswith(start)
-    ]
+    (found,) = [condition for condition in law_conditions(scenario) if condition.sentence.startswith(start)]
     return found
 
 
@@ -75,9 +73,9 @@ def test_late_torques_feed_the_modes_that_grow(delay: int, ratio: float):
 
 def test_super_twisting_needs_gains_above_the_change_of_the_reaction():
     base = load_preset("paper").replace({"controller.kind": "super-twisting"})
-    assert [condition.met for condition in conditions_in(circumstances(base))] == [True, True, True]
+    assert [condition.met for condition in law_conditions(base)] == [True, True, True]
     weak = base.replace({"controller.integral_gain": 40.0})
-    assert [condition.met for condition in conditions_in(circumstances(weak))][:2] == [False, False]
+    assert [condition.met for condition in law_conditions(weak)][:2] == [False, False]
 
 
 def test_a_path_that_moves_tells_masses_apart():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexlab.analysis.law_conditions import circumstances, conditions_in
+from flexlab.analysis.law_conditions import law_conditions
 from flexlab.cli.headless_run import explained
 from flexlab.control.law import laws
 from flexlab.errors import ScenarioError
@@ -33,7 +33,7 @@ def test_default_gains_run_every_preset_for_two_seconds(preset: str):
 def test_the_linear_regulator_says_of_which_paths_it_is_not_made(preset: str):
     """Before the run, below its gains; and the run says so among what it explains."""
     scenario = load_preset(preset).replace({"controller.kind": "lqr", "controller.control_period": 0.001})
-    said = conditions_in(circumstances(scenario))[0]
+    said = law_conditions(scenario)[0]
     assert said.sentence.startswith("|λ(Φ − ΓK)| < 1 on the path: the law is made for one pose, ")
     assert said.met == (("lqr", preset) not in BEYOND)
     if not said.met:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import expm, solve_discrete_are
 
-from flexlab.analysis.law_conditions import circumstances, conditions_in
+from flexlab.analysis.law_conditions import law_conditions
 from flexlab.analysis.modes import modes
 from flexlab.analysis.validation.check import STILL, Check, Runs, above, alike, below, close, run_of, subject
 from flexlab.analysis.validation.mass_points import MassPoints, slopes
@@ -221,7 +221,7 @@ def _regulator() -> Iterator[Check]:
     statement = "lqr asks for -K z of its own Riccati equation, z as it will be when the torques act: relative error"
     yield alike(statement, 0.02, found, wanted)
     decay = -np.log(np.abs(np.linalg.eigvals(Phi - Gamma @ gain)).max()) / PERIOD
-    said = " ".join(condition.sentence for condition in conditions_in(circumstances(run.scenario)))
+    said = " ".join(condition.sentence for condition in law_conditions(run.scenario))
     told = float(re.findall(r"decays with ([\d.]+) 1/s", said)[0])
     yield close("and its condition tells how fast the loop decays", decay, told, "1/s", 0.01)
     for delay in (0, 1, 3):

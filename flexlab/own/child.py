@@ -280,6 +280,9 @@ def _limit_memory() -> None:
 
 
 if __name__ == "__main__":
+    # `from flexlab import *` would load libraries for which MOST_MEMORY is too little.
+    interface: Any = sys.modules["flexlab"]
+    interface.__all__ = [name for name, module in interface._HOMES.items() if module.startswith("flexlab.own.")]
     if sys.argv[5] == "law":
         _serve(RunningLaw, _answer_law)
     else:

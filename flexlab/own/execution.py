@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlab.own import declaration
+from flexlab.own import declaration, measurement
 from flexlab.own.declaration import (
     LASTING,
     LONGEST,
@@ -52,8 +52,11 @@ ANSWER_BYTES = MESSAGE.fields["plant"][1]  # type: ignore[index]  # It has field
 
 AnswerFunction = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64, ctypes.c_int64)
 """C function of two addresses, a message, where the outcome goes, and a `LAW_INPUT` record."""
-FORMER_PLACES = ("flexlab.own_laws.declaration", "flexlab.own_paths.declaration")
-"""Modules from which texts in earlier recordings import."""
+FORMER_PLACES = {
+    "flexlab.own_laws.declaration": declaration, "flexlab.own_paths.declaration": declaration,
+    "flexlab.own_laws.measurement": measurement,
+}  # fmt: skip
+"""Modules from which texts of version 0.2.0 import."""
 LONGEST_WORDS = 200
 """Characters of an exception's own text that are shown."""
 
@@ -89,8 +92,8 @@ class RunningText:
         folder = str(Path(file).resolve().parent)
         if Path(file).exists() and folder not in sys.path:
             sys.path.append(folder)
-        for place in FORMER_PLACES:
-            sys.modules.setdefault(place, declaration)
+        for place, module in FORMER_PLACES.items():
+            sys.modules.setdefault(place, module)
         names: dict[str, Any] = {"__name__": f"own_text_{name}", "__file__": file}
         try:
             code: CodeType = compile(source, f"<{name}>" if is_foreign(file) else file, "exec")

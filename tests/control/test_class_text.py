@@ -133,10 +133,21 @@ def test_a_recording_of_a_class_needs_no_file(tmp_path: Path):
 
 @pytest.mark.parametrize("apart", [False, True], ids=["here", "apart"])
 def test_the_text_of_an_earlier_recording_runs(apart: bool):
-    """Texts of classes from notebooks named the module that held `OwnLaw` and `OwnPath` then."""
+    """Texts of classes from notebooks named the module that held `OwnLaw` and `OwnPath` then, its README that of `at`."""
     hosts.run_apart(apart)
     law = PD.replace("from flexlab import", "from flexlab.own_laws.declaration import")
+    law = law.replace("at):", "at: Measurement):").replace(
+        "class OwnPD", "from flexlab.own_laws.measurement import Measurement\n\n\nclass OwnPD"
+    )
     path = ROUND.replace("from flexlab import", "from flexlab.own_paths.declaration import")
+    wanted = {"controller.kind": add_own_law(law, "law.py").kind, "trajectory.kind": add_own_path(path, "path.py").kind}
+    assert simulate(load_preset("paper").replace(wanted), 0.01).status == "finished"
+
+
+@pytest.mark.parametrize("apart", [False, True], ids=["here", "apart"])
+def test_a_text_may_import_all_that_texts_need(apart: bool):
+    hosts.run_apart(apart)
+    law, path = (re.sub("from flexlab import .*", "from flexlab import *", text) for text in (PD, ROUND))
     wanted = {"controller.kind": add_own_law(law, "law.py").kind, "trajectory.kind": add_own_path(path, "path.py").kind}
     assert simulate(load_preset("paper").replace(wanted), 0.01).status == "finished"
 

@@ -125,7 +125,6 @@ def _drive(linear: Linearization, driven: Sequence[Part]) -> _Drive:
 
 
 def _parts(signal: str, arms: int) -> list[Named]:
-    """The parts of an input."""
     if signal == TORQUE:
         return _of_joints(signal, 3 * arms)
     if signal == TASK:

@@ -21,7 +21,10 @@ def tracking_energy(scenario: Scenario, samples: Samples) -> np.ndarray:
     s, angle = samples.sliding_variable, samples.pose[:, 2]
     along = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    total = _payload(scenario, s, across)
+    m, inertia, hh, hg, gg = _inertia(scenario.payload)  # pyright: ignore[reportArgumentType]
+    lateral = np.einsum("ni,ni->n", s[:, :2], across)
+    rigid = m * (s[:, 0] ** 2 + s[:, 1] ** 2) + inertia * s[:, 2] ** 2
+    total = 0.5 * (rigid - hh * lateral**2 - 2 * hg * lateral * s[:, 2] - gg * s[:, 2] ** 2)
     if MASS in samples.own:  # All of the payload's part grows with it.
         total *= samples.own[MASS] / _inertia(scenario.payload)[0]  # pyright: ignore[reportArgumentType]
     half = 0.5 * scenario.payload.length
@@ -38,13 +41,6 @@ def _inertia(payload: Payload) -> tuple[float, ...]:
     """m, I, hᵀM_q⁻¹h, hᵀM_q⁻¹g, gᵀM_q⁻¹g: found once per payload."""
     beam = build_beam(payload)
     return float(beam.matrices.m), float(beam.matrices.I), *map(float, beam.kappa)
-
-
-def _payload(scenario: Scenario, s: np.ndarray, across: np.ndarray) -> np.ndarray:
-    m, inertia, hh, hg, gg = _inertia(scenario.payload)  # pyright: ignore[reportArgumentType]
-    lateral = np.einsum("ni,ni->n", s[:, :2], across)
-    rigid = m * (s[:, 0] ** 2 + s[:, 1] ** 2) + inertia * s[:, 2] ** 2
-    return 0.5 * (rigid - hh * lateral**2 - 2 * hg * lateral * s[:, 2] - gg * s[:, 2] ** 2)
 
 
 def _arm(arm: Arm, joint_angle: np.ndarray, grip_rate: np.ndarray, turn_rate: np.ndarray) -> np.ndarray:

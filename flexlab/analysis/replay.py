@@ -122,7 +122,8 @@ def replay(recording: Recording, seen: Callable[[float], None] = lambda time: No
     if rounding is None or rounding.same_bits:
         one, many = "The only sample came out again, bit for bit.", f"All {done} samples came out again, bit for bit."
         return result(done, None, (one if done == 1 else many) + left_out)
-    difference = rounding.first_beyond()
+    beyond = [each for share, each in rounding.shares() if share > TOLERANCE]
+    difference = min(beyond, key=lambda each: each.time, default=None)
     if difference is not None:
         return result(done, difference, _difference_text(recording, difference, why), rounding.deviation)
     text = (
@@ -254,7 +255,7 @@ class _Rounding:
             column = int(np.argmax(np.abs(one[row] - other[row])))
             kept.append(Difference(float(time[row]), name, float(one[row, column]), float(other[row, column])))
 
-    def _shares(self) -> Iterator[tuple[float, Difference]]:
+    def shares(self) -> Iterator[tuple[float, Difference]]:
         """Every noted difference, with its ratio to the signal's largest value."""
         of_units: dict[tuple[str, ...], float] = {}
         units = {name: signal.units for name, signal in known_signals().items()}
@@ -269,12 +270,7 @@ class _Rounding:
     @property
     def deviation(self) -> float:
         """The largest such ratio."""
-        return max((share for share, _ in self._shares()), default=0.0)
-
-    def first_beyond(self) -> Difference | None:
-        """The first difference beyond `TOLERANCE`."""
-        beyond = [one for share, one in self._shares() if share > TOLERANCE]
-        return min(beyond, key=lambda one: one.time, default=None)
+        return max((share for share, _ in self.shares()), default=0.0)
 
 
 def _first_difference(recorded: Samples, again: Samples, compared: frozenset[str]) -> Difference | None:

@@ -28,15 +28,6 @@ def _error(span: Samples) -> float:
     return float(np.linalg.norm(span.tracking_error[:, :2], axis=1).max())
 
 
-def _stiffness(seen: Evidence, span: Samples, layer: float) -> float:
-    """K + ρ/ε, N·s/m, the feedback gain of s inside its layer; ρ: the constant bound, or the smallest learnt one."""
-    gain, bound = seen.field("feedback_gain", 0.0) or 0.0, seen.field("bound")
-    if bound is None:
-        learnt = np.sum(span.bound_estimates * bound_terms(span.pose, span.pose_rate), axis=1)
-        bound = float(learnt.min()) if np.isfinite(learnt).all() else 0.0
-    return gain + bound / layer
-
-
 def _agrees(error: float, predicted: float) -> bool:
     """Whether an error is worth a sentence, and what was predicted."""
     return error >= WORTH and AGREES[0] * predicted < error < AGREES[1] * predicted
@@ -70,7 +61,12 @@ def error_within_the_layer(seen: Evidence) -> str | None:
     span, layer, around = found
     if seen.scenario.trajectory.bending_feedforward or seen.field("feedback_gain") is None:
         return None
-    stiffness = _stiffness(seen, span, layer)
+    # K + ρ/ε; ρ: the constant bound, or the smallest learnt one.
+    gain, bound = seen.field("feedback_gain", 0.0) or 0.0, seen.field("bound")
+    if bound is None:
+        learnt = np.sum(span.bound_estimates * bound_terms(span.pose, span.pose_rate), axis=1)
+        bound = float(learnt.min()) if np.isfinite(learnt).all() else 0.0
+    stiffness = gain + bound / layer
     if stiffness * slope == 0:
         return None
     error = _error(span)

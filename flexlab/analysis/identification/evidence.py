@@ -62,7 +62,12 @@ def ring_begins(signal: np.ndarray) -> int:
     count = len(signal) // size
     if count < 2 + AFTER:
         return 0
-    power = _bent(signal[: count * size].reshape(count, size))
+    blocks = signal[: count * size].reshape(count, size)
+    # Each block's mean square about its own straight line.
+    place = np.linspace(-1, 1, size)
+    level = blocks - blocks.mean(axis=1, keepdims=True)
+    slope = level @ place / (place @ place)
+    power = np.mean((level - slope[:, None] * place) ** 2, axis=1)
     before = np.cumsum(power)[1:-AFTER] / np.arange(2, count - AFTER + 1)
     after = np.convolve(power, np.full(AFTER, 1 / AFTER), "valid")[2:]
     loud = (after >= LOUD * power.max()) & (after >= JUMP * before) & (after > 0)
@@ -73,14 +78,6 @@ def ring_begins(signal: np.ndarray) -> int:
     quiet = float(np.median(signal[: block * size]))
     peak = int(np.argmax(np.abs(signal[block * size : (block + AFTER) * size] - quiet)))
     return block * size + peak
-
-
-def _bent(blocks: np.ndarray) -> np.ndarray:
-    """Mean square of each block (B, n) about its own straight line, (B,)."""
-    place = np.linspace(-1, 1, blocks.shape[1])
-    level = blocks - blocks.mean(axis=1, keepdims=True)
-    slope = level @ place / (place @ place)
-    return np.mean((level - slope[:, None] * place) ** 2, axis=1)
 
 
 def stands_out(signal: np.ndarray, rest: np.ndarray, modes: int) -> bool:

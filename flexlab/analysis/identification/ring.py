@@ -175,7 +175,12 @@ def _criterion(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> float:
 
 def _with_another(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarray:
     """The best fit with one more mode, starting from the strongest line of the residual."""
-    omega = _strongest(tau, _rest(modes, tau, y))
+    even = np.linspace(0, tau[-1], len(tau))
+    values = np.interp(even, tau, _rest(modes, tau, y))
+    size = 8 * len(values)
+    spectrum = np.abs(np.fft.rfft(values - values.mean(), size))
+    spectrum[: int(FEWEST_PERIODS / 2 * 8)] = 0.0
+    omega = 2 * np.pi * max(int(np.argmax(spectrum)), 1) / (size * (even[1] - even[0]))
     starts = [np.vstack([modes, [omega, ratio * omega]]) for ratio in START_RATIOS]
     return _refined(min(starts, key=lambda guess: float(np.sum(_rest(guess, tau, y) ** 2))), tau, y)
 
@@ -194,16 +199,6 @@ def _refined(start: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarray:
         xtol=FITTED, ftol=FITTED, gtol=FITTED, x_scale="jac",
     )  # fmt: skip
     return solved.x.reshape(-1, 2) * scale
-
-
-def _strongest(tau: np.ndarray, rest: np.ndarray) -> float:
-    """Angular frequency of the strongest line, 1/s, from a padded spectrum."""
-    even = np.linspace(0, tau[-1], len(tau))
-    values = np.interp(even, tau, rest)
-    size = 8 * len(values)
-    spectrum = np.abs(np.fft.rfft(values - values.mean(), size))
-    spectrum[: int(FEWEST_PERIODS / 2 * 8)] = 0.0
-    return 2 * np.pi * max(int(np.argmax(spectrum)), 1) / (size * (even[1] - even[0]))
 
 
 def _described(
@@ -231,7 +226,7 @@ def _described(
         own = near[k] * covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2]
         amplitude = float(np.hypot(linear[2 * k], linear[2 * k + 1])) * scale
         found.append(_mode(omega, sigma, own, factor, moved[k], amplitude, tau, problem))
-    found = _without_shadows(found)
+    found = [one for one in found if not any(_shadows(one, other) for other in found)]
     # A slow change of the background looks like part of a period, and the first samples after a tap like a fast mode.
     seen = [mode for mode in found if FEWEST_PERIODS <= mode.frequency.value * tau[-1] <= (len(tau) - 1) / 2]
     loudest = max(seen, key=lambda mode: mode.amplitude, default=None)
@@ -242,17 +237,12 @@ def _described(
     return RingFit(tuple(found), noise, float(time[0]), float(time[-1]), len(time), background, problem)
 
 
-def _without_shadows(modes: list[RingMode]) -> list[RingMode]:
-    """The modes but for those that stand close beside a louder one.
-
-    They make up for a frequency that changes along the ring, as where the arms carry the beam on. A beam has no two modes so
-    close together.
-    """
-    return [one for one in modes if not any(_shadows(one, other) for other in modes)]
-
-
 def _shadows(one: RingMode, louder: RingMode) -> bool:
-    """Whether a mode is much weaker than another one close beside it."""
+    """Whether a mode is much weaker than another one close beside it.
+
+    Such a mode makes up for a frequency that changes along the ring, as where the arms carry the beam on. A beam has no two
+    modes so close together.
+    """
     f, other = one.frequency.value, louder.frequency.value
     return one.amplitude < SHADOW * louder.amplitude and abs(f - other) < BESIDE * louder.damping_ratio.value * other
 

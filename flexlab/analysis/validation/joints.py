@@ -153,7 +153,13 @@ def encoders(_: Runs) -> Iterator[Check]:
         yield below(f"{words}: θ is off by half a count of each joint at most, as a part", 1.0, off / (COUNT.sum() / 2))
         statement = f"{words}: mean square of what rounding does to θ, ΣΔ²/12 over the arms, rad²"
         yield close(statement, float(np.sum(COUNT**2) / 12 / arms), float(np.mean(off**2)), relative=0.06)
-    yield from _rate()
+    # A law that answers the rate alone shows the rate by the encoders.
+    law = {"controller": {"kind": "pd", "position_gain": 0.0, "velocity_gain": 1.0, "control_period": PERIOD}}
+    moving = {"initial.pose_rate": (0.1, -0.2, 0.3), "joints.encoders.counts": COUNTS}
+    told, samples = _readings(load_preset("paper").replace({**law, **STILL, **moving}), 100)
+    answers = [-now.arm_input[-1].sum(axis=0) for now in samples]
+    differences, statement = np.diff(told, axis=0) / PERIOD, "the rate is the difference of two readings over T_c"
+    yield alike(f"{statement}: largest error, as a part", 1e-3, answers[1:], differences)
     # Without the pose before among its states, the linear model would damp as if the rate did not lag by T_c/2.
     statement = "PD with differenced rates: pose 30 instants after an offset, by the linear model, as a part"
     yield _led_back(statement, {"joints.encoders.counts": FINEST})
@@ -166,16 +172,6 @@ def _readings(scenario: Scenario, count: int) -> tuple[np.ndarray, list[Samples]
         samples.append(world.advance(1))
         told.append(own_states_of(world.system, world.state().y)["reading"].copy())
     return np.array(told), samples
-
-
-def _rate() -> Iterator[Check]:
-    """The rate by the encoders is what a law that answers the rate alone shows."""
-    law = {"controller": {"kind": "pd", "position_gain": 0.0, "velocity_gain": 1.0, "control_period": PERIOD}}
-    moving = {"initial.pose_rate": (0.1, -0.2, 0.3), "joints.encoders.counts": COUNTS}
-    told, samples = _readings(load_preset("paper").replace({**law, **STILL, **moving}), 100)
-    answers = [-now.arm_input[-1].sum(axis=0) for now in samples]
-    differences, statement = np.diff(told, axis=0) / PERIOD, "the rate is the difference of two readings over T_c"
-    yield alike(f"{statement}: largest error, as a part", 1e-3, answers[1:], differences)
 
 
 def _led_back(statement: str, joints: dict[str, Any]) -> Check:
@@ -207,7 +203,11 @@ SLOW, WEAK = 0.01, 0.05
 def motors(runs: Runs) -> Iterator[Check]:
     """Lag, torque-speed curve, energy, internal force and linear model of motors."""
     yield from _lag()
-    yield from _ideal_limit(runs)
+    away = []
+    for late in (2e-4, 1e-4):
+        run = run_of("the run with a short lag", {"joints.motor.time_constant": late}, 1.0, 0.001)
+        away.append(float(np.abs(run.pose - runs.paper.pose[: len(run.time)]).max()))
+    yield close("half the time constant: half the way from the paper's run, 1", 2.0, away[0] / away[1], relative=0.02)
     yield from _curve()
     yield from _energy("motors", WHOLE, "the motors' work")
     run = run_of("the run with motors", WHOLE, 0.1, 1e-4)
@@ -235,15 +235,6 @@ def _lag() -> Iterator[Check]:
     statement = "a torque that is asked for is reached as 1 - exp(-t/T_m): largest error, as a part of it"
     yield alike(statement, 1e-8, given[1:], expected, asked)
     yield below("motors begin with no torque, N·m", 1e-12, given[0])
-
-
-def _ideal_limit(runs: Runs) -> Iterator[Check]:
-    """A short lag changes the run in proportion to it."""
-    away = []
-    for late in (2e-4, 1e-4):
-        run = run_of("the run with a short lag", {"joints.motor.time_constant": late}, 1.0, 0.001)
-        away.append(float(np.abs(run.pose - runs.paper.pose[: len(run.time)]).max()))
-    yield close("half the time constant: half the way from the paper's run, 1", 2.0, away[0] / away[1], relative=0.02)
 
 
 def _curve() -> Iterator[Check]:

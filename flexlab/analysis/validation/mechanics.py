@@ -40,7 +40,17 @@ def mass_points(runs: Runs) -> Iterator[Check]:
     for run in (runs.general_pinned, runs.general):
         for check in _of(run):
             yield replace(check, statement=f"{run.scenario.payload.boundary}: {check.statement}")
-    yield from _dampings()
+    # Stiffness damping C = β K_F, and modal damping 2ζω, both from matrices of mass points.
+    for words, field, number in (("stiffness", "coefficient", 1e-5), ("modal", "ratio", 0.2)):
+        run = general(f"the run with {words} damping", {"payload.damping": {"kind": words, field: number}})
+        points, n = MassPoints(run.scenario), run.beam_rates.shape[1]
+        straight = np.concatenate([run.pose[0], np.zeros(n)])
+        K = slopes(lambda at, of=points: slopes(lambda q: np.array(of.potential(q)), at), straight)[3:, 3:]
+        M = points.payload_inertia(straight)[3:, 3:]
+        square, V = eigh(K, M)
+        D = number * K if words == "stiffness" else M @ V * (2 * number * np.sqrt(square)) @ V.T @ M
+        statement = f"{words} damping acts on the beam as it should: relative residual"
+        yield below(statement, 1e-6, lagrange_residual(run, points, D))
 
 
 def _of(run: Run) -> Iterator[Check]:
@@ -72,20 +82,6 @@ def lagrange_residual(run: Run, points: MassPoints, D: np.ndarray) -> np.ndarray
         return np.concatenate([run.arm_input[k].sum(axis=0), -D @ run.beam_rates[k]])
 
     return residual_force(run, lambda k: (points.inertia, points.potential), force)
-
-
-def _dampings() -> Iterator[Check]:
-    """Stiffness damping C = β K_F, and modal damping 2ζω, both from matrices of mass points."""
-    for words, field, number in (("stiffness", "coefficient", 1e-5), ("modal", "ratio", 0.2)):
-        run = general(f"the run with {words} damping", {"payload.damping": {"kind": words, field: number}})
-        points, n = MassPoints(run.scenario), run.beam_rates.shape[1]
-        straight = np.concatenate([run.pose[0], np.zeros(n)])
-        K = slopes(lambda at, of=points: slopes(lambda q: np.array(of.potential(q)), at), straight)[3:, 3:]
-        M = points.payload_inertia(straight)[3:, 3:]
-        square, V = eigh(K, M)
-        D = number * K if words == "stiffness" else M @ V * (2 * number * np.sqrt(square)) @ V.T @ M
-        statement = f"{words} damping acts on the beam as it should: relative residual"
-        yield below(statement, 1e-6, lagrange_residual(run, points, D))
 
 
 def _inertia(run: Run, points: MassPoints, p: np.ndarray, rate: np.ndarray) -> Iterator[Check]:

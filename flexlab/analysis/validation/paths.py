@@ -75,7 +75,13 @@ def paths_and_shapers(_: Runs) -> Iterator[Check]:
     times = np.linspace(0.011, WINDOW - 0.01, 211)
     for kind in paths():
         if kind in POSES or kind in ("waypoints", "table"):
-            yield from _path(kind, times)
+            path, motion = _motion(kind)
+            found = poses(motion, times)
+            if kind in POSES:
+                yield below(
+                    f"{kind}: x_d by its formula: largest error, m, rad", 1e-13, found[:, 0] - POSES[kind](path, times)
+                )
+            yield from _rates(kind, times, kind)
     shaped = {"smooth_start": 0.8, "shaper": "zvd", "shaper_frequency": 9.0}
     yield from _rates("a sine with smooth start and shaper", times, "sine", **shaped)
     yield from _waypoints()
@@ -90,14 +96,6 @@ def _motion(kind: str, **changes: Any) -> tuple[Any, Any]:
     """A path of the paper's system, and its target."""
     scenario = load_preset("paper").replace({"trajectory": {"kind": kind, **OWN.get(kind, {}), **changes}})
     return scenario.trajectory, build_trajectory(scenario)
-
-
-def _path(kind: str, times: np.ndarray) -> Iterator[Check]:
-    path, motion = _motion(kind)
-    found = poses(motion, times)
-    if kind in POSES:
-        yield below(f"{kind}: x_d by its formula: largest error, m, rad", 1e-13, found[:, 0] - POSES[kind](path, times))
-    yield from _rates(kind, times, kind)
 
 
 def _rates(words: str, times: np.ndarray, kind: str, **changes: Any) -> Iterator[Check]:

@@ -12,7 +12,6 @@ from flexlab.analysis.lesson_measures import bound_terms
 from flexlab.analysis.validation.check import EVERY, FINE, Check, Runs, alike, below, general, subject
 from flexlab.analysis.validation.mass_points import MassPoints, slopes, time_derivative
 from flexlab.analysis.validation.paper import desired
-from flexlab.scenario import Scenario
 from flexlab.sim.samples import Run
 
 COMMON = {
@@ -231,7 +230,9 @@ def _memory_rate(kind: str, at: Instant, run: Run, k: int) -> np.ndarray:
 def instant(run: Run, k: int) -> Instant:
     """The inputs of a run's law at sample k."""
     scenario = run.scenario
-    known = _believed(scenario)
+    model, payload = scenario.controller.model, scenario.payload
+    heavy, long = payload.linear_density * model.linear_density_factor, payload.length * model.length_factor
+    known = scenario.replace({"payload.linear_density": heavy, "payload.length": long})
     points, believed, payload = MassPoints(scenario), MassPoints(known), known.payload
     x, v, law = run.pose[k], run.pose_rate[k], scenario.controller
     terms = [points.arm_terms(x, v, arm) for arm in range(2)]
@@ -244,10 +245,3 @@ def instant(run: Run, k: int) -> Instant:
         np.array([0.0, payload.linear_density * payload.length * scenario.gravity, 0.0]),
         np.array([law.load_share, 1 - law.load_share]), loads @ run.beam_rates[k], np.array([along, -along]),
     )  # fmt: skip
-
-
-def _believed(scenario: Scenario) -> Scenario:
-    """The scenario with its controller's model of the payload."""
-    model, payload = scenario.controller.model, scenario.payload
-    heavy, long = payload.linear_density * model.linear_density_factor, payload.length * model.length_factor
-    return scenario.replace({"payload.linear_density": heavy, "payload.length": long})

@@ -40,11 +40,7 @@ def summary(runs: Runs) -> Iterator[Check]:
     left = [np.abs(stopped.vibration[stopped.time > t - PERIOD / 2]).max() for t in (STOP, STOP + LATER)]
     told = run_metrics(stopped, own=False).residual_vibration
     yield alike("residual vibration after the stop: relative error", 1e-12, told, left)
-    yield from _finer_mesh()
-
-
-def _finer_mesh() -> Iterator[Check]:
-    """Two elements become eight: the cubics of each are cubics of its parts, so that nothing of the motion may change."""
+    # Two elements become eight: the cubics of each are cubics of its parts, so that nothing of the motion may change.
     world = World(load_preset("paper"), PERIOD)
     world.run(round(BEFORE / PERIOD))
     coarse = world.observe()

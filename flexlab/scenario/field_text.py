@@ -148,12 +148,13 @@ def field_title(path: str, *scenarios: Scenario) -> str:
     if about is None:
         return path
     unit = f" ({about.unit})" if about.unit not in ("", "1") else ""
-    return f"{short_title(about)} {about.symbol}".strip() + unit + SIDES.get(path.partition(".")[0], "")
+    return titled(about) + unit + SIDES.get(path.partition(".")[0], "")
 
 
-def short_title(about: Quantity) -> str:
-    """The title of a field without the meaning of null, which is a word of scenario files."""
-    return re.sub(r" \(null: .*\)", "", about.title)
+def titled(about: Quantity) -> str:
+    """Title and symbol of a field without the meaning of null, which is a word of scenario files."""
+    title = re.sub(r" \(null: .*\)", "", about.title)
+    return f"{title} {about.symbol}".strip()
 
 
 def value_text(value: object) -> str:

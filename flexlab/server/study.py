@@ -19,7 +19,7 @@ from flexlab.analysis.sweep.axes import CHOSEN, Axis, parse_axes
 from flexlab.errors import FlexlabError, StudyError
 from flexlab.registry import modules_in
 from flexlab.scenario import Scenario
-from flexlab.scenario.field_text import TITLES, field_title, options, short_title
+from flexlab.scenario.field_text import TITLES, field_title, options, titled
 from flexlab.server.task_book import Outcome, Task
 from flexlab.text import number_text, typed_number, visible
 
@@ -117,13 +117,9 @@ class Study(ABC):
 
     def axis_title(self, axis: Axis) -> str:
         """The title and symbol of a varied field."""
-        if axis.path in TITLES:
-            return TITLES[axis.path]
-        try:
-            about = self.scenario.about(axis.path)
-        except FlexlabError:
-            return axis.path
-        return f"{short_title(about)} {about.symbol}".strip()
+        if axis.path in TITLES or not self.scenario.has(axis.path):
+            return TITLES.get(axis.path, axis.path)
+        return titled(self.scenario.about(axis.path))
 
     def axis_text(self, axis: Axis) -> str:
         """The title and values of a varied field."""
@@ -131,10 +127,7 @@ class Study(ABC):
         if axis.low is None or axis.high is None:
             return f"{title}: {', '.join(map(str, axis.values))}"
         count = f", {len(axis.values)} values" if self.is_map else ""
-        try:
-            unit = self.scenario.about(axis.path).unit_text()
-        except FlexlabError:
-            unit = ""
+        unit = self.scenario.about(axis.path).unit_text() if self.scenario.has(axis.path) else ""
         spacing = ", equal ratios" if axis.logarithmic else ""
         return f"{title}: {number_text(axis.low)} to {number_text(axis.high)}{unit}{spacing}{count}"
 

@@ -16,7 +16,7 @@ from flexlab.lab.widgets import Menu, Widgets
 from flexlab.physics.axial_load import buckling_load
 from flexlab.quantities import Part, Quantity, describe, own_numbers
 from flexlab.scenario import Scenario
-from flexlab.scenario.field_text import TITLES, in_words, options, short_title, word_of
+from flexlab.scenario.field_text import TITLES, in_words, options, titled, word_of
 from flexlab.scenario.scenario import COMMON_FIELDS
 from flexlab.scenario.settings import PERIOD, USUAL_PERIOD, with_period_if_needed
 from flexlab.sim.target import build_trajectory, desired_at
@@ -301,7 +301,7 @@ def _row(scenario: Scenario, path: str) -> Entry:
     parent, name = path.rsplit(".", 1)
     about = scenario.about(path)
     boxes = 3 if _one_or_three(type(scenario.get(parent)), name) else 1
-    return Entry(path, None, f"{short_title(about)} {about.symbol}".strip(), about.unit, boxes)
+    return Entry(path, None, titled(about), about.unit, boxes)
 
 
 class Folder:

@@ -13,7 +13,8 @@ from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.plan import Plan, make_plan
 from flexlab.analysis.sweep.result import TABLE, read_part, run_sweep
 from flexlab.analysis.workers import chosen_workers
-from flexlab.errors import FlexlabError, StudyError
+from flexlab.errors import StudyError
+from flexlab.quantities import Quantity
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import TITLES
 from flexlab.scenario.settings import change_settings
@@ -116,17 +117,12 @@ def page_data(plan: Plan, table: Columns) -> dict[str, Any]:
 
 
 def _axis_data(scenario: Scenario, axis: Axis) -> dict[str, Any]:
-    symbol = unit = ""
-    try:
-        about = scenario.about(axis.path)
-        title, symbol, unit = TITLES.get(axis.path, about.title), about.symbol, about.unit
-    except FlexlabError:
-        title = TITLES.get(axis.path, axis.path)
+    about = scenario.about(axis.path) if scenario.has(axis.path) else Quantity(axis.path)
     return {
         "path": axis.path,
-        "title": title,
-        "symbol": symbol,
-        "unit": "" if unit == "1" else unit,
+        "title": TITLES.get(axis.path, about.title),
+        "symbol": about.symbol,
+        "unit": about.unit_text().strip(),
         "values": list(axis.values),
         "numeric": axis.numeric,
         "logarithmic": axis.logarithmic,

@@ -36,7 +36,6 @@ class _NoPandas:
     """A finder that hides pandas, and leaves all other modules to the next finder."""
 
     def find_spec(self, name: str, path: Any, target: Any = None, /) -> None:
-        """As of `importlib.abc.MetaPathFinder`."""
         if name == "pandas":
             raise ModuleNotFoundError("No module named 'pandas'", name=name)
 

@@ -32,7 +32,6 @@ class _Later:
     """A finder that delays the loading of these modules until their first use."""
 
     def find_spec(self, name: str, path: Sequence[str] | None, target: Any = None, /) -> ModuleSpec | None:
-        """As of `importlib.abc.MetaPathFinder`."""
         spec = PathFinder.find_spec(name, path, target) if name in UNASKED else None
         if spec is not None and spec.loader is not None:
             spec.loader = LazyLoader(spec.loader)

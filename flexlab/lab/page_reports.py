@@ -59,8 +59,6 @@ _DECODER = msgspec.json.Decoder(Report)
 
 @dataclass
 class _Page:
-    """One browser."""
-
     way: str
     """uuid of the field in which it reports."""
     mark: viser.GuiHtmlHandle
@@ -75,7 +73,6 @@ class _Page:
     """Whether it shows the presentation."""
 
     def show(self) -> None:
-        """Write its element anew."""
         kind = "fl-reports fl-presentation" if self.presents else "fl-reports"
         told = f'data-way="{html.escape(self.way)}" data-count="{self.said}" data-said="{escaped(self.sentence)}"'
         put(self.mark, content=f'<i hidden class="{kind}" {told}></i>')

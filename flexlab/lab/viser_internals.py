@@ -56,7 +56,6 @@ class _News(asyncio.Event):
     _waiting_thread: int | None = None
 
     async def wait(self) -> Literal[True]:
-        """Wait for messages."""
         self._waiting_thread = threading.get_ident()
         return await super().wait()
 
@@ -132,7 +131,6 @@ class _GuardedConnection(ServerConnection):
         self._owner, self._check = owner, check
 
     async def recv(self, decode: bool | None = None) -> Any:
-        """The next accepted message."""
         while True:
             raw = await super().recv(decode)
             verdict = await self._check(client_of(self._owner, self), raw)

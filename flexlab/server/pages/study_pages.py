@@ -91,7 +91,6 @@ def _lab_scenario(request: web.Request) -> tuple[str, Scenario] | None:
 
 
 def _row(task: Task) -> dict[str, Any]:
-    """A study's row in the list."""
     begun: Begun = task.about
     study = begun.study
     return {

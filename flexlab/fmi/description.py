@@ -194,7 +194,11 @@ def model_description(version: int, model: Model, variables: Sequence[Variable])
         **{f"canGetAndSet{state}": "true", f"canSerialize{state}": "true"},
         **({"fixedInternalStepSize": repr(model.tick_period)} if third else {}),
     )  # fmt: skip
-    _add_units(root, {variable.unit for variable in variables})
+    parent = _element(root, "UnitDefinitions")
+    for unit in sorted({variable.unit for variable in variables}):
+        element, exponents = _element(parent, "Unit", name=unit), base_exponents(unit)
+        if exponents is not None:
+            _element(element, "BaseUnit", **{base: str(power) for base, power in exponents.items()})
     categories = _element(root, "LogCategories")
     _element(categories, "Category", name="logStatusError", description="What was refused, and why a run stopped")
     step = repr(model.tick_period)
@@ -214,14 +218,6 @@ def model_description(version: int, model: Model, variables: Sequence[Variable])
 
 def _element(parent: Any, tag: str, **attributes: str) -> Any:
     return ElementTree.Element(tag, attributes) if parent is None else ElementTree.SubElement(parent, tag, attributes)
-
-
-def _add_units(root: Any, units: set[str]) -> None:
-    parent = _element(root, "UnitDefinitions")
-    for unit in sorted(units):
-        element, exponents = _element(parent, "Unit", name=unit), base_exponents(unit)
-        if exponents is not None:
-            _element(element, "BaseUnit", **{base: str(power) for base, power in exponents.items()})
 
 
 def _add_variables(root: Any, variables: Sequence[Variable], third: bool) -> None:

@@ -210,7 +210,6 @@ def _world(motion: Motion, about: str, called: list[Called]) -> Part:
 
 
 def _named(kernel: Any, values: tuple[Any, ...]) -> dict[str, Any]:
-    """A kernel's arguments by their names."""
     return dict(zip(inspect.signature(kernel.py_func).parameters, values, strict=True))
 
 

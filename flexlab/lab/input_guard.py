@@ -63,8 +63,6 @@ log: logging.Logger = limited(__name__)
 
 @dataclass
 class _Upload:
-    """An upload that has begun."""
-
     source: str
     size: int
     part_count: int
@@ -74,8 +72,6 @@ class _Upload:
 
 @dataclass
 class _Browser:
-    """State of one connected browser."""
-
     credit: float = BURST
     counted_at: float = field(default_factory=time.monotonic)
     refused: int = 0
@@ -119,16 +115,13 @@ class InputGuard:
             await asyncio.sleep(wait)
         if problem is None:
             return "pass"
-        self._refuse(client, browser, problem)
-        return "hang up" if isinstance(problem, Unreadable) else "drop"
-
-    def _refuse(self, client: int, browser: _Browser, problem: Refused) -> None:
         browser.refused += 1
         self.refused += 1
         if browser.refused == 1:
             log.warning("Refused a message of browser %s (further ones are counted): %s.", client, problem)
         if problem.told and self._lab_state is not None:
             self._lab_state.warn(problem.told)
+        return "hang up" if isinstance(problem, Unreadable) else "drop"
 
     def _forget(self, client: int) -> None:
         browser = self._browsers.pop(client, None)

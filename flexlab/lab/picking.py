@@ -63,7 +63,9 @@ class Picking:
         if event.phase == "start" or self._held is None:
             self._held = take(event)
         held = self._held
-        target = self._in_plane(event.client, np.array(event.end_position), held.height)
+        # Along the line of sight: viser moves the pointer in a plane that faces the camera, not in that of the machine.
+        eye = np.array(event.client.camera.position)
+        target = _meet(eye, np.array(event.end_position) - eye, held.height)
         self._lab_state.pull(Pull(held.position, (float(target[0]), float(target[1])), self.stiffness, held.link))
 
     def _take_beam(self, event: Any) -> Held:
@@ -84,14 +86,6 @@ class Picking:
         half = 0.5 * snapshot.scenario.payload.length
         along = (place[0] - x) * np.cos(angle) + (place[1] - y) * np.sin(angle)
         return float(np.clip(along, -half, half))
-
-    def _in_plane(self, client: viser.ClientHandle, seen: np.ndarray, height: float) -> np.ndarray:
-        """Where the line of sight through a seen point (3,) meets the plane at `height` m above the floor, (x, y) m.
-
-        viser moves the pointer in a plane that faces the camera, which is another one.
-        """
-        eye = np.array(client.camera.position)
-        return _meet(eye, seen - eye, height)
 
     def _seen(self, event: Any) -> np.ndarray:
         return _meet(np.array(event.ray_origin), np.array(event.ray_direction), self._height(BEAM_HEIGHT))

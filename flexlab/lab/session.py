@@ -78,22 +78,17 @@ class Attendance:
         snapshot = self._runner.snapshot
         if self._reports.count:
             self._seen_at = self._clock()
-            self._go_on()
+            if self._held_run == snapshot.run_number and not snapshot.playing and not self._lab_state.rules.locked:
+                time_now = number_text(float(snapshot.latest.time[0]), 5)
+                self._lab_state.say(f"This lab paused at t = {time_now} s while nobody watched: it runs again.")
+                self._lab_state.submit(Play())
+            self._held_run = 0
             if snapshot.waiting and self._reports.have_drawn(snapshot.run_number):
                 self._runner.release(snapshot.run_number)
         elif snapshot.playing and not snapshot.waiting and self._clock() - self._seen_at > self._longest:
             if self._held_run != snapshot.run_number:
                 self._held_run = snapshot.run_number
                 self._lab_state.submit(Pause())
-
-    def _go_on(self) -> None:
-        """Resume a run that was paused because no browser was connected."""
-        snapshot = self._runner.snapshot
-        if self._held_run == snapshot.run_number and not snapshot.playing and not self._lab_state.rules.locked:
-            time_now = number_text(float(snapshot.latest.time[0]), 5)
-            self._lab_state.say(f"This lab paused at t = {time_now} s while nobody watched: it runs again.")
-            self._lab_state.submit(Play())
-        self._held_run = 0
 
 
 class RenderLoop:

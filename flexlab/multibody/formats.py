@@ -36,7 +36,11 @@ def mjcf_text(bodies: Bodies, name: str) -> str:
     _add(plane, "light", pos="0 0 3")
     for arm in bodies.arms:
         _add_body(plane, arm)
-    _add_closures(_add(root, "equality"), bodies)
+    closures = _add(root, "equality")
+    firm = {"solref": f"{HOLDING_STEPS * bodies.step!r} 1", "solimp": "0.9999 0.9999 0.001 0.5 2"}
+    for tag, pairs in (("weld", bodies.welded), ("connect", bodies.connected)):
+        for first, second in pairs:
+            _add(closures, tag, name=f"{first}_{second}", site1=first, site2=second, **firm)
     joints = [joint for body, _ in bodies.walk() for joint in body.joints]
     motors = _add(root, "actuator")
     for joint in joints:
@@ -86,13 +90,6 @@ def _add_body(parent: Any, body: Body) -> None:
         _add_body(element, inner)
 
 
-def _add_closures(parent: Any, bodies: Bodies) -> None:
-    firm = {"solref": f"{HOLDING_STEPS * bodies.step!r} 1", "solimp": "0.9999 0.9999 0.001 0.5 2"}
-    for tag, pairs in (("weld", bodies.welded), ("connect", bodies.connected)):
-        for first, second in pairs:
-            _add(parent, tag, name=f"{first}_{second}", site1=first, site2=second, **firm)
-
-
 NO_LIMIT = 1e6
 """N·m and rad/s: URDF wants limits of joints that have none here."""
 
@@ -105,7 +102,17 @@ def urdf_text(bodies: Bodies, name: str) -> str:
     _add(root, "link", name="plane")
     _add_joint(root, "plane_joint", "fixed", "world", "plane", turn=(pi / 2 if bodies.upright else 0.0, 0.0, 0.0))
     for body, holder in bodies.walk():
-        _add_link(root, body)
+        link = _add(root, "link", name=body.name)
+        inertial = _add(link, "inertial")
+        _add(inertial, "origin", xyz=f"{body.center!r} 0 0", rpy="0 0 0")
+        _add(inertial, "mass", value=repr(body.mass))
+        # In the plane only the inertia about z counts: the others suit it.
+        own = repr(body.inertia)
+        _add(inertial, "inertia", ixx=own, iyy=own, izz=own, ixy="0", ixz="0", iyz="0")
+        visual = _add(link, "visual")
+        _add(visual, "origin", xyz=f"{body.length / 2!r} 0 0", rpy=f"0 {pi / 2!r} 0")
+        radius = RADIUS[body.name.partition("_")[0]]
+        _add(_add(visual, "geometry"), "cylinder", radius=repr(radius), length=repr(body.length))
         _connect(root, body, "plane" if holder is None else holder.name)
         for frame in body.frames:
             _add(root, "link", name=frame.name)
@@ -145,20 +152,6 @@ def _add_joint(
     return element
 
 
-def _add_link(root: Any, body: Body) -> None:
-    link = _add(root, "link", name=body.name)
-    inertial = _add(link, "inertial")
-    _add(inertial, "origin", xyz=f"{body.center!r} 0 0", rpy="0 0 0")
-    _add(inertial, "mass", value=repr(body.mass))
-    # In the plane only the inertia about z counts: the others suit it.
-    own = repr(body.inertia)
-    _add(inertial, "inertia", ixx=own, iyy=own, izz=own, ixy="0", ixz="0", iyz="0")
-    visual = _add(link, "visual")
-    _add(visual, "origin", xyz=f"{body.length / 2!r} 0 0", rpy=f"0 {pi / 2!r} 0")
-    radius = RADIUS[body.name.partition("_")[0]]
-    _add(_add(visual, "geometry"), "cylinder", radius=repr(radius), length=repr(body.length))
-
-
 def _connect(root: Any, body: Body, holder: str) -> None:
     """The joint of a body. What slides along the chord is left to who closes the loop: links without mass trouble readers."""
     joint = next((each for each in body.joints if not each.slides), None)
@@ -177,11 +170,7 @@ def _connect(root: Any, body: Body, holder: str) -> None:
         _add(spring, "springStiffness").text = repr(joint.stiffness)
         _add(spring, "springReference").text = "0"
     if joint.driven:
-        _add_motor(root, joint)
-
-
-def _add_motor(root: Any, joint: Joint) -> None:
-    motor = _add(root, "transmission", name=f"{joint.name}_transmission")
-    _add(motor, "type").text = "SimpleTransmission"
-    _add(_add(motor, "joint", name=joint.name), "hardwareInterface").text = "EffortJointInterface"
-    _add(_add(motor, "actuator", name=motor_name(joint)), "mechanicalReduction").text = "1"
+        motor = _add(root, "transmission", name=f"{joint.name}_transmission")
+        _add(motor, "type").text = "SimpleTransmission"
+        _add(_add(motor, "joint", name=joint.name), "hardwareInterface").text = "EffortJointInterface"
+        _add(_add(motor, "actuator", name=motor_name(joint)), "mechanicalReduction").text = "1"

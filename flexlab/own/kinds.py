@@ -64,22 +64,17 @@ class OwnKinds(Generic[K]):
         """Make a file's law or path known in place of an earlier text, and let it run. Raises `ScenarioError`."""
         own: Any = self.read(source, file, "")
         with ADDING:
-            self._add(own, source, file)
+            known = self.registry.all().get(own.kind)
+            if known is not None and not isinstance(known, self.sort):
+                text = f"{file}: a {self.registry.what} of flexlab is called {own.kind} already: give the class another name."
+                raise ScenarioError([(f"{self.field}.source", text)])
+            if wrong := _slider_problem(own.declaration.settings):
+                # Checked in a person's file only: earlier recordings with such laws have to open.
+                raise ScenarioError([(f"{self.field}.source", f"{file}: {wrong}.")])
+            hosts.allow(source, file)
+            if known is None or default_source(known) != source:
+                self.registry.add(own, instead=True)
         return own
-
-    def _add(self, own: Any, source: str, file: str) -> None:
-        known = self.registry.all().get(own.kind)
-        if known is not None and not isinstance(known, self.sort):
-            text = (
-                f"{file}: a {self.registry.what} of flexlab is called {own.kind} already: give the class another name."
-            )
-            raise ScenarioError([(f"{self.field}.source", text)])
-        if wrong := _slider_problem(own.declaration.settings):
-            # Checked in a person's file only: earlier recordings with such laws have to open.
-            raise ScenarioError([(f"{self.field}.source", f"{file}: {wrong}.")])
-        hosts.allow(source, file)
-        if known is None or default_source(known) != source:
-            self.registry.add(own, instead=True)
 
     def known(self) -> list[K]:
         """All known ones in Python."""

@@ -84,7 +84,8 @@ class OwnTrajectory(Trajectory):
 
     @model_validator(mode="after")
     def _has_its_table(self) -> "OwnTrajectory":
-        wanted = _digest_of(self)
+        chosen = json.dumps({name: getattr(self, name) for name, _ in self.options})
+        wanted = short_hash(f"{short_hash(self.source)} {chosen}")
         if self.table_of != wanted or from_text(self.table) is None:
             try:
                 options = flat_numbers(self, self.options).tobytes()
@@ -152,11 +153,6 @@ def _now(time: float) -> float:
 
 def _restored(data: dict[str, Any]) -> OwnTrajectory:
     return OWN_PATHS.restored(data)
-
-
-def _digest_of(path: OwnTrajectory) -> str:
-    options = {name: getattr(path, name) for name, _ in path.options}
-    return short_hash(f"{short_hash(path.source)} {json.dumps(options)}")
 
 
 @lru_cache(maxsize=TABLES_KEPT)

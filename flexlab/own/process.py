@@ -132,15 +132,12 @@ class OwnProcess:
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
         if process.returncode == -getattr(signal, "SIGKILL", 0):
-            self._end_what_is_left()
-
-    def _end_what_is_left(self) -> None:
-        """End what the text started, where the one that looks after that was killed itself."""
-        mark = f"{MARK}={self._mark}".encode()
-        for process in Path("/proc").glob("[0-9]*"):
-            with contextlib.suppress(OSError):
-                if mark in (process / "environ").read_bytes().split(b"\0"):
-                    os.kill(int(process.name), signal.SIGKILL)
+            # What looks after the processes that the text started was killed itself.
+            mark = f"{MARK}={self._mark}".encode()
+            for process in Path("/proc").glob("[0-9]*"):
+                with contextlib.suppress(OSError):
+                    if mark in (process / "environ").read_bytes().split(b"\0"):
+                        os.kill(int(process.name), signal.SIGKILL)
 
     def dispose(self) -> None:
         """End the process and close its sockets: nobody may ask any more."""

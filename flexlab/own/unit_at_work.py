@@ -91,7 +91,16 @@ class Unit:
     def act(self, law: Any, at: Measurement) -> Any:
         """One call of the law's `act`."""
         before, parameters = int(MARKS * law.answered[0]), [float(getattr(law, name)) for name in self._gains]
-        given = self._measured(at)
+        # One arm has fewer numbers than names, and so have few gauges.
+        numbers = {
+            name: value
+            for asked, parts in PARTS.items()
+            for name, value in zip(parts, getattr(at, asked).ravel().tolist(), strict=False)
+        }
+        missing = [name for name in self._inputs if name not in numbers]
+        if missing:
+            raise self._problem(f"its input {missing[0]} is nothing that this scenario has")
+        given = [numbers[name] for name in self._inputs]
         told = np.array([before, at.time, at.period, *given, *parameters])
         mark = 1 + int.from_bytes(hashlib.sha256(told.tobytes()).digest()[:MARK_BYTES], "big")
         if not self._goes_back and before != self._now and before in self._next:
@@ -164,18 +173,6 @@ class Unit:
             self._next.pop(kept.before, None)
         if kept is not None and kept.state is not None:
             self._unit.freeFMUState(kept.state)
-
-    def _measured(self, at: Measurement) -> list[float]:
-        # One arm has fewer numbers than names, and so have few gauges.
-        numbers = {
-            name: value
-            for asked, parts in PARTS.items()
-            for name, value in zip(parts, getattr(at, asked).ravel().tolist(), strict=False)
-        }
-        missing = [name for name in self._inputs if name not in numbers]
-        if missing:
-            raise self._problem(f"its input {missing[0]} is nothing that this scenario has")
-        return [numbers[name] for name in self._inputs]
 
     def _set(self, references: list[int], values: list[float]) -> None:
         if references:

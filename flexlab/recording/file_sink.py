@@ -174,21 +174,18 @@ class FileSink:
             raise RefusedError(refused)
         info = replace(self._info, part=self._parts + 1)
         writer = RunWriter(claim_run_file(self._logs, info.name, info.started, info.part), info)
-        self._tell_the_past(writer.stream)
+        # A part that begins later is replayed by itself.
+        for entity, archetype in self._static.items():
+            writer.stream.log(entity, archetype)
+        if self._path:
+            writer.stream.send(PATH, np.array([self._last_time]), self._path)
+        for sent in self._past:
+            writer.stream.send(*sent)
         self._parts, self._writer, self._given_up = info.part, writer, 0
         self._recover(writer)
         if info.begin_notes:
             with contextlib.suppress(OSError):
                 write_notes(writer.file.path, **info.begin_notes)
-
-    def _tell_the_past(self, stream: RunStream) -> None:
-        """Send what a part that begins later needs to be replayed."""
-        for entity, archetype in self._static.items():
-            stream.log(entity, archetype)
-        if self._path:
-            stream.send(PATH, np.array([self._last_time]), self._path)
-        for sent in self._past:
-            stream.send(*sent)
 
     def _write(self, writer: RunWriter) -> None:
         writer.check()

@@ -232,19 +232,15 @@ def _events(path: Path, rows: Rows, end: Mapping[str, Any]) -> tuple[Event, ...]
 def _block(path: Path, scenario: Scenario, values: dict[str, Any], history: Callable[[], Changes]) -> Samples:
     try:
         samples, written_in = decode_block(values.get("data", b""))
-        _check_shapes(samples, scenario)
+        # The mesh alone may change during a run.
+        for name in samples.signals().keys() & TABLE:
+            shape, due = samples[name].shape[1:], TABLE[name].shape(len(scenario.arms), 0)
+            sizes = zip(TABLE[name].axes, shape, due, strict=False)
+            if len(shape) != len(due) or any(size != wanted for axis, size, wanted in sizes if axis != COORDINATE):
+                raise RecordingError(f"{name} has the shape {shape}, which is not that of its scenario: it is damaged.")
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from None
     return migrate(samples, written_in, history)
-
-
-def _check_shapes(samples: Samples, scenario: Scenario) -> None:
-    """Raises `RecordingError` for a signal of the table in another shape than the scenario's, whose mesh alone may change."""
-    for name in samples.signals().keys() & TABLE:
-        shape, due = samples[name].shape[1:], TABLE[name].shape(len(scenario.arms), 0)
-        sizes = zip(TABLE[name].axes, shape, due, strict=False)
-        if len(shape) != len(due) or any(size != wanted for axis, size, wanted in sizes if axis != COORDINATE):
-            raise RecordingError(f"{name} has the shape {shape}, which is not that of its scenario: it is damaged.")
 
 
 def _finite(value: Any) -> float:

@@ -96,7 +96,9 @@ def review(path: Path, port: int = 0) -> Iterator[str]:
     finish(path)
     with contextlib.ExitStack() as closing:
         try:
-            if not _is_comparison(path):
+            with quiet_reader(path) as reader:
+                is_comparison = any(entry.application_id == overlay.APPLICATION for entry in reader.recordings())
+            if not is_comparison:
                 read_scenario(path)  # Refuses what another program wrote.
             source = closing.enter_context(serving(path))
         except (RuntimeError, ValueError, OSError, LookupError) as error:
@@ -104,8 +106,3 @@ def review(path: Path, port: int = 0) -> Iterator[str]:
             raise RecordingError(f"{path} cannot be served to the viewer: {reason}") from None
         page = closing.enter_context(serving_viewer(port, f"http://{urlsplit(source).netloc}"))
         yield f"{page}?url={quote(source, safe='')}&hide_welcome_screen&renderer=webgl"
-
-
-def _is_comparison(path: Path) -> bool:
-    with quiet_reader(path) as reader:
-        return any(entry.application_id == overlay.APPLICATION for entry in reader.recordings())

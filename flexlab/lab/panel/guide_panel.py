@@ -93,8 +93,8 @@ class Guide:
         self._lab_state.hold_exaggeration(None if lesson is None else _factor(lesson))
         for widget in (self._guess_question, self._guess.widget, self._steps, self._start, self._verdict):
             put(widget, visible=lesson is not None and self._last_step > 1)
-        rest = self._last_step < len(STEPS)
-        put(self._rest, visible=rest, content=f'<div class="fl fl-dim">{rest_text(self._last_step)}</div>')
+        why = f"The class is at {step_text(self._last_step)}. The teacher moves on."
+        put(self._rest, visible=self._last_step < len(STEPS), content=f'<div class="fl fl-dim">{why}</div>')
         put(self._text, content=with_units(page.question if isinstance(page, Lesson) else page.text))
         if lesson is None:
             put(self._unfold, visible=False)
@@ -174,11 +174,6 @@ class Guide:
         now = LessonProgress(title, step, lesson.guess, lesson.options, lesson.answer, guess, passed)
         self._lab_state.lesson = f"{lesson.title}: {'done' if done else step_text(step)}"
         self._lab_state.lessons = self._lab_state.lessons | {title: now}
-
-
-def rest_text(step: int) -> str:
-    """Why a lesson ends at a step."""
-    return f"The class is at {step_text(step)}. The teacher moves on."
 
 
 def _factor(lesson: Lesson) -> float:

@@ -185,11 +185,7 @@ class Panel:
         self._viewing.settle(is_new)
         for control in self._touching:
             control.settle()
-        self._settle_sections(is_new)
-
-    def _settle_sections(self, is_new: bool) -> None:
-        """Let the fields follow the scenario; most of the time nothing has moved it, nor is a typed value to be taken back."""
-        lab_state = self._lab_state
+        # Most of the time nothing has moved the scenario, nor is a typed value to be taken back.
         scenarios = lab_state.intended, lab_state.baseline
         still = all(new is old for new, old in zip(scenarios, self._settled, strict=True))
         if is_new or not still or time.monotonic() - lab_state.touched_at < READING_TIME + SETTLE_TIME:

@@ -209,14 +209,10 @@ class ScenarioFiles:
         self._offer_upload()
         file = event.target.value
         if file.name.lower().endswith(".csv"):
-            self._follow(file.name, file.content)
+            rows = decoded_path(file.content, visible(Path(file.name).name, LONGEST_FILE_NAME))
+            self._lab_state.change({"trajectory.kind": "table", "trajectory.rows": rows})
+            self._lab_state.say(f"Follows {len(rows)} rows from now on.")
             return
         name, scenario = read_upload(file.name, file.content)
         self._lab_state.load(scenario, name)
         self._lab_state.say(f"Opened {name}.")
-
-    def _follow(self, name: str, content: bytes) -> None:
-        """Follow the path of a CSV file from now on."""
-        rows = decoded_path(content, visible(Path(name).name, LONGEST_FILE_NAME))
-        self._lab_state.change({"trajectory.kind": "table", "trajectory.rows": rows})
-        self._lab_state.say(f"Follows {len(rows)} rows from now on.")

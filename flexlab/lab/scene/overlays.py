@@ -84,7 +84,14 @@ class Overlays:
         if scenario.trajectory != self._path_source:
             self._path.points = segments(path_points(scenario), self._height)
             self._path_source = scenario.trajectory
-        self._update_trail(sample, view)
+        self._trail.visible = view.trail
+        place = sample.pose[0, :2]
+        if not self._trail_places or np.any(place != self._trail_places[-1]):
+            self._trail_places.append(place)
+        if view.trail:
+            missing = TRAIL_POINTS - len(self._trail_places)
+            line = np.array([self._trail_places[0]] * missing + list(self._trail_places))
+            self._trail.points = segments(line, self._height + 0.015 * self._size)
         self._ghost.mesh.visible = view.ghost
         # By vertices, not by node pose: the browser applies poses ahead of arrays, and the ghost would lead the beam.
         self._ghost.draw(link_points(scenario, sample.desired_pose)[0])
@@ -97,16 +104,6 @@ class Overlays:
     def forget_trail(self) -> None:
         """Begin the trail anew: after a reset."""
         self._trail_places.clear()
-
-    def _update_trail(self, sample: Samples, view: ViewSettings) -> None:
-        self._trail.visible = view.trail
-        place = sample.pose[0, :2]
-        if not self._trail_places or np.any(place != self._trail_places[-1]):
-            self._trail_places.append(place)
-        if view.trail:
-            missing = TRAIL_POINTS - len(self._trail_places)
-            line = np.array([self._trail_places[0]] * missing + list(self._trail_places))
-            self._trail.points = segments(line, self._height + 0.015 * self._size)
 
 
 def elbow_sines(scenario: Scenario, x: np.ndarray, y: np.ndarray, angle: float) -> np.ndarray:

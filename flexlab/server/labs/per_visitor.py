@@ -88,9 +88,18 @@ class PrivateLabs(LabProvider):
         return place
 
     def _admit(self, visitor: str, address: str) -> None:
-        """Raises `FullError` as long as there is no lab for this visitor."""
-        self._wait_for_turn(visitor, address)
-        most, others = self._settings.labs_per_address, self._taken() - {visitor}
+        """Raises `FullError`, with the visitor's place in the line, as long as there is no lab for them."""
+        most = self._settings.max_sessions
+        others = self._taken() - {visitor}
+        place = self._line.place(visitor, most - len(others), address)
+        if place:
+            taken = f"No lab is free: {len(others)} of {most} are taken." if len(others) >= most else "A lab is free."
+            raise FullError(
+                f"{taken} You are number {place} of {len(self._line)} who wait. This page looks again every "
+                f"{LOOK_AGAIN} s and goes on by itself: a lab that nobody looks at is closed.",
+                place,
+            )
+        most = self._settings.labs_per_address
         if sum(self._addresses.get(other) == address for other in others) >= most:
             raise FullError(
                 f"Your address has {most} of {most} labs that one address may have. Come back in a few minutes, or use the "
@@ -129,19 +138,6 @@ class PrivateLabs(LabProvider):
         if self.rules != ClassRules():
             await place.ask(self.rules)
         return place
-
-    def _wait_for_turn(self, visitor: str, address: str) -> None:
-        """Raises `FullError`, with the visitor's place, as long as no lab is free for them."""
-        most = self._settings.max_sessions
-        others = self._taken() - {visitor}
-        place = self._line.place(visitor, most - len(others), address)
-        if place:
-            taken = f"No lab is free: {len(others)} of {most} are taken." if len(others) >= most else "A lab is free."
-            raise FullError(
-                f"{taken} You are number {place} of {len(self._line)} who wait. This page looks again every "
-                f"{LOOK_AGAIN} s and goes on by itself: a lab that nobody looks at is closed.",
-                place,
-            )
 
     def call(self, visitor: str, name: str) -> None:
         """The visitor's next runs are kept under another name."""

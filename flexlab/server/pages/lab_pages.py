@@ -9,7 +9,6 @@ from markupsafe import Markup
 
 from flexlab.errors import FlexlabError, LabError
 from flexlab.presets import load_preset, preset_names
-from flexlab.recording.live import LiveHub
 from flexlab.recording.store.run_files import SUFFIX
 from flexlab.server.auth import (
     LIVE,
@@ -23,7 +22,6 @@ from flexlab.server.auth import (
     refuse,
 )
 from flexlab.server.labs.lab_provider import LOOK_AGAIN, Choice, FullError, Lab
-from flexlab.server.limits import Visitor
 from flexlab.server.pages.templating import button, message
 from flexlab.server.proxy import proxy_page, proxy_websocket
 from flexlab.server.scenario_links import decode_scenario, scenario_path
@@ -127,23 +125,18 @@ async def enter_lab(request: web.Request, choice: Choice | None) -> web.StreamRe
     try:
         place = await context.places.enter(visitor.id, choice, visitor.address, visitor.name)
     except FullError as error:
-        return _let_wait(request, visitor, error)
+        here = str(request.rel_url) if request.method == "GET" else "/lab/"
+        answer = message("No free lab", str(error), 503, button("/" + here.lstrip("/"), "Try again"))
+        if error.place:
+            answer.headers["Refresh"] = str(LOOK_AGAIN)
+            keep_visitor(request, answer, visitor)
+        return answer
     except LabError as error:
         return message("The lab did not open", str(error), 503, NEW_LAB)
     # What the page itself understands (its drawing settings) goes along.
     query = request.rel_url.without_query_params("scenario").raw_query_string
     answer = web.Response(status=303, headers={hdrs.LOCATION: f"{place.path}/" + (f"?{query}" if query else "")})
     if context.places.is_private:
-        keep_visitor(request, answer, visitor)
-    return answer
-
-
-def _let_wait(request: web.Request, visitor: Visitor, error: FullError) -> web.Response:
-    """A page that says why no lab is free; it reloads itself while the visitor waits in line."""
-    here = str(request.rel_url) if request.method == "GET" else "/lab/"
-    answer = message("No free lab", str(error), 503, button("/" + here.lstrip("/"), "Try again"))
-    if error.place:
-        answer.headers["Refresh"] = str(LOOK_AGAIN)
         keep_visitor(request, answer, visitor)
     return answer
 
@@ -240,7 +233,22 @@ async def stream(request: web.Request) -> web.StreamResponse:
     if context.places.is_private:
         asker = replace(asker, id=live_name(lab))
     with context.viewers.place(asker):
-        return await _watch(request, lab.live)
+        headers = {hdrs.CONTENT_TYPE: "application/octet-stream", hdrs.CACHE_CONTROL: "no-store"}
+        answer = web.StreamResponse(headers=headers)
+        try:
+            await answer.prepare(request)
+            if request.method == "GET":
+                number = -1
+                while not lab.live.is_closed and request.transport is not None and not request.transport.is_closing():
+                    number, pieces = lab.live.after(number)
+                    for piece in pieces:
+                        await asyncio.wait_for(answer.write(piece), PATIENCE)
+                    if not pieces:
+                        await asyncio.sleep(LOOK)
+        except TimeoutError:
+            if request.transport is not None:
+                request.transport.abort()
+        return answer
 
 
 def _may_watch(request: web.Request, lab: Lab) -> bool:
@@ -249,26 +257,3 @@ def _may_watch(request: web.Request, lab: Lab) -> bool:
     if not places.is_private or (request.path.startswith(WITH_A_PASS) and has_pass(request)):
         return True
     return lab is places.of_visitor(visitor_of(request).id) or has_teacher_cookie(request)
-
-
-async def _watch(request: web.Request, hub: LiveHub) -> web.StreamResponse:
-    headers = {hdrs.CONTENT_TYPE: "application/octet-stream", hdrs.CACHE_CONTROL: "no-store"}
-    answer = web.StreamResponse(headers=headers)
-    try:
-        await answer.prepare(request)
-        if request.method == "GET":
-            await _send(request, answer, hub)
-    except TimeoutError:
-        if request.transport is not None:
-            request.transport.abort()
-    return answer
-
-
-async def _send(request: web.Request, answer: web.StreamResponse, hub: LiveHub) -> None:
-    number = -1
-    while not hub.is_closed and request.transport is not None and not request.transport.is_closing():
-        number, pieces = hub.after(number)
-        for piece in pieces:
-            await asyncio.wait_for(answer.write(piece), PATIENCE)
-        if not pieces:
-            await asyncio.sleep(LOOK)

@@ -168,7 +168,7 @@ def small_margin(seen: Evidence) -> str | None:
     late = 1e3 * margin.alike.phase / 360 / frequency
     return (
         f"The loop is nearly lost at {n(frequency)} Hz: it survives no more than a factor of {n(low)} to {n(high)} on all "
-        f"motors, or ±{margin.alike.phase:.0f}°, which is {n(late)} ms there. Lower gains or less delay widen it."
+        f"motors, or ±{n(margin.alike.phase)}°, which is {n(late)} ms there. Lower gains or less delay widen it."
     )
 
 

@@ -42,7 +42,8 @@ def outside_the_layer(seen: Evidence) -> str | None:
     span, layer, around = found
     size = np.linalg.norm(span.sliding_variable, axis=1)
     share, force = float((size > layer).mean()), around.largest_reaction
-    if share < OFTEN or force <= gain * layer:
+    # What is much larger than this force makes it has another cause, as torques at their limits.
+    if share < OFTEN or force <= gain * layer or gain * float(size.max()) > AGREES[1] * force:
         return None
     held = f"alone holds that at {n(force / gain)} m/s" if force < FASTEST * gain else "alone does not hold that"
     return (

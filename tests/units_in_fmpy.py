@@ -14,12 +14,11 @@ from flexlab.scenario import Scenario
 from flexlab.sim.simulate import simulate
 
 
-@contextmanager
-def instance(file: Path, folder: Path) -> Iterator[Any]:
-    """An instance of a unit that stands at t = 0."""
+def fresh(file: Path, folder: Path) -> Any:
+    """An instance of a unit that is not initialized."""
     about = fmpy.read_model_description(str(file))
     kind = FMU3Slave if about.fmiVersion == "3.0" else FMU2Slave
-    unit = kind(
+    unit: Any = kind(
         guid=about.guid,
         unzipDirectory=fmpy.extract(str(file), str(folder)),
         modelIdentifier=about.coSimulation.modelIdentifier,
@@ -27,9 +26,21 @@ def instance(file: Path, folder: Path) -> Iterator[Any]:
     )
     unit.numbers = {variable.name: variable.valueReference for variable in about.modelVariables}
     unit.instantiate()
-    if kind is FMU2Slave:
+    return unit
+
+
+def enter(unit: Any) -> None:
+    """Enter initialization mode."""
+    if isinstance(unit, FMU2Slave):
         unit.setupExperiment()
     unit.enterInitializationMode()
+
+
+@contextmanager
+def instance(file: Path, folder: Path) -> Iterator[Any]:
+    """An instance of a unit that stands at t = 0."""
+    unit = fresh(file, folder)
+    enter(unit)
     unit.exitInitializationMode()
     yield unit
     unit.terminate()

@@ -124,7 +124,7 @@ def data_object(data: bytes, name: str) -> bytes:
 ALIGNMENT = 64
 """Bytes: a line of a processor's cache."""
 HEAD, CLOCK = 4 * 8, 3 * 8
-"""Bytes of an instance's state before its arrays: tick, level of the step, whether it has stopped, time (`State` in unit.h);
+"""Bytes of an instance's state before its arrays: tick, level of the step, phase, time (`State` in unit.h);
 and where among them the time stands."""
 NUMBER, OWN, SHARED = 0, 1, 2
 """Kinds of words: a number's bits, or the place of an array in the instance's memory or in the constants."""

@@ -1,5 +1,6 @@
 """Functional mock-up units in FMPy, an importer that is not ours: valid, the same bits as the engine's, and whole states."""
 
+import math
 import os
 import subprocess
 import sys
@@ -392,6 +393,9 @@ def test_a_thousand_instances_and_their_states_leave_no_memory_behind(export: Ex
     [
         (0.0, 0.0015, "The communication step 0.0015 s is no whole number of this unit's ticks of 0.001 s"),
         (0.0, 0.0, "The communication step 0 s is no whole number"),
+        (0.0, math.inf, "The communication step inf s is no whole number"),
+        (0.0, 1e20, "The communication step 1e+20 s is no whole number"),
+        (math.nan, 0.001, "The communication point t = nan s is not where this unit stands, t = 0 s."),
         (0.5, 0.001, "The communication point t = 0.5 s is not where this unit stands, t = 0 s."),
     ],
 )

@@ -34,18 +34,19 @@ EXPORT Unit *fmi2Instantiate(const char *name, int type, const char *token, cons
                              int visible, int logging) {
     (void)resources, (void)visible, (void)logging;
     if (type != CO_SIMULATION) return NULL;
-    return unit_new(name, token, callbacks->environment, (void (*)(void))callbacks->log, say);
+    void *environment = callbacks ? callbacks->environment : NULL;
+    return unit_new(name, token, environment, callbacks ? (void (*)(void))callbacks->log : NULL, say);
 }
 EXPORT void fmi2FreeInstance(Unit *unit) { unit_free(unit); }
 
 EXPORT int fmi2SetupExperiment(Unit *unit, int has_tolerance, double tolerance, double start, int has_stop, double stop) {
     (void)has_tolerance, (void)tolerance, (void)has_stop, (void)stop;
-    return unit_begin(unit, start);
+    return unit_set_up(unit, start);
 }
-EXPORT int fmi2EnterInitializationMode(Unit *unit) { (void)unit; return DONE; }
-EXPORT int fmi2ExitInitializationMode(Unit *unit) { return unit_observe(unit); }
-EXPORT int fmi2Terminate(Unit *unit) { (void)unit; return DONE; }
-EXPORT int fmi2Reset(Unit *unit) { unit_reset(unit); return DONE; }
+EXPORT int fmi2EnterInitializationMode(Unit *unit) { return unit_enter(unit); }
+EXPORT int fmi2ExitInitializationMode(Unit *unit) { return unit_exit(unit); }
+EXPORT int fmi2Terminate(Unit *unit) { return unit_end(unit); }
+EXPORT int fmi2Reset(Unit *unit) { return unit_reset(unit); }
 
 EXPORT int fmi2DoStep(Unit *unit, double time, double step, int no_going_back) {
     double reached;
@@ -54,8 +55,7 @@ EXPORT int fmi2DoStep(Unit *unit, double time, double step, int no_going_back) {
 }
 EXPORT int fmi2GetRealStatus(Unit *unit, int kind, double *value) {
     if (kind != LAST_SUCCESSFUL_TIME) return unit_refuse(unit, "This unit does not offer this status.");
-    *value = unit_time(unit);
-    return DONE;
+    return unit_last_time(unit, value);
 }
 
 EXPORT int fmi2GetReal(Unit *unit, const uint32_t references[], size_t count, double values[]) {
@@ -74,7 +74,7 @@ EXPORT int fmi2FreeFMUstate(Unit *unit, void **state) {
 }
 EXPORT int fmi2SerializedFMUstateSize(Unit *unit, void *state, size_t *size) {
     (void)unit, (void)state;
-    *size = STATE_SIZE;
+    *size = unit_state_bytes();
     return DONE;
 }
 EXPORT int fmi2SerializeFMUstate(Unit *unit, void *state, unsigned char bytes[], size_t size) {

@@ -32,11 +32,12 @@ EXPORT void fmi3FreeInstance(Unit *unit) { unit_free(unit); }
 
 EXPORT int fmi3EnterInitializationMode(Unit *unit, bool has_tolerance, double tolerance, double start, bool has_stop, double stop) {
     (void)has_tolerance, (void)tolerance, (void)has_stop, (void)stop;
-    return unit_begin(unit, start);
+    int status = unit_set_up(unit, start);
+    return status == DONE ? unit_enter(unit) : status;
 }
-EXPORT int fmi3ExitInitializationMode(Unit *unit) { return unit_observe(unit); }
-EXPORT int fmi3Terminate(Unit *unit) { (void)unit; return DONE; }
-EXPORT int fmi3Reset(Unit *unit) { unit_reset(unit); return DONE; }
+EXPORT int fmi3ExitInitializationMode(Unit *unit) { return unit_exit(unit); }
+EXPORT int fmi3Terminate(Unit *unit) { return unit_end(unit); }
+EXPORT int fmi3Reset(Unit *unit) { return unit_reset(unit); }
 
 EXPORT int fmi3DoStep(Unit *unit, double time, double step, bool no_going_back, bool *event, bool *terminate, bool *early,
                       double *reached) {
@@ -61,7 +62,7 @@ EXPORT int fmi3FreeFMUState(Unit *unit, void **state) {
 }
 EXPORT int fmi3SerializedFMUStateSize(Unit *unit, void *state, size_t *size) {
     (void)unit, (void)state;
-    *size = STATE_SIZE;
+    *size = unit_state_bytes();
     return DONE;
 }
 EXPORT int fmi3SerializeFMUState(Unit *unit, void *state, unsigned char bytes[], size_t size) {

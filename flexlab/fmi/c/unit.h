@@ -24,7 +24,9 @@ struct Unit {
     unsigned char memory[OWN_SIZE + 8];   /* First the state, then scratch arrays. */
 };
 
-typedef struct { int64_t tick, level, stopped; double time; } State; /* The beginning of an instance's memory. */
+/* What an instance has gone through, as the standard names it. */
+enum { INSTANTIATED, INITIALIZING, RUNNING, STOPPED, TERMINATED };
+typedef struct { int64_t tick, level, phase; double time; } State; /* The beginning of an instance's memory. */
 
 extern const unsigned char flexlab_data[];
 extern const int64_t *const words, *const kinds; /* Of an instance that has just been made. */
@@ -43,9 +45,12 @@ int64_t go(Unit *unit, int64_t count);
 
 Unit *unit_new(const char *name, const char *token, void *environment, void (*log)(void), Say say);
 void unit_free(Unit *unit);
-void unit_reset(Unit *unit);
-int unit_begin(Unit *unit, double start_time);
-int unit_observe(Unit *unit);
+int unit_reset(Unit *unit);
+int unit_set_up(Unit *unit, double start_time);
+int unit_enter(Unit *unit);
+int unit_exit(Unit *unit);
+int unit_end(Unit *unit);
+int unit_last_time(Unit *unit, double *value);
 double unit_time(const Unit *unit);
 int unit_step(Unit *unit, double time, double step, double *reached);
 int unit_get(Unit *unit, const uint32_t references[], size_t count, double values[]);
@@ -53,6 +58,7 @@ int unit_set(Unit *unit, const uint32_t references[], size_t count, const double
 int unit_refuse(Unit *unit, const char *sentence);
 int unit_get_state(Unit *unit, void **state);
 int unit_set_state(Unit *unit, const void *state);
+size_t unit_state_bytes(void);
 int unit_read_state(Unit *unit, const unsigned char bytes[], size_t size, void **state);
 int unit_write_state(Unit *unit, const void *state, unsigned char bytes[], size_t size);
 

@@ -11,6 +11,8 @@ AGREES = 2.5
 """Factor within which the growth of the mode alone must agree with the loop's if the delay is the cause."""
 ROUNDING = 1e-6
 """Relative tolerance of a limit that is met exactly."""
+STILL = 1e-12
+"""Largest error and vibration of a run that nothing has moved, m and rad."""
 
 
 def growing_pole(background: Background) -> PoleRow | None:
@@ -51,6 +53,13 @@ def _growth_alone(background: Background, mode: int, late: float) -> float:
     return float(-0.5 * strength * reaching - 0.5 * around.damping[at])
 
 
+def _not_begun(seen: Evidence) -> str:
+    """A further sentence on a run that stands exactly still, from which nothing grows; empty if it moves."""
+    samples = seen.samples
+    moved = max(np.abs(samples.tracking_error).max(), np.abs(samples.vibration).max())
+    return " Nothing has moved this run yet." if moved < STILL else ""
+
+
 @register(
     "growing mode",
     "η̈ + Dη̇ + ω²η = −k h²η̇(t − (d + ½) T_c): fed where cos(ω (d + ½) T_c) < 0; poles log(z)/T_c",
@@ -74,7 +83,7 @@ def growing_mode(seen: Evidence) -> str | None:
     return (
         f"{n(growth.frequency)} Hz grows at {n(growth.rate)} 1/s: mode {growth.mode}, because the torque comes "
         f"{n(1e3 * late)} ms late, which feeds modes from {n(fed_from)} Hz on. A damping ratio larger by {n(more)} %, a control "
-        f"period below {n(1e3 * shorter)} ms, or {better} helps."
+        f"period below {n(1e3 * shorter)} ms, or {better} helps.{_not_begun(seen)}"
     )
 
 
@@ -96,7 +105,7 @@ def growing_pose(seen: Evidence) -> str | None:
     return (
         f"The pose runs away at {n(growth.rate)} 1/s: feedback at {n(around.fastest_rate)} 1/s is answered every "
         f"{n(1e3 * law.control_period)} ms with {law.input_delay} samples of delay, λT_c = {n(product)} above {n(limit)}. "
-        f"A control period below {n(1e3 * limit / around.fastest_rate)} ms or lower gains help."
+        f"A control period below {n(1e3 * limit / around.fastest_rate)} ms or lower gains help.{_not_begun(seen)}"
     )
 
 
@@ -122,7 +131,7 @@ def growing_loop(seen: Evidence) -> str | None:
         )
     return (
         f"{n(growth.frequency)} Hz grows at {n(growth.rate)} 1/s: {what}, a pole of arms, beam and law together{cause}. Lower "
-        "gains or more damping help."
+        f"gains or more damping help.{_not_begun(seen)}"
     )
 
 
@@ -144,7 +153,7 @@ def spillover(seen: Evidence) -> str | None:
     return (
         f"Mode {growth.mode}, {n(growth.frequency)} Hz, grows at {n(growth.rate)} 1/s: the observer knows "
         f"{observer.observer_modes} modes, and the gauges see this one all the same{folded} (spillover). A damping ratio larger "
-        f"by {n(more)} % or lower vibration gains help."
+        f"by {n(more)} % or lower vibration gains help.{_not_begun(seen)}"
     )
 
 

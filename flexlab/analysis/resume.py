@@ -8,6 +8,7 @@ from flexlab.errors import StudyError
 from flexlab.recording.course import DISTURBANCES
 from flexlab.recording.reader import Recording
 from flexlab.scenario import Scenario
+from flexlab.sim.bumpless_transfer import same_motion
 from flexlab.sim.samples import MEASURED, Origin, Samples, WorldState
 from flexlab.sim.snapshot import TICK
 from flexlab.sim.world import World
@@ -86,8 +87,8 @@ class Repetition:
         """Apply the commands of the present instant. Raises `StudyError` if one changes the structure, unlike when recorded."""
         world = self.world
         while self._commands and self._commands[0][0] <= world.tick and not world.status.failed:
-            width = world.row_length
-            if world.apply(self._commands.popleft()[1]) or world.row_length != width:
+            before = world.scenario
+            if world.apply(self._commands.popleft()[1]) and not same_motion(before, world.scenario):
                 raise StudyError(
                     "The recording goes on after a change of structure, which begins a new run: it is not whole."
                 )

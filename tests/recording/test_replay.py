@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from exported import having
 from recording_helpers import assert_same_bits
 from rerun.chunk import RrdReader
 
+import flexlab
 from flexlab.analysis.replay import TOLERANCE, replay
 from flexlab.analysis.resume import resume, state_at
 from flexlab.analysis.run_summary import note_metrics
@@ -236,3 +238,23 @@ def test_a_run_of_one_sample_is_told_of_as_one(tmp_path: Path) -> None:
     assert replay(recording).text == "The only sample came out again, bit for bit."
     with pytest.raises(StudyError, match=r"t = 1 s was not recorded: choose 0 s\.$"):
         state_at(recording, 1.0)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"controller.kind": "disturbance-observer"},
+        {"joints.friction.coulomb": [2.0, 2.0, 2.0]},
+        {"controller.control_period": 0.002},
+    ],
+)
+def test_a_run_whose_law_changes_in_motion_replays_and_goes_on(changes: dict[str, Any], tmp_path: Path) -> None:
+    """The replay called its recording broken: in a lab such a change begins a new run, in `simulate` it does not."""
+    run = flexlab.simulate("paper", duration=0.1, commands=[(0.05, ChangeScenario(changes))])
+    recording = read_recording(run.save(tmp_path))
+    assert replay(recording).text == "All 101 samples came out again, bit for bit."
+    scenario, state = state_at(recording, 0.08)
+    world = World(scenario)
+    world.restore(state)
+    world.advance(20)
+    assert world.observe().pose.tobytes() == run.pose[-1:].tobytes()

@@ -87,7 +87,7 @@ def writing(path: Path, advice: str = "choose another file", kind: type[FlexlabE
 
 
 @contextmanager
-def writable(place: Path, advice: str, kind: type[FlexlabError] = StudyError) -> Iterator[None]:
+def writable(place: object, advice: str, kind: type[FlexlabError] = StudyError) -> Iterator[None]:
     """Make a sentence that ends in `advice` of what the system refuses at a place. Raises `kind`."""
     try:
         yield

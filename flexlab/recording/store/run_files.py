@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import IO, Literal
 
 from flexlab.errors import RecordingError
-from flexlab.files import HAS_LOCKS, is_regular, lock
+from flexlab.files import HAS_LOCKS, is_regular, lock, writable
 from flexlab.recording.rerun_internals.rrd_file import FAMILY, has_footer
 from flexlab.recording.store.notes import notes_path, read_notes
 from flexlab.text import visible
@@ -58,15 +58,11 @@ class RunFile:
 
 def check_folder(logs: Path) -> None:
     """Make the logs folder if it is not there. Raises `RecordingError` if no recording can be put into it."""
-    try:
+    with writable(f"The logs folder {logs}", "choose another with --logs, or mend its rights", RecordingError):
         logs.mkdir(parents=True, exist_ok=True)
         probe = logs / f".probe-{os.getpid()}"
         probe.touch()
         probe.unlink()
-    except OSError as error:
-        raise RecordingError(
-            f"The logs folder {logs} cannot be written ({error.strerror}): choose another with --logs, or mend its rights."
-        ) from None
 
 
 def _make_folder(folder: Path) -> None:
@@ -127,10 +123,8 @@ def is_in_use(path: Path) -> bool:
         with path.open("rb", buffering=0) as handle:
             # Shared, so that two processes that check at once do not take each other for a writer.
             lock(handle, shared=True)
-    except BlockingIOError:
-        return True
-    except OSError:
-        return False
+    except OSError as error:
+        return isinstance(error, BlockingIOError)
     return False
 
 

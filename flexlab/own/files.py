@@ -41,6 +41,11 @@ HEADER = (
 FUTURE = "__future__"
 LARGEST = 4 * LONGEST_SOURCE
 """Bytes of a file, whose characters have four at most."""
+RENAMED = {
+    "'carry'": "'bumpless_transfer'", "flexlab.control.load_sharing": "flexlab.control.law_kernels",
+    "flexlab.control.row_search": "flexlab.control.paths.table",
+}  # fmt: skip
+"""What kernels of version 0.2.0 name, in the sentence of Python that refuses it, and its present name."""
 K = TypeVar("K", bound=Law | DesiredPath)
 
 
@@ -237,7 +242,8 @@ class OwnFolder(Generic[K]):
             try:
                 self._kernels[place] = self.kinds.registry.add_file(file).kind
             except Exception as error:
-                text = f"{file.name} cannot be used ({type(error).__name__}: {error})."
+                renamed = (f" {old} is called {new} now." for old, new in RENAMED.items() if old in str(error))
+                text = f"{file.name} cannot be used ({type(error).__name__}: {error}).{next(renamed, '')}"
                 raise self._problem("kind", text) from None
         return self._kernels[place]
 

@@ -12,7 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from flexlab.errors import FlexlabError, RecordingError
+from flexlab.control.law import laws
+from flexlab.control.path import paths
+from flexlab.errors import FlexlabError, RecordingError, ScenarioError
 from flexlab.recording.checksums import GAPS, unchecked
 from flexlab.recording.codec import decode_block, event_from_values, state_from_values
 from flexlab.recording.rerun_internals.chunks import PROPERTIES, Row
@@ -169,7 +171,21 @@ def _properties(path: Path, rows: Rows) -> dict[str, Any]:
 
 
 def _scenario(text: str) -> Scenario:
-    return parse_scenario(json.loads(text))
+    given = json.loads(text)
+    try:
+        return parse_scenario(given)
+    except ScenarioError as error:
+        # Code that recordings do not hold, and that reading one must not run.
+        for part, known, add in (
+            ("controller", laws(), "law.add_law_file"),
+            ("trajectory", paths(), "path.add_path_file"),
+        ):
+            written = given[part] if part in dict(error.problems) else None
+            kind = written.get("kind") if isinstance(written, dict) else None
+            if isinstance(kind, str) and kind not in known:
+                advice = f"If a file of yours holds it as a kernel, call flexlab.control.{add}(FILE) in Python first."
+                raise ScenarioError([(f"{part}.kind", f"there is no {part}.kind {kind!r:.40}. {advice}")]) from None
+        raise
 
 
 @contextmanager

@@ -12,9 +12,10 @@ from exported import export_run
 
 from flexlab.analysis.replay import replay
 from flexlab.control.law import Law, add_law, add_law_file, forget_law
-from flexlab.errors import ScenarioError
+from flexlab.errors import RecordingError, ScenarioError
 from flexlab.lab.panel.sections import entries
 from flexlab.lab.plots.plot_signals import tabs
+from flexlab.own.files import law_kind
 from flexlab.presets import load_preset
 from flexlab.recording.export import import_run
 from flexlab.recording.headless import write_run
@@ -88,6 +89,38 @@ def test_it_is_recorded_plotted_exported_and_replayed(scenario: Scenario, tmp_pa
     assert "own/asked_work" in [plot.entity for plot in views(scenario)]
     export_run(run, tmp_path / "run.csv")
     np.testing.assert_array_equal(import_run(tmp_path / "run.csv")[0]["asked_work"], run["asked_work"])
+
+
+def test_a_recording_says_how_to_read_it_without_the_file(law: Law, scenario: Scenario, tmp_path: Path):
+    """Recordings hold no kernels. The names of flexlab's own laws were listed, none of which helps."""
+    path = write_run(simulate(scenario, 0.1), tmp_path, "own law")
+    forget_law(law.kind)
+    try:
+        with pytest.raises(
+            RecordingError,
+            match=r"'leaky-integral'\. If a file of yours .* flexlab\.control\.law\.add_law_file\(FILE\)",
+        ):
+            read_recording(path)
+    finally:
+        add_law(law)
+    assert replay(read_recording(path)).identical
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("    limits=", "    carry=None, limits=", "'carry' is called 'bumpless_transfer' now"),
+        (
+            "from flexlab.signal import Signal",
+            "from flexlab.signal import Signal\nfrom flexlab.control.load_sharing import drive_arms",
+            "flexlab.control.load_sharing is called flexlab.control.law_kernels now",
+        ),
+    ],
+)
+def test_an_earlier_name_is_refused_with_the_new_one(tmp_path: Path, old: str, new: str, says: str):
+    (tmp_path / "earlier.py").write_text(FILE.read_text(encoding="utf-8").replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(ScenarioError, match=says):
+        law_kind(str(tmp_path / "earlier.py"))
 
 
 def test_the_screen_has_its_sliders_and_its_plot(scenario: Scenario):

@@ -8,10 +8,14 @@ with open(f"{__file__}i", encoding="utf-8") as _stub:
 
 __all__ = ["__version__", *sorted(_HOMES)]
 
+_EARLIER = {"own_laws": "flexlab.Measurement and flexlab.OwnLaw", "own_paths": "flexlab.OwnPath"}
+"""Packages of version 0.2.0 and what people took from them."""
+
 
 def __getattr__(name: str) -> object:
     if name not in _HOMES:
-        raise AttributeError(f"module 'flexlab' has no attribute {name!r}")
+        now = f": since 0.3.0 take {_EARLIER[name]}" if name in _EARLIER else ""
+        raise AttributeError(f"module 'flexlab' has no attribute {name!r}{now}")
     from importlib import import_module
 
     return getattr(import_module(_HOMES[name]), name)

@@ -136,6 +136,14 @@ def test_tab_offers_no_name_that_is_not_flexlabs():
     assert not {"Any", "annotations"} & set(dir(flexlab))
 
 
+@pytest.mark.parametrize(
+    ("package", "now"), [("own_laws", "flexlab.Measurement and"), ("own_paths", "flexlab.OwnPath")]
+)
+def test_a_package_of_an_earlier_version_is_answered_with_what_took_its_place(package: str, now: str):
+    with pytest.raises(AttributeError, match=f"no attribute '{package}': since 0.3.0 take {now}"):
+        getattr(flexlab, package)
+
+
 def test_results_can_be_compared_and_counted():
     """A comparison of two raised "the truth value of an array is ambiguous", and none could be in a set."""
     run = flexlab.simulate("paper", 0.3)

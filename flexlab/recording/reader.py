@@ -183,7 +183,9 @@ def _scenario(text: str) -> Scenario:
             written = given[part] if part in dict(error.problems) else None
             kind = written.get("kind") if isinstance(written, dict) else None
             if isinstance(kind, str) and kind not in known:
-                advice = f"If a file of yours holds it as a kernel, call flexlab.control.{add}(FILE) in Python first."
+                advice = (
+                    f"If a file of yours holds it as a kernel, call flexlab.control.{add}(Path(FILE)) in Python first."
+                )
                 raise ScenarioError([(f"{part}.kind", f"there is no {part}.kind {kind!r:.40}. {advice}")]) from None
         raise
 

@@ -98,7 +98,7 @@ def test_a_recording_says_how_to_read_it_without_the_file(law: Law, scenario: Sc
     try:
         with pytest.raises(
             RecordingError,
-            match=r"'leaky-integral'\. If a file of yours .* flexlab\.control\.law\.add_law_file\(FILE\)",
+            match=r"'leaky-integral'\. If a file of yours .* flexlab\.control\.law\.add_law_file\(Path\(FILE\)\)",
         ):
             read_recording(path)
     finally:

@@ -117,6 +117,10 @@ def test_a_replay_that_differs_says_where_and_fails(flexlab_command: Command, tm
         (["export", "--to", "x.csv", "--part", "loop"], "--part and --fmi are for units: write --to FILE.fmu."),
         (["import", "none.csv"], "There is no file none.csv"),
         (["import", "junk.csv"], "junk.csv is not a run exported by flexlab"),
+        (
+            ["import", "run.zip"],
+            "run.zip has no known format: choose a file that ends in .rrd, .csv, .parquet, .npz. Of an archive",
+        ),
         (["import", "junk.txt"], "junk.txt has no known format"),
         (["replay", "zzz"], "no recording zzz"),
         (["replay", "junk.rrd"], "not a rerun recording"),

@@ -36,14 +36,23 @@ IMPORTED = (SUFFIX, *FORMATS)
 """Endings of files that can be imported."""
 
 
+def check_format(name: str) -> None:
+    """Raise `RecordingError` for the name of a file that is no recording and no exported table."""
+    ending = Path(name).suffix.lower()
+    if ending not in IMPORTED:
+        archived = " Of an archive take run.rrd." if ending == ".zip" else ""
+        raise RecordingError(
+            f"{visible(name, 60)} has no known format: choose a file that ends in {', '.join(IMPORTED)}.{archived}"
+        )
+
+
 def import_into(path: Path, logs: Path, **notes: str) -> Path:
     """Import a recording or an exported run into `logs`; returns the new recording. The file itself is not changed.
 
     `notes` are written beside the run; its "note" lists columns that were left out. Raises `RecordingError`, and leaves nothing
     in `logs`, for a file without a run or if `logs` cannot be written.
     """
-    if path.suffix.lower() not in IMPORTED:
-        raise RecordingError(f"{path.name} has no known format: let its name end in {', '.join(IMPORTED)}.")
+    check_format(path.name)
     return _take_recording(path, logs, notes) if path.suffix.lower() == SUFFIX else _take_table(path, logs, notes)
 
 

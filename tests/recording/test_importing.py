@@ -121,7 +121,7 @@ def objects() -> bytes:
         ("x.csv", b"# " + b'{"a":' * 100_000 + b"\na\n1\n", r"\(its metadata are nested too deeply\)"),
         ("x.npz", objects(), r"\(it holds Python objects\)"),
         ("x.npz", b"PK", "is not a run exported by flexlab"),
-        ("x.xlsx", b"PK", "let its name end in .rrd, .csv, .parquet, .npz"),
+        ("x.xlsx", b"PK", "choose a file that ends in .rrd, .csv, .parquet, .npz"),
     ],
 )
 def test_anything_else_is_refused_and_leaves_nothing(name: str, content: bytes, says: str, tmp_path: Path) -> None:

@@ -309,6 +309,11 @@ def test_other_pages_cannot_make_the_server_work(front_server: FrontServer, reco
         ("run.csv", b"a,b\n1,2\n", "run.csv is not a run exported by flexlab"),
         ("run.npz", b"PK\x03\x04garbage", "run.npz is not a run exported by flexlab"),
         ("../../run.parquet", b"PAR1", "run.parquet is not a run exported by flexlab"),
+        (
+            "run.zip",
+            b"PK",
+            "run.zip has no known format: choose a file that ends in .rrd, .csv, .parquet, .npz. Of an archive take run.rrd.",
+        ),
         ("run.exe", b"MZ", "run.exe has no known format: choose a file that ends in .rrd, .csv, .parquet, .npz."),
     ],
 )

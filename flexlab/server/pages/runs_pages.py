@@ -13,7 +13,7 @@ from aiohttp import BadContentDispositionHeader, BadContentDispositionParam, Bod
 from flexlab.analysis.metrics import METRICS
 from flexlab.analysis.metrics.run_metrics import noted_text, noted_texts, noted_value
 from flexlab.errors import FlexlabError, RecordingError
-from flexlab.recording.importing import IMPORTED
+from flexlab.recording.importing import IMPORTED, check_format
 from flexlab.recording.overlay import MOST_RUNS
 from flexlab.recording.repair import finish
 from flexlab.recording.store.run_files import SUFFIX, file_word
@@ -35,7 +35,6 @@ from flexlab.server.visitors import (
     visitor_of,
     with_names,
 )
-from flexlab.text import visible
 
 ROUTES = web.RouteTableDef()
 VIEWER_POLICY = (
@@ -162,10 +161,7 @@ async def _receive(request: web.Request, folder: Path) -> Path:
 
 async def _keep(part: BodyPartReader, folder: Path) -> Path:
     given = Path((part.filename or "").replace("\\", "/"))
-    if given.suffix.lower() not in IMPORTED:
-        raise RecordingError(
-            f"{visible(given.name, 60)} has no known format: choose a file that ends in {', '.join(IMPORTED)}."
-        )
+    check_format(given.name)
     path = folder / (file_word(given.stem) + given.suffix.lower())
     size = 0
     try:

@@ -133,14 +133,14 @@ def looking(url: str, path: str, cookies: Mapping[str, str] | None = None) -> It
         over = threading.Event()
 
         def read() -> None:
-            way, drawn = "", ""
+            way, run, drawn = "", "", ""
             with contextlib.suppress(ConnectionClosed):
                 while not over.is_set():
                     data = plug.recv()
                     assert isinstance(data, bytes)
                     told = text_of(data)
                     way = (WAY.findall(told) or [way])[-1]
-                    run = (RUN.findall(told) or [drawn])[-1]
+                    run = (RUN.findall(told) or [run])[-1]
                     if way and run != drawn:
                         drawn = run
                         message = {"type": "GuiUpdateMessage", "uuid": way, "updates": {"value": page_report(int(run))}}

@@ -147,6 +147,10 @@ def resonance(seen: Evidence) -> str | None:
     )
 
 
+FORCED = 5.0
+"""Largest vibration relative to r² |w_qs|, for the harmonics of a path; more has another cause, as a force along the beam."""
+
+
 @register(
     "forced vibration",
     "|w|/|w_qs| − 1 ≈ r², r = f_path/f_1: forced, at the path's own period",
@@ -163,6 +167,8 @@ def forced_vibration(seen: Evidence) -> str | None:
     if peak < max(RINGING, WORTH * bending) or largest(pair[0] - pair[1]) > REPEATS * peak:
         return None
     if ring.frequency * period < 1 / CLOSE[0] or resonance(seen):
+        return None
+    if peak * (ring.frequency * period) ** 2 > FORCED * bending:
         return None
     return (
         f"{length(peak)} of vibration repeat with the path's period of {n(period)} s: forced, no free ring, as mode 1 "

@@ -216,6 +216,21 @@ def test_an_observer_and_a_beam_pressed_by_its_law_rest_where_the_simulation_doe
     np.testing.assert_allclose(found.pose, run.pose[-1], rtol=0, atol=1e-9)
 
 
+@pytest.mark.parametrize("force", [-20.0, 15.0])
+@pytest.mark.parametrize("law", ["pd", "joint-pd", "sliding-mode", "disturbance-observer", "computed-torque"])
+def test_a_pressed_or_pulled_beam_under_weight_rests_where_the_simulation_does(law: str, force: float):
+    changes = {
+        "payload.bending_stiffness": 4.0,
+        "payload.damping.ratio": 0.05,
+        "controller.wanted_internal_force": force,
+    }
+    scenario = sagging(**{"controller.kind": law, **changes})
+    found, run = modes(scenario), simulate(scenario, 8.0)
+    assert np.ptp(run.pose[-200:], axis=0).max() < 1e-9, "it rests"
+    assert not found.unstable
+    np.testing.assert_allclose(found.pose, run.pose[-1], rtol=0, atol=1e-9)
+
+
 def test_a_wrong_mass_moves_the_rest_point_to_where_the_simulation_comes_to_rest():
     scenario = load_preset("gravity").replace(
         {**HELD, "controller.kind": "pd", "controller.model.linear_density_factor": 0.3}

@@ -174,7 +174,7 @@ flexlab.sweep("paper", ["payload.bending_stiffness=1:1000:log:12", "controller.f
 )
 def test_values_of_several_kinds_stand_in_one_column(tmp_path: Path, vary: object, column: list[str]):
     """As of a field that may be null: with its column as text, a sweep keeps what it has computed."""
-    sweep = flexlab.sweep("paper", vary, 0.02, folder=tmp_path / "sweep")  # type: ignore[arg-type]
+    sweep = flexlab.sweep("paper", vary, 0.02, folder=tmp_path / "sweep")  # type: ignore[arg-type]  # Any of these.
     (path,) = (axis.path for axis in sweep.axes)
     assert sweep.table.column(path).to_pylist() == column
     assert sweep.table.column("status").to_pylist() == ["invalid" if "no" in column else "finished", "finished"]

@@ -45,15 +45,10 @@ def wanted_force(seen: Evidence) -> str | None:
     along = force[:, 0, 0] * np.cos(angle) + force[:, 0, 1] * np.sin(angle)
     if abs(float(along.mean()) - wanted) > WANTED_AGREES * abs(wanted) or np.abs(force.sum(axis=1)).max() > CANCELLED:
         return None
-    force = n(abs(float(along.mean())))
-    if wanted < 0:
-        return (
-            f"The arms stretch the payload with {force} N along the link because F_d = {n(wanted)} N is wanted; it moves "
-            "nothing, as the two internal forces cancel."
-        )
+    acts = "squeeze" if wanted > 0 else "stretch"
     return (
-        f"The arms squeeze the payload with {force} N along the link because F_d = {n(wanted)} N is wanted; it moves nothing, as "
-        "the two internal forces cancel."
+        f"The arms {acts} the payload with {n(abs(float(along.mean())))} N along the link because F_d = {n(wanted)} N is wanted; "
+        "it moves nothing, as the two internal forces cancel."
     )
 
 

@@ -187,10 +187,11 @@ def beam_parameters(
     power = 0.5
     try:
         if not reason:
-            stiffness, power, fitted = _solve_stiffness(scenario, frequency.value, in_loop, middle)
+            fitted, power = _solve_stiffness(scenario, frequency.value, in_loop, middle)
+            stiffness = fitted.payload.bending_stiffness
             rings = np.array([first_mode(fitted, in_loop, pose) for pose in poses])
     except FlexlabError as error:
-        reason, stiffness, fitted = NO_RING if str(error) == NO_RING else OUT_OF_RANGE, np.nan, scenario
+        reason, stiffness, fitted = str(error) if isinstance(error, StudyError) else OUT_OF_RANGE, np.nan, scenario
     if len(rings):
         elsewhere, off = rings[0, 0] / rings[:, 0], rings[:, 1] - rings[0, 1]
         low, high = frequency.low * float(elsewhere.min()), frequency.high * float(elsewhere.max())
@@ -266,13 +267,11 @@ def first_mode(scenario: Scenario, in_loop: bool, pose: Pose | None = None) -> t
     raise StudyError(NO_RING)
 
 
-def _solve_stiffness(
-    scenario: Scenario, frequency: float, in_loop: bool, pose: Pose | None
-) -> tuple[float, float, Scenario]:
-    """EI, d ln f / d ln EI there, and the scenario: by secant steps, as f grows with EI, in a vice as √EI.
+def _solve_stiffness(scenario: Scenario, frequency: float, in_loop: bool, pose: Pose | None) -> tuple[Scenario, float]:
+    """The scenario with the stiffness that rings like this, and d ln f / d ln EI there, by secant steps.
 
-    A beam that is pressed loses its frequency before its stiffness: there f grows much faster, and a long step ends in a beam
-    that buckles. Raises `StudyError` if no stiffness rings like this.
+    In a vice f grows as √EI. Near its buckling load a pressed beam's f grows much faster, and a long step ends below that load.
+    Raises `StudyError` if no stiffness rings like this.
     """
     field = "payload.bending_stiffness"
 
@@ -281,9 +280,8 @@ def _solve_stiffness(
 
     miss, step, power = missing(scenario), NUDGE, np.nan
     for _ in range(ROUNDS):
-        stiffness = scenario.get(field) * float(np.exp(step))
         try:
-            farther = scenario.replace({field: stiffness})
+            farther = scenario.replace({field: scenario.get(field) * float(np.exp(step))})
             left = missing(farther)
         except FlexlabError:
             step /= 2
@@ -291,7 +289,7 @@ def _solve_stiffness(
         power = (miss - left) / step
         scenario, miss = farther, left
         if abs(miss) < CLOSE:
-            return stiffness, power, scenario
+            return scenario, power
         if not power > 0:
             break
         step = float(np.clip(miss / power, -FARTHEST, FARTHEST))

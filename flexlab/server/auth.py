@@ -29,13 +29,13 @@ from flexlab.sockets import LOOPBACK, is_of_host, name_in
 from flexlab.text import limited
 
 LARGEST_BODY = 64 * 1024
-"""Bytes of a form: the server takes notes on a run, nothing larger."""
+"""Largest form, bytes: no form carries more than the notes on a run."""
 OPEN_TO_ALL = "/static/"
-"""Style sheet and scripts: no secret, and the sign-in page needs them."""
+"""Style sheet and scripts need no token: they are not secret, and the sign-in page uses them."""
 WITH_A_PASS = "/pass/"
-"""Recordings whose address carries a pass: rerun's viewer sends no cookies."""
+"""Recordings whose address carries a pass, because rerun's viewer sends no cookies."""
 COMPARISON, LIVE = "comparison/", "live/"
-"""Overlays of several runs, and live data of labs, lie under these words; no run's name has a slash."""
+"""Prefixes of overlays of several runs and of labs' live data; no run's name contains a slash."""
 UPLOAD = "/runs/import"
 """The only address that takes files."""
 SAFE_METHODS = ("GET", "HEAD")
@@ -69,8 +69,8 @@ OPENS_WITH_TOKEN = (
 
 
 async def add_headers(request: web.Request, response: web.StreamResponse) -> None:
-    """For `on_response_prepare`: whatever the answer is, it carries the security headers."""
-    # "Not modified" has none: a browser would put them in place of those with which it keeps the page.
+    """Add the security headers to every answer (for `on_response_prepare`)."""
+    # Not to "Not modified": a browser would replace the headers of its cached page with them.
     for name, value in HEADERS.items() if response.status != 304 else ():
         response.headers.setdefault(name, value)
     response.headers.pop(hdrs.SERVER, None)
@@ -115,7 +115,7 @@ def _failed(request: web.Request, error: Exception) -> web.Response:
 
 @web.middleware
 async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
-    """Refuse what is malformed, comes from a foreign page, or lacks the token."""
+    """Refuse requests that are malformed, come from another site's page, or lack the token."""
     context = context_of(request)
     HAS_CLASS.set(has_class(request))
     problem = _malformed(request) or _foreign(request, context)
@@ -132,7 +132,7 @@ async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
                 return _sign_in(request, kind, token)
         await context.guesses.slow_down(address)
         return refuse(request, 401, "This is not the token: copy the address from the terminal again, as a whole.")
-    # Cookies hold no token but a signature, which nobody finds by trying: a wrong one need not be held back.
+    # Cookies hold a signature, not the token. Nobody can guess it, so a wrong one needs no delay.
     given, token = request.cookies.get(context.cookie("token"), ""), context.settings.token
     if is_teacher(request) or token is None or same(given, context.signed("token", token)):
         return await handler(request)
@@ -146,15 +146,15 @@ def is_websocket(request: web.Request) -> bool:
 
 
 def refuse(request: web.Request, status: int, sentence: str) -> web.Response:
-    """A page that says why not; the person at the terminal is told too."""
+    """Return a page that says why the request is refused, and log the reason."""
     log.warning("Refused %.20s %.200r from %s: %.300s", request.method, request.path, request.remote, sentence)
     return message("Refused", sentence, status)
 
 
 def is_opened_by_person(request: web.Request) -> bool:
-    """Whether a person's browser goes to this address itself, rather than a page fetching it unseen (an image, say).
+    """Whether a person opened this address in a browser, rather than a page fetching it unseen (as an image, say).
 
-    Links that change something must be followed knowingly. Programs that are no browser send no such header.
+    Links that change something must be followed knowingly. Programs other than browsers send no such header.
     """
     if "prefetch" in request.headers.get("Sec-Purpose", request.headers.get("Purpose", "")):
         return False
@@ -162,12 +162,12 @@ def is_opened_by_person(request: web.Request) -> bool:
 
 
 def is_foreign_link(request: web.Request) -> bool:
-    """Whether another site's page leads a visitor here, perhaps unasked. Programs that are no browser do not say."""
+    """Whether another site's page sent the visitor here, perhaps unasked; False for programs other than browsers."""
     return request.headers.get("Sec-Fetch-Site", "none") in ("cross-site", "same-site")
 
 
 def is_from_own_page(request: web.Request) -> bool:
-    """Whether a page of this server led a visitor here. Programs that are no browser do not say."""
+    """Whether a page of this server sent the visitor here; False for programs other than browsers."""
     return request.headers.get("Sec-Fetch-Site", "none") == "same-origin"
 
 
@@ -197,7 +197,7 @@ def _is_utf8(charset: str | None) -> bool:
 
 
 def _foreign(request: web.Request, context: Context) -> tuple[int, str] | None:
-    """Another site's page must not drive the lab through a visitor's browser."""
+    """Return a status and a sentence if another site's page tries to drive the lab through a visitor's browser."""
     if context.settings.token is None and context.settings.is_local and not context.settings.is_socket:
         # A foreign name that points to 127.0.0.1 would make a foreign page look like one of ours.
         name = name_in(request.host)
@@ -208,7 +208,7 @@ def _foreign(request: web.Request, context: Context) -> tuple[int, str] | None:
 
 
 def is_from_elsewhere(request: web.Request) -> bool:
-    """Whether a page of another site sends this, and it could change something."""
+    """Whether a page of another site sent this request and it could change something."""
     if request.method in SAFE_METHODS and not is_websocket(request):
         return False
     origin = request.headers.get(hdrs.ORIGIN)
@@ -218,11 +218,11 @@ def is_from_elsewhere(request: web.Request) -> bool:
 
 
 def _sign_in(request: web.Request, kind: str, token: str) -> web.Response:
-    """The token in the address becomes a cookie, and leaves the address bar."""
+    """Move the token from the address bar into a cookie."""
     # One slash only: an address that begins with two leads to another site.
     to = "/" + str(request.rel_url.without_query_params("token")).lstrip("/")
     if request.headers.get("Sec-Fetch-Site", "none") == "cross-site":
-        # After a redirect, the browser still counts as coming from the other site and keeps a strict cookie back.
+        # After a redirect the request would still count as cross-site, and the browser would withhold a strict cookie.
         answer = message("Welcome", "One moment.", 200, button(to, "Go on"))
         answer.headers["Refresh"] = f"0; url={to}"
     else:
@@ -234,7 +234,7 @@ def _sign_in(request: web.Request, kind: str, token: str) -> web.Response:
 
 
 def ask_for_token(request: web.Request, sentence: str = OPENS_WITH_TOKEN) -> web.Response:
-    """A page on which a token can be entered."""
+    """Return a page on which the visitor can enter the token."""
     # The form leads to where the link would have led.
     here = request.method == "GET" and not is_websocket(request)
     query = [(name, value) for name, value in request.query.items() if here and name != "token"]
@@ -243,7 +243,7 @@ def ask_for_token(request: web.Request, sentence: str = OPENS_WITH_TOKEN) -> web
 
 
 def recording_address(context: Context, run: str) -> str:
-    """The address at which a signed-in visitor's viewer finds one recording, comparison or live stream, and nothing else."""
+    """The address of one recording, comparison or live stream for a signed-in visitor's viewer; it opens nothing else."""
     key, place = context.pass_key, quote(run)
     if key is None:
         return f"/{place}{SUFFIX}" if run.startswith((COMPARISON, LIVE)) else f"/runs/{place}{SUFFIX}"
@@ -251,7 +251,7 @@ def recording_address(context: Context, run: str) -> str:
 
 
 def has_pass(request: web.Request) -> bool:
-    """Whether the address of a recording carries its pass, or none is needed."""
+    """Whether the address of a recording carries its pass, or needs none."""
     key = context_of(request).pass_key
     if key is None:
         return True

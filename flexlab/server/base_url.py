@@ -1,7 +1,7 @@
-"""A server below a base URL, as a hub or a reverse proxy gives it: "/user/ann/flexlab" before every address.
+"""Serves below a base URL that a hub or a reverse proxy gives, as in "/user/ann/flexlab" before every address.
 
-Nothing else knows of it. Requests lose the prefix before they are routed, if the proxy has not taken it off already; what goes
-out gets it: links in pages, redirects, cookies. Scripts find it in their own address; the lab's page has relative ones only.
+No other module knows of it. Requests lose the prefix before they are routed, unless the proxy has removed it already; links in
+pages, redirects and cookies get it. Scripts read it from their own address; the lab's page has relative addresses only.
 """
 
 import re
@@ -16,7 +16,7 @@ _ADDRESS = re.compile(rb'((?:href|src|action|formaction|data-address|data-record
 """The beginning of an address of this server in an attribute of a page."""
 
 JUPYTER = "X-Forwarded-Context"
-"""The request header by which jupyter-server-proxy is known."""
+"""The request header that identifies jupyter-server-proxy."""
 
 
 def take_off(base: str, make_request: Callable[..., Any]) -> Callable[..., Any]:
@@ -34,7 +34,7 @@ def take_off(base: str, make_request: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def put_before(base: str) -> Any:
-    """The outermost middleware: it puts the prefix `base` before every address that goes out."""
+    """The outermost middleware, which puts the prefix `base` before every address in an answer."""
 
     @web.middleware
     async def with_base(request: web.Request, handler: Handler) -> web.StreamResponse:
@@ -57,10 +57,10 @@ def put_before(base: str) -> Any:
 
 
 def _complete(base: str, request: web.Request, answer: web.StreamResponse) -> None:
-    """Redirects and cookies."""
+    """Put the prefix before the addresses of redirects and cookies."""
     to = answer.headers.get(hdrs.LOCATION, "")
     if to.startswith("/"):
-        # From 4.6 on, jupyter-server-proxy puts the prefix before addresses itself, once more: but for relative ones.
+        # jupyter-server-proxy 4.6 and later puts the prefix before absolute addresses again, but not before relative ones.
         up = "./" + "../" * (request.rel_url.raw_path.count("/") - 1)
         answer.headers[hdrs.LOCATION] = up + to[1:] if JUPYTER in request.headers else base + to
     before, url, to = answer.headers.get("Refresh", "").partition("url=/")

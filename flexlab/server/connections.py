@@ -1,4 +1,4 @@
-"""Limits on connections: resting ones make room for others, slow requests are closed, accepting survives a lack of handles."""
+"""Limits on connections: idle ones make room for others, slow requests are closed, accepting survives a lack of handles."""
 
 import asyncio
 import contextlib
@@ -17,24 +17,24 @@ from flexlab.sockets import raise_handles
 from flexlab.text import limited
 
 HEAD_TIME = 10.0
-"""Seconds that a visitor may take from connecting, or from the first byte of a further request, to the end of its head."""
+"""Most seconds from connecting, or from the first byte of a further request, to the end of the request's head."""
 KEPT_OPEN = 30.0
-"""Seconds that a connection may rest between two requests."""
+"""Seconds that a connection may be idle between two requests."""
 BODY_TIME, BODY_RATE = 10.0, 5_000.0
-"""Seconds after which a body must have come at least this fast on average, bytes/s: modems are faster."""
+"""Seconds after which a body must have arrived at this average rate or faster, bytes/s: modems are faster."""
 MOST_RESTING, MOST_RESTING_PER_ADDRESS = 400, 240
-"""Connections without a request; beyond it the oldest are closed, first those that never had one. A class of 40 behind one
-address has 240, as browsers open six each."""
+"""Most idle connections, of all and of one address. Beyond it the oldest are closed, first those without an accepted request.
+A class of 40 behind one address has 240, as browsers open six each."""
 RESTING_SHARE = 4
-"""One in so many of all handles that this process may have can be such a connection."""
+"""Idle connections may take one in this many of the process's handles."""
 MOST_OF_ADDRESS, ADDRESS_SHARE = 1000, 2
-"""Connections of one address, resting or not, and the share of all handles that they may take: others must come in too."""
+"""Most connections of one address, idle or not; they may take one in `ADDRESS_SHARE` handles, as others must get in too."""
 STALLED_TIME = 60.0
-"""Seconds after which a visitor who takes nothing of what is sent is cut off, on Linux: else the connection would stay."""
+"""Seconds after which a visitor who reads nothing of what is sent is cut off, on Linux; else the connection would stay."""
 LOOK = 1.0
 """Seconds between two checks for slow connections."""
 PAUSE = 0.2
-"""Seconds without accepting when the system has no handle left."""
+"""Pause in accepting, s, when the system has no handle left."""
 OUT_OF_HANDLES = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
 MALFORMED = "This is no proper request: send it again."
@@ -70,25 +70,25 @@ class Visit(web.RequestHandler):
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """A piece of a request."""
+        """Take a piece of a request."""
         if not self.busy and self.known and not self.received:
             self.began = time.monotonic()
         self.received += len(data)
         super().data_received(data)
 
     def starts(self, request: web.BaseRequest) -> None:
-        """A request has been read up to its body."""
+        """Note that a request has been read up to its body."""
         self.busy, self.request, self.began, self.body_before = True, request, time.monotonic(), self.received
 
     def ends(self, is_known: bool) -> None:
-        """The request is answered. `is_known`: its sender may come in."""
+        """Note that the request is answered. `is_known`: its sender was let in."""
         self.busy, self.request, self.began, self.received = False, None, time.monotonic(), 0
         self.known = self.known or is_known
 
     def is_too_slow(self, now: float) -> bool:
-        """Whether it has used up its time."""
+        """Whether the request has used up its time."""
         if not self.busy:
-            # Between two requests aiohttp itself lets a connection rest, but not for ever.
+            # Between two requests, aiohttp itself limits the idle time.
             return now - self.began > HEAD_TIME and (not self.known or self.received > 0)
         waits = self.request is not None and self.request.can_read_body and not self.request.content.is_eof()
         time_taken = now - self.began
@@ -97,7 +97,7 @@ class Visit(web.RequestHandler):
     def handle_error(
         self, request: web.BaseRequest, status: int = 500, exc: BaseException | None = None, message: str | None = None
     ) -> web.StreamResponse:
-        """Refuse what is no request in one line that quotes nothing of it: its head may hold a token."""
+        """Refuse a malformed request in one line that quotes none of it: its head may hold a token."""
         if status >= 500:
             return super().handle_error(request, status, exc, message)
         self._tell_refused(exc)
@@ -108,9 +108,9 @@ class Visit(web.RequestHandler):
         return answer
 
     def log_exception(self, *words: Any, **more: Any) -> None:
-        """Log in one line a visitor who took nothing of a file or sent what is no body, and nothing of one who left.
+        """Log one line if a visitor stops reading a file or sends a malformed body; log nothing if they leave.
 
-        To aiohttp all of them are defects.
+        aiohttp treats all three as defects.
         """
         reason = more.get("exc_info")
         if isinstance(reason, TimeoutError):
@@ -124,7 +124,7 @@ class Visit(web.RequestHandler):
         log.warning("Refused what came from %s: no proper request (%s).", self.address, type(reason).__name__)
 
     def cut(self) -> None:
-        """End it at once."""
+        """Close the connection at once."""
         if self.transport is not None:
             self.transport.abort()
 
@@ -141,7 +141,7 @@ class Connections:
         self._tasks = [asyncio.create_task(self._accept()), asyncio.create_task(self._look())]
 
     def add(self, visit: Visit) -> None:
-        """A connection begins; others may have to make room."""
+        """Add a new connection; others may be closed to make room."""
         self._open[visit] = None
         resting = [other for other in self._open if not other.busy]
         if len(resting) > self._most:
@@ -155,11 +155,11 @@ class Connections:
             visit.cut()
 
     def remove(self, visit: Visit) -> None:
-        """A connection is over."""
+        """Remove a closed connection."""
         self._open.pop(visit, None)
 
     def counted(self) -> Counter[str]:
-        """Open connections of each address."""
+        """The number of open connections of each address."""
         return Counter(visit.address for visit in self._open)
 
     async def close(self) -> None:
@@ -207,7 +207,7 @@ class Connections:
 
 @web.middleware
 async def watch_patience(request: web.Request, handler: Handler) -> web.StreamResponse:
-    """Tell the connection when a request begins and ends; outermost of all."""
+    """A middleware outside all checks: tells the connection when a request begins and ends."""
     visit = request.protocol
     if not isinstance(visit, Visit):
         return await handler(request)

@@ -1,6 +1,6 @@
-"""Opens and closes the front server: its web server on a thread of its own, with the labs behind it.
+"""Opens and closes the front server, a web server on its own thread with the labs behind it.
 
-Its temporary folder is locked, so that a later server removes the folders of servers that were killed.
+The server locks its temporary folder, so that a later server can tell and remove the folders of killed ones.
 """
 
 import asyncio
@@ -57,26 +57,26 @@ from flexlab.sockets import listen
 
 PREFIX = "flexlab-server-"
 LOCK = "in-use"
-"""A file in the folder whose lock ends with its server; a process's number could belong to another process by now."""
+"""The folder's lock file. Its lock ends with the server; a process's number could belong to another process by then."""
 YOUNG = 60.0
-"""Age of a folder without a lock file, s, up to which it may be one that is just being made."""
+"""Age, s, up to which a folder without a lock file may be one that is just being made."""
 CLOSING_TIME = 1.0
 """Seconds that open pages get when the server closes: a lab's page never ends by itself."""
 MOST_THREADS = 32
-"""Threads that wait for disks and processes, beside one for each private lab: labs that open together do not delay pages."""
+"""Threads that wait for disks and processes, plus one for each private lab, so that labs opening together do not delay pages."""
 LOOK = 60.0
-"""Seconds between two checks."""
+"""Seconds between two checks of the limits on runs."""
 log = logging.getLogger(__name__)
 
 
 class TemporaryFolder:
-    """A new temporary folder."""
+    """A new temporary folder, locked until it is closed."""
 
     def __init__(self) -> None:
         remove_left()
         self.path = Path(tempfile.mkdtemp(prefix=PREFIX))
         self._lock = (self.path / LOCK).open("wb")
-        lock(self._lock, attempts=10)  # Another server that starts looks at it for a moment.
+        lock(self._lock, attempts=10)  # A server that starts may hold the lock for a moment.
 
     def close(self) -> None:
         """Remove the folder with its files."""
@@ -110,7 +110,7 @@ def _is_left(folder: Path) -> bool:
 STATIC = Path(__file__).resolve().parent / "static"
 """Style sheet, scripts and the icon of the server's pages."""
 FILES = web.RouteTableDef()
-"""Routes of style sheet, scripts, catalogues of languages and icon."""
+"""Routes of the style sheet, the scripts, the language catalogues and the icon."""
 STATIC_POLICY = "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'self'"
 
 
@@ -165,7 +165,7 @@ def delete_over_limits(settings: Settings) -> None:
 
 
 def _port_of(plug: socket.socket) -> int:
-    """The port of a listening socket; 0 of a Unix socket."""
+    """The port of a listening socket; 0 for a Unix socket."""
     return 0 if plug.family not in (socket.AF_INET, socket.AF_INET6) else plug.getsockname()[1]
 
 
@@ -184,7 +184,7 @@ class FrontServer:
         """The public port that it listens on."""
         self._temporary = TemporaryFolder()
         self.temporary_folder = self._temporary.path
-        """For files that nobody keeps; gone when the server closes."""
+        """Folder for temporary files, removed when the server closes."""
         self.context: Context
         self._opened: Future[None] = Future()
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -198,12 +198,12 @@ class FrontServer:
 
     @property
     def url(self) -> str:
-        """Where a browser on this machine finds the start page, signed in."""
+        """Address of the start page for a browser on this machine, with the token."""
         return self.address("/")
 
     @property
     def live_source(self) -> str:
-        """Where a rerun viewer on this machine finds the shared lab's live data."""
+        """Address of the shared lab's live data for a rerun viewer on this machine."""
         return self.settings.address(self.port, recording_address(self.context, f"{LIVE}lab"))
 
     def address(self, path: str = "/", token: str | None = None) -> str:
@@ -213,7 +213,7 @@ class FrontServer:
         return self.settings.address(self.port, path, token=token or self.settings.token)
 
     def close(self) -> Path | None:
-        """Close every page and lab, runs kept; returns the newest recording. May be called twice."""
+        """Close every page and lab, keep the runs, and return the newest recording. May be called twice."""
         with contextlib.suppress(RuntimeError):  # It is closed already.
             self._end()
         self._thread.join()
@@ -247,7 +247,7 @@ class FrontServer:
                 beside.append(asyncio.create_task(tell_class(self.settings.class_service, self.places)))
             preset_cards = PresetCards(tasks)
             beside.append(asyncio.create_task(asyncio.to_thread(preset_cards.read)))
-            # Where each visitor has a lab of their own, others need its pass even without a token.
+            # With private labs, recordings need a pass even if the server has no token.
             is_closed = self.settings.teacher_token is not None or self.settings.private
             self.context = context = Context(
                 self.settings,
@@ -295,15 +295,15 @@ def open_front_server(
 ) -> FrontServer:
     """Listen, start the shared lab (private ones start when visitors come), and serve until the server is closed.
 
-    `scenario`, `name`: what a lab shows first. `on_problem` gets a sentence when
-    recording fails or resumes. Raises `LabError` or `RecordingError`, and leaves nothing running, if it cannot.
+    `scenario`, `name`: what a lab shows first. `on_problem` gets a sentence when recording fails or resumes. Raises `LabError`
+    or `RecordingError`, and leaves nothing running, if the server cannot start.
     """
     check_folder(settings.logs)
     with contextlib.ExitStack() as undoing:
         plug = listen(settings.host, settings.port)
         undoing.callback(plug.close)
         choice = Choice(scenario, name)
-        # Without the token, which is for its owner to hand out: whoever follows the link is asked for it.
+        # Without the token, which its owner hands out: whoever follows the link is asked for it.
         address = settings.address(_port_of(plug), host=settings.public_host())
         secret, quota = secrets.token_urlsafe(SECRET_BYTES), settings.bytes_of_visitor
         order = Order(choice, settings.logs, address, settings.shadows, settings.rerun, secret, quota=quota)

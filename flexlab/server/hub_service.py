@@ -1,7 +1,7 @@
 """The teacher's page of a class on a JupyterHub, as a service that the hub starts: `python -m flexlab.server.hub_service`.
 
-The hub says who somebody is: students' labs show their servers' tokens, teachers sign in by OAuth as everywhere on a hub. The
-service needs no rights over the hub. See .github/UNIVERSITY.md.
+The hub identifies people: students' labs send their servers' tokens, and teachers sign in by OAuth as everywhere on a hub.
+The service needs no rights over the hub. See .github/UNIVERSITY.md.
 """
 
 import json
@@ -32,24 +32,24 @@ from flexlab.sockets import listen
 
 CALLBACK = "/oauth_callback"
 LOOK = 60.0
-"""Seconds after which the hub is asked again about a signed-in teacher, so that logging out there soon holds here."""
+"""Seconds after which the hub is asked again about a signed-in teacher, so that a log-out there soon takes effect here."""
 MOST_STATES = 1000
-"""Sign-ins that may be on their way at once."""
+"""Most sign-ins under way at once."""
 SESSION, STATE = "flexlab-hub-session", "flexlab-hub-state"
 """Cookies of a signed-in teacher, and of a sign-in under way."""
 
 
 @dataclass
 class Session:
-    """Somebody who signed in."""
+    """A signed-in teacher."""
 
     token: str
     asked: float
-    """When the hub last knew them, by the clock of `time.monotonic`, s."""
+    """When the hub last confirmed the teacher, by the clock of `time.monotonic`, s."""
 
 
 class Hub:
-    """The hub that started this service, by what it says in the environment."""
+    """The hub that started this service, as the environment variables describe it."""
 
     def __init__(self, environment: Mapping[str, str]):
         try:
@@ -67,16 +67,16 @@ class Hub:
         self._states: dict[str, None] = {}
 
     async def who(self, inside: aiohttp.ClientSession, token: str) -> dict[str, Any]:
-        """The hub's account of a token's owner; empty if there is none."""
+        """Ask the hub which user owns a token; empty if there is none."""
         async with inside.get(f"{self._api}/user", headers={"Authorization": f"token {token}"}) as answer:
             return await answer.json() if answer.status == 200 else {}
 
     def may_teach(self, user: dict[str, Any]) -> bool:
-        """Whether the hub's administrator let somebody use this service."""
+        """Whether the hub's administrator lets a user use this service."""
         return not self._scopes.isdisjoint(user.get("scopes", ()))
 
     async def is_signed_in(self, request: web.Request) -> bool:
-        """Whether a teacher asks."""
+        """Whether the request comes from a signed-in teacher."""
         word = request.cookies.get(SESSION, "")
         session = self._sessions.get(word)
         if session is None:
@@ -89,7 +89,7 @@ class Hub:
         return True
 
     def sign_in(self, request: web.Request) -> web.Response:
-        """To the hub, which sends its user back with a code."""
+        """Redirect to the hub, which sends the user back with a code."""
         state = secrets.token_urlsafe(SECRET_BYTES)
         self._states[state] = None
         while len(self._states) > MOST_STATES:
@@ -100,14 +100,14 @@ class Hub:
             "response_type": "code",
             "state": state,
         }
-        # In full: what begins with a slash is an address of this service.
+        # The full address: one that begins with a slash would be an address of this service.
         hub = self._hub if "://" in self._hub else f"{scheme_of(request)}://{request.host}{self._hub}"
         answer = web.Response(status=302, headers={hdrs.LOCATION: f"{hub}api/oauth2/authorize?{urlencode(words)}"})
         set_cookie(request, answer, STATE, state, age=None)
         return answer
 
     async def finish_sign_in(self, request: web.Request) -> web.Response:
-        """Back from the hub: a code becomes a token, which stays here."""
+        """Exchange the hub's code for a token, which stays on this server."""
         state = request.query.get("state", "")
         if state not in self._states or state != request.cookies.get(STATE):
             return refuse(request, 403, "This sign-in was not begun here, or long ago: open the page again.")
@@ -171,7 +171,7 @@ def hub_app(hub: Hub, context: Context) -> web.Application:
 
 
 def open_hub_service(environment: Mapping[str, str]) -> FrontServer:
-    """The service of the hub of an environment, open until it is closed. Raises `LabError`."""
+    """Open the service for the hub that an environment describes. Raises `LabError`."""
     hub = Hub(environment)
     host, port = hub.url.hostname or "127.0.0.1", hub.url.port or 80
     settings = Settings(host=host, port=port, base_url=hub.prefix, is_hub_service=True)
@@ -179,7 +179,7 @@ def open_hub_service(environment: Mapping[str, str]) -> FrontServer:
 
 
 def main() -> None:
-    """Serve until the hub ends it."""
+    """Serve until the hub ends the process."""
     ended = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda number, frame: ended.set())

@@ -1,4 +1,4 @@
-"""Limits on one visitor: things at once, wrong tokens, and space on the disk for their runs."""
+"""Limits on each visitor: work at once, wrong tokens, and disk space for their runs."""
 
 import asyncio
 import contextlib
@@ -17,32 +17,32 @@ from flexlab.recording.store.notes import notes_path, read_notes
 from flexlab.recording.store.run_files import list_runs
 
 HOUSEHOLD = 64
-"""Bits of an IPv6 address that name a network, such as a household's: a machine in it chooses the others freely."""
+"""Bits of an IPv6 address that identify a network, such as a household's; a machine in it chooses the others freely."""
 FREE = 10.0
-"""Wrong tokens of one address that are answered at once: people mistype."""
+"""Wrong tokens from one address that are answered without delay: people mistype."""
 SPACING = 0.5
-"""Seconds between two later answers."""
+"""Seconds between two answers after those."""
 MOST_PENDING, MOST_HELD = 8, 64
-"""Answers that are held back at once, of one address and of all. An address that asks more is not even compared; where all
-together do, answers come at once, so that nobody is locked out by others."""
+"""Most answers held back at once, for one address and for all. Beyond the first, an address's tokens are not even compared;
+beyond the second, answers come without delay, so that nobody is locked out by others."""
 MOST_ADDRESSES = 10_000
-"""Addresses that are remembered: the one that guessed longest ago is forgotten first."""
+"""Most addresses remembered; the one that guessed longest ago is forgotten first."""
 LOOK, LOOK_AGAIN = 5.0, 1.0
-"""Seconds between two checks of the folder, and where more is asked for than was free at the last one."""
+"""Seconds between two checks of the folder, usually and when more is asked for than was free at the last check."""
 MEGABYTE = 1e6
 PER_SECOND = 0.6 * MEGABYTE
-"""Bytes that a simulated second of the paper's run takes, about."""
+"""Approximate bytes of a simulated second of the paper's run."""
 INDEX, INDEX_SHARE = 160_000, 0.01
-"""Bytes, and share of its size, by which a run grows at most when it is finished: 136 kB and 0.5 kB per written block."""
+"""The most that a recording grows when it is finished, bytes and share of its size: 136 kB and 0.5 kB per written block."""
 _TAKEN = re.compile(r"Your runs take (\d+) MB of the (\d+) MB ")
 
 
 class BusyError(LabError):
-    """Too much of something is going on: the same request may be answered later."""
+    """Too much of one kind is under way; the same request may succeed later."""
 
 
 def network_of(address: str) -> str:
-    """What counts as one address: of IPv6 the network, as one machine has as many addresses as it likes."""
+    """What counts as one address: for IPv6 the network, as one machine can have any number of addresses in it."""
     try:
         number = ipaddress.ip_address(address.partition("%")[0])
     except ValueError:
@@ -54,22 +54,22 @@ def network_of(address: str) -> str:
 
 
 def owner_word(visitor: str) -> str:
-    """The mark of a visitor's runs in their notes; it does not reveal the secret that it is made from. Empty for nobody."""
+    """The mark of a visitor's runs in their notes, which does not reveal the visitor's id; empty for an empty id."""
     return hashlib.sha256(f"flexlab run of {visitor}".encode("utf-8", "replace")).hexdigest()[:32] if visitor else ""
 
 
 @dataclass(frozen=True)
 class Visitor:
-    """Who asks for something."""
+    """The sender of a request."""
 
     id: str = ""
-    """The secret word of their cookie; empty without one."""
+    """The secret in their cookie; empty without one."""
     address: str = ""
-    """As `network_of` has it."""
+    """Their address, as `network_of` returns it."""
     is_teacher: bool = False
     """Whether they may do everything: they have the teacher's token, or there is none."""
     name: str = ""
-    """What they are called; empty: they gave no name."""
+    """Their name; empty if they gave none."""
 
     @property
     def person(self) -> str:
@@ -78,25 +78,25 @@ class Visitor:
 
     @property
     def owner(self) -> str:
-        """The mark of their runs; empty for nobody."""
+        """The mark of their runs; empty without an id."""
         return owner_word(self.id)
 
 
 THE_SERVER = Visitor(is_teacher=True)
-"""The server itself, which asks for its own work."""
+"""The server itself, for its own work."""
 
 
 class Limit:
-    """Bounds one kind of thing. For the server's event loop only."""
+    """Bounds how many things of one kind there are at once. For the server's event loop only."""
 
     def __init__(self, what: str, of_one: int, of_address: int, of_all: int, for_teacher: int):
-        """`what`: its name, plural. `for_teacher`: places beyond `of_all`, for the teacher, whom no other bound holds."""
+        """`what`: the things' name, plural. `for_teacher`: places beyond `of_all` for the teacher, who has no other bound."""
         self._what, self._of_one, self._of_address, self._of_all = what, of_one, of_address, of_all
         self._for_teacher = for_teacher
         self._taken: list[Visitor] = []
 
     def check(self, asker: Visitor) -> None:
-        """Raises `BusyError` if this asker gets no place now."""
+        """Raise `BusyError` if this asker gets no place now."""
         if asker.is_teacher:
             bounds = [("This server has", len(self._taken), self._of_all + self._for_teacher)]
         else:
@@ -134,11 +134,11 @@ class Guesses:
         self._held = 0
 
     def is_flooding(self, address: str) -> bool:
-        """Whether so many guesses of this address are open that no further one is looked at."""
+        """Whether so many guesses of this address await their answers that its next token is not even compared."""
         return self._due.get(address, 0.0) - time.monotonic() > (MOST_PENDING - 1) * SPACING
 
     async def slow_down(self, address: str) -> None:
-        """Hold back the answer to a wrong token: for `SPACING` times `MOST_PENDING` s at most."""
+        """Hold back the answer to a wrong token, for `SPACING` times `MOST_PENDING` s at most."""
         now = time.monotonic()
         due = max(self._due.get(address, 0.0), now - FREE * SPACING) + SPACING
         self._due[address] = due
@@ -155,7 +155,7 @@ class Guesses:
 
 
 def for_teacher(problem: str) -> str:
-    """What keeps a visitor's lab from recording, as the teacher reads it: a quota's advice is the visitor's."""
+    """Reword for the teacher why a visitor's lab does not record: a quota's advice is meant for the visitor."""
     found = _TAKEN.match(problem)
     if found is None:
         return problem
@@ -166,19 +166,19 @@ def for_teacher(problem: str) -> str:
 
 
 class Quota:
-    """Bounds what one visitor's runs take on the disk. Called by one recorder's thread."""
+    """Bounds the disk space of one visitor's runs. Called by one recorder's thread."""
 
     def __init__(self, logs: Path, owner: str, most: float | None, clock: Callable[[], float] = time.monotonic):
-        """`most`: bytes; None or no owner: any number. `owner`: the mark of the visitor's runs."""
+        """`owner`: the mark of the visitor's runs. `most`: bytes; no bound if it is None or there is no owner."""
         self._logs, self._owner, self._most, self._clock = logs, owner, most, clock
         self._owners: dict[Path, str] = {}
         self._finished: set[Path] = set()
         self._looked_at = float("-inf")
         self._known = self._granted = 0.0
-        """Bytes at the last look, and those granted since then."""
+        """Bytes at the last check, and bytes granted since then."""
 
     def __call__(self, size: int = 0) -> str:
-        """Why `size` more bytes may not be written, as a sentence; empty if they may, and then they count."""
+        """Return why `size` more bytes may not be written, as a sentence; if they may, count them and return ""."""
         if self._most is None or not self._owner:
             return ""
         fits = self._known + self._granted + size <= self._most
@@ -198,7 +198,7 @@ class Quota:
         )
 
     def _taken(self) -> float:
-        """Bytes of the visitor's runs once all are finished, at most, and of what is noted of them."""
+        """The most bytes that the visitor's runs take once all are finished, with their notes."""
         runs = list_runs(self._logs)
         # The owner of a run does not change, but a run that is just being opened has none yet.
         known = {path: self._owners.get(path) or str(read_notes(path).get("owner", "")) for path in runs}

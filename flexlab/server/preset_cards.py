@@ -1,4 +1,4 @@
-"""The presets' cards on the start page: read once for each state of the file, drawn in a process of their own."""
+"""The presets' cards on the start page: each version of a file is read once, and its picture drawn in another process."""
 
 import asyncio
 from collections.abc import Collection
@@ -24,20 +24,20 @@ from flexlab.sim.world import World
 
 PATH_POINTS, BEAM_POINTS = 96, 24
 PATH_TIME = 4.0
-"""s: two periods of the slowest preset."""
+"""Time over which the path is drawn, s: two periods of the slowest preset."""
 MARGIN = 0.12
-"""Share of the drawing's width around what is drawn."""
+"""Margin on each side, as a share of the size of what is drawn."""
 ASPECT = 16 / 10
 MOST_DRAWN = 200
-"""Presets that get a picture."""
+"""Most presets that get a picture."""
 MOST_READ = 1000
-"""Presets that stay read."""
+"""Most presets kept in memory."""
 FileState = tuple[str, int, int]
-"""Path, size, and time of the last change: another one is another preset."""
+"""Path, size and modification time; a file in another state counts as another preset."""
 
 
 def thumbnail(scenario: Scenario) -> Markup:
-    """The arrangement at the start, as SVG; empty for a scenario that cannot start."""
+    """Draw arms, beam and path at the start, as SVG; empty for a scenario that cannot start."""
     try:
         world = World(scenario)
         start = world.observe()
@@ -75,7 +75,7 @@ class PresetCard:
 
 
 class PresetCards:
-    """All cards of one server. `drawing` has what is drawn after the first look at the page."""
+    """All cards of one server. `drawing` returns pictures once they are drawn, after the first call of `look`."""
 
     def __init__(self, tasks: Tasks):
         self._tasks = tasks
@@ -84,11 +84,11 @@ class PresetCards:
         self._drawing: asyncio.Task[None] | None = None
 
     def read(self) -> list[PresetCard]:
-        """The presets that there are now, in the order of the menu. For any thread."""
+        """Read the present presets, in the order of the menu. For any thread."""
         return [self._card(name, _state(file)) for name, file in preset_files().items()]
 
     async def look(self, pictured: Collection[str]) -> list[PresetCard]:
-        """As `read`; what is not yet drawn is begun. `pictured`: those that have a picture already."""
+        """As `read`, and start drawing the missing pictures. `pictured`: names of presets that have one already."""
         cards = await asyncio.to_thread(self.read)
         if self._drawing is None or self._drawing.done():
             self._drawing = asyncio.create_task(self._draw([card for card in cards if card.name not in pictured]))
@@ -102,14 +102,14 @@ class PresetCards:
         self._drawings = {card.state: self._drawings[card.state] for card in cards if card.state in self._drawings}
         wanted = {card.state: card.scenario for card in cards if card.scenario and card.state not in self._drawings}
         wanted = dict(islice(wanted.items(), MOST_DRAWN))
-        with suppress(FlexlabError):  # Too much is going on: the next look begins again.
+        with suppress(FlexlabError):  # The server is busy: the next look tries again.
             if wanted:
                 drawn = await self._tasks.run(THE_SERVER, draw_all, list(wanted.values()))
                 self._drawings |= zip(wanted, drawn, strict=True)
 
 
 def draw_all(scenarios: list[Scenario]) -> list[Markup]:
-    """A job: the pictures of some scenarios."""
+    """Draw the pictures of some scenarios, as a job."""
     return [thumbnail(scenario) for scenario in scenarios]
 
 

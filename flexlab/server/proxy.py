@@ -18,16 +18,16 @@ from flexlab.server.visitors import context_of, visitor_of
 from flexlab.text import limited
 
 HEARTBEAT = 60.0
-"""Seconds between two checks whether a visitor is still there; one that does not answer for half of it is gone."""
+"""Seconds between two pings to a visitor; one who does not answer within half of it counts as gone."""
 HTTP_PATIENCE = aiohttp.ClientTimeout(total=30.0)
-"""The lab's page is one file, read from memory."""
+"""Timeout for the lab's page, one file in memory."""
 LOOPBACK = "127.0.0.1"
 
 LAB_POLICY = (
     "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; connect-src 'self' ws://{host} wss://{host} "
     "data: blob:; object-src 'none'; base-uri 'none'; form-action 'self'; frame-ancestors 'self'"
 )
-"""viser unpacks its program, and a compiled part of it, inside the page. It may talk to this address and to nobody else."""
+"""viser unpacks its program, part of it compiled, inside the page. The page may connect to this address only."""
 
 ADDITION = Markup("""{language}
 <script src="/static/lab.js" data-state="{state}" defer></script>
@@ -38,7 +38,7 @@ log = limited(__name__)
 
 
 def inside_connector() -> aiohttp.TCPConnector:
-    """Connections to labs: any number, with small kernel buffers."""
+    """A connector for any number of connections to labs, with small kernel buffers."""
 
     def small(address: tuple[Any, ...]) -> socket.socket:
         family, kind, protocol, *_ = address
@@ -50,11 +50,11 @@ def inside_connector() -> aiohttp.TCPConnector:
 
 
 async def proxy_page(request: web.Request, place: Lab, path: str) -> web.StreamResponse:
-    """The lab's page, or another file of it. Raises `BusyError` for one page too many."""
+    """Return the lab's page or another of its files. Raises `BusyError` for one page too many."""
     if request.method not in ("GET", "HEAD"):
         raise web.HTTPMethodNotAllowed(request.method, ("GET", "HEAD"))
     if not path:
-        # Checked here, as a page without a connection could not say why.
+        # Checked here, because a page without a connection could not say why.
         context_of(request).pages.check(visitor_of(request))
     inside = context_of(request).inside
     try:
@@ -86,7 +86,7 @@ def _furnish(body: bytes, place: Lab) -> bytes:
 
 
 async def proxy_websocket(request: web.Request, place: Lab) -> web.StreamResponse:
-    """A visitor's live connection to the lab, for as long as both sides keep it. Raises `BusyError` for one too many."""
+    """Relay a visitor's live connection to the lab until one side ends it. Raises `BusyError` for one too many."""
     with context_of(request).pages.place(visitor_of(request)):
         return await _relay(request, place)
 
@@ -125,7 +125,7 @@ async def _relay(request: web.Request, place: Lab) -> web.StreamResponse:
 
 
 async def _to_visitor(up: aiohttp.ClientWebSocketResponse, down: web.WebSocketResponse) -> None:
-    # Sending waits while the visitor is slow; reading then stops too, and the lab leaves out what is outdated.
+    # Sending waits while the visitor is slow; reading then stops too, and the lab drops outdated data.
     async for message in up:
         if message.type is WSMsgType.BINARY:
             await down.send_bytes(message.data)
@@ -143,13 +143,13 @@ async def _to_lab(request: web.Request, down: web.WebSocketResponse, up: aiohttp
             return
         elif message.type is WSMsgType.ERROR:
             break
-    # Whoever leaves while a ping is answered has sent nothing wrong.
+    # A visitor who leaves while a ping is answered has sent nothing wrong.
     if isinstance(wrong := down.exception(), aiohttp.WebSocketError):
         log.warning("Refused a message from %s: %s", request.remote, wrong)
 
 
 async def _first_of(*works: Coroutine[Any, Any, None]) -> None:
-    """Until one of the two directions ends; the other one is then of no use."""
+    """Run both directions until one ends, and cancel the other."""
     tasks = [asyncio.create_task(work) for work in works]
     try:
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)

@@ -36,17 +36,17 @@ from flexlab.sim.pacing import FASTEST
 from flexlab.text import visible
 
 MOST_SAMPLES = 1_200_000
-"""Most samples of a run that a job reads whole: 20 minutes at a lab's rate, 0.6 GB in memory."""
+"""The longest run, in samples, that a job reads into memory at once: 20 minutes at the lab's rate, 0.6 GB."""
 OVERLAY = "overlay.rrd"
-"""File in the folder of a comparison."""
+"""Name of the overlay's file in the folder of a comparison."""
 LONGEST_NUMBER = 20
-"""Most characters of a number of samples that a sentence repeats."""
+"""Most characters of a number of samples quoted in a sentence."""
 BYTES_OF_SAMPLE = 550
-"""Bytes that a sample takes in a recording, about: of a run that is still being recorded nothing else tells its length."""
+"""Approximate bytes of a sample in a recording, the only sign of its length while a run is being recorded."""
 INDEXING = 0.05
 """The share of a comparison's work that comes after its last sample."""
 UNSEEN = int(FASTEST * LOOK * PER_SECOND)
-"""Bytes that a lab records, about, between two looks at what its owner has."""
+"""Approximate bytes that a lab records between two checks of its owner's quota."""
 MOST_COMPARISONS = 8
 """Most comparisons that a server keeps: enough to go back and forth."""
 MOST_REPLAYS = 200
@@ -60,7 +60,7 @@ class ComparisonTables:
     """The tables of a comparison's page."""
 
     window: str
-    """The stretch of time over which metrics are taken, in words."""
+    """The range of time over which metrics are taken, in words."""
     metrics: tuple[tuple[MetricRow, ...], ...]
     """One tuple per metric, one row per run."""
     settings: tuple[tuple[str, tuple[str, ...]], ...]
@@ -76,7 +76,7 @@ def compare_runs(paths: tuple[Path, ...], folder: Path, report: Callable[[float]
         check_size(path)
     lengths = [_noted_rows(path) or path.stat().st_size / BYTES_OF_SAMPLE for path in paths]
     shortest = min(lengths)
-    # Longer runs are read once more, for the metrics of the stretch that all runs have.
+    # Longer runs are read once more, for the metrics of the range of time that all runs have.
     expected = 2 * sum(lengths) + shortest * sum(length > shortest for length in lengths)
     done = 0
 
@@ -94,7 +94,7 @@ def compare_runs(paths: tuple[Path, ...], folder: Path, report: Callable[[float]
 
 
 def check_size(path: Path) -> None:
-    """Raise `RecordingError` for a run that is too long to be read whole."""
+    """Raise `RecordingError` for a run that is too long to be read into memory at once."""
     rows = _noted_rows(path)
     if rows > MOST_SAMPLES:
         shown = visible(rows, LONGEST_NUMBER)
@@ -104,7 +104,7 @@ def check_size(path: Path) -> None:
 
 
 def _noted_rows(path: Path) -> int:
-    """How many samples the notes say that a run has; 0: they do not say."""
+    """The number of samples of a run by its notes; 0 if they do not say."""
     rows = read_notes(path).get("rows")
     return rows if type(rows) is int and rows > 0 else 0
 
@@ -118,7 +118,7 @@ def replay_run(path: Path, report: Callable[[float], None]) -> Outcome:
 
 
 def choice_at(path: Path, time: float | None) -> Choice:
-    """The choice with which a lab continues a run at `time` s; None: at its end."""
+    """Return the choice with which a lab continues a run at `time`, s, or at its end if it is None."""
     recording = read_recording(path)
     scenario, origin = resume(recording, time)
     return Choice(scenario, recording.name, origin, stands=True)
@@ -127,7 +127,7 @@ def choice_at(path: Path, time: float | None) -> Choice:
 def export_into(row: RunRow, kind: str, start: float | None, end: float | None, folder: Path) -> Path:
     """Write a run, or a range of its time, into `folder` and return the file.
 
-    `kind`: a table (csv, parquet or npz) or Figures 2-5 in an archive (png or svg); of a whole run also one page (html) or an
+    `kind`: a table (csv, parquet or npz) or Figures 2-5 in an archive (png or svg); for a whole run also one page (html) or an
     archive that others can verify (zip).
     """
     path, name = row.path, range_name(row.path, start, end)
@@ -170,7 +170,7 @@ def archive_into(rows: tuple[RunRow, ...], kind: str, folder: Path) -> Path:
 
 
 def range_name(path: Path, start: float | None, end: float | None) -> str:
-    """The name of a file with this range of a run, without ending."""
+    """The name, without extension, of a file with this range of a run."""
     if start is None and end is None:
         return path.stem
     return f"{path.stem}-{'start' if start is None else f'{start:g}'}-to-{'end' if end is None else f'{end:g}'}-s"
@@ -186,7 +186,7 @@ def take_in(path: Path, logs: Path, notes: dict[str, str], quota: float | None) 
         raise RecordingError(refused)
     taken = import_into(path, logs, **notes)
     if Quota(logs, owner, quota)(UNSEEN):
-        # What the owner's lab was granted before it saw this run may still be on its way.
+        # The owner's lab may still be writing what it was granted before it saw this run.
         time.sleep(LOOK + LOOK_AGAIN)
     if refused := Quota(logs, owner, quota)():  # The recording of a table has a size only after the import.
         remove_run(taken)
@@ -196,9 +196,9 @@ def take_in(path: Path, logs: Path, notes: dict[str, str], quota: float | None) 
 
 
 def comparison(book: TaskBook, asker: Visitor, rows: Sequence[RunRow]) -> Task:
-    """The comparison of these runs, begun if it is not kept. Raises `BusyError`."""
+    """Return the comparison of these runs, started if none is kept. Raises `BusyError`."""
     asked = tuple(row.id for row in rows)
-    # A second visitor shares a running comparison, although a run that is being recorded has grown since.
+    # A second visitor shares a running comparison even if a run that is being recorded has grown since.
     making = next((task.key for task in book.all() if task.working and task.about == asked), None)
     key = making or hashlib.sha256(repr([(row.id, row.size) for row in rows]).encode()).hexdigest()[:24]
     paths = tuple(row.path for row in rows)
@@ -206,12 +206,12 @@ def comparison(book: TaskBook, asker: Visitor, rows: Sequence[RunRow]) -> Task:
 
 
 def begin_replay(book: TaskBook, asker: Visitor, row: RunRow) -> None:
-    """Begin to replay a run, unless it is being replayed. Raises `BusyError`."""
+    """Start replaying a run, unless it is being replayed. Raises `BusyError`."""
     book.start("Replay", row.id, asker, replay_run, row.path, about=row.size)
 
 
 def replay_of(book: TaskBook, row: RunRow) -> Task | None:
-    """The replay of a run; one that has ended only if it was of the present file, or of a run that is still growing."""
+    """The replay of a run, if any. One that has ended counts only if the file is unchanged or the run is still growing."""
     task = book.get(row.id)
     known = task is not None and (task.working or task.about == row.size or row.state == "in use")
     return task if known else None
@@ -225,7 +225,7 @@ def measure(logs: Path) -> None:
 
 
 class Measuring:
-    """The measuring process of a server, of which there is at most one."""
+    """The measuring process of a server; at most one runs at a time."""
 
     def __init__(self, logs: Path):
         self._logs = logs

@@ -1,4 +1,4 @@
-"""A scenario as a link: JSON of what differs from the defaults, compressed, in letters that an address may hold."""
+"""A scenario as a link: compressed JSON of what differs from the defaults, in characters that an address may hold."""
 
 import base64
 import binascii
@@ -17,16 +17,16 @@ from flexlab.scenario import Scenario, parse_scenario
 from flexlab.scenario.scenario import FORMAT, FORMAT_FIELD
 
 LONGEST_LINK = 6000
-"""Characters: web servers refuse an address of more than about 8000; a scenario takes about 400."""
+"""Most characters of a link: web servers refuse an address of more than about 8000; a scenario takes about 400."""
 LONGEST_TEXT = 200_000
-"""Bytes of JSON that a link may hold when unpacked: a scenario has about 2000, a hostile link could have gigabytes."""
+"""Most bytes of JSON in a link when unpacked: a scenario has about 2000, a hostile link could have gigabytes."""
 COLUMNS = "columns"
 """The field of a path that holds its rows as `_columns` packs them."""
 MOST_DIGITS, HIGHEST_ORDER = 9, 4
-"""Digits after the point, and how often differences are taken, of a table's columns."""
+"""Most decimals of a table's columns, and the highest order of their differences."""
 WHOLE_NUMBERS = TypeAdapter(list[list[StrictInt]])
 LARGEST_DIFFERENCE = 2**53
-"""Whole numbers up to here are floats, too."""
+"""A float can hold every whole number up to here."""
 
 
 def encode_scenario(scenario: Scenario) -> str:
@@ -46,12 +46,12 @@ def encode_scenario(scenario: Scenario) -> str:
 
 
 def scenario_path(word: str) -> str:
-    """The address in the server at which a word of `encode_scenario` opens the lab."""
+    """The server's address that opens the lab with a word of `encode_scenario`."""
     return f"/lab/?scenario={word}"
 
 
 def decode_scenario(word: str) -> Scenario:
-    """The scenario in a word of a link. Raises `PresetError` (not such a word) or `ScenarioError` (not valid)."""
+    """Return the scenario in a link's word. Raises `PresetError` if it holds none, `ScenarioError` if it is not valid."""
     if len(word) > LONGEST_LINK:
         raise PresetError(f"This link is too long ({len(word)} characters, at most {LONGEST_LINK}): copy it again.")
     try:
@@ -70,22 +70,22 @@ def decode_scenario(word: str) -> Scenario:
 
 
 def _said(part: BaseModel, data: dict[str, Any]) -> dict[str, Any]:
-    """The entries of a part's plain `data` that differ from the defaults of its fields, its kind, and what has no default."""
+    """The entries of a part's plain `data` that differ from their defaults or have none, and its kind."""
     said: dict[str, Any] = {}
     for name, value in data.items():
         field, own = type(part).model_fields[name], getattr(part, name)
         usual = field.get_default(call_default_factory=True)
         plain = usual.model_dump(mode="json") if isinstance(usual, BaseModel) else usual
-        # As text: -0.0 is another number than 0.0. An arm's place and elbow have no default.
+        # Compared as text, because -0.0 is another number than 0.0. An arm's place and elbow have no default.
         if name == "kind" or field.is_required() or _text(value) != _text(plain):
             said[name] = _said(own, value) if isinstance(own, BaseModel) else value
     return said
 
 
 def _columns(rows: list[list[float]]) -> list[list[int]] | None:
-    """Rows of few digits as [[digits], [order, differences...] of each column]; None for others.
+    """Pack rows of few decimals as [[digits], [order, differences...] of each column]; None for others.
 
-    A smooth column of whole numbers has small differences: a tenth of the letters of a table that a path goes through.
+    A smooth column of whole numbers has small differences: a table of a path's points takes a tenth of the characters.
     """
     values = [value for row in rows for value in row]
     digits = next((d for d in range(MOST_DIGITS + 1) if all(_has_digits(value, d) for value in values)), None)
@@ -102,12 +102,12 @@ def _columns(rows: list[list[float]]) -> list[list[int]] | None:
 
 
 def _has_digits(value: float, digits: int) -> bool:
-    """Whether a number is, to the bit, one of so many digits after the point; -0.0 is none."""
+    """Whether a number is, to the bit, one with this many decimals; False for -0.0."""
     return round(value * 10**digits) / 10**digits == value and (value != 0 or math.copysign(1, value) > 0)
 
 
 def _unpack_rows(data: Any) -> None:
-    """Put rows in the place of what `_columns` made of them; raises ValueError for anything else."""
+    """Replace what `_columns` packed with its rows; raises ValueError for anything else."""
     path: Any = cast("dict[str, Any]", data).get("trajectory") if isinstance(data, dict) else None
     if not isinstance(path, dict) or COLUMNS not in path:
         return

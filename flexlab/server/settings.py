@@ -19,27 +19,27 @@ from flexlab.errors import LabError
 from flexlab.sockets import LOOPBACK, UNIX, WILDCARDS, base_address, usual_spelling
 
 SECRET_BYTES = 18
-"""Randomness of a word that is made up."""
+"""Random bytes of a generated token or key."""
 SHORTEST_TOKEN = 16
-"""Characters of a chosen token: at two guesses a second nobody finds it."""
+"""Fewest characters of a chosen token: at two guesses a second nobody finds it."""
 TOKEN_LETTERS = frozenset(string.ascii_letters + string.digits + "-._~")
 """Characters that need no quoting in addresses and cookies."""
 MOST_SESSIONS = 1000
-"""Private labs that may be asked for at once: far more than any machine can run."""
+"""Upper limit of `max_sessions`, far more than any machine can run."""
 SHORTEST_IDLE, LONGEST_IDLE = 1.0, 604_800.0
-"""s: from what lets a page be reloaded to a week."""
+"""Range of `idle_time`, s: from enough for reloading a page to a week."""
 MEGABYTE, GIGABYTE = 1e6, 1e9
 BASE_URL = re.compile(r"(/(?!\.{1,2}(/|$))[A-Za-z0-9._~%@+-]+)*", re.ASCII)
 """Segments that need no quoting in pages, headers and cookies."""
 FAR_AWAY = {socket.AF_INET: "192.0.2.1", socket.AF_INET6: "2001:db8::1"}
-"""Addresses of no machine: the way there would lead over the interface that others are on. Nothing is sent."""
+"""Addresses of no machine: the route to them goes through the interface that others can reach. Nothing is sent."""
 LAB_MEMORY = 120e6
-"""Bytes that a lab has for itself: measured 65 to 100 MB where labs share the program, with room for fine meshes."""
+"""Memory of a lab alone, bytes: measured 65 to 100 MB where labs share the program, with room for fine meshes."""
 KEPT_FREE = 1e9
-"""Bytes for the server itself, exports, and whatever else the machine does."""
+"""Memory kept free, bytes, for the server itself, exports, and whatever else the machine does."""
 LABS_PER_CORE = 6
-"""A lab that runs before its visitor's eyes costs a quarter to a third of a core, one that nobody looks at 0.3 %: so many as
-leave each at full speed while half of a class reads."""
+"""A running lab costs a quarter to a third of a core while its visitor watches, 0.3 % while nobody does: with this many per
+core, each runs at full speed while half of a class reads."""
 MEMORY_TABLE = Path("/proc/meminfo")
 
 
@@ -50,23 +50,23 @@ class Settings:
     logs: Path = Path("logs")
     host: str = "127.0.0.1"
     port: int = 8080
-    """0: any free one."""
+    """Port to listen on; 0 for any free one."""
     base_url: str = ""
     """Prefix of all addresses of the server behind a proxy, as in "/user/ann/flexlab"; a slash at its end is dropped."""
     rerun: bool = False
-    """Whether the data of each lab are to be had live, for rerun viewers."""
+    """Whether rerun viewers can show each lab's data live."""
     private: bool = False
     """Whether each visitor gets a lab, and a process, of their own."""
     max_sessions: int = 4
     """Private labs at once."""
     max_per_address: int | None = None
-    """Private labs of one address at once; None: one less than in all."""
+    """Private labs of one address at once; None: one less than `max_sessions`."""
     idle_time: float = 600.0
     """Seconds without an open page after which a private lab is closed."""
     token: str | None = None
-    """The token that opens the server; made up if the host is not loopback and none is given. None: not needed."""
+    """The token that opens the server; generated if the host is not loopback and none is given. None: not needed."""
     teacher_token: str | None = None
-    """The token that opens everything, all labs and all runs; made up where there is a `token`. None: not needed."""
+    """The token that opens everything, all labs and all runs; generated where there is a `token`. None: not needed."""
     quota: float | None = None
     """Megabytes that the runs of one visitor with a private lab may take; None: any number."""
     max_size: float | None = None
@@ -76,11 +76,11 @@ class Settings:
     shadows: bool = True
     """Whether the scene casts shadows; without a graphics card they cost most of the time."""
     class_service: str = ""
-    """Address of a hub's service to which the one lab reports: see `labs/hub_labs.py`; empty: none."""
+    """Address of the hub's service to which the lab reports, see `labs/hub_labs.py`; empty for none."""
     is_hub_service: bool = False
-    """Whether this is such a service: its hub says who somebody is, so that it needs no tokens."""
+    """Whether this is such a service, which needs no tokens because its hub identifies people."""
     resumes_class: bool = field(init=False)
-    """Whether a class goes on with the rules that were kept: its teacher's token was given, not made up."""
+    """Whether a class resumes with the rules that were kept: only if its teacher's token was given, not generated."""
 
     def __post_init__(self) -> None:
         settle = partial(object.__setattr__, self)
@@ -117,12 +117,12 @@ class Settings:
 
     @property
     def labs_per_address(self) -> int:
-        """Private labs that the visitors of one address may have at once: unless chosen, one stays free for others."""
+        """Private labs that the visitors of one address may have at once; by default one stays free for others."""
         return self.max_per_address or max(self.max_sessions - 1, 1)
 
     @property
     def has_class(self) -> bool:
-        """Whether there is a teacher of others: also behind a proxy on this machine, where there are tokens."""
+        """Whether there is a class with a teacher; also behind a proxy on this machine if there are tokens."""
         return self.private or not self.is_local or self.teacher_token is not None
 
     @property
@@ -135,28 +135,28 @@ class Settings:
         return next(iter(network_addresses()), socket.gethostname()) if self.host in WILDCARDS else self.host
 
     def address(self, port: int, path: str = "", host: str | None = None, token: str | None = None) -> str:
-        """The address of a page; of a server on a Unix socket, what follows its proxy's. `host`: as others know this machine."""
+        """The address of a page; on a Unix socket, the part after the proxy's address. `host`: this machine's name for others."""
         base = "" if self.is_socket else base_address(host or self.host, port)
         return base + self.base_url + path + (f"?token={token}" if token else "")
 
     def outside_addresses(self, port: int, path: str = "/") -> list[str]:
-        """A page's addresses as other machines have them, token included; none of a server for this machine only."""
+        """A page's addresses for other machines, token included; none if the server is for this machine only."""
         hosts = [] if self.is_local else network_addresses() if self.host in WILDCARDS else [self.host]
         return [self.address(port, path, host, self.token) for host in hosts]
 
     @property
     def is_local(self) -> bool:
-        """Whether only this machine can reach the server, or another program answers for who does."""
+        """Whether only this machine can reach the server, or another program decides who can."""
         return self.host in LOOPBACK or self.is_socket or self.is_hub_service
 
     @property
     def is_socket(self) -> bool:
-        """Whether it listens on a Unix socket, behind a proxy that lets in whom it knows."""
+        """Whether the server listens on a Unix socket, behind a proxy that decides who gets in."""
         return self.host.startswith(UNIX)
 
 
 def _check_token(token: str, name: str) -> None:
-    """Raises `LabError` for a word that keeps nobody out, or that addresses and cookies do not take unchanged."""
+    """Raise `LabError` for a token that is too short, or that addresses and cookies cannot hold unchanged."""
     if len(token) < SHORTEST_TOKEN:
         raise LabError(
             f"{name} has {len(token)} characters, too few to keep anybody out: give at least {SHORTEST_TOKEN}."
@@ -187,14 +187,14 @@ def _is_reachable(address: str) -> bool:
 
 
 def terminal_code(address: str) -> str:
-    """A QR code as lines of text, two rows of squares a line."""
+    """A QR code as lines of text, two rows of squares per line."""
     text = StringIO()
     segno.make(address, micro=False).terminal(text, compact=True, border=1)
     return text.getvalue()
 
 
 def picture_code(address: str) -> str:
-    """A QR code as the address of a picture that is in it, dark on light whatever the page's colours."""
+    """A QR code as a data URI of its picture, dark on light whatever the page's colours."""
     return segno.make(address, micro=False).svg_data_uri(scale=4, border=2, dark="#1c2430", light="#ffffff")
 
 
@@ -204,11 +204,11 @@ class Capacity:
 
     cores: int
     memory: float | None
-    """Bytes that are free, or can be made so; None if the system does not tell."""
+    """Free memory, bytes, with what can be freed; None if the system does not tell."""
 
     @property
     def labs(self) -> int:
-        """Private labs that it takes at once, at least one."""
+        """The number of private labs that the machine can run at once, at least one."""
         by_cores = self.cores * LABS_PER_CORE
         by_memory = by_cores if self.memory is None else int((self.memory - KEPT_FREE) / LAB_MEMORY)
         return max(1, min(by_cores, by_memory))

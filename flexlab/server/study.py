@@ -1,6 +1,6 @@
 """Studies of the page *Studies*: what a form asks, what is computed, and what the study's page shows.
 
-To add one, copy a file of `studies/`. A form's requests are bounded, so that a visitor cannot take the machine from the labs.
+To add one, copy a file of `studies/`. A form's work is bounded, so that no visitor can take the machine from the labs.
 """
 
 import math
@@ -26,7 +26,7 @@ from flexlab.text import number_text, typed_number, visible
 MOST_STUDIES = 30
 """Finished studies that a server keeps."""
 MOST_AT_ONCE = 2, 5, 6, 1
-"""Most running and waiting studies: of one visitor, of one address, of all, and more for the teacher. One runs at a time."""
+"""Most running and waiting studies of one visitor, one address and all, and extra for the teacher. One runs at a time."""
 MOST_VALUES = 900
 """Most values of an axis, and most cells: a map on a screen shows no more than 30 by 30."""
 LONGEST_RUN = 20.0
@@ -37,13 +37,13 @@ AXES = ("1", "2")
 """Endings of the form's fields for each axis."""
 ELSEWHERE = "or use the command line, which takes any number"
 LONGEST_NUMBER = 12
-"""Significant digits of a number that somebody typed, where a sentence repeats it."""
+"""Significant digits of a typed number quoted in a sentence."""
 LONGEST_SHOWN = 30
-"""Most characters of an input that a message repeats."""
+"""Most characters of an input quoted in a message."""
 
 Form = Mapping[str, Any]
 _PATH = re.compile(r"'?\b([a-z]\w*(?:\.\w+)+)\b'?(?:=([^\s:]+):([^\s:]+)\S*)?")
-"""A field as sentences for the command line name it, perhaps with a range, LOW:HIGH:COUNT."""
+"""A field as the command line's sentences name it, perhaps with a range, LOW:HIGH:COUNT."""
 
 
 @dataclass(frozen=True)
@@ -101,11 +101,11 @@ class Study(ABC):
 
     @abstractmethod
     def job(self) -> Callable[..., Outcome]:
-        """The function that computes it, run in a process of its own as `TaskBook.start` says."""
+        """The function that computes it, run in a separate process as `TaskBook.start` describes."""
 
     @abstractmethod
     def drawing(self, task: Task) -> dict[str, Any] | None:
-        """The drawing of the results so far, as data for the page's script; None: nothing yet. For any thread."""
+        """The drawing of the results so far, as data for the page's script; None if there are none. For any thread."""
 
     def cell_scenario(self, cell: int) -> Scenario:
         """The scenario of a cell of the map. Raises `FlexlabError` for a cell that does not exist."""
@@ -140,7 +140,7 @@ def known_studies() -> dict[str, type[Study]]:
 
 
 def threads() -> int:
-    """The number of threads of a study, which leaves one core for the labs."""
+    """The number of threads of a study: all cores but one, which is left to the labs."""
     return max((os.cpu_count() or 1) - 1, 1)
 
 
@@ -167,7 +167,7 @@ def read_study(form: Form, scenario: Scenario) -> Study:
 
 
 def _in_titles(sentence: str, scenario: Scenario) -> str:
-    """A sentence with the titles of the form for the fields that it names."""
+    """Replace the fields' names in a sentence with their titles in the form."""
 
     def title(found: re.Match[str]) -> str:
         named = field_title(found[1], scenario).partition(" (")[0]
@@ -184,7 +184,7 @@ def _shown(typed: str) -> str:
 
 
 def check_work(count: int, duration: float, what: str, command: str) -> None:
-    """Raises `StudyError` for more simulated time than a form may ask for."""
+    """Raise `StudyError` for more simulated time than a form may ask for."""
     if count * duration > MOST_SIMULATED:
         raise StudyError(
             f"{count} {what} of {number_text(duration)} s simulate {number_text(count * duration)} s, over the "
@@ -194,7 +194,7 @@ def check_work(count: int, duration: float, what: str, command: str) -> None:
 
 
 def axes_of(form: Form, scenario: Scenario, counted: bool) -> tuple[Axis, ...]:
-    """The fields that a form varies; `counted`: over a number of values. Raises `StudyError` or `ScenarioError`."""
+    """The fields that a form varies; `counted`: whether it says how many values. Raises `StudyError` or `ScenarioError`."""
     texts: list[str] = []
     for end in AXES:
         path = text_of(form, f"field{end}")
@@ -225,7 +225,7 @@ def _chosen(form: Form, end: str, path: str, counted: bool) -> list[str]:
     """The ticked options of a field that is a choice. Raises `StudyError`."""
     if not counted:
         raise StudyError(f"{path} is a choice: a tuning searches numbers; compare choices with a sweep.")
-    # A box is called "path=word", and the boxes of other fields do not count.
+    # A box's value is "path=word"; the boxes of other fields do not count.
     several = getattr(form, "getall", None)
     boxes: list[Any] = [form.get(f"words{end}")] if several is None else several(f"words{end}", [])
     ticked = [box.removeprefix(f"{path}=") for box in boxes if isinstance(box, str) and box.startswith(f"{path}=")]

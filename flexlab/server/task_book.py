@@ -53,7 +53,7 @@ class Task:
     kind: str = ""
     """"good" or "bad" once it has ended."""
     result: Any = None
-    """None, too, of a task that failed or was cancelled."""
+    """The result of the work; None until it is finished, and if it failed or was cancelled."""
     size: int = 0
     """Size of its files, bytes."""
 

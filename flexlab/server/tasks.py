@@ -1,6 +1,6 @@
 """Long work on runs (comparing, replaying, exporting) in separate processes, so that labs and pages never wait for it.
 
-What comes first starts the processes of labs, too, and is what all have in common.
+The first functions here also start the processes of labs.
 """
 
 import asyncio
@@ -31,13 +31,13 @@ if TYPE_CHECKING:
     from multiprocessing.context import ForkServerContext, SpawnContext
 
 LAB_PROGRAM = "flexlab.server.labs.preloaded"
-"""The module that the process has imported from which labs and jobs are forked."""
+"""The module imported by the process from which labs and jobs are forked."""
 LONGEST_SOCKET = 107
-"""Bytes of a socket's path on Linux."""
+"""Most bytes of a socket's path on Linux."""
 SOCKET_NAME = 40
-"""Bytes that Python's server of forks adds to the folder of temporary files: a folder of its own, and the socket's name."""
+"""Bytes that Python's fork server adds to the path of the temporary folder: a folder of its own and the socket's name."""
 AT_ONCE = 3
-"""Tasks that run at once, the last of them only for the teacher; they have low priority, so more would only be slower."""
+"""Most tasks that run at once, one of them only for the teacher; they have low priority, so more would only be slower."""
 MOST_OF_ONE, MOST_OF_ADDRESS, MOST = 4, 30, 40
 """Most running and waiting tasks: of one visitor, of one address, and of all visitors."""
 MOST_OF_TEACHER = 10
@@ -59,14 +59,14 @@ log = logging.getLogger(__name__)
 
 
 def _forks() -> bool:
-    """Whether processes are forked: on Linux, if the folder of temporary files leaves room for the name of a socket."""
+    """Whether processes are forked: on Linux, if the path of the temporary folder leaves room for a socket's name."""
     return sys.platform == "linux" and len(os.fsencode(tempfile.gettempdir())) + SOCKET_NAME <= LONGEST_SOCKET
 
 
 def job_processes() -> "ForkServerContext | SpawnContext":
-    """Makes processes of labs and jobs. On Linux they are forked off one that has the whole program in memory, shared by all.
+    """The context that makes processes of labs and jobs: on Linux, forks of one process, which share its program in memory.
 
-    Elsewhere forking is not safe (macOS) or not to be had (Windows): there each reads the program for itself.
+    Elsewhere forking is unsafe (macOS) or missing (Windows), and each process loads the program itself.
     """
     if not _forks():
         return multiprocessing.get_context("spawn")
@@ -76,7 +76,7 @@ def job_processes() -> "ForkServerContext | SpawnContext":
 
 
 def prepare_lab_processes() -> None:
-    """Start reading the labs' program into memory, so that the first visitor waits no longer than the others."""
+    """Start loading the labs' program, so that the first visitor waits no longer than the others."""
     job_processes()
     if _forks():
         with without_interrupt():
@@ -85,7 +85,7 @@ def prepare_lab_processes() -> None:
 
 @contextlib.contextmanager
 def without_interrupt() -> Generator[None, None, None]:
-    """Keep Ctrl-C from processes started meanwhile: it reaches all of a terminal, but the server closes them, in order."""
+    """Keep Ctrl-C from processes started meanwhile: a terminal sends it to all, but the server closes them in order."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -99,7 +99,7 @@ def without_interrupt() -> Generator[None, None, None]:
 
 
 def leave_interrupts_to_the_server() -> None:
-    """Called in the process itself: the server answers Ctrl-C and a closed terminal."""
+    """Ignore Ctrl-C and a closed terminal in this process: the server handles both."""
     for name in ("SIGINT", "SIGHUP"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
@@ -107,7 +107,7 @@ def leave_interrupts_to_the_server() -> None:
 
 @contextlib.contextmanager
 def failures_told_plainly() -> Generator[None, None, None]:
-    """Used in the process itself: a traceback may quote what a visitor sent, so it is printed without control characters."""
+    """Print this process's traceback without control characters: it may quote what a visitor sent."""
     tell_failures_plainly()
     try:
         yield
@@ -117,7 +117,7 @@ def failures_told_plainly() -> Generator[None, None, None]:
 
 
 def work_for_the_server(niceness: int) -> None:
-    """Called in a job's process itself: work at this Unix niceness, and end with the server, however that ends."""
+    """Have this job's process work at a Unix niceness and end with the server, however that ends."""
     leave_interrupts_to_the_server()
     with contextlib.suppress(AttributeError, OSError):
         os.nice(niceness)
@@ -134,13 +134,13 @@ def work_for_the_server(niceness: int) -> None:
 
 @dataclass(frozen=True)
 class Done:
-    """The work's result."""
+    """The result of a task that has finished."""
 
     result: Any
 
 
 Word = float | Done | LabError
-"""What a task's process tells: the work's progress, 0 to 1, its result, or why it failed."""
+"""A message from a task's process: the work's progress, 0 to 1, its result, or why it failed."""
 
 
 @failures_told_plainly()
@@ -233,7 +233,7 @@ class Tasks:
         on_progress: Callable[[float], None] = lambda share: None,
         long: bool = False,
     ) -> T:
-        """The result of `work(*arguments)` in a process of its own; its parameter `report`, if any, takes progress, 0 to 1.
+        """Return the result of `work(*arguments)`, run in a process of its own; its `report`, if any, takes progress, 0 to 1.
 
         `long`: only one long task runs at a time. Work, arguments and result must be picklable. The process ends when the
         caller is cancelled. Raises `FlexlabError` as `work` does, `BusyError` for too many tasks, and `LabError` if the
@@ -241,7 +241,7 @@ class Tasks:
         """
         with self._limit.place(asker):
             async with self._turns.turn(asker, long):
-                on_progress(0.0)  # It waits no longer, although its process takes a moment to begin.
+                on_progress(0.0)  # The wait is over, although the process takes a moment to start.
                 try:
                     return await self._run(work, arguments, on_progress)
                 except OSError as error:  # There is no handle, process or memory left.
@@ -250,7 +250,7 @@ class Tasks:
                     ) from None
 
     async def _run(self, work: Callable[..., T], arguments: tuple[Any, ...], on_progress: Callable[[float], None]) -> T:
-        if self._closed:  # Waiting tasks get their turn when running ones are ended.
+        if self._closed:  # Ending the running tasks gives the waiting ones their turn.
             raise LabError(CLOSING)
         context = job_processes()
         pipe, other = context.Pipe(duplex=False)

@@ -1,4 +1,4 @@
-"""The server that a request came to, and who it comes from: the teacher or a visitor, and the runs that they may see."""
+"""The server that a request reached, its sender (the teacher or a visitor), and the runs that the sender may see."""
 
 import asyncio
 import contextlib
@@ -31,31 +31,31 @@ from flexlab.server.task_book import IDLE, Task, TaskBook
 from flexlab.server.tasks import Tasks
 
 MOST_PAGES = 12, 120, 128, 8
-"""Open pages of labs: of one visitor, of one address, of all, and more for the teacher."""
+"""Most open pages of labs: of one visitor, one address and all, and extra for the teacher."""
 MOST_VIEWERS = 4, 40, 48, 4
-"""Viewers of live data: each takes as much of the line as a film, and a class behind one address has one each."""
+"""Most viewers of live data: each takes as much bandwidth as a film, and a class behind one address has one each."""
 MOST_FILES = 2, 30, 40, 4
-"""Files on their way: a class behind one address asks for one each at once. `claim_room` bounds their bytes."""
+"""Most files in transfer: a class behind one address asks for one each at once. `claim_room` bounds their bytes."""
 SIGNATURE = 40
 """Hexadecimal digits of a signature in a cookie."""
 KEY_FILE = ".flexlab-cookie-key"
-"""In the logs folder, so that visitors keep their runs when the server starts again."""
+"""File of the cookies' key in the logs folder, so that visitors keep their runs when the server starts again."""
 KEY_BYTES = 32
 VISITOR_BYTES = 18
-"""Randomness of the cookie by which a visitor finds their own lab and runs again."""
+"""Random bytes of the cookie by which a visitor finds their own lab and runs again."""
 COOKIE_AGE = 30 * 24 * 3600
 """Seconds for which a browser stays signed in, keeps a name, and finds its runs again."""
 LONGEST_NAME = 40
-"""Characters of a visitor's name: a first and a last one."""
+"""Most characters of a visitor's name, first and last name together."""
 MOST_PARTS = 4
-"""Characters that a letter may be typed as: itself and its accents."""
+"""Most characters typed for one letter: itself and its accents."""
 LONGEST_COOKIE = 500
-"""Characters of such a name as a cookie holds it."""
+"""Most characters of a name as its cookie holds it."""
 
 
 @dataclass(frozen=True)
 class Context:
-    """One server."""
+    """What the pages of one server share."""
 
     settings: Settings
     port: int
@@ -63,10 +63,10 @@ class Context:
     cookie_key: bytes
     """The key that signs cookies; the same for every server of these logs, so that a restart signs nobody out."""
     pass_key: str | None
-    """The key that makes passes to single recordings; None: they need none."""
+    """The key that makes passes to single recordings; None if they need none."""
     places: LabProvider
     inside: aiohttp.ClientSession
-    """Calls to the labs on loopback."""
+    """The HTTP client for the labs on loopback."""
     measuring: Measuring
     tasks: Tasks
     comparisons: TaskBook
@@ -75,16 +75,16 @@ class Context:
     boards: TaskBook
     """The leaderboard's tables and figures."""
     temporary_folder: Path
-    """A folder for files that nobody keeps; gone when the server closes."""
+    """Folder for temporary files, removed when the server closes."""
     preset_cards: PresetCards
     guesses: Guesses = field(default_factory=Guesses)
-    """Wrong tokens of late."""
+    """Recent wrong tokens."""
     pages: Limit = field(default_factory=lambda: Limit("open pages of labs", *MOST_PAGES))
     viewers: Limit = field(default_factory=lambda: Limit("viewers of live data", *MOST_VIEWERS))
     files: Limit = field(default_factory=lambda: Limit("files on their way", *MOST_FILES))
-    """Uploads, exports and archives, which take room on the disk until the other side has them."""
+    """Uploads, exports and archives, which take disk space until they are transferred."""
     claimed: dict[Path, int] = field(default_factory=dict[Path, int])
-    """Folder of a file on its way → bytes that it may take."""
+    """Folder of a file in transfer → bytes that it may take."""
 
     @property
     def is_open(self) -> bool:
@@ -92,14 +92,14 @@ class Context:
         return self.settings.token is None and self.settings.teacher_token is None
 
     def signed(self, kind: str, word: str | None) -> str:
-        """The signature of a word, which a cookie of this kind holds: it neither reveals the word nor can be guessed."""
+        """The signature of a word for a cookie of this kind; it does not reveal the word and cannot be guessed."""
         return hmac.new(self.cookie_key, f"{kind} {word or ''}".encode(), "sha256").hexdigest()[:SIGNATURE]
 
     def cookie(self, kind: str) -> str:
         """The name of a cookie: of a token, the teacher, a visitor's name, or a visitor.
 
-        Browsers keep cookies by host, not by port: two servers of one machine must not sign each other out. The teacher's is
-        another one: a teacher who opens the students' address stays the teacher.
+        Browsers keep cookies by host, not by port: two servers of one machine must not sign each other out. The teacher has a
+        separate cookie: a teacher who opens the students' address stays the teacher.
         """
         return f"flexlab-{kind}-{self.port}"
 
@@ -113,12 +113,12 @@ def context_of(request: web.Request) -> Context:
 
 
 def fresh(data: object) -> web.Response:
-    """JSON for a page's script; no browser keeps it."""
+    """Return JSON for a page's script, which no browser caches."""
     return web.json_response(data, headers={hdrs.CACHE_CONTROL: "no-store"})
 
 
 def file_answer(path: Path, name: str = "") -> web.FileResponse:
-    """A file as it is: for the viewer, and under this name where a browser keeps it."""
+    """Return a file unchanged, as a download of this name if there is one."""
     headers = {hdrs.CONTENT_TYPE: "application/octet-stream", hdrs.CACHE_CONTROL: "no-cache"}
     if name:
         headers[hdrs.CONTENT_DISPOSITION] = f'attachment; filename="{name}"'
@@ -126,17 +126,17 @@ def file_answer(path: Path, name: str = "") -> web.FileResponse:
 
 
 def told(task: Task | None) -> web.Response:
-    """The state of a task, for the script in its page; also of one that nobody has begun."""
+    """Return the state of a task for its page's script; None stands for one that was never started."""
     return fresh((task or IDLE).as_data())
 
 
 def same(given: str, wanted: str) -> bool:
-    """Whether two words are equal, in a time that tells nothing of the wanted one."""
+    """Whether two words are equal, compared in a time that reveals nothing about the wanted one."""
     return hmac.compare_digest(given.encode("utf-8", "replace"), wanted.encode())
 
 
 def scheme_of(request: web.Request) -> str:
-    """http or https, as the visitor's browser has it: of several proxies, the first one says."""
+    """http or https, as the visitor's browser uses it; the first of several proxies decides."""
     return request.headers.get("X-Forwarded-Proto", request.scheme).partition(",")[0].strip()
 
 
@@ -148,24 +148,24 @@ def set_cookie(
     same_site: Literal["Strict", "Lax"] = "Lax",
     age: int | None = COOKIE_AGE,
 ) -> None:
-    """Have the browser keep a word for `age` s (None: until it is closed); no script reads it."""
+    """Set a cookie that the browser keeps for `age` s (None: until it is closed) and that no script can read."""
     secure = scheme_of(request) == "https"
     answer.set_cookie(name, value, max_age=age, httponly=True, samesite=same_site, path="/", secure=secure)
 
 
 def cookie_key(logs: Path | None) -> bytes:
-    """The key that signs the cookies of all servers of these logs, made if need be; without logs, a new one."""
+    """Return the key that signs the cookies of all servers of these logs, made if missing; without logs, a new one."""
     key = secrets.token_bytes(KEY_BYTES)
     if logs is None:
         return key
     file = logs / KEY_FILE
     draft = file.with_name(f"{KEY_FILE}-{secrets.token_hex(8)}")
-    with contextlib.suppress(OSError):  # Where nothing can be written a restart signs everybody out.
+    with contextlib.suppress(OSError):  # If nothing can be written, a restart signs everybody out.
         try:
             if not is_regular(file):
                 with open(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as begun:
                     begun.write(key)
-                with contextlib.suppress(FileExistsError):  # Another server was faster: its key holds.
+                with contextlib.suppress(FileExistsError):  # Another server was faster: its key counts.
                     os.link(draft, file)
         finally:
             draft.unlink(missing_ok=True)
@@ -175,20 +175,20 @@ def cookie_key(logs: Path | None) -> bytes:
 
 
 def checked_name(text: str) -> str:
-    """A name as it was typed, without spaces around it. Raises `LabError` for one that no page should show."""
-    # As typed, first: to put thousands of accents in order takes seconds, in which nobody else is answered.
+    """Return a typed name without spaces around it. Raises `LabError` for one that no page should show."""
+    # The length as typed comes first: normalizing thousands of accents takes seconds in which nobody else is answered.
     name = text.strip()
     name = unicodedata.normalize("NFC", name) if len(name) <= MOST_PARTS * LONGEST_NAME else name
     if len(name) > LONGEST_NAME:
         raise LabError(f"This name has {len(name)} characters: at most {LONGEST_NAME} fit. Shorten it.")
-    # Category C: control characters, changes of the writing direction, surrogates, what no font has.
+    # Category C: control characters, changes of the writing direction, surrogates, unassigned characters.
     if any(unicodedata.category(letter)[0] == "C" or letter in "\u2028\u2029" for letter in name):
         raise LabError("This name holds control characters: type it with letters, digits and spaces.")
     return name
 
 
 def visitor_of(request: web.Request) -> Visitor:
-    """The visitor; without an id if their browser has none yet."""
+    """The visitor who sent a request; without an id if their browser has none yet."""
     context = context_of(request)
     try:
         given = request.cookies.get(context.cookie("name"), "")[:LONGEST_COOKIE]
@@ -196,14 +196,14 @@ def visitor_of(request: web.Request) -> Visitor:
     except (LabError, UnicodeDecodeError):
         name = ""
     word = request.cookies.get(context.cookie("visitor"), "")
-    # An id that this server gave; a made-up one would be a new visitor at every request.
+    # Only an id that this server signed: made-up ones would be a new visitor at every request.
     given, _, signature = word.rpartition(".")
     word = word if same(signature, context.signed("visitor", given)) else ""
     return Visitor(word, network_of(request.remote or ""), is_teacher(request), name)
 
 
 def known_visitor_of(request: web.Request) -> Visitor:
-    """The visitor, with a new id if they have none; `keep_visitor` lets their browser keep it."""
+    """The visitor who sent a request, with a new id if they have none; `keep_visitor` stores it in their browser."""
     visitor = visitor_of(request)
     if visitor.id:
         return visitor
@@ -225,7 +225,7 @@ async def greet(request: web.Request, handler: Handler) -> web.StreamResponse:
 
 
 def keep_visitor(request: web.Request, answer: web.StreamResponse, visitor: Visitor) -> None:
-    """Let a visitor's browser keep their id and name."""
+    """Store a visitor's id and name in their browser."""
     context = context_of(request)
     # Lax, not strict: a visitor who follows a link from another site finds their lab, too.
     set_cookie(request, answer, context.cookie("visitor"), visitor.id)
@@ -247,7 +247,7 @@ def has_teacher_cookie(request: web.Request) -> bool:
 
 
 def has_class(request: web.Request) -> bool:
-    """Whether the visitor is the teacher of others."""
+    """Whether the visitor is the teacher of a class."""
     context = context_of(request)
     return is_teacher(request) and (context.places.is_private or context.settings.has_class)
 
@@ -263,7 +263,7 @@ def may_touch(request: web.Request, row: RunRow) -> bool:
 
 
 async def runs_for(request: web.Request, most: int | None = None) -> list[RunRow]:
-    """The runs that the visitor may see, or the `most` that were written last: those that began last come first."""
+    """The runs that the visitor may see, or the `most` that were written last, sorted by start, newest first."""
     logs = context_of(request).settings.logs
 
     def found() -> Iterator[RunRow]:
@@ -274,14 +274,14 @@ async def runs_for(request: web.Request, most: int | None = None) -> list[RunRow
 
 
 async def with_names(request: web.Request, rows: Sequence[RunRow]) -> list[RunRow]:
-    """Runs as a page shows them: whoever sees those of others has people of one name told apart."""
+    """Runs as a page shows them: for the teacher, who sees everybody's, people of one name are told apart."""
     if not visitor_of(request).is_teacher:
         return list(rows)
     return await asyncio.to_thread(told_apart, rows, context_of(request).settings.logs)
 
 
 async def run_for(request: web.Request, run: str) -> RunRow:
-    """One of the runs that the visitor may see. Raises `NoSuchRun`, the same for another's run as for none."""
+    """Return a run that the visitor may see. Raises `NoSuchRun` for another's run just as for none."""
     row = await asyncio.to_thread(find_row, context_of(request).settings.logs, run)
     if not may_touch(request, row):
         raise NoSuchRun(run)

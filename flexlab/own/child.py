@@ -1,12 +1,12 @@
 """The process in which a person's text runs: it reads calls from a socket, answers them, and reports what goes wrong.
 
-python -m flexlab.own.child CALLS REPORTS LIFELINE FILE SORT  (numbers of inherited sockets and of a pipe; SORT: law or path)
+python -m flexlab.own.child CALLS REPORTS LIFELINE FILE SORT  (file descriptors of two sockets and a pipe; SORT: law or path)
 
-A supervisor process ends all that the text started, with the text or when the lab is gone.
+A supervisor process ends everything that the text started, once the text has ended or the lab is gone.
 
 A law's call is a message and a `LAW_INPUT` record; its answer is the first ANSWER_BYTES of the message. A path's call is
-two int64, the numbers of options and of shares, then both as float64; its answer is the path's length and a pose for each share
-as (1 + 3 shares) float64. An error is a report and, of a path, an answer of NaN.
+two int64, the numbers of options and of shares, then options and shares as float64; its answer is (1 + 3 shares) float64: the
+path's length, then a pose for each share. An error is sent as a report; a path then answers NaN as well.
 """
 
 import codecs
@@ -35,21 +35,21 @@ from flexlab.text import visible
 
 T = TypeVar("T")
 PERIOD = 0.25
-"""s between two looks at a text's processes."""
+"""Time between two checks of a text's processes, s."""
 MOST_PROCESSES = 32
-"""Processes that a text may have at once."""
+"""The most processes that a text may have at once."""
 MOST_MEMORY = 2_000_000_000
-"""Bytes of address space for each process of a text, and of memory in use for all together."""
+"""Limit, in bytes, on the address space of each process of a text and on the memory that they use together."""
 MOST_PRINTED = 1_000_000
-"""Bytes that a text may print; the rest is left out, as an endless loop that prints would fill a terminal's log, or a disk."""
+"""Bytes that a text may print. The rest is dropped: an endless loop that prints would fill a log or a disk."""
 SET_PARENT_DEATH_SIGNAL, SET_CHILD_SUBREAPER = 1, 36
-"""Of Linux's prctl."""
+"""Options of Linux's prctl."""
 ROUNDS = 50
-"""Rounds of stopping a text's processes, before all are killed."""
+"""The most rounds of stopping a text's processes before all are killed."""
 
 
 def receive(calls: socket.socket, size: int) -> bytearray | None:
-    """Exactly `size` bytes; None at the end."""
+    """Read exactly `size` bytes; None once the other end is closed."""
     data = bytearray(size)
     view, got = memoryview(data), 0
     while got < size:
@@ -61,16 +61,16 @@ def receive(calls: socket.socket, size: int) -> bytearray | None:
 
 
 class Report(msgspec.Struct, omit_defaults=True):
-    """What the process tells the lab, one line of JSON each time."""
+    """A message from the process to the lab, one line of JSON."""
 
     pid: int = 0
-    """Of the process in which the text runs."""
+    """Number of the process in which the text runs."""
     ready: bool = False
     problem: str = ""
 
 
 Say = Callable[..., None]
-"""Sends the lab a `Report` of these fields."""
+"""Sends a `Report` with these fields to the lab."""
 
 
 def _watch_exits(say: Say, file: str) -> None:
@@ -79,7 +79,7 @@ def _watch_exits(say: Say, file: str) -> None:
 
     def telling(name: str, function: Any) -> Any:
         def end(*words: Any) -> None:
-            if os.getpid() != own:  # A process that the text started may end.
+            if os.getpid() != own:  # Processes that the text started may end.
                 function(*words)
             lines = [frame.lineno for frame in traceback.extract_stack() if frame.filename == file]
             line = f", line {lines[-1]}" if lines else ""
@@ -88,26 +88,26 @@ def _watch_exits(say: Say, file: str) -> None:
 
         return end
 
-    os._exit, os.abort = telling("_exit", os._exit), telling("abort", os.abort)  # type: ignore[assignment]  # Types say that these never return.
+    os._exit, os.abort = telling("_exit", os._exit), telling("abort", os.abort)  # type: ignore[assignment]  # They are typed as never returning.
 
 
 def _serve(load: Callable[[str, str], T], answer: Callable[[T, socket.socket, Say], None]) -> None:
     """Run one text: `load` it (text, file), then `answer` calls until the lab closes the socket.
 
-    The text comes through the socket of the calls, after its length. When the lab closes the lifeline, this process ends with
-    all that the text started.
+    The text arrives through the socket for calls, after its length. When the lab closes the lifeline, this process ends, and so
+    does everything that the text started.
     """
     calls, reported = socket.socket(fileno=int(sys.argv[1])), socket.socket(fileno=int(sys.argv[2]))
     file = sys.argv[4]
 
     def say(pid: int = 0, ready: bool = False, problem: str = "") -> None:
-        # Half of a surrogate pair, which no UTF-8 can hold, is made visible.
+        # Lone surrogates, which UTF-8 cannot encode, are made visible.
         reported.sendall(msgspec.json.encode(Report(pid, ready, visible(problem))) + b"\n")
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the lab, which ends this by closing the lifeline.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the lab, which then closes the lifeline.
     name = os.path.basename(file)
     _supervised([calls.fileno()], int(sys.argv[3]), lambda text: say(problem=f"{name}: {text}."))
-    for ours in (calls, reported):  # A process that the text forks would answer the same calls once more.
+    for ours in (calls, reported):  # Otherwise a process that the text forks would answer the calls again.
         os.register_at_fork(after_in_child=ours.close)
     say(pid=os.getpid())
     # The lab asks for a traceback when an answer is late: this handler works even while Python is busy.
@@ -125,7 +125,7 @@ def _serve(load: Callable[[str, str], T], answer: Callable[[T, socket.socket, Sa
         return
     say(ready=True)
     answer(loaded, calls, say)
-    _send(os.getppid(), signal.SIGCONT)  # The text may have stopped its supervisor, which ends with this process.
+    _send(os.getppid(), signal.SIGCONT)  # The text may have stopped its supervisor, which has to end too.
 
 
 def _answer_law(law: RunningLaw, calls: socket.socket, say: Say) -> None:
@@ -154,12 +154,12 @@ def _answer_path(path: RunningPath, calls: socket.socket, say: Say) -> None:
 
 
 def _supervised(calls: list[int], lifeline: int, say: Callable[[str], None]) -> None:
-    """Return in a new process, in which the text may run; this one supervises it and ends as it does.
+    """Fork and return in the new process, where the text may run; this one supervises it and ends with the same status.
 
-    calls: numbers of files that only the text's process uses. lifeline: the reading end of a pipe; everything ends when its
-    other end is closed. `say` reports what was wrong.
+    calls: file descriptors that only the text's process uses. lifeline: the reading end of a pipe; everything ends when its
+    other end is closed. `say` reports a problem.
     """
-    _control(SET_CHILD_SUBREAPER, 1)  # Orphans become this process's children, and are found.
+    _control(SET_CHILD_SUBREAPER, 1)  # Orphaned processes become children of this one, which finds them.
     above, here = os.getppid(), os.getpid()
     printed, printing = os.pipe()
     pid = os.fork()
@@ -190,7 +190,7 @@ def _supervised(calls: list[int], lifeline: int, say: Callable[[str], None]) -> 
 
 
 def _pass_on(printed: int) -> None:
-    """Print what comes through a pipe, as `visible` shows it, up to `MOST_PRINTED`."""
+    """Print what arrives through a pipe, made `visible`, up to `MOST_PRINTED` bytes."""
     decoded, left = codecs.getincrementaldecoder("utf-8")("replace"), MOST_PRINTED
     while data := os.read(printed, 65536):
         if left >= 0:
@@ -201,7 +201,7 @@ def _pass_on(printed: int) -> None:
 
 
 def _watch(pid: int, above: int, lifeline: int, say: Callable[[str], None]) -> int | None:
-    """Wait until the text's process has ended (returns its status), or has to end (None)."""
+    """Wait for the text's process: return its status once it has ended, None if it has to be ended."""
     while True:
         found, status = os.waitpid(pid, os.WNOHANG)
         if found == pid:
@@ -221,7 +221,7 @@ def _watch(pid: int, above: int, lifeline: int, say: Callable[[str], None]) -> i
 
 
 def _end(pid: int) -> None:
-    """Kill the text's process and its descendants, after stopping all of them so that none starts another."""
+    """Stop the text's process and its descendants, so that none starts another, and kill them."""
     stopped: set[int] = set()
     for _ in range(ROUNDS):
         new = (_descendants() | {pid}) - stopped
@@ -238,7 +238,7 @@ def _end(pid: int) -> None:
 
 
 def _descendants() -> set[int]:
-    """All processes below this one; empty where the system does not list them."""
+    """All descendants of this process; empty where the system does not list them."""
     found: set[int] = set()
     above = [os.getpid()]
     while above:
@@ -265,7 +265,7 @@ def _send(pid: int, number: int) -> None:
 
 
 def _control(option: int, value: int) -> None:
-    """Linux's prctl; nothing elsewhere."""
+    """Call prctl on Linux; do nothing elsewhere."""
     if sys.platform == "linux":
         ctypes.CDLL(None, use_errno=True).prctl(option, value, 0, 0, 0)
 
@@ -280,7 +280,7 @@ def _limit_memory() -> None:
 
 
 if __name__ == "__main__":
-    # `from flexlab import *` would load libraries for which MOST_MEMORY is too little.
+    # `from flexlab import *` would load libraries that need more than MOST_MEMORY.
     interface: Any = sys.modules["flexlab"]
     interface.__all__ = [name for name, module in interface._HOMES.items() if module.startswith("flexlab.own.")]
     if sys.argv[5] == "law":

@@ -13,28 +13,28 @@ from flexlab.own.reading import DeclaredClass, called, is_finite, kind_of
 from flexlab.text import number_text
 
 MOST_SETTINGS, MOST_SIGNALS, MOST_MEMORY = 64, 16, 256
-"""Most numbers that go with each call."""
+"""The most settings, signals and numbers of memory that a text may declare."""
 SHORTEST_PERIOD, LONGEST_PERIOD = 1e-5, 0.1
-"""s, as for every sampled controller."""
+"""Limits of the control period, s, as for every sampled controller."""
 DEFAULT_PERIOD = 1e-3
-"""s."""
+"""Control period of a law that declares none, s."""
 ON_SAVE = ("go on", "restart")
 SHORTEST, LONGEST = 0.01, 1000.0
-"""s that a path may last."""
+"""Limits of a path's duration or period, s."""
 LASTING = ("duration", "period")
-"""Attributes that say how long a path lasts until it stands, or until it repeats."""
+"""Attributes for the time until a path ends, or until it repeats."""
 
 
 class OwnLaw:
-    """Base of a control law written in Python; it runs at control instants, `period` s apart.
+    """Base class of a control law written in Python; it runs at control instants, `period` s apart.
 
-    Class attributes declare it: `gain(...)`, `memory(...)`, `readout(...)`, `period` and `on_save`, with numbers written in
-    the file. `act(self, at)` returns the inputs of the arms, (arms, 3): forces in N and torques in N·m at the grips, or what
+    Class attributes declare it: `gain(...)`, `memory(...)`, `readout(...)`, `period` and `on_save`, with numbers written out
+    in the file. `act(self, at)` returns the inputs of the arms, (arms, 3): forces in N and torques in N·m at the grips, or what
     `at.from_torques(joint_torques)` makes of joint torques. `at`: a `Measurement`. Within it `self.<gain>` is the gain's
     present value, `self.<memory>` an array to read and change, `self.<readout>` a number to set.
 
     `act` must follow from gains, measurement and memory alone: the engine may ask twice for one instant, to check its own
-    accuracy, and a replay asks again. What it needs to remember belongs into a memory, which recordings keep.
+    accuracy, and a replay asks again. What it needs to remember belongs in a memory, which recordings keep.
     """
 
     period: float = DEFAULT_PERIOD
@@ -47,19 +47,19 @@ class OwnLaw:
 
 
 class OwnPath:
-    """Base of a desired motion written in Python; it is a function of time and of its options alone.
+    """Base class of a desired motion written in Python; it is a function of time and of its options alone.
 
     Class attributes declare it: `option(...)`s, and either `duration` (it ends, and its last pose is held) or `period` (it
     repeats), in s, as a number, an option, or a method.
-    `position(self, t)` returns x, y, m, and θ, rad, of the beam's middle at `t` s from the path's start. Within it
+    `position(self, t)` returns x and y, m, and θ, rad, of the beam's middle `t` s after the path's start. Within it
     `self.<option>` is the option's present value.
 
-    It is asked for its poses when it is chosen, when an option changes and when its file is saved; a spline of degree five
-    through them is what the payload follows, and what recordings keep.
+    Its poses are computed when the path is chosen, when an option changes and when its file is saved. The payload follows a
+    spline of degree five through them, which recordings keep.
     """
 
     def position(self, t: float) -> Any:
-        """x, y, θ, m, m, rad, at `t` s."""
+        """The pose x, y, θ at `t` s, m, m, rad."""
         raise NotImplementedError("define position(self, t)")
 
 
@@ -78,7 +78,7 @@ class Setting:
 
     @property
     def size(self) -> int:
-        """Numbers in it."""
+        """How many numbers it has."""
         return 3 if isinstance(self.default, tuple) else 1
 
 
@@ -112,9 +112,9 @@ def gain(
 ) -> Any:
     """Declare a gain of a law, or an option of a path: its default, unit and allowed range.
 
-    Three numbers as default: one each for x, y and θ. `title`: its name on the screen (otherwise made of the attribute's).
-    `slider`: the part of the range that the slider covers (otherwise all of it); `logarithmic`: whether equal ratios are
-    equally far apart on it.
+    A default of three numbers has one each for x, y and θ. `title`: the name on the screen, by default that of the attribute.
+    `slider`: the part of the range that the slider covers, by default from `low` up to three times the default, or to `high`.
+    `logarithmic`: whether the slider's scale is logarithmic.
     """
     return Setting(default, unit, low, high, title, symbol, slider, logarithmic)
 
@@ -130,12 +130,12 @@ def readout(unit: str, title: str = "", symbol: str = "") -> Any:
 
 
 option = gain
-"""Declares an option of a path, as `gain` does a gain of a law."""
+"""Declares an option of a path, with the arguments of `gain`."""
 
 
 @dataclass(frozen=True)
 class Declared:
-    """What is known of a law or path without running it. From one to an equal one, a run can go on."""
+    """What is known of a law or path without running it. A run can go on with another text whose declaration is equal."""
 
     name: str = field(compare=False)
     """Name of the class."""
@@ -148,7 +148,7 @@ class Declared:
 
     @property
     def kind(self) -> str:
-        """Its name in scenarios, as "soft-pd"."""
+        """Its name in scenarios, such as "soft-pd"."""
         return kind_of(self.name)
 
 
@@ -159,7 +159,7 @@ class Declaration(Declared):
     period: float = field(compare=False)
     """s between control instants, unless the scenario says otherwise."""
     goes_on: bool = field(compare=False)
-    """Whether a run goes on, with the memory as it is, when the file is saved anew."""
+    """Whether a run goes on, with the memory as it is, when the file is saved."""
     memory: tuple[tuple[str, Memory], ...]
     signals: tuple[tuple[str, OwnSignal], ...]
 
@@ -238,7 +238,7 @@ def _check(law: DeclaredClass, name: str, made: Any, line: int) -> None:
 
 
 def _check_setting(declared: DeclaredClass, name: str, gain: Setting, line: int) -> None:
-    """Raises `ScenarioError` for a range without width or a default outside it."""
+    """Raise `ScenarioError` for an empty range or a default outside it."""
     if not is_finite(gain.low) or not is_finite(gain.high) or not gain.low < gain.high:
         raise declared.problem(line, f"{name}: low = {gain.low!r} and high = {gain.high!r} are no range")
     if not all(isinstance(text, str) for text in (gain.unit, gain.title, gain.symbol)):

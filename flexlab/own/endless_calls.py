@@ -1,4 +1,4 @@
-"""Ends calls of a person's text that loop for ever in the process of whoever uses flexlab from Python."""
+"""Ends calls that never return, of a person's text that runs in the process that uses flexlab."""
 
 import ctypes
 import threading
@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 LONGEST_CALL = 10.0
-"""s of processor time that one call may take; a debugger may hold it for longer."""
+"""Processor time that one call may take, s; a pause in a debugger takes none."""
 LOOK = 0.25
-"""s between two looks at the calls that are under way."""
+"""Time between two checks of the calls in progress, s."""
 
 
 class EndlessCall(BaseException):
@@ -20,20 +20,20 @@ class EndlessCall(BaseException):
 
 
 class CallWatch:
-    """The calls that are under way. It needs the processor time of single threads, which Linux tells and macOS does not."""
+    """The calls in progress. It needs the processor time of each thread, which Linux reports and macOS does not."""
 
     def __init__(self) -> None:
         self._calls: dict[int, tuple[int, float]] = {}
-        """Thread → the clock of its processor time, and what it showed when the call began, s."""
+        """Thread → the clock of its processor time, and that clock's reading when the call began, s."""
         self._thread: threading.Thread | None = None
 
     @contextmanager
     def call(self) -> Iterator[None]:
-        """One call of this thread. Raises `EndlessCall` in it after `LONGEST_CALL`."""
+        """Watch one call of this thread: raise `EndlessCall` in it after `LONGEST_CALL`."""
         if not hasattr(time, "pthread_getcpuclockid"):
             yield
             return
-        if self._thread is None or not self._thread.is_alive():  # A forked process does not have it.
+        if self._thread is None or not self._thread.is_alive():  # Threads do not survive a fork.
             self._thread = threading.Thread(target=self._look, daemon=True, name="flexlab-calls")
             self._thread.start()
         me = threading.get_ident()

@@ -33,8 +33,8 @@ from flexlab.own.reading import TextProblem, is_foreign
 from flexlab.physics.law_input import LAW_INPUT, MOST_ARMS
 
 FAILED, ANSWERED, ASKED, INTERRUPTED = 0, 1, 2, 3
-"""Outcomes of a call. Asked: it has not begun. Interrupted: the call before it ended without a beginning, as Python raises Ctrl-C
-that came in machine code before a function's first line, and drops it there."""
+"""Outcomes of a call. Asked: the function has not begun. Interrupted: the call before it never began, as Python raises a
+Ctrl-C that came during machine code before the function's first line, where it is lost."""
 MESSAGE = np.dtype(
     [
         ("outcome", "i8"),
@@ -48,10 +48,10 @@ MESSAGE = np.dtype(
 )
 """A call of a law and its answer. `outcome`: `ANSWERED` or `FAILED`. `period`: T_c, s. `inputs`: u. `plant`: `BELIEVED`."""
 ANSWER_BYTES = MESSAGE.fields["plant"][1]  # type: ignore[index]  # It has fields.
-"""Bytes that go back; the ones after them go to the law only."""
+"""Bytes of a message that are sent back; the bytes after them only go to the law."""
 
 AnswerFunction = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64, ctypes.c_int64)
-"""C function of two addresses, a message, where the outcome goes, and a `LAW_INPUT` record."""
+"""C function of two addresses: a message, into which it writes the outcome, and a `LAW_INPUT` record."""
 FORMER_PLACES = {
     "flexlab.own_laws.declaration": declaration, "flexlab.own_paths.declaration": declaration,
     "flexlab.own_laws.measurement": measurement,
@@ -82,7 +82,7 @@ def record_at(address: int, kind: np.dtype) -> Any:
 
 
 class RunningText:
-    """A text whose code was executed, and an object of its class. Raises `TextProblem` if that fails."""
+    """A text that has been executed, with an object of its class. Raises `TextProblem` if that fails."""
 
     what = ""
     """"control law" or "path", for sentences."""
@@ -114,7 +114,7 @@ class RunningText:
             at += one.size
 
     def _at_line(self, line: int | None) -> str:
-        """File and line, as sentences begin; the file alone for a text that no person wrote."""
+        """File and line for the beginning of a sentence; the file alone for a text that no person wrote."""
         return Path(self._file).name if is_foreign(self._file) else f"{Path(self._file).name}, line {line}"
 
     def _first_line(self, method: str) -> str:
@@ -155,7 +155,7 @@ class RunningText:
         line = next((line for line in reversed(lines) if line), self._declared.line)
         try:
             words = " ".join(str(error).split())[:LONGEST_WORDS]
-        except BaseException:  # The text's own exception cannot say what it is.
+        except BaseException:  # The text's own exception fails to describe itself.
             words = ""
         what = f"{type(error).__name__}: {words}" if words else type(error).__name__
         if isinstance(error, MemoryError):
@@ -166,7 +166,7 @@ class RunningText:
 
 
 def short(value: Any) -> str:
-    """A value as sentences show it."""
+    """A value shortened for a sentence."""
     text = " ".join(repr(value).split())
     return text if len(text) <= 80 else text[:77] + "..."
 
@@ -189,14 +189,14 @@ class RunningLaw(RunningText):
 
     @property
     def problem(self) -> str:
-        """What went wrong last, as a sentence; empty if nothing did. Raises, once, the KeyboardInterrupt that ended a call."""
+        """The last problem, as a sentence; empty if there was none. Raises the KeyboardInterrupt that ended a call, once."""
         if self._is_interrupted:
             self._is_interrupted = False
             raise KeyboardInterrupt
         return self._problem
 
     def ensure(self) -> None:
-        """Forget what went wrong before: a run begins. Raises a KeyboardInterrupt that came too late for the last one."""
+        """Forget earlier problems, as a run begins. Raises a KeyboardInterrupt that came too late for the last run."""
         if self.problem:
             self._problem = ""
 
@@ -206,21 +206,21 @@ class RunningLaw(RunningText):
         try:
             message["outcome"] = FAILED if self._is_interrupted else self.ask(message, record_at(now, LAW_INPUT))
         except KeyboardInterrupt:
-            # The caller is machine code, which would drop it: the run ends, and whoever asks why gets it.
+            # The caller is machine code, which would drop it: the run ends, and `problem` raises it.
             self._is_interrupted, message["outcome"] = True, FAILED
         return 0
 
     def ask(self, message: Any, now: Any) -> int:
-        """One call, as `answer`: its outcome. A sentence goes to `problem`."""
+        """Make one call by `answer` and return its outcome; its sentence is kept for `problem`."""
         with self._lock, CALLS.call():
             text = self.answer(message, now)
             self._problem = text or self._problem
         return FAILED if text else ANSWERED
 
     def answer(self, message: Any, now: Any) -> str:
-        """One call: reads gains and memory of the `message` (fields of `MESSAGE` by name) and `now` (a `LAW_INPUT` record).
+        """Make one call with gains and memory of the `message` (fields of `MESSAGE` by name) at `now` (a `LAW_INPUT` record).
 
-        Writes inputs, signals and memory. Returns what went wrong as a sentence, empty if nothing did. Raises
+        Write inputs, signals and memory into the message. Return a sentence if something went wrong, empty if not. Raises
         KeyboardInterrupt.
         """
         try:
@@ -255,7 +255,7 @@ class RunningLaw(RunningText):
         return self._write_back(message)
 
     def _measurement(self, now: Any, message: Any) -> Measurement:
-        """`Believed` is made when a law asks for it, and anew only when its numbers change."""
+        """The measurement; its `Believed` is made only if the law asks for it, and anew only if its numbers change."""
 
         def believed() -> Believed:
             told = message["plant"].tobytes()
@@ -303,7 +303,7 @@ class RunningPath(RunningText):
         self._lasts = LASTING[1] if declared.repeats else LASTING[0]
 
     def poses(self, options: np.ndarray, shares: np.ndarray) -> tuple[float, np.ndarray]:
-        """How long it lasts, s, and x, y, θ, (N, 3), at `shares` (N,) of that. Raises `TextProblem`.
+        """The path's length, s, and its poses x, y, θ, (N, 3), at `shares` (N,) of that length. Raises `TextProblem`.
 
         options: the numbers of the options in the order of their declaration, flat.
         """

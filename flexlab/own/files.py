@@ -1,6 +1,6 @@
-"""Where laws and paths come from: files of a person's folder, flexlab's examples, a given file, or a class.
+"""Where laws and paths come from: a person's folder, flexlab's examples, a given file, or a class.
 
-The text of a class is gathered with all that it uses, so that a recording can hold it.
+The text of a class is collected with everything that it uses, so that a recording can hold it.
 """
 
 import ast
@@ -40,12 +40,12 @@ HEADER = (
 """Imports at the head of a class's text."""
 FUTURE = "__future__"
 LARGEST = 4 * LONGEST_SOURCE
-"""Bytes of a file, whose characters have four at most."""
+"""The most bytes of a file: a character has four at most."""
 RENAMED = {
     "'carry'": "'bumpless_transfer'", "flexlab.control.load_sharing": "flexlab.control.law_kernels",
     "flexlab.control.row_search": "flexlab.control.paths.table",
 }  # fmt: skip
-"""What kernels of version 0.2.0 name, in the sentence of Python that refuses it, and its present name."""
+"""Names in kernels of version 0.2.0, as Python's error quotes them, and the present names."""
 K = TypeVar("K", bound=Law | DesiredPath)
 
 
@@ -76,7 +76,7 @@ def class_text(given: type) -> str:
     head = [f"from {FUTURE} import annotations"] * any(_is_future(node) for node in nodes)
     module = vars(sys.modules.get(given.__module__, ModuleType("")))
     head += [*HEADER, *(_definition(name, module[name]) for name in sorted(needed - found) if name in module)]
-    # The head goes into the first line, so that the others keep their numbers, unless that begins a class or function.
+    # The head goes into the first line, so that lines keep their numbers, unless that line begins a class or function.
     joint = "; " if 1 in kept and isinstance(kept[1], (ast.Import, ast.ImportFrom, ast.Assign)) else "\n"
     above = "; ".join(part for part in head if part)
     return (above + (joint + rows[0] if rows[0] else "") + "\n" + "\n".join(rows[1:])).rstrip("\n") + "\n"
@@ -133,7 +133,7 @@ class OwnFolder(Generic[K]):
     """The files with laws, or with paths."""
 
     folder: str
-    """Name of the folder within a person's presets and flexlab's own."""
+    """Name of the folder among a person's presets and among flexlab's."""
     kinds: OwnKinds[K]
     base: type
     """`OwnLaw` or `OwnPath`."""
@@ -146,7 +146,7 @@ class OwnFolder(Generic[K]):
     _added: set[str] = field(default_factory=set)
     """Files that were added."""
     _kernels: dict[str, str] = field(default_factory=dict)
-    """File → kind of laws that are kernels, which are loaded once."""
+    """File → kind of a law that is a kernel; each is loaded once."""
 
     @property
     def own(self) -> Path:
@@ -179,7 +179,7 @@ class OwnFolder(Generic[K]):
         return own
 
     def add_all(self) -> list[str]:
-        """Make all `files` known; returns a sentence for each that cannot be used. No declared class runs by that."""
+        """Make all `files` known, without running a declared class; return a sentence for each file that cannot be used."""
         problems = []
         for file in self.files():
             try:
@@ -215,7 +215,7 @@ class OwnFolder(Generic[K]):
         return ScenarioError([(f"{self.kinds.field}.{name}", text)])
 
     def text(self, file: Path) -> str:
-        """The text of a file with the data that it names, or of the law that a unit is. Raises `ScenarioError`."""
+        """The text of a file with the data files that it names, or the text made from a unit. Raises `ScenarioError`."""
         if is_unit(file.name):
             return text_of_unit(file)
         try:
@@ -254,7 +254,7 @@ class OwnFolder(Generic[K]):
             return False
 
     def _text_of(self, given: type) -> str:
-        """Raises `ScenarioError`."""
+        """The text of a class, with the data files that it names. Raises `ScenarioError`."""
         if self.base not in given.__bases__:
             what = f"The class {given.__name__} inherits from {self.base.__name__} through another class: inherit directly."
             raise self._problem("source", what)
@@ -289,7 +289,7 @@ def know_own_texts(texts: Collection[tuple[str, str]]) -> None:
 
 
 def know_own_files(allowed: dict[str, str]) -> None:
-    """Allow what another process allows (`hosts.allowed`), in processes of their own, and make its files known."""
+    """Allow the texts that another process allows (`hosts.allowed`), run apart, and make their files known."""
     hosts.run_apart()
     hosts.allow_digests(allowed)
     for file in dict.fromkeys(allowed.values()):

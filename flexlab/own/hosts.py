@@ -21,17 +21,17 @@ from flexlab.own.reading import TextProblem, is_foreign
 from flexlab.physics.law_input import LAW_INPUT
 
 ANSWER_LIMIT, LATE_LIMIT = 0.05, 0.03
-"""s until a law's answer is late, fifty control periods of 1 ms; and s of work in a row after that until it is given up."""
+"""Time until a law's answer is late, s: fifty control periods of 1 ms. Uninterrupted work after that until it is given up, s."""
 POSES_LIMIT = 1.0
-"""s until a path's poses are late, a fifth of a millisecond for each."""
+"""Time until a path's poses are late, s: a fifth of a millisecond for each."""
 LateFunction = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64)
-"""C function of a message's address: whether its answer may still come."""
+"""C function of a message's address; it returns `ANSWERED` if the answer may still come."""
 TURN = b"\0"
-"""The byte that whoever asks a law takes and gives back."""
+"""The byte that a caller takes from a pipe before asking a law, and puts back afterwards."""
 
 
 class LawApart(OwnProcess):
-    """A control law in a process of its own, which kernels ask through a socket without Python's global lock."""
+    """A control law in a process of its own, which kernels ask through a socket without holding Python's global lock."""
 
     sort, limit, patience, longest = "law", LATE_LIMIT, 2.0, 10.0
     running, kept = 3, 16
@@ -39,10 +39,10 @@ class LawApart(OwnProcess):
     late = f"act did not answer within {1e3 * ANSWER_LIMIT:g} ms."
 
     def __init__(self, source: str, file: str):
-        """Starts the process; `ensure` waits until it is ready."""
+        """Start the process; `ensure` waits until it is ready."""
         super().__init__(source, file)
         self._turn = os.pipe()
-        """One byte goes through it; whoever has it may ask."""
+        """A pipe with one byte; the caller that has taken the byte may ask."""
         os.write(self._turn[1], TURN)
         for end in self._turn:
             self._open.callback(os.close, end)
@@ -65,16 +65,17 @@ class LawApart(OwnProcess):
 
     @property
     def problem(self) -> str:
-        """What went wrong last, as a sentence; empty if nothing did. Raises, once, the KeyboardInterrupt that ended a call."""
+        """The last problem, as a sentence; empty if there was none. Raises the KeyboardInterrupt that ended a call, once."""
         if self._is_interrupted:
             self._is_interrupted = False
             raise KeyboardInterrupt
         return super().problem
 
     def _when_late(self) -> Generator[int, int]:
-        """Tells the kernel, each time that it asks, whether to wait on for an answer.
+        """Tell the kernel, each time it asks, whether to go on waiting for an answer.
 
-        Ctrl-C ends the kernel's reading, and Python raises it where it goes on: here within the `try`, in a function before it.
+        Ctrl-C ends the kernel's read, and Python raises it where Python code goes on. In a generator that is within the `try`; in
+        a function it would be before it.
         """
         outcome = FAILED
         while True:
@@ -82,7 +83,7 @@ class LawApart(OwnProcess):
                 yield outcome
                 outcome = ANSWERED if self._wait() else FAILED
             except KeyboardInterrupt:
-                # The caller is machine code, which would drop it: the run ends, and whoever asks why gets it.
+                # The caller is machine code, which would drop it: the run ends, and `problem` raises it.
                 self._is_interrupted, outcome = True, FAILED
             except Exception as error:
                 self._problem, outcome = f"{self._name}: {type(error).__name__}: {error}.", FAILED
@@ -132,7 +133,7 @@ _apart = False
 def run_apart(apart: bool = True, output: int = subprocess.DEVNULL) -> None:
     """Run texts in Python in processes of their own from now on, as a lab does, or in this one.
 
-    output: the file to which the next processes print. Without compiled code all texts run in this process.
+    output: file descriptor to which the next processes print. Without compiled code all texts run in this process.
     """
     global _apart
     apart = apart and not PLAIN_PYTHON
@@ -167,7 +168,7 @@ def _retire(sort: str, file: str) -> None:
 
 
 def stop_loading(file: str = "", source: str = "") -> None:
-    """End the processes that are not ready yet, so that nobody waits for them; of a `file` saved anew as `source` the others."""
+    """End processes that still load, so that nobody waits for them; given a `file`, those of its texts other than `source`."""
     for (_, text), one in list(known.items()):
         if not isinstance(one, OwnProcess) or one.is_loaded:
             continue
@@ -187,12 +188,12 @@ def close_all() -> None:
 
 
 def allow(source: str, file: str) -> None:
-    """Let a text run that stands in `file`; sentences name that file."""
+    """Let a text run; sentences name `file` as its place."""
     _allowed[short_hash(source)] = file
 
 
 def allowed() -> dict[str, str]:
-    """File by digest of each text that may run, for another process (`allow_digests`)."""
+    """Digest → file of each text that may run, for another process (`allow_digests`)."""
     return dict(_allowed)
 
 
@@ -244,7 +245,7 @@ def known_law(source: str) -> RunningLaw | LawApart | None:
 
 
 def ask_plainly(gains: Any, now: Any) -> int:
-    """One call of a law where kernels are not compiled (`compiled.PLAIN_PYTHON`): its outcome."""
+    """Make one call of a law and return its outcome, where kernels are not compiled (`compiled.PLAIN_PYTHON`)."""
     laws = [one for one in known.values() if isinstance(one, RunningLaw)]
     asked = next(law for law in laws if law.channel.answer == int(gains.answer))
     return asked.ask(gains, np.frombuffer(now.tobytes(), LAW_INPUT)[0])

@@ -1,7 +1,7 @@
 """What laws and paths in Python share: how a text gets a model, a name, and permission to run.
 
 A text is part of the scenario (`controller.source`, `trajectory.source`), so that recordings, presets and replays are
-complete. A scenario with a text makes its declaration known; the text runs only if it was allowed in this process.
+complete. Reading a scenario with a text makes its declaration known; the text runs only if it was allowed in this process.
 """
 
 import threading
@@ -31,10 +31,10 @@ OWN_PLACE = 80
 
 K = TypeVar("K", bound=Law | Path)
 MODELS_KEPT = 32
-"""Texts whose models are kept: to make one takes longer than to make a world, and pydantic may drop a Ctrl-C meanwhile."""
+"""How many texts keep their models: making one takes longer than making a world, and pydantic may drop a Ctrl-C meanwhile."""
 
 ADDING = threading.RLock()
-"""Held while a law or path becomes known, and while a scenario is read: until then no scenario can have it."""
+"""Held while a law or path is added and while a scenario is read, so that neither happens during the other."""
 
 
 def source_field(source: str, word: str) -> Any:
@@ -69,7 +69,7 @@ class OwnKinds(Generic[K]):
                 text = f"{file}: a {self.registry.what} of flexlab is called {own.kind} already: give the class another name."
                 raise ScenarioError([(f"{self.field}.source", text)])
             if wrong := _slider_problem(own.declaration.settings):
-                # Checked in a person's file only: earlier recordings with such laws have to open.
+                # Checked in a person's own file only: earlier recordings with such laws must still open.
                 raise ScenarioError([(f"{self.field}.source", f"{file}: {wrong}.")])
             hosts.allow(source, file)
             if known is None or default_source(known) != source:
@@ -77,11 +77,11 @@ class OwnKinds(Generic[K]):
         return own
 
     def known(self) -> list[K]:
-        """All known ones in Python."""
+        """All known laws, or paths, in Python."""
         return [own for own in self.registry.all().values() if isinstance(own, self.sort)]
 
     def named(self, data: Mapping[str, Any]) -> Mapping[str, Any]:
-        """A scenario's plain data with the name under which its text in Python is known. The text does not run by that."""
+        """A scenario's plain data with the name under which its text in Python is known; the text is not run."""
         own = data.get(self.field)
         if isinstance(own, self.base):
             known = self.registry.all().get(getattr(own, "kind", ""))
@@ -93,12 +93,12 @@ class OwnKinds(Generic[K]):
         return {**data, self.field: {**own, "kind": self._known_kind(own["source"])}}
 
     def restored(self, data: dict[str, Any]) -> Any:
-        """The model of what `model_dump` gave in another process."""
+        """The model from the `model_dump` of another process."""
         kind = self._known_kind(data["source"])
         return self.registry[kind].model.model_validate({**data, "kind": kind})
 
     def _known_kind(self, source: str) -> str:
-        """The name under which a text's declaration is known; it is made known if need be.
+        """The name under which a text's declaration is known; it is added if need be.
 
         If another declaration has its name already, a part of the text's digest is added.
         """
@@ -128,13 +128,13 @@ class OwnKinds(Generic[K]):
             for name, one in declared.settings
         }
         with warnings.catch_warnings():
-            # Said of settings called "copy" and the like, which harm nothing.
+            # It concerns settings called "copy" and the like, which do no harm.
             warnings.filterwarnings("ignore", message="Field name .* shadows an attribute in parent")
             return create_model(
                 declared.name,
                 __base__=self.base,
                 __doc__=declared.meaning,
-                kind=(Literal[kind], kind),  # type: ignore[valid-type]  # A type that is made while the program runs.
+                kind=(Literal[kind], kind),  # type: ignore[valid-type]  # The type is made at run time.
                 source=(str, source_field(source, self.word)),
                 **fields,
                 **own,
@@ -142,8 +142,8 @@ class OwnKinds(Generic[K]):
 
 
 def _is_taken(name: str, base: type[BaseModel]) -> bool:
-    """Whether no setting can have this name: it would take the place of what `base` does or holds."""
-    # Names of earlier versions of pydantic, as "copy", are free: recordings may have them.
+    """Whether a setting cannot have this name, as it would hide a method or field of `base`."""
+    # Names from earlier versions of pydantic, such as "copy", are allowed: recordings may have them.
     is_free = hasattr(BaseModel, name) and not name.startswith("model_")
     return name.startswith("_") or (hasattr(base, name) and not is_free) or name in base.model_fields
 

@@ -30,8 +30,8 @@ from flexlab.signal import Signal
 
 CHANNEL = np.dtype([*((name, "i8") for name in Channel._fields), *MESSAGE.descr])
 """How the kernel reaches a law, and the message itself. `answer`: address of an `AnswerFunction`, 0 for a law in a process of its
-own. `late`: that of a function of the message to call when the answer is late: `ANSWERED` if it may still come. `calls`: socket
-to the process. `next_turn`, `done`: ends of a pipe with one byte, which whoever asks takes and gives back."""
+own. `late`: address of a function of the message, called when the answer is late; it returns `ANSWERED` if one may still come.
+`calls`: socket to the process. `next_turn`, `done`: ends of a pipe with one byte, which a caller takes and puts back."""
 MESSAGE_AT = 8 * len(Channel._fields)
 
 
@@ -79,16 +79,16 @@ class PythonLaw(Law):
         return record.view(np.float64)
 
     def chosen(self) -> dict[str, Any]:
-        """As for every law, with its text for recordings."""
+        """The changes to a scenario that choose this law, with its text for recordings."""
         return {**super().chosen(), "controller.source": default_source(self)}
 
     def problem(self, settings: Any) -> str:
-        """What went wrong in its text last, as a sentence; empty if nothing did."""
+        """The last problem of its text, as a sentence; empty if there was none."""
         law = hosts.known_law(settings.source)
         return "" if law is None else law.problem
 
     def is_ready(self, settings: Any) -> bool:
-        """Whether it answers at once, be it with the sentence that it may not run."""
+        """Whether it answers at once, if only with the sentence that it may not run."""
         law = hosts.known_law(settings.source)
         return (law is not None and law.is_ready) or not hosts.is_allowed(settings.source)
 
@@ -153,7 +153,7 @@ MESSAGE_BYTES, INPUT_BYTES = MESSAGE.itemsize, LAW_INPUT.itemsize
 
 
 def _ask(gains, now):
-    """The outcome of one call: of a C function here, or through the socket of another process, without Python's global lock."""
+    """Make one call, of a C function or through another process's socket, without Python's global lock; return its outcome."""
     at, now_at = _address(gains) + MESSAGE_AT, _address(now)
     if gains.answer != 0:
         gains.outcome = ASKED
@@ -186,7 +186,7 @@ ask: Any = hosts.ask_plainly if PLAIN_PYTHON else _ask_compiled
 
 @pluggable
 def own_law(gains, now, memory, memory_rate, signals):
-    """u_i as the law's `act` answers, NaN if it fails. The memory changes at once, as the law runs sampled only."""
+    """Fill u_i with the answer of the law's `act`, NaN if it fails. The memory changes at once, as the law only runs sampled."""
     for k in range(len(memory)):
         gains.memory[k] = memory[k]
     good = ask(gains, now) == ANSWERED

@@ -1,7 +1,7 @@
 """A control law that a program at tcp://HOST:PORT computes: one message each way per control instant.
 
 The program listens; flexlab connects, once for each process that simulates. Every message is four bytes, its length, highest
-byte first, and so many bytes of MessagePack (https://msgpack.org).
+byte first, and that many bytes of MessagePack (https://msgpack.org).
 
 1. flexlab greets: {"protocol": "flexlab law", "version": 1, "asks": {name: [shape, unit]}, "answers": {name: [shape, unit]}}.
    The program greets back: {"version": 1}.
@@ -11,11 +11,11 @@ byte first, and so many bytes of MessagePack (https://msgpack.org).
    joints. It may add {"memory": ...}, 16 numbers that come back with the next instant and are 0 at first. An answer
    {"error": "a sentence"} stops the run.
 
-As with `OwnLaw.act`, an answer must follow from its message alone: an instant may be asked again, and a run may begin again from
-anywhere. What is to be remembered belongs into `memory`.
+As with `OwnLaw.act`, an answer must follow from its message alone: flexlab may ask for an instant again, and a run may begin
+again from anywhere. What is to be remembered belongs in `memory`.
 
-In a scenario such a law is a text in Python, made of the address by one rule and recognised by it: whoever is asked whether it
-may run reads to which address flexlab would connect.
+In a scenario such a law is a text in Python, made from the address. Only a text equal to that one counts as such a law: a person
+who is asked whether it may run then reads the address to which flexlab would connect.
 """
 
 import re
@@ -34,7 +34,7 @@ from flexlab.text import visible
 MOST_KEPT = 16
 """Numbers of the program's memory."""
 LONGEST_HOST = LONGEST_CLASS - len("Tcp__65535")
-"""Characters of a host's name, which the law's class has in its own."""
+"""The most characters of a host's name, which is a part of the name of the law's class."""
 _ADDRESS = re.compile(rf"tcp://([A-Za-z0-9.-]{{1,{LONGEST_HOST}}}|\[[0-9A-Fa-f:.]+\]):([0-9]{{1,5}})/?")
 _TEXT = '''"""A control law that another program computes: flexlab asks it at each control instant."""
 
@@ -57,7 +57,7 @@ class {name}(OwnLaw):
 
 
 def host_and_port(address: str) -> tuple[str, int]:
-    """Of an address tcp://HOST:PORT. Raises `ScenarioError` for anything else."""
+    """Host and port of an address tcp://HOST:PORT. Raises `ScenarioError` for anything else."""
     found = _ADDRESS.fullmatch(address.lower())
     if found is None or not 1 <= int(found[2]) <= 65535:
         text = f"law = {address!r:.80} is no address of a program: write tcp://HOST:PORT, as in tcp://localhost:9000."
@@ -81,11 +81,11 @@ def address_in(source: str) -> str:
 
 PROTOCOL, VERSION = "flexlab law", 1
 GREETING_LIMIT = 5.0
-"""s to connect and to be greeted."""
+"""Time to connect and to receive the greeting, s."""
 ANSWER_LIMIT = 1.0
-"""s until an answer counts as late: a network and a program that nobody here can look at lie between."""
+"""Time until an answer is late, s: long, as neither the network nor the program can be watched from here."""
 LONGEST = 65536
-"""Bytes of a message from the program."""
+"""The most bytes of a message from the program."""
 HEAD = 4
 """Bytes of a message's length."""
 ASKS: dict[str, tuple[list[Any], str]] = {
@@ -120,13 +120,13 @@ MEMORY = {"memory": ([MOST_KEPT], "1")}
 
 
 class Greeting(msgspec.Struct):
-    """What the program greets with."""
+    """The program's greeting."""
 
     version: int
 
 
 class Answer(msgspec.Struct):
-    """What the program answers with."""
+    """The program's answer."""
 
     inputs: list[list[float]] | None = None
     torques: list[list[float]] | None = None
@@ -135,7 +135,7 @@ class Answer(msgspec.Struct):
 
 
 class Link:
-    """A connection to a program. Raises `TextProblem`, with a sentence, wherever it is not as it should be."""
+    """A connection to a program. Raises `TextProblem`, with a sentence, whenever something is wrong with it."""
 
     def __init__(self, address: str):
         self._address = address
@@ -145,9 +145,9 @@ class Link:
         self._connect()
 
     def ask(self, at: Measurement, kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The inputs (arms, 3), N, N, N·m, and what the program wants kept, (16,)."""
+        """The inputs (arms, 3), N, N, N·m, and the memory that the program wants kept, (16,)."""
         if at.time == 0.0 and self._has_ended():
-            self._connect()  # The program was started anew between two runs.
+            self._connect()  # The program was restarted between two runs.
         asked = {name: getattr(at, name) for name in ASKS} | {"memory": kept}
         plain = {name: one.tolist() if isinstance(one, np.ndarray) else one for name, one in asked.items()}
         answer = self._exchange(plain, self._answer, ANSWER_LIMIT)
@@ -180,7 +180,7 @@ class Link:
             raise self._problem(f"it speaks version {version} of the protocol, and this is version {VERSION}")
 
     def _exchange(self, message: Any, decoder: Any, limit: float) -> Any:
-        """One message each way."""
+        """Send a message and return the answer, which is due within `limit` s."""
         body, link = self._encode(message), self._socket
         if link is None:
             raise self._problem("the connection was closed")
@@ -215,7 +215,7 @@ class Link:
         return data
 
     def _has_ended(self) -> bool:
-        """Whether the other end is closed, or sent what nobody asked for."""
+        """Whether the other end is closed or has sent a message unasked."""
         if self._socket is None:
             return True
         try:
@@ -240,7 +240,7 @@ class Link:
         return numbers
 
     def _problem(self, text: str) -> TextProblem:
-        """A sentence; the connection is over."""
+        """Close the connection and return the error."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None

@@ -1,6 +1,6 @@
-"""What a control law in Python sees of one instant, and what it believes of plant and sensors besides.
+"""What a control law in Python measures at an instant, and what it believes of the plant and the sensors.
 
-What it believes is a block of numbers that goes with each call.
+Its beliefs are a block of numbers that goes with each call.
 """
 
 from collections.abc import Callable
@@ -12,7 +12,7 @@ import numpy as np
 from flexlab.physics.law_input import MOST_GAUGES
 
 MOST_MODES, PLACES = 8, 17
-"""Modes, and even places on the beam at which shapes are told."""
+"""The most modes, and the number of equally spaced places on the beam at which their shapes are given."""
 _SHAPES: dict[str, tuple[int, ...]] = {
     "counts": (2,),
     "wanted_force": (),
@@ -32,14 +32,14 @@ _SHAPES: dict[str, tuple[int, ...]] = {
     "length": (),
 }
 BELIEVED = np.dtype([(name, "f8", shape) for name, shape in _SHAPES.items()])
-"""`counts`: of modes and of gauges; arrays are filled from their first places. `loads`: h and g."""
+"""`counts`: numbers of modes and of gauges; arrays are filled from the start. `loads`: h and g."""
 BELIEVED_SIZE = BELIEVED.itemsize // 8
 
 
 def real_numbers(given: Any) -> np.ndarray:
-    """As floats. Raises TypeError for what NumPy would take without a word, and ValueError for what is no array.
+    """`given` as an array of floats. Raises TypeError for what NumPy would convert silently, and ValueError for what is no array.
 
-    Complex numbers lose their imaginary part there, masked arrays their mask, and texts are read as numbers.
+    NumPy drops the imaginary part of complex numbers and the mask of masked arrays, and reads texts as numbers.
     """
     rows = given if isinstance(given, (list, tuple)) else (given,)
     if any(isinstance(row, np.ma.MaskedArray) for row in rows):
@@ -57,7 +57,7 @@ def real_numbers(given: Any) -> np.ndarray:
 
 
 class Modes(NamedTuple):
-    """The beam's lowest modes, undamped, with held ends, as the controller believes."""
+    """The beam's lowest modes, undamped and with held ends, as the controller believes."""
 
     frequencies: np.ndarray
     """Hz, (modes,)."""
@@ -71,11 +71,11 @@ class Believed:
     """The linear plant that the controller believes in, with its lowest modes, and its sensors' noise; nothing is measured.
 
     M p̈ + D ṗ + K p = f over p = (x, η), pose and modal coordinates, for a straight beam at rest at the path's centre, with f the
-    forces on them; n = 3 + modes. Weight and what turns with the pose are left out. Arrays are shared: read only.
+    forces on them; n = 3 + modes. Weight and what turns with the pose are left out. Arrays are shared: do not change them.
     """
 
     def __init__(self, block: np.ndarray, modes: int | None = None):
-        """`block`: (BELIEVED_SIZE,); `modes`: as many, if there are so many."""
+        """`block`: (BELIEVED_SIZE,); `modes`: the most modes to keep, all unless given."""
         block = block.copy()
         block.flags.writeable = False
         own = self._block = block.view(BELIEVED)[0]
@@ -83,7 +83,7 @@ class Believed:
         most, gauges = own["counts"].astype(int).tolist()
         count = most if modes is None else min(modes, most)
         self.mode_count: int = count
-        """Modes that are told: 8, or all that the beam has."""
+        """Number of modes: 8, or all if the beam has fewer."""
         self.mass: np.ndarray = np.eye(3 + count)
         """M, kg, kg·m, kg·m²; kg^½, m·kg^½; 1: (n, n)."""
         self.mass[:3, :3] = own["rigid_mass"]
@@ -108,17 +108,17 @@ class Believed:
         self.pose_noise: np.ndarray = own["pose_noise"]
         """Standard deviation of the measured pose, m, m, rad, (3,)."""
         self.rate_noise: np.ndarray = own["rate_noise"]
-        """Of the measured pose rate, m/s, m/s, rad/s, (3,)."""
+        """Standard deviation of the measured pose rate, m/s, m/s, rad/s, (3,)."""
         self.strain_noise: float = float(own["strain_noise"])
-        """Of each gauge's reading, 1."""
+        """Standard deviation of each gauge's reading, 1."""
         self.moment_rate_noise: np.ndarray = own["moment_rate_noise"]
-        """Of hᵀq̇ and gᵀq̇, besides what the gauges' noise adds, kg·m/s, kg·m²/s, (2,)."""
+        """Standard deviation of hᵀq̇ and gᵀq̇, besides what the gauges' noise adds, kg·m/s, kg·m²/s, (2,)."""
         self.wanted_force: float = float(own["wanted_force"])
         """F_d, N; see `Measurement.wanted_force`."""
 
     @cached_property
     def modes(self) -> Modes:
-        """Their frequencies and shapes."""
+        """Frequencies and shapes of the modes."""
         places = np.linspace(-0.5, 0.5, PLACES) * float(self._block["length"])
         return Modes(self.omega / (2 * np.pi), places, self._block["shapes"][:, : self.mode_count])
 
@@ -142,8 +142,8 @@ class Believed:
         return np.vstack([np.zeros_like(self.mass), np.linalg.inv(self.mass)])
 
     def held(self, period: float, inputs: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Φ and Γ over `period` s in which u of dz/dt = A z + `inputs` u is held; `inputs`: B unless given, (2 n, any)."""
-        from flexlab.numerics.matrix_functions import exponential  # It takes its time to load: laws that need it do.
+        """Φ and Γ of z(t + period) = Φ z + Γ u, for dz/dt = A z + inputs u with u held; `inputs`: B unless given, (2 n, any)."""
+        from flexlab.numerics.matrix_functions import exponential  # Slow to load: only for laws that need it.
 
         B = self.input_matrix if inputs is None else real_numbers(inputs)
         n, count = B.shape
@@ -165,7 +165,7 @@ class Measurement:
         self._now, self._believe = now, believed
         arms = int(now["arm_count"])
         self.arm_count: int = arms
-        """Arms that are there: 2, or 1."""
+        """Number of arms: 2, or 1."""
         self.time: float = float(now["time"])
         """t, s."""
         self.period: float = period
@@ -175,7 +175,7 @@ class Measurement:
         self.pose_rate: np.ndarray = now["v"]
         """ẋ, m/s, m/s, rad/s, (3,)."""
         self.beam_rate: np.ndarray = now["beam_rate"]
-        """hᵀq̇ and gᵀq̇: how the vibration's momentum and angular momentum move, kg·m/s, kg·m²/s, (2,)."""
+        """hᵀq̇ and gᵀq̇: momentum and angular momentum of the vibration, kg·m/s, kg·m²/s, (2,)."""
         self.desired_pose: np.ndarray = now["desired"][0]
         """x_d, m, m, rad, (3,)."""
         self.desired_rate: np.ndarray = now["desired"][1]
@@ -187,15 +187,15 @@ class Measurement:
         self.coriolis: np.ndarray = now["C"][:arms]
         """C̄_i, (arms, 3, 3)."""
         self.arm_weights: np.ndarray = now["G"][:arms]
-        """Ḡ_i: what holds the arms' own weight, N, N, N·m, (arms, 3)."""
+        """Ḡ_i: inputs that hold the arms' own weight, N, N, N·m, (arms, 3)."""
         self.share: np.ndarray = now["share"][:arms]
-        """What each arm carries of the common part, 1, (arms,)."""
+        """Share of each arm in the common part, 1, (arms,)."""
         self.payload_mass: float = float(now["m"])
-        """As the controller believes it, kg."""
+        """Mass of the payload, believed, kg."""
         self.payload_inertia: float = float(now["I"])
-        """About the middle, kg·m²."""
+        """Inertia of the payload about its middle, believed, kg·m²."""
         self.gravity: float = float(now["gravity"])
-        """Along -y, m/s²."""
+        """Gravity along -y, m/s²."""
 
         self.strains: np.ndarray = now["strain"][: int(now["gauge_count"])]
         """-½ t w''(s_j) at the gauges, measured, 1, (gauges,); their places: `gauge_places`."""
@@ -236,9 +236,10 @@ class Measurement:
 
     @property
     def grip_forces(self) -> np.ndarray:
-        """What the arms press on the payload, believed, N, N, N·m, (arms, 3).
+        """Forces of the arms on the payload, believed, N, N, N·m, (arms, 3).
 
-        No sensor tells it: the torques in force less what moves and holds the arms, if the pose accelerates as desired.
+        No sensor measures them: they are the torques in force less what moves and holds the arms, if the pose accelerates as
+        desired.
         """
         used = self.inertias @ self.desired_acceleration + self.coriolis @ self.pose_rate + self.arm_weights
         return self.from_torques(self.torques[0]) - used
@@ -277,13 +278,13 @@ class Measurement:
 
     @property
     def weights(self) -> np.ndarray:
-        """What holds the arms and their shares of the payload's weight, N, N, N·m, (arms, 3)."""
+        """Inputs that hold the arms' weight and their shares of the payload's, N, N, N·m, (arms, 3)."""
         held = self.arm_weights.copy()
         held[:, 1] += self.share * self.payload_mass * self.gravity
         return held
 
     def shared(self, common: Any) -> np.ndarray:
-        """A common input (3,), N, N, N·m, dealt out to the arms by their shares, (arms, 3)."""
+        """A common input (3,), N, N, N·m, divided between the arms by their shares, (arms, 3)."""
         return self.share[:, None] * real_numbers(common)
 
     def inputs_for(self, acceleration: Any) -> np.ndarray:
@@ -293,7 +294,7 @@ class Measurement:
         return self.inertias @ a + self.coriolis @ self.pose_rate + self.weights + self.shared(payload * a)
 
     def net_force(self, inputs: Any) -> np.ndarray:
-        """What inputs (arms, 3) do to the pose beyond the arms' velocity terms and all weight, N, N, N·m, (3,)."""
+        """Net force of inputs (arms, 3) on the pose, less the arms' velocity terms and all weight, N, N, N·m, (3,)."""
         force = (real_numbers(inputs) - self.coriolis @ self.pose_rate - self.arm_weights).sum(axis=0)
         force[1] -= self.payload_mass * self.gravity
         return force

@@ -3,8 +3,8 @@
 Text and table are part of the scenario (`trajectory.source`, `trajectory.table`). The engine follows the spline through the
 table, so that a replay runs no code. The text runs only if it was allowed, to make a table for other options or another text.
 
-The spline of degree five through the poses at N + 1 even instants is compared with the function between them, twice in every
-interval, once at a place that no period of the function can share; N doubles until they agree.
+A spline of degree five through the poses at N + 1 equally spaced instants is compared with the function at two places in every
+interval, one of them irregular, so that no period of the function hides a difference. N doubles until they agree.
 """
 
 import base64
@@ -39,7 +39,7 @@ MILLI = 1e-3
 RECORD = np.dtype([("start", "f8"), ("period", "f8")])
 """Numbers of the kernel besides the table; a period of 0 means that the path ends."""
 TABLES_KEPT = 128
-"""Tables that are kept for options that come back to an earlier value."""
+"""How many tables are kept, for options that return to an earlier value."""
 COMPUTED = ("trajectory.source", "trajectory.table", "trajectory.table_of")
 """Fields that are recorded with every change of such a path."""
 RESERVED = ("rows", "span", "end", "window")
@@ -48,13 +48,13 @@ RESERVED = ("rows", "span", "end", "window")
 FEWEST, MOST = 64, 4096
 """Intervals of a table."""
 AGREED = 1e-9
-"""m and rad that the spline may be off: a hundred thousandth of the paper's deflection."""
+"""Allowed error of the spline, m and rad: a hundred thousandth of the paper's deflection."""
 TOLERATED = 1e-6
-"""The same for a function whose acceleration jumps, which more intervals improve slowly."""
+"""Allowed error, m and rad, for a function whose acceleration jumps: more intervals help it little."""
 SMOOTH = 8.0
 """Least factor by which halving the intervals reduces the difference of a smooth function."""
 ROUND = 1e-6
-"""m and rad that the two ends of a period may differ by."""
+"""Allowed difference between the two ends of a period, m and rad."""
 GOLDEN = 0.5 * (np.sqrt(5) - 1)
 FARTHEST = 1e6
 """m and rad: the largest coordinate of a pose."""
@@ -105,36 +105,36 @@ class OwnTrajectory(Trajectory):
 
     @property
     def slowest_period(self) -> float:
-        """s."""
+        """Time in which the whole path is seen once, s."""
         return float(self.rows[-1, 0])
 
     @property
     def span(self) -> float:
-        """s."""
+        """Time after which the path repeats or ends, s."""
         return self.slowest_period if self.repeats else self.start + self.slowest_period
 
     @property
     def end(self) -> float | None:
-        """s."""
+        """Time at which the path ends, s; None if it repeats."""
         return None if self.repeats else self.span
 
     @property
     def jumps(self) -> bool:
-        """Where it ends, even the velocity may."""
+        """Whether the path has ends, at which even the velocity may jump."""
         return not self.repeats
 
     @property
     def discontinuities(self) -> tuple[float, ...]:
-        """Both ends, if it has any."""
+        """Instants of both ends, s; none if the path repeats."""
         return () if self.repeats else self.window
 
     @property
     def window(self) -> tuple[float, float]:
-        """s."""
+        """First and last instant between which the whole path is seen once, s."""
         return (0.0, self.span) if self.repeats else (self.start, self.span)
 
     def keeping(self, changed: Trajectory, changes: Mapping[str, Any], time: float) -> Trajectory:
-        """Another option: as far along as it was; a path that has ended begins anew."""
+        """With other options the path is as far along as before; one that has ended begins anew."""
         if "start" in changes or not isinstance(changed, OwnTrajectory):
             return changed
         if not self.repeats:
@@ -143,7 +143,7 @@ class OwnTrajectory(Trajectory):
         return changed.model_copy(update={"start": time - phase * changed.slowest_period})
 
     def taken_up(self, old: Trajectory, given: Collection[str], time: float) -> Trajectory:
-        """From its beginning, now."""
+        """This path, beginning now."""
         return self if "start" in given else self.model_copy(update={"start": _now(time)})
 
 
@@ -197,7 +197,7 @@ class PythonPath(Path):
     declaration: PathDeclaration
 
     @property
-    def record(self) -> np.dtype:  # type: ignore[override]  # Computed there, and kept: one for all here.
+    def record(self) -> np.dtype:  # type: ignore[override]  # Computed for each path there, one for all here.
         """One type for all paths in Python, so that the kernel is compiled once."""
         return RECORD
 
@@ -236,7 +236,7 @@ def needs_running(trajectory: Trajectory, changes: Mapping[str, Any]) -> bool:
 
 
 def with_table(changes: Mapping[str, Any], changed: Trajectory) -> dict[str, Any]:
-    """Changes that made a scenario's path `changed`, with text and table of a path in Python, for recordings."""
+    """The changes that made a scenario's path `changed`, with its text and table if it is in Python, for recordings."""
     if not isinstance(changed, OwnTrajectory) or not needs_running(changed, changes):
         return dict(changes)
     return {**changes, **{path: getattr(changed, path.rpartition(".")[2]) for path in COMPUTED}}

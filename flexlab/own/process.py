@@ -22,32 +22,32 @@ from flexlab.own.reading import TextProblem
 from flexlab.text import visible
 
 PROBE = 0.02
-"""s between two looks at a late process: whether it works or waits for a processor."""
+"""Time between two checks of a late process, s: whether it works or waits for a processor."""
 LOADING_LIMIT = 60.0
-"""s for a file to load: it may have to compile libraries."""
+"""Time for a file to load, s: it may have to compile libraries."""
 MOST_READ = 1_000_000
-"""Bytes of reports read at a time, and the longest line."""
+"""The most bytes of reports that are read at a time, and in one line."""
 LONGEST_PROBLEM = 2000
 """Characters of a sentence from the process."""
 ENDING_LIMIT = 5.0
-"""s for the process to end what its text started."""
+"""Time for the process to end what its text started, s."""
 MARK = "FLEXLAB_OWN_TEXT"
-"""In the environment of all processes of a text."""
+"""Environment variable that marks all processes of a text."""
 LINE_LIMIT, LONGEST_LINE_LIMIT = 0.3, 3.0
-"""s to find out which line a late process is in, without and with its waits for a processor."""
+"""Time to find out which line a late process is in, s, without and with its waits for a processor."""
 STARVED = 0.3
-"""Share of a look without a processor from which on lateness is the machine's, not the text's."""
+"""Share of a check spent waiting for a processor, above which the machine is late and not the text."""
 
 
 class Look(NamedTuple):
     """The state of a process at an instant, as the system reports it."""
 
     time: float
-    """s, of the monotonic clock."""
+    """Time of the monotonic clock, s."""
     worked: float
-    """s on a processor so far."""
+    """Time on a processor so far, s."""
     waited: float
-    """s in the queue for a processor so far, without the wait that is going on."""
+    """Time in the queue for a processor so far, s, without the present wait."""
     is_runnable: bool
     """Whether it works, or would if a processor were free."""
 
@@ -58,24 +58,24 @@ class OwnProcess:
     sort = ""
     """law or path."""
     output: int = subprocess.DEVNULL
-    """The file to which all texts print."""
+    """File descriptor to which all texts print."""
     limit = patience = longest = 0.0
-    """s of work in a row after which a late answer is given up if the text itself is at work; s of work, or s in all, after which
-    it is given up wherever the process is."""
+    """When a late answer is given up, s: after `limit` of uninterrupted work in the text itself; after `patience` of work, or
+    `longest` in all, wherever the process is."""
     late = ""
-    """What a late process is said to have done."""
+    """The sentence about a late process, after its place."""
     running = kept = 1
     """Of one file's texts, the newest `running` keep their processes and the newest `kept` their sockets."""
 
     def __init__(self, source: str, file: str):
-        """Starts the process; `ensure` waits until it is ready."""
+        """Start the process; `ensure` waits until it is ready."""
         self._source, self.file = source, file
         self._mark = secrets.token_hex(8)
         self._lock = threading.RLock()
-        # Their numbers stay the same for all processes to come.
+        # Later processes get the same file descriptors, whose numbers kernels keep.
         self._calls, self._reports = socket.socket(socket.AF_UNIX), socket.socket(socket.AF_UNIX)
         self._open = contextlib.ExitStack()
-        """What is closed when nobody may ask any more, or can."""
+        """What is closed once nobody may ask any more, or can."""
         for one in (self._calls, self._reports):
             self._open.enter_context(one)
         weakref.finalize(self, self._open.close).atexit = False
@@ -100,7 +100,7 @@ class OwnProcess:
         return self._is_alive() and self.is_loaded and not self._problem
 
     def ensure(self) -> None:
-        """Be ready, in a new process if need be. Raises `TextProblem` for a text that cannot be run."""
+        """Wait until the text is ready, in a new process if need be. Raises `TextProblem` for a text that cannot be run."""
         if self.problem or not self._is_alive():
             self._start_again()
         end = time.monotonic() + LOADING_LIMIT
@@ -124,7 +124,7 @@ class OwnProcess:
             return
         os.close(self._lifeline)
         if hasattr(signal, "SIGCONT"):
-            process.send_signal(signal.SIGCONT)  # The text may have stopped the one that is to end it.
+            process.send_signal(signal.SIGCONT)  # The text may have stopped its supervisor.
         try:
             process.wait(ENDING_LIMIT)
         except subprocess.TimeoutExpired:
@@ -132,7 +132,7 @@ class OwnProcess:
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
         if process.returncode == -getattr(signal, "SIGKILL", 0):
-            # What looks after the processes that the text started was killed itself.
+            # The supervisor was killed itself: what the text started is found by its mark.
             mark = f"{MARK}={self._mark}".encode()
             for process in Path("/proc").glob("[0-9]*"):
                 with contextlib.suppress(OSError):
@@ -221,7 +221,7 @@ class OwnProcess:
         return False
 
     def _wait(self) -> bool:
-        """Wait for a late answer; False if there will be none, after the process was given up."""
+        """Wait for a late answer; if none will come, give the process up and return False."""
         begin, worked, in_a_row = time.monotonic(), 0.0, 0.0
         while self._is_alive() and not self._problem:
             before, heard = self._look(), self._heard
@@ -230,8 +230,8 @@ class OwnProcess:
             self._listen(0.0)
             waited = self._waited(before)
             worked += max(0.0, time.monotonic() - before.time - waited)
-            # A process that reports more than the socket holds waits until it is read. A look may take longer than PROBE,
-            # where this process waits for a processor: that says nothing of the other one.
+            # A process that reports more than the socket holds waits until it is read. A check takes longer than PROBE if
+            # this process itself waits for a processor, which says nothing about the other one.
             is_held_up = self._heard > heard or waited > STARVED * PROBE
             in_a_row = 0.0 if is_held_up else in_a_row + PROBE
             is_over = worked > self.patience or time.monotonic() - begin > self.longest
@@ -239,7 +239,7 @@ class OwnProcess:
                 line = self._line()
                 if self._has_answer(0.0):
                     return True
-                # If it is not in the text itself, the machine is what is slow.
+                # Outside the text itself it is the machine that is slow.
                 if line or is_over:
                     return self._give_up(f"{self._name}{line}: {self.late}")
         return self._give_up(self._problem or self._how_it_ended())
@@ -260,9 +260,9 @@ class OwnProcess:
         return Look(time.monotonic(), int(work) / 1e9, int(wait) / 1e9, state == "R")
 
     def _waited(self, since: Look) -> float:
-        """s that the process has waited for a processor since a look."""
+        """Time that the process has waited for a processor since a look, s."""
         now = self._look()
-        # Linux counts a wait when it ends; until then the process could work and does not.
+        # Linux counts a wait only once it ends; until then the process is runnable and does no work.
         if now.is_runnable and since.is_runnable and now.worked == since.worked:
             return now.time - since.time
         return now.waited - since.waited

@@ -25,7 +25,7 @@ LONGEST_CLASS = 200
 SCHEME = "tcp://"
 """How the address of a program that computes a law begins."""
 WORDS = r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])"
-"""The bounds between the words of a class's name."""
+"""Boundaries between the words of a class's name."""
 _ARITHMETIC: dict[type, Callable[..., Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -79,7 +79,7 @@ class DeclaredClass:
     """The one class of a text that inherits from `base`, and the constants defined above it."""
 
     def __init__(self, source: str, file: str, base: str, field: str):
-        """`field` of the scenario, for errors. Raises `ScenarioError` with file and line."""
+        """`field`: the scenario's field that errors name. Raises `ScenarioError` with file and line."""
         self._file, self._field = file, field
         if len(source) > LONGEST_SOURCE:
             raise self.problem(1, f"has {len(source)} characters: keep it under {LONGEST_SOURCE}")
@@ -127,7 +127,7 @@ class DeclaredClass:
         return any(isinstance(node, ast.FunctionDef) and node.name == name for node in self.node.body)
 
     def few(self, what: str, count: int, most: int) -> None:
-        """Raises `ScenarioError` if `count` is above `most`."""
+        """Raise `ScenarioError` if `count` is above `most`."""
         if count > most:
             raise self.problem(self.line, f"{self.node.name} declares {count} {what}: {most} are the most")
 
@@ -192,7 +192,7 @@ def data_file(name: str, kept: str = "") -> io.BytesIO:
 def with_data(text: str, folder: Path, field: str) -> str:
     """A text with the contents of the data files in `folder` that it names. Lines keep their numbers.
 
-    `field` of the scenario, for errors. Raises `ScenarioError` for a file that cannot be kept.
+    `field`: the scenario's field that errors name. Raises `ScenarioError` for a file that cannot be kept.
     """
     if "data_file" not in text:
         return text

@@ -23,7 +23,7 @@ from flexlab.quantities import base_exponents
 from flexlab.text import visible
 
 _FMI_BASES = ("kg", "m", "s", "A", "K", "mol", "cd")
-"""Without rad, which tools may leave out."""
+"""Base units of FMI, without rad, which tools may leave out."""
 _SPELT = (("**", "^"), ("^2", "²"), ("2", "²"), ("*", "·"), (".", "·"), (" ", "·"), ("(", ""), (")", ""), ("Nm", "N·m"))
 SIDES, AXES, JOINTS = ("left", "right"), ("x", "y", "theta"), ("1", "2", "3")
 _NAMED = {
@@ -149,7 +149,7 @@ def text_of_unit(file: Path) -> str:
 
 
 def unit_in(source: str, folders: Iterable[Path]) -> tuple[str, str]:
-    """(name, path) of the unit that a text runs: the path is empty if no folder has it, the name if it runs none."""
+    """(name, path) of the unit that a text runs: the path is empty if no folder has the unit, both if the text runs none."""
     found = re.search(r'Unit\("([^"\\/]{1,200}\.fmu)", "([0-9a-f]{64})", __file__,', source)
     if found is None:
         return "", ""
@@ -221,7 +221,7 @@ def _named(names: Iterable[str], most: int, taken: Iterable[str] = ()) -> dict[s
 _RESERVED = {"period", "answered", "unit", "act", "on_save", "kind", "source", "model", "control_period", "input_delay"}
 _RESERVED |= {"torque_limit", "load_share", "wanted_internal_force", "sensor_noise", "memory", "gain", "readout"}
 WIDE = 1e9
-"""Range of a parameter that has none."""
+"""Bound of a parameter that has none."""
 
 
 def _gain(variable: Any) -> str:
@@ -249,7 +249,7 @@ def _title(variable: Any) -> str:
 
 
 def _period(about: Any) -> float:
-    """s between two control instants: the unit's own step, if it names one."""
+    """Control period, s: the unit's own step, if it names one."""
     told = [
         getattr(about.defaultExperiment, "stepSize", None),
         getattr(about.coSimulation, "fixedInternalStepSize", None),

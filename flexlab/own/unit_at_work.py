@@ -25,7 +25,7 @@ from flexlab.text import visible
 STATES_KEPT = 4096
 """Instants to which the unit can return."""
 MARK_BYTES = 6
-"""Bytes of a mark."""
+"""Bytes of the digest that makes a mark."""
 MARKS = 2.0 ** (8 * MARK_BYTES + 1)
 """Above every mark: the memory holds mark / MARKS, below 1 and exact."""
 WORST = 3
@@ -91,7 +91,7 @@ class Unit:
     def act(self, law: Any, at: Measurement) -> Any:
         """One call of the law's `act`."""
         before, parameters = int(MARKS * law.answered[0]), [float(getattr(law, name)) for name in self._gains]
-        # One arm has fewer numbers than names, and so have few gauges.
+        # With one arm, or few gauges, there are fewer numbers than names.
         numbers = {
             name: value
             for asked, parts in PARTS.items()

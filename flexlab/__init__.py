@@ -9,7 +9,7 @@ with open(f"{__file__}i", encoding="utf-8") as _stub:
 __all__ = ["__version__", *sorted(_HOMES)]
 
 _EARLIER = {"own_laws": "flexlab.Measurement and flexlab.OwnLaw", "own_paths": "flexlab.OwnPath"}
-"""Packages of version 0.2.0 and what people took from them."""
+"""Packages of version 0.2.0, and the names that replace what they held."""
 
 
 def __getattr__(name: str) -> object:

@@ -1,4 +1,4 @@
-"""`flexlab`, and `python -m flexlab`: Ctrl-C ends them without a traceback from here on, while modules load, too."""
+"""Entry point of `flexlab` and `python -m flexlab`: Ctrl-C ends them without a traceback, even while modules load."""
 
 import os
 import signal
@@ -6,7 +6,7 @@ from typing import Any
 
 
 def main() -> None:
-    """Entry point of the console script: `flexlab.cli.main`. Whatever fails after Ctrl-C fails by it."""
+    """Run `flexlab.cli.main`. Any error after Ctrl-C counts as an interruption."""
     pressed = False
 
     def press(number: int, frame: Any) -> None:

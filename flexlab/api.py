@@ -51,25 +51,25 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
     # Help lists what is annotated, private or not.
     if TYPE_CHECKING:
         _noted: Mapping[str, float | None]
-        """Of a recorded run: metrics of somebody's own by title and unit, SI, as they were noted."""
+        """Own metrics that were stored with a recording, in SI units, by title and unit."""
 
         _measured: tuple[list[OwnMetric], RunMetrics] | None
-        """The metrics, and which of somebody's own were declared as they were computed; None: not yet."""
+        """The own metrics that were declared when the metrics were computed, and all metrics; None if not computed yet."""
 
         _course: Course | None
-        """How it went, so that what is recorded of it can be replayed; None: from its scenario's start, untouched."""
+        """How the run went, for the replay of its recording; None if from its scenario's start, without commands."""
 
-    # Whatever has a public name here must be none of a law's signals, and be in `sim.samples.TAKEN`.
+    # Every public name here must be in `sim.samples.TAKEN`, so that no signal of a law can have it.
     def __init__(self, *, name: str = "run", **parts: Any):
         super().__init__(**parts)
         vars(self).update(name=name, _noted={}, _measured=None, _course=None)
 
     @property
     def metrics(self) -> RunMetrics:
-        """Tracking errors, vibration, settling time, torques…: of the whole run, in SI units; `print` shows a table.
+        """Metrics of the whole run in SI units: tracking errors, vibration, settling time, torques…; `print` shows a table.
 
-        NaN, but for the duration, for a run that stopped before its end. Metrics of your own (`flexlab.metric`) that were noted
-        with a recording are there too. Raises `StudyError` if one of your own fails.
+        All but the duration are NaN for a run that stopped before its end. Your own metrics (`flexlab.metric`) that were stored
+        with a recording are included. Raises `StudyError` if one of your own fails.
         """
         declared = own_metrics()
         if self._measured is None or self._measured[0] != declared:
@@ -80,7 +80,7 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
 
     @cached_property
     def explanations(self) -> tuple["Explained", ...]:
-        """Sentences on the run's newest five seconds, as `explain(run)`."""
+        """Sentences about the run's last five seconds, as from `explain(run)`."""
         return explain(self)
 
     @property
@@ -91,10 +91,9 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
     def save(self, folder: str | Path = LOGS) -> Path:
         """Record the run as `<folder>/<time>-<name>.rrd`, or as a file that you name; returns the path.
 
-        `run.save("squeezed.rrd")` names one. The commands of the run go along, so that it can be replayed. Its metrics, your own
-        among them, are noted beside it; if one of your own fails, the note on the run says so. `flexlab review`, the lab's
-        library and `flexlab.read` open it again. Raises
-        `RecordingError`, also where a file of that name is there already.
+        `run.save("squeezed.rrd")` names the file. The commands of the run are recorded, so that it can be replayed. Its metrics,
+        your own included, are stored beside it; if one of your own fails, the run's note says so. `flexlab review`, the lab's
+        library and `flexlab.read` open it again. Raises `RecordingError`, also if the file exists already.
         """
         from flexlab.analysis.run_summary import MetricNotes
         from flexlab.recording.headless import write_run
@@ -121,9 +120,9 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
         return draw_signals(self, signals)
 
     def show(self) -> "Page":
-        """A page for notebooks with the run in three dimensions and plots that follow; it needs no network.
+        """A page for notebooks with the run in three dimensions and plots of its signals; it needs no network.
 
-        It shows the scenario that the run started from. Raises `StudyError` for a run without samples.
+        It shows the scenario with which the run started. Raises `StudyError` for a run without samples.
         """
         from flexlab.lab.run_page import run_page
         from flexlab.text import Page
@@ -174,15 +173,15 @@ def simulate(
     path: AnyPath = None,
     check: bool = False,
 ) -> Run:
-    """Simulate a scenario for `duration` s with a sample exactly at every k · `sample_period` s, t = 0 included.
+    """Simulate a scenario for `duration` s, with a sample at exactly every k · `sample_period` s, t = 0 included.
 
     `scenario`: a `Scenario`, the name of a preset, the path of a scenario file, or plain data. `commands`: (time in s, command)
-    pairs, as a person in the live lab would give them; each takes effect on the first sample instant that is not before its
-    time. `law`: another control law, by its name, the path of a Python file or unit (.fmu) that holds one, the address of a
-    program (tcp://HOST:PORT), or a class of `OwnLaw`; `path`: another path, by its name, a CSV file, a Python file, or a class
-    of `OwnPath`. A run that cannot start or go on ends early: `run.status` says why, and the good samples are kept. Raises
-    `PresetError` or `ScenarioError` for a scenario or command that is not valid and `StudyError` for a duration or period that
-    is not, a command that changes the beam's mesh or starts the run anew, and, with `check`, for a run that did not finish.
+    pairs, as a person in the live lab would give them; each takes effect at the first sample at or after its time. `law`:
+    another control law, by its name, the path of a Python file or unit (.fmu) that holds one, the address of a program
+    (tcp://HOST:PORT), or a subclass of `OwnLaw`; `path`: another path, by its name, a CSV file, a Python file, or a subclass of
+    `OwnPath`. A run that cannot start or go on ends early: `run.status` says why, and the good samples are kept. Raises
+    `PresetError` or `ScenarioError` for an invalid scenario or command, and `StudyError` for an invalid duration or period, a
+    command that changes the beam's mesh or restarts the run, and, with `check`, a run that did not finish.
     """
     must_finish = flag("check", check)
     name, valid = named_scenario(scenario, law, path)
@@ -194,10 +193,10 @@ def simulate(
 
 
 def explain(run: Run) -> tuple["Explained", ...]:
-    """Sentences on the newest five seconds of a run, the most important first, each with its equation and plot.
+    """Sentences about the last five seconds of a run, the most important first, each with its equation and plot.
 
-    They follow from its samples since it was last changed or touched, and from the poles and conditions of the scenario that it
-    then has; a sentence whose check fails is left out, and all of them while a hand pulls.
+    They follow from the samples since the last change or touch, and from the poles and conditions of the scenario at the end; a
+    sentence whose check fails is left out. There are none while somebody pulls the beam or an arm.
     """
     if not isinstance(run, samples.Run):
         raise StudyError(f"{run!r:.60} is no run: give one of flexlab.simulate or flexlab.read.")
@@ -217,13 +216,13 @@ def simulate_many(
     path: AnyPath = None,
     cluster: str | None = None,
 ) -> list[Run]:
-    """Simulate every scenario (see `simulate`), in order, with one law or path, on all cores.
+    """Simulate many scenarios on all cores, each as `simulate` does, with one law or path; the runs are in the same order.
 
-    `workers`: threads, None: one per core; or `cluster`: the address of a Dask scheduler.
+    `workers`: number of threads, None for one per core; or `cluster`: the address of a Dask scheduler.
 
-    A scenario that is not valid becomes a run without samples whose status is "invalid" and says why; one that cannot go
-    on ends early, as in `simulate`. `progress` draws a bar on a terminal. Raises `PresetError` for a name that is none,
-    `ScenarioError` for a law or path that is none, and `StudyError` for unusable arguments.
+    An invalid scenario becomes a run without samples whose status is "invalid" and says why; a run that cannot go on ends
+    early, as in `simulate`. `progress` draws a bar on a terminal. Raises `PresetError` for an unknown name, `ScenarioError`
+    for an unusable law or path, and `StudyError` for other unusable arguments.
     """
     single = isinstance(scenarios, (str, bytes, Mapping)) or (isinstance(scenarios, np.ndarray) and not scenarios.ndim)
     if single or not isinstance(scenarios, Iterable):
@@ -254,14 +253,14 @@ def sweep(
 ) -> Sweep:
     """Simulate a scenario with fields varied over ranges, on all cores, and gather the metrics of every cell in a table.
 
-    `vary`: {"payload.bending_stiffness": "1:1000:log:25", "controller.kind": ["pd", "computed-torque"]}, or the same as
-    the shell takes it, ["payload.bending_stiffness=1:1000:log:25"]; files and classes of laws and paths stand for their kinds.
+    `vary`: {"payload.bending_stiffness": "1:1000:log:25", "controller.kind": ["pd", "computed-torque"]}, or the same as on
+    the command line, ["payload.bending_stiffness=1:1000:log:25"]; a law or path may be given by its file or class.
     `law`, `path`: as in `simulate`. `design`: "grid" (all combinations), or
-    "latin-hypercube" or "sobol" with so many `samples` and a `seed`. `accuracy`: pose accuracy of the runs, m; None: the
-    scenario's own. `folder` (None: `sweeps/<name>-<key>`) keeps the table; a sweep that was interrupted goes on there, and
-    the same sweep is not computed twice. `workers`: threads, None: one per core; or `cluster`: the address of a Dask
-    scheduler. A cell that fails says why and stops nobody. Raises `PresetError` or `ScenarioError` for the scenario and
-    `StudyError` for other unusable arguments, for a cluster that fails, and for more than `most_cells` cells.
+    "latin-hypercube" or "sobol" with a number of `samples` and a `seed`. `accuracy`: pose accuracy of the runs, m; None for the
+    scenario's own. `folder` (None: `sweeps/<name>-<key>`) keeps the table; an interrupted sweep continues there, and the
+    same sweep is not computed twice. `workers`: number of threads, None for one per core; or `cluster`: the address of a Dask
+    scheduler. A cell that fails says why and does not stop the others. Raises `PresetError` or `ScenarioError` for the scenario
+    and `StudyError` for other unusable arguments, for a cluster that fails, and for more than `most_cells` cells.
     """
     name, valid = named_scenario(scenario, law, path)
     most = whole_number("most_cells", most_cells, 1)
@@ -297,10 +296,10 @@ def export_fmu(
 ) -> Path:
     """Write a scenario as a functional mock-up unit (.fmu), which other tools simulate without Python; returns the file.
 
-    `part`: "plant", arms and beam, whose motors' torques are inputs; "law", law and path, whose inputs are what is measured; or
-    "loop", both together, which gives the bits of `simulate`; or "follower", the loop without its path, whose inputs are the
-    desired motion. `version` of FMI: 3 or 2. Importers look every `sample_period` s, or at multiples of it. A C compiler is
-    needed. Raises `PresetError`, `ScenarioError` or `StudyError`.
+    `part`: "plant" is arms and beam, with the motor torques as inputs; "law" is law and path, with the measurements as inputs;
+    "loop" is both together, with the same bits as `simulate`; "follower" is the loop without its path, with the desired motion
+    as input. `version`: of FMI, 3 or 2. Importers step by `sample_period` s or by multiples of it. A C compiler is needed.
+    Raises `PresetError`, `ScenarioError` or `StudyError`.
     """
     from flexlab.fmi.export import write_fmu
 
@@ -311,7 +310,7 @@ def export_fmu(
 
 
 def _by_kind(vary: Any) -> Any:
-    """`vary` with kinds in place of laws and paths given as files or classes. Raises `ScenarioError`."""
+    """`vary` with laws and paths given as files or classes replaced by their kinds. Raises `ScenarioError`."""
     if not isinstance(vary, Mapping):
         return vary
     kinds = {"controller.kind": law_kind, "trajectory.kind": path_kind}

@@ -24,7 +24,7 @@ def file_path(name: str, value: str | Path) -> Path:
 
 
 def flag(name: str, value: Any) -> bool:
-    """True or False; Python would take nearly anything else for True."""
+    """True or False, and nothing else: Python would take nearly anything for True."""
     if not isinstance(value, (bool, np.bool_)):
         raise StudyError(f"{name} = {value!r:.60} is not usable: give True or False.")
     return bool(value)

@@ -1,4 +1,4 @@
-"""Finds the data files that belong to flexlab: `presets/` and `web_assets/`, and where to keep what can be made again.
+"""The folders of flexlab's data files, `presets/` and `web_assets/`, and of its cache.
 
 In a source checkout they are folders beside the package; in an installed wheel they are inside it, under `_data`.
 """
@@ -23,17 +23,17 @@ def data_folder(name: str) -> Path:
 
 
 def presets_folder() -> Path:
-    """Where the presets of flexlab itself lie (scenario files)."""
+    """The folder of flexlab's own presets (scenario files)."""
     return data_folder("presets")
 
 
 def web_assets_folder() -> Path:
-    """Where models, pictures and the guide of the lab lie."""
+    """The folder of the lab's models, pictures and guide."""
     return data_folder("web_assets")
 
 
 def user_cache() -> Path:
-    """The user's cache folder, or one for this process if that cannot be written."""
+    """The user's cache folder, or a temporary one for this process if that cannot be written."""
     given = os.environ.get("XDG_CACHE_HOME")
     try:
         folder = Path(given) if given else Path.home() / ".cache"
@@ -43,14 +43,14 @@ def user_cache() -> Path:
 
 
 def _is_writable(folder: Path) -> bool:
-    """Whether this user may make a folder, or write into one that is there."""
+    """Whether this user may make a folder or, if it exists, write into it."""
     there = next((each for each in (folder, *folder.parents) if os.path.exists(each)), folder)
     return there.is_dir() and os.access(there, os.W_OK | os.X_OK)
 
 
 @cache
 def _passing_cache(why: str) -> Path:
-    """One for as long as this process runs: machine code in a folder that others could make first would not be safe."""
+    """A cache folder for this process only: machine code in a folder that others could make first would not be safe."""
     folder = Path(tempfile.mkdtemp(prefix="flexlab-cache-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     os.environ["XDG_CACHE_HOME"] = str(folder)  # For processes that this one starts.

@@ -7,7 +7,7 @@ HELD_COORDINATES: dict[str, tuple[int, ...]] = {
     "pinned-clamped": (0, -2, -1),
     "clamped-free": (0, 1),
 }
-"""Of the 2 (n + 1) coordinates (deflection, slope per node, left to right); negative ones are counted from the end."""
+"""Indices among the 2 (n + 1) nodal coordinates (deflection, slope per node, left to right); negative from the end."""
 
 
 def held_coordinates(element_count: int, boundary: str) -> list[int]:

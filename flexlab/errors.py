@@ -1,4 +1,4 @@
-"""The one exception family of flexlab, and how a lab tells of errors. Every text is a sentence for the person at the screen."""
+"""The exceptions of flexlab, and how a lab reports errors. Every text is a sentence for the person at the screen."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -9,7 +9,7 @@ log = limited(__name__)
 
 
 class FlexlabError(Exception):
-    """Base of all errors that a user can cause and mend; `str(error)` is the sentence to show."""
+    """Base of all errors that a user can cause and correct; `str(error)` is the sentence to show."""
 
 
 class ScenarioError(FlexlabError):
@@ -38,7 +38,7 @@ class StudyError(FlexlabError):
 
 @contextmanager
 def telling(tell: Callable[[str], object], failed: str) -> Iterator[None]:
-    """Tell what goes wrong in the block. What nobody expected goes to the log as well, and in brackets into `failed`."""
+    """Pass the sentence of an error in the block to `tell`. An unexpected error is logged too, and completes `failed`."""
     try:
         yield
     except FlexlabError as error:

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, and files that are made of a template."""
+"""Reading and writing of files: atomic writing, locks, hashes and templates."""
 
 import errno
 import hashlib
@@ -31,14 +31,14 @@ def is_regular(path: Path) -> bool:
 
 
 def check_ordinary(path: Path) -> None:
-    """Raises OSError for a folder, a pipe or a device, which would hang or has no end; links are followed."""
+    """Raise OSError for a folder, a pipe or a device, which could block or never end; links are followed."""
     if path.exists() and not path.is_file():
         raise OSError(errno.EINVAL, "it is no ordinary file", str(path))
 
 
 def read_json(path: Path, largest: int) -> Any:
-    """What the JSON in an ordinary file of at most `largest` bytes says. Raises OSError, or ValueError for anything else."""
-    # A pipe would hang, and a link may lead out of the folder.
+    """The data in an ordinary JSON file of at most `largest` bytes. Raises OSError, or ValueError for any other file."""
+    # A pipe could block, and a link may lead out of the folder.
     if not is_regular(path) or path.stat().st_size > largest:
         raise ValueError("no ordinary file")
     try:
@@ -49,7 +49,7 @@ def read_json(path: Path, largest: int) -> Any:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A draft beside `path` that takes its place when the block is left without an error, at once or not at all."""
+    """A draft beside `path` that replaces it atomically when the block ends without an error."""
     draft = _draft_of(path)
     try:
         yield draft
@@ -61,12 +61,12 @@ def replacing(path: Path) -> Iterator[Path]:
 def _draft_of(path: Path) -> Path:
     if not path.name:  # The root, or the working directory.
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-    # Its own name may be as long as names can be.
+    # The file's own name may leave no room for more characters.
     return path.with_name(f".{short_hash(path.name)}-{os.getpid()}-{threading.get_ident()}.draft")
 
 
 def check_writing(path: Path) -> None:
-    """Refuse at once a file that could not be written after long work. Raises `StudyError`."""
+    """Check before long work that a file can be written afterwards. Raises `StudyError`."""
     with writable(path, "choose another file"):
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
@@ -81,14 +81,14 @@ def writing(path: Path, advice: str = "choose another file", kind: type[FlexlabE
     """As `replacing`. Raises `kind`, with a sentence that ends in `advice`, if the file cannot be written."""
     with writable(path, advice, kind):
         if not path.is_dir():
-            check_ordinary(path)  # As root, a file would take the place of /dev/null, for all programs.
+            check_ordinary(path)  # As root, the file would replace /dev/null for all programs.
         with replacing(path) as draft:
             yield draft
 
 
 @contextmanager
 def writable(place: object, advice: str, kind: type[FlexlabError] = StudyError) -> Iterator[None]:
-    """Make a sentence that ends in `advice` of what the system refuses at a place. Raises `kind`."""
+    """Turn an OSError in the block into the error `kind`: a sentence that names `place` and ends in `advice`."""
     try:
         yield
     except OSError as error:
@@ -96,21 +96,21 @@ def writable(place: object, advice: str, kind: type[FlexlabError] = StudyError) 
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text, whole or not at all. Raises `StudyError`."""
+    """Write a text atomically. Raises `StudyError`."""
     with writing(path) as draft:
         draft.write_text(text, encoding="utf-8")
 
 
 def make_folder(folder: Path, advice: str = "choose another folder") -> None:
-    """Make a folder that need not exist yet. Raises `StudyError` with a sentence that ends in `advice`."""
+    """Make a folder unless it exists. Raises `StudyError` with a sentence that ends in `advice`."""
     with writable(folder, advice):
         folder.mkdir(parents=True, exist_ok=True)
 
 
 def lock(file: IO[bytes] | int, attempts: int = 1, shared: bool = False) -> None:
-    """Lock an open file or folder until it is closed or its process ends; does nothing unless `HAS_LOCKS`.
+    """Lock an open file or folder until it is closed or its process ends; do nothing unless `HAS_LOCKS`.
 
-    `attempts`, 10 ms apart. Raises OSError, `BlockingIOError` if another process holds it at each of them.
+    Try `attempts` times, 10 ms apart. Raises OSError; `BlockingIOError` if another process holds the lock each time.
     """
     if fcntl is not None:
         kind = (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB
@@ -122,7 +122,7 @@ def lock(file: IO[bytes] | int, attempts: int = 1, shared: bool = False) -> None
 
 
 DIGITS = 16
-"""Hexadecimal digits of a hash: two different things share one with a probability of 2⁻⁶⁴."""
+"""Hexadecimal digits of a hash: two different texts have the same one with a probability of 2⁻⁶⁴."""
 
 
 def short_hash(text: str) -> str:
@@ -132,7 +132,7 @@ def short_hash(text: str) -> str:
 
 
 def filled(template: Path, **values: object) -> str:
-    """The text of an HTML template with its values, which are escaped."""
+    """The text of an HTML template filled with values, which are escaped."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     folder = FileSystemLoader(template.parent)

@@ -28,17 +28,17 @@ STEPS = ("guess", "do", "observe")
 """Steps of a lesson in order; step 1 is the first."""
 NEEDED = ("title", "preset")
 FIELDS = (*NEEDED, "check", "exaggeration", "hint")
-"""Of a lesson's head; those not needed may be left out: a check may also be rules after a line ## Check."""
+"""Fields of a lesson's head. Those not in `NEEDED` may be left out; rules after a line ## Check may replace the check."""
 HIGHEST_EXAGGERATION = 1000.0
-"""Factor on a drawn deflection."""
+"""Largest factor on a drawn deflection."""
 Mistakes = Iterable[tuple[int, str]]
 """(line of the file, what is wrong in it)."""
 MOST_TOLD = 20
-"""Mistakes of one file that are listed, at most."""
+"""Most mistakes of one file that are listed."""
 
 
 def told_together(mistakes: Sequence[str]) -> str:
-    """Sentences on the first mistakes in a file."""
+    """The first `MOST_TOLD` mistakes of a file as one text."""
     more = len(mistakes) - MOST_TOLD
     last = [f"{more} more lines are wrong: mend these first."] if more > 0 else []
     return " ".join([*mistakes[:MOST_TOLD], *last])
@@ -59,7 +59,7 @@ class Chapter(NamedTuple):
     """File name without number and ending, as "the-equations"."""
     title: str
     text: str
-    """Markdown without the title, pictures and tables in place."""
+    """Markdown without the title, with pictures and tables inserted."""
 
 
 class Lesson(NamedTuple):
@@ -74,11 +74,11 @@ class Lesson(NamedTuple):
     question: str
     """Markdown: what the lesson is about."""
     guess: str
-    """The question to guess the answer of first; empty for none."""
+    """The question whose answer is guessed first; empty for none."""
     options: tuple[str, ...]
     """Answers to choose from."""
     answer: str
-    """The option that is right."""
+    """The right option."""
     steps: str
     """Markdown: a numbered list of what to do."""
     observe: str
@@ -88,7 +88,7 @@ class Lesson(NamedTuple):
     exaggeration: float | None = None
     """Factor on the drawn deflection of its runs; None for the preset's."""
     lines: tuple[tuple[str, int], ...] = ()
-    """Lines of the head's fields and of the check in the file."""
+    """(field, line in the file) of each field of the head and of the check."""
 
     @property
     def text(self) -> str:
@@ -107,10 +107,10 @@ class LessonProgress(NamedTuple):
     step: int
     """1 to 3."""
     question: str
-    """The question to guess the answer of; empty for none."""
+    """The question whose answer is guessed; empty for none."""
     options: tuple[str, ...]
     answer: str
-    """The option that is right."""
+    """The right option."""
     guess: str
     """The option that was guessed; empty for none."""
     passed: str
@@ -123,7 +123,7 @@ class LessonProgress(NamedTuple):
 
 
 def guide_folder() -> Path:
-    """Where the guide's texts and pictures lie."""
+    """The folder of the guide's texts and pictures."""
     return web_assets_folder() / "guide"
 
 
@@ -153,7 +153,7 @@ def read_lesson(
 ) -> Lesson:
     """A lesson from its file. Raises `LessonError`, with lines and reasons, if it is not valid.
 
-    `pictures`: where pictures that it names lie; None: it has none, and no HTML either. `further`: what else is wrong with a
+    `pictures`: the folder of its pictures; None for a lesson without pictures and HTML. `further` finds other mistakes in a
     lesson, some of whose fields may be missing.
     """
     text = file.read_text(encoding="utf-8-sig").replace("\r\n", "\n")
@@ -199,7 +199,7 @@ def without_html(text: str) -> str:
 
 
 def _head(text: str) -> tuple[dict[str, str], dict[str, int], list[tuple[int, str]]]:
-    """The fields between the --- lines, the line of each, and what is wrong."""
+    """The fields between the --- lines, the line of each, and the mistakes."""
     head: dict[str, str] = {}
     lines: dict[str, int] = {}
     mistakes: list[tuple[int, str]] = []
@@ -214,7 +214,7 @@ def _head(text: str) -> tuple[dict[str, str], dict[str, int], list[tuple[int, st
 
 
 def _parts(file: Path, text: str) -> tuple[dict[str, str], list[tuple[int, str]]]:
-    """Head, question, steps, observe, guess and check (may be empty); what is missing. Raises `LessonError`: there is no head."""
+    """Head, question, guess, steps, observe and check (may be empty), and the mistakes. Raises `LessonError` without a head."""
     lines = text.split("\n")
     if lines[0] != HEAD_LINE:
         raise LessonError(file, [(1, "a lesson begins with a line --- and its head.")])
@@ -251,7 +251,7 @@ def symbol_table(symbols: list[str]) -> str:
 
 
 def _inline(file: Path, alt: str) -> str:
-    """A picture as one line of HTML: within markdown an empty line would end it."""
+    """A picture as one line of HTML: in markdown, an empty line would end it."""
     picture = re.sub(r">\s+<", "><", file.read_text(encoding="utf-8").strip())
     label = f'<svg role="img" aria-label="{html.escape(alt)}" style="max-width:100%;height:auto" '
     return f'<div style="margin:0.4em 0;overflow-x:auto">{picture.replace("<svg ", label, 1)}</div>'
@@ -270,11 +270,11 @@ class ClassRules:
     """What a teacher asks of every lab of a class."""
 
     lesson: str = ""
-    """The one lesson that is open, as the guide's menu calls it; empty: each chooses."""
+    """The one lesson that is open, as the guide's menu calls it; empty if each chooses."""
     step: int = len(STEPS)
-    """Of that lesson, the last step that is shown, 1 to 3."""
+    """The last step of that lesson that is shown, 1 to 3."""
     locked: bool = False
-    """Whether nobody but the teacher can play or change anything."""
+    """Whether only the teacher can play or change anything."""
     hides_names: bool = False
     """Whether the teacher's page shows numbers instead of names."""
 
@@ -285,7 +285,7 @@ class ClassRules:
 
     @property
     def pace_on_play_screen(self) -> str:
-        """The same for the play screen, which has no guide."""
+        """Where the class is, as a sentence for the play screen, which has no guide."""
         return f"{self._place}: press More, then open the Guide. The teacher moves on." if self.lesson else ""
 
     @property

@@ -1,14 +1,14 @@
-"""flexlab in the launcher of JupyterLab and of a JupyterHub: what jupyter-server-proxy is told (extra `jupyter`)."""
+"""Settings of jupyter-server-proxy that put flexlab into the launcher of JupyterLab and JupyterHub (extra `jupyter`)."""
 
 from pathlib import Path
 from typing import Any
 
 PATIENCE = 180
-"""s for a lab to open: the first start on a machine compiles the engine."""
+"""Longest time for a lab to open, s: the first start on a machine compiles the engine."""
 
 
 def lab_server() -> dict[str, Any]:
-    """How jupyter-server-proxy starts a person's lab: on a socket that only they can open, below their own address.
+    """How jupyter-server-proxy starts a person's lab: on a socket that only they can open, under their own address.
 
     Runs go to the folder flexlab/logs in their home.
     """

@@ -1,8 +1,8 @@
-"""LAPACK and BLAS beside a run: decompositions without Python's global lock, and small matrices on one thread.
+"""LAPACK and BLAS during a run: decompositions without Python's global lock, and small matrices on one thread.
 
 scipy's wrappers keep the lock while they compute, for a tenth of a second on a fine mesh. Its LAPACK is also available as plain C
-functions, and ctypes releases the lock while one runs. numpy releases the lock itself, so that its decompositions need none of
-this. What is analysed or drawn beside runs has small matrices, for which idle BLAS threads would spin on busy cores.
+functions, and ctypes releases the lock while one runs. numpy releases the lock itself, so its decompositions need none of
+this. Analysis and drawing during a run use small matrices, for which idle BLAS threads would spin on busy cores.
 """
 
 import ctypes
@@ -29,7 +29,7 @@ def _libraries() -> ThreadpoolController:
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Hold BLAS to one thread until the last of the concurrent users has left."""
+    """Limit BLAS to one thread until the last concurrent user has left."""
     global _users, _limit
     with _lock:
         if _users == 0:
@@ -42,7 +42,7 @@ def one_blas_thread() -> Iterator[None]:
         with _lock:
             _users -= 1
             if _users == 0:
-                # Limits of any but the first thread to set one are ignored; `_lock` keeps order here.
+                # threadpoolctl ignores limits from any but the first thread to set one; `_lock` keeps the order here.
                 OpenBLASController.clear_controlling_thread(force=True)
                 _limit.restore_original_limits()
 
@@ -74,7 +74,7 @@ def _call(name: str, *arguments: bytes | int | np.ndarray | None) -> None:
 
 
 def _with_workspace(name: str, dtype: type, before: tuple, after: tuple) -> None:
-    """Call a routine with the workspace of the size that it asks for, between its other arguments."""
+    """Call a routine with a workspace of the size that it asks for, between its other arguments."""
     asked = np.empty(1, dtype)
     _call(name, *before, asked, -1, *after)
     work = np.empty(max(1, int(asked[0].real)), dtype)
@@ -91,7 +91,7 @@ def complex_schur(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def eigenvectors(A: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Eigenvalues (n,) of a real matrix (n, n), its left and its right eigenvectors as columns: as `scipy.linalg.eig`."""
+    """Eigenvalues (n,) of a real matrix (n, n), and its left and right eigenvectors as columns, as `scipy.linalg.eig`."""
     n = len(_square(A))
     scratch, real, imaginary = np.array(A, dtype=float, order="F"), np.empty(n), np.empty(n)
     left, right = np.empty((n, n), order="F"), np.empty((n, n), order="F")
@@ -107,7 +107,7 @@ def _square(A: np.ndarray) -> np.ndarray:
 
 
 def _paired(vectors: np.ndarray, imaginary: np.ndarray) -> np.ndarray:
-    """Complex eigenvectors as columns: LAPACK returns real and imaginary part of a conjugate pair in two columns."""
+    """Complex eigenvectors as columns: LAPACK returns the real and imaginary parts of a conjugate pair in two columns."""
     found = vectors.astype(complex)
     first = np.flatnonzero(imaginary > 0)
     found[:, first] += 1j * vectors[:, first + 1]

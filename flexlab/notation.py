@@ -25,7 +25,7 @@ class Symbol(NamedTuple):
 
 
 NOT_FORMED = "–"
-"""Code name of what stands in the paper only: the code goes from what is before it to what is behind it at once."""
+"""Code name of a symbol that stands only in the paper: the code computes what follows from it directly."""
 POSE, RATE, FORCE = "m, m, rad", "m/s, m/s, rad/s", "N, N, N·m"
 INERTIA = "kg, kg·m, kg·m²"
 

@@ -1,8 +1,8 @@
-"""Presets and scenario files as JSON, and what else stands for a scenario in the Python interface.
+"""Presets and scenario files in JSON, and the other forms of a scenario in the Python interface.
 
-A preset is a scenario file `<name>.json` of flexlab or in a person's own folder `presets`. A name of flexlab's own always means
-flexlab's file, so that "paper" is the paper everywhere. A file may leave out fields with default values; `menu_order` is the
-preset's place in menus. Editors check scenario files by their JSON schema.
+A preset is a scenario file `<name>.json`, flexlab's or in a person's own folder `presets`. The name of one of flexlab's presets
+always means that one, so that "paper" is the paper everywhere. A file may leave out fields with default values; `menu_order` is
+the preset's place in menus. Editors check scenario files by their JSON schema.
 """
 
 import difflib
@@ -28,12 +28,12 @@ from flexlab.scenario.scenario import FORMAT, FORMAT_FIELD, MENU_FIELD, SCHEMA_F
 from flexlab.text import visible
 
 REFERENCE = "schema/scenario.json"
-"""Where the schema lies beside presets, as they name it."""
+"""Path of the schema relative to the presets, as they give it."""
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def scenario_schema() -> dict[str, Any]:
-    """The schema, with the range of every number."""
+    """The JSON schema of scenario files, with the range of every number."""
     schema = Scenario.model_json_schema()
     schema["properties"] |= {
         SCHEMA_FIELD: {"type": "string", "description": "Where this schema lies, for editors."},
@@ -47,7 +47,7 @@ def scenario_schema() -> dict[str, Any]:
 
 
 def write_schema(presets: Path) -> Path:
-    """Write the schema beside the files of a folder `presets`; returns its file. Raises OSError."""
+    """Write the schema into a folder `presets`; returns its path. Raises OSError."""
     file = presets / REFERENCE
     file.parent.mkdir(parents=True, exist_ok=True)
     text = json.dumps(scenario_schema(), indent=1, sort_keys=True, ensure_ascii=False) + "\n"
@@ -90,7 +90,7 @@ def load_scenario_file(path: str | Path) -> Scenario:
 
 
 def read_scenario(content: bytes, name: str | Path) -> Scenario:
-    """The scenario in a JSON file of that content, which sentences call `name`. Raises `PresetError` or `ScenarioError`."""
+    """The scenario in a JSON file with that content; errors call it `name`. Raises `PresetError` or `ScenarioError`."""
     try:
         return parse_scenario(_parsed(content, name))
     except ScenarioError as error:
@@ -98,7 +98,7 @@ def read_scenario(content: bytes, name: str | Path) -> Scenario:
 
 
 def find_scenario(name_or_path: str) -> tuple[str, Scenario]:
-    """(short name, scenario) of a preset name or of a path to a scenario file, as people type it.
+    """(short name, scenario) of a preset or a scenario file, given by name or path as people type it.
 
     Raises `PresetError` or `ScenarioError`.
     """
@@ -118,7 +118,7 @@ AnyPath = str | Path | type[OwnPath] | None
 
 
 def any_scenario(given: AnyScenario) -> Scenario:
-    """The scenario that is meant. Raises `PresetError`, `ScenarioError`, or `StudyError` for what means none."""
+    """The scenario that `given` stands for. Raises `PresetError`, `ScenarioError`, or `StudyError` if for none."""
     return given if isinstance(given, Scenario) else named_scenario(given)[1]
 
 
@@ -138,7 +138,7 @@ def named_scenario(given: AnyScenario, law: AnyLaw = None, path: AnyPath = None)
 
 
 def law_and_path(law: AnyLaw, path: AnyPath) -> Callable[[Scenario], Scenario]:
-    """A function that gives a scenario this law and path. Both raise `ScenarioError` or `PresetError`."""
+    """A function that returns a scenario with this law and path. Both raise `ScenarioError` or `PresetError`."""
     changes = {} if law is None else {"controller.kind": known_kind("controller.kind", law_kind(law))}
     along = None if path is None else path_choice(path)
 
@@ -150,7 +150,7 @@ def law_and_path(law: AnyLaw, path: AnyPath) -> Callable[[Scenario], Scenario]:
 
 
 MOST_TOLD, LONGEST_TOLD = 3, 80
-"""Changes in a run's name, and its characters, at most."""
+"""Most changes in a run's name, and most characters of it."""
 
 
 def telling_name(scenario: Scenario, base: str = "") -> str:
@@ -172,7 +172,7 @@ def telling_name(scenario: Scenario, base: str = "") -> str:
 
 @lru_cache(maxsize=4)
 def _titles(known: tuple[tuple[str, int], ...]) -> dict[str, str]:
-    """Title → preset; of presets and the dates of their files."""
+    """Title → preset, for presets and the dates of their files, which are the cache's key."""
     found: dict[str, str] = {}
     for name, _ in known:
         with suppress(FlexlabError):
@@ -189,7 +189,7 @@ def save_scenario(scenario: Scenario, path: str | Path) -> None:
 def scenario_text(scenario: Scenario) -> str:
     """The JSON text of a scenario, as `save_scenario` writes it."""
     fields = _kind_first(scenario.model_dump(mode="json"))
-    del fields["trajectory"]["transition"]  # Of a change in motion; a file begins a run anew.
+    del fields["trajectory"]["transition"]  # It belongs to a change in motion; a file starts a new run.
     said = {"title": fields.pop("title"), "watch": fields.pop("watch")}
     data = {**said, SCHEMA_FIELD: REFERENCE, FORMAT_FIELD: FORMAT, **fields}
     text = json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False)
@@ -206,7 +206,7 @@ def _menu_order(path: Path) -> float:
 
 @lru_cache(maxsize=1024)
 def _read_menu_order(path: Path, changed: int) -> float:
-    """`_menu_order` of a file with the date `changed`."""
+    """`_menu_order` of a file, cached for its date `changed`."""
     data = _parsed(_content(path), path)
     order = data.get(MENU_FIELD) if isinstance(data, dict) else None
     return order if type(order) is int else math.inf

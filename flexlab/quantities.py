@@ -1,4 +1,4 @@
-"""Building blocks of the scenario models: numbers with title, symbol, unit and range, stated once in the field's metadata.
+"""Building blocks of the scenario models: numbers whose title, symbol, unit and range are stated once, as field metadata.
 
 `quantity(...)` declares a field; `describe(model, name)` returns its `Quantity` for labels, sliders and error sentences. `Part`
 is the base of every scenario model: frozen, with unknown keys refused and ranges checked.
@@ -33,8 +33,8 @@ class Quantity:
     """Description of one scenario field for the screen and for error sentences.
 
     `low`, `high`: allowed range of every number in the field, in `unit`. `slider`: the part of that range that a slider
-    covers; `logarithmic`: whether it has a logarithmic scale. `live`: whether a change acts at once on a
-    running lab ("continuous"), reshapes the beam ("projected") or starts the run anew ("restart").
+    covers; `logarithmic`: whether the slider has a logarithmic scale. `live`: whether a change acts at once on a
+    running lab ("continuous"), reshapes the beam ("projected") or restarts the run ("restart").
     """
 
     title: str
@@ -67,7 +67,7 @@ def quantity(default: Any = ..., *, title: str, **description: Any) -> Any:
 
 @cache
 def describe(model: type[BaseModel], name: str) -> Quantity:
-    """The `Quantity` of field `name` of `model` (a bare one with the field's title if it was declared without)."""
+    """The `Quantity` of field `name` of `model`; one with only a title if the field was declared without."""
     field = model.model_fields[name]
     extra = field.json_schema_extra
     if isinstance(extra, dict) and "quantity" in extra:
@@ -191,9 +191,9 @@ def parts_of(annotation: Any) -> list[type[Part]]:
 
 @cache
 def own_numbers(model: type[BaseModel], base: type[BaseModel]) -> dict[str, int]:
-    """Fields of `model` that hold numbers, without those of `base`, and how many numbers a kernel gets for each.
+    """Fields that `model` adds to `base` and that hold numbers, and how many numbers a kernel gets for each.
 
-    A field that may be one number or three counts three.
+    A field that may be one number or three counts as three.
     """
     sizes = {}
     for name, about in model.model_fields.items():
@@ -204,7 +204,7 @@ def own_numbers(model: type[BaseModel], base: type[BaseModel]) -> dict[str, int]
 
 
 def _size(annotation: Any) -> int:
-    """Most numbers that a field's type holds; 0: it holds none, or any number of them."""
+    """Most numbers that a field's type holds; 0 if it holds none or any number of them."""
     if annotation in (float, int):
         return 1
     forms, origin = get_args(annotation), get_origin(annotation)
@@ -226,7 +226,7 @@ BASE_UNITS: dict[str, dict[str, int]] = {
 
 
 def base_exponents(unit: str) -> dict[str, int] | None:
-    """Exponents of a unit's base units, as of "N·s²/m²"; None: it has others."""
+    """Exponents of a unit's base units, for example of "N·s²/m²"; None if it has units not in `BASE_UNITS`."""
     if not all(name.rstrip("²³") in BASE_UNITS for name in re.split("[·/]", unit)):
         return None
     total: dict[str, int] = {}

@@ -1,4 +1,4 @@
-"""The description of a signal of a run, stated once: name, symbol, unit, shape, meaning, equation, age.
+"""The description of a run's signal, in one place: name, symbol, unit, shape, meaning, equation, age.
 
 `flexlab.sim.signals` is the table of all runs' signals; a control law adds those of its own memory. Row layout, arrays,
 documentation, export columns and recordings follow from these rows.
@@ -26,7 +26,7 @@ AXIS = Axis("3", ("x", "y", "theta"))
 JOINT = Axis("3", ("1", "2", "3"))
 """An arm's joints, base first."""
 ARM = Axis("arms", ("left", "right"))
-"""The arms that are there."""
+"""The arms of the scenario, one or two."""
 COORDINATE = Axis("n_q", ("deflection", "slope"))
 """The beam's free nodal coordinates, left to right."""
 
@@ -100,7 +100,7 @@ def row(symbol: str, unit: str | tuple[str, ...], meaning: str, *axes: Axis, equ
 
 
 class derived:
-    """A row of a `table` that follows from others: a property, (N,) unless given axes."""
+    """A row of a `table` that is computed from others: a property of shape (N,) unless axes are given."""
 
     def __init__(self, symbol: str, unit: str | tuple[str, ...], *axes: Axis, equation: str = "", since: int = 1):
         self._about = symbol, (unit,) if isinstance(unit, str) else unit, axes, equation, since
@@ -115,7 +115,7 @@ class derived:
         return self
 
     def __get__(self, samples: Any, owner: type | None = None) -> np.ndarray:
-        return self if samples is None else self._formula(samples)  # type: ignore[return-value]  # Of the class, itself.
+        return self if samples is None else self._formula(samples)  # type: ignore[return-value]  # The class gives the row itself.
 
 
 @dataclass_transform(field_specifiers=(row,), kw_only_default=True, frozen_default=True)

@@ -1,4 +1,4 @@
-"""Sockets that listen on exactly the address asked for, or one sentence on why they cannot."""
+"""Sockets that listen on exactly the requested address, or fail with one sentence that says why."""
 
 import contextlib
 import errno
@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 from flexlab.errors import LabError
 
 BACKLOG = 128
-"""Connections that may wait to be answered: a class that opens the page at once."""
+"""Connections that may wait for an answer: a class opens the page at the same moment."""
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 """Addresses that only this machine can reach."""
 WILDCARDS = ("0.0.0.0", "::", "")
@@ -23,11 +23,11 @@ UNIX = "unix:"
 
 
 MOST_HANDLES, FEWEST_HANDLES = 65_536, 64
-"""Handles asked of the system: far more than labs and visitors need; and those without which a lab hangs as it begins."""
+"""Handles requested from the system, far more than labs and visitors need; with fewer than `FEWEST_HANDLES` a lab hangs."""
 
 
 def raise_handles() -> int:
-    """Raise the limit on files and connections of this process; returns it. Raises `LabError` for one too low for a lab."""
+    """Raise this process's limit on open files and connections; returns it. Raises `LabError` if it is too low for a lab."""
     if sys.platform == "win32":
         return MOST_HANDLES
     import resource
@@ -50,9 +50,9 @@ class PortInUse(LabError):
 
 
 def hidden_loopback() -> str:
-    """A random one of this machine's loopback addresses; 127.0.0.1 where the system has no other (macOS).
+    """A random loopback address of this machine; 127.0.0.1 if the system has no other (macOS).
 
-    For servers that answer under any name: a foreign page whose name leads to this machine cannot find one there.
+    For servers that answer to any host name: a foreign page whose host name resolves to this machine cannot find them there.
     """
     address = ".".join(["127", *(str(1 + secrets.randbelow(254)) for _ in range(3))])
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
@@ -76,13 +76,13 @@ def usual_spelling(host: str) -> str:
 
 
 def base_address(host: str, port: int) -> str:
-    """The address of a web server, without a path; of one that listens on all addresses, as this machine finds it."""
+    """The URL of a web server without a path; 127.0.0.1 if it listens on all addresses."""
     host = LOOPBACK[0] if host in WILDCARDS else host
     return f"http://{f'[{host}]' if ':' in host else host}:{port}"
 
 
 def name_in(host: str) -> str:
-    """The name in a request's Host header, without its port; empty for what is no such header."""
+    """The name in a request's Host header, without its port; empty if the header is invalid."""
     try:
         return urlsplit(f"//{host}").hostname or ""
     except ValueError:  # As for "[1]".

@@ -1,6 +1,6 @@
 """Studies in Python: leaderboards, tuning, fits, comparisons, replays and exports.
 
-Everything here is available as `flexlab.<name>`; each call does what the command of its name does.
+Everything here is available as `flexlab.<name>`; each call does what the command of the same name does.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -57,8 +57,8 @@ def tune(
 ) -> Tuning:
     """Search ranges for the parameters of least cost: `.tuned` is the scenario with them, `.table` lists all candidates.
 
-    `change`: {"controller.feedback_gain": "50:500:log"}. `cost`: metrics times weights, {"rms_error.y": 1.0}; `limit`: what must
-    not be exceeded, {"peak_torque": 600.0}; both in SI units. `robust`: the worst of these scenarios counts,
+    `change`: {"controller.feedback_gain": "50:500:log"}. `cost`: weights of metrics, {"rms_error.y": 1.0}; `limit`: largest
+    allowed values, {"peak_torque": 600.0}; both in SI units. `robust`: scenarios of which the worst counts,
     {"payload.bending_stiffness": [50, 200]}. `law`, `path`: as in `simulate`; `workers`, `cluster`: as in `sweep`.
     Raises `PresetError`, `ScenarioError` or `StudyError`.
     """
@@ -80,11 +80,11 @@ def fit(
     scenario: AnyScenario | None = None,
     logs: str | Path = LOGS,
 ) -> Fit:
-    """Fit a free vibration: `.ring.modes` with 95 % intervals, the `.beam` that fits; `.is_ring` tells whether there is one.
+    """Fit a free vibration: `.ring.modes` with 95 % intervals and the `.beam` that fits; `.is_ring` says whether there is one.
 
-    `source`: a run, or a CSV file, whose columns `time` and `signal` name, with a unit as in "laser [mm]". `start`, `end`: s;
-    None: where the ring begins. `scenario`: what is known of the beam; None: a run's own. In a file the beam rings between ends
-    that nothing moves, as in a vice; a run's rings in its loop. Raises `StudyError`, `RecordingError`.
+    `source`: a run, or a CSV file; `time` and `signal` name its columns, with a unit, as in "laser [mm]". `start`, `end`: the
+    span, s; by default it begins where the ring does. `scenario`: what is known of the beam; None for a run's own. The beam of a
+    file rings between fixed ends, as in a vice; a run's rings in its control loop. Raises `StudyError`, `RecordingError`.
     """
     of, column = text_or_none("signal", signal, "vibration"), text_or_none("time", time, "time")
     known = None if scenario is None else any_scenario(scenario)
@@ -96,7 +96,7 @@ def fit(
 
 
 def compare(*runs: AnyRun, logs: str | Path = LOGS) -> Comparison:
-    """Compare two or more runs over the time of the shortest: differences in settings and in metrics.
+    """Compare two or more runs over the duration of the shortest: differences in settings and in metrics.
 
     Raises `RecordingError` and `StudyError`.
     """
@@ -109,7 +109,7 @@ def compare(*runs: AnyRun, logs: str | Path = LOGS) -> Comparison:
 def replay(run: AnyRun, logs: str | Path = LOGS, run_own_law: bool = False) -> Replay:
     """Simulate a run, a recording or an archive (.zip) again from its start and its commands, and compare every bit.
 
-    `run_own_law` lets Python code run that came with the recording. Raises `RecordingError` and `StudyError`.
+    `run_own_law` allows Python code that came with the recording to run. Raises `RecordingError` and `StudyError`.
     """
     may_run = flag("run_own_law", run_own_law)
 
@@ -138,8 +138,8 @@ def export(
 ) -> Path:
     """Write a run as a table (.csv, .parquet, .npz), a page (.html) or an archive (.zip); returns the file.
 
-    Or a scenario for other simulators: .fmu (`options` as for `export_fmu`), .urdf, .xml or .mjcf. `start`, `end`: of a table, s.
-    Raises `RecordingError`, `StudyError` and, of a scenario, `PresetError` or `ScenarioError`.
+    Or write a scenario for other simulators: .fmu (`options` as for `export_fmu`), .urdf, .xml or .mjcf. `start`, `end`: span of
+    a table, s. Raises `RecordingError`, `StudyError` and, for a scenario, `PresetError` or `ScenarioError`.
     """
     target = file_path("to", to)
     kind = target.suffix.lower()
@@ -187,17 +187,17 @@ def _check_options(options: Mapping[str, Any], of_unit: bool, target: Path) -> N
 
 
 def write_page(row: RunRow, target: Path) -> None:
-    """Write a recorded run as one page, with what is noted of it. Raises `StudyError`."""
+    """Write a recorded run as one page, with its notes, lessons and changes. Raises `StudyError`."""
     from flexlab.lab.run_page import Noted, write_run_page
 
     recording = read_recording(row.path)
-    heading = told_apart([row], row.path.parent)[0].heading  # Two of one name hand in a sheet each.
+    heading = told_apart([row], row.path.parent)[0].heading  # Two people of the same name hand in one sheet each.
     noted = Noted(heading, row.note, row.lessons, tuple(map(change_in_words, row.changes)))
     write_run_page(recording.run, target, recording.name, noted, recording.events)
 
 
 def _paths(runs: Iterable[AnyRun], logs: str | Path, stack: ExitStack) -> list[Path]:
-    """The recordings of runs; a run in memory is recorded for as long as the stack lasts. Raises `RecordingError`."""
+    """Paths of the runs' recordings; a run in memory is recorded until `stack` closes. Raises `RecordingError`."""
     folder = file_path("logs", logs)
     return [
         run.save(stack.enter_context(TemporaryDirectory(prefix="flexlab-")))
@@ -220,11 +220,11 @@ def leaderboard(
 ) -> Leaderboard:
     """Simulate control laws in the benchmark's cases, and collect their scores in a table.
 
-    `laws`: names, paths of Python files, or classes of `OwnLaw`; None: flexlab's own, and `more_laws` besides. `cases`: names,
-    B1 to B8; None: all, B7 only with `long`. `folder` keeps every row under a hash of scenario, law and engine, so that only
-    what changed is computed again. `workers`: threads, None: one per core; or `cluster`: the
+    `laws`: names, paths of Python files, or subclasses of `OwnLaw`; None for flexlab's own, to which `more_laws` are added.
+    `cases`: names, B1 to B8; None for all, B7 only with `long`. `folder` keeps every row under a hash of scenario, law and
+    engine, so that only what changed is computed again. `workers`: number of threads, None for one per core; or `cluster`: the
     address of a Dask scheduler. A law that fails says why in its row. Raises
-    `StudyError` for unusable arguments and `ScenarioError` for a law's file that cannot be used.
+    `StudyError` for unusable arguments and `ScenarioError` for an unusable file of a law.
     """
     known = chosen_workers(workers, cluster)
     tasks = make_tasks(chosen_cases(cases, flag("long", long)), chosen_entrants(laws, more_laws), seed)

@@ -1,4 +1,4 @@
-"""Text as people may see it: numbers, texts of files and visitors, lines of logs, and HTML for notebooks."""
+"""Text that is safe to show: numbers, texts from files and visitors, log lines, and HTML for notebooks."""
 
 import ast
 import logging
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 MISSING = "–"
 """Shown in place of a missing number."""
 SMALLEST, LARGEST = Decimal("1e-4"), Decimal("1e7")
-"""Sizes between which all digits are written out; others get a power of ten."""
+"""Magnitudes between which numbers are written without a power of ten."""
 ROUNDING = 1e-12
-"""Share of the larger of two numbers below which their difference is nothing but rounding."""
+"""Relative difference below which two numbers differ only by rounding."""
 RESIDUE = 1e-11
-"""SI size below which a result is nothing but rounding: of poses of 1 m, angles of 1 rad, forces up to 10 kN."""
+"""SI magnitude below which a result is only rounding, for poses of 1 m, angles of 1 rad and forces up to 10 kN."""
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -59,12 +59,12 @@ def number_text(value: float, digits: int = 4, signed: bool = False) -> str:
 
 
 def result_text(value: float, scale: float = 1.0) -> str:
-    """A computed number, `scale` times its size in SI, with four digits; 0 where it is nothing but rounding."""
+    """A computed number, `scale` times its SI value, with four digits; 0 if it is only rounding."""
     return "0" if abs(value) < RESIDUE * scale else number_text(value)
 
 
 def fixed_text(value: float, decimals: int, signed: bool = False) -> str:
-    """A number with as many decimals whatever its size, for columns and readouts: zero has no sign."""
+    """A number with a fixed number of decimals, for columns and readouts; zero has no sign."""
     if not isfinite(value):
         return MISSING
     text = f"{abs(value):.{decimals}f}"
@@ -74,7 +74,7 @@ def fixed_text(value: float, decimals: int, signed: bool = False) -> str:
 
 
 def difference_text(value: float, other: float, scale: float = 1.0) -> str:
-    """How far `other` is from `value`, both `scale` times SI, with its sign; 0 where only rounding tells them apart."""
+    """The signed difference of `other` from `value`, both `scale` times SI; 0 if they differ only by rounding."""
     difference = other - value
     if isfinite(difference) and abs(difference) <= max(RESIDUE * scale, ROUNDING * max(abs(value), abs(other))):
         return "0"
@@ -93,7 +93,7 @@ def plain(size: Decimal) -> str:
 
 
 _INDEXED = re.compile(r"(?<![\w.\\-])([^\W\d_][\u0300-\u036f]*)_((?:(?![²³])[^\W_]){1,4})(?!(?![²³])\w|\.[^\W\d_])")
-"""A letter with an index, f_d or |w_qs|, and no name in code. `language.js` finds the same ones in pages."""
+"""A letter with an index, as f_d or |w_qs|, but not a name in code. `language.js` finds the same ones in pages."""
 
 
 def with_subscripts(html: str) -> str:
@@ -102,7 +102,7 @@ def with_subscripts(html: str) -> str:
 
 
 def in_mathtext(text: str) -> str:
-    """Text of a figure whose symbols have real subscripts, in matplotlib's notation."""
+    """Text for a figure whose symbols have real subscripts, in matplotlib's notation."""
     return _INDEXED.sub(r"\1$_{\\mathrm{\2}}$", text)
 
 
@@ -112,8 +112,8 @@ CONTROL_PICTURES = 0x2400
 DELETE, DELETE_PICTURE = 0x7F, 0x2421
 _PICTURES = {code: CONTROL_PICTURES + code for code in range(0x20) if chr(code) not in "\t\n"}
 _PICTURES[DELETE] = DELETE_PICTURE
-# Without pictures: controls of the second kind, changes of the writing direction, other line ends, letters that nobody sees
-# (some of them may stand in Python's names), tags, and lone surrogates. Those that emoji need stay.
+# Without pictures: C1 controls, changes of the writing direction, other line ends, invisible letters (some of them are valid
+# in Python names), tags, and lone surrogates. Those that emoji need stay.
 _WITHOUT_PICTURE = re.compile(
     "[\x80-\x9f\xad\u034f\u061c\u115f\u1160\u17b4\u17b5\u180b-\u180f\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f"
     "\u3164\ufe00-\ufe0e\ufeff\uffa0\ufff9-\ufffb\ud800-\udfff\U0001d173-\U0001d17a\U000e0000-\U000e0fff]"
@@ -126,13 +126,13 @@ PARSER = threading.RLock()
 
 
 def syntax_tree(source: str, mode: Literal["exec", "eval"] = "exec") -> Any:
-    """The tree of a text in Python, as `ast.parse` gives and raises; any thread may ask."""
+    """The syntax tree of Python source, as `ast.parse` returns and raises; safe from any thread."""
     with PARSER:
         return ast.parse(source, mode=mode)
 
 
 def with_units(text: str) -> str:
-    """`text` in which no line ends between a number and its unit."""
+    """`text` in which no line breaks between a number and its unit."""
     return _BEFORE_UNIT.sub("\N{NO-BREAK SPACE}", text)
 
 
@@ -148,7 +148,7 @@ def visible(text: object, longest: int | None = None) -> str:
 
 
 def visible_json(text: str) -> str:
-    """JSON that means the same, with the control characters that `json.dumps` leaves as they are written as escapes."""
+    """The same JSON with the control characters that `json.dumps` does not escape written as escapes."""
 
     def escape(found: re.Match[str]) -> str:
         units = found[0].encode("utf-16-be", "surrogatepass")
@@ -168,7 +168,7 @@ def console(stderr: bool = False) -> "Console":
             return super().render_str(visible(text), **options)
 
         def render(self, renderable: Any, options: Any = None) -> Iterable[Segment]:
-            # Before lines are broken: what has no width in a control character's place has one, and would be cut off.
+            # Before lines are wrapped: a picture is wider than its control character, and would be cut off.
             if isinstance(renderable, Text):
                 renderable = renderable.copy()
                 renderable.plain = visible(renderable.plain)
@@ -187,11 +187,11 @@ class PlainFormatter(logging.Formatter):
 
 
 LINE_PERIOD = 1.0
-"""s between two lines of a log that are alike, once there have been many."""
+"""Interval between log lines of one kind after a burst of them, s."""
 BURST = 200.0
-"""Lines that may come at once."""
+"""Log lines of one kind that may come at once."""
 MOST_LINES = 200
-"""Kinds of lines that are counted."""
+"""Most kinds of log lines that are counted."""
 
 
 class OneASecond(logging.Filter):
@@ -218,7 +218,7 @@ class OneASecond(logging.Filter):
 
 
 def limited(name: str) -> logging.Logger:
-    """The logger of a module that tells what visitors do, or of a library that does."""
+    """The limited logger of a module, or of a library, that logs what visitors do."""
     logger = logging.getLogger(name)
     if not any(isinstance(present, OneASecond) for present in logger.filters):
         logger.addFilter(OneASecond())
@@ -226,10 +226,10 @@ def limited(name: str) -> logging.Logger:
 
 
 def tell_failures_plainly() -> None:
-    """Make this process write its log and its threads' tracebacks as `visible` shows them, and no warnings of arithmetic.
+    """Make this process print logs and tracebacks as `visible` shows them, and no warnings about arithmetic.
 
-    A run whose numbers leave all bounds says so in a sentence; NumPy would add lines of the program. Of other warnings it
-    writes the first line, without the program's: numba adds a traceback to that of a variable that it cannot read.
+    A run whose numbers overflow says so in a sentence; NumPy's warning would add a line of source. Other warnings are cut to
+    their first line: numba adds a traceback to its warning about a variable that it cannot read.
     """
     warnings.filterwarnings("ignore", "(overflow|invalid value|divide by zero) encountered", RuntimeWarning)
     warnings.formatwarning = lambda message, *_, **__: visible(str(message).partition("\n")[0]) + "\n"
@@ -245,7 +245,7 @@ def tell_failures_plainly() -> None:
 
 
 def writable(value: Any) -> Any:
-    """A value out of JSON whose texts, names among them, fit into files and pages: halves of characters are replaced."""
+    """A value from JSON whose texts, names included, can be encoded: lone surrogates are replaced."""
     if isinstance(value, str):
         return value.encode("utf-16-le", "surrogatepass").decode("utf-16-le", "replace")
     if isinstance(value, dict):
@@ -254,22 +254,22 @@ def writable(value: Any) -> Any:
 
 
 def shown(text: str, longest: int = 20) -> str:
-    """A typed text for use in a sentence: in quotes, shortened, without control characters."""
+    """A typed text for use in a sentence: quoted, shortened, without control characters."""
     return f"'{visible(text, longest)}'"
 
 
 LONGEST_ON_PAGE = 2000
-"""Characters of somebody else's text that the page shows at most."""
+"""Most characters of somebody else's text that a page shows."""
 
 
 def escaped(text: str) -> str:
-    """Text for HTML; texts of files and people are never shown without this."""
+    """Text escaped for HTML; texts from files and people are never shown without this."""
     short = text if len(text) <= LONGEST_ON_PAGE else text[:LONGEST_ON_PAGE] + " …"
     return escape(visible(short)).replace("\n", "<br>")
 
 
 CELL_HEIGHT = 640
-"""px of a cell."""
+"""Height of a notebook's cell, px."""
 
 
 class Page:

@@ -18,16 +18,16 @@ from flexlab.sim.signals import DERIVED, TABLE, own_signals
 Color = tuple[int, int, int]
 BLUE, VERMILION, GREEN = (0, 114, 178), (213, 94, 0), (0, 158, 115)
 PURPLE, ORANGE, SKY, GRAY = (204, 121, 167), (230, 159, 0), (86, 180, 233), (128, 134, 142)
-"""Okabe and Ito's palette (RGB), told apart with any colour vision."""
+"""Okabe and Ito's palette (RGB), distinguishable with any colour vision."""
 VIOLET, OLIVE, ROSE = (142, 98, 218), (140, 138, 20), (214, 84, 120)
 CURVES = (VIOLET, OLIVE, ROSE)
-"""Of the curves of x, y and θ, and of all other first, second and third ones: none of them is an arm's colour, nor the beam's."""
+"""Colours of the curves of x, y and θ, and of any other first three curves; none is an arm's colour or the beam's."""
 LEFT, RIGHT = (BLUE, (38, 150, 170), (104, 112, 220)), (VERMILION, (176, 128, 10), (206, 72, 112))
-"""Of the left arm's and of the right arm's three curves: the arm's colour and two near it."""
+"""Colours of the left and of the right arm's three curves: the arm's colour and two near it."""
 OWN = "own/"
-"""Where a law's own signals are in recordings."""
+"""Prefix of a law's own signals in recordings."""
 LEAST_OWN = 1e-6
-"""Smallest range of a law's own signal, whose size nobody knows beforehand."""
+"""Smallest axis range of a law's own signal, whose magnitude is not known beforehand."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def _about(signal: Signal) -> str:
 
 
 def _view(entity: str, title: str, curves: str, units: str, signals: str = "", **how: Any) -> View:
-    """A view of curves; their names, units (or one of all) and signals are separated by commas."""
+    """A view of curves; their names, units (or one for all) and signals are separated by commas."""
     each, unit = tuple(curves.split(", ")), tuple(units.split(", "))
     shown = tuple({**TABLE, **DERIVED}[name] for name in signals.split(", ") if name)
     return View(entity, title, shown, each, unit * (len(each) // len(unit)), **how)
@@ -104,7 +104,7 @@ TORQUES = tuple(
     _view("joint_torque", "Joint torques", curves, "N·m", "joint_torque", palette=(*LEFT, *RIGHT))
     for curves in ("left τ1, left τ2, left τ3", "left τ1, left τ2, left τ3, right τ1, right τ2, right τ3")
 )
-"""Of one arm, of two."""
+"""For one arm and for two."""
 SLIDING = _view("sliding_variable", "Sliding variable s", "x, y, θ", "m/s, m/s, rad/s", "sliding_variable", least=0.01)
 ESTIMATES = _view(
     "bound_estimates", "Bound estimates b̂", "b̂0, b̂1, b̂2", "N, N/m, N·s²/m²", "bound_estimates", least=0.01
@@ -118,7 +118,7 @@ ENERGIES = _view(
 ELASTIC = _view(
     "elastic_energy", "Elastic energy", "elastic", "mJ", "elastic_energy", scale=MILLI, least=0.01, palette=(GREEN,)
 )
-"""Its own plot: beside the other energies it would be a line at zero."""
+"""The elastic energy has its own plot: beside the other energies it would be a line at zero."""
 AXIAL_LOAD = _view("axial_load", "Axial load", "place 1, place 2, place 3, place 4", "N", "axial_load")
 AXIAL_SHARE = _view(
     "axial_load_share", "Axial load beside P_cr", "compression, stiffness taken by the spin", "%",

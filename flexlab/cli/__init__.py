@@ -25,21 +25,21 @@ from flexlab.text import tell_failures_plainly
 
 ENDING = "_command"
 COMMANDS = tuple(sorted(it.name.removesuffix(ENDING) for it in iter_modules(__path__) if it.name.endswith(ENDING)))
-"""`flexlab` without a command means `flexlab lab`."""
+"""Names of the commands; `flexlab` alone means `flexlab lab`."""
 EXIT_OK, EXIT_BAD_INPUT = 0, 2
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Errors of a full disk, a quota and a limit on the size of files."""
 NARROWEST = 40
-"""Columns of a terminal that texts are broken for: in fewer, tables lose their words and the help of tyro takes minutes."""
+"""Least width, in columns, that texts are wrapped to: in fewer, tables lose words and tyro's help takes minutes."""
 LONGEST_NUMBER = 9
-"""Most digits of COLUMNS and LINES: Python refuses a number of thousands."""
+"""Most digits that COLUMNS and LINES may have: Python refuses to convert thousands of digits."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the console script. Exit codes: 0 success, 1 the run failed, 2 bad input, 130 interrupted."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     reconfigure: Any = getattr(sys.stdout, "reconfigure", None)  # The streams of tests do not have it.
-    if reconfigure is not None:  # Names that are not valid text are listed, too.
+    if reconfigure is not None:  # Names that are not valid text can then be printed.
         reconfigure(errors="backslashreplace")
     _widen()
     tell_failures_plainly()
@@ -48,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             code = _dispatch(words)
         finally:
             if sys.stdout is not None:
-                sys.stdout.flush()  # What cannot be written is told here, and not by Python's last words.
+                sys.stdout.flush()  # A failed write is reported here, not by Python at exit.
         sys.exit(code)
     except FlexlabError as error:
         complain(str(error))
@@ -72,10 +72,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _widen() -> None:
-    """Have texts broken for a terminal of `NARROWEST` columns at least, whatever COLUMNS or the window says."""
+    """Wrap texts for a terminal of at least `NARROWEST` columns, whatever COLUMNS or the window says."""
     for name in ("COLUMNS", "LINES"):
         given = os.environ.get(name, "0")
-        if not given.isdecimal() or len(given) > LONGEST_NUMBER:  # What rich takes for a number, as ², may be none.
+        if not given.isdecimal() or len(given) > LONGEST_NUMBER:  # rich takes ² for a digit; int() does not.
             del os.environ[name]
     if int(os.environ.get("COLUMNS", shutil.get_terminal_size().columns)) < NARROWEST:
         os.environ["COLUMNS"] = str(NARROWEST)
@@ -116,7 +116,7 @@ def _dispatch(words: list[str]) -> int:
 
 
 def _others() -> str:
-    """Usage and purpose of each command but the lab, for the help."""
+    """Usage and purpose of each command except the lab, for the help."""
     files = (Path(__path__[0], f"{name}{ENDING}.py") for name in COMMANDS if name != "lab")
     firsts = (file.read_text(encoding="utf-8").partition("\n")[0] for file in files)
     called = [first.strip('"`').split("`: ") for first in firsts]

@@ -30,7 +30,7 @@ def command(
 
 
 def _peers() -> "ModuleType":
-    """The module of other engines in the folder of tests. Raises `StudyError` outside a checkout."""
+    """Import the package of other engines from the folder of tests. Raises `StudyError` outside a checkout."""
     from flexlab.errors import StudyError
 
     beside = Path(__file__).resolve().parents[2] / "tests"

@@ -1,4 +1,4 @@
-"""What the machine or a library refuses, such as memory or an environment variable that it cannot read, in one sentence."""
+"""Sentences for errors of the machine or of a library, such as no memory or an unreadable environment variable."""
 
 import errno
 import os
@@ -12,15 +12,15 @@ from flexlab.text import visible
 NO_HANDLES = (errno.EMFILE, errno.ENFILE)
 OWN = "flexlab"
 UNWRITABLE = "no locator available"
-"""Numba's words where machine code cannot be kept."""
+"""Part of Numba's message if it cannot store machine code."""
 NEAR = 10
-"""Lines up to the one that failed in which the variable that it could not use is named."""
+"""Lines before the failed one that are searched for the name of the environment variable at fault."""
 LONGEST_REASON, LONGEST_VALUE = 200, 60
-"""Characters that a sentence shows at most."""
+"""Most characters of a reason, and of a variable's value, in a sentence."""
 
 
 def refusal(error: Exception) -> str | None:
-    """The sentence about what a command lacks; None for any other error."""
+    """The sentence that says what the machine lacks or which library fails to load; None for any other error."""
     if isinstance(error, MemoryError):
         return "No memory is left: close other programs, or allow more (ulimit -v)."
     if isinstance(error, OSError) and error.errno in NO_HANDLES:
@@ -34,7 +34,7 @@ def refusal(error: Exception) -> str | None:
 
 
 def _unloadable(error: Exception) -> str | None:
-    """The sentence about the library that raised this while it was loaded; None for any other error."""
+    """The sentence about the library whose import raised this error; None for any other error."""
     frames = [frame for frame, _ in walk_tb(error.__traceback__)]
     if not any(frame.f_code.co_name == "<module>" for frame in frames) or _is_interrupt(error):
         return None
@@ -52,7 +52,7 @@ def _unloadable(error: Exception) -> str | None:
 
 
 def _is_interrupt(error: BaseException | None) -> bool:
-    """Whether Ctrl-C raised this, also where a library passes it on as an error of its own."""
+    """Whether Ctrl-C caused this error, even if a library has turned it into one of its own."""
     return error is not None and (isinstance(error, KeyboardInterrupt) or _is_interrupt(error.__context__))
 
 
@@ -61,7 +61,7 @@ def _library(frame: FrameType) -> str:
 
 
 def _variables(frame: FrameType, failed: int) -> str:
-    """The environment variables that the lines before a failed one name, with their values."""
+    """The environment variables named in a failed line or shortly before it, with their values."""
     text = "".join(getline(frame.f_code.co_filename, line) for line in range(max(1, failed - NEAR), failed + 1))
     names = dict.fromkeys(re.findall(r"\b[A-Z][A-Z0-9_]+\b", text))
     return " and ".join(f"{name} = {visible(os.environ[name], LONGEST_VALUE)}" for name in names if name in os.environ)

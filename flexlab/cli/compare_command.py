@@ -58,7 +58,7 @@ def command(
 
 
 def _changed_run(path: Path, changes: dict[str, Any], logs: Path) -> Path:
-    """The recording of a run's scenario with some changes, simulated for the same time unless there is one."""
+    """The recording of a run's scenario with some changes: an existing one, or a new one of the same duration."""
     from flexlab.analysis.result import scenario_hash
     from flexlab.cli.headless_run import run_and_record
     from flexlab.cli.warmup import warm_up

@@ -24,7 +24,7 @@ PLACES = {
     ),
     "fish": (".config/fish/completions/flexlab.fish", "It works in new shells."),
 }
-"""Shell → (place of its script below the home folder, hint after installing it)."""
+"""Shell → (path of its script in the home folder, hint after installing it)."""
 
 
 def command(
@@ -44,7 +44,7 @@ def command(
     place, then = PLACES[chosen]
     try:
         target = Path.home() / place
-    except RuntimeError:  # As in a container.
+    except RuntimeError:  # In a container, for example.
         raise StudyError(
             "You have no home folder: set HOME, or leave out --install and put the script in its place."
         ) from None

@@ -49,12 +49,12 @@ def print_json(data: Any) -> None:
 
 
 def print_json_text(text: str) -> None:
-    """Print JSON, whose control characters are escaped."""
+    """Print JSON with control characters escaped."""
     output().out(visible_json(text), end="")
 
 
 def agreed(question: str, otherwise: str) -> bool:
-    """Whether the person answers yes. Raises `StudyError` with the advice `otherwise` if nobody can answer."""
+    """Ask a question; whether the answer is yes. Raises `StudyError` with the advice `otherwise` if nobody can answer."""
     notes().print(f"{question} [y/N] ", end="", soft_wrap=True)
     try:
         return input().strip().lower() in ("y", "yes")

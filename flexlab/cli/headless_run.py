@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 class _NoPandas:
-    """A finder that hides pandas, and leaves all other modules to the next finder."""
+    """An import finder that hides pandas and leaves all other modules to the next finder."""
 
     def find_spec(self, name: str, path: Any, target: Any = None, /) -> None:
         if name == "pandas":
@@ -61,7 +61,7 @@ START_SPAN = 1.0
 
 
 def explained(samples: Samples, scenario: Scenario) -> list[str]:
-    """The explanations of a run's newest samples, a line each; none if the scenario has no modes."""
+    """The explanations of a run's last samples, one line each; none if the scenario has no modes."""
     found = explain_run(samples, scenario, start=0.0)[:MOST_EXPLAINED]
     return [f"{each.plot}: {each.sentence} ({each.equation})" for each in found]
 
@@ -116,9 +116,9 @@ class Summary:
 
 
 BLOCK = 1000
-"""Samples between two writes, a megabyte at most, so that long runs need no more memory than short ones."""
+"""Samples per write, a megabyte at most, so that long runs need no more memory than short ones."""
 KEPT = round(LONGEST_LOOK / 0.001 / BLOCK)
-"""Newest blocks that are kept for explanations, enough at the usual sample period."""
+"""Number of last blocks that are kept for explanations, enough at the usual sample period."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ class EndedRun:
 
     @property
     def sample_warning(self) -> str:
-        """Whether samples are too far apart for what vibrates."""
+        """A sentence if the samples are too far apart for the vibration; empty otherwise."""
         return coarse_note(self.world.scenario, self.world.tick_period)
 
     def as_json(self) -> dict[str, Any]:
@@ -166,7 +166,7 @@ class EndedRun:
 def run_and_record(
     name: str, scenario: Scenario, duration: float, sample_period: float, logs: Path, quiet: bool = False
 ) -> EndedRun:
-    """Simulate and record a scenario; unless `quiet`, print a summary. Complaints always go to standard error."""
+    """Simulate and record a scenario; print a summary unless `quiet`. Warnings always go to standard error."""
     world, summary, hashed = World(scenario, sample_period), Summary(), ResultHash()
     if world.pace_warning:
         complain(world.pace_warning)
@@ -214,7 +214,7 @@ def _tell(run: EndedRun, summary: Summary) -> None:
 
 
 def _blocks(world: World, ticks: int) -> Iterator[Samples]:
-    """The run from the present instant on, in blocks, with a progress bar on a terminal."""
+    """Simulate `ticks` sample periods in blocks, with a progress bar on a terminal."""
     with progress_bar(True, "simulating", "{task.percentage:.0f} %") as told:
         samples = world.run(min(BLOCK, ticks))
         while True:

@@ -63,7 +63,7 @@ def command(
         from flexlab.compiled import is_warm
         from flexlab.server.tasks import prepare_lab_processes
 
-        if is_warm():  # Else both processes would compile the engine. The first visitor waits for both.
+        if is_warm():  # Otherwise both processes would compile the engine. The first visitor waits for both.
             prepare_lab_processes()
     else:
         _check_private(max_sessions=max_sessions, max_per_address=max_per_address, idle_time=idle_time, quota=quota)
@@ -109,7 +109,7 @@ def command(
 
 
 def _check_private(**limits: float | None) -> None:
-    """Raise `LabError` for a limit that a lab of all would not hold."""
+    """Raise `LabError` for a limit that only private labs have."""
     given = next((name.replace("_", "-") for name, limit in limits.items() if limit is not None), None)
     if given is not None:
         raise LabError(f"--{given} is for labs of each visitor's own: add --private, or leave it out.")
@@ -117,7 +117,7 @@ def _check_private(**limits: float | None) -> None:
 
 @contextmanager
 def _waiting_page(settings: "Settings", browser: bool, shown: list[str]) -> Generator[None, None, None]:
-    """A waiting page at the lab's address; its URL is appended to `shown` if a browser opens it."""
+    """Serve a waiting page at the lab's address; append its URL to `shown` if a browser opens it."""
     with waiting_page(settings.host, settings.port):
         if browser:
             shown.append(settings.address(settings.port, "/lab/", token=settings.token))

@@ -56,7 +56,7 @@ def command(
         warm_up(load_preset("paper"))
     if verify:
         kept = [row for row in store.last() if row.case in {case.name for case in cases}]
-        # Without a choice of laws all rows are meant: one whose law is not given cannot be computed, and says so.
+        # Without a choice of laws, all rows are verified; one whose law is not given cannot be computed and says so.
         chosen = {task.row.place for task in tasks}
         return _verify([row for row in kept if not law_name or row.place in chosen], tasks, store, known)
     with progress_bar(True, "rows") as told:

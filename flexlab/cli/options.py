@@ -12,13 +12,13 @@ if TYPE_CHECKING:
     from flexlab.scenario import Scenario
 
 Several = tyro.conf.UseAppendAction[tuple[str, ...]]
-"""An option that may be given as often as one likes."""
+"""An option that may be repeated."""
 
 
 def option(help: str, metavar: str | None = None, name: str | None = None, default: str | None = "") -> object:
-    """An option's help, the form of its value, and its name where Python's would be another.
+    """An option's help, the form of its value, and its name if Python's differs.
 
-    `default`: what the help says of the default; None: its value.
+    `default`: the help's words on the default; None for the value itself.
     """
     return tyro.conf.arg(name=name, metavar=metavar, help=help, help_behavior_hint=default)
 
@@ -71,7 +71,7 @@ LOGS = Path("logs")
 def chosen_scenarios(
     presets: Sequence[str], settings: Sequence[str], law: str | None, seed: int | None, path: str | None = None
 ) -> "list[tuple[str, Scenario]]":
-    """(short name, changed scenario) of each preset. Raises `FlexlabError` before anything is run."""
+    """(short name, changed scenario) of each preset. Raises `FlexlabError`."""
     from flexlab.presets import find_scenario
     from flexlab.scenario.path_file import with_path
     from flexlab.scenario.settings import change_settings
@@ -88,7 +88,7 @@ def chosen_scenarios(
 
 
 def chosen_changes(settings: Sequence[str], law: str | None, seed: int | None) -> "dict[str, Any]":
-    """The changes of a scenario that these options mean. Raises `FlexlabError`."""
+    """The changes of the scenario that these options ask for. Raises `FlexlabError`."""
     from flexlab.own.files import law_kind
     from flexlab.scenario.settings import settings_from
 
@@ -97,7 +97,7 @@ def chosen_changes(settings: Sequence[str], law: str | None, seed: int | None) -
 
 
 def keep_own_texts_apart() -> None:
-    """Run laws and paths in Python in processes of their own, with time limits; what they print goes to standard error."""
+    """Run laws and paths in Python in separate processes with time limits; their output goes to standard error."""
     from flexlab.own import hosts
 
     hosts.run_apart(output=2)

@@ -34,7 +34,7 @@ def command(run: Run = "newest", logs: Logs = LOGS, run_own_law: RunOwnLaw = Fal
 
 
 def _replay(path: Path, run_own_law: bool) -> int:
-    """Replay a recording and print the result; returns the exit code."""
+    """Replay a recording, print the result, and return the exit code."""
     from flexlab.recording.reader import read_recording
 
     recording = read_recording(path)

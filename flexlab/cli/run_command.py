@@ -28,7 +28,7 @@ def command(
     with loading():
         from flexlab.sim.snapshot import LONGEST_PERIOD, SHORTEST_PERIOD
 
-        # The period first: it is the shortest duration.
+        # Check the period first: it is the shortest duration.
         _check("sample-period", sample_period, SHORTEST_PERIOD, LONGEST_PERIOD)
         _check("duration", duration, sample_period, LONGEST_DURATION)
         from flexlab.cli.options import chosen_scenarios

@@ -1,4 +1,4 @@
-"""Listings of recorded runs on the terminal: a line of numbers with changes and notes below it, or all about one run."""
+"""Listings of recorded runs on the terminal: a line of numbers per run with changes and notes below, or all data of a run."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -22,7 +22,7 @@ class Column(NamedTuple):
 
     @property
     def width(self) -> int:
-        """Places on the terminal that its longest text takes."""
+        """Terminal columns that its longest text takes."""
         from rich.cells import cell_len
 
         return max(map(cell_len, (self.heading, self.unit, *self.texts)))
@@ -38,7 +38,7 @@ GAP = "  "
 
 
 def sorted_rows(rows: Sequence[RunRow], field: str, reverse: bool = False, search: str = "") -> list[RunRow]:
-    """The rows with all words of `search`, sorted by `field`: newest or smallest first. Raises `StudyError`."""
+    """The rows that contain all words of `search`, sorted by `field`, newest or smallest first. Raises `StudyError`."""
     with suppress(StudyError):
         field = field if field in FIELDS else named(field).number.name
     if field not in FIELDS:
@@ -65,7 +65,7 @@ def _all_words(row: RunRow) -> str:
 
 
 def plain_row(row: RunRow) -> dict[str, Any]:
-    """All data of a run as plain data."""
+    """All data of a run, ready for JSON."""
     return {
         "run": row.id,
         "file": str(row.path),
@@ -86,7 +86,7 @@ def plain_row(row: RunRow) -> dict[str, Any]:
 
 
 def print_table(rows: Sequence[RunRow], logs: Path) -> None:
-    """A line of aligned numbers per run; below it, indented, changes, note and tags."""
+    """Print a line of aligned numbers per run, with changes, note and tags indented below it."""
     from rich.cells import set_cell_size
     from rich.text import Text
 
@@ -119,7 +119,7 @@ def print_table(rows: Sequence[RunRow], logs: Path) -> None:
 
 
 def count_text(count: int) -> str:
-    """A number of runs in words."""
+    """A count of runs as text: "1 run", "2 runs"."""
     return "1 run" if count == 1 else f"{count} runs"
 
 
@@ -153,7 +153,7 @@ def _more(row: RunRow) -> str:
 
 
 def print_runs(rows: Sequence[RunRow]) -> None:
-    """All data of some runs."""
+    """Print all data of some runs."""
     for row in rows:
         table = new_table(show_header=False)
         table.add_column(no_wrap=True)

@@ -1,4 +1,4 @@
-"""Shared by commands that show a page until the person ends them."""
+"""Functions for commands that show a page until the person ends them."""
 
 import json
 import os
@@ -19,7 +19,7 @@ from flexlab.sockets import listen
 LOOK = 0.5
 """Interval of the checks for the end, s: on Windows, Ctrl-C cannot interrupt an endless wait."""
 SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
-"""Ctrl-C, a polite kill, a closed terminal."""
+"""Signals that end a command: Ctrl-C, `kill`, a closed terminal."""
 
 
 def open_browser(url: str) -> None:
@@ -38,7 +38,7 @@ def ending() -> Generator[threading.Event, None, None]:
 
     def answer(number: int, _: object) -> None:
         if ended.is_set() and number == signal.SIGINT:
-            os._exit(128 + number)  # Recordings are valid up to here.
+            os._exit(128 + number)  # Recordings are valid up to this instant.
         ended.set()
 
     before = {number: signal.signal(number, answer) for number in numbers}
@@ -77,7 +77,7 @@ SENTENCES = (
 
 
 def _page() -> str:
-    """The page, which has its sentences in every language."""
+    """The waiting page, with its sentences in every language."""
     catalogues: dict[str, dict[str, str]] = {}
     for file in (web_assets_folder() / "languages").glob("*.json"):
         known = json.loads(file.read_text(encoding="utf-8"))
@@ -87,7 +87,7 @@ def _page() -> str:
 
 @contextmanager
 def waiting_page(host: str, port: int) -> Generator[None]:
-    """Serve a waiting page at the lab's address, which is free again afterwards. Raises `LabError` if it is not available."""
+    """Serve a waiting page at the lab's address, and free the address afterwards. Raises `LabError` if it is in use."""
     with _Server((host, port), _Handler, bind_and_activate=False) as server:
         server.socket.close()
         server.socket = plug = listen(host, port)

@@ -11,7 +11,7 @@ from flexlab.cli.options import Cluster, Law, Preset, Seed, Settings, Several, T
 from flexlab.errors import StudyError
 
 FAILED_SHOWN = 3
-"""Most failed cells whose reason is printed."""
+"""Most failed cells whose reasons are printed."""
 
 
 def command(

@@ -1,4 +1,4 @@
-"""Faster starts: modules that are loaded only when used; and the compilation of the engine at the first start."""
+"""Faster starts by loading modules on first use, and the compilation of the engine at the first start."""
 
 import gc
 import math
@@ -21,15 +21,15 @@ if TYPE_CHECKING:
     from flexlab.scenario import Scenario
 
 UNASKED = frozenset({"numpy.f2py", "yaml", "rerun.experimental", "rerun.server", "rerun.urdf"})
-"""Modules that scipy, numba and rerun load and no command uses, a twelfth of a start."""
+"""Modules that scipy, numba and rerun load but no command uses; loading them takes a twelfth of a start."""
 UNUSED = 30 * 86400.0
-"""s after which machine code counts as unused, 83 MB of each version. Systems note the time of reading once a day or oftener."""
+"""Time after which machine code (83 MB per version) counts as unused, s. Systems update access times at least once a day."""
 UNIT_DIGITS = 32
-"""Digits in the name of a functional mock-up unit's folder, see `flexlab.own.unit_at_work`."""
+"""Hexadecimal digits in the name of a functional mock-up unit's folder, see `flexlab.own.unit_at_work`."""
 
 
 class _Later:
-    """A finder that delays the loading of these modules until their first use."""
+    """An import finder that delays the loading of `UNASKED` modules until their first use."""
 
     def find_spec(self, name: str, path: Sequence[str] | None, target: Any = None, /) -> ModuleSpec | None:
         spec = PathFinder.find_spec(name, path, target) if name in UNASKED else None
@@ -40,9 +40,9 @@ class _Later:
 
 @contextmanager
 def loading() -> Generator[None, None, None]:
-    """Suspend garbage collection while modules load, and exempt their objects from it, which saves a tenth of a start.
+    """Suspend garbage collection while modules load, and exempt their objects from it.
 
-    Only for processes of the command line.
+    This saves a tenth of a start. Only for processes of the command line.
     """
     later = _Later()
     sys.meta_path.insert(0, later)
@@ -56,7 +56,7 @@ def loading() -> Generator[None, None, None]:
 
 
 def warm_up(scenario: "Scenario", meanwhile: AbstractContextManager[object] | None = None) -> None:
-    """Compile the engine; if that takes long, tell the person and keep `meanwhile` entered until the end."""
+    """Compile the engine; if that takes long, tell the person and stay in the context `meanwhile` until the end."""
     from flexlab.compiled import COMPILATION, COMPILING, cache_folder
     from flexlab.files import writable
     from flexlab.sim.world import World
@@ -82,11 +82,11 @@ def warm_up(scenario: "Scenario", meanwhile: AbstractContextManager[object] | No
 
 
 def remove_unused(kernels: Path) -> None:
-    """Remove the machine code beside `kernels`, of other versions and of units, which nothing has read for `UNUSED`."""
+    """Remove machine code of other versions and of units, beside `kernels`, that nothing has read for `UNUSED`."""
     digit, beside = "[0-9a-f]", kernels.parent
     versions = beside.glob(f"kernels-{len(kernels.name.partition('-')[2]) * digit}")
     for folder in (*versions, *beside.glob(f"unit-{UNIT_DIGITS * digit}"), *beside.glob("unit-draft-*")):
-        with suppress(OSError):  # Another process removes it, too.
+        with suppress(OSError):  # Another process may be removing it too.
             files = [file.stat() for file in folder.rglob("*") if file.is_file()]
             last = max((max(file.st_atime, file.st_mtime) for file in files), default=math.inf)
             if folder != kernels and not folder.is_symlink() and time.time() - last > UNUSED:
@@ -95,11 +95,11 @@ def remove_unused(kernels: Path) -> None:
 
 @contextmanager
 def _ending_at_once() -> Generator[None]:
-    """Let Ctrl-C end the process at once: it has nothing to save, and within the compiler Python may lose an exception."""
+    """Let Ctrl-C end the process at once: there is nothing to save, and Python may lose an exception inside the compiler."""
 
     def end(*_: object) -> None:
         notes().show_cursor()
-        # The console may be in the middle of a sentence.
+        # Not through the console, which may be printing.
         os.write(2, b"Interrupted: the next start compiles what is missing.\n")
         os._exit(EXIT_INTERRUPTED)
 
@@ -112,7 +112,7 @@ def _ending_at_once() -> Generator[None]:
 
 @contextmanager
 def compiling_the_rest() -> Generator[None]:
-    """Compile, in a separate process, everything that the first picture does not need, unless that has been done."""
+    """Compile everything that the first picture does not need, in a separate process, unless that has been done."""
     from flexlab.sim.compile_all import WHILE_OPEN, is_everything_compiled
 
     if is_everything_compiled():
@@ -120,7 +120,7 @@ def compiling_the_rest() -> Generator[None]:
         return
     nowhere = subprocess.DEVNULL
     program = [sys.executable, "-m", "flexlab.sim.compile_all", WHILE_OPEN]
-    # A lab that is killed closes the pipe, which ends this process as well.
+    # A killed lab closes the pipe, which ends this process too.
     process = subprocess.Popen(program, stdin=subprocess.PIPE, stdout=nowhere, stderr=nowhere)
     try:
         yield

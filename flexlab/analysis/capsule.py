@@ -27,7 +27,7 @@ METADATA, RUN = "ro-crate-metadata.json", "run.rrd"
 SPECIFICATION = "https://w3id.org/ro/crate/1.1"
 LICENSE = "https://spdx.org/licenses/MIT"
 LARGEST_METADATA, LARGEST_RUN = 10_000_000, 50_000_000_000
-"""Most bytes of the metadata, and of a recording that is unpacked."""
+"""Largest size of the metadata and of an unpacked recording, bytes."""
 
 KINDS = {
     RUN: ("application/octet-stream", "The recording: every sample, bit for bit"),
@@ -127,7 +127,7 @@ def _file(folder: Path, name: str) -> dict[str, Any]:
 def unpack_capsule(archive_path: Path, folder: Path) -> Path:
     """Verify every file of an archive against its metadata, and unpack the recording. Raises `RecordingError`.
 
-    Nothing in it is executed.
+    Nothing in the archive is executed.
     """
     try:
         check_ordinary(archive_path)
@@ -157,7 +157,7 @@ def unpack_capsule(archive_path: Path, folder: Path) -> Path:
 
 
 def _digest(archive: zipfile.ZipFile, name: str, copy: Path | None) -> str:
-    """The SHA-256 of a member, which is also written to `copy` if that is given."""
+    """Return the SHA-256 of a member, and write the member to `copy` if that is given."""
     if copy is not None:
         with archive.open(name) as member, copy.open("wb") as out:
             shutil.copyfileobj(member, out)

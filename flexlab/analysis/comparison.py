@@ -29,9 +29,9 @@ Table = list[list[str]]
 SAME_LENGTH = 1e-9
 """Difference of durations, s, below which two runs count as equally long."""
 SAMPLE_PERIOD, COMMANDS = "sample_period", "commands"
-"""Names of what is no field of a scenario, and makes runs differ."""
+"""Names of the differences between runs that are not fields of a scenario."""
 MOST_COMMANDS = 3
-"""Most commands of a run that are told."""
+"""Largest number of a run's commands that are listed."""
 SAME = "All runs started from the same scenario."
 
 
@@ -66,7 +66,7 @@ class Comparison(Result):
         return pa.Table.from_pylist(rows)
 
     def plot(self, *metrics: str) -> "Figure":
-        """Bars of the named metrics for all runs; without a name, those in lists of runs. Raises `StudyError`."""
+        """Draw the named metrics of all runs as bars; without names, the metrics in lists of runs. Raises `StudyError`."""
         from flexlab.analysis.figures import draw_bars
 
         names = metrics or tuple(number.name for number in numbers() if number.column.listed)
@@ -82,7 +82,7 @@ class Comparison(Result):
 
     @property
     def window_text(self) -> str:
-        """The stretch of time over which metrics are taken, in words."""
+        """The time span of the metrics, in words."""
         return f"of the first {number_text(self.window)} s of each run"
 
     def __repr__(self) -> str:
@@ -97,7 +97,7 @@ class Comparison(Result):
 
     @cached_property
     def coarse(self) -> tuple[str, ...]:
-        """A sentence for each run whose samples are too far apart for the metrics of what vibrates."""
+        """A sentence for each run whose samples are too far apart for metrics of its vibration."""
         notes = [coarse_note(run.scenario, run.sample_period) for run in self.recordings]
         return tuple(f"{label}: {note}" for label, note in zip(self.labels, notes, strict=True) if note)
 
@@ -143,7 +143,7 @@ class Comparison(Result):
 
 
 def compare(paths: Sequence[Path], seen: Callable[[int], None] = lambda samples: None) -> Comparison:
-    """Read recordings and compare them; `seen` is called with the number of samples of each piece that was read.
+    """Read recordings and compare them; `seen` is called with the number of samples in each block that was read.
 
     Raises `RecordingError`.
     """
@@ -183,7 +183,7 @@ def difference_text(first: MetricRow, other: MetricRow) -> str:
 
 
 def _metrics(recording: Recording, seen: Callable[[int], None], seconds: float = inf) -> RunMetrics:
-    """The metrics of a run's first `seconds`, beyond which nothing is read."""
+    """The metrics of a run's first `seconds`; later samples are not read."""
     collection, last = None, inf
     for block in recording.blocks():
         if collection is None:
@@ -197,13 +197,13 @@ def _metrics(recording: Recording, seen: Callable[[int], None], seconds: float =
 
 
 def _value(recording: Recording, path: str) -> str:
-    """A field's value in words; "–" if the scenario has no such field, as with another kind of damping, or it is not set."""
+    """A field's value in words; "–" if it is not set, or if the scenario lacks it, as with another kind of damping."""
     value = recording.scenario.get(path) if recording.scenario.has(path) else None
     return "–" if value is None else value_text(value)
 
 
 def _commands(recording: Recording) -> str:
-    """What was done to a run, and when."""
+    """The first commands of a run with their times, in words."""
     kinds = get_args(WorldCommand)
     done = [event for event in recording.events if isinstance(event.command, kinds) and event.level != "error"]
     told = [f"{event.text} at t = {number_text(event.time)} s" for event in done[:MOST_COMMANDS]]

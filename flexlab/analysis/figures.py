@@ -1,4 +1,4 @@
-"""The paper's Figures 2 to 5 of any run, as files or as parts of pages, and figures of signals and of other studies.
+"""Figures 2 to 5 of the paper for any run, as files or as elements of pages, and figures of signals and of other studies.
 
 Figure 2: trajectory of the payload. 3: vibration. 4: error of the trajectory. 5: internal force. The same run gives the
 same bytes of SVG, so that a figure can be kept under version control.
@@ -36,9 +36,9 @@ ROW_HEIGHT = 1.7
 RESOLUTION = 200
 """Resolution of PNG, dots per inch."""
 POINTS = 4000
-"""Most points of a curve; of a longer signal, the least and largest value of each stretch are drawn."""
+"""Largest number of points of a curve; a longer signal is drawn by the minimum and maximum of each interval."""
 LARGEST = 1e100
-"""Largest magnitude that is drawn: an axis that is longer has no ticks."""
+"""Largest magnitude that is drawn: a longer axis has no ticks."""
 
 
 def _hex(color: Color) -> str:
@@ -48,7 +48,7 @@ def _hex(color: Color) -> str:
 BLUE, VERMILION, GREEN, GRAY, PURPLE = map(
     _hex, (palette.BLUE, palette.VERMILION, palette.GREEN, palette.GRAY, palette.PURPLE)
 )
-"""Colours, as in the lab, of left arm, right arm, payload, background of a curve, and desired motion."""
+"""The lab's colours of left arm, right arm, payload, background of a curve, and desired motion."""
 LINES = ("-", "--", "-.", ":")
 """Line styles of the first to fourth curve, which tell them apart without colours."""
 MILLI = 1e3
@@ -73,13 +73,13 @@ _PAGE_STYLE = (
 
 def style(salt: str = STYLE["svg.hashsalt"]) -> "AbstractContextManager[None]":
     """The context in which figures are made and written; `salt` as for `svg_text`."""
-    import matplotlib as mpl  # It takes half a second to load: a lab in which nobody draws does without.
+    import matplotlib as mpl  # Loading takes half a second, which a lab without figures saves.
 
     return mpl.rc_context(STYLE | {"svg.hashsalt": salt})
 
 
 def empty_figure(width: float, height: float) -> "Figure":
-    """A figure with nothing in it, of this size in inches."""
+    """An empty figure of this size, inches."""
     from matplotlib.figure import Figure  # As in `style`.
 
     return Figure(figsize=(width, height), layout="constrained")
@@ -95,7 +95,7 @@ def svg_text(figure: "Figure", salt: str = STYLE["svg.hashsalt"]) -> str:
 
 
 def page_svg(figure: "Figure", salt: str = STYLE["svg.hashsalt"]) -> str:
-    """A figure as an SVG element without a background, whose lines and words have the page's colour, light or dark."""
+    """A figure as an SVG element without a background, whose lines and text take the page's colour, light or dark."""
     head, end, rest = svg_text(figure, salt).partition(">")
     shown = _GROUND.sub(r"\1none\2", rest).replace("stroke: #000000", "stroke: currentColor")
     return head + end + _PAGE_STYLE + shown
@@ -123,7 +123,7 @@ def paper_figures(run: Samples, folder: Path, formats: Sequence[str] = FORMATS, 
 
 
 def figure_kind(path: Path) -> str:
-    """The format of a figure by its name. Raises `StudyError`."""
+    """The format that a figure's file name asks for. Raises `StudyError`."""
     kind = path.suffix.lstrip(".").lower()
     if kind not in FORMATS:
         raise StudyError(f"{path} is no name for a figure: let it end in .svg or .png.")
@@ -131,7 +131,7 @@ def figure_kind(path: Path) -> str:
 
 
 def save_figure(figure: "Figure", path: Path) -> Path:
-    """Write a figure, whole or not at all, in the format that its name says; returns the path. Raises `StudyError`."""
+    """Write a figure, whole or not at all, in the format of its file name, and return the path. Raises `StudyError`."""
     kind = figure_kind(path)
     with writing(path) as draft, style():
         # A date would make two files of the same run differ.
@@ -169,7 +169,7 @@ def draw_figure(number: int, samples: Samples) -> "Figure":
 
 
 def _stacked(time: np.ndarray, plots: Sequence[Plot]) -> "tuple[Figure, list[Axes]]":
-    """A figure of some plots, one below the other, and their axes."""
+    """A figure with the plots below one another, and their axes."""
     figure = empty_figure(WIDTH, ROW_HEIGHT * max(len(plots), 2))
     parts = list(figure.subplots(len(plots), 1, sharex=True, squeeze=False)[:, 0])
     for part, plot in zip(parts, plots, strict=True):
@@ -216,12 +216,12 @@ FIGURES = {2: _trajectory, 3: _vibration, 4: _error, 5: _internal_force}
 
 
 def drawable(values: np.ndarray) -> np.ndarray:
-    """Values with gaps (NaN) in place of what is larger than `LARGEST`."""
+    """Values with gaps (NaN) in place of magnitudes above `LARGEST`."""
     return np.where(np.abs(values) <= LARGEST, values, np.nan)
 
 
 def thin_out(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """About `POINTS` points at most of a curve that look like all of it: the least and the largest of each stretch."""
+    """At most about `POINTS` points that look like the whole curve: the minimum and maximum of each interval."""
     values = drawable(values)
     if len(values) <= POINTS:
         return time, values
@@ -232,15 +232,15 @@ def thin_out(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 MOST_LOOKED_AT = 3
-"""Number of views, the first ones, that are drawn if no signal is named."""
+"""Number of the lab's views, from the first, that are drawn if no signal is named."""
 MOST_CURVES = 12
-"""Most curves of a plot with a legend."""
+"""Largest number of curves in a plot with a legend."""
 
 
 def draw_signals(run: Run, names: Sequence[str] = ()) -> "Figure":
-    """A plot for each named signal over time, in SI units; a signal whose entries have different units gets one for each.
+    """Plot each named signal over time, in SI units; a signal whose entries have different units gets a plot for each unit.
 
-    Without names: the lab's first views, in its units and colours. Raises `StudyError` for an unknown signal, or a run
+    Without names, draw the lab's first views in its units and colours. Raises `StudyError` for an unknown signal or a run
     without samples.
     """
     known = {**known_signals(), **DERIVED}
@@ -286,7 +286,7 @@ def _add(plot: Plot, name: str, values: np.ndarray, color: str | None) -> None:
 
 
 def draw_bars(labels: Sequence[str], shown: Mapping[str, np.ndarray]) -> "Figure":
-    """Bars of numbers by run, title → values (runs,); NaN for a run without a value."""
+    """A bar chart per title, with a bar for each run; `shown`: title → values (runs,), NaN for a run without a value."""
     with style():
         figure, places = panels(len(shown), WIDTH / min(len(shown), 2), ROW_HEIGHT)
         for axes, (title, values) in zip(places, shown.items(), strict=True):
@@ -296,7 +296,7 @@ def draw_bars(labels: Sequence[str], shown: Mapping[str, np.ndarray]) -> "Figure
 
 
 def panels(count: int, width: float, height: float) -> "tuple[Figure, list[Axes]]":
-    """A figure of panels in rows of two, each so many inches wide and high."""
+    """A figure of `count` panels in rows of two, each `width` × `height` inches, and their axes."""
     rows, columns = -(-count // 2), min(count, 2)
     figure = empty_figure(width * columns, height * rows)
     places = list(figure.subplots(rows, columns, squeeze=False).ravel())
@@ -306,7 +306,7 @@ def panels(count: int, width: float, height: float) -> "tuple[Figure, list[Axes]
 
 
 def draw_fit(time: np.ndarray, signal: np.ndarray, background: np.ndarray, unit: str) -> "Figure":
-    """A measured signal (N,) at `time` (N,), s, and the background (N,) about which it rings."""
+    """Draw a measured signal (N,) at `time` (N,), s, and the background (N,) about which it rings."""
     with style():
         figure = empty_figure(WIDTH, 2 * ROW_HEIGHT)
         axes = figure.add_subplot()

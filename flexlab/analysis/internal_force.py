@@ -16,10 +16,10 @@ from flexlab.sim.samples import Run
 def internal_force_eq_26(run: Run, every: int = 1) -> np.ndarray:
     """F_i by Eq. (26) at every `every`-th sample of a run with two arms, N, N, N·m, (samples, 2, 3).
 
-    `run.internal_force` is the same by Eqs. (13)-(15), from the grips' forces and the simulated ẍ; Eq. (26) computes ẍ anew
-    from dense matrices in nodal coordinates. Signs are as in `run.internal_force`, opposite to the print. The run must not have
-    been changed or pulled; a payload that is filled or emptied has the mass of each instant. Raises `StudyError` for such a run,
-    one arm, left-out modes, compliant grips, a beam that feels the force along it, or no samples.
+    `run.internal_force` is the same force by Eqs. (13)-(15), from the grip forces and the simulated ẍ; Eq. (26) computes ẍ anew
+    from dense matrices in nodal coordinates. Signs are as in `run.internal_force`, opposite to the paper's. A payload that is
+    filled or emptied has its mass at each instant. Raises `StudyError` for a run that was changed or pulled, one arm, omitted
+    modes, compliant grips, a beam that feels the force along it, or no samples.
     """
     if not isinstance(run, Run):
         raise StudyError(f"{run!r:.60} is no run: give one of flexlab.simulate or flexlab.read.")

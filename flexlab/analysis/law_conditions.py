@@ -1,4 +1,4 @@
-"""The conditions of a scenario's control law, those of the law itself and those of every law, and whether they are met."""
+"""The conditions of a scenario's control law, its own and those common to all laws, and whether they are met."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from flexlab.sim.closed_loop import law_input_at, new_workspace
 from flexlab.sim.step_rates import control_rate, desired_poses
 
 INSTANTS = 32
-"""Instants of the slowest period at which the desired motion is evaluated."""
+"""Number of instants of the slowest period at which the desired motion is evaluated."""
 
 
 def law_conditions(scenario: Scenario) -> tuple[Condition, ...]:

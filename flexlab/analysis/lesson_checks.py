@@ -1,4 +1,4 @@
-"""The checks of lessons: rules in a lesson's file, of which the first that holds gives the verdict.
+"""The checks of lessons: rules in a lesson's file. The first rule that holds gives the verdict.
 
     period_bend = largest(quasi_static_deflection, t - period, t)
     if undisturbed < period: Let one period of the path go by.
@@ -6,8 +6,8 @@
     else: Now set Bending stiffness EI to 10.
 
 A name may also stand for a text in quotes. Braces hold an expression (`lesson_expressions`) and a format: one of Python's, or
-`length`, in mm or µm. A line that begins with a space continues the line before. A sentence gives only numbers that were
-measured or computed from this run.
+`length`, in mm or µm. A line that begins with a space continues the line before. All numbers in a sentence are measured or
+computed from this run.
 """
 
 import re
@@ -36,7 +36,7 @@ class Verdict(NamedTuple):
 
 
 def _sentence(text: str, known: Sequence[str]) -> Value:
-    """The text for the present state of a run. Raises `ExpressionError` for braces without an expression."""
+    """The text with its braces filled in from a run. Raises `ExpressionError` for braces without an expression."""
     if "{" in _BRACES.sub("", text):
         raise ExpressionError(f"{text[:60]!r} holds no value: write as in {{t:.2f}}, or {{largest(vibration):length}}.")
     values = {found[1]: expression(found[1], known) for found in _BRACES.finditer(text)}
@@ -62,7 +62,7 @@ class Check:
     """The check of one lesson."""
 
     def __init__(self, lesson: Lesson):
-        """Raises `ExpressionError`, which names all lines that are no rules."""
+        """Read the rules. Raises `ExpressionError`, which names all lines that are not rules."""
         self._hint = lesson.hint
         self._named: dict[str, Value] = {}
         self._rules: list[_Rule] = []
@@ -78,7 +78,7 @@ class Check:
                 raise ExpressionError(told_together(mistakes))
 
     def _read(self, line: str) -> str:
-        """Read a line with a rule or a name; return what is wrong with it, empty if nothing is."""
+        """Read a line with a rule or a name, and return a sentence on its mistake, or "" if there is none."""
         known = list(self._named)
         named, rule = _NAME.fullmatch(line), _RULE.fullmatch(line)
         try:
@@ -99,7 +99,7 @@ class Check:
         return ""
 
     def verdict(self, scenario: Scenario, samples: Samples, events: Sequence[Event] = ()) -> Verdict:
-        """The verdict on a run by its newest `SECONDS` s of samples and all its events. Never raises."""
+        """The verdict on a run from its newest `SECONDS` s of samples and all its events. Never raises."""
         if len(samples) < 2:
             return Verdict(False, "Press play: there is nothing to measure yet.")
         run = LookedAt(Look(scenario, samples, events), self._named)

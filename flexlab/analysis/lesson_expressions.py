@@ -23,7 +23,7 @@ from flexlab.sim.signals import DERIVED, TABLE
 from flexlab.text import syntax_tree
 
 LONGEST = 400
-"""Most characters of an expression."""
+"""Largest length of an expression, characters."""
 ROOTS = ("scenario", "usual")
 """Owners of fields: the run's scenario, and the default scenario, that of the preset paper."""
 
@@ -36,11 +36,11 @@ FUNCTIONS: dict[str, Callable[[np.ndarray], float]] = {
     "largest_norm": lambda values: float(np.nanmax(_norms(values))),
     "rms_norm": lambda values: float(np.sqrt(np.nanmean(np.square(_norms(values))))),
 }
-"""Functions that make one number of a signal, over all samples or between two instants. Norms are taken per sample."""
+"""Functions that reduce a signal to one number, over all samples or between two instants. Norms are taken per sample."""
 TRUTHS = ("starts", "changed", "touched")
 """Measures that are true or false."""
 EXTREMES: dict[str, Callable[[Any], float]] = {"least": min, "greatest": max}
-"""Functions that make one number of a field with one or three numbers."""
+"""Functions that reduce a field of one or three numbers to one number."""
 
 
 def _norms(values: np.ndarray) -> np.ndarray:
@@ -92,14 +92,14 @@ class LookedAt:
 
 
 Value = Callable[[LookedAt], Any]
-"""Gives the value of a part of an expression in the present state of a run."""
+"""Returns the value of a part of an expression in the present state of a run."""
 
 
 def expression(text: str, known: Collection[str] = (), truth: bool = False) -> Value:
-    """The value of an expression. Raises `ExpressionError` for one without a value in any run.
+    """Compile an expression. Raises `ExpressionError` for one that has no value in any run.
 
-    `known`: names that a lesson defines. `truth`: whether it must be true or false; a comparison with NaN, a missing value, is
-    false.
+    `known`: names that a lesson defines. `truth`: whether the expression must be true or false; a comparison with NaN, a
+    missing value, is false.
     """
     if len(text) > LONGEST:
         raise ExpressionError(f"the check has {len(text)} characters, over {LONGEST}: shorten it.")
@@ -115,7 +115,7 @@ def expression(text: str, known: Collection[str] = (), truth: bool = False) -> V
 
 
 def _compiled(node: ast.AST, known: Collection[str]) -> Value:
-    """The value of a part. Raises `ExpressionError` for one that has none in any run."""
+    """Compile a part of an expression. Raises `ExpressionError` for one that has no value in any run."""
     if isinstance(node, ast.Constant) and type(node.value) in (str, int, float):
         return lambda run: node.value
     if isinstance(node, ast.Name):
@@ -152,7 +152,7 @@ def _compiled(node: ast.AST, known: Collection[str]) -> Value:
 
 
 def _number(node: ast.AST, known: Collection[str]) -> Callable[[LookedAt], float]:
-    """The value of an operand, which must be one number: a text or list times a number could have any length."""
+    """Compile an operand, which must be one number: a text or list times a number could have any length."""
     part = _compiled(node, known)
 
     def number(run: LookedAt) -> float:
@@ -218,7 +218,7 @@ def _signal(node: ast.AST) -> tuple[str, Any]:
 def eval_index(node: ast.AST) -> Any:
     """An index made of whole numbers, ranges and tuples of both. Raises ValueError for anything else."""
     if isinstance(node, ast.Tuple):
-        if any(isinstance(part, ast.Tuple) for part in node.elts):  # NumPy would make arrays of any size of them.
+        if any(isinstance(part, ast.Tuple) for part in node.elts):  # NumPy would make arrays of any size from them.
             raise ValueError
         return tuple(eval_index(part) for part in node.elts)
     if isinstance(node, ast.Slice):
@@ -230,7 +230,7 @@ def eval_index(node: ast.AST) -> Any:
 
 
 def _path(node: ast.AST) -> str:
-    """The dotted path of a field of the scenario, or of the usual one, with that word first; empty for anything else."""
+    """The dotted path of a field, beginning with `scenario` or `usual`; empty for anything else."""
     names: list[str] = []
     while isinstance(node, ast.Attribute):
         names.insert(0, node.attr)
@@ -239,7 +239,7 @@ def _path(node: ast.AST) -> str:
 
 
 def _field(path: str, run: LookedAt) -> Any:
-    """A field's value; NaN of one that is not set, which compares false."""
+    """A field's value; NaN, which compares false, if it is not set."""
     root, _, name = path.partition(".")
     value = (run.look.scenario if root == "scenario" else parse_scenario({})).get(name)
     return np.nan if value is None else value

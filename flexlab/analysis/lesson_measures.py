@@ -24,13 +24,13 @@ from flexlab.sim.target import first_mode, shaper_impulses
 from flexlab.text import number_text
 
 SECONDS = 30.0
-"""Length of the newest part of a run that a check sees, s."""
+"""Duration of the newest part of a run that a check sees, s."""
 SETTLED, SHORTEST = 0.5, 1.5
 """Wait after a change before its ring is measured, and shortest ring that is measured, s."""
 USUAL_STIFFNESS = {"bending_stiffness": 100.0}
 """EI of the paper, N·m²."""
 APART = 2.0
-"""Least difference between two squeezes that are compared, N."""
+"""Smallest difference between two squeezes that are compared, N."""
 SILENT = 1e-9
 """Smallest amplitude of a ring, m; squeeze-until-it-buckles falls below it 40 s after its start."""
 
@@ -43,13 +43,13 @@ def first_frequency(payload: Payload) -> float:
 
 
 FEWEST = 8
-"""Least samples per period of the beam's first mode: with fewer, a peak may be 8 % higher than the highest sample."""
+"""Fewest samples per period of the beam's first mode: with fewer, a peak may be 8 % higher than the highest sample."""
 
 
 def coarse_note(scenario: Scenario, period: float) -> str:
     """A sentence if samples `period` s apart are too few for metrics of a vibration in the beam's first mode, grips held.
 
-    Empty: they are not. Such metrics are those of the samples and not of what moves.
+    Otherwise "". Metrics of too few samples may differ much from those of the motion.
     """
     frequency = first_frequency(scenario.payload)
     if not period * frequency * FEWEST > 1:
@@ -69,7 +69,7 @@ def ring_frequency(samples: Samples) -> float:
 
 
 def strongest_line(signal: np.ndarray, period: float, padded: int) -> tuple[float, float]:
-    """Frequency, Hz, above 2 Hz, and amplitude of the strongest line of a signal (N,), padded with zeros to a length."""
+    """Frequency, Hz, and amplitude of the strongest line above 2 Hz of a signal (N,), zero-padded to `padded` samples."""
     window = np.hanning(len(signal))
     amplitude = np.abs(np.fft.rfft((signal - signal.mean()) * window, padded)) * 2 / window.sum()
     hertz = np.fft.rfftfreq(padded, period)
@@ -78,7 +78,7 @@ def strongest_line(signal: np.ndarray, period: float, padded: int) -> tuple[floa
 
 
 def torque_turns(samples: Samples, control_period: float) -> np.ndarray:
-    """The changes of the joints' torques over each control period, N·m, (N, joints)."""
+    """The change of each joint torque over each control period, N·m, (N, joints)."""
     stride = max(1, round(control_period / tick(samples)))
     torque = samples.joint_torque[::stride]
     return np.diff(torque.reshape(len(torque), -1), axis=0)
@@ -90,7 +90,7 @@ def torque_jump(turns: np.ndarray) -> float:
 
 
 def bound_terms(x: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """1, ‖x‖ and ‖ẋ‖², by which the bound of Theorem 2 is made, (…, 3)."""
+    """1, ‖x‖ and ‖ẋ‖², the terms of the bound in Theorem 2, (…, 3)."""
     size, speed = np.linalg.norm(x, axis=-1), np.linalg.norm(v, axis=-1)
     return np.stack([np.ones_like(size), size, speed**2], axis=-1)
 
@@ -106,12 +106,12 @@ def newest(samples: Samples, seconds: float) -> Samples:
 
 
 def largest(signal: np.ndarray) -> float:
-    """The largest magnitude; 0 for nothing."""
+    """The largest magnitude; 0 for an empty array."""
     return float(np.abs(signal).max()) if signal.size else 0.0
 
 
 def length(metres: float) -> str:
-    """A length as it reads best: mm, or µm under 10 µm."""
+    """A length in words: in mm, or in µm below 10 µm."""
     return f"{1e3 * metres:.2f} mm" if metres >= 1e-5 else f"{1e6 * metres:.1f} µm"
 
 
@@ -173,7 +173,7 @@ class Look:
 
     @property
     def other_span(self) -> Span:
-        """The newest span with another compression than the present one."""
+        """The newest span whose compression differs from the present one's."""
         others = (each for each in reversed(self.spans) if abs(each.force - self.spans[-1].force) > APART)
         return next(others, Span(np.nan))
 
@@ -184,21 +184,21 @@ VALUES: dict[str, Callable[[Look], Any]] = {
     "starts": lambda look: bool(look.samples.time[0] < 0.5 * tick(look.samples)),
     "changed": lambda look: any(isinstance(event.command, ChangeScenario) for event in look.events),
     "touched": lambda look: bool(look.touches),  # changed, pulled or tapped
-    "undisturbed": lambda look: look.now - max([float(look.samples.time[0]), *look.touches]),  # for so many s
+    "undisturbed": lambda look: look.now - max([float(look.samples.time[0]), *look.touches]),  # time since then
     "arms": lambda look: len(look.scenario.arms),
     "mode_count": lambda look: look.scenario.payload.coordinate_count,
-    # Of the path, as far as it is seen.
+    # Of the part of the path that is seen.
     "period": lambda look: min(look.scenario.trajectory.slowest_period, SECONDS / 2),
     "path_end": lambda look: np.nan if look.scenario.trajectory.end is None else look.scenario.trajectory.end,
     "path_speed": lambda look: float(np.linalg.norm(look.path_rate[:2])),  # at the first of the samples
-    "start_jump": lambda look: float(np.linalg.norm((look.samples.pose_rate[0] - look.path_rate)[:2])),  # off it there
+    "start_jump": lambda look: float(np.linalg.norm((look.samples.pose_rate[0] - look.path_rate)[:2])),  # off the path
     "first_frequency": lambda look: first_frequency(look.scenario.payload),  # with its grips held
     "usual_frequency": lambda look: first_frequency(look.scenario.payload.model_copy(update=USUAL_STIFFNESS)),
     "shaper_delay": lambda look: float(max(shaper_impulses(look.scenario)[:, 1], default=0.0)),
     "loop_frequency": lambda look: look.loop_frequency,
     "growth": lambda look: _growth(look.scenario.anew()).rate,  # of the closed loop's fastest growing pole
-    "growing_pole": lambda look: _growth(look.scenario.anew()).origin,  # what it is of, as in "beam mode 3"
-    "growing_frequency": lambda look: _growth(look.scenario.anew()).frequency,  # true where a clock folds it
+    "growing_pole": lambda look: _growth(look.scenario.anew()).origin,  # its origin, as in "beam mode 3"
+    "growing_frequency": lambda look: _growth(look.scenario.anew()).frequency,  # without the folding by sampling
     "buckling_load": lambda look: buckling_load(
         look.scenario.payload.length, look.scenario.payload.bending_stiffness, look.scenario.payload.boundary
     ),

@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 
 
 INFINITE = 1e6
-"""Magnitude of a zero, as multiple of the fastest pole's, from which it is one at infinity."""
+"""Magnitude from which a zero counts as infinite, as a multiple of the fastest pole's."""
 OUTSIDE = (1.5, 2.1, 2.9)
-"""Places at which a gain may be read, as multiples of the fastest pole's magnitude: one is far from all zeros."""
+"""Points at which the gain may be evaluated, as multiples of the fastest pole's magnitude: one is far from all zeros."""
 LOST = 1e-3
-"""Largest error, as part of the response, of polynomials that are given."""
+"""Largest error of the polynomials that `to_tf` returns, relative to the largest response."""
 
 
 class Named(NamedTuple):
@@ -53,7 +53,7 @@ class About(NamedTuple):
     input_delay: int
     """Delay of the torques in samples, which the states include."""
     note: str
-    """A remark on the rest point; empty: none."""
+    """A remark on the rest point, or ""."""
     disk_margin: "DiskMargin | None"
     """Margins of the closed loop."""
 
@@ -61,8 +61,8 @@ class About(NamedTuple):
 class LinearModel(StateSpace):
     """dz/dt = A z + B u (or z at the next control instant), y = C z + D u for small changes from rest.
 
-    It is a `scipy.signal.StateSpace`, which `scipy.signal.lsim` and `dlsim` take, with one input `step`, and with one output,
-    too, `bode` and `dbode`; `about` holds M, C, K and the rest point. `flexlab.linearize` makes it.
+    It is a `scipy.signal.StateSpace` for `scipy.signal.lsim` and `dlsim`; with one input also for `step`, and with one input and
+    one output for `bode` and `dbode`. `about` holds M, C, K and the rest point. `flexlab.linearize` returns it.
     """
 
     about: About
@@ -106,10 +106,10 @@ class LinearModel(StateSpace):
         )
 
     def to_zpk(self, input: int | None = None) -> ZerosPolesGain:
-        """Zeros, poles and gain; `zeros`, `bode` and `freqresp` ask for them. Raises `StudyError` but for one channel.
+        """Zeros, poles and gain, as `zeros`, `bode` and `freqresp` use them. Raises `StudyError` for more than one channel.
 
-        `input`: which of several inputs, from 0. They are eigenvalues. The polynomials that scipy would go through lose all
-        digits in a sampled loop.
+        `input`: the number of the input if there are several, from 0. Zeros and poles are computed as eigenvalues, since
+        scipy's polynomials lose all digits in a sampled loop.
         """
         if input is not None:
             return self._of_input(input).to_zpk()
@@ -129,7 +129,7 @@ class LinearModel(StateSpace):
         return ZerosPolesGain(zeros, poles, gain, **self._dt_dict)
 
     def to_tf(self, input: int | None = None) -> TransferFunction:
-        """The transfer function of a channel, as of `to_zpk`. Raises `StudyError` where its polynomials lose the digits."""
+        """The transfer function of the channel of `to_zpk`. Raises `StudyError` if its polynomials lose the digits."""
         if input is not None:
             return self._of_input(input).to_tf()
         factors = self.to_zpk()
@@ -183,17 +183,17 @@ class ContinuousLinearModel(LinearModel, lti):
     """A `LinearModel` of differential equations."""
 
     def step(self, X0: Any = None, T: Any = None, N: Any = None) -> Any:
-        """The response to a step of one input, as of `scipy.signal.step`. Raises `StudyError` for more inputs."""
+        """The response to a step of the only input, as by `scipy.signal.step`. Raises `StudyError` for more inputs."""
         self._check_channel("A step response")
         return super().step(X0, T, N)
 
     def impulse(self, X0: Any = None, T: Any = None, N: Any = None) -> Any:
-        """The response to an impulse in one input, as of `scipy.signal.impulse`. Raises `StudyError` for more inputs."""
+        """The response to an impulse in the only input, as by `scipy.signal.impulse`. Raises `StudyError` for more inputs."""
         self._check_channel("An impulse response")
         return super().impulse(X0, T, N)
 
     def to_discrete(self, dt: float, method: str = "zoh", alpha: float | None = None) -> StateSpace:
-        """The model sampled with a period of `dt`, s, as of `scipy.signal.StateSpace`."""
+        """The model sampled with a period of `dt`, s, as by `scipy.signal.StateSpace.to_discrete`."""
         return StateSpace(self.A, self.B, self.C, self.D).to_discrete(dt, method, alpha)
 
 
@@ -201,7 +201,7 @@ class SampledLinearModel(LinearModel, dlti):
     """A `LinearModel` from one control instant to the next."""
 
     def _as_tf(self) -> Any:
-        return self.to_zpk()  # scipy's dfreqresp takes both, and asks for polynomials.
+        return self.to_zpk()  # scipy's dfreqresp accepts both forms, but asks for polynomials.
 
 
 def make_model(matrices: tuple[np.ndarray, ...], period: float | None, about: About) -> LinearModel:

@@ -27,7 +27,7 @@ def fourth_order(function: Callable[[np.ndarray], np.ndarray], direction: np.nda
 POSE_STEP = 1e-4
 """Step of fourth-order differences in pose and pose rate (m, rad, m/s, rad/s); their relative error is 1e-12."""
 KINK = 0.1
-"""Ratio of slope to the change common to both sides below which a memory's rate has a kink at rest, and no slope."""
+"""Ratio of slope to the change common to both sides, below which a memory's rate counts as a kink at rest without a slope."""
 LAYER_SHARE = 1e-2
 """Largest step as a share of a boundary layer, within which a sliding-mode law is smooth."""
 
@@ -46,16 +46,16 @@ class Plant(NamedTuple):
 
 
 class Law(NamedTuple):
-    """δτ and the memory's change for small changes; rows: joint torques (arms · 3), then memory."""
+    """Derivatives of the law's answer at rest; rows: joint torques (arms · 3), then the memory's change."""
 
     motion: np.ndarray
-    """Derivatives by (x, η, ẋ, η̇), (rows, 2 n)."""
+    """With respect to (x, η, ẋ, η̇), (rows, 2 n)."""
     memory: np.ndarray
-    """Derivatives by the law's memory, (rows, memory)."""
+    """With respect to the law's memory, (rows, memory)."""
     desired: np.ndarray
-    """Derivatives by (x_d, ẋ_d, ẍ_d), (rows, 9)."""
+    """With respect to (x_d, ẋ_d, ẍ_d), (rows, 9)."""
     line: np.ndarray
-    """Derivatives by the torques held until now and on their way, (rows, (delay + 1) · arms · 3); (rows, 0) for a law without
+    """With respect to the torques held until now and on their way, (rows, (delay + 1) · arms · 3); (rows, 0) for a law without
     this input."""
 
 
@@ -87,7 +87,7 @@ def linearize_loop(probe: LoopProbe, rest: RestPoint) -> Linearization:
 
 
 def _differencing(law: Law, period: float, rest: RestPoint) -> tuple[Law, RestPoint]:
-    """A law that takes the pose's rate as a difference over the control period, s, with the last pose in its memory.
+    """The law with the pose rate taken as a difference over the control period, s; the last pose joins its memory.
 
     The encoders' rounding is left out.
     """
@@ -121,7 +121,7 @@ def _plant(probe: LoopProbe, rest: RestPoint) -> Plant:
 
     unit = np.eye(2 * n)
     mass = np.stack([probe.momenta(rest.motion.moved(unit[n + k])) - still for k in range(n)], axis=1)
-    # Forces are linear in the beam's coordinates and in all rates at rest: a unit step differs by no truncation.
+    # Forces are linear in the beam's coordinates and in all rates at rest: a unit step has no truncation error.
     stiffness = [-fourth_order(force, unit[k], POSE_STEP) for k in range(3)]
     # The force along the beam, however, multiplies the beam's coordinates.
     size = POSE_STEP if probe.feels_axial_load else 1.0
@@ -159,7 +159,7 @@ def _law(probe: LoopProbe, rest: RestPoint) -> Law:
         step = 1.0 if of_memory else size
         slope = (central if of_beam or of_memory else fourth_order)(answer, direction, step)
         kink = (answer(step * direction) + answer(-step * direction) - 2 * at_rest) / (2 * step)
-        # A memory that a norm drives, as ‖s‖ drives b̂, changes alike to both sides: it has a kink and no slope.
+        # A memory driven by a norm, as b̂ is by ‖s‖, changes alike on both sides: it has a kink and no slope.
         flat = np.abs(slope) < KINK * np.abs(kink)
         flat[: len(rest.torque)] = False
         slopes.append(np.where(flat, 0.0, slope))

@@ -1,4 +1,4 @@
-"""`flexlab.linearize`: plant, or plant and law, about a rest point, between named inputs and outputs.
+"""`flexlab.linearize`: a linear model of plant, or plant and law, about a rest point, from named inputs to named outputs.
 
 Any recorded signal can be an output: its derivatives at the rest point are differences of the engine's own samples.
 """
@@ -38,18 +38,18 @@ def linearize(
     outputs: str | Sequence[str] = "pose",
     closed: bool | None = None,
 ) -> LinearModel:
-    """The linear model about where the loop rests while `pose` (None: the trajectory's centre) is held.
+    """The linear model about the loop's rest point while `pose` (None: the trajectory's centre) is held.
 
     `inputs`: "joint_torque" (N·m, of each joint), "arm_input" (u_i = 𝒥ᵀτ, N, N, N·m), "desired_pose", "desired_pose_rate",
-    "desired_pose_acceleration". These three are independent inputs here: a step in "desired_pose" alone is a target that
-    jumps and then stands. `outputs`: names of a run's signals. Of both, one part may be named: "desired_pose_y", "pose_y".
-    `closed`: whether the control law acts, to whose torques the inputs are added; None: if a desired pose is an input.
+    "desired_pose_acceleration". The last three are independent inputs here: a step in "desired_pose" alone is a target that
+    jumps and then stands. `outputs`: names of a run's signals. One part of either may be named: "desired_pose_y", "pose_y".
+    `closed`: whether the control law acts, with the inputs added to its torques; None: if a desired pose is an input.
 
-    With a control period the model describes control instants: torques are held and come late by the input delay, and outputs
+    With a control period the model describes control instants: torques are held and delayed by the input delay, and outputs
     are those just after the law has acted. A law that looks ahead on the path, as `lqr` does by its delay, sees it go on with
-    that acceleration. States: pose, modal coordinates (in ascending frequency), their rates, the law's
-    memory as far as it changes in the first order, torques on their way. Raises `ScenarioError` for a scenario that is not
-    valid, and `StudyError` for unknown names, a pose that an arm cannot take, or a loop that has no rest point.
+    the desired acceleration. States: pose, modal coordinates (in ascending frequency), their rates, the part of the law's
+    memory that changes to first order, torques on their way. Raises `ScenarioError` for an invalid scenario, and `StudyError`
+    for unknown names, a pose that an arm cannot take, or a loop without a rest point.
     """
     known = any_scenario(scenario).replace({})
     driven = _driven(inputs, len(known.arms))
@@ -82,7 +82,7 @@ def _driven(inputs: str | Sequence[str], arms: int) -> list[Part]:
 
 
 def _check_known(what: str, names: Sequence[str], known: Mapping[str, Sequence[str]], kind: str) -> None:
-    """`known`: the names of each name's parts."""
+    """Refuse unknown and repeated names; `known`: name → names of its parts."""
     named: list[str] = []
     for name in names:
         parts = known.get(name) or [part for parts in known.values() for part in parts if part == name]
@@ -107,9 +107,9 @@ class _Drive(NamedTuple):
 
     names: tuple[Named, ...]
     torque: np.ndarray
-    """Joint torques by inputs, (arms · 3, inputs)."""
+    """Effect on the joint torques, (arms · 3, inputs)."""
     desired: np.ndarray
-    """(x_d, ẋ_d, ẍ_d) by inputs, (9, inputs)."""
+    """Effect on (x_d, ẋ_d, ẍ_d), (9, inputs)."""
 
 
 def _drive(linear: Linearization, driven: Sequence[Part]) -> _Drive:
@@ -141,7 +141,7 @@ def _of_joints(name: str, count: int, place: str = "") -> list[Named]:
 
 
 def _assemble(linear: Linearization, answers: "Outputs", driven: Sequence[Part], closed: bool) -> LinearModel:
-    """A, B, C, D over (x, η, ẋ, η̇, late motors' torques, memory, torques on their way)."""
+    """A, B, C, D for the states (x, η, ẋ, η̇, lagging motors' torques, memory, torques on their way)."""
     controller, torques = linear.probe.original.controller, linear.torque_count
     period, late = controller.control_period, controller.input_delay
     kept = kept_memory(linear) if closed else np.zeros(0, dtype=int)
@@ -157,7 +157,7 @@ def _assemble(linear: Linearization, answers: "Outputs", driven: Sequence[Part],
         A, B = A / scale[:, None] * scale, B / scale[:, None]
     size, own = n + k + line, n + k
     rows = torques + kept
-    # The torques asked for now and the torques in force, both by states and inputs.
+    # The torques asked for now and the torques in force, as functions of states and of inputs.
     asked, asked_by = np.zeros((torques, size)), drive.torque.copy()
     memory, memory_by = np.zeros((k, size)), np.zeros((k, len(drive.names)))
     if closed:
@@ -181,7 +181,7 @@ def _assemble(linear: Linearization, answers: "Outputs", driven: Sequence[Part],
     if line:
         whole[own : size - torques, own + torques :] = np.eye(line - torques)
         whole[size - torques :], drives[size - torques :] = asked, asked_by
-    # The sample of a control instant shows the memory after it.
+    # The sample of a control instant shows the memory after that instant.
     seen, seen_by = memory, memory_by
     if period is None:
         seen, seen_by = np.eye(k, size, n), np.zeros_like(memory_by)
@@ -196,7 +196,7 @@ def _assemble(linear: Linearization, answers: "Outputs", driven: Sequence[Part],
 
 
 def _state_order(linear: Linearization, memory: int, line: int) -> np.ndarray:
-    """The states in the model's order: modes ascend in frequency, while the engine groups them by damping."""
+    """Indices of the states in the model's order: modes ascend in frequency, while the engine groups them by damping."""
     count = linear.probe.mode_count
     ranked, start = np.argsort(linear.omega, kind="stable"), 6 + 2 * count
     return np.concatenate(
@@ -229,7 +229,7 @@ def _about(linear: Linearization, answers: "Outputs", drive: _Drive, closed: boo
 
 
 class Outputs(NamedTuple):
-    """Output columns, and their derivatives by (x, η, ẋ, η̇), memory, joint torques and (x_d, ẋ_d, ẍ_d)."""
+    """Output columns, and their derivatives with respect to (x, η, ẋ, η̇), memory, joint torques and (x_d, ẋ_d, ẍ_d)."""
 
     columns: tuple[Column, ...]
     at_rest: np.ndarray

@@ -1,6 +1,6 @@
 """The tracking part of the proof's Lyapunov function, from samples.
 
-The other part, ½ Σ k_j (b_j - b̂_j)², holds the true bounds b_j, which nobody knows.
+The other part, ½ Σ k_j (b_j - b̂_j)², contains the true bounds b_j, which are unknown.
 """
 
 from functools import lru_cache
@@ -25,7 +25,7 @@ def tracking_energy(scenario: Scenario, samples: Samples) -> np.ndarray:
     lateral = np.einsum("ni,ni->n", s[:, :2], across)
     rigid = m * (s[:, 0] ** 2 + s[:, 1] ** 2) + inertia * s[:, 2] ** 2
     total = 0.5 * (rigid - hh * lateral**2 - 2 * hg * lateral * s[:, 2] - gg * s[:, 2] ** 2)
-    if MASS in samples.own:  # All of the payload's part grows with it.
+    if MASS in samples.own:  # The payload's whole part is proportional to its mass.
         total *= samples.own[MASS] / _inertia(scenario.payload)[0]  # pyright: ignore[reportArgumentType]
     half = 0.5 * scenario.payload.length
     for index, arm in enumerate(scenario.arms):
@@ -38,7 +38,7 @@ def tracking_energy(scenario: Scenario, samples: Samples) -> np.ndarray:
 @lru_cache(maxsize=8)
 @one_blas_thread()
 def _inertia(payload: Payload) -> tuple[float, ...]:
-    """m, I, hᵀM_q⁻¹h, hᵀM_q⁻¹g, gᵀM_q⁻¹g: found once per payload."""
+    """m, I, hᵀM_q⁻¹h, hᵀM_q⁻¹g, gᵀM_q⁻¹g: computed once per payload."""
     beam = build_beam(payload)
     return float(beam.matrices.m), float(beam.matrices.I), *map(float, beam.kappa)
 
@@ -49,7 +49,7 @@ def _arm(arm: Arm, joint_angle: np.ndarray, grip_rate: np.ndarray, turn_rate: np
     normal = np.stack([-np.sin(angle), np.cos(angle)], axis=2)
     l1, l2, l3 = arm.link_length
     wrist = grip_rate - l3 * turn_rate[:, None] * normal[:, 2]
-    # wrist = l1 φ̇1 n1 + l2 φ̇2 n2, solved by hand: the library's solver wakes all cores for it.
+    # wrist = l1 φ̇1 n1 + l2 φ̇2 n2, solved by hand: the library's solver would wake all cores.
     elbow = normal[:, 0, 0] * normal[:, 1, 1] - normal[:, 0, 1] * normal[:, 1, 0]
     first = (wrist[:, 0] * normal[:, 1, 1] - wrist[:, 1] * normal[:, 1, 0]) / (l1 * elbow)
     second = (normal[:, 0, 0] * wrist[:, 1] - normal[:, 0, 1] * wrist[:, 0]) / (l2 * elbow)

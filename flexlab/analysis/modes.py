@@ -19,7 +19,7 @@ from flexlab.sim.termination import pose_fault
 from flexlab.text import number_text
 
 MOST_ROWS = 16
-"""Most rows of a printed table: faster poles decay before anybody sees them."""
+"""Largest number of rows in a printed table: faster poles decay before anybody sees them."""
 
 
 class PoleRow(NamedTuple):
@@ -48,7 +48,7 @@ class PoleRow(NamedTuple):
 
 
 def sampling_text(control_period: float | None, input_delay: int) -> str:
-    """As in "sampled at 1 ms, torques 1 sample late"; "continuous" without a control period."""
+    """The sampling in words, as "sampled at 1 ms, torques 1 sample late"; "continuous" without a control period."""
     if control_period is None:
         return "continuous"
     text = f"sampled at {1e3 * control_period:g} ms"
@@ -122,8 +122,8 @@ class Modes:
     poles: np.ndarray
     """Poles of arms, beam and control law about that rest point, 1/s, complex, by magnitude, (poles,).
 
-    There are 2 n_m + 6, and those of the law's memory that changes in the first order. With a control period T_c they are
-    log(z)/T_c of the map over one period, torques on their way included, and frequencies fold at 1/(2 T_c).
+    There are 2 n_m + 6, plus those of the law's memory that changes to first order. With a control period T_c they are log(z)/T_c
+    for the eigenvalues z of the map over one period, torques on their way included; frequencies fold at 1/(2 T_c).
     """
     pole_origin: tuple[str, ...]
     """The origin of each pole: "pose", "beam mode 3", "law's memory" or "torques on their way", (poles,)."""
@@ -148,7 +148,7 @@ class Modes:
 
     @property
     def growth(self) -> float:
-        """The largest real part of the poles, 1/s, the growth of an unstable loop. NaN without poles."""
+        """The largest real part of the poles, 1/s, which is the growth rate of an unstable loop. NaN without poles."""
         return float(self.poles.real.max()) if len(self.poles) else float("nan")
 
     @property
@@ -165,7 +165,7 @@ class Modes:
             return find_disk_margin(self.linearization, self.poles)
 
     def pole_rows(self, most: int | None = None) -> list[PoleRow]:
-        """A row for each pole or conjugate pair: growing ones first, the fastest leading, then by magnitude; at most `most`."""
+        """A row per pole or conjugate pair: growing ones first, from the fastest, then by magnitude; at most `most` rows."""
         rows = []
         for pole, name in zip(self.poles, self.pole_origin, strict=True):
             if pole.imag >= 0:
@@ -193,7 +193,7 @@ def modes(scenario: AnyScenario, pose: tuple[float, float, float] | None = None)
 
     `scenario`: as in `flexlab.simulate`. `print(flexlab.modes("paper"))` shows the tables.
 
-    The loop is linearised about its rest point, with the law's memory as at its start or, if it moves, as it comes to rest.
+    The loop is linearised about its rest point, with the law's memory at its start value or, if it moves, at its rest value.
     Without a rest point there are no poles, and `note` says why. Raises `ScenarioError` for an invalid scenario and
     `StudyError` for a pose that an arm cannot take.
     """
@@ -227,11 +227,11 @@ def modes(scenario: AnyScenario, pose: tuple[float, float, float] | None = None)
 
 
 BEAM_MODE = "beam mode "
-"""Beginning of the origin of a beam mode's pole."""
+"""Prefix of the origin of a beam mode's pole."""
 
 
 def mode_number(origin: str) -> int:
-    """The number of the beam mode to which a pole of this origin belongs, from 1; 0: of none."""
+    """The number of the beam mode to which a pole of this origin belongs, from 1; 0 for no beam mode."""
     return int(origin.removeprefix(BEAM_MODE)) if origin.startswith(BEAM_MODE) else 0
 
 
@@ -239,7 +239,7 @@ class Ring(NamedTuple):
     """The oscillation of a beam mode in the closed loop."""
 
     frequency: float
-    """Hz, without the folding by a clock or by samples."""
+    """Hz, without the folding by sampling."""
     rate: float
     """1/s: negative decays."""
 
@@ -247,7 +247,7 @@ class Ring(NamedTuple):
 def rings_of(found: Modes) -> dict[int, Ring]:
     """Mode number → its oscillation, for each mode that oscillates.
 
-    A clock folds frequencies: of all that fold alike, the one nearest to the mode's own frequency is taken.
+    Sampling folds frequencies: among those that fold to the same one, the nearest to the mode's own frequency is taken.
     """
     rings: dict[int, Ring] = {}
     for pole, name in zip(found.poles, found.pole_origin, strict=True):
@@ -267,7 +267,7 @@ def rings_of(found: Modes) -> dict[int, Ring]:
 def fastest_growth(found: Modes, rings: dict[int, Ring]) -> PoleRow | None:
     """The fastest growing pole, or the one that decays least; None without poles.
 
-    Its frequency is that of its oscillation, of a beam mode without the folding by a clock.
+    Its frequency is that of its oscillation; for a beam mode, without the folding by sampling.
     """
     worst = max(found.pole_rows(), key=lambda row: row.rate, default=None)
     if worst is None:
@@ -277,7 +277,7 @@ def fastest_growth(found: Modes, rings: dict[int, Ring]) -> PoleRow | None:
 
 
 def check_pose(scenario: Scenario, pose: tuple[float, float, float] | None) -> np.ndarray:
-    """The pose to hold, (3,). Raises `StudyError` if it is no pose or an arm cannot take it."""
+    """The pose to hold, (3,). Raises `StudyError` if it is not a pose or an arm cannot take it."""
     try:
         given = np.array(scenario.trajectory.middle if pose is None else pose)
         at = given.astype(float) if given.dtype.kind in "iuf" else np.zeros(0)

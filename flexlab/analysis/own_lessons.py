@@ -1,7 +1,6 @@
-"""A person's own lessons: markdown files in a folder `lessons`.
+"""A person's own lessons: markdown files in the folder `lessons` of the working directory.
 
-They stand where a person works, beside their presets: like those of flexlab, with a hint, and a check that is an expression
-over metrics and signals:
+They are written like flexlab's lessons, with a hint, and a check that is an expression over metrics and signals:
 
     ---
     title: Stiffer
@@ -37,43 +36,43 @@ from flexlab.presets import preset_names
 OWN_LESSONS = Path("lessons")
 """Relative to the working directory."""
 LARGEST = 200_000
-"""Bytes of a lesson's file."""
+"""Largest size of a lesson's file, bytes."""
 MOST = 50
-"""Lessons that a menu can hold."""
+"""Largest number of lessons in a menu."""
 
 
 OWN = "Own lesson: "
-"""What the guide's menu has before the title of one's own lessons."""
+"""Prefix of a person's own lessons in the guide's menu."""
 
 
 class OwnLesson(NamedTuple):
-    """A lesson, or what is wrong with its file."""
+    """A lesson, or the problem with its file."""
 
     name: str
-    """Of the file, without ending."""
+    """Name of the file, without its ending."""
     lesson: Lesson | None
     problem: str
-    """A sentence with line and reason; empty if all is well."""
+    """A sentence with line and reason, or ""."""
 
 
 def own_lessons(folder: Path = OWN_LESSONS) -> list[OwnLesson]:
-    """All lessons of a folder by name; a bad one has its problem."""
+    """All lessons of a folder, sorted by name; one that cannot be read has a `problem`."""
     return [_read(file) for file in sorted(folder.glob("*.md"))[:MOST]]
 
 
 def lesson_menu(own: Sequence[OwnLesson]) -> dict[str, Lesson]:
-    """All lessons that can be read, flexlab's and one's own, by their names in the guide's menu."""
+    """All lessons that can be read, flexlab's and a person's own, by their names in the guide's menu."""
     found = {f"Lesson {number}: {lesson.title}": lesson for number, lesson in enumerate(lessons(), 1)}
     return found | {f"{OWN}{mine.lesson.title}": mine.lesson for mine in own if mine.lesson is not None}
 
 
 def short_name(lesson: str) -> str:
-    """What a lesson of that menu is called where there is little room: "Lesson 3", or the title of one's own."""
+    """The short name of a lesson in that menu: "Lesson 3", or the title of a person's own."""
     return lesson.removeprefix(OWN) if lesson.startswith(OWN) else lesson.partition(":")[0]
 
 
 def lesson_files(folder: Path = OWN_LESSONS) -> dict[str, int]:
-    """Name → time of change, ns, of each file: where it differs there is something to read."""
+    """Name → modification time, ns, of each file: a difference means that there is something to read."""
     found: dict[str, int] = {}
     for file in folder.glob("*.md"):
         with contextlib.suppress(OSError):  # It vanished meanwhile.
@@ -105,5 +104,5 @@ def _mistakes(lesson: Lesson) -> Iterator[tuple[int, str]]:
 
 
 def lesson_mistakes(folder: Path = OWN_LESSONS) -> list[str]:
-    """What is wrong with each lesson of a folder that cannot be read, a sentence with line and reason."""
+    """A sentence with line and reason for each lesson of a folder that cannot be read."""
     return [own.problem for own in own_lessons(folder) if own.problem]

@@ -36,12 +36,12 @@ from flexlab.sim.world import World
 from flexlab.text import number_text
 
 TOLERANCE = 3e-7
-"""Largest difference attributed to rounding, over the signal's largest value in the run. Other BLAS kernels and C libraries make
-1e-11 within a second under most laws, and 2e-7 under those that solve a Riccati equation; a relative change of a gain by 1e-6
-makes 4e-7 or more in at least one signal."""
+"""Largest difference attributed to rounding, relative to the signal's largest value in the run. Other BLAS kernels and C
+libraries cause 1e-11 within a second under most laws, and 2e-7 under those that solve a Riccati equation; a relative change of a
+gain by 1e-6 causes 4e-7 or more in at least one signal."""
 AT_REST = 1e-6
-"""Smallest value that counts as a signal's largest one, in SI units and over the largest value of all signals with these units:
-the difference of two numbers has their rounding errors."""
+"""Lower bound of a signal's largest value, in SI units and relative to the largest value of all signals with the same units: a
+difference of two numbers has their rounding errors."""
 
 
 @dataclass(frozen=True)
@@ -63,11 +63,11 @@ class Replay(Result):
     compared: int
     """Number of compared samples."""
     difference: Difference | None
-    """The first difference; None: the two agree, bit for bit or within `TOLERANCE`."""
+    """The first difference; None if the two agree, bit for bit or within `TOLERANCE`."""
     text: str
     """The result in a sentence or two."""
     deviation: float | None = None
-    """Largest difference by rounding, over the signal's largest value; None: all bits are the same."""
+    """Largest rounding difference, relative to the signal's largest value; None if all bits are the same."""
     scenario: Scenario | None = None
     """The scenario at the start of the run."""
 
@@ -95,8 +95,8 @@ class Replay(Result):
 def replay(recording: Recording, seen: Callable[[float], None] = lambda time: None) -> Replay:
     """Simulate the run again and compare every signal of every recorded sample.
 
-    In a recording of an older format, signals are compared that it has and whose meaning has not changed. `seen` is called with
-    the time, s, up to which the two agree so far. Raises `StudyError` if the recording's commands cannot be carried out again.
+    Of a recording in an older format, only signals whose meaning has not changed are compared. `seen` is called with the time, s,
+    up to which the two agree so far. Raises `StudyError` if the recording's commands cannot be carried out again.
     """
     result = partial(Replay, scenario=recording.scenario)
     repetition, done, why = Repetition(recording), 0, _why_rounded_otherwise(recording)
@@ -157,9 +157,9 @@ def own_texts(recording: Recording, part: str) -> dict[str, str]:
 
 
 def allow_own_laws(recording: Recording, agrees: Callable[[str, str, str], bool]) -> None:
-    """Let the control laws run that came with a recording. Raises `StudyError` for one that nobody agrees to, or not there.
+    """Allow the control laws that came with a recording to run. Raises `StudyError` for one that is refused or missing.
 
-    `agrees` takes the law's kind, a question, and the code that it is about; empty: no code that a person could read.
+    `agrees` takes the law's kind, a question, and the code in question, "" if there is none that a person could read.
     """
     for source, kind in own_texts(recording, "controller").items():
         if hosts.is_allowed(source):
@@ -205,7 +205,7 @@ def _compare(
     """
     done = 0
     for again in repeated:
-        # The recording may have gaps, by dropped samples or a full disk.
+        # The recording may have gaps, from dropped samples or a full disk.
         rows = np.searchsorted(recorded.time, again.time)
         there = (rows < len(recorded)) & (recorded.time[np.minimum(rows, len(recorded) - 1)] == again.time)
         one, other = recorded.take(rows[there]), again.take(there)
@@ -228,7 +228,7 @@ class _Rounding:
         self._largest: dict[str, float] = {}
         """Signal → its largest recorded value."""
         self._differences: dict[str, list[Difference]] = {}
-        """Signal → its differences that are larger than all before, among which is the first beyond any bound."""
+        """Signal → its differences that exceed all earlier ones; the first beyond any bound is among them."""
 
     def noted(self, recorded: Samples, again: Samples) -> Samples:
         """Note all differences of finite numbers, and return `again` without them."""
@@ -245,7 +245,7 @@ class _Rounding:
         return again.having(**without)
 
     def _note(self, name: str, time: np.ndarray, one: np.ndarray, other: np.ndarray) -> None:
-        """Values (N, ...) of a signal at instants (N,), recorded and repeated."""
+        """Note the differences of a signal's values (N, ...), recorded and repeated, at instants (N,)."""
         one, other = one.reshape(len(time), -1), other.reshape(len(time), -1)
         self._largest[name] = max(self._largest.get(name, 0.0), float(np.abs(one).max(initial=0.0)))
         kept = self._differences.setdefault(name, [])
@@ -309,7 +309,7 @@ def _difference_text(recording: Recording, difference: Difference, why: str) -> 
 
 
 def _why_stopped(world: World) -> str:
-    """Why a repetition cannot go on, as a further sentence; empty: it can."""
+    """A further sentence on why a repetition cannot go on, or ""."""
     law = world.scenario.controller
     text = world.status.text if world.status.failed else laws()[law.kind].problem(law)
     return f" {text}" if text else ""

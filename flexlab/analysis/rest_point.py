@@ -1,4 +1,4 @@
-"""The rest point of a closed loop, found by Newton's method on the engine's forces, and the engine as plain functions there.
+"""The rest point of a closed loop, found by Newton's method on the engine's forces, and the engine as plain functions.
 
 Every linearisation differentiates these functions.
 """
@@ -49,7 +49,7 @@ class Motion(NamedTuple):
 
 
 def aim(system: System, desired: np.ndarray) -> None:
-    """Give the path `desired` (3, 3) as value, rate and acceleration at t = 0, which a sine of 1 rad/s leaves free."""
+    """Set value, rate and acceleration of the path at t = 0 to `desired` (3, 3); a sine of 1 rad/s can take any."""
     path, (x, v, a) = system.trajectory.numbers.view(paths()["sine"].record)[0], desired
     path["center"], path["amplitude"], path["phase"] = x + a, np.hypot(v, a), np.arctan2(-a, v)
     path["frequency"] = 1 / (2 * np.pi)
@@ -68,7 +68,7 @@ class LoopProbe:
             raise StudyError(str(error)) from None
         self.scenario = scenario
         self.beam = build_beam(scenario.payload)
-        # As `aim` needs it.
+        # `aim` needs a sine.
         aimed = build_motion(SineTrajectory())._replace(bending=scenario.trajectory.bending_feedforward)
         system = build_system(scenario, self.beam)
         # The law derives its gains from the scenario's own noise and delay.
@@ -83,7 +83,7 @@ class LoopProbe:
             period=period or 1.0, steps=1, delay=delay, noise=np.zeros(8), gauge_noise=np.zeros((2, 0)),
             strain=build_strains(scenario, self.beam), strain_noise=0.0, seed=0, line=np.zeros((delay + 1, self.arm_count, 3)),
         )  # fmt: skip
-        # Asked for as a sampled run asks for it, `control_instant` is found on disk.
+        # `control_instant` is found on disk if it is asked for as in a sampled run.
         self._sampling = with_kernel(sampling, self.system)
         self._workspace = new_workspace(self.system)
         self._y = np.zeros(state_length(self.system))
@@ -91,7 +91,7 @@ class LoopProbe:
         slices = law_of(scenario.controller).memory_slices(self.arm_count)
         growing = slices.get(BOUND_ESTIMATES.name, slice(0))
         self.growing = np.arange(len(self._y[self._memory]))[growing]
-        """Indices of memory states that only grow, and rest only where nothing feeds them."""
+        """Indices of memory states that only grow, and rest only if nothing drives them."""
         self.observed = np.arange(len(self._y[self._memory]))[slices.get(KalmanObserver().memory().name, slice(0))]
         """Indices of an observer's states, which have one rest value each."""
         y = self._y.copy()
@@ -201,13 +201,13 @@ class LoopProbe:
 
 
 MOST_STEPS = 14
-"""Most Newton steps: half of them find an existing rest point, and more only drift away."""
+"""Largest number of Newton steps: half of them find an existing rest point, and more only drift away."""
 LONGEST_STEP = 0.1
-"""Longest change of the pose in one Newton step, m and rad; elbows change their side within a few of these."""
+"""Largest change of the pose in one Newton step, m and rad; elbows flip within a few of these."""
 BALANCED = 1e-9
 """Residual force, relative to the forces that hold the arms, and residual change of the memory, below which the loop rests."""
 BEND = 1e-3
-"""Modal coordinate relative to which the residual bend of the beam counts, m·kg^½."""
+"""Scale of the residual bend of the beam, as a modal coordinate, m·kg^½."""
 DIFFERENCE = 1e-6
 """Step of the central differences, m, rad, m·kg^½, N·m and units of the memory."""
 
@@ -235,8 +235,8 @@ def find_rest(probe: LoopProbe, target: np.ndarray) -> RestPoint:
     """The rest point of the loop under a constant desired pose (3,). Raises `StudyError` if there is none.
 
     The law's memory first keeps its start value. If it moves there, as an integral part or an observer does, its rest value
-    is sought too: of as few parts as possible, since estimates that nothing moves have any. If there is none, states that only
-    grow keep their start value.
+    is sought too, for as few states as possible, since estimates that nothing moves can have any value. If there is no such
+    point, states that only grow keep their start value.
     """
     desired = np.zeros((3, 3))
     desired[0] = target
@@ -254,9 +254,9 @@ def find_rest(probe: LoopProbe, target: np.ndarray) -> RestPoint:
         return probe.at_rest(pose)._replace(eta=eta), torque, memory
 
     def balance(z: np.ndarray) -> np.ndarray:
-        """What is left of the forces on the pose, the memory's change, the forces on the bend, and what the law asks for.
+        """Residuals: forces on the pose, the memory's change, forces on the bend, and torques asked for minus those in force.
 
-        A law may use the torques in force, they load the beam, and its bend enters their force along it: all at once.
+        They are coupled: a law may use the torques in force, these load the beam, and its bend changes the force along it.
         """
         motion, torque, memory = parts(z)
         force = probe.forces(motion, torque)
@@ -294,9 +294,9 @@ def _rests(unbalance: np.ndarray) -> bool:
 
 
 def _newton(balance, start: np.ndarray, free: np.ndarray, bent: np.ndarray) -> np.ndarray | None:
-    """The zero of the equations `free` and `bent` over the unknowns of these numbers, or None.
+    """Return the zero of the equations numbered `free` and `bent` in the unknowns of the same numbers, or None.
 
-    Of the unknowns `free`, redundant ones change least; those of `bent` follow from them.
+    Redundant unknowns in `free` change least; those in `bent` follow from `free`.
     """
     z, unknowns = start.copy(), np.concatenate([free, bent])
     for _ in range(MOST_STEPS):

@@ -69,13 +69,13 @@ def named_column(table: Any, name: str) -> Any:
 
 
 class ResultHash:
-    """The hash of a run's samples, taken in in blocks of any size."""
+    """The hash of a run's samples, given in blocks of any size."""
 
     def __init__(self) -> None:
         self._signals: dict[str, hashlib._Hash] = {}
 
     def update(self, samples: Samples) -> None:
-        """Take in the next block of samples."""
+        """Add the next block of samples."""
         for name, values in samples.signals().items():
             hashed = self._signals.setdefault(name, hashlib.sha256())
             hashed.update(np.ascontiguousarray(values, dtype="<f8").tobytes())

@@ -16,7 +16,7 @@ from flexlab.text import number_text
 
 MILLI = 1e3
 BLOCK_TICKS = 1000
-"""Ticks per block, so that long runs need no more memory and an early difference is found early."""
+"""Ticks per block: long runs need no more memory than short ones, and an early difference is found early."""
 
 
 def resume(recording: Recording, time: float | None = None) -> tuple[Scenario, Origin]:
@@ -25,7 +25,7 @@ def resume(recording: Recording, time: float | None = None) -> tuple[Scenario, O
     Raises `StudyError` for a time that was not recorded, or that is no sample instant of a lab.
     """
     scenario, state = state_at(recording, recording.span[1] if time is None else time)
-    # A run without a screen may have another sample period than a lab.
+    # The sample period of a headless run may differ from a lab's.
     exact = state.tick * recording.sample_period
     tick = round(exact / TICK)
     if abs(tick * TICK - exact) > 1e-9 * max(exact, 1.0):
@@ -84,7 +84,7 @@ class Repetition:
             yield world.advance(min(stop - world.tick, BLOCK_TICKS))
 
     def carry_out_due(self) -> None:
-        """Apply the commands of the present instant. Raises `StudyError` if one changes the structure, unlike when recorded."""
+        """Apply the commands of the present instant. Raises `StudyError` for a change of the structure."""
         world = self.world
         while self._commands and self._commands[0][0] <= world.tick and not world.status.failed:
             before = world.scenario

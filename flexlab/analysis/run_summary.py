@@ -26,9 +26,9 @@ class MetricNotes:
     """The notes of one run, gathered while it is written or read (see `flexlab.recording.run_info`)."""
 
     def __init__(self, name: str, scenario: Scenario, metrics: RunMetrics | None = None):
-        """`name`: the preset or file that `scenario`, the run's first, came from. `metrics`: of a run that is over.
+        """`name`: the preset or file of `scenario`, the run's first. `metrics`: those of a finished run.
 
-        Of others they are gathered, without somebody's own ones: these may keep all samples of a run in memory.
+        Otherwise they are computed from the samples, without a person's own ones, which may keep all samples in memory.
         """
         self._known = metrics
         self._metrics = MetricCollection(own=False)
@@ -37,24 +37,24 @@ class MetricNotes:
         self._begins = inf
 
     def add(self, samples: Samples) -> None:
-        """Take in a block of samples (N >= 1)."""
+        """Add a block of samples (N >= 1)."""
         self._begins = min(self._begins, float(samples.time[0]))
         if self._known is None:
             self._metrics.update(samples)
 
     def add_event(self, event: Event) -> None:
-        """Take in the next event."""
+        """Add the next event."""
         self._events += 1
         command = event.command
         origin = command.origin if isinstance(command, LoadScenario) else None
-        # The event of leaving a run for another one looks alike, but comes at the run's end.
+        # The event of leaving for another run looks alike, but comes at the run's end.
         if self._events == 1 and origin is not None and event.time == origin.time:
             self._changes.insert(0, event.text)
         elif isinstance(command, ChangeScenario) and event.level != "error":
             self._changes.append(f"t = {event.time:.3f} s: {event.text}")
 
     def metrics(self, status: Status) -> RunMetrics:
-        """The metrics of a run that has ended so."""
+        """The metrics of a run that has ended with `status`."""
         return self._known or self._metrics.compute(not status.failed)
 
     def result(self, status: Status) -> dict[str, Any]:
@@ -107,7 +107,7 @@ def note_missing_metrics(logs: Path) -> int:
 
 def preset_changes(name: str, scenario: Scenario) -> list[str]:
     """A line per field that differs from the preset `name`; none if there is no such preset."""
-    # The name of a changed preset's run may have the changes at its end.
+    # The name of a run may be that of a preset, followed by the changes.
     known = [preset for preset in preset_names() if name == preset or name.startswith(f"{preset}-")]
     try:
         preset = load_preset(max(known, key=len, default=name))

@@ -20,12 +20,12 @@ from flexlab.control.observers.believed_plant import hold
 from flexlab.lapack import complex_schur, eigenvectors
 
 DEADBEAT = 1e-5
-"""|z| below which a pole is rounding: it belongs to torques without any effect."""
+"""|z| below which a pole is a rounding error: it belongs to torques without any effect."""
 NEUTRAL = 1e-3
 """Growth, 1/s, below which a pole counts as neutral: above all rounding, and less than 6 % in a minute."""
 
 INTERNAL = 1e-9
-"""Share of the plant's input below which what internal forces do to the beam is rounding."""
+"""Share of the plant's input below which the effect of internal forces on the beam is a rounding error."""
 
 
 class Poles(NamedTuple):
@@ -45,10 +45,10 @@ def beam_scale(linear: Linearization) -> np.ndarray:
 
 
 def acting(linear: Linearization) -> tuple[np.ndarray, np.ndarray]:
-    """The plant's input as a product: generalised forces by what acts, (n, acting), and that by joint torques, (acting, torques).
+    """The plant's input as two factors: from what acts to generalised forces, (n, acting), from torques to it, (acting, torques).
 
-    Torques act as three forces on the pose. The arms' internal forces act only where a beam that is bent at rest feels the force
-    along it: then there are more rows.
+    Torques act as three forces on the pose. The arms' internal forces add to these only if the beam is bent at rest and feels the
+    force along it.
     """
     to_pose, to_beam = linear.plant.input[:3], linear.plant.input[3:]
     by_pose = to_beam @ np.linalg.pinv(to_pose)
@@ -59,9 +59,9 @@ def acting(linear: Linearization) -> tuple[np.ndarray, np.ndarray]:
 
 
 def held_plant(linear: Linearization, period: float | None) -> tuple[np.ndarray, np.ndarray]:
-    """A and B of the scaled state under what `acting` names, of dz/dt or over a period of held torques.
+    """A and B of the scaled state for the inputs of `acting`: of dz/dt, or over a period of held torques.
 
-    What late motors give is part of the state, behind (x, Ωη, ẋ, η̇).
+    The outputs of lagging motors are part of the state, after (x, Ωη, ẋ, η̇).
     """
     A, _ = first_order(linear.plant)
     forces, _ = acting(linear)
@@ -75,7 +75,7 @@ def held_plant(linear: Linearization, period: float | None) -> tuple[np.ndarray,
 
 
 def with_lag(A: np.ndarray, B: np.ndarray, time_constant: float) -> tuple[np.ndarray, np.ndarray]:
-    """A and B with inputs that lag by a time constant, s; the lagging inputs are states behind the others."""
+    """A and B with inputs that lag by a time constant, s; the lagging inputs are states after the others."""
     if time_constant == 0:
         return A, B
     count = B.shape[1]
@@ -84,20 +84,20 @@ def with_lag(A: np.ndarray, B: np.ndarray, time_constant: float) -> tuple[np.nda
 
 
 def by_state(linear: Linearization, by_motion: np.ndarray) -> np.ndarray:
-    """Derivatives by (x, η, ẋ, η̇), (rows, 2 n), as derivatives by the state of `held_plant`; motors' forces are not measured."""
+    """Convert derivatives by (x, η, ẋ, η̇), (rows, 2 n), to those by the state of `held_plant`; motor forces are not measured."""
     scaled = by_motion / beam_scale(linear)
     return np.hstack([scaled, np.zeros((len(scaled), late_count(linear)))])
 
 
 def late_count(linear: Linearization) -> int:
-    """Number of states of late motors."""
+    """Number of states of lagging motors."""
     return len(acting(linear)[1]) * (linear.probe.original.joints.motor.time_constant > 0)
 
 
 def kept_memory(linear: Linearization) -> np.ndarray:
-    """Indices of memory states that change in the first order, without those that never rest.
+    """Indices of memory states that change to first order, without those that never rest.
 
-    For example b̂ at rest with s = 0: ‖s‖ has no slope there, b̂ is constant, and its neutral poles are left out.
+    b̂, for example, is left out with its neutral poles: at rest s = 0, ‖s‖ has no slope, and b̂ is constant.
     """
     torques = linear.torque_count
     rows = np.hstack([linear.law.motion, linear.law.memory])[torques:]
@@ -105,7 +105,7 @@ def kept_memory(linear: Linearization) -> np.ndarray:
 
 
 def loop_map(linear: Linearization) -> np.ndarray:
-    """The matrix of dz/dt (1/s) of plant and law closed into one loop, or of z one control period later.
+    """The matrix of the closed loop of plant and law: of dz/dt (1/s), or of z one control period later.
 
     z: the state of `held_plant`, kept memory, torques held until now (if the law uses them) and on their way.
     """
@@ -207,7 +207,7 @@ def find_disk_margin(linear: Linearization, poles: np.ndarray) -> DiskMargin:
     rates = _rates(linear, poles)
     loop = _torque_loop(linear, rates)
     identity = np.eye(linear.torque_count)
-    # With H the torques answered to those in force, L = -H: S = (1 - H)⁻¹ and S - T = S (1 + H).
+    # With H from torques in force to torques asked for, L = -H: S = (1 - H)⁻¹ and S - T = S (1 + H).
     deviation = np.linalg.solve(identity - loop, identity + loop) / 2
     alike = np.abs(np.linalg.eigvals(deviation)).max(axis=1)
     return DiskMargin(_margin(alike, rates), _margin(_structured_norm(deviation), rates))
@@ -233,7 +233,7 @@ def _rates(linear: Linearization, poles: np.ndarray) -> np.ndarray:
 
 
 def _torque_loop(linear: Linearization, rates: np.ndarray) -> np.ndarray:
-    """H(ω), joint torques that the law asks for by those in force, (rates, arms · 3, arms · 3)."""
+    """H(ω), from joint torques in force to those that the law asks for, (rates, arms · 3, arms · 3)."""
     controller, law, torques = linear.probe.original.controller, linear.law, linear.torque_count
     period, kept = controller.control_period, kept_memory(linear)
     (A, B), (_, effect) = held_plant(linear, period), acting(linear)

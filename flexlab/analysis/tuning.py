@@ -34,11 +34,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WITHIN, BEYOND, FAILS = range(3)
-"""How a candidate ends, from best to worst: within its limits, beyond them, or in a run that fails."""
+"""Outcomes of a candidate, from best to worst: within the limits, beyond them, a run that fails."""
 STAGE = 1000.0
-"""What the search adds for each of them: more than asinh of any number."""
+"""Penalty of the search from one outcome to the next: more than asinh of any number."""
 NOT_SETTLED = 10.0
-"""The settling time of a run that has not settled, in lengths of the run."""
+"""The settling time of a run that has not settled, in durations of the run."""
 SETTLING = "settling_time"
 
 
@@ -55,16 +55,16 @@ class Cost:
         return tuple(dict.fromkeys((*self.weights, *self.limits)))
 
     def of(self, metrics: RunMetrics | None) -> float:
-        """Metrics times weights, whatever the limits; NaN of None, a run that failed, and where a metric has no value."""
+        """The weighted sum of metrics, whatever the limits; NaN for None, a failed run, and if a metric has no value."""
         if metrics is None or self.lacks(metrics):
             return math.nan
         values = numbers_of(metrics)
         return sum(weight * values[name] for name, weight in self.weights.items())
 
     def excess(self, metrics: RunMetrics | None) -> float:
-        """By what part of them a run exceeds the limits, together: 0 within them; NaN as of `of`.
+        """The sum of what a run exceeds each limit by, as a share of the limit: 0 within all limits, NaN as in `of`.
 
-        One that has not settled keeps within no limit of its settling time.
+        A run that has not settled exceeds every limit of its settling time.
         """
         if metrics is None or self.lacks(metrics):
             return math.nan
@@ -79,14 +79,14 @@ class Cost:
         return self.excess(metrics) == 0
 
     def lacks(self, metrics: RunMetrics) -> str:
-        """Why a run has no cost, in a sentence, as a metric has no value in it; empty: it has one."""
+        """Why the run has no cost: a sentence naming the metric without a value, or "" if there is a cost."""
         values = numbers_of(metrics)
         missing = [name for name in self.names if math.isnan(values[name])]
         return f"The metric {missing[0]} has no value in this run." if missing else ""
 
 
 def numbers_of(metrics: RunMetrics) -> dict[str, float]:
-    """Number by each name of a metric, NaN if it has none; a run that has not settled has ten times its length as its time."""
+    """Value by each name of a metric, NaN if missing; the settling time of an unsettled run is ten times its duration."""
     found = metrics.by_name()
     found |= {row.column.field: row.value for row in metrics.rows}
     if math.isnan(metrics[SETTLING]):
@@ -135,7 +135,7 @@ FEWEST_CANDIDATES, MOST_CANDIDATES = 8, 100_000
 BELOW_ONE = 1 - 1e-12
 """Largest share of a range: `Axis.at` takes shares below 1."""
 CANDIDATES_PER_FIELD = 8
-"""Candidates of a generation per varied field."""
+"""Candidates in a generation, per varied field."""
 
 
 @dataclass(frozen=True)
@@ -144,9 +144,9 @@ class Candidate:
 
     changes: dict[str, Any]
     cost: float
-    """Metrics times weights; NaN of one that fails."""
+    """Weighted sum of metrics; NaN if the candidate fails."""
     excess: float
-    """By what part of them the limits are exceeded, together: 0 within them; NaN of one that fails."""
+    """Sum of what each limit is exceeded by, as a share of the limit; NaN if the candidate fails."""
     metrics: RunMetrics | None
     """Metrics in the worst scenario; None: the run fails there."""
     reason: str
@@ -154,14 +154,14 @@ class Candidate:
 
     @property
     def rank(self) -> tuple[int, float, float]:
-        """How the search orders candidates: those within the limits by cost, those beyond by excess, those that fail."""
+        """The sort key of the search: those within the limits by cost, then those beyond by excess, then those that fail."""
         if math.isnan(self.cost):
             return FAILS, 0.0, 0.0
         return (BEYOND, self.excess, self.cost) if self.excess > 0 else (WITHIN, 0.0, self.cost)
 
     @property
     def numbers(self) -> dict[str, float]:
-        """Number by each name of a metric, as of `numbers_of`; empty of a candidate that fails."""
+        """Value by each name of a metric, as from `numbers_of`; empty if the candidate fails."""
         return {} if self.metrics is None else numbers_of(self.metrics)
 
 
@@ -195,7 +195,7 @@ class Tuning(Result):
 
     @property
     def problem(self) -> str:
-        """What is wrong with the best candidate, in a sentence; empty: nothing."""
+        """A sentence on what is wrong with the best candidate, or ""."""
         changed = self.candidates[1:]
         if changed and all(candidate.reason for candidate in changed):
             return f"Every run that was tried fails: {self.best.reason or changed[0].reason}"
@@ -203,9 +203,9 @@ class Tuning(Result):
 
     @cached_property
     def table(self) -> Any:
-        """A row per candidate, the scenario as it was first, then from the best: what was changed, cost, metrics by name, SI.
+        """A row per candidate, first the scenario as it was, then from the best: changes, cost, excess, metrics by name, SI.
 
-        The excess says by what part of them the limits are exceeded, together; cost and excess of one that fails are null.
+        The excess is as in `Candidate`; cost and excess of a candidate that fails are null.
         """
         paths = dict.fromkeys(path for candidate in self.candidates for path in candidate.changes)
         names = list(dict.fromkeys(name for each in self.candidates if each.metrics for name in each.metrics.by_name()))
@@ -221,14 +221,14 @@ class Tuning(Result):
         return pa.Table.from_pylist(rows)
 
     def _before(self, path: str) -> float | None:
-        """The number of a field as it was, None if there was none; of equal numbers, one of them, as one varies them all."""
+        """The number of a field before tuning, or None; one of several equal numbers, as they are varied together."""
         value = self.scenario.get(path) if self.scenario.has(path) else None
         if isinstance(value, tuple) and len(set(value)) == 1:
             (value,) = set(value)
         return value if isinstance(value, (int, float)) else None
 
     def _provenance(self, candidate: Candidate) -> dict[str, Any]:
-        """Scenario and version of a candidate; of one that is not valid, no scenario."""
+        """Scenario and version of a candidate; no scenario if it is invalid."""
         try:
             return provenance(change_settings(self.scenario, candidate.changes))
         except FlexlabError:
@@ -280,9 +280,9 @@ def tune(
 ) -> Tuning:
     """Search the ranges `axes` for the least `cost`, the worst over all combinations of `robust`. Raises `StudyError`.
 
-    `workers`: None: a thread per core.
+    `workers`: None for one thread per core.
     """
-    from scipy.optimize import differential_evolution  # It takes its time to load.
+    from scipy.optimize import differential_evolution  # It is slow to load.
 
     sample_count(duration, TICK)
     for axis in axes:

@@ -78,13 +78,13 @@ def _invalid(scenario: Scenario, reason: str) -> Run:
 
 
 MOST_WORKERS = 256
-"""Most threads: more than any machine of today can use."""
+"""Largest number of threads: more than any machine of today can use."""
 THREADS = "flexlab-workers"
-"""Beginning of the threads' names."""
+"""Prefix of the threads' names."""
 PATIENCE = 10.0
 """Longest wait for the scheduler's answer, s."""
 AGAIN = 0.1
-"""s from one attempt to end what is under way to the next."""
+"""Interval between attempts to end the work under way, s."""
 AHEAD = 3
 """Items per thread that are submitted ahead, so that a study of millions does not fill the memory."""
 Work = Callable[[Any], Any]
@@ -112,7 +112,7 @@ def chosen_workers(workers: int | None = None, cluster: str | None = None) -> Wo
 
 @contextmanager
 def _on_threads(count: int) -> Iterator[Does]:
-    """The kernels release Python's lock, so threads suffice. Ctrl-C, or an error, ends what is under way."""
+    """The kernels release Python's lock, so threads suffice. Ctrl-C, or an error, ends the work under way."""
     pool, ended = ThreadPoolExecutor(count, thread_name_prefix=THREADS), threading.Event()
     under_way, busy = set[Future[Any]](), set[int]()
 
@@ -145,8 +145,8 @@ def _on_threads(count: int) -> Iterator[Does]:
         pool.shutdown(wait=False, cancel_futures=True)
         while under_way:
             for thread in tuple(busy):
-                # Python has no other way to end a thread's work. It is heard between two calls of the engine's loop, and lost
-                # where a library drops it.
+                # Python has no other way to end a thread's work. The exception is raised between two calls of the engine's
+                # loop, and lost if a library drops it.
                 ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), ctypes.py_object(KeyboardInterrupt))
             sleep(AGAIN)
         raise
@@ -189,7 +189,7 @@ def _connected(distributed: Any, address: str) -> Any:
         client.__init__(address, timeout=PATIENCE, set_as_default=False)
         return client
     except (MemoryError, OSError, TypeError, ValueError) as error:
-        # What is no scheduler may announce data of any size.
+        # Something other than a scheduler may announce data of any size.
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
     # Garbage collection would close it, and would wait for ever while another client is being made.
     with suppress(TimeoutError):

@@ -9,7 +9,7 @@ from flexlab.quantities import Number, Pair, Part, Triple, quantity
 
 
 class Arm(Part):
-    """One planar three-joint arm; relative joint angles, `elbow` the sign of joint 2."""
+    """One planar three-joint arm with relative joint angles; `elbow` is the sign of joint 2."""
 
     base: Pair = quantity(title="Base position", symbol="p_b", unit="m", low=-20, high=20, live="restart")
     link_mass: Triple = quantity(
@@ -75,7 +75,7 @@ class JointFriction(Part):
 
     @property
     def active(self) -> bool:
-        """Whether there is any."""
+        """Whether there is any friction."""
         return any(self.viscous) or any(self.coulomb)
 
 
@@ -159,7 +159,7 @@ class Grips(Part):
         high=1e6,
     )
     measured_at: MeasuredAt = quantity("arms", title="Where the controller measures the pose")
-    """By the arms' joint angles, the mean of both, as if grips were rigid; or at the payload. Encoders measure the former."""
+    """By the arms' joint angles, as the mean of both and as if grips were rigid, or at the payload. Encoders measure the former."""
 
     @property
     def active(self) -> bool:

@@ -1,4 +1,4 @@
-"""Kinds of damping of the beam: the number of each as a scenario field, and its matrix over the modes.
+"""Kinds of damping of the beam: each with its number as a scenario field, and its matrix over the modes.
 
 A new kind is one more class here: the scenario, the menu and the beam's model find it by `DampingKind`.
 """

@@ -1,4 +1,4 @@
-"""Scenarios of earlier versions, in files and recordings, with their former meaning.
+"""Reads scenarios of earlier versions, in files and recordings, with their former meaning.
 
 Until 0.1 there was `controller.model.bending_stiffness_factor`, which no law ever used, and `sensor_noise.strain` was a number in
 1/s that entered hᵀq̇ and gᵀq̇ as σ m and σ m L, unlike any strain. Everything written by such a version names the first field, by
@@ -19,7 +19,7 @@ log = logging.getLogger(__name__)
 
 
 def in_present_terms(data: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Plain data of a scenario with the present fields; logs what was set and is left out."""
+    """A scenario's plain data with the present fields; logs a setting that is left out."""
     path, law = _part(data, "trajectory"), _part(data, "controller")
     if path is not None and "kind" not in path:
         data = {**data, "trajectory": {"kind": ONLY_PATH, **path}}
@@ -41,13 +41,13 @@ def in_present_terms(data: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _part(data: Mapping[str, Any], name: str) -> Mapping[str, Any] | None:
-    """A part of plain data; None for what is none, which validation names."""
+    """A part of plain data; None if it is not a mapping, which validation reports."""
     part = data.get(name)
     return cast("Mapping[str, Any]", part) if isinstance(part, Mapping) else None
 
 
 def _noise(noise: Mapping[str, Any] | None, payload: Mapping[str, Any]) -> dict[str, Any]:
-    """Strain in 1/s as the noise of hᵀq̇ and gᵀq̇ that it was. Invalid values stay, and validation names them."""
+    """Former noise of strain, 1/s, as the noise of hᵀq̇ and gᵀq̇ that it was. Invalid values stay, and validation reports them."""
     if noise is None or "moment_rate" in noise or not noise.get("strain"):
         return {}
     density, length, strain = (

@@ -41,7 +41,7 @@ WORDS = {
     "etdrk4": "Exponential, 4th order",
     "kalman": "Kalman filter",
 }
-"""Word of a menu → its meaning, if the word alone does not tell."""
+"""Word of a menu → its meaning, if the word alone does not say it."""
 
 
 def in_words(word: str) -> str:
@@ -61,7 +61,7 @@ def options(path: str) -> dict[str, Any]:
 
 
 def _places(path: str) -> Iterator[tuple[type[Part], str]]:
-    """The parts, of whatever kinds, that have a field at a dotted path, each with the field's name."""
+    """The parts, of any kind, that have a field at a dotted path, each with the field's name."""
     *parents, name = path.split(".")
     owners: list[type[Part]] = [Scenario]
     for parent in parents:
@@ -71,12 +71,12 @@ def _places(path: str) -> Iterator[tuple[type[Part], str]]:
 
 
 def word_of(value: Any) -> str:
-    """The word of a menu for a value."""
+    """A menu's word for a value."""
     return f"{value:+d}".replace("-", "−") if isinstance(value, int) else str(value)
 
 
 ENGINE = "trajectory.transition"
-"""A field that nobody sets: the transition after a change of the path in motion."""
+"""A field that only the engine sets: the transition after a change of the path in motion."""
 
 FOLLOW = ("trajectory.table", "trajectory.table_of")
 """Fields that follow from the text of a person's own path and its options."""
@@ -96,7 +96,7 @@ def part_differences(one: BaseModel, other: BaseModel, path: str = "") -> Iterat
 
 
 def differences(one: BaseModel, other: BaseModel) -> list[Difference]:
-    """Every single field that differs, including those of one kind alone (None for the other), except `SAID`."""
+    """Every single field that differs, except `SAID`; a field that only one of them has is None for the other."""
     found: list[Difference] = []
     for path, old, new in part_differences(one, other):
         first, second = dict(_leaves(_plain(old), path)), dict(_leaves(_plain(new), path))
@@ -132,15 +132,15 @@ def _leaves(data: Any, path: str) -> Iterator[tuple[str, Any]]:
 
 
 SIDES = {"left_arm": ", left arm", "right_arm": ", right arm"}
-"""Part of the scenario → suffix that distinguishes its fields from those of the other part."""
+"""Arm → suffix that distinguishes the titles of its fields from the other arm's."""
 DIGITS = 6
-"""Digits of a value that somebody set."""
+"""Digits shown of a value that somebody set."""
 HASH_DIGITS = 6
 """Hexadecimal digits by which a reader tells a text of several lines, such as a law's, from another one."""
 
 
 def field_title(path: str, *scenarios: Scenario) -> str:
-    """A field's title with symbol and unit, from the first scenario that has it or any kind of its part; else `path`."""
+    """A field's title with symbol and unit, from the first scenario that has it, or else from any kind of its part; otherwise `path`."""
     if path in TITLES:
         return TITLES[path]
     known = (scenario.about(path) for scenario in scenarios if scenario.has(path))
@@ -183,13 +183,13 @@ _DOTTED = re.compile(r"[a-z_0-9]+(\.[a-z_0-9]+)*")
 
 
 def change_in_words(change: str) -> str:
-    """A change against the preset, "path: old → new" in the notes of a run, with the field's title."""
+    """A change of the preset, "path: old → new" in the notes of a run, with the field's title for the path."""
     path, colon, values = change.partition(": ")
     return f"{field_title(path)}: {values}" if colon and _DOTTED.fullmatch(path) else change
 
 
 def told(differences: Iterable[Difference]) -> list[Difference]:
-    """The differences without the fields of a part whose kind differs, which the kind implies."""
+    """The differences without fields that only one kind of a part has, where that kind differs: it implies them."""
     found = list(differences)
     kinds = {path.removesuffix("kind") for path, _, _ in found if path.endswith(".kind")}
     return [

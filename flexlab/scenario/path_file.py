@@ -28,7 +28,7 @@ UNITS = {
 """Quantity → its units and their size, SI. A column without a unit is in the first."""
 HEADER = "t [s], x [m], y [m], theta [rad]"
 LONGEST_FILE = 5_000_000
-"""Most bytes of a file: ten times what the most rows need."""
+"""The most bytes of a file: ten times what the most rows need."""
 
 
 def with_path(scenario: Scenario, path: Any) -> Scenario:
@@ -40,7 +40,7 @@ def with_path(scenario: Scenario, path: Any) -> Scenario:
 
 
 def path_choice(path: Any) -> Callable[[Scenario], Scenario]:
-    """A function that gives scenarios the path of `with_path`, read once. Raises `PresetError`; the function `ScenarioError`."""
+    """A function that does as `with_path`, with the path read once. Raises `PresetError`, and the function `ScenarioError`."""
     if isinstance(path, (str, Path)) and str(path).lower().endswith(".csv"):
         rows = read_path_file(path)
         return lambda scenario: parse_scenario(dict(scenario) | {"trajectory": {"kind": "table", "rows": rows}})
@@ -90,7 +90,7 @@ def _cells(text: str, name: str) -> Iterator[list[str]]:
     separator = max(",;\t", key=first.count)
     try:
         for line in csv.reader(text.splitlines(), delimiter=separator, strict=True):
-            # What does not separate columns is a decimal comma.
+            # A comma that does not separate columns is a decimal comma.
             yield line if separator == "," else [cell.replace(",", ".") for cell in line]
     except csv.Error as error:
         raise PresetError(f"{name} is not a CSV file: {error}.") from None

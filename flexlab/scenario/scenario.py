@@ -31,7 +31,7 @@ def _models(known: Mapping[str, Any]) -> Any:
 AnyLaw = Any
 AnyPath = Any
 if not TYPE_CHECKING:
-    # Written as what they are: a text that was saved again has another model than the scenarios before.
+    # Serialised by their own types: a text that was saved again has another model than in scenarios before.
     AnyLaw, AnyPath = (
         Annotated[_models(known), Field(discriminator="kind"), SerializeAsAny()] for known in (laws(), paths())
     )
@@ -42,7 +42,7 @@ SMALLEST_STEP = 1e-7
 
 SCHEMA_FIELD, FORMAT_FIELD, MENU_FIELD = "$schema", "format", "menu_order"
 FILE_FIELDS: dict[str, type] = {SCHEMA_FIELD: str, FORMAT_FIELD: int, MENU_FIELD: int}
-"""Metadata of a file, no fields of the scenario: its schema for editors, its format, its place in menus."""
+"""Metadata of a file, not fields of the scenario: its schema for editors, its format, its place in menus."""
 FORMAT = 1
 """Newest format of scenario files. Older ones can always be read; a file without the number has format 1."""
 SAID = ("title", "watch")
@@ -51,9 +51,9 @@ COMMON_FIELDS = {
     "controller.kind": frozenset(Controller.model_fields),
     "trajectory.kind": frozenset(Trajectory.model_fields),
 }
-"""Fields that all kinds have."""
+"""Fields that all laws, or all paths, have."""
 MOST_PROBLEMS = 20
-"""Most problems of a scenario that are reported at once."""
+"""The most problems of a scenario that are reported at once."""
 
 
 class Initial(Part):
@@ -89,7 +89,7 @@ class Simulation(Part):
 
 
 class Scenario(Part):
-    """One experiment, complete. `right_arm` null and boundary clamped-free: one arm holds one end of the beam."""
+    """A complete experiment. With `right_arm` null and the boundary clamped-free, one arm holds one end of the beam."""
 
     title: str = Field(default="", max_length=120)
     watch: str = Field(default="", max_length=1200)
@@ -189,9 +189,9 @@ class Scenario(Part):
         return changed or parse_scenario(data)
 
     def _with_parts(self, data: Mapping[str, Any]) -> "Scenario | None":
-        """As `parse_scenario`, but validates only the parts that are others now, as a slider sends many changes.
+        """As `parse_scenario`, but validate only the parts that have changed, as a slider sends many changes.
 
-        None if one of them is not valid, has another kind or holds a person's own code: then the whole is to be parsed.
+        None if one of them is not valid, has another kind or holds a person's own code: the whole then has to be parsed.
         """
         parts: dict[str, Part] = {}
         try:
@@ -251,12 +251,12 @@ class Scenario(Part):
 
 
 def _by_name(data: Any) -> bool:
-    """Whether data are values by names."""
+    """Whether data are a mapping with names as keys."""
     return isinstance(data, Mapping) and all(isinstance(name, str) for name in cast("Mapping[object, Any]", data))
 
 
 def _know_new_kinds() -> None:
-    """Allow laws and paths in scenarios that were added after this module was imported."""
+    """Let scenarios have the laws and paths that were added after this module was imported."""
     Scenario.model_fields["controller"].annotation = _models(laws())
     Scenario.model_fields["trajectory"].annotation = _models(paths())
     Scenario.model_rebuild(force=True)

@@ -14,7 +14,7 @@ LAW, SEED = "controller.kind", "controller.sensor_noise.seed"
 """The fields behind `--law` and `--seed`."""
 
 PERIOD, USUAL_PERIOD = "controller.control_period", 0.001
-"""The field, and the period, s, that laws for sampled control get if chosen for a continuous loop."""
+"""The field, and the period, s, that sampled laws get when they are chosen for a continuous loop."""
 
 IDEAL: dict[str, Any] = {
     "controller.input_delay": 0,
@@ -24,7 +24,7 @@ IDEAL: dict[str, Any] = {
     "joints.motor": {},
     "grips": {},
 }
-"""Changes that leave out delay, noise, limits, counts of encoders, motors and compliant grips: what linear models start from."""
+"""Changes that take away delay, noise, torque limits, encoders, motors and compliant grips, for linear models."""
 
 
 def parse_setting(text: str) -> tuple[str, Any]:

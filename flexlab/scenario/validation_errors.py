@@ -10,12 +10,12 @@ from flexlab.quantities import Part, Quantity, describe, parts_of
 from flexlab.text import number_text, visible
 
 MOST_HINTS = 3
-"""Most names in a sentence."""
+"""The most names in a sentence."""
 ALIKE, ALIKE_LAST = 0.75, 0.8
-"""Similarity, of 1, from which on a path, or its last name, may be a misspelt other."""
+"""Least similarity, 0 to 1, of a path, or its last name, to one that it may misspell."""
 
 NEARLY_AS_GOOD = 0.1
-"""Difference from the highest similarity up to which others are named as well."""
+"""Names that are less similar than the best by no more than this are suggested too."""
 
 
 def field_paths(model: type[Part], before: str = "") -> Iterator[str]:

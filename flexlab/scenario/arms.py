@@ -159,7 +159,7 @@ class Grips(Part):
         high=1e6,
     )
     measured_at: MeasuredAt = quantity("arms", title="Where the controller measures the pose")
-    """By the arms' joint angles, as the mean of both and as if grips were rigid, or at the payload. Encoders measure the former."""
+    """By the arms' joint angles (the mean of both, as if grips were rigid) or at the payload. Encoders measure the former."""
 
     @property
     def active(self) -> bool:

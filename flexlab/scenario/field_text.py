@@ -140,7 +140,7 @@ HASH_DIGITS = 6
 
 
 def field_title(path: str, *scenarios: Scenario) -> str:
-    """A field's title with symbol and unit, from the first scenario that has it, or else from any kind of its part; otherwise `path`."""
+    """A field's title with symbol and unit, from the first scenario that has it, or from any kind of its part; else `path`."""
     if path in TITLES:
         return TITLES[path]
     known = (scenario.about(path) for scenario in scenarios if scenario.has(path))

@@ -1,7 +1,7 @@
-"""The labs of a JupyterHub for one teacher's page: each tells the hub's service how it stands, and follows what comes back.
+"""The labs of a JupyterHub for one teacher's page: each reports its state to the hub's service and follows its orders.
 
-A lab connects to the service, not the other way round: a service that asked through the hub's proxy would start labs that nobody
-opened, keep idle servers awake, and show every student's server its own key.
+Labs connect to the service, not the other way round: a service that asked through the hub's proxy would start labs that nobody
+opened, keep idle servers awake, and show its own key to every student's server.
 """
 
 import asyncio
@@ -24,15 +24,15 @@ from flexlab.server.labs.lab_provider import Choice, Hold, Lab, LabProvider, Lab
 from flexlab.server.scenario_links import decode_scenario, encode_scenario
 
 REPORTS = "/labs"
-"""Below the service's address: where labs connect."""
+"""Path below the service's address to which labs connect."""
 PERIOD = 1.0
 """Seconds between two reports."""
 PATIENCE = 5.0
-"""Seconds before a lab tries again to reach a service that is not there."""
+"""Seconds before a lab tries again to reach a service that does not answer."""
 HEARTBEAT = 20.0
 """Seconds between two heartbeats: a lab that vanishes without closing its connection is dropped."""
 LARGEST_REPORT = 64 * 1024
-"""Bytes: a report has names and numbers, and the questions that were met."""
+"""Largest report, bytes: it has names, numbers, and the questions that the lab has shown."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Report:
 
 @dataclass(frozen=True)
 class Order:
-    """What the service asks of a lab; None or empty: nothing."""
+    """What the service asks of a lab; a field that is None or empty asks for nothing."""
 
     scenario: str = ""
     """The scenario as a word of `encode_scenario`."""
@@ -55,7 +55,7 @@ class Order:
 
 
 async def tell_class(service: str, places: LabProvider) -> None:
-    """Report the one lab of this server to the service at an address, and follow it; until it is cancelled."""
+    """Report this server's lab to the service at an address and follow its orders, until cancelled."""
     headers = {"Authorization": f"token {os.environ.get('JUPYTERHUB_API_TOKEN', '')}"}
     query = {"server": os.environ.get("JUPYTERHUB_SERVER_NAME", "")}
     while True:
@@ -95,11 +95,11 @@ async def _follow(places: LabProvider, order: Order) -> None:
 
 
 class HubLab(Lab):
-    """A student's lab, as it reports itself."""
+    """A student's lab, known by its reports."""
 
     def __init__(self, number: int, name: str, server: str, plug: web.WebSocketResponse):
         self.number, self.name = number, name
-        # From the service, at /services/NAME, to what the student's own server passes on.
+        # Relative to the service at /services/NAME: the lab behind the student's own server.
         own = "/".join(quote(word, safe="") for word in (name, server) if word)
         self.path = f"/../../user/{own}/flexlab/lab"
         self._plug = plug
@@ -110,14 +110,14 @@ class HubLab(Lab):
         return self._status
 
     async def follow_reports(self) -> None:
-        """Take its reports until it is gone, or sends what is no report."""
+        """Take its reports until it disconnects or sends something else."""
         with contextlib.suppress(msgspec.MsgspecError):
             async for said in self._plug:
                 report = msgspec.json.decode(said.data, type=Report, dec_hook=_no_path)
                 self._status, self.visitors = report.status, report.visitors
 
     async def ask(self, what: Choice | Hold | ClassRules) -> None:
-        """Pass it on, unless the lab is just leaving."""
+        """Pass a request on to the lab, unless it is disconnecting."""
         if isinstance(what, Choice):
             order = Order(await asyncio.to_thread(encode_scenario, what.scenario), what.name)
         else:
@@ -141,7 +141,7 @@ class HubLabs(LabProvider):
         self._numbers = itertools.count(1)
 
     async def take_reports(self, request: web.Request, name: str) -> web.WebSocketResponse:
-        """Show a student's lab as long as it is connected."""
+        """List a student's lab for as long as it is connected."""
         plug = web.WebSocketResponse(heartbeat=HEARTBEAT, max_msg_size=LARGEST_REPORT)
         await plug.prepare(request)
         lab = HubLab(next(self._numbers), name, request.query.get("server", ""), plug)
@@ -157,5 +157,5 @@ class HubLabs(LabProvider):
         return plug
 
     def running(self) -> Sequence[Lab]:
-        """All of them, by name."""
+        """All labs, by name."""
         return sorted(self._labs.values(), key=lambda lab: lab.path)

@@ -1,6 +1,6 @@
 """What the server's pages need of labs, whether all visitors share one or each has their own.
 
-Visitors who wait for a lab stand in a line: addresses take turns, and within one address the first comes first.
+Visitors who wait for a lab stand in a line: addresses take turns, and each address is served in order of arrival.
 """
 
 import asyncio
@@ -17,11 +17,11 @@ from flexlab.scenario import Scenario
 from flexlab.sim.samples import Origin
 
 LOOK_AGAIN = 5
-"""Seconds between two requests of a page that waits."""
+"""Seconds between two requests of a waiting page."""
 PATIENCE = 6.0 * LOOK_AGAIN
-"""Seconds without a request after which a visitor has left the line."""
+"""Seconds without a request after which a visitor counts as having left the line."""
 MOST_WAITING, MOST_OF_ADDRESS = 200, 50
-"""Visitors who wait at once, in all and of one address: more than a room holds."""
+"""Most visitors who wait at once, in all and of one address: more than a room holds."""
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,9 @@ class Choice:
     scenario: Scenario
     name: str
     origin: Origin | None = None
-    """The instant of an earlier run from which it continues; None: the scenario's own start."""
+    """The instant of an earlier run from which it continues; None for the scenario's own start."""
     stands: bool = False
-    """Whether the run waits for the visitor to press Play; else it begins when their page is drawn."""
+    """Whether the run waits until the visitor presses Play; else it begins when their page is drawn."""
 
 
 @dataclass(frozen=True)
@@ -51,19 +51,19 @@ class LabStatus:
     """The preset, or file, that its scenario came from."""
     title: str
     time: float
-    """Simulated, s."""
+    """Simulated time, s."""
     state: str
     """One word: starting, running, paused, stopped."""
     link: str
     """The scenario as a word for a link."""
     recording: Path | None
-    """The file being written."""
+    """The recording being written."""
     problem: str
     """Why nothing is being recorded, as a sentence; empty while all is well."""
     error: float = 0.0
-    """Distance of the payload from where it should be, m."""
+    """Distance of the payload from its desired position, m."""
     lesson: str = ""
-    """The open lesson and its progress; empty: none."""
+    """The open lesson and its progress; empty if there is none."""
     lessons: tuple[LessonProgress, ...] = ()
     """Progress in each lesson that was opened."""
 
@@ -72,14 +72,14 @@ class FullError(LabError):
     """All private labs that this machine may have are taken."""
 
     def __init__(self, sentence: str, place: int = 0):
-        """`place`: of the visitor among those who wait, from 1; 0: they do not wait, and need not."""
+        """`place`: the visitor's place in the line, from 1; 0 if they are not in it."""
         super().__init__(sentence)
         self.place = place
 
 
 @dataclass(frozen=True)
 class Order:
-    """What a lab is opened with."""
+    """The settings with which a lab is opened."""
 
     choice: Choice
     logs: Path
@@ -87,34 +87,34 @@ class Order:
     """The server's address, for links that open a scenario."""
     shadows: bool = True
     live: bool = False
-    """Whether its data are served live."""
+    """Whether the lab's data are served live."""
     secret: str = ""
-    """The word without which the lab's own port answers nobody."""
+    """The secret that every request to the lab's own port must carry."""
     owner: str = ""
-    """Marks its visitor's runs; empty: they belong to nobody."""
+    """The mark of the visitor's runs; empty if they belong to nobody."""
     visitor: str = ""
-    """What the visitor is called."""
+    """The visitor's name."""
     quota: float | None = None
-    """Bytes that the owner's runs may take; None: any number."""
+    """Most bytes of the owner's runs; None for no bound."""
     own_files: dict[str, str] = field(default_factory=dict[str, str])
-    """Laws and paths in Python that may run: `hosts.allowed`."""
+    """Laws and paths in Python that may run, as `hosts.allowed` returns them."""
 
 
 class Lab:
     """One running lab behind the server."""
 
     number = 1
-    """Among all labs of this server, from 1; it never changes."""
+    """Its number among all labs of this server, from 1; it never changes."""
     path = "/lab"
-    """Where visitors find it: `/lab` or `/s/<id>`."""
+    """Its address for visitors: `/lab` or `/s/<id>`."""
     name = ""
-    """What its visitor is called; empty: not known."""
+    """Its visitor's name; empty if unknown."""
     owner = ""
-    """The mark of its visitor's runs; empty: they belong to nobody."""
+    """The mark of its visitor's runs; empty if they belong to nobody."""
     visitors = 0
-    """Open pages."""
+    """The number of its open pages."""
     secret = ""
-    """The word without which its own server answers nobody."""
+    """The secret that every request to its own server must carry."""
     live: LiveHub | None = None
     """Its live data, if they are served."""
     port: int = 0
@@ -125,31 +125,31 @@ class Lab:
         raise NotImplementedError
 
     async def ask(self, what: Choice | Hold | ClassRules) -> None:
-        """The teacher has it show a scenario, pause, resume, or follow rules."""
+        """Carry out the teacher's request: show a scenario, pause, resume, or follow rules."""
         raise NotImplementedError
 
 
 def state_of(place: Lab) -> str:
-    """The state of a lab in a word: one that begins when somebody looks is waiting for them."""
+    """The state of a lab in a word: "waiting" if its run begins only when somebody opens it."""
     status = place.status()
     waits = status.state == "running" and not status.time and not place.visitors
     return "waiting" if waits else status.state
 
 
 class LabProvider:
-    """All labs of one server. Everything but `close` is called on the server's event loop."""
+    """All labs of one server. All methods but `close` are called on the server's event loop."""
 
     is_private = False
-    """Whether each visitor has a lab of their own."""
+    """Whether each visitor has a private lab."""
 
     def __init__(self) -> None:
         self.rules = ClassRules()
         """The teacher's rules for all labs."""
 
     async def enter(self, visitor: str, choice: Choice | None, address: str = "", name: str = "") -> Lab:
-        """The visitor's lab, opened if need be, with what they chose. Raises `FullError` or another `LabError`.
+        """Return the visitor's lab, opened if need be, with their choice. Raises `FullError` or another `LabError`.
 
-        `address`: where the visitor comes from; `name`: what they are called.
+        `address`: the visitor's network address; `name`: their name.
         """
         raise NotImplementedError
 
@@ -158,19 +158,19 @@ class LabProvider:
         return None
 
     def ended(self, visitor: str, lab: str) -> str:
-        """Why a visitor's lab ended, as a sentence; empty if there never was one."""
+        """Return why a visitor's lab ended, as a sentence; empty if there never was one."""
         return ""
 
     async def rule(self, rules: ClassRules) -> None:
-        """Apply rules to all labs, also to those opened later."""
+        """Apply rules to all labs, including those opened later."""
         self.rules = rules
         await asyncio.gather(*(lab.ask(rules) for lab in self.running()))
 
     def call(self, visitor: str, name: str) -> None:
-        """A visitor has a new name."""
+        """Take a visitor's new name."""
 
     def left(self, place: Lab) -> None:
-        """A page of this lab was closed."""
+        """Note that a page of this lab was closed."""
 
     def running(self) -> Sequence[Lab]:
         """All running labs."""
@@ -182,7 +182,7 @@ class LabProvider:
 
 
 class WaitingLine:
-    """Who waits, in order. For the server's event loop only."""
+    """The waiting visitors, in order. For the server's event loop only."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic):
         self._clock = clock
@@ -194,9 +194,9 @@ class WaitingLine:
         return len(self._seen)
 
     def place(self, visitor: str, free: int, address: str = "") -> int:
-        """0 if it is the visitor's turn, with `free` labs to be had; else their place in the line, from 1.
+        """Return 0 if it is the visitor's turn for one of `free` labs, else their place in the line, from 1.
 
-        Raises `FullError` if the line takes no more.
+        Raises `FullError` if the line is full.
         """
         self._forget_who_left()
         if visitor not in self._seen and len(self._seen) >= free:
@@ -213,7 +213,7 @@ class WaitingLine:
         return ahead + 1
 
     def _order(self) -> list[str]:
-        """First the first of each address, then the second of each: whoever makes up many visitors comes no sooner."""
+        """The first visitor of each address, then the second of each, so that inventing many visitors gains nothing."""
         turns: Counter[str] = Counter()
         ranks: dict[str, int] = {}
         for visitor, (_, address) in self._seen.items():
@@ -222,7 +222,7 @@ class WaitingLine:
         return sorted(ranks, key=lambda visitor: ranks[visitor])
 
     def leave(self, visitor: str) -> None:
-        """A visitor waits no longer."""
+        """Take a visitor out of the line."""
         self._seen.pop(visitor, None)
 
     def _forget_who_left(self) -> None:

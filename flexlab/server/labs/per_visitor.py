@@ -1,4 +1,4 @@
-"""A lab for each visitor: one process each, closed when nobody looks, and a crash of one touches no other."""
+"""A lab for each visitor in its own process: it is closed when nobody looks, and its crash touches no other."""
 
 import asyncio
 import contextlib
@@ -24,9 +24,9 @@ from flexlab.server.settings import SECRET_BYTES, Settings
 from flexlab.server.tasks import prepare_lab_processes
 
 ID_BYTES = 12
-"""Randomness in the path of a lab."""
+"""Random bytes in the path of a lab."""
 ENDED_KEPT = 500
-"""Labs whose end is remembered, for visitors who come back."""
+"""Most labs whose end is remembered for visitors who come back."""
 ROUNDS_PER_IDLE_TIME = 5
 """Checks for labs that nobody watches, per idle time."""
 LONGEST_ROUND = 1.0
@@ -34,10 +34,10 @@ LONGEST_ROUND = 1.0
 SILENCE = 8.0
 """Seconds without a report after which a lab counts as hanging, and its visitor may open a new one."""
 LAST_CHANCE = 7.0
-"""Seconds that a hanging lab then gets to close its run before it is ended by force."""
+"""Seconds that a hanging lab then gets to close its run before it is killed."""
 
 SILENT_AT_CLOSING, GOODBYE = 3.0, 1.0
-"""Seconds without a report after which a closing server waits for a lab only `GOODBYE` s."""
+"""Seconds without a report after which a closing server waits only `GOODBYE` s for a lab."""
 
 CRASHED = (
     "This lab ended unexpectedly ({reason}). Everybody else's lab runs on, and your run was kept up to that moment."
@@ -55,7 +55,7 @@ class PrivateLabs(LabProvider):
     is_private = True
 
     def __init__(self, settings: Settings, order: Order):
-        """`order`: what the lab of a visitor is opened with who chose nothing."""
+        """`order`: settings of the lab of a visitor who chose nothing."""
         super().__init__()
         prepare_lab_processes()
         self._settings, self._order = settings, order
@@ -70,15 +70,15 @@ class PrivateLabs(LabProvider):
         self._last: Path | None = None
 
     async def enter(self, visitor: str, choice: Choice | None, address: str = "", name: str = "") -> Lab:
-        """The visitor's lab. Raises `FullError` when there is no room for one more: then the visitor waits for their turn."""
+        """Return the visitor's lab. Raises `FullError` when no lab is free; the visitor then waits for their turn."""
         opening = self._opening.get(visitor)
         if opening is not None:
             return await asyncio.shield(opening)
         place = self.of_visitor(visitor)
         if place is None:
-            # Before anything is awaited, so that simultaneous visitors are counted one by one.
+            # Before any await, so that simultaneous visitors are counted one by one.
             self._admit(visitor, address)
-            # Two pages opened at once by one visitor share what the first one starts.
+            # Two pages that one visitor opens at once share the lab that the first one starts.
             opening = asyncio.ensure_future(self._open(visitor, choice or self._order.choice, name))
             self._opening[visitor] = opening
             opening.add_done_callback(lambda _: self._opening.pop(visitor, None))
@@ -88,7 +88,7 @@ class PrivateLabs(LabProvider):
         return place
 
     def _admit(self, visitor: str, address: str) -> None:
-        """Raises `FullError`, with the visitor's place in the line, as long as there is no lab for them."""
+        """Raise `FullError`, with the visitor's place in the line, while there is no lab for them."""
         most = self._settings.max_sessions
         others = self._taken() - {visitor}
         place = self._line.place(visitor, most - len(others), address)
@@ -140,7 +140,7 @@ class PrivateLabs(LabProvider):
         return place
 
     def call(self, visitor: str, name: str) -> None:
-        """The visitor's next runs are kept under another name."""
+        """Keep the visitor's next runs under a new name."""
         place = self.of_visitor(visitor)
         if place is not None and place.name != name:
             place.name = name
@@ -152,29 +152,29 @@ class PrivateLabs(LabProvider):
         return next(mine, None)
 
     def ended(self, visitor: str, lab: str) -> str:
-        """Why this visitor's lab is no more; empty for other people's labs and for words that never were one."""
+        """Return why this visitor's lab has ended; empty for other people's labs and for unknown ones."""
         going = self._places.get(lab)
         owner, sentence = (going.visitor, going.why) if going is not None else self._ended.get(lab, ("", ""))
         return sentence if owner == visitor else ""
 
     def left(self, place: Lab) -> None:
-        """The idle time begins with the last page closed."""
+        """Begin the lab's idle time when a page is closed."""
         if isinstance(place, PrivateLab):
             place.seen = time.monotonic()
 
     def running(self) -> Sequence[Lab]:
-        """All of them."""
+        """All private labs that are open."""
         return [place for place in self._places.values() if place.port]
 
     async def close(self) -> Path | None:
-        """End all at once; returns the newest recording."""
+        """End all labs at once and return the newest recording."""
         if self._watch is not None:
             self._watch.cancel()
         places = list(self._places.values())
         for place in places:
             place.why = place.why or CLOSED
         now = time.monotonic()
-        # Who has been silent for some reports hangs: the person who closes need not wait for it.
+        # A lab that has missed several reports hangs: closing need not wait for it.
         silent = [now - place.heard_at > SILENT_AT_CLOSING for place in places]
         patience = [GOODBYE if hangs else STOP_TIME for hangs in silent]
         stops = (asyncio.to_thread(place.stop, seconds) for place, seconds in zip(places, patience, strict=True))
@@ -184,7 +184,7 @@ class PrivateLabs(LabProvider):
         return max(filter(None, recordings), key=lambda path: path.name, default=self._last)
 
     def _taken(self) -> set[str]:
-        """Visitors who have a lab, or are getting one; a lab that is closing has already made room."""
+        """Visitors who have a lab or are getting one; a lab that is closing no longer counts."""
         return {place.visitor for place in self._places.values() if not place.why} | set(self._opening)
 
     async def _close_idle_ones(self) -> None:
@@ -193,7 +193,7 @@ class PrivateLabs(LabProvider):
             await asyncio.sleep(min(idle / ROUNDS_PER_IDLE_TIME, LONGEST_ROUND))
             before, looked = looked, time.monotonic()
             if looked - before > SILENCE / 2:
-                continue  # The server itself was stopped: it has not yet heard what the labs said meanwhile.
+                continue  # The server itself was suspended and has not yet read the labs' reports.
             for place in list(self._places.values()):
                 if place.port and not place.visitors and not place.why and time.monotonic() - place.seen > idle:
                     place.why = IDLE.format(time=f"{idle / 60:g} minutes" if idle >= 60 else f"{idle:g} s")
@@ -204,7 +204,7 @@ class PrivateLabs(LabProvider):
                     self._keep(asyncio.to_thread(place.stop, LAST_CHANCE))
 
     def _over(self, lab: str) -> None:
-        """A worker's process has ended: as it was told, or by itself."""
+        """Note that a worker's process has ended, by request or by itself."""
         place = self._places.pop(lab, None)
         if place is None:
             return
@@ -221,7 +221,7 @@ class PrivateLabs(LabProvider):
             self._ended.popitem(last=False)
 
     def _keep(self, work: Coroutine[Any, Any, None]) -> None:
-        """Run something in the background; the task is held, because an event loop drops tasks that nobody holds."""
+        """Run work in the background. The task is stored, because an event loop drops tasks without a reference."""
         task = asyncio.create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
@@ -230,7 +230,7 @@ class PrivateLabs(LabProvider):
 def _mend(logs: Path, recording: Path | None) -> None:
     """Finish the recordings of a worker that may have died while it wrote.
 
-    Its last report says which run that was, but up to a second late: a run begun since then is known from the folder alone.
+    Its last report names its run, but up to a second late: a run begun since then is found only in the folder.
     """
     if recording is not None:
         with contextlib.suppress(FlexlabError, OSError):

@@ -15,18 +15,18 @@ from flexlab.server.tasks import leave_interrupts_to_the_server
 from flexlab.sim.world import World
 
 READ_LATE = ("dateutil.parser", "imageio.v3", "PIL.Image", "pyarrow.compute", "rich.table")
-"""What a lab's libraries read only when they draw or record, if they are there: a third of its memory, half a second of its
-start."""
+"""Modules that a lab's libraries import only when they draw or record, if installed: a third of its memory and half a second of
+its start."""
 LAB = worker
-"""The module that this is read for."""
+"""The module for which this one is imported."""
 
 
 def _try_out() -> None:
-    """Go through the engine once, so that its machine code is in memory; no thread is begun, as none survives a fork."""
+    """Run the engine once, so that its machine code is in memory. No thread is started, as none survives a fork."""
     try:
         World(load_preset("paper")).advance(2)
     except (FlexlabError, OSError):
-        # A lab that needs it will say so to its visitor.
+        # A lab that fails in the same way will tell its visitor.
         logging.getLogger(__name__).warning("The engine could not be tried out ahead of the first lab.", exc_info=True)
 
 
@@ -36,9 +36,9 @@ for name in READ_LATE:
         import_module(name)
 if "PIL.Image" in sys.modules:
     sys.modules["PIL.Image"].init()
-# With its first list pyarrow reads pandas, where that is installed.
+# pyarrow imports pandas, if installed, when it converts its first list.
 pyarrow.array([True])  # pyright: ignore[reportUnknownMemberType]
 _try_out()
-# What is there now stays: the collector of a forked process need not write into it, which would unshare it.
+# Freeze the present objects: if a forked process's collector wrote to them, their memory would no longer be shared.
 gc.collect()
 gc.freeze()

@@ -1,4 +1,4 @@
-"""One lab with its recorder: the page on a loopback port, every run into the logs folder. And as the one lab of all visitors."""
+"""One lab with its recorder: its page is on a loopback port, its runs go to the logs folder. Also the lab that all share."""
 
 import asyncio
 import math
@@ -24,16 +24,16 @@ from flexlab.sim.commands import Pause, Play
 from flexlab.sim.samples import Samples
 
 LOOK_PERIOD = 1.0
-"""Seconds between two checks of file and disk."""
+"""Seconds between two checks of the file and the disk."""
 MEASURED = 10
-"""Looks over which the rate is measured."""
+"""Number of checks over which the rate is measured."""
 MEGABYTE, GIGABYTE = 1e6, 1e9
 LITTLE_SPACE = 2 * GIGABYTE
-"""Bytes free below which there is a warning: an hour of a lab that nobody stops."""
+"""Free bytes below which there is a warning: room for an hour of a lab that nobody stops."""
 
 
 def little_space(logs: Path) -> str:
-    """A warning, without a full stop, when the disk of the logs folder is nearly full; else empty."""
+    """A warning, without a full stop, if the disk of the logs folder is nearly full; else empty."""
     try:
         free = shutil.disk_usage(logs).free
     except OSError:
@@ -44,7 +44,7 @@ def little_space(logs: Path) -> str:
 
 
 class RecordingText:
-    """Called ten times a second by the panel, it looks at the disk once a second."""
+    """The panel's sentence about the recording. The panel calls it ten times a second; it checks the disk once a second."""
 
     def __init__(self, recorder: Recorder, logs: Path, clock: Callable[[], float] = time.monotonic):
         self._recorder, self._logs, self._clock = recorder, logs, clock
@@ -54,7 +54,7 @@ class RecordingText:
         self._warning = ""
 
     def __call__(self) -> str:
-        """The sentence; empty before there is a recording."""
+        """Return the sentence; empty before there is a recording."""
         if self._recorder.problem is not None:
             return self._recorder.problem
         path = self._recorder.path
@@ -72,7 +72,7 @@ class RecordingText:
         try:
             self._looks.append((self._looked_at, path.stat().st_size))
         except OSError:
-            return  # The recorder says what is wrong with the disk.
+            return  # The recorder reports what is wrong with the disk.
         little = little_space(self._logs)
         self._warning = f". {little}" if little else ""
 
@@ -87,7 +87,7 @@ class RecordedLab(Lab):
     """A session and its recorder, opened and closed together."""
 
     def __init__(self, order: Order, live: Take | None = None, on_problem: Callable[[str], None] | None = None):
-        """Start it; `live` takes its data as they come. Raises `FlexlabError`, and leaves nothing running, if it cannot."""
+        """Start both; `live` takes the data as they come. Raises `FlexlabError`, and leaves nothing running, on failure."""
         self.secret, self.name, self._owner = order.secret, order.visitor, order.owner
         self._lessons: Callable[[], Iterable[LessonProgress]] = tuple
         self._recorder = recorder = Recorder(
@@ -111,7 +111,7 @@ class RecordedLab(Lab):
                 origin=order.choice.origin,
                 secret=order.secret,
                 playing=not order.choice.stands,
-                # Live data may be watched where no page of the lab is open.
+                # Live data may be watched while no page of the lab is open.
                 attended=live is None,
                 recorded=self._recorded,
                 recorded_as=lambda: recorder.path.stem if recorder.path is not None else "",
@@ -141,12 +141,12 @@ class RecordedLab(Lab):
         if choice.stands or self._session.lab_state.rules.locked:
             self._session.lab_state.submit(Pause())
         elif not snapshot.playing:
-            # A lab that plays begins the new run by itself once its page is drawn; this command would not wait for that.
+            # A playing lab starts the new run by itself once its page is drawn; this command would not wait for that.
             self._session.lab_state.submit(Play())
         return True
 
     def _circumstances(self) -> dict[str, Any]:
-        """The notes of a run: whose it is, and the lessons that were begun in this lab."""
+        """The notes of a run: its owner, and the lessons that were begun in this lab."""
         lessons = [met._asdict() | {"answer": met.told_answer} for met in self._lessons() if met.guess or met.passed]
         whose = {"owner": self._owner, "visitor": self.name} if self._owner else {}
         return whose | ({"lessons": lessons} if lessons else {})
@@ -159,7 +159,7 @@ class RecordedLab(Lab):
         return read_range(path, None, end)
 
     def rename(self, visitor: str) -> None:
-        """Its visitor has another name."""
+        """Take its visitor's new name."""
         self.name = visitor
 
     async def ask(self, what: Choice | Hold | ClassRules) -> None:
@@ -182,7 +182,7 @@ class RecordedLab(Lab):
             lab_state.say("The teacher paused this lab.")
 
     def _follow(self, rules: ClassRules) -> None:
-        """Apply new rules; the lab shows those that hold, and says which have ended."""
+        """Apply new rules; the lab shows the ones in force and says which have ended."""
         lab_state = self._session.lab_state
         before, lab_state.rules = lab_state.rules, rules
         if rules.locked and not before.locked:
@@ -215,7 +215,7 @@ class RecordedLab(Lab):
         )
 
     def close(self) -> Path | None:
-        """End the lab; its run is kept in the file whose path this returns."""
+        """End the lab, keep its run, and return the path of its recording."""
         last = self._recorder.path
         self._session.stop()
         self._recorder.close()
@@ -223,17 +223,17 @@ class RecordedLab(Lab):
 
 
 class SharedLab(LabProvider):
-    """The one lab of all visitors: they look at, and move, the same arms."""
+    """The lab that all visitors share: they watch and move the same arms."""
 
     def __init__(self, order: Order, on_problem: Callable[[str], None] | None = None):
-        """Raises `FlexlabError` as `RecordedLab`."""
+        """Start the lab. Raises `FlexlabError` as `RecordedLab` does."""
         super().__init__()
         live = LiveHub() if order.live else None
         self.laboratory = RecordedLab(order, live.take if live else None, on_problem)
         self.laboratory.live = live
 
     async def enter(self, visitor: str, choice: Choice | None, address: str = "", name: str = "") -> Lab:
-        """The lab, with what this visitor chose."""
+        """Return the lab, showing what this visitor chose."""
         if choice is not None:
             self.laboratory.load(choice)
         return self.laboratory
@@ -247,7 +247,7 @@ class SharedLab(LabProvider):
         return [self.laboratory]
 
     async def close(self) -> Path | None:
-        """End it; returns its last recording."""
+        """End the lab and return its last recording."""
         if self.laboratory.live is not None:
             self.laboratory.live.close()
         return await asyncio.to_thread(self.laboratory.close)

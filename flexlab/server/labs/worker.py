@@ -1,4 +1,4 @@
-"""A lab in a process of its own: the code that runs in that process, and the server's handle on it."""
+"""A lab in a separate process: the code that runs in that process, and the server's handle on it."""
 
 import asyncio
 import contextlib
@@ -18,15 +18,15 @@ from flexlab.server.labs.recorded_lab import RecordedLab
 from flexlab.server.tasks import failures_told_plainly, job_processes, leave_interrupts_to_the_server, without_interrupt
 
 STATUS_PERIOD = 0.25
-"""Seconds between two reports of a worker, as long as there is news."""
+"""Seconds between two reports of a worker whose state changes."""
 LONGEST_SILENCE = 1.0
-"""Seconds after which it reports even without news: a worker that is silent for longer hangs."""
+"""Seconds after which it reports even without a change: a worker that is silent for longer hangs."""
 START_TIME = 120.0
-"""Seconds that a worker may take to open its lab: two on a warm machine, most of a minute if it must compile first."""
+"""Most seconds for opening a lab: it takes two on a warm machine, and most of a minute if it must compile first."""
 STOP_TIME = 15.0
-"""Seconds that a worker may take to close its recording before it is ended by force (the recording is then mended)."""
+"""Most seconds for closing a recording, after which the worker is killed (and the recording repaired)."""
 Word = Callable[[RecordedLab], object] | None
-"""What the server tells a worker: what to do with its lab, as an `operator.methodcaller`, or to close."""
+"""The server's message to a worker: what to do with its lab, as an `operator.methodcaller`, or None to close it."""
 
 
 def _sender(pipe: Connection) -> Take:
@@ -41,7 +41,7 @@ def _sender(pipe: Connection) -> Take:
 
 @failures_told_plainly()
 def work(order: Order, pipe: Connection, live: Connection | None) -> None:
-    """The worker's life: open, report, follow, close. Ends when the server says so or is no more."""
+    """The worker's main function: open a lab, report on it, follow messages. Ends on request or with the server."""
     leave_interrupts_to_the_server()
     know_own_files(order.own_files)
     stopping = threading.Event()
@@ -51,7 +51,7 @@ def work(order: Order, pipe: Connection, live: Connection | None) -> None:
     except FlexlabError as error:
         pipe.send(str(error))
         return
-    # If the server is gone, the run is still to be closed properly.
+    # Close the run properly even if the server is gone.
     with contextlib.closing(lab), contextlib.suppress(EOFError, OSError):
         pipe.send(lab.port)
         told: LabStatus | None = None
@@ -72,13 +72,13 @@ class PrivateLab(Lab):
     """One visitor's lab: the server's handle on its process. Blocking calls are marked; they belong on a thread."""
 
     def __init__(self, number: int, lab: str, visitor: str, order: Order, on_end: Callable[[], None]):
-        """Start the process. `on_end` is called, on a thread, when it is over for whatever reason."""
+        """Start the process. `on_end` is called on a thread when the process ends for whatever reason."""
         self.number, self.visitor, self.path = number, visitor, f"/s/{lab}"
         self.secret, self.name, self.owner = order.secret, order.visitor, order.owner
         self.seen = time.monotonic()
         """When the last of its pages was closed, monotonic s."""
         self.why = ""
-        """Why the server closes it; empty as long as it does not."""
+        """Why the server closes it; empty while it does not."""
         scenario, name = order.choice.scenario, order.choice.name
         self._status = LabStatus(name, scenario.title or name, 0.0, "starting", "", None, "")
         context = job_processes()
@@ -96,32 +96,32 @@ class PrivateLab(Lab):
         self._answered = threading.Event()
         self._sending = threading.Lock()
         self._answer: int | str | None = None
-        """The worker's first word: the port of its lab, or why it could not be opened."""
+        """The worker's first message: the port of its lab, or why the lab could not be opened."""
         self.heard_at = time.monotonic()
-        """When it last sent anything, monotonic s."""
+        """When the worker last sent anything, monotonic s."""
         self._listener = threading.Thread(target=self._listen, name="flexlab-worker", daemon=True)
         self._listener.start()
 
     @property
     def pid(self) -> int:
-        """Number of the process."""
+        """The process's number."""
         return self._process.pid or 0
 
     @property
     def exit_code(self) -> int | None:
-        """None while it runs; negative: the signal that ended it."""
+        """The process's exit code: None while it runs, negative for the signal that ended it."""
         return self._process.exitcode
 
     def status(self) -> LabStatus:
-        """Its last report; before the first one, what it is about to show."""
+        """The worker's last report; before the first one, what it is about to show."""
         return self._status
 
     async def ask(self, what: Choice | Hold | ClassRules) -> None:
-        """Pass it on."""
+        """Pass a request on to the worker."""
         await asyncio.to_thread(self.send, methodcaller("carry_out", what))
 
     def wait_until_ready(self) -> int:
-        """The port of its lab. Blocks. Raises `LabError` if it does not open."""
+        """Return the lab's port once it is open. Blocks. Raises `LabError` if it does not open."""
         if not self._answered.wait(START_TIME):
             raise LabError(f"The lab did not open within {START_TIME:g} s: this machine is too busy. Try again later.")
         if isinstance(self._answer, int):
@@ -131,12 +131,12 @@ class PrivateLab(Lab):
         raise LabError(f"The lab ended while it was being opened (exit code {self.exit_code}): try again.")
 
     def send(self, word: Word) -> None:
-        """Have it do something with its lab, or close."""
-        with self._sending, contextlib.suppress(OSError):  # It may have just ended; the listener tells.
+        """Have the worker do something with its lab, or close it."""
+        with self._sending, contextlib.suppress(OSError):  # It may have just ended, which the listener notices.
             self._pipe.send(word)
 
     def stop(self, patience: float) -> None:
-        """Close lab and recording, by force if that takes longer than `patience` s. Blocks."""
+        """Close the lab and its recording; kill the process if that takes longer than `patience` s. Blocks."""
         self.send(None)
         self._process.join(patience)
         if self._process.is_alive():

@@ -22,7 +22,7 @@ from flexlab.server.study import ELSEWHERE, LONGEST_RUN, MOST_VALUES, Form, Foun
 from flexlab.server.task_book import Outcome, Task
 
 SAMPLE_PERIOD = 1e-3
-"""s."""
+"""Time between two samples of a cell, s."""
 Columns = Mapping[str, Sequence[Any]]
 
 
@@ -37,7 +37,7 @@ class SweepStudy(Study):
     )
 
     scenario: Scenario
-    """The scenario that is varied, with the accuracy of a lab's run, which is finer than a cell's."""
+    """The scenario that is varied, with the accuracy of a lab's run, finer than a cell's."""
     axes: tuple[Axis, ...]
     plan: Plan
     _growing: "GrowingSweep | None" = field(default=None, init=False)
@@ -55,7 +55,7 @@ class SweepStudy(Study):
         return cls(scenario, plan.axes, plan)
 
     def job(self) -> Callable[..., Outcome]:
-        """Computes the plan's cells."""
+        """The function that computes the plan's cells."""
         return partial(sweep_study, self.plan)
 
     def drawing(self, task: Task) -> dict[str, Any] | None:
@@ -70,7 +70,7 @@ class SweepStudy(Study):
         return Found(table=task.folder / TABLE)
 
     def cell_scenario(self, cell: int) -> Scenario:
-        """A cell's scenario for the lab. Raises `StudyError` if there is no such cell, `ScenarioError` if it is not valid."""
+        """A cell's scenario for the lab. Raises `StudyError` if there is no such cell, `ScenarioError` if it is invalid."""
         if not 0 <= cell < self.plan.cell_count:
             raise StudyError(f"This sweep has the cells 0 to {self.plan.cell_count - 1}.")
         return change_settings(self.scenario, self.plan.changes(cell))
@@ -86,9 +86,9 @@ def sweep_study(plan: Plan, folder: Path, report: Callable[[float], None]) -> Ou
 
 
 def page_data(plan: Plan, table: Columns) -> dict[str, Any]:
-    """The data that the page's script draws: axes, metrics, and of each cell its status, sentence and numbers.
+    """The data that the page's script draws: axes, metrics, and each cell's status, sentence and numbers.
 
-    `table`: columns by name, of some cells or all; the status of a missing cell is None.
+    `table`: columns by name, of some or all cells; the status of a missing cell is None.
     """
     cells, count = table.get("cell", ()), plan.cell_count
 

@@ -67,7 +67,7 @@ class TuningStudy(Study):
         return cls(scenario, axes, parse_cost({text_of(form, "cost"): 1.0}, limits), duration, candidates)
 
     def job(self) -> Callable[..., Outcome]:
-        """Searches the ranges."""
+        """The function that searches the ranges."""
         return self.search
 
     def search(self, report: Callable[[float], None]) -> Outcome:

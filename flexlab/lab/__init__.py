@@ -1,1 +1,1 @@
-"""The live lab: one session's scene, panel, plots and hands, drawn by viser."""
+"""The live lab: the scene, panel, plots and input of one session, shown with viser."""

@@ -1,4 +1,4 @@
-"""The messages that the lab's page sends, with type and range of each field. All others are refused."""
+"""The messages that the lab's page may send, with the type and range of each field. All others are refused."""
 
 import math
 from collections.abc import Iterator
@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 
 LARGEST_MESSAGE = 1_200_000
-"""Bytes: the page sends files in parts of 512 kB, everything else in a few hundred bytes."""
+"""Size of the largest message, bytes: the page sends files in parts of 512 kB, and everything else in a few hundred bytes."""
 FARTHEST = 1e9
 """Largest coordinate that is accepted, m or pixels."""
 LEAST_DIRECTION = 1e-6
@@ -33,7 +33,7 @@ class BrowserMessage(msgspec.Struct, frozen=True, tag_field="type", forbid_unkno
 
 
 class ViewerCameraMessage(BrowserMessage, frozen=True, tag=True):
-    """Where a browser looks from."""
+    """The camera of a browser."""
 
     wxyz: tuple[float, float, float, float]
     position: Triple
@@ -61,7 +61,7 @@ class GuiButtonHoldMessage(BrowserMessage, frozen=True, tag=True):
 
 
 class CommandTriggerMessage(BrowserMessage, frozen=True, tag=True):
-    """A key, or a line of the palette of commands."""
+    """A person pressed a key or chose a line of the command palette."""
 
     uuid: Identifier
 
@@ -129,7 +129,7 @@ _DECODER = msgspec.msgpack.Decoder(Heard)
 
 
 class Refused(Exception):
-    """A message that is refused; the text says why, for the log. `told`: a sentence for the screen, or nothing."""
+    """A message that is refused; the text says why, for the log. `told`: a sentence for the screen, or empty."""
 
     def __init__(self, why: str, told: str = ""):
         self.told = told
@@ -137,11 +137,11 @@ class Refused(Exception):
 
 
 class Unreadable(Refused):
-    """Bytes that are no message: their sender is not the lab's page."""
+    """Bytes that are no message: they do not come from the lab's page."""
 
 
 def decode(raw: Any) -> Heard:
-    """The message in what a browser sent. Raises `Refused` for what is no such message, or not a possible one."""
+    """Decode what a browser sent. Raises `Refused` if it is none of the messages, or has an impossible value."""
     if not isinstance(raw, bytes) or not raw or raw[0] not in MAPS:
         raise Unreadable("it has no fields")
     try:
@@ -160,7 +160,7 @@ def decode(raw: Any) -> Heard:
 
 
 def _shown(error: Exception) -> str:
-    """A reason of the decoder for the log, where it can quote what a browser sent."""
+    """A decoder's reason, made safe for the log: it can quote what a browser sent."""
     return ascii(str(error)[:200])[1:-1]
 
 

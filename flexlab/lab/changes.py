@@ -1,4 +1,4 @@
-"""Undo and redo, and changes that run a person's own code, on a thread of their own."""
+"""Undo and redo, and changes that run a person's own code on a separate thread."""
 
 import threading
 import time
@@ -11,9 +11,9 @@ from flexlab.scenario import Scenario
 from flexlab.sim.samples import Origin
 
 LONGEST_HISTORY = 200
-"""Steps that can be undone."""
+"""Most steps that can be undone."""
 ONE_GESTURE = 1.0
-"""Changes of the same settings within this time, wall seconds, are one step: a slider sends twenty a second."""
+"""Changes of the same settings within this time, wall s, are one step: a slider sends twenty a second."""
 PATH = "trajectory"
 
 
@@ -31,7 +31,7 @@ class Settings:
 
 
 class Undo:
-    """Two stacks of settings."""
+    """The undo history: two stacks of settings."""
 
     def __init__(self) -> None:
         self._past: list[Settings] = []
@@ -39,7 +39,7 @@ class Undo:
         self._gesture: tuple[object, float] = (None, 0.0)
 
     def note(self, before: Settings, gesture: object = None) -> None:
-        """A change is about to replace `before`. Equal `gesture`s in quick succession are one step."""
+        """Record that a change is about to replace `before`. Equal `gesture`s in quick succession are one step."""
         now = time.monotonic()
         same = gesture is not None and gesture == self._gesture[0] and now - self._gesture[1] < ONE_GESTURE
         self._gesture = (gesture, now)
@@ -59,7 +59,7 @@ class Undo:
         self._gesture = (None, 0.0)
         while source:
             found = source.pop()
-            # A change that the engine refused left no trace: its step is passed over.
+            # A change that the engine refused had no effect: skip its step.
             if found != present:
                 target.append(present)
                 return found
@@ -67,7 +67,7 @@ class Undo:
 
 
 class SlowChanges:
-    """Carries out changes one at a time. Those that arrive meanwhile are merged: the last value of each field counts."""
+    """Carries out changes one at a time. Changes that arrive meanwhile are merged: the last value of each field counts."""
 
     def __init__(self, carry_out: Callable[[Mapping[str, Any]], None], warn: Callable[[str], None]):
         """`warn` gets a sentence about a change that was refused."""
@@ -75,12 +75,12 @@ class SlowChanges:
         self._lock = threading.Lock()
         self._waiting: dict[str, Any] = {}
         self.is_busy = False
-        """Whether a change of the path must wait for another one."""
+        """Whether a change is being carried out, so that further ones must wait."""
 
     def ask(self, changes: Mapping[str, Any]) -> None:
-        """Carry a change out on a thread of its own. Any thread."""
+        """Carry out a change on a separate thread. May be called from any thread."""
         with self._lock:
-            if f"{PATH}.kind" in changes or PATH in changes:  # Fields of the path that is left mean nothing any more.
+            if f"{PATH}.kind" in changes or PATH in changes:  # Fields of the previous path no longer exist.
                 self._waiting = {path: value for path, value in self._waiting.items() if not path.startswith(PATH)}
             self._waiting.update(changes)
             if not self.is_busy:

@@ -1,8 +1,8 @@
 """Checks every message of a browser before viser reads it.
 
 viser writes whatever a browser sends into its own state, names of attributes included, keeps some of it for all later browsers,
-and does both before any callback runs. So each raw message is checked first: its type, the type and range of every field, that
-what it names exists, and how much and how often one browser sends.
+and does both before any callback runs. So each raw message is checked first: its type, the type and range of every field,
+whether what it names exists, and how much and how often one browser sends.
 """
 
 import asyncio
@@ -43,20 +43,20 @@ from flexlab.lab.viser_internals import (
 from flexlab.text import limited
 
 LONGEST_INPUT = 10_000
-"""Characters of a text that a browser may send into a widget."""
+"""Most characters of a text that a browser may send into a widget."""
 LARGEST_UPLOAD = 1_000_000
-"""Bytes of a file that a browser may send: a scenario has a few thousand."""
+"""Largest file that a browser may send, bytes: a scenario has a few thousand."""
 SMALLEST_PART = 100_000
-"""Bytes: the page cuts a file into larger parts, which bounds their number."""
+"""Least size of a part of a file, bytes: the page cuts files into larger parts. It bounds the number of parts."""
 MOST_UPLOADS = 4
-"""Uploads of one browser that are not complete, or whose acknowledgements viser still keeps."""
+"""Most uploads of one browser that are incomplete, and most whose acknowledgements viser still keeps."""
 
 RATE, BURST = 100.0, 300.0
-"""Messages a second, and at once, of one browser: its page sends at most some 40 a second. What comes faster waits."""
+"""Most messages of one browser per second, and at once: its page sends at most about 40 a second. Faster ones wait."""
 BYTES_PER_MESSAGE = 10_000
-"""A longer message counts as several."""
+"""Bytes that count as one message: a longer message counts as several."""
 PRESS_COST = 10.0
-"""Cost of a key, a button or a menu, in messages: 10 a second, and 30 at once, are more than fingers do."""
+"""Cost of a key, a button or a menu, in messages: 10 a second, and 30 at once, are more than a person presses."""
 
 log: logging.Logger = limited(__name__)
 
@@ -96,13 +96,13 @@ class InputGuard:
         """Messages refused so far, of all browsers."""
 
     def watch(self, server: GuardedServer, lab_state: LabState) -> None:
-        """Begin to accept input; until now only messages of cameras pass."""
+        """Begin to accept input; before this, only camera messages pass."""
         on_disconnect(server, self._forget)
         self._lab_state = lab_state
         self._server = server
 
     async def check(self, client: int, raw: Any) -> Verdict:
-        """The verdict on a message. A browser that sends too much has to wait, and no other one."""
+        """The verdict on a message. A browser that sends too much has to wait; the others do not."""
         browser = self._browsers.setdefault(client, _Browser())
         try:
             message = decode(raw)
@@ -133,7 +133,7 @@ class InputGuard:
             log.warning("Refused %s messages of browser %s, which has left.", browser.refused, client)
 
     def _possible(self, client: int, browser: _Browser, message: Heard) -> float:
-        """The message's cost beside its length. Raises `Refused` if it names what does not exist, or has an impossible value."""
+        """The message's cost besides its length. Raises `Refused` if it names what does not exist, or has an impossible value."""
         server = self._server
         if isinstance(message, ViewerCameraMessage):
             return 0.0
@@ -226,7 +226,7 @@ def _problem(present: Any, options: Collection[str] | None, updates: dict[str, A
     if set(updates) != {"value"}:
         return "the browser sent something that is not a value."
     new = updates["value"]
-    if isinstance(present, bool):  # That of a button, too; that of one that takes files is a file.
+    if isinstance(present, bool):  # A button has one too, but an upload button has a file.
         return "" if isinstance(new, bool) else "needs on or off."
     if isinstance(present, (int, float)):
         return _number_problem(new)

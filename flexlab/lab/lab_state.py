@@ -1,4 +1,4 @@
-"""What all controls of one lab share: commands to the runner, the requested scenario, undo, view settings, notices."""
+"""The state that all controls of one lab share: commands to the runner, requested scenario, undo, view settings, notices."""
 
 import contextlib
 import dataclasses
@@ -29,12 +29,12 @@ from flexlab.sim.target import change_path
 from flexlab.sim.termination import check_trajectory, same_reach
 
 NOTICE_TIME = 12.0
-"""How long a notice stays on screen, wall seconds: time to read two lines twice."""
+"""How long a notice stays on the screen, wall s: enough to read two lines twice."""
 SEEN_AT_ONCE = 0.3
-"""Simulated seconds over which the largest deflection counts as the present one: a period of the softest beam offered."""
+"""Time over which the largest deflection counts as the present one, simulated s: a period of the softest beam offered."""
 
 BY_PERSON: ContextVar[bool] = ContextVar("by_person", default=False)
-"""Whether a person at the page asks: the teacher's lock holds for them only."""
+"""Whether a person at the page makes the request: the teacher's lock binds only them."""
 
 
 @dataclass(frozen=True)
@@ -47,15 +47,15 @@ class Notice:
 
 
 class LabState:
-    """Takes changes from callbacks, on the server's event loop; the drawing thread reads it. Thread-safe."""
+    """Takes changes from callbacks on the server's event loop, and is read by the drawing thread. Thread-safe."""
 
     def __init__(self, runner: Runner, origin: Origin | None = None):
-        """`origin`: where the runner's first run went on from."""
+        """`origin`: the instant from which the runner's first run continues."""
         snapshot = runner.snapshot
         self.runner = runner
-        """Runs what the lab shows."""
+        """Simulates the run that the lab shows."""
         self.lock = threading.RLock()
-        """Held while settings change; who reads them more than once holds it, too."""
+        """Held while settings change, and by code that reads them more than once."""
         self._settings = _settings(snapshot.scenario, snapshot.name, origin)
         self._run_name = snapshot.name
         self._run_number = snapshot.run_number
@@ -70,7 +70,7 @@ class LabState:
         self.touched_at = -math.inf
         """When a person last used a control, monotonic s."""
         self.lesson = ""
-        """The open lesson and its progress, in words; empty: none."""
+        """The open lesson and its progress, in words; empty if none is open."""
         self.lessons: dict[str, LessonProgress] = {}
         """Progress in each lesson that was opened."""
         self.rules = ClassRules()
@@ -91,12 +91,12 @@ class LabState:
 
     @property
     def intended(self) -> Scenario:
-        """The scenario with every accepted change, also those that the engine has not applied yet."""
+        """The scenario with every accepted change, including those that the engine has not applied yet."""
         return self._settings.scenario
 
     @property
     def to_keep(self) -> Scenario:
-        """`intended` with the title and words of what it came from: a run goes on with those before it was saved."""
+        """`intended` with the title and words of `baseline`, to be saved: the run itself keeps its earlier ones."""
         return self.intended.replace({"title": self.baseline.title, "watch": self.baseline.watch})
 
     @property
@@ -111,19 +111,19 @@ class LabState:
 
     @property
     def playing(self) -> bool:
-        """Whether time runs, or will as soon as the engine has answered the last request."""
+        """Whether the run plays, or will as soon as the engine has answered the last request."""
         (number, wanted), snapshot = self._asked_play, self.snapshot
         return wanted if snapshot.answered < number else snapshot.playing
 
     @property
     def target_speed(self) -> float:
-        """Simulated seconds per wall second as last asked for."""
+        """Simulated seconds per wall second, as last requested."""
         (number, wanted), snapshot = self._asked_speed, self.snapshot
         return wanted if snapshot.answered < number else snapshot.target_speed
 
     @property
     def changed(self) -> bool:
-        """Whether the scenario differs from the preset or file that it came from, titles apart."""
+        """Whether the scenario differs from the preset or file that it came from, apart from titles."""
         return bool(differences(self._settings.baseline, self._settings.scenario))
 
     def set_view(self, **changes: Any) -> None:
@@ -132,18 +132,18 @@ class LabState:
             self.view = dataclasses.replace(self.view, **changes)
 
     def hold_exaggeration(self, factor: float | None) -> None:
-        """Begin each run with a fixed factor on drawn deflections, as in a lesson; None: with the factor that suits it."""
+        """Begin each run with this factor on the drawn deflection, as in a lesson; None for the factor that suits the run."""
         self._lesson_factor = factor
         if factor is not None and self.view.follow_deflection:
             self.set_view(exaggeration=factor)
 
     def _fit_exaggeration(self, scenario: Scenario) -> None:
-        """Choose the factor for a run that begins. It stays beside a kept run, so that the two can be compared."""
+        """Choose the factor for a run that begins. Beside a kept run it stays, so that the two can be compared."""
         if self.view.follow_deflection and self.kept is None:
             self.set_view(exaggeration=self._lesson_factor or fitting_exaggeration(scenario))
 
     def change(self, changes: Mapping[str, Any]) -> None:
-        """Ask for scenario fields by path; raises `ScenarioError`, and sends nothing, if the result is not valid.
+        """Request changes of scenario fields, by field path. Raises `ScenarioError`, and sends nothing, if the result is invalid.
 
         A change that runs a person's own path is carried out on another thread; if it is refused, a notice says why.
         """
@@ -155,7 +155,7 @@ class LabState:
             self._change(changes)
 
     def _change_slowly(self, changes: Mapping[str, Any]) -> None:
-        # The poses are cached once they are computed: the change itself does not wait for them.
+        # This computes and caches the poses, so that the change itself does not wait for them.
         self.intended.replace(changes)
         self._change(changes)
 
@@ -170,38 +170,38 @@ class LabState:
             self._send(dataclasses.replace(self._settings, scenario=wanted), complete)
 
     def load(self, scenario: Scenario, name: str, origin: Origin | None = None) -> None:
-        """Ask for a new run from another scenario, or one that goes on from an earlier run."""
+        """Request a new run of another scenario, or one that continues an earlier run."""
         self._check_lock()
         with self.lock:
             self._undo.note(self._settings)
             self._start(_settings(scenario, name, origin))
 
     def go_on(self, scenario: Scenario, origin: Origin) -> None:
-        """Ask for a run that goes on from an instant of the present one; it came from the same preset or file."""
+        """Request a run that continues from an instant of the present one; its preset or file stays the same."""
         self._check_lock()
         with self.lock:
             self._undo.note(self._settings)
             self._start(Settings(scenario, self.name, self.baseline, origin))
 
     def saved(self, scenario: Scenario, name: str) -> None:
-        """`scenario`, the present one apart from its title, was saved as a file: changes are counted against it."""
+        """Count changes against `scenario` from now on: the present one with another title, which was saved as a file."""
         with self.lock:
             self._settings = Settings(self.intended, name, scenario)
 
     def undo(self) -> None:
-        """Take the last change back; raises `LabError` if there is none."""
+        """Undo the last change; raises `LabError` if there is none."""
         self._step(self._undo.back, "There is nothing to undo.")
 
     def redo(self) -> None:
-        """Make the last undone change again; raises `LabError` if there is none."""
+        """Redo the last undone change; raises `LabError` if there is none."""
         self._step(self._undo.forward, "There is nothing to redo.")
 
     def back_to_baseline(self) -> None:
-        """Take all changes against the preset or file back, and start a new run of it."""
+        """Discard all changes of the preset or file, and start a new run of it."""
         self.load(self.baseline, self.name)
 
     def submit(self, command: Command) -> int:
-        """Pass on any other command; returns its number, as `Snapshot.answered` counts."""
+        """Pass on any other command; returns its number, as counted by `Snapshot.answered`."""
         self._check_lock()
         with self.lock:
             if isinstance(command, Reset):
@@ -215,7 +215,7 @@ class LabState:
             return self._asked
 
     def pull(self, pull: Pull | None) -> None:
-        """Pull beam or link, or let go (None)."""
+        """Pull the beam or a link, or let go (None)."""
         if pull is not None:
             self._check_lock()
             self.runner.submit(pull)
@@ -224,10 +224,10 @@ class LabState:
         self.pulled = pull
 
     def settle(self, snapshot: Snapshot) -> None:
-        """Adopt the engine's scenario where it differs: after a change that it refused, or a change or run from elsewhere."""
+        """Adopt the engine's scenario if it differs: after a change that it refused, or a change or run from elsewhere."""
         with self.lock:
             if snapshot.run_number != self._run_number:
-                # Nobody pulls at a new run.
+                # A new run begins without a pull.
                 self._run_number, self.pulled = snapshot.run_number, None
             if snapshot.answered < self._asked:
                 return
@@ -244,7 +244,7 @@ class LabState:
             if self.view.follow_speed:
                 self.set_view(plot_window=fitting_window(snapshot.target_speed))
         if not self.view.follow_deflection or not snapshot.playing or snapshot.answered < self._asked:
-            return  # What was asked for may begin another run, whose factor the old one's bending must not lower.
+            return  # The request may begin another run, whose factor the old run's bending must not lower.
         payload, recent = snapshot.scenario.payload, self.runner.recent(SEEN_AT_ONCE)
         if len(recent) and recent.beam_coordinates.shape[1] == payload.coordinate_count:
             deflection = peak_deflection(payload, recent.beam_coordinates)
@@ -253,16 +253,16 @@ class LabState:
                 self.set_view(exaggeration=factor)
 
     def say(self, text: str, level: str = "info") -> None:
-        """Show a sentence to everybody who looks at this lab."""
+        """Show a sentence to everybody in this lab."""
         self._notice = Notice(text, level, time.monotonic())
 
     def warn(self, text: str) -> None:
-        """Show a sentence about what went wrong, or was refused, to everybody."""
+        """Show everybody a sentence about what went wrong or was refused."""
         self.say(text, "error")
 
     @property
     def notice(self) -> Notice:
-        """The sentence now to be shown; its text is empty when there is none."""
+        """The notice to show now; its text is empty if there is none."""
         notice = self._notice
         return notice if time.monotonic() - notice.at < NOTICE_TIME else Notice("")
 
@@ -271,7 +271,7 @@ class LabState:
             self._asked = self.runner.submit(command)
 
     def _check_lock(self) -> None:
-        """Raises `LabError` if a person at the page asks while the teacher has locked the lab."""
+        """Raise `LabError` if a person at the page makes a request while the teacher has locked the lab."""
         if self.rules.locked and BY_PERSON.get():
             raise LabError(LOCKED)
 

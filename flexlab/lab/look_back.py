@@ -13,28 +13,28 @@ from flexlab.sim.snapshot import TICK, Snapshot
 
 @dataclass(frozen=True)
 class _Past:
-    """The instant that is shown. It is dropped when anything else happens to the run."""
+    """The past instant that is shown. It is dropped when anything else happens to the run."""
 
     ago: float
-    """Seconds before the instant at which the run stands."""
+    """Time before the instant at which the run is paused, s."""
     run_number: int
     asked: int
-    """Number of the command that paused the run, as `Snapshot.answered` counts."""
+    """Number of the command that paused the run, as counted by `Snapshot.answered`."""
     went: bool
     """Whether the run was playing before."""
 
 
 class LookBack:
-    """Pauses the run while somebody looks back. Thread-safe."""
+    """Pauses the run while somebody looks back at its past. Thread-safe."""
 
     def __init__(self, lab_state: LabState, recorded_as: Callable[[], str]):
-        """`recorded_as`: the name of the present run's recording; empty: there is none."""
+        """`recorded_as`: the name of the present run's recording, or empty."""
         self._lab_state, self._runner, self._recorded_as = lab_state, lab_state.runner, recorded_as
         self._past: _Past | None = None
 
     @property
     def ago(self) -> float:
-        """How far the screen looks back, s; 0: it shows the present."""
+        """How far the screen looks back, s; 0 if it shows the present."""
         past, now = self._past, self._runner.snapshot
         if past is None:
             return 0.0
@@ -45,13 +45,13 @@ class LookBack:
 
     @property
     def reach(self) -> float:
-        """The longest time that one can look back, s."""
+        """How far one can look back, s."""
         now = self._runner.snapshot
         oldest = self._runner.checkpoint(0.0).state.tick * TICK
         return min(max(float(now.latest.time[0]) - max(oldest, now.start_time), 0.0), HISTORY_SECONDS)
 
     def look(self, ago: float) -> None:
-        """Pause the run and show it as it was `ago` s ago; 0 or less: the present. Raises `LabError` if it is locked."""
+        """Pause the run and show it as it was `ago` s ago; 0 or less for the present. Raises `LabError` if the lab is locked."""
         if ago <= 0:
             self.back_to_now()
         elif self.ago > 0 and self._past is not None:
@@ -95,5 +95,5 @@ class LookBack:
         )
 
     def recent(self, seconds: float) -> Samples:
-        """The `seconds` up to what is shown, at full rate."""
+        """The samples of the last `seconds` up to the shown instant, at full rate."""
         return self._runner.recent(seconds, self.ago)

@@ -1,6 +1,6 @@
-"""Computes modes, stability conditions and the background of explanations on a thread of its own.
+"""Computes modes, stability conditions and the background of explanations on a separate thread.
 
-So a fine mesh delays neither picture nor controls.
+A fine mesh then delays neither picture nor controls.
 """
 
 import threading
@@ -17,17 +17,17 @@ from flexlab.scenario import Payload, Scenario
 from flexlab.sim.geometry import deflection_at
 
 REST = 0.3
-"""Seconds without a change of the scenario after which its modes are computed at once."""
+"""Time without a change of the scenario after which its modes are computed at once, s."""
 
 PAUSE_SHARE = 9
-"""Pause after a computation while changes go on (a slider is dragged), as a multiple of its duration: the picture comes first."""
+"""Pause after a computation while changes go on (a dragged slider), as a multiple of its duration: the picture comes first."""
 
 PEAK_POINTS = 101
-"""Places along the beam at which its largest deflection is sought."""
+"""Points along the beam among which the largest deflection is found."""
 
 
 def peak_deflection(payload: Payload, shape: np.ndarray) -> float:
-    """The largest |w| along the beam for free coordinates `shape` (n_q,), or several (N, n_q), m."""
+    """The largest |w| along the beam, m, for free coordinates `shape` (n_q,), or several (N, n_q)."""
     along = np.linspace(-0.5, 0.5, PEAK_POINTS) * payload.length
     return float(np.abs(deflection_at(payload, np.atleast_2d(shape), along)).max())
 
@@ -35,7 +35,7 @@ def peak_deflection(payload: Payload, shape: np.ndarray) -> float:
 class ModeStudy:
     """Holds the newest finished result. One computation runs at a time, and few while changes go on.
 
-    One thread calls `ask` again and again; any may read.
+    One thread calls `ask` repeatedly; any thread may read.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -53,7 +53,7 @@ class ModeStudy:
         self._background: Background | None = None
 
     def ask(self, scenario: Scenario) -> None:
-        """Have the modes of `scenario` computed, unless they are or are being computed, or too many were just now."""
+        """Compute the modes of `scenario`, unless they are known, a computation runs, or one ended just now."""
         now, key = self._clock(), _key(scenario)
         if self._wanted != key:
             self._wanted, self._wanted_since = key, now
@@ -67,17 +67,17 @@ class ModeStudy:
         self._thread.start()
 
     def background(self, scenario: Scenario) -> Background | None:
-        """What explanations need to know of `scenario`; None until it is computed."""
+        """What explanations need to know about `scenario`; None until it is computed."""
         found = self._background
         return found if found is not None and _key(found.scenario) == _key(scenario) else None
 
     def modes_of(self, payload: Payload) -> Modes | None:
-        """The newest modes if they are of this payload."""
+        """The newest modes if they belong to this payload."""
         found = self._background
         return found.modes if found is not None and found.scenario.payload == payload else None
 
     def stop(self) -> None:
-        """Wait for a computation that is under way."""
+        """Wait for a computation in progress."""
         if self._thread is not None:
             self._thread.join()
 
@@ -94,7 +94,7 @@ class ModeStudy:
 
 
 def _key(scenario: Scenario) -> tuple:
-    """What modes and the law's conditions depend on."""
+    """Everything that the modes and the law's conditions depend on."""
     return (
         scenario.payload,
         scenario.left_arm,

@@ -16,11 +16,11 @@ from flexlab.quantities import Part
 from flexlab.sim.commands import Play, Reset
 
 LOOK = 0.25
-"""Seconds between two checks: an editor that writes a file in several goes is done by then."""
+"""Time between two checks, s: an editor that writes a file in several steps is done by then."""
 
 OF_A_LAW = ("kind", "source")
 OF_A_PATH = (*OF_A_LAW, "table", "table_of", "transition")
-"""Fields that belong to one text, or to the way to it: a new text has its own."""
+"""Fields that belong to one text, or to the transition to it; a new text has its own."""
 
 Stamp = tuple[int, int, int]
 """Time of change, inode and size of a file."""
@@ -34,7 +34,7 @@ class OwnFileWatch:
         self._stop = threading.Event()
         self._folders = [folder.own.resolve() for folder in (LAW_FILES, PATH_FILES)]
         self._known = {file for file in map(Path, set(hosts.allowed().values())) if file.is_file()}
-        # What was saved between the start of flexlab and now is taken up, too.
+        # Files saved between the start of flexlab and now are taken up too.
         self._taken = {
             file: stamp for file, stamp in self._stamps().items() if file not in self._known or not _is_new(file)
         }
@@ -42,7 +42,7 @@ class OwnFileWatch:
         self._thread.start()
 
     def stop(self) -> None:
-        """End; returns when the thread is done."""
+        """Stop watching; returns when the thread is done."""
         self._stop.set()
         self._thread.join()
 
@@ -76,11 +76,11 @@ class OwnFileWatch:
                 self._lab_state.say(f"{file.name} was saved: the {folder.kinds.registry.what} {kind} is new.")
             except FlexlabError as error:
                 self._lab_state.warn(f"{file.name} was saved, but cannot be used: {_briefly(error, file)}")
-        # So that the menus are brought up to date.
+        # This makes the menus update.
         self._lab_state.touched_at = time.monotonic()
 
     def _reload(self, file: Path, folder: OwnFolder[Any]) -> None:
-        """Take up a file's new text; the run goes on with it if it can."""
+        """Take up a file's new text; the run goes on with it if possible."""
         lab_state, kinds = self._lab_state, folder.kinds
         present = lab_state.intended.get(kinds.field)
         try:
@@ -108,19 +108,19 @@ class OwnFileWatch:
             lab_state.warn(f"{file.name} was saved, but {goes_on}: {_briefly(error, file)}")
 
     def _begun(self, stopped: bool) -> str:
-        """Play the new run if the law or path had `stopped` the one before; returns what to say of it."""
+        """Play the new run if the law or path had `stopped` the last one; returns the words for the notice."""
         if stopped:
             self._lab_state.submit(Play())
         return "the run starts anew with it."
 
 
 def _briefly(error: FlexlabError, file: Path) -> str:
-    """An error without the folder of its file, which is nothing for a visitor's eyes."""
+    """An error without the folder of its file, which visitors should not see."""
     return str(error).replace(str(file), file.name)
 
 
 def _with_text(kind: Any, present: Part, source: str, left_out: tuple[str, ...]) -> dict[str, Any]:
-    """A part of the scenario with a new text, and the options of the present one that it still has."""
+    """A part of the scenario with a new text; it keeps those options of the present one that it still has."""
     kept = {
         name: value
         for name, value in present.model_dump().items()
@@ -130,7 +130,7 @@ def _with_text(kind: Any, present: Part, source: str, left_out: tuple[str, ...])
 
 
 def _is_new(file: Path) -> bool:
-    """Whether a file holds another text than the one that may run."""
+    """Whether the text of a file differs from the one that may run."""
     try:
         return not hosts.is_allowed(LAW_FILES.text(file))
     except FlexlabError:

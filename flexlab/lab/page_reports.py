@@ -1,4 +1,4 @@
-"""Reports of the browsers: the run that they have drawn, the charts on their screen, whether their system is dark."""
+"""Reports from the browsers: the run that they have drawn, the charts on their screen, whether their system is dark."""
 
 import html
 import math
@@ -21,22 +21,22 @@ PAGE_SCRIPT, PAGE_SHEET = (
     "".join(Path(__file__).with_name(name).read_text(encoding="utf-8") for name in names)
     for names in (("structure.js", "page.js", "accessibility.js", "hear.js", "number_boxes.js"), ("page.css",))
 )
-"""What the lab adds to viser's page."""
+"""Script and style sheet that the lab adds to viser's page."""
 GUIDE, PLOTS = "guide", "plots"
 """Names of the foldable panels in a page's report."""
 LONGEST_SILENCE = 10.0
-"""Seconds after which a browser that never reported counts as one that has drawn everything."""
+"""Time after which a browser that never reported counts as one that has drawn everything, s."""
 AGAIN_PERIOD = 1.0
-"""Least time between two runs that begin because the shown preset was chosen again, s: each is a recording."""
+"""Least time between two runs that start because the shown preset was chosen again, s: each is a recording."""
 
 log = limited(__name__)
 Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
 
 
 class Report(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """`run`: number of the newest run that the page has drawn, 0: none.
+    """A browser's report. `run`: number of the newest run that the page has drawn, or 0.
 
-    `charts`: uuid of those on its screen → the part that is zoomed into, as shares of the window.
+    `charts`: uuid of each chart on its screen → the part that is zoomed into, as fractions of the window.
     """
 
     run: Count
@@ -45,11 +45,11 @@ class Report(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     width: Count
     """Width of the window, px."""
     covered: tuple[Share, Share]
-    """Shares of the picture's height that are covered, from above and from below."""
+    """Covered fractions of the picture's height, at the top and at the bottom."""
     open: Annotated[tuple[str, ...], msgspec.Meta(max_length=2)]
     """The panels that this browser last had open outside a presentation: `GUIDE`, `PLOTS`."""
     hears: bool
-    """Whether its sound is on."""
+    """Whether the page's sound is on."""
     again: Count
     """How often the shown preset was chosen again."""
 
@@ -60,17 +60,17 @@ _DECODER = msgspec.json.Decoder(Report)
 @dataclass
 class _Page:
     way: str
-    """uuid of the field in which it reports."""
+    """uuid of the field in which the page reports."""
     mark: viser.GuiHtmlHandle
-    """The element that tells it what no other browser needs."""
+    """The element that holds data for this browser alone."""
     since: float = field(default_factory=time.monotonic)
     report: Report | None = None
     said: int = 0
-    """Number of sentences that its screen reader was given."""
+    """Number of sentences given to its screen reader."""
     sentence: str = ""
-    """The last one."""
+    """The last of these sentences."""
     presents: bool = False
-    """Whether it shows the presentation."""
+    """Whether the browser shows the presentation."""
 
     def show(self) -> None:
         kind = "fl-reports fl-presentation" if self.presents else "fl-reports"
@@ -90,20 +90,20 @@ class PageReports:
         cover: Callable[[viser.ClientHandle, float, float], None],
         start_anew: Callable[[Any], Awaitable[None]],
     ):
-        """`arrange` lays out a new page by its first report; `cover` takes the covered shares of the picture.
+        """`arrange` lays out a new page by its first report; `cover` takes the covered fractions of the picture.
 
-        `start_anew` handles the event that a person chose the preset that is shown.
+        `start_anew` is called when a person chooses the shown preset again.
         """
         self._arrange, self._cover, self._start_anew = arrange, cover, start_anew
         self._began_anew = -math.inf
         self._pages: dict[int, _Page] = {}
-        """By client; they come and go on other threads, so that copies are walked through."""
+        """By client. Pages come and go on other threads, so loops go over copies."""
         self._mark = server.gui.add_html(_mark(run_number, name))
         server.on_client_connect(self._greet)
         server.on_client_disconnect(self._forget)
 
     def show_run(self, run_number: int, name: str) -> None:
-        """Tell the pages number and name of the run that they have just been sent."""
+        """Send all pages the number and name of the run that they now show."""
         put(self._mark, content=_mark(run_number, name))
 
     @property
@@ -112,7 +112,7 @@ class PageReports:
         return len(self._pages)
 
     def have_drawn(self, run_number: int) -> bool:
-        """Whether a browser has drawn a run."""
+        """Whether any browser has drawn this run."""
         now = time.monotonic()
         return any(
             page.report.run == run_number if page.report is not None else now - page.since > LONGEST_SILENCE
@@ -120,7 +120,7 @@ class PageReports:
         )
 
     def open_charts(self) -> dict[str, tuple[float, float]] | None:
-        """The charts on any screen, and the part of the window that is seen; None: a page has not reported, perhaps all."""
+        """The charts on any screen, with the visible part of the window; None if a page has not reported yet."""
         found: dict[str, tuple[float, float]] = {}
         for page in list(self._pages.values()):
             if page.report is None:
@@ -132,18 +132,18 @@ class PageReports:
 
     @property
     def somebody_hears(self) -> bool:
-        """Whether the sound is on in any page."""
+        """Whether the sound is on in any browser."""
         return any(page.report is not None and page.report.hears for page in list(self._pages.values()))
 
     def say(self, client: viser.ClientHandle, text: str) -> None:
-        """Have one browser's screen reader say a text."""
+        """Make one browser's screen reader say a text."""
         page = self._pages.get(client.client_id)
         if page is not None:
             page.said, page.sentence = page.said + 1, text
             page.show()
 
     def toggle_presentation(self, client: viser.ClientHandle) -> bool:
-        """Begin or end the presentation in one browser; returns whether its plots belong on the screen now."""
+        """Begin or end the presentation in one browser; returns whether it now shows plots."""
         page = self._pages.get(client.client_id)
         if page is None:
             return False
@@ -152,7 +152,7 @@ class PageReports:
         return page.presents or (page.report is not None and PLOTS in page.report.open)
 
     async def _greet(self, client: viser.ClientHandle) -> None:
-        # It belongs to this browser alone: the others need not get its reports.
+        # The field belongs to this browser alone: the others need not get its reports.
         way = client.gui.add_text("page", "", visible=False)
         uuid = widget_uuid(way)
         page = _Page(uuid, client.gui.add_html(""))
@@ -182,6 +182,6 @@ class PageReports:
 
 
 def _mark(run_number: int, name: str) -> str:
-    """The element for all pages; by its time, s, a page knows how old its picture is."""
+    """The element for all pages; its time, s, tells a page how old its picture is."""
     told = f'data-run="{run_number}" data-name="{html.escape(name)}" data-at="{int(time.monotonic())}"'
     return f'<i hidden class="fl-run" {told}></i>'

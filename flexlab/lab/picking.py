@@ -1,6 +1,6 @@
-"""Dragging beam or link pulls it with a spring; clicking the beam taps it with a calibrated impulse.
+"""Dragging the beam or a link pulls it with a spring; clicking the beam taps it with a calibrated impulse.
 
-Both are commands, so they are in the log and a replay contains them.
+Both are commands, so the log and a replay contain them.
 """
 
 from collections.abc import Callable
@@ -21,11 +21,11 @@ STIFFNESS = Quantity("Pull stiffness", unit="N/m", low=1, high=1e5, slider=(10, 
 IMPULSE = Quantity("Tap impulse", unit="N·s", low=1e-4, high=100, slider=(1e-3, 1), logarithmic=True)
 PLACE = Quantity("Tap place s/L", low=-0.5, high=0.5, slider=(-0.5, 0.5))
 STEEPEST = 0.05
-"""Least downward component of a line of sight that is followed to the plane of motion."""
+"""Least vertical component of a line of sight (unit vector) that is intersected with the plane of motion."""
 
 
 class Held(NamedTuple):
-    """The point that is held: `position` and `link` as in `Pull`, `height` above the floor, m."""
+    """The point that is pulled: `position` and `link` as in `Pull`, `height` above the floor, m."""
 
     position: float
     link: tuple[int, int] | None
@@ -41,7 +41,7 @@ class Picking:
         self.stiffness, self.impulse, self.place = 500.0, 0.15, 0.0
 
     def attach(self, beam: viser.MeshHandle, links: viser.BatchedMeshHandle) -> None:
-        """Make a drawn beam and drawn arms touchable; links are instances arm by arm, from the base."""
+        """Make the drawn beam and arms react to dragging and clicking; links are instances, arm by arm, from the base."""
         beam.on_drag("left")(self._handler(lambda event: self._drag(event, self._take_beam)))
         beam.on_click(self._handler(lambda event: self._tap_at(self._on_beam(self._seen(event)))))
         links.on_drag("left")(self._handler(lambda event: self._drag(event, self._take_link)))
@@ -51,7 +51,7 @@ class Picking:
         self._tap_at(self.place * self._lab_state.snapshot.scenario.payload.length)
 
     def _tap_at(self, s: float) -> None:
-        """An impulse across the beam, towards its positive side."""
+        """Give the beam a transverse impulse at `s` m, towards its positive side."""
         angle = float(self._lab_state.snapshot.display.pose[0, 2])
         self._lab_state.submit(Tap(s, (-self.impulse * float(np.sin(angle)), self.impulse * float(np.cos(angle)))))
 
@@ -63,7 +63,7 @@ class Picking:
         if event.phase == "start" or self._held is None:
             self._held = take(event)
         held = self._held
-        # Along the line of sight: viser moves the pointer in a plane that faces the camera, not in that of the machine.
+        # Follow the line of sight: viser moves the pointer in a plane that faces the camera, not in the machine's plane.
         eye = np.array(event.client.camera.position)
         target = _meet(eye, np.array(event.end_position) - eye, held.height)
         self._lab_state.pull(Pull(held.position, (float(target[0]), float(target[1])), self.stiffness, held.link))
@@ -80,7 +80,7 @@ class Picking:
         return Held(min(max(along, 0.0), length), (arm + 1, link + 1), self._height(LINK_HEIGHTS[link]))
 
     def _on_beam(self, place: np.ndarray) -> float:
-        """The material coordinate s, m, of the beam's point nearest to a place (x, y) m in the plane."""
+        """The material coordinate s, m, of the beam's point nearest to a point (x, y), m, of the plane."""
         snapshot = self._lab_state.snapshot
         x, y, angle = snapshot.display.pose[0]
         half = 0.5 * snapshot.scenario.payload.length
@@ -102,7 +102,7 @@ def _meet(origin: np.ndarray, direction: np.ndarray, height: float) -> np.ndarra
 
 
 def touch_controls(widgets: Widgets, touch: Picking) -> list[NumberControl]:
-    """Adds the controls of touch to the GUI container that is open; returns those of numbers."""
+    """Add the controls of pulls and taps to the open GUI container; returns those of numbers."""
     words = "Drag the beam or a link to pull it with a spring; click the beam to tap it. Drag empty space to turn the camera."
     widgets.gui.add_html(f'<div class="fl fl-dim">{words}</div>')
     shown = (STIFFNESS, "stiffness"), (IMPULSE, "impulse"), (PLACE, "place")

@@ -1,4 +1,4 @@
-"""A run that is kept for comparison: its samples, and its differences from the present run."""
+"""A run kept for comparison: its samples, and its metrics beside those of the present run."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -13,17 +13,17 @@ from flexlab.sim.samples import Samples, join_blocks
 from flexlab.sim.snapshot import TICK
 
 LONGEST = 30.0
-"""Longest part of a run that is compared, s: what the engine keeps."""
+"""Longest part of a run that is compared, s: the part that the engine keeps."""
 MOST_KEPT = 300.0
-"""Longest part of a run that is kept, s, from its beginning: 180 MB."""
+"""Longest part of a run that is kept, s, counted from its start: 180 MB."""
 
 Recorded = Callable[[float], Samples]
-"""The present run from its start to an instant, s, as it was recorded. Raises `FlexlabError` if it was not."""
+"""Reads the recorded part of the present run from its start to an instant, s. Raises `FlexlabError` if it was not recorded."""
 
 
 @dataclass(frozen=True)
 class ReferenceRun:
-    """A run, or a part of it, exactly as it was computed, with the scenario it ended in."""
+    """A run, or a part of it, exactly as it was computed, with its scenario at the end."""
 
     name: str
     scenario: Scenario
@@ -41,7 +41,7 @@ class ReferenceRun:
 
 
 def keep_run(runner: Runner) -> ReferenceRun:
-    """Keep what the engine remembers of the present run; raises `LabError` while there is nothing to keep."""
+    """Keep the part of the present run that the engine still has; raises `LabError` while there is none."""
     samples, snapshot = runner.recent(LONGEST), runner.snapshot
     if len(samples) < 2:
         raise LabError("There is nothing to keep yet: press play and let the run go on for a moment.")
@@ -49,10 +49,10 @@ def keep_run(runner: Runner) -> ReferenceRun:
 
 
 def whole_run(newest: ReferenceRun, start: float, recorded: Recorded) -> ReferenceRun:
-    """The run whose newest part was kept, from its `start`, s, on; its first `MOST_KEPT` seconds if it is longer.
+    """The whole run whose `newest` part was kept, from its `start`, s; only its first `MOST_KEPT` seconds if it is longer.
 
-    What was recorded ends a moment before now; the rest is in `newest`. Takes a second or two for a minute. Raises
-    `FlexlabError` if the run was not recorded, or if something is missing in between.
+    The recorded part ends a moment before now; the rest is in `newest`. Takes a second or two for a minute. Raises
+    `FlexlabError` if the run was not recorded, or if a part between the two is missing.
     """
     first = newest.span[0]
     if first - start < TICK / 2:
@@ -70,9 +70,9 @@ def whole_run(newest: ReferenceRun, start: float, recorded: Recorded) -> Referen
 def common_metrics(
     kept: ReferenceRun, samples: Samples
 ) -> tuple[list[tuple[MetricRow, MetricRow]], tuple[float, float]]:
-    """Metric rows of the kept run and of `samples` over the simulation times that both have, and these times, s.
+    """Metric rows of the kept run and of `samples` over the span of simulation time that both have, and that span, s.
 
-    Empty if they have none in common.
+    Empty if they share none.
     """
     first = max(kept.span[0], float(samples.time[0])) if len(samples) else np.inf
     last = min(kept.span[1], float(samples.time[-1])) if len(samples) else -np.inf

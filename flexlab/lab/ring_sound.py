@@ -1,6 +1,6 @@
-"""The beam's ring as tones for a browser whose sound is on: each mode's shifted frequency and its loudness.
+"""The beam's ring as tones for browsers whose sound is on: the scaled frequency and the loudness of each mode.
 
-All frequencies are shifted by one factor, so that their ratios are the beam's own; `hear.js` makes the sound.
+All frequencies are scaled by one factor, which keeps their ratios; `hear.js` makes the sound.
 """
 
 import json
@@ -19,20 +19,20 @@ from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import TICK, Snapshot
 
 FACTOR, STEP = 16.0, 4.0
-"""The paper's beam rings at 45 Hz, which is heard at 714 Hz. Beams that would not be heard so get another factor."""
+"""The usual factor, which makes the paper's 45 Hz audible at 714 Hz, and its step for beams that need another factor."""
 LOWEST, HIGHEST = 50.0, 2500.0
 """Range of the first mode's tone, Hz."""
 TOP = 12_000.0
-"""Hz: higher modes are left out, as few people or loudspeakers have them."""
+"""Highest tone, Hz: few people hear, and few loudspeakers play, the tones of higher modes."""
 SILENT, LOUDEST = 1e-6, 1e-2
-"""m: amplitudes at the mode's widest place that are not heard, and that are as loud as can be."""
+"""Amplitudes at the mode's antinode, m: up to the first it is silent, from the second on it has full loudness."""
 SHORTEST, LONGEST = 0.005, 0.3
-"""Seconds of the run of which the loudest counts: a period of the first mode, within these."""
+"""Limits, s, of the window whose largest amplitude counts: a period of the first mode."""
 MOST_TONES = 8
 
 
 def heard_factor(first_frequency: float) -> float:
-    """The factor on all frequencies that makes a first mode of so many Hz audible."""
+    """The factor on all frequencies that makes a first mode of `first_frequency` Hz audible."""
     factor = FACTOR
     while factor * first_frequency < LOWEST:
         factor *= STEP
@@ -42,7 +42,7 @@ def heard_factor(first_frequency: float) -> float:
 
 
 def loudness(amplitude: float) -> float:
-    """Loudness, 0 to 1, of a mode's amplitude, m: its root, so that a ring is heard from 10 mm down to µm."""
+    """Loudness, 0 to 1, of a mode's amplitude, m: proportional to its root, so that 10 mm down to 1 µm can be heard."""
     return math.sqrt(min(amplitude, LOUDEST) / LOUDEST) if amplitude > SILENT else 0.0
 
 
@@ -62,18 +62,18 @@ class Tones:
         self._to_modes = product(beam.matrices.M_q, shapes)
         self._widest = np.array([peak_deflection(payload, shape) for shape in shapes.T])
         self.window = min(max(2 * np.pi / float(omega[0]), SHORTEST), LONGEST)
-        """Seconds of the run that count."""
+        """Length of the window, s."""
 
     def amplitudes(self, recent: Samples) -> np.ndarray:
-        """Amplitude of each mode at its widest place, m, (modes,).
+        """Amplitude of each mode at its antinode, m, (modes,).
 
-        It follows from the change of the modal velocity between samples, in which the slow bending hardly shows.
+        It follows from the change of the modal velocity between samples, to which slow bending contributes little.
         """
         if len(recent) < 2 or recent.beam_rates.shape[1] != len(self._to_modes):
             return np.zeros(len(self.omega))
         rates = product(recent.beam_rates, self._to_modes)
         change = 2 * np.abs(np.sin(0.5 * self.omega * TICK))
-        seen = change > 0.1  # Near a multiple of the sample rate each sample finds a mode where the last one did.
+        seen = change > 0.1  # Near a multiple of the sample rate, samples show no change.
         largest = np.where(
             seen, np.abs(np.diff(rates, axis=0)).max(axis=0) / np.where(seen, change, 1.0), np.abs(rates).max(axis=0)
         )
@@ -81,7 +81,7 @@ class Tones:
 
 
 class RingSound:
-    """Tells the page its tones. `update` is to be called for each picture while somebody wants to hear."""
+    """Sends the tones to the page. Call `update` for each picture while any browser has its sound on."""
 
     def __init__(self, gui: viser.GuiApi, look_back: LookBack):
         self._mark, self._look_back = gui.add_html(""), look_back
@@ -89,7 +89,7 @@ class RingSound:
         self._count = 0
 
     def update(self, snapshot: Snapshot) -> None:
-        """Bring the tones up to date: silent while time stands."""
+        """Update the tones; they are silent while the run is paused."""
         payload = snapshot.scenario.payload
         if self._tones is None or self._tones.payload != payload:
             self._tones = Tones(payload)

@@ -1,4 +1,4 @@
-"""A run in one HTML file: moving picture, plots in step with it, metrics and scenario; opens from disk without network."""
+"""A run in one HTML file: animation, synchronised plots, metrics and scenario; it opens from disk without a network."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -34,9 +34,9 @@ FRAMES_PER_SECOND = 30
 WINDOW = Window(2.0)
 """The picture's shape: twice as wide as high."""
 CAPTION_OFFSET = 0.05
-"""From the floor's far edge to the words above the picture, m."""
+"""Distance from the floor's far edge to the caption above the picture, m."""
 MOST_FRAMES = 3000
-"""Beyond this a file grows too large to send; longer runs get fewer frames a second."""
+"""Most frames, so that a file stays small enough to send; longer runs get fewer frames a second."""
 
 
 class Noted(NamedTuple):
@@ -47,7 +47,7 @@ class Noted(NamedTuple):
     note: str = ""
     lessons: tuple[LessonProgress, ...] = ()
     changes: tuple[str, ...] = ()
-    """What differs from the preset, a line each."""
+    """Differences from the preset, one line each."""
 
 
 NOTHING = Noted()
@@ -61,7 +61,7 @@ def frame_times(run: Run) -> np.ndarray:
 
 
 def animation_html(run: Run) -> str:
-    """The page: arms, beam, forces and paths, with a bar to play and scrub. Raises `StudyError` for a run without samples."""
+    """The animation: arms, beam, forces and paths, with a playback bar. Raises `StudyError` for a run without samples."""
     if len(run) == 0:
         raise StudyError("The run has no samples: there is nothing to draw.")
     scenario, times = run.scenario, frame_times(run)
@@ -98,7 +98,7 @@ def animation_html(run: Run) -> str:
 
 
 def run_page(run: Run, name: str, noted: Noted = NOTHING, events: Sequence[Event] = ()) -> str:
-    """The page; with what is `noted` of the run, a lab sheet. `events`: what happened in it.
+    """The page of a run; with its notes (`noted`), a lab sheet. `events`: commands that took effect in it.
 
     Raises `StudyError` for a run without samples, or without motion.
     """
@@ -129,13 +129,13 @@ def run_page(run: Run, name: str, noted: Noted = NOTHING, events: Sequence[Event
 
 
 def write_run_page(run: Run, path: Path, name: str, noted: Noted = NOTHING, events: Sequence[Event] = ()) -> None:
-    """Write the page as one file, whole or not at all. Raises `StudyError`."""
+    """Write the page of a run as one file, atomically. Raises `StudyError`."""
     write_text(path, run_page(run, name, noted, events))
 
 
 def _plots(run: Run) -> tuple[str, float, float]:
-    """SVG of the usual signals, and where in its width the time axis begins and ends, per cent."""
+    """SVG of the usual signals, and the start and end of the time axis in per cent of its width."""
     figure = draw_signals(run)
-    svg = page_svg(figure)  # Which lays the figure out.
+    svg = page_svg(figure)  # This also lays out the figure.
     place = figure.axes[0].get_position()
     return svg, 100 * place.x0, 100 * place.x1

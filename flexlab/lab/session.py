@@ -1,4 +1,4 @@
-"""One lab: a server for browsers, the simulation behind it, the thread that draws it, and whoever records it."""
+"""One lab: its server for browsers, its simulation, its drawing thread, and its recorder."""
 
 import threading
 import time
@@ -36,29 +36,29 @@ from flexlab.sockets import LOOPBACK, base_address
 from flexlab.text import number_text
 
 UNATTENDED_TIME = 60.0
-"""Seconds without a browser after which a lab pauses, and so records no more; a reload takes ten."""
+"""Time without a browser after which a lab pauses, and so stops recording, s; a reload takes ten."""
 FRAME_TIME = 1 / 30
-"""Wall seconds per picture."""
+"""Time per picture, wall s."""
 READOUT_EVERY = 3
 """Pictures per update of plots and readouts: 10 Hz, as fast as numbers can be read."""
 SELDOM = 10
-"""Updates per one of what takes longer to find, or to read: 1 Hz."""
+"""Updates of plots per update of what takes longer to compute or to read: 1 Hz."""
 UNSEEN_TIME = 0.25
-"""Wall seconds between two checks for browsers; a new connection also wakes the thread at once."""
+"""Time between two checks for browsers, wall s; a new connection also wakes the thread at once."""
 PANEL_WIDTH, NARROW_PANEL = 330, 300
-"""Width of the panel, px: holds the longest label with its unit on one line; the second in a narrow window."""
+"""Width of the panel, px, which fits the longest label with its unit on one line, and its width in a narrow window."""
 NARROW_WINDOW = 1200
 """Windows narrower than this, px, get the narrow panel."""
 GUIDE_WIDTH, FOLDED_WIDTH = 280, 36
 """Width of the guide's column, px, open and folded."""
 PLOTS_HEIGHT, GAP = 248, 8
-"""Height of the panel of plots, a row of charts with legends of two lines, and its distance from the picture's edges, px."""
+"""Height of the plots' panel (a row of charts with two-line legends) and its distance from the picture's edges, px."""
 FIRST_WINDOW = Window(1.0)
-"""The picture that is assumed until a browser reports its own."""
+"""The window that is assumed until a browser reports its own."""
 
 
 class Attendance:
-    """Starts runs that a browser has drawn, and pauses them while no browser is connected. One thread calls `update` often."""
+    """Starts a run when a browser has drawn it, and pauses it while none is connected. One thread calls `update` often."""
 
     def __init__(
         self,
@@ -67,7 +67,7 @@ class Attendance:
         longest: float = UNATTENDED_TIME,
         clock: Callable[[], float] = time.monotonic,
     ):
-        """`longest`: seconds without a browser before the lab pauses."""
+        """`longest`: time without a browser before the lab pauses, s."""
         self._runner, self._lab_state, self._reports = lab_state.runner, lab_state, reports
         self._longest, self._clock = longest, clock
         self._seen_at = clock()
@@ -92,7 +92,7 @@ class Attendance:
 
 
 class RenderLoop:
-    """Owns the drawing thread. While nobody looks it does nothing."""
+    """Owns the drawing thread, which is idle while no browser is connected."""
 
     def __init__(
         self,
@@ -101,9 +101,9 @@ class RenderLoop:
         draw: Callable[[bool, bool], None],
         attendance: Attendance | None,
     ):
-        """`draw(readouts, all_of_them)` draws a picture, with plots and numbers or without, and with what is found seldom.
+        """`draw(readouts, all_of_them)` draws a picture: with plots and numbers if `readouts`, with slow ones if `all_of_them`.
 
-        `attendance`: releases and holds runs; None: they run whoever looks.
+        `attendance`: starts and pauses runs; None if they run whether or not anybody looks.
         """
         self._server, self._lab_state, self._draw, self._attendance = server, lab_state, draw, attendance
         self._stop, self._come = threading.Event(), threading.Event()
@@ -143,15 +143,15 @@ class RenderLoop:
 
 
 class Session:
-    """A running lab. Any number may live in one process; each is started once and stopped once.
+    """A running lab. A process may have any number of them; each is started once and stopped once.
 
-    `consumers` get every sample and event (a recorder, say). `recording` gives the sentence that the panel shows about
-    the recording, `link` the address that opens a scenario in another browser. `port`: on loopback; 0: any free one. `shadows`
-    costs a slow graphics card most of its time. With an `origin` the first run goes on from there.
-    With a `secret` the page answers only requests that carry it. `attended`: a run begins when a browser has drawn it, and
+    `consumers`, such as a recorder, get every sample and event. `recording` returns the sentence that the panel shows about
+    the recording, `link` the address that opens a scenario in another browser. `port`: on loopback, 0 for any free one. `shadows`
+    take a slow graphics card most of its time. With an `origin`, the first run continues from there.
+    With a `secret`, the page answers only requests that carry it. `attended`: a run begins when a browser has drawn it, and
     pauses while no browser is connected.
-    `recorded` reads the part of the present run that the engine no longer keeps; `recorded_as` names its recording, empty
-    without one.
+    `recorded` reads the part of the present run that the engine no longer keeps; `recorded_as` returns the name of its
+    recording, or empty.
     """
 
     def __init__(
@@ -193,12 +193,12 @@ class Session:
 
     @property
     def port(self) -> int:
-        """The port that the server has (the one asked for, or the one found for 0)."""
+        """The server's port: the requested one, or the one found for 0."""
         return self._server.get_port() if self._server else self._port
 
     @property
     def url(self) -> str:
-        """Where a browser on this machine finds the lab."""
+        """The lab's address on this machine."""
         return base_address(LOOPBACK[0], self.port)
 
     def start(self) -> None:
@@ -220,7 +220,7 @@ class Session:
         """Stop drawing, simulation and server; returns when all threads are done. May be called twice."""
         hosts.stop_loading()
         self._closing.close()
-        self.runner.stop()  # If it never started, too.
+        self.runner.stop()  # Even if it never started.
         self._server = None
 
     def __enter__(self) -> "Session":
@@ -287,7 +287,7 @@ class Session:
         return RenderLoop(server, lab_state, self._draw, attendance)
 
     def _draw(self, readouts: bool, all_of_them: bool) -> None:
-        """Bring the newest snapshot to the screen; `readouts`: with plots and numbers, or `all_of_them`."""
+        """Draw the newest snapshot, with plots and numbers if `readouts`, with slow ones if `all_of_them`."""
         lab_state, reports, inputs = self.lab_state, self._reports, self.server.inputs
         snapshot, view = self.runner.snapshot, lab_state.view
         seen = self._look_back.seen(snapshot)

@@ -1,4 +1,4 @@
-"""Settings of the screen, which the simulation does not know."""
+"""Settings of the screen, which do not affect the simulation."""
 
 import math
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from flexlab.quantities import Quantity
 from flexlab.scenario import Scenario
 
 USUAL_FACTOR, USUAL_BENDING = 50.0, 3.6e-4
-"""The factor that suits the paper's beam, and that beam's ordinary bending as a share of its length."""
+"""The factor that suits the paper's beam, and that beam's usual bending as a fraction of its length."""
 SOFTER_BENDS_MORE = 0.25
 """Exponent with which the drawn bending grows with the true one: a softer beam looks more bent, but not wildly."""
 FACTOR_DIGITS = 2
@@ -17,20 +17,20 @@ EXAGGERATION = Quantity(
     "Exaggeration of the deflection", unit="×", low=0, high=HIGHEST_EXAGGERATION, slider=(1, 1000), logarithmic=True
 )
 MOST_DRAWN = 0.35
-"""Largest drawn deflection, as a share of the beam's length, while the lab chooses the factor."""
+"""Largest drawn deflection while the lab chooses the factor, as a fraction of the beam's length."""
 PLOT_WINDOWS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0)
 """Choices for the plots' time window, s."""
 USUAL_WINDOW = 5.0
-"""Wall seconds that the plots show."""
+"""Time that the plots show, wall s."""
 
 
 @dataclass(frozen=True)
 class ViewSettings:
-    """Settings of the screen, those that are on or off with their names there.
+    """Settings of the screen; switches are annotated with their names on it.
 
     `exaggeration`: factor on the drawn deflection; `plot_window`: s. `follow_deflection`: whether the lab chooses the
-    exaggeration, for each run anew; `follow_speed`: whether it chooses the window. `shown_mode`: index of the mode whose shape
-    is animated in place of the run, or None.
+    exaggeration for each run; `follow_speed`: whether it chooses the window. `shown_mode`: index of the mode whose shape
+    is animated instead of the run, or None.
     """
 
     exaggeration: float = 50.0
@@ -52,7 +52,7 @@ class ViewSettings:
 
 _HINTS = get_type_hints(ViewSettings, include_extras=True)
 SWITCHES = {name: hint.__metadata__[0] for name, hint in _HINTS.items() if hasattr(hint, "__metadata__")}
-"""Settings that are on or off, and their names on the screen."""
+"""Settings that are on or off → their names on the screen."""
 
 
 def fitting_exaggeration(scenario: Scenario) -> float:
@@ -67,9 +67,9 @@ def fitting_exaggeration(scenario: Scenario) -> float:
 
 
 def tamed_exaggeration(factor: float, deflection: float, length: float) -> float:
-    """The factor, lowered if it would draw the present largest deflection, m, of a beam of `length` m beyond `MOST_DRAWN`.
+    """The factor, lowered if the present largest `deflection`, m, of a beam of `length` m would be drawn beyond `MOST_DRAWN`.
 
-    It never rises: a ring that dies out is seen to do so.
+    It never rises, so that a ring is seen to die out.
     """
     if factor * deflection <= MOST_DRAWN * length:
         return factor
@@ -79,7 +79,7 @@ def tamed_exaggeration(factor: float, deflection: float, length: float) -> float
 
 
 def fitting_window(speed: float) -> float:
-    """The plot window, s, of those offered that takes about the usual wall time at a speed."""
+    """The offered plot window, s, that comes nearest to the usual wall time at a speed."""
     return min(PLOT_WINDOWS, key=lambda window: abs(math.log(window / (USUAL_WINDOW * speed))))
 
 

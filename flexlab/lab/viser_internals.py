@@ -1,4 +1,4 @@
-"""Every use of viser's private parts. `tests/lab/test_viser_contract.py` says when viser has changed."""
+"""Every use of viser's private parts. `tests/lab/test_viser_contract.py` fails if viser has changed."""
 
 import asyncio
 import dataclasses
@@ -23,34 +23,34 @@ from flexlab.lab.browser_messages import LARGEST_MESSAGE
 from flexlab.sockets import raise_handles
 
 VERSION = "1.1"
-"""The version of viser that these belong to."""
+"""The version of viser that this module is written for."""
 SEND_BUFFER = 64 * 1024
-"""Bytes that may wait in the kernel for one browser: without this bound a slow one shows pictures 36 s old."""
+"""Most bytes that wait in the operating system for one browser: without this bound a slow one shows pictures 36 s old."""
 OPENING_TIME = 5.0
-"""Seconds that a browser may take for the handshake."""
+"""Longest time that a browser may take for the handshake, s."""
 GOODBYE_TIME = 0.3
-"""Seconds that browsers get to say goodbye when the lab closes; viser alone waits six for one that hangs."""
+"""Time that browsers get for the closing handshake when the lab closes, s; viser alone waits six for one that hangs."""
 MOST_WAITING = 4
-"""Messages of one browser that wait to be read."""
+"""Most messages of one browser that wait to be read."""
 
 Admission = Callable[[Request], str]
-"""Why a request is not let in, as a sentence; empty if it is."""
+"""Returns why a request is refused, as a sentence; empty if it is admitted."""
 Verdict = Literal["pass", "drop", "hang up"]
 Check = Callable[[int, Any], Awaitable[Verdict]]
-"""(client id, raw message) → what becomes of it. May wait: then that one browser waits."""
+"""(client id, raw message) → what to do with it. It may wait, which delays that browser only."""
 UNREADABLE = 1011
 """Websocket close code for a client whose messages cannot be decoded."""
 PROTOCOL = f"viser-v{viser.__version__}"
 OTHER_VERSION = 1002
-"""Websocket close code by which viser's page knows that it is of another version: it then says so."""
+"""Websocket close code that tells viser's page that its version differs; the page then says so."""
 
 _OPENING, _QUIET = threading.Lock(), threading.Lock()
 
 
 class _News(asyncio.Event):
-    """Event for new messages. viser sets it in the sending thread, and again in the loop of those who wait.
+    """Event for new messages. viser sets it in the sending thread, and again in the event loop of the waiting tasks.
 
-    In the sending thread it must not wake them: Python's own event would iterate over their list while the loop changes it.
+    It must not wake them in the sending thread: Python's own event would iterate over their list while the loop changes it.
     """
 
     _waiting_thread: int | None = None
@@ -60,7 +60,7 @@ class _News(asyncio.Event):
         return await super().wait()
 
     def set(self) -> None:
-        """In the loop wake all, even if another thread has set it before; in another thread only set the flag."""
+        """In the loop, wake all, even if another thread has set the flag; in another thread, only set the flag."""
         if threading.get_ident() == self._waiting_thread:
             self.clear()
             super().set()
@@ -79,27 +79,27 @@ cast(Any, _infra).AsyncMessageBuffer = _MessageBuffer
 class GuardedServer(viser.ViserServer):
     """A viser server on a given socket that checks every request and message before viser sees it.
 
-    It never opens viser's tunnel through an outside machine, whatever a browser asks.
+    It never opens viser's tunnel through an outside machine, whatever a browser requests.
     """
 
     def __init__(self, plug: socket.socket, admission: Admission, check: Check, script: str, sheet: str):
         """`script` and style `sheet` are added to the page."""
-        raise_handles()  # Without enough of them viser's thread fails, and its server waits for it for ever.
+        raise_handles()  # Without enough handles viser's thread fails, and its server waits for it for ever.
         connection = functools.partial(_GuardedConnection, self, check)
         self.inputs = threading.RLock()
         """Held while a person's input is handled; other code that writes to widgets holds it too, see `_take_up_whole`."""
-        # viser's page puts its own styles at the end of its head: what comes after the body has the last word.
+        # viser's page adds its own styles at the end of its head; styles after the body override them.
         added = {"</head>": f"<script>{script}</script>", "</body>": f"<style>{sheet}</style>"}
         with _serving_on(plug, admission, connection, added), _quiet():
             super().__init__(host="127.0.0.1", port=plug.getsockname()[1], label="flexlab", verbose=False)
         self._take_up_whole()
 
     def _take_up_whole(self) -> None:
-        """Let no other code write to a widget between a person's input and the callback that reads it: it would be lost."""
+        """Keep other code from writing to a widget between a person's input and its callback: the input would be lost."""
         (take_up,) = self._websock_server._incoming_handlers[_messages.GuiUpdateMessage]
 
         async def alone(client: int, message: Any) -> None:
-            # viser's handler and our callbacks never give way to another task, so the loop cannot stop on its own lock.
+            # viser's handler and our callbacks never yield to another task, so the loop cannot deadlock on its own lock.
             with self.inputs:
                 await cast(Awaitable[None], take_up(client, message))
 
@@ -107,7 +107,7 @@ class GuardedServer(viser.ViserServer):
         self._websock_server.register_handler(_messages.GuiUpdateMessage, alone)
 
     def stop(self) -> None:
-        """Close the page. Browsers get a closing message; one that does not read it is cut off."""
+        """Stop the server. Browsers get a closing message; one that does not read it is cut off."""
         loop = self._websock_server._background_event_loop
         if loop is not None and not loop.is_closed():
             loop.call_soon_threadsafe(loop.call_later, GOODBYE_TIME, self._cut)
@@ -119,12 +119,12 @@ class GuardedServer(viser.ViserServer):
             connection.transport.abort()
 
     def request_share_url(self, verbose: bool = True) -> str | None:
-        """Refused: always None."""
+        """Refuse: always None."""
         return None
 
 
 class _GuardedConnection(ServerConnection):
-    """The connection that viser reads from: it passes on accepted messages only."""
+    """The connection that viser reads from, which passes on accepted messages only."""
 
     def __init__(self, owner: GuardedServer, check: Check, *arguments: Any, **options: Any):
         super().__init__(*arguments, **options)
@@ -142,9 +142,9 @@ class _GuardedConnection(ServerConnection):
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """While this is open, viser does not print where it serves and when it stops, which is flexlab's to say.
+    """Keep viser from printing its address and its end in the block: flexlab says so itself.
 
-    All threads share the standard output: two that changed it at once would not put it back.
+    All threads share the standard output: two that changed it at once would not restore it.
     """
     with _QUIET, redirect_stdout(StringIO()):
         yield
@@ -152,9 +152,9 @@ def _quiet() -> Iterator[None]:
 
 @contextmanager
 def _serving_on(plug: socket.socket, admission: Admission, connection: Any, added: Mapping[str, str]) -> Iterator[None]:
-    """While this is open, viser's server listens on `plug` and answers only requests that `admission` accepts.
+    """Make a viser server that starts in the block listen on `plug` and answer only requests that `admission` accepts.
 
-    By itself viser opens a socket on the next free port, and accepts everybody.
+    viser itself opens a socket on the next free port and accepts everybody.
     """
     furnished = functools.partial(_with_additions, added=added, pages={})
 
@@ -164,7 +164,7 @@ def _serving_on(plug: socket.socket, admission: Admission, connection: Any, adde
             return at.respond(403, f"{sentence}\n") if sentence else furnished(process_request(at, request))
 
         async def greet(at: ServerConnection) -> None:
-            # viser itself writes a line to the terminal, without end, and fails where the version is long.
+            # viser itself writes a line of any length to the terminal, and fails if the version is long.
             if at.subprotocol == PROTOCOL:
                 await handler(at)
             else:
@@ -188,7 +188,7 @@ def _serving_on(plug: socket.socket, admission: Admission, connection: Any, adde
 
 
 def _with_additions(answer: Response | None, added: Mapping[str, str], pages: dict[int, bytes]) -> Response | None:
-    """A page with our parts, each before the closing tag that is its key. `pages`: those completed before, by length."""
+    """A page with the parts `added`, each before the closing tag that is its key. `pages`: a cache of such pages, by length."""
     if answer is None or not answer.headers.get("Content-Type", "").startswith("text/html"):
         return answer
     packed, length = answer.headers.get("Content-Encoding") == "gzip", len(answer.body)
@@ -210,12 +210,12 @@ def widget_uuid(handle: Any) -> str:
 
 
 def set_panel_width(client: viser.ClientHandle, panel: Any, width: float) -> None:
-    """Give a panel of all browsers a width, px, in one browser."""
+    """Set a shared panel's width, px, in one browser."""
     _lay_out(client, panel, _messages.GuiSetPanelWidthMessage, width)
 
 
 def fold_panel(client: viser.ClientHandle, panel: viser.PanelHandle, folded: bool) -> None:
-    """Fold a panel of all browsers to its strip, or open it, in one browser."""
+    """Fold a shared panel to its strip, or open it, in one browser."""
     _lay_out(client, panel, _messages.GuiSetPanelCollapsedMessage, folded)
 
 
@@ -226,13 +226,13 @@ def _lay_out(client: viser.ClientHandle, panel: Any, message: type, value: float
 
 
 def client_of(server: viser.ViserServer, connection: ServerConnection) -> int:
-    """The client whose connection this is; -1 once it is gone."""
+    """The id of the client with this connection; -1 once it is gone."""
     live = server._websock_server._live_connections
     return next((client for client, present in list(live.items()) if present is connection), -1)
 
 
 def on_disconnect(server: viser.ViserServer, tell: Callable[[int], None]) -> None:
-    """Call `tell` for every connection that ends, also one that never became a client."""
+    """Call `tell` for every connection that ends, even if it never became a client."""
 
     async def gone(connection: Any) -> None:
         tell(connection.client_id)
@@ -241,21 +241,21 @@ def on_disconnect(server: viser.ViserServer, tell: Callable[[int], None]) -> Non
 
 
 def bound_buffer(server: viser.ViserServer, client: viser.ClientHandle) -> None:
-    """Limit what the kernel buffers for a browser: else a slow one shows old pictures. viser gives no access to the socket."""
+    """Limit what the operating system buffers for a browser: otherwise a slow one shows old pictures."""
     connection = server._websock_server._live_connections.get(client.client_id)
     bound_transport(getattr(connection, "transport", None))
 
 
 def bound_transport(transport: asyncio.BaseTransport | None) -> None:
-    """Limit what the kernel buffers for who is at the other end."""
+    """Limit what the operating system buffers for the other end of a connection."""
     plug = transport.get_extra_info("socket") if transport is not None else None
     if plug is not None:
-        with suppress(OSError):  # They may have left meanwhile.
+        with suppress(OSError):  # The other end may be gone.
             plug.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
 
 
 def find_input(server: viser.ViserServer, client: int, uuid: str) -> Any:
-    """The widget of this uuid, of all browsers or of one; None if there is none, or if it takes no input."""
+    """The shared or own widget of a browser with this uuid; None if there is none or it takes no input."""
     for gui in _interfaces(server, client):
         handle = gui._gui_input_handle_from_uuid.get(uuid)
         if handle is not None and not handle._impl.removed:
@@ -264,7 +264,7 @@ def find_input(server: viser.ViserServer, client: int, uuid: str) -> Any:
 
 
 def is_command(server: viser.ViserServer, client: int, uuid: str) -> bool:
-    """Whether there is a command (a key, or a line of the palette) of this uuid."""
+    """Whether there is a command (a key, or a line of the palette) with this uuid."""
     return any(uuid in gui._command_handle_from_uuid for gui in _interfaces(server, client))
 
 
@@ -285,13 +285,13 @@ def input_state(handle: Any) -> tuple[str, Any, bool, Collection[str] | None]:
 
 
 def show_true_value(handle: Any) -> None:
-    """Send a widget's value again to browsers that show another one."""
+    """Send a widget's value again, to browsers that show another one."""
     update = _messages.GuiUpdateMessage(handle._impl.uuid, {"value": handle._impl.value})
     handle._impl.gui_api._websock_interface.queue_message(update)
 
 
 def scene_instances(server: viser.ViserServer, name: str) -> int | None:
-    """How many instances a node of the scene has: 0 for one that is no batch, None if there is no such node."""
+    """Number of instances of a scene node: 0 if it is no batch, None if there is no such node."""
     handle = server.scene._handle_from_node_name.get(name)
     if handle is None:
         return None
@@ -300,7 +300,7 @@ def scene_instances(server: viser.ViserServer, name: str) -> int | None:
 
 
 def forget_acknowledgements(server: viser.ViserServer, transfers: Collection[str]) -> None:
-    """Drop the acknowledgements of finished uploads: viser keeps them all, and sends them to every new browser."""
+    """Drop the acknowledgements of finished uploads: viser keeps them all and sends them to every new browser."""
     acknowledgement = _messages.FileTransferPartAck
     server._websock_server.get_message_buffer().remove_from_buffer(
         lambda message: isinstance(message, acknowledgement) and message.transfer_uuid in transfers
@@ -308,20 +308,20 @@ def forget_acknowledgements(server: viser.ViserServer, transfers: Collection[str
 
 
 def send_plot_data(handle: viser.GuiUplotHandle, columns: tuple[Any, ...]) -> None:
-    """Send new data to a chart in their own type: assigned to viser's handle, every number would take eight bytes."""
+    """Send new data to a chart without converting their type: viser's own setter takes eight bytes per number."""
     handle._impl.props.data = columns
     handle._queue_update("data", columns)
 
 
 def mark_slider(handle: viser.GuiInputHandle[Any], marks: tuple[tuple[float, str], ...]) -> None:
-    """Change the marks, (value, label) each, of an existing slider: viser takes them only when it is made."""
+    """Change the marks, (value, label) each, of an existing slider: viser takes them only when a slider is made."""
     shown = tuple(_messages.GuiSliderMark(value, label) for value, label in marks)
     handle._impl.props._marks = shown
     handle._queue_update("_marks", shown)
 
 
 def in_the_systems_colors(page: str) -> str:
-    """A serialized scene's HTML, dark where the reader's system is: viser decides it when the file is written."""
+    """A serialized scene's HTML, made dark if the reader's system is: viser decides that when the file is written."""
     fixed = "window.__VISER_EMBED_CONFIG__={darkMode:false};"
     asked = "window.__VISER_EMBED_CONFIG__={darkMode:matchMedia('(prefers-color-scheme: dark)').matches};"
     head, found, rest = page.rpartition(fixed)

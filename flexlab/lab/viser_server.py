@@ -1,4 +1,4 @@
-"""A viser server as the lab needs it: on the asked port or not at all, for callers who may come, slow readers bounded."""
+"""The lab's viser server: on the requested port or not at all, with admission of requests and small send buffers."""
 
 import hmac
 from functools import partial
@@ -12,16 +12,16 @@ from flexlab.sockets import LOOPBACK, is_of_host, listen, name_in
 from flexlab.text import limited
 
 SECRET_HEADER = "Flexlab-Proxy"
-"""The request header in which a server in front of the lab identifies itself."""
+"""The request header by which a server in front of the lab identifies itself."""
 
 LIBRARY_LOGS = ("websockets.server", "asyncio")
-"""Logs of libraries in which a visitor could write lines without end."""
+"""Logs of libraries that a visitor could flood."""
 
 
 def open_server(port: int, guard: InputGuard, secret: str = "", script: str = "", sheet: str = "") -> GuardedServer:
-    """A running server on this machine's `port` (0: any free one); raises `LabError` if it cannot have exactly that.
+    """A running server on this machine's `port` (0 for any free one); raises `LabError` if that port is not available.
 
-    With a `secret` it answers only requests that carry it; without one, only what comes from its own page.
+    With a `secret` it answers only requests that carry it; without one, only requests from its own page.
     `script` and style `sheet` are added to the page.
     """
     for name in LIBRARY_LOGS:
@@ -54,7 +54,7 @@ def _knows(secret: str, request: Request) -> str:
 
 
 def _own_page(request: Request) -> str:
-    """Another site's page must not drive the lab through a visitor's browser, nor under a name that points here."""
+    """Refuse requests by another site's page through a visitor's browser, also under a name that resolves to this machine."""
     named = request.headers.get_all("Host")
     if len(named) != 1:
         return "This request names no host."

@@ -1,4 +1,4 @@
-"""Widgets of viser as the panel uses them: callbacks that show what went wrong as a sentence, and writes of what has changed."""
+"""viser's widgets as the panel uses them: callbacks that show errors as sentences, and writes only of changed values."""
 
 import time
 from collections.abc import Callable, Coroutine, Iterable, Sequence
@@ -14,15 +14,15 @@ LAST = 1e12
 
 
 class Widgets:
-    """Makes widgets, in the GUI container that is open, whose callbacks show what went wrong as a sentence."""
+    """Makes widgets, in the open GUI container, whose callbacks show errors as sentences."""
 
     def __init__(self, gui: viser.GuiApi, lab_state: LabState):
         self.gui, self.lab_state = gui, lab_state
 
     def handler(self, action: Callable[[Any], None]) -> Callable[[Any], Coroutine[Any, Any, None]]:
-        """A callback: runs `action(event)` for what a person did, and shows what went wrong as a sentence.
+        """A callback that runs `action(event)` for a person's input, and shows an error as a sentence.
 
-        Events without a client are the server's own writes to the widget, and ask for nothing.
+        It ignores events without a client, which are the server's own writes to the widget.
         """
 
         async def callback(event: Any) -> None:
@@ -48,7 +48,7 @@ class Widgets:
         color: Any = "gray",
         visible: bool = True,
     ) -> viser.GuiButtonHandle:
-        """A button that runs `action(event)`; `color` None: the page's accent."""
+        """A button that runs `action(event)`; `color` None for the page's accent colour."""
         button = self.gui.add_button(label, icon=icon, color=color, visible=visible, hint=hint)
         button.on_click(self.handler(action))
         return button
@@ -63,7 +63,7 @@ class Widgets:
 
 
 class Menu:
-    """A menu of words, in the GUI container that is open while it is made."""
+    """A menu of words, made in the open GUI container."""
 
     def __init__(
         self,
@@ -75,21 +75,21 @@ class Menu:
         *,
         hint: str | None = None,
     ):
-        """`options` gives the words that there are now, `shown` that for what is so now; `choose` gets the chosen one."""
+        """`options` returns the present words, `shown` the word to show now; `choose` gets the word that a person chose."""
         self._label, self._options, self._shown, self._choose = label, options, shown, choose
         self.widget = widgets.gui.add_dropdown(label, tuple(options()), hint=hint)
         self.widget.on_update(widgets.handler(lambda _: self._ask(self.widget.value)))
         self.settle()
 
     def settle(self, at_once: bool = False) -> None:
-        """Show what is so now, among the options that there are now: a file may bring another one."""
+        """Update the options, to which a file may add one, and the shown word."""
         options, shown = tuple(self._options()), self._shown()
         put(self.widget, options=options)
         if shown in options:
             put(self.widget, value=shown)
 
     def remove(self) -> None:
-        """Take the menu off the screen."""
+        """Remove the menu from the screen."""
         self.widget.remove()
 
     def _ask(self, word: str) -> None:
@@ -98,19 +98,19 @@ class Menu:
                 raise LabError(f"{word[:40]!r} is not an option of {self._label}: choose one from the menu.")
             self._choose(word)
         finally:
-            # A refused word is not something to go on typing at: the menu shows the truth at once.
+            # A refused word is not text to edit: the menu shows the true choice at once.
             self.settle()
 
 
 def table_html(rows: Iterable[Sequence[str]], *heads: str) -> str:
-    """A table of cells and heads that are HTML already."""
+    """A table of cells and heads that are already HTML."""
     head = "".join(f"<th>{word}</th>" for word in heads)
     lines = ["".join(f"<td>{cell}</td>" for cell in row) for row in rows]
     return f'<table class="fl-table">{"".join(f"<tr>{line}</tr>" for line in (head, *lines) if line)}</table>'
 
 
 def put(widget: Any, **values: Any) -> None:
-    """Write what has changed: viser takes 20 µs for every write, even of the value that is there."""
+    """Write the values that have changed: viser takes 20 µs for every write, even of an equal value."""
     for name, value in values.items():
         if getattr(widget, name) != value:
             setattr(widget, name, value)

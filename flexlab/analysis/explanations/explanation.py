@@ -1,8 +1,8 @@
 """An explanation: a function of the evidence that returns a sentence, or None if its check fails.
 
-To add one, copy one of `forces.py` into a file of its own; lab, command line and Python interface then show it, and
-`tests/analysis/test_explanations.py` needs a scripted case. A sentence states numbers of this run, and only if measurement
-and equation agree; for poles and margins the equation alone decides.
+To add one, copy an explanation from `forces.py` into a new file; lab, command line and Python interface then show it, and
+`tests/analysis/test_explanations.py` needs a scripted case. A sentence states numbers of this run, and is given only if
+measurement and equation agree; for poles and margins the equation alone decides.
 
 The evidence consists of the background, computed once per scenario, and the newest samples of a run.
 """
@@ -38,15 +38,15 @@ if TYPE_CHECKING:
 LONGEST_LOOK = 5.0
 """Length of the newest part of a run that explanations use, s."""
 CALMED = 0.5
-"""Time after a start or change until a motion counts as steady, s, when the paper's beam has stopped ringing."""
+"""Time after a start or change from which a motion counts as steady, s; the paper's beam has stopped ringing by then."""
 STEADY = 1.0
 """Length of the steady motion that explanations use, s."""
 FEWEST = 64
-"""Least samples for a spectrum."""
+"""Fewest samples for a spectrum."""
 
 
 class Background(NamedTuple):
-    """Everything that follows from a scenario alone; slow for fine meshes, so computed once per scenario, beside the run."""
+    """Everything that follows from a scenario alone: slow to compute for fine meshes, so computed once, beside the run."""
 
     scenario: Scenario
     modes: Modes
@@ -54,11 +54,11 @@ class Background(NamedTuple):
     around: Circumstances | None
     """None if motors are off or no desired pose can be reached."""
     informed: Circumstances | None
-    """`around` for a controller with the right model of the payload; None if it has that already."""
+    """`around` for a controller with the right model of the payload; None if the controller already has it."""
     shaper: np.ndarray
     """A_j, 1, and t_j, s, of the input shaper's impulses, (impulses, 2)."""
     rings: dict[int, Ring]
-    """Number of a beam mode, from 1 → its oscillation in the closed loop."""
+    """Number of a beam mode, counted from 1 → its oscillation in the closed loop."""
 
     @classmethod
     def of(cls, scenario: Scenario) -> "Background":
@@ -87,21 +87,21 @@ class Evidence:
     samples: Samples
     """The newest samples since the last change or touch, `LONGEST_LOOK` s at most."""
     begins: bool
-    """Whether they begin with the run's first sample."""
+    """Whether the samples begin with the run's first one."""
 
     @classmethod
     def of_run(
         cls, run: "Run | Samples", background: Background, start: float | None = None, events: Sequence[Event] = ()
     ) -> Self:
-        """The evidence of the newest part of a run, since its events last changed or touched anything.
+        """The evidence of the newest part of a run, after the last of its events that changed or touched anything.
 
-        `start`: the run's first instant, s; None: that of these samples. `background`: of the scenario that the run has now.
+        `background`: that of the run's present scenario; `start`: time of the run's first sample, s (None: of the first given).
         """
         if not len(run):
             return cls(background, run, False)
         first, last = float(run.time[0]) if start is None else start, float(run.time[-1])
         touched = max((event.time for event in events if isinstance(event.command, DISTURBANCES)), default=first)
-        # What a hand that pulls bends is no vibration, and none of the causes that sentences know.
+        # Bending by a hand that pulls is no vibration, and no sentence knows this cause.
         since = inf if is_pulled(events) else max(touched, last - LONGEST_LOOK)
         seen = between(run, since, last)
         return cls(background, seen, touched == first and len(seen) > 0 and bool(seen.time[0] == first))
@@ -138,7 +138,7 @@ class Evidence:
 
     @cached_property
     def strongest(self) -> tuple[float, float]:
-        """Frequency, Hz, and amplitude, m, of the strongest oscillation of the newest second's vibration above 2 Hz."""
+        """Frequency, Hz, and amplitude, m, of the strongest oscillation above 2 Hz in the newest second's vibration."""
         signal = self.last_second.vibration
         return (0.0, 0.0) if len(signal) < FEWEST else strongest_line(signal, self.period, 8 * len(signal))
 
@@ -148,7 +148,7 @@ class Evidence:
         return largest(self.samples.vibration)
 
     def field(self, name: str, usual: float | None = None) -> float | None:
-        """A gain of the law, or of its slow part, the smallest of three; `usual` if it has no such gain."""
+        """A gain of the law or of its slow part, the smallest if there are three; `usual` if neither has it."""
         law = self.scenario.controller
         for part in (law, getattr(law, "slow", None)):
             if part is not None and hasattr(part, name):
@@ -168,7 +168,7 @@ class Explanation:
     equation: str
     """The equation that connects cause and effect, with its number in the paper, if any."""
     plot: str
-    """The title, or the beginning of the titles, of the lab's plots that show it."""
+    """The title of the lab's plot that shows it, or the beginning of the titles of several."""
     place: int
     """Rank; smaller ones are more important."""
     look: Look
@@ -190,7 +190,7 @@ class Explained:
 EXPLANATIONS: dict[str, Explanation] = {}
 """Every explanation by its name, the most important first."""
 NOTHING = 1e-9
-"""Magnitude below which a number in a sentence is rounding."""
+"""Magnitude below which a number in a sentence is rounding error."""
 
 
 def n(value: float) -> str:
@@ -230,8 +230,8 @@ def explain_run(
 ) -> tuple[Explained, ...]:
     """The explanations of a run's newest `LONGEST_LOOK` s since its last change or touch, under the scenario that it then has.
 
-    `scenario`: that of its start; `start` as for `Evidence.of_run`. There are none if the scenario has no modes, as when an arm
-    cannot reach its pose; the run's status says why.
+    `scenario`: the scenario at the run's start; `start` as for `Evidence.of_run`. Empty if the scenario has no modes, as when an
+    arm cannot reach its pose; the run's status says why.
     """
     try:
         background = Background.of(changed_scenario(scenario, events))

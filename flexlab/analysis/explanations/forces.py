@@ -8,7 +8,7 @@ from flexlab.sim.run_warnings import Peaks, model_warning
 from flexlab.sim.termination import arm_name, elbow_sine, wrist_reach
 
 UNEXPLAINED = 0.5
-"""Largest unexplained share of the internal force, RMS."""
+"""Largest share of the internal force, RMS, that may remain unexplained."""
 
 
 @register("load share", "F_1 = (α − ½) f + what the postures differ by, Eqs. (14), (15)", "Internal force", 26)
@@ -32,7 +32,7 @@ def load_share(seen: Evidence) -> str | None:
 WANTED_AGREES = 0.1
 """Largest relative difference of the mean from the wanted force."""
 CANCELLED = 1e-6
-"""Largest sum of both internal forces that is rounding, N and N·m."""
+"""Largest sum of both internal forces that is rounding error, N and N·m."""
 
 
 @register("wanted force", "u_1 += F_d (cos θ, sin θ, 0), u_2 −= the same: F_1 + F_2 = 0", "Internal force", 27)
@@ -54,7 +54,7 @@ def wanted_force(seen: Evidence) -> str | None:
 
 @register("axial load", "P_cr = c π²EI/L²; K_G = ∫N N'ᵀN' ds", "Axial load beside P_cr", 6)
 def axial_load(seen: Evidence) -> str | None:
-    """The beam's model neglects the axial load, or is not valid beyond it."""
+    """The beam's model neglects an axial load that matters, or is not valid at this load."""
     samples = seen.samples
     peaks = Peaks(load_share=float(samples.axial_load_share.max()), spin_share=float(samples.spin_share.max()))
     return model_warning(seen.scenario.payload, peaks).text or None

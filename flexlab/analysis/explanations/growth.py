@@ -54,7 +54,7 @@ def _growth_alone(background: Background, mode: int, late: float) -> float:
 
 
 def _not_begun(seen: Evidence) -> str:
-    """A further sentence on a run that stands exactly still, from which nothing grows; empty if it moves."""
+    """A further sentence for a run at exact rest, from which nothing grows; "" if the run moves."""
     samples = seen.samples
     moved = max(np.abs(samples.tracking_error).max(), np.abs(samples.vibration).max())
     return " Nothing has moved this run yet." if moved < STILL else ""
@@ -160,7 +160,7 @@ def spillover(seen: Evidence) -> str | None:
 SMALL = 30.0
 """Phase margin of all motors below which it counts as small, °, as in textbooks."""
 SLOWEST = 0.1
-"""Lowest frequency of a small margin, Hz; a slower pole belongs to a memory that hardly moves."""
+"""Lowest frequency at which a small margin is reported, Hz; slower poles belong to a memory that hardly moves."""
 
 
 @register("small margin", "α = 1/max ρ((S − T)/2), the disk margin of all motors alike", "Tracking error", 18)

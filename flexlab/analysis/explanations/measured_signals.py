@@ -10,7 +10,7 @@ LEAST_AMPLITUDE = 1e-8
 NEAR = 0.02
 """Relative distance within which two frequencies count as one."""
 SHAKEN = 10
-"""Multiples of a path's own frequency at which the path itself shakes the beam visibly."""
+"""Multiple of a path's own frequency up to which the path itself shakes the beam visibly."""
 
 
 @register(
@@ -43,7 +43,7 @@ def folded_mode(seen: Evidence) -> str | None:
 LEAST_TORQUE_JUMP = 1.0
 """Least RMS jump of a joint torque per control period, N·m."""
 WHITE = -0.3
-"""Largest correlation of successive jumps that are noise; the differences of white noise have -½."""
+"""Correlation of successive jumps up to which they count as noise; differences of white noise have -½."""
 
 
 @register("noisy torques", "τ = 𝒥⁻ᵀu(x + n_x, ẋ + n_v): noise times gain", "Joint torques", 14)
@@ -67,12 +67,12 @@ def noisy_torques(seen: Evidence) -> str | None:
 
 
 CHATTER = 5.0
-"""Least RMS jump of a joint torque per control period that is chatter, N·m; 0.5 is usual."""
+"""RMS jump of a joint torque per control period from which it counts as chatter, N·m; 0.5 is usual."""
 
 
 @register("chatter", "ū_3 = −Ψ s / max(‖s‖, ε), Eq. (25): s crosses ε within a control period", "Joint torques", 6)
 def chatter(seen: Evidence) -> str | None:
-    """Torques alternate from instant to instant, and s crosses its boundary layer within one control period."""
+    """Torques alternate from one control instant to the next, and s crosses its boundary layer within one control period."""
     law, layer = seen.scenario.controller, seen.field("boundary_layer")
     if law.control_period is None or layer is None or law.sensor_noise.active:
         return None
@@ -100,7 +100,7 @@ NAMES = ("left", "right")
 
 @register("torque at its limit", "|τ_k| ≤ τ_max,k", "Joint torques", 5)
 def torque_at_its_limit(seen: Evidence) -> str | None:
-    """A joint's torque is at its limit; the one that is so longest."""
+    """A joint's torque is at its limit; of several joints, the one that is at its limit longest."""
     limit = seen.scenario.controller.torque_limit
     if limit is None:
         return None

@@ -14,7 +14,7 @@ OFTEN = 0.05
 AGREES = (0.4, 1.25)
 """Range of measured over predicted error; the prediction is a bound for a slow motion."""
 FASTEST = 1000.0
-"""m/s from which on a gain is not said to hold a force."""
+"""Largest ‖s‖, m/s, at which a feedback gain is still said to hold a force."""
 
 
 def _layer(seen: Evidence) -> tuple[Samples, float, Circumstances] | None:
@@ -29,7 +29,7 @@ def _error(span: Samples) -> float:
 
 
 def _agrees(error: float, predicted: float) -> bool:
-    """Whether an error is worth a sentence, and what was predicted."""
+    """Whether an error is large enough for a sentence, and agrees with the prediction."""
     return error >= WORTH and AGREES[0] * predicted < error < AGREES[1] * predicted
 
 
@@ -42,7 +42,7 @@ def outside_the_layer(seen: Evidence) -> str | None:
     span, layer, around = found
     size = np.linalg.norm(span.sliding_variable, axis=1)
     share, force = float((size > layer).mean()), around.largest_reaction
-    # What is much larger than this force makes it has another cause, as torques at their limits.
+    # An s much larger than this force can cause has another cause, such as torques at their limits.
     if share < OFTEN or force <= gain * layer or gain * float(size.max()) > AGREES[1] * force:
         return None
     held = f"alone holds that at {n(force / gain)} m/s" if force < FASTEST * gain else "alone does not hold that"
@@ -55,7 +55,7 @@ def outside_the_layer(seen: Evidence) -> str | None:
 
 @register("error within the layer", "‖e‖ ≤ ‖s‖/Λ, ‖s‖ ≤ ‖Ψ‖/(K + ρ/ε)", "Tracking error", 24)
 def error_within_the_layer(seen: Evidence) -> str | None:
-    """The error is the beam's reaction over the feedback inside the layer."""
+    """The error is the beam's reaction divided by the feedback inside the layer."""
     found, slope = _layer(seen), seen.field("sliding_slope")
     if found is None or slope is None or not seen.moving:
         return None
@@ -85,7 +85,7 @@ def error_within_the_layer(seen: Evidence) -> str | None:
 
 @register("error of feedback alone", "P e ≈ −(B ẍ_d + C̄ ẋ_d + D ė)", "Tracking error", 23)
 def error_of_feedback_alone(seen: Evidence) -> str | None:
-    """The spring of pd supplies the force of the motion's inertia."""
+    """The position gain of pd, a spring, supplies the force that accelerates the payload."""
     span, around, law = seen.steady, seen.background.around, seen.scenario.controller
     gain = seen.field("position_gain")
     if law.kind != "pd" or not gain or span is None or around is None or not seen.moving:
@@ -104,7 +104,7 @@ def error_of_feedback_alone(seen: Evidence) -> str | None:
 
 @register("wrong payload", "Ψ = (B_true − B_believed) ẍ_d + the weight's difference", "Tracking error", 15)
 def wrong_payload(seen: Evidence) -> str | None:
-    """A wrong model of the beam leaves more to the feedback."""
+    """The controller's wrong model of the beam leaves more to the feedback."""
     now, truth, span = seen.background.around, seen.background.informed, seen.steady
     if now is None or truth is None or span is None or now.largest_reaction < 1.2 * truth.largest_reaction:
         return None

@@ -13,12 +13,12 @@ from flexlab.sim.samples import Samples
 RINGING = 2e-5
 """Least vibration of a ring, m."""
 FADED = 0.03
-"""Share of its peak at which the measurement of a ring ends."""
+"""Share of its peak down to which a ring is measured."""
 FREQUENCY_AGREES, RATE_AGREES = 0.03, 0.3
 """Largest relative differences of frequency and rate between a ring and its pole."""
 FEWEST_PERIODS = 4
 DAMPED = 1.5
-"""Least rate of an actively damped mode over its own rate."""
+"""Least decay rate of an actively damped mode over its decay rate with grips held."""
 
 
 def ringing_part(samples: Samples) -> Samples | None:
@@ -84,7 +84,7 @@ FIRST = 0.1
 
 @register("jerky start", "η̈ + Dη̇ + Ω²η = −h a⊥ − g θ̈, Eq. (10): a jump of ẋ is a burst of a", "Mid-span deflection", 22)
 def jerky_start(seen: Evidence) -> str | None:
-    """The run starts with another velocity than the path, and its largest vibration follows at once."""
+    """The run does not start with the path's velocity, and its largest vibration follows at once."""
     samples = seen.samples
     if not seen.begins or seen.length < FIRST:
         return None
@@ -105,11 +105,11 @@ REPEATS = 0.05
 WORTH = 0.02
 """Least forced vibration as a share of the bending."""
 FOLLOWS = 0.2
-"""Largest error, over the range of the motion, of a payload that follows its path."""
+"""Largest error over the range of the motion with which a payload counts as following its path."""
 CLOSE = (0.6, 1.5)
-"""Range of a path's frequency over a mode's in resonance."""
+"""Range of the path's frequency over the mode's that counts as resonance."""
 AGREES = 0.35
-"""Largest relative difference of the measured amplification from the formula."""
+"""Largest relative difference between the measured amplification and the formula's."""
 
 
 def _two_periods(seen: Evidence) -> tuple[np.ndarray, np.ndarray] | None:
@@ -127,7 +127,7 @@ def _two_periods(seen: Evidence) -> tuple[np.ndarray, np.ndarray] | None:
 
 @register("resonance", "|w|/|w_qs| = 1/√((1 − r²)² + (2ζr)²), r = f_path/f_k", "Mid-span deflection", 10)
 def resonance(seen: Evidence) -> str | None:
-    """A sine near the loop's first mode is amplified as by the formula."""
+    """A sinusoidal path near the loop's first mode bends the beam as much as the formula says."""
     path, ring = seen.scenario.trajectory, seen.background.rings.get(1)
     pair = _two_periods(seen)
     if pair is None or ring is None or not hasattr(path, "amplitude") or not hasattr(path, "frequency"):
@@ -148,7 +148,7 @@ def resonance(seen: Evidence) -> str | None:
 
 
 FORCED = 5.0
-"""Largest vibration relative to r² |w_qs|, for the harmonics of a path; more has another cause, as a force along the beam."""
+"""Largest vibration over r² |w_qs| that a path's harmonics explain; more has another cause, such as an axial force."""
 
 
 @register(
@@ -184,7 +184,7 @@ MISSED = TOLERATED + 0.01
 
 
 def share_left(shaper: np.ndarray, ring: Ring) -> float:
-    """Vibration of a mode after a shaper's impulses (k, 2) over that after a single impulse at their beginning."""
+    """Vibration of a mode after a shaper's impulses (k, 2), over that after a single impulse at the time of the first."""
     pole, (amplitude, time) = complex(ring.rate, 2 * np.pi * ring.frequency), shaper.T
     return float(abs(np.sum(amplitude * np.exp(-pole * time))))
 
@@ -198,7 +198,7 @@ def _left(seen: Evidence) -> float:
 
 @register("left after the stop", "η(t) = Σ of the free answers to each jump of ẍ_d", "Mid-span deflection", 11)
 def left_after_the_stop(seen: Evidence) -> str | None:
-    """Residual vibration without a shaper, and the delay of one."""
+    """Residual vibration without a shaper, and the delay that a shaper would add."""
     left, ring = _left(seen), seen.background.rings.get(1)
     if not left > RESIDUAL_WORTH or ring is None or len(seen.background.shaper):
         return None
@@ -232,7 +232,7 @@ def left_after_a_shaped_stop(seen: Evidence) -> str | None:
 
 @register("shaper for another mode", "|Σ A_j exp(iωt_j)| of the mode that rings", "Mid-span deflection", 9)
 def shaper_for_another_mode(seen: Evidence) -> str | None:
-    """The shaper has another frequency than the closed loop, and leaves vibration by the formula."""
+    """The shaper is not tuned to the closed loop's frequency, and by the formula leaves vibration."""
     shaper, ring = seen.background.shaper, seen.background.rings.get(1)
     if not len(shaper) or ring is None:
         return None
@@ -242,7 +242,7 @@ def shaper_for_another_mode(seen: Evidence) -> str | None:
     tuned, given = 0.5 / float(shaper[1, 1]), seen.scenario.trajectory.shaper_frequency
     made_for = f"{n(tuned)} Hz"
     if given is not None and n(given) != n(tuned):
-        made_for = f"{n(given)} Hz ({n(tuned)} Hz with its damping)"  # The person's own number comes first.
+        made_for = f"{n(given)} Hz ({n(tuned)} Hz with its damping)"  # The number that was set comes first.
     peak = largest(seen.samples.vibration)
     return (
         f"The shaper {seen.scenario.trajectory.shaper} is made for {made_for}, but the loop rings at {n(ring.frequency)} Hz: "

@@ -85,7 +85,7 @@ def error_within_the_layer(seen: Evidence) -> str | None:
 
 @register("error of feedback alone", "P e ≈ −(B ẍ_d + C̄ ẋ_d + D ė)", "Tracking error", 23)
 def error_of_feedback_alone(seen: Evidence) -> str | None:
-    """The position gain of pd, a spring, supplies the force that accelerates the payload."""
+    """The position gain of pd, a spring, supplies the force that the motion's inertia needs."""
     span, around, law = seen.steady, seen.background.around, seen.scenario.controller
     gain = seen.field("position_gain")
     if law.kind != "pd" or not gain or span is None or around is None or not seen.moving:

@@ -22,9 +22,9 @@ SIGNAL_UNITS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "cm"
 """Unit → m. Other units are kept, as frequency and damping do not depend on them."""
 LONGEST_NAME = 60
 GAP = 1.5
-"""Largest step between two samples, in median steps, without a gap."""
+"""Step between two samples, in median steps, above which there is a gap."""
 LARGEST_FILE = 500_000_000
-"""Most bytes of a file, which is read into memory."""
+"""Largest file that is read, bytes; all of it is in memory."""
 
 
 @dataclass(frozen=True)
@@ -41,15 +41,15 @@ class Measured:
 
 
 SHORTEST_STEP, LONGEST_STEP, LATEST = 1e-9, 1e6, 1e12
-"""Least and largest time between samples, and largest time, s: beyond, squares of times lose digits."""
+"""Shortest and longest time between samples, and largest time, s; beyond these, squares of times lose digits."""
 LARGEST_SIGNAL = 1e100
 """Largest value of a signal in any unit: its square must be finite."""
 
 
 def read_measured(path: Path, time: str | None = None, signal: str | None = None) -> Measured:
-    """Two columns of a CSV file, named by `time` and `signal`, with a unit in brackets if the file does not say it.
+    """Two columns of a CSV file, named by `time` and `signal`, with a unit in brackets if the file does not give it.
 
-    "t [ms]" is the column `t` or `t [ms]`; None: the first and the second column. Lines that begin with # are no data. Rows
+    "t [ms]" is the column `t` or `t [ms]`; None: the first and the second column. Lines that begin with # are skipped. Rows
     without a number are left out and counted. Raises `StudyError`.
     """
     names, rows, comma = _read(path)
@@ -94,7 +94,7 @@ def read_measured(path: Path, time: str | None = None, signal: str | None = None
 
 
 def _read(path: Path) -> tuple[list[str], list[list[str]], bool]:
-    """Names and rows of the columns, and whether numbers may have a decimal comma, as it does not separate columns."""
+    """The columns' names, the rows, and whether numbers may have a decimal comma because commas do not separate columns."""
     try:
         check_ordinary(path)
         if path.stat().st_size > LARGEST_FILE:
@@ -152,7 +152,7 @@ NO_RING = "the first mode of this scenario's loop does not ring"
 
 @dataclass(frozen=True)
 class BeamParameters:
-    """The parameters of a scenario's beam by a measured ring."""
+    """The parameters of a scenario's beam that follow from a ring."""
 
     bending_stiffness: Estimate
     linear_density: Estimate
@@ -160,7 +160,7 @@ class BeamParameters:
     """The value of the field `damping_field`."""
     damping_field: str
     frequency: Estimate
-    """The loudest mode's, of the middle pose: its interval holds those of the ring's other poses."""
+    """Frequency of the loudest mode at the middle pose; its interval covers the ring's other poses."""
     damping_ratio: Estimate
     scenario: Scenario
     """The scenario with the parameters that are identifiable."""
@@ -173,11 +173,11 @@ Pose = tuple[float, float, float]
 def beam_parameters(
     fit: RingFit, scenario: Scenario, in_loop: bool, poses: Sequence[Pose] = (), other: str = ""
 ) -> BeamParameters:
-    """EI and damping with which the first mode of `scenario` rings as `fit` says; length, density and boundary are given.
+    """EI and damping with which the first mode of `scenario` rings like `fit`; length, density and boundary are given.
 
-    `in_loop`: the scenario's arms and law hold the grips, and give way a little; otherwise a vice does. How much they give way
-    depends on the pose: `poses` are those of the ring, its middle first, and intervals hold what each of them would say;
-    empty: the path's centre. `other`: why the ring is not the first mode's; empty: it is.
+    `in_loop`: whether the scenario's arms and law hold the grips, and give way a little; otherwise a vice holds them. How much
+    the arms give way depends on the pose: `poses` are the ring's, the middle one first, and intervals cover the result of each;
+    empty: the path's centre. `other`: why the ring is not the first mode's; empty if it is.
     """
     path = "payload.damping.ratio" if scenario.payload.damping.kind == "modal" else "payload.damping.coefficient"
     frequency, ratio = fit.first.frequency, fit.first.damping_ratio
@@ -205,11 +205,11 @@ def beam_parameters(
 
 
 FINE = 32
-"""Elements whose first modes are those of the beam itself, to 1e-6."""
+"""Number of elements with which the first modes are those of the continuous beam, to 1e-6."""
 
 
 def mesh_note(found: BeamParameters) -> str:
-    """A sentence on the stiffness of a real beam, where its difference from that of the scenario's few elements shows; or "".
+    """A sentence on a real beam's stiffness if it visibly differs from the fitted one, which has few elements; else "".
 
     Two elements ring 0.4 % too high, which is a hundred times the interval of a good measurement.
     """
@@ -224,7 +224,7 @@ def mesh_note(found: BeamParameters) -> str:
 
 
 def _left_out(fit: RingFit, scenario: Scenario) -> str:
-    """Why the linear model of a scenario's loop does not ring as a run did; empty: it does."""
+    """Why the linear model of a scenario's loop cannot ring as a run did; empty if it can."""
     if scenario.grips.active:
         return "the grips give way, and the loop with which a ring is compared has rigid ones"
     change = scenario.payload.mass_change
@@ -234,14 +234,14 @@ def _left_out(fit: RingFit, scenario: Scenario) -> str:
 
 
 ALIKE = 1.5
-"""Largest ratio of a ring's frequency and its loop's first, either way: the second mode's is 2.7 times the first."""
+"""Largest ratio between a ring's frequency and its loop's first, either way; the second mode's is 2.7 times the first."""
 
 
 def another_mode(fit: RingFit, scenario: Scenario, pose: Pose | None) -> str:
-    """Why a run under `scenario` does not ring in its first mode; empty: it does, or nobody knows.
+    """Why a run under `scenario` does not ring in its first mode; empty if it does, or if the first mode is not known.
 
-    A frequency that the samples fold down, another mode's in a window that is too short for the first, and an energy's, which is
-    twice the beam's, are rings, too.
+    Other rings are an aliased one, another mode's in a window too short for the first, and that of an energy, which has twice
+    the beam's frequency.
     """
     try:
         expected = first_mode(scenario, True, pose)[0]
@@ -268,10 +268,10 @@ def first_mode(scenario: Scenario, in_loop: bool, pose: Pose | None = None) -> t
 
 
 def _solve_stiffness(scenario: Scenario, frequency: float, in_loop: bool, pose: Pose | None) -> tuple[Scenario, float]:
-    """The scenario with the stiffness that rings like this, and d ln f / d ln EI there, by secant steps.
+    """The scenario with the stiffness that gives this frequency, and d ln f / d ln EI there, by secant steps.
 
-    In a vice f grows as √EI. Near its buckling load a pressed beam's f grows much faster, and a long step ends below that load.
-    Raises `StudyError` if no stiffness rings like this.
+    In a vice f grows as √EI. Near its buckling load a pressed beam's f grows much faster, and a long step makes it buckle.
+    Raises `StudyError` if no stiffness gives this frequency.
     """
     field = "payload.bending_stiffness"
 

@@ -1,49 +1,49 @@
-"""What samples tell of a ring besides its fit: where it begins, whether it exceeds noise, how far the fit may be from it.
+"""What samples say about a ring besides its fit: where it begins, whether it exceeds noise, how far off the fit may be.
 
-A beam that arms carry on, under a law that is not linear, is no sum of a few decaying oscillations. Where the residual is no
-noise, but what that sum leaves out, the interval of noise, which shrinks with the number of samples, says too much. What the
-samples tell of that error is how much a mode depends on which part of its ring is fitted, and on weak or near modes beside
-it, which take up what is left of another (`shifts`).
+The motion of a beam in moving arms under a nonlinear law is not a sum of a few decaying oscillations. The residual is then
+what that sum leaves out rather than noise, and an interval computed from noise, which shrinks with the number of samples, is
+too narrow. The samples show this error in how much a mode changes with the part of the ring that is fitted, and with weak or
+near modes beside it, which take up what another mode leaves (`shifts`).
 """
 
 import numpy as np
 from scipy.special import chdtrc
 
 BLOCKS, FEWEST_IN_BLOCK = 64, 8
-"""Number of blocks of the search for a ring's beginning, and least samples of a block."""
+"""Number of blocks in the search for a ring's beginning, and fewest samples in a block."""
 AFTER = 3
-"""Blocks after a beginning, which are compared with all blocks before it."""
+"""Number of blocks after a beginning that are compared with all blocks before it."""
 JUMP = 9.0
 """Least power at a ring's beginning over the power before: three times the amplitude."""
 LOUD = 0.3
-"""Least power at a ring's beginning over the loudest block's."""
+"""Least power at a ring's beginning over that of the loudest block."""
 WHITE = 0.01
 """Significance level of the test for white noise."""
 LAGS = 20
 NEAR = (0.8, 1.25)
 """Range of frequencies, over a mode's, that counts as near the mode."""
 PARTS, FEWEST_IN_PART = 8, 25
-"""Number of parts between which the residual is compared, and least samples of a part."""
+"""Number of parts whose residual power is compared, and fewest samples in a part."""
 UNEVEN = 3.0
-"""Power of the residual in its loudest part over the median part's from which it is no noise floor."""
+"""Residual power in the loudest part over that in the median part, from which the residual is no noise floor."""
 SEEN, SEEN_NEAR, DENSE = 0.05, 0.01, 5.0
-"""Power of the residual over the modes' in that part from which they are no free ring: in any case, and for a residual whose
-spectrum near the modes is so many times denser than on average."""
+"""Residual power over the modes' power in the loudest part, from which there is no free ring: SEEN always, SEEN_NEAR if the
+residual's spectrum near a mode is more than DENSE times its average."""
 LEFT = 0.1
-"""Energy of the residual near the modes, over theirs, from which they are no free ring."""
+"""Excess energy of the residual near a mode over the energy of all modes, from which there is no free ring."""
 BEST_TOLD = 1e-12
 """Relative residual below which samples are exact to rounding."""
 STANDS_OUT = 30.0
-"""Least gain of Schwarz's criterion by all modes over noise alone, as a search over frequencies also finds chance lines."""
+"""Least gain in Schwarz's criterion of all modes over noise alone: a search over frequencies also finds chance lines."""
 
 FEWEST_CLIPPED, MORE = 3, 5
-"""Fewest peaks that are clipped, and samples there over those of the next smaller value."""
+"""Fewest clipped peaks, and least ratio of samples at the clipped value to samples at the next smaller one."""
 
 
 def clipped_until(signal: np.ndarray) -> int | None:
-    """Index of the last sample at which peaks of a signal are clipped; None: they are not.
+    """Index of the last clipped sample of a signal; None if its peaks are not clipped.
 
-    In rounded samples a ring's peaks share a value, too, but the next smaller one is then nearly as frequent.
+    Peaks of a ring also share a value if samples are rounded, but the next smaller value is then nearly as frequent.
     """
     last = []
     for side in (signal, -signal):
@@ -81,10 +81,10 @@ def ring_begins(signal: np.ndarray) -> int:
 
 
 def stands_out(signal: np.ndarray, rest: np.ndarray, modes: int) -> bool:
-    """Whether modes that leave `rest` of `signal` exceed noise by Schwarz's criterion.
+    """Whether modes that leave the residual `rest` of `signal` exceed noise by Schwarz's criterion.
 
-    In both cases noise is autoregressive of second order, like a structure under random impacts, which covers drifts,
-    wandering hums and bands of noise.
+    With and without the modes, noise is autoregressive of second order, like a structure under random impacts; that covers
+    drifts, wandering hums and bands of noise.
     """
     before, left = (max(_unforeseen(each), BEST_TOLD**2) for each in (signal, rest))
     return bool(len(rest) * np.log(before / left) - 4 * modes * np.log(len(rest)) >= STANDS_OUT)
@@ -107,7 +107,7 @@ def is_white(rest: np.ndarray) -> bool:
 
 
 def unevenness(rest: np.ndarray, rings: np.ndarray) -> float:
-    """Power of the residual over the modes', `rings`, in its loudest part; 0 if it is equally strong everywhere.
+    """Residual power over the power of `rings`, the modes' part, where the residual is loudest; 0 for a noise floor.
 
     A noise floor is equally strong everywhere; the residual of a second tap or of a burst of noise is not.
     """
@@ -120,9 +120,9 @@ def unevenness(rest: np.ndarray, rings: np.ndarray) -> float:
 
 
 def local_density(rest: np.ndarray, step: float, frequency: float, own: float) -> tuple[float, float]:
-    """(spectral density of the residual near `frequency` over its mean, excess of energy there as a share of `own`).
+    """(spectral density of the residual near `frequency` over its mean, excess energy there as a share of `own`).
 
-    `step`: s between samples; `own`: energy of the modes. The excess is what the density elsewhere does not explain.
+    `step`: s between samples; `own`: energy of the modes. The excess is the energy that the density elsewhere does not explain.
     """
     power = np.abs(np.fft.rfft(rest)[1:]) ** 2 * 2 / len(rest)
     f = np.fft.rfftfreq(len(rest), step)[1:]
@@ -136,11 +136,11 @@ def local_density(rest: np.ndarray, step: float, frequency: float, own: float) -
 
 
 FEWEST_IN_HALF = 8
-"""Least samples of a half of a ring."""
+"""Fewest samples in half a ring."""
 WEAK = 0.1
-"""Amplitude, over a mode's, of another whose absence tells of this mode's error."""
+"""Amplitude over a mode's, up to which another mode is weak, so that a fit without it shows this mode's error."""
 BESIDE = 4.0
-"""Difference of frequencies, over the larger decay rate, up to which two modes share what they ring."""
+"""Difference of two modes' frequencies, over the larger decay rate, up to which they are near: a fit hardly separates them."""
 SINGULAR = 1e-10
 """Relative singular value below which a direction is not determined."""
 
@@ -148,10 +148,10 @@ SINGULAR = 1e-10
 def shifts(
     modes: np.ndarray, jacobian: np.ndarray, rest: np.ndarray, linear: np.ndarray, tau: np.ndarray
 ) -> list[np.ndarray]:
-    """Of each mode of `modes` (m, 2), the changes of (ω, σ), 1/s, that other choices make, to first order, each (choices, 2).
+    """For each mode of `modes` (m, 2): first-order changes of (ω, σ), 1/s, if other samples or modes are fitted, (choices, 2).
 
-    `jacobian` (N, 4 m + b): by the modes' ω and σ, then by the `linear` factors (2 m + b) of the best fit; `rest` (N,): its
-    residual; `tau` (N,): s from the first sample.
+    `jacobian` (N, 4 m + b): derivatives by the modes' ω and σ, then by the `linear` factors (2 m + b) of the best fit; `rest`
+    (N,): its residual; `tau` (N,): time from the first sample, s.
     """
     found = (
         [*_halves(k, modes, jacobian, rest, tau), *_without_others(k, modes, jacobian, rest, linear)]
@@ -161,7 +161,7 @@ def shifts(
 
 
 def _halves(k: int, modes: np.ndarray, jacobian: np.ndarray, rest: np.ndarray, tau: np.ndarray) -> list[np.ndarray]:
-    """Changes of one mode, the others as they are, by the first and the second half of its power alone."""
+    """Changes of one mode, with the others fixed, if only the first or only the second half of its power is fitted."""
     own, count = jacobian[:, _columns(k, len(modes))], len(tau)
     power = np.cumsum(np.exp(-2 * modes[k, 1] * (tau - tau[-1] * (modes[k, 1] < 0))))
     middle = max(FEWEST_IN_HALF, int(np.searchsorted(power, power[-1] / 2)))
@@ -172,7 +172,7 @@ def _halves(k: int, modes: np.ndarray, jacobian: np.ndarray, rest: np.ndarray, t
 def _without_others(
     k: int, modes: np.ndarray, jacobian: np.ndarray, rest: np.ndarray, linear: np.ndarray
 ) -> list[np.ndarray]:
-    """Changes of one mode as each weaker one that is weak or near is left out, by one step of Gauss and Newton."""
+    """Changes of one mode if a weaker one that is weak or near is left out, for each such one, by one Gauss-Newton step."""
     count, found = len(modes), []
     amplitude = np.hypot(linear[0 : 2 * count : 2], linear[1 : 2 * count : 2])
     for other in range(count):
@@ -187,7 +187,7 @@ def _without_others(
 
 
 def _columns(k: int, count: int) -> list[int]:
-    """The columns of mode k of `count`: by ω, σ and its two linear factors."""
+    """The Jacobian's columns of mode k of `count`: ω, σ and the two linear factors."""
     return [2 * k, 2 * k + 1, 2 * (count + k), 2 * (count + k) + 1]
 
 

@@ -41,20 +41,20 @@ UNTOLD = "paper"
 
 @dataclass(frozen=True, eq=False)
 class Fit(Result):
-    """The ring in some samples, and the beam that rings alike."""
+    """A fitted ring, and the beam that rings like it."""
 
     name: str
     """Name of the file or run."""
     ring: RingFit
     time: np.ndarray
-    """s, (N,), from where the ring begins."""
+    """s, (N,), from the beginning of the ring."""
     signal: np.ndarray
     """In `unit`, (N,)."""
     unit: str
     beam: BeamParameters | None
     """None without a scenario."""
     measured: bool
-    """Whether the samples are a measurement, not those of a run."""
+    """Whether the samples are a measurement rather than a simulated run."""
     notes: tuple[str, ...]
     """Sentences on left-out samples, and on the mesh."""
 
@@ -110,11 +110,11 @@ class Fit(Result):
 
 
 TABLES = (".csv", ".tsv", ".txt", ".dat")
-"""Ends of the names of files whose columns are fitted."""
+"""Suffixes of files whose columns can be fitted."""
 
 
 def is_measurement(source: str) -> bool:
-    """Whether what is to be fitted is a measurement in a file, rather than a run. Raises `StudyError` if it is neither."""
+    """Whether the source of a fit is a file with a measurement rather than a run. Raises `StudyError` if it is neither."""
     path = Path(source)
     if path.suffix.lower() in TABLES:
         return True
@@ -136,7 +136,7 @@ def fit_file(
 ) -> Fit:
     """The fit of two columns of a CSV file (see `read_measured`) from `start` (None: where the ring begins) to `end`, s.
 
-    `scenario`: the known parameters of the beam, whose grips a vice holds. Raises `StudyError`.
+    `scenario`: the known parameters of the beam; a vice holds its grips. Raises `StudyError`.
     """
     start, end = time_or_none("start", start), time_or_none("end", end)
     found = read_measured(path, time, signal)
@@ -157,7 +157,7 @@ def fit_run(
     end: float | None = None,
     scenario: Scenario | None = None,
 ) -> Fit:
-    """The fit of a recorded run after its last tap, or from its first ring; `scenario` None: the run's. Raises `FlexlabError`."""
+    """The fit of a recorded run after its last tap or from its first ring; `scenario` None: the run's. Raises `FlexlabError`."""
     if time is not None:
         raise StudyError(f"time = {time!r:.60} names a column of a file: a run has one time, leave it out.")
     start, end = time_or_none("start", start), time_or_none("end", end)
@@ -165,7 +165,7 @@ def fit_run(
     t, y, unit = ring_of_run(recording, signal or "vibration", start, end)
     own = changed_scenario(recording.scenario, recording.events, float(t[0]))
     path = None
-    if recording.status != MEASURED:  # Else there was no loop, and there is no pose.
+    if recording.status != MEASURED:  # A measurement has no loop and no pose.
         path = recording.samples.desired_pose[np.searchsorted(recording.samples.time, t)], own
     return _fit(recording.path.stem, t, y, unit, scenario or own, (), path)
 
@@ -194,18 +194,18 @@ def _fit(
 
 
 POWER = (0.5, 0.05, 0.95)
-"""Shares of a ring's power at whose instants its poses count, its middle first."""
+"""Shares of a ring's power at which its poses are taken, the middle first."""
 
 
 def _poses(path: np.ndarray, ring: np.ndarray) -> list[tuple[float, float, float]]:
-    """The desired poses of a ring (N,) in the middle of its power and near its ends, of `path` (N, 3)."""
+    """The desired poses, from `path` (N, 3), in the middle of the power of a ring (N,) and near its ends."""
     power = np.cumsum(ring**2)
     places = np.minimum(np.searchsorted(power, np.multiply(POWER, power[-1])), len(ring) - 1)
     return list(dict.fromkeys((float(x), float(y), float(angle)) for x, y, angle in path[places]))
 
 
 def keep_measurement(fit: Fit, source: Path, scenario: Scenario | None, against: str | None, logs: Path) -> Path:
-    """Record a measured deflection in `logs` beside a scenario called `against`. Raises `RecordingError`."""
+    """Record a measured deflection in `logs`, to compare with a scenario called `against`. Raises `RecordingError`."""
     if fit.unit != "m":
         raise RecordingError(f"{fit.unit or 'a number without a unit'} is no deflection.")
     held = scenario or load_preset(UNTOLD)

@@ -1,4 +1,4 @@
-"""Which samples of a run ring freely: after a tap, a release or a stop, until the next change of the run."""
+"""The samples in which a run rings freely: after a tap, a release or a stop, until the next change of the run."""
 
 from collections.abc import Sequence
 
@@ -69,7 +69,7 @@ def _ring(
     rows = (samples.time > first) & (samples.time <= last)
     time, signal = samples.time[rows], np.asarray(samples[name])[rows]
     if end is None and len(time):
-        # After the ring comes the bending by the motion, which is not part of the model.
+        # After the ring the motion bends the beam, which is not part of the model.
         loud = np.flatnonzero(np.abs(signal) > GONE * np.abs(signal).max())
         stop = int(loud[-1]) + 1 if len(loud) else 0
         time, signal = time[:stop], signal[:stop]

@@ -13,13 +13,13 @@ from flexlab.sim.build import build_beam
 SHAPERS = ("zv", "zvd", "ei-shaper")
 """Shortest first."""
 TOLERATED = 0.0501
-"""Largest residual vibration of a suitable shaper, as a share of the unshaped: 5 %, and rounding."""
+"""Largest residual vibration of a suitable shaper, as a share of the unshaped: 5 % and rounding error."""
 WIDEST, STEPS = 0.5, 1001
 """Largest relative error of the frequency in the search for a shaper's band, and number of its steps."""
 WANTED_RATIO = 0.1
-"""Damping ratio under the suggested gain, with which the mode decays to 1 % within seven and a half periods."""
+"""Damping ratio under the suggested gain; the mode then decays to 1 % within seven and a half periods."""
 SEEN = 0.01
-"""Least share of a mode in a motion's loads with which that motion can damp the mode."""
+"""Least share of a mode in the loads of a motion for which that motion can damp the mode."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +28,9 @@ class ShaperChoice:
 
     name: str
     delay: float
-    """Delay by which the motion ends later, s."""
+    """How much later the motion ends, s."""
     band: float
-    """Largest relative error of the frequency, either way, with which less than 5 % of the vibration are left."""
+    """Largest relative error of the frequency, either way, with which less than 5 % of the vibration remains."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Remedies:
     gain_field: str
     """Name of the gain that damps this mode."""
     gain: float
-    """Its value for `WANTED_RATIO`."""
+    """Value of that gain with which the damping ratio is `WANTED_RATIO`."""
 
     def changes(self, shaper: str) -> dict[str, object]:
         """The changes that put a shaper for this ring into a scenario's path."""

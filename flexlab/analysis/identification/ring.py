@@ -5,8 +5,8 @@ The signal is a sum of decaying oscillations, a slow background and white noise,
     y(t) = Σ_k exp(-σ_k t) (a_k cos ω_k t + b_k sin ω_k t) + polynomial(t) + noise,
 
 fitted by least squares over (ω_k, σ_k) with the linear parts solved exactly (variable projection: Golub and Pereyra, SIAM J.
-Numer. Anal. 10 (1973) 413). Modes are added while Schwarz's criterion gains; intervals are those of the linearised fit, and
-wider by the error of this model where the residual is no white noise (`evidence.shifts`).
+Numer. Anal. 10 (1973) 413). Modes are added while Schwarz's criterion improves. Intervals are those of the linearised fit,
+widened by the error of this model where the residual is not white noise (`evidence.shifts`).
 """
 
 from dataclasses import dataclass, field
@@ -34,7 +34,7 @@ from flexlab.lapack import one_blas_thread
 CONFIDENCE = 0.95
 FEWEST_SAMPLES = 20
 FEWEST_PERIODS = 2.0
-"""Least periods within the samples with which a frequency differs from the background."""
+"""Fewest periods within the samples by which an oscillation differs from the background."""
 MOST_MODES = 3
 GAIN = 10.0
 """Least gain of Schwarz's criterion for one more mode: very strong evidence (Kass and Raftery 1995)."""
@@ -44,9 +44,9 @@ LARGEST_RATIO = 0.9
 NOISE_ALONE = "no oscillation stands out from the noise"
 NOT_ONE = "the samples hold something else as well, such as a second tap; say where one free ring begins and ends"
 SHADOW = 0.5
-"""Amplitude over that of a louder mode close by, up to which a mode is not listed: it belongs to the louder one."""
+"""Amplitude over that of a louder mode close by, up to which a mode counts as part of the louder one and is not listed."""
 FITTED = 1e-9
-"""Relative change at which a search ends, far below any interval."""
+"""Relative change at which a search ends; far smaller than any interval."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class RingMode:
 
 @dataclass(frozen=True)
 class RingFit:
-    """The modes of a signal, by frequency; modes with an unidentifiable frequency are left out, but for the loudest."""
+    """The modes of a signal, by frequency; modes without an identifiable frequency are left out, except the loudest."""
 
     modes: tuple[RingMode, ...]
     noise: float
@@ -143,7 +143,7 @@ def fit_ring(time: np.ndarray, signal: np.ndarray, most_modes: int = MOST_MODES)
 
 
 def _without_noise(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """The modes that stand out where what is left is no white noise: the others are fitted to its humps, and are left out."""
+    """Leave out modes that do not stand out from a residual that is not white noise: they only fit its humps."""
     rest = _rest(modes, tau, y)
     if len(modes) == 1 or rest.std() < BEST_TOLD or is_white(rest):
         return modes
@@ -187,7 +187,7 @@ def _with_another(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarr
 
 def _refined(start: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarray:
     """The best fit with as many modes, near `start`."""
-    from scipy.optimize import least_squares  # It takes its time to load: a lab that fits nothing does without.
+    from scipy.optimize import least_squares  # Slow to load, and a lab that fits nothing does not need it.
 
     scale = start[:, :1].repeat(2, axis=1)
     low, high = np.zeros_like(start), np.column_stack([start[:, 0] * 4, start[:, 0] * 2])
@@ -227,7 +227,7 @@ def _described(
         amplitude = float(np.hypot(linear[2 * k], linear[2 * k + 1])) * scale
         found.append(_mode(omega, sigma, own, factor, moved[k], amplitude, tau, problem))
     found = [one for one in found if not any(_shadows(one, other) for other in found)]
-    # A slow change of the background looks like part of a period, and the first samples after a tap like a fast mode.
+    # A slow change of the background looks like part of a period; the first samples after a tap look like a fast mode.
     seen = [mode for mode in found if FEWEST_PERIODS <= mode.frequency.value * tau[-1] <= (len(tau) - 1) / 2]
     loudest = max(seen, key=lambda mode: mode.amplitude, default=None)
     found = [mode for mode in seen if mode.frequency.identifiable or mode is loudest] or found
@@ -240,8 +240,8 @@ def _described(
 def _shadows(one: RingMode, louder: RingMode) -> bool:
     """Whether a mode is much weaker than another one close beside it.
 
-    Such a mode makes up for a frequency that changes along the ring, as where the arms carry the beam on. A beam has no two
-    modes so close together.
+    Such a mode makes up for a frequency that changes during the ring, as when the arms move the beam. A beam has no two modes
+    so close together.
     """
     f, other = one.frequency.value, louder.frequency.value
     return one.amplitude < SHADOW * louder.amplitude and abs(f - other) < BESIDE * louder.damping_ratio.value * other
@@ -264,7 +264,7 @@ def _rings(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _reason(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> str:
-    """Why samples with such modes are no ring, empty if they are one."""
+    """Why samples with these modes are no free ring; empty if they are one."""
     rest = _rest(modes, tau, y)
     if rest.std() < BEST_TOLD:
         return ""
@@ -287,7 +287,7 @@ def _mode(
     tau: np.ndarray,
     problem: str,
 ) -> RingMode:
-    """A mode with the intervals of its covariance `own`, wider by the largest of the changes `moved` (choices, 2)."""
+    """A mode with intervals from its covariance `own`, widened by the largest of the changes `moved` (choices, 2)."""
     natural = float(np.hypot(omega, sigma))
     d_frequency = np.array([omega, sigma]) / natural / (2 * np.pi)
     d_ratio = np.array([-sigma * omega, omega**2]) / natural**3

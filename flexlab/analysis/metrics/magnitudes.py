@@ -1,4 +1,4 @@
-"""How large signals are: root mean squares and largest magnitudes, and the duration that they speak of."""
+"""Magnitudes of signals: root mean squares and peaks, and the duration over which they are taken."""
 
 from typing import TYPE_CHECKING
 
@@ -53,7 +53,7 @@ def rms_internal_force(samples: "Samples") -> np.ndarray:
 @register
 @of_signal(RootMeanSquare, 61, Column("moment", "RMS internal moment", "RMS moment", "N·m"))
 def rms_internal_moment(samples: "Samples") -> np.ndarray:
-    """Root mean square of its moment, N·m."""
+    """Root mean square of the left arm's internal moment, N·m."""
     return samples.internal_force[:, 0, 2:]
 
 
@@ -80,7 +80,7 @@ def peak_vibration(samples: "Samples") -> np.ndarray:
 @register
 @of_signal(Peak, 47, Column("axial", "Peak compression of P_cr", "compression", "%", scale=100.0))
 def peak_axial_load(samples: "Samples") -> np.ndarray:
-    """Largest compression of the beam beside its buckling load, %."""
+    """Largest compression of the beam as a share of its buckling load."""
     return np.asarray(samples.axial_load_share)[:, None]
 
 

@@ -1,11 +1,11 @@
-"""Metrics: registered in the files of this folder, classes whose state takes in samples.
+"""Metrics: classes that take in samples piece by piece, registered in the files of this folder.
 
-The same code serves a stream and a whole run: `update` takes one piece of it after the other, `compute` gives the number. To
-add one, copy one of `magnitudes.py` into a file of its own: tables, lists, notes, comparisons and the Python interface follow
-from its columns.
+The same code serves a stream and a whole run: `update` takes in the next piece, `compute` returns the numbers. To add a
+metric, copy one from `magnitudes.py` into a new file: tables, lists, notes, comparisons and the Python interface follow from
+its columns.
 
-A number has one name, as in `rms_error.y`, and SI units. Names of earlier versions are still read: short ones, as in `rms-y`,
-and titles with units; their numbers are in the units of tables, as they were.
+Each number has one name, such as `rms_error.y`, and is in SI units. Names of earlier versions can still be read: short ones,
+such as `rms-y`, and titles with units; the numbers they name are in the units of tables, as before.
 """
 
 from abc import ABC, abstractmethod
@@ -26,7 +26,7 @@ class Column:
     """How one number of a metric is shown."""
 
     field: str
-    """Short name of earlier versions, as in `--sort torque`; `numbers` has the one that is written."""
+    """Short name from earlier versions, as in `--sort torque`; `Number.name` is the present one."""
     title: str
     heading: str
     """The title where there is little room."""
@@ -39,7 +39,7 @@ class Column:
     missing: str = "–"
     """The word for NaN."""
     part: str = ""
-    """Name among the metric's numbers, as in rms_error.y; empty for a single number."""
+    """Name among the metric's numbers, such as y in rms_error.y; empty for a single number."""
 
     @property
     def key(self) -> str:
@@ -66,7 +66,7 @@ class Metric(ABC):
     columns: ClassVar[tuple[Column, ...]]
     """One per number of `compute`."""
     own: ClassVar[bool] = False
-    """Whether somebody declared it for their own studies; recordings of a lab do not note it."""
+    """Whether a user declared it for their own studies; a lab does not note it beside its recordings."""
 
     @abstractmethod
     def update(self, samples: "Samples") -> None:
@@ -74,10 +74,10 @@ class Metric(ABC):
 
     @abstractmethod
     def compute(self) -> tuple[float, ...]:
-        """One number per column, of all pieces so far; NaN of none."""
+        """One number per column for all pieces so far; NaN if there are none."""
 
     def reason(self) -> str:
-        """Why there is no number, in a few words; empty: the column's word says it."""
+        """Why there is no number, in a few words; empty if the column's `missing` says enough."""
         return ""
 
 
@@ -101,7 +101,7 @@ def register(metric: MetricClass) -> MetricClass:
 
 
 def forget(name: str) -> None:
-    """Take a metric away again, if it is there."""
+    """Remove a metric from `METRICS`, if it is there."""
     METRICS.pop(name, None)
 
 
@@ -131,7 +131,7 @@ class RootMeanSquare(_OfSignal):
 
 
 def outlasting(time: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Those of rising instants, s, and sizes that no later size reaches: the last ones above any limit are among them."""
+    """The instants, s, rising, and sizes that no later size reaches: the last one above any limit is among them."""
     largest_later = np.maximum.accumulate(np.append(size[1:], -1.0)[::-1])[::-1]
     return time[size > largest_later], size[size > largest_later]
 
@@ -152,7 +152,7 @@ class Peak(_OfSignal):
 
 
 def of_signal(base: type[Peak | RootMeanSquare], place: int, *columns: Column, **more: Any) -> Callable[[Signal], Any]:
-    """Function decorator: makes a metric of that base, named as the function is, which returns the signal (N, columns)."""
+    """Function decorator: makes a metric with that base and the function's name; the function returns the signal (N, columns)."""
 
     def make(signal: Signal) -> Any:
         about = {"__doc__": signal.__doc__, "__module__": signal.__module__, "signal": staticmethod(signal), **more}
@@ -182,7 +182,7 @@ class Named:
 
     number: Number
     scale: float
-    """Number that the name stands for over the one in SI units."""
+    """The number in `unit` over the number in SI units."""
     unit: str
 
     @property
@@ -198,7 +198,7 @@ def numbers() -> list[Number]:
 
 
 def number_names() -> list[str]:
-    """Their names."""
+    """The names of all numbers of all metrics, in the order of tables."""
     return [number.name for number in numbers()]
 
 

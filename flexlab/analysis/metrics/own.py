@@ -1,11 +1,11 @@
-"""Metrics of one's own, made of a decorated function; `run.metrics`, sweeps and tuning then include them.
+"""A user's own metrics, made from decorated functions; `run.metrics`, sweeps and tuning then include them.
 
 @flexlab.metric("J", "Work of the motors")
 def work(samples: flexlab.Samples) -> float:
     return float(samples.input_work[-1] - samples.input_work[0])
 
-They count while the Python process lives that declared them, and travel with the cells of a sweep. `run.save()` notes them
-beside the recording, where lists and later processes find them.
+They exist as long as the Python process that declared them, and are sent along with the cells of a sweep. `run.save()` notes
+their values beside the recording, where lists and later processes find them.
 """
 
 import inspect
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from flexlab.sim.samples import Samples
 
 Kind = Literal["run", "peak", "rms"]
-"""What the function returns: the run's number, or a signal whose largest magnitude or root mean square is the number."""
+"""What the function returns: the number of a run, or a signal whose largest magnitude or root mean square is the number."""
 Function = TypeVar("Function", bound=Callable[["Samples"], Any])
 REAL = "biuf"
 """NumPy's kinds of real arrays."""
@@ -60,11 +60,11 @@ DECLARED: dict[str, OwnMetric] = {}
 
 
 def metric(unit: str, title: str = "", of: Kind = "run") -> Callable[[Function], Function]:
-    """Decorator: makes a metric, called as the function is, of a function of `flexlab.Samples`.
+    """Decorator: makes a metric from a function of `flexlab.Samples`, under the function's name.
 
-    `unit`: SI; "1" for none. `title`: as tables show it. `of`: "run", the function gives the number of a whole run, which stays
-    in memory for it; "peak" or "rms": it gives a signal (N,), of any piece of a run, whose largest magnitude or root mean
-    square is the number. A function that fails makes a cell of a sweep fail, with its reason. Declared again, it is replaced.
+    `unit`: SI; "1" for none. `title`: as tables show it. `of`: with "run", the function returns the number of a whole run, which
+    is kept in memory for it; with "peak" or "rms", a signal (N,) for any piece of a run, whose largest magnitude or root mean
+    square is the number. If the function fails, the cell of a sweep fails and says why. Declaring a metric again replaces it.
     Raises `StudyError` for a name that is taken.
     """
     if not isinstance(unit, str) or not unit:
@@ -85,7 +85,7 @@ def metric(unit: str, title: str = "", of: Kind = "run") -> Callable[[Function],
 
 
 def know_own_metrics(declared: Sequence[OwnMetric]) -> None:
-    """Declare metrics, as on a worker that computes cells. Raises `StudyError`."""
+    """Declare metrics, for example on a worker that computes cells. Raises `StudyError`."""
     for own in declared:
         if own.name in DECLARED:
             forget(own.name)
@@ -140,7 +140,7 @@ class _OfRun(Metric):
     def compute(self) -> tuple[float, ...]:
         if not self._pieces:
             return (np.nan,)
-        from flexlab.sim.samples import join_blocks  # Help of commands that name metrics shall not wait for the engine.
+        from flexlab.sim.samples import join_blocks  # Imported here so that help does not wait for the engine.
 
         found = _called(self.declared, join_blocks(self._pieces))
         if found.size != 1:

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from flexlab.sim.samples import Samples
 
 LATER = 0.2
-"""Time after the stop from which the second number counts, s, as for a next move that waits."""
+"""Time after the stop from which the second number counts, s, as if the next move waited that long."""
 STOPPED = 0.01
 """Time for which the target must stand still at the end of the samples, s, so that a turning point is no stop."""
 
@@ -20,7 +20,7 @@ STOPPED = 0.01
 class ResidualVibration(Metric):
     """Largest |vibration| after the last instant at which the desired pose moved, and from `LATER` s after it on, m.
 
-    NaN of a target that never moved, or has not stopped. The vibration is the mid-span deflection less its quasi-static part.
+    NaN if the target never moved or has not stopped. The vibration is the mid-span deflection less its quasi-static part.
     """
 
     name, place = "residual_vibration", 35
@@ -36,8 +36,8 @@ class ResidualVibration(Metric):
         ),
     )
 
-    # Samples that a louder one follows can never be the loudest after the stop, whenever that was: few have to be kept.
-    # A target is seen to stand from the sample after its last motion on: one still sample alone is no stop.
+    # A sample that is followed by a louder one can never be the loudest after the stop, so few have to be kept.
+    # The target stands still from the sample after its last motion on: one still sample alone is no stop.
 
     def __init__(self) -> None:
         self._last, self._pose = -np.inf, np.full(3, np.nan)
@@ -50,7 +50,7 @@ class ResidualVibration(Metric):
         time, pose = samples.time, np.array(samples.desired_pose[-1])
         moving = np.flatnonzero(np.any(samples.desired_pose != pose, axis=1))
         if len(moving):
-            # A measurement has no target: NaN is unlike itself up to the last sample.
+            # A measurement has no target: NaN never equals itself, so that it seems to move up to the last sample.
             stands = min(moving[-1] + 1, len(time) - 1)
             self._moved, self._stands = float(time[moving[-1]]), float(time[stands])
         elif not np.array_equal(self._pose, pose):  # The target has moved since the piece before, if there was one.
@@ -62,7 +62,7 @@ class ResidualVibration(Metric):
 
     @property
     def stop(self) -> float:
-        """Last instant at which the target moved, s; NaN of one that never moved, or has not stopped."""
+        """Last instant at which the target moved, s; NaN if it never moved or has not stopped."""
         stopped = np.isfinite(self._moved) and self._last - self._stands >= STOPPED - ROUNDING
         return self._moved if stopped else np.nan
 

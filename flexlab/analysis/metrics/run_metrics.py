@@ -1,6 +1,6 @@
 """All metrics of a run, or of a window of it: gathered from pieces, shown, and noted.
 
-Notes on a recording hold metrics as numbers by title and unit, None for what had no value.
+Notes on a recording hold metrics as numbers by title and unit, None for those without a value.
 """
 
 from collections import namedtuple
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 Window = tuple[float, float]
 """First and last instant, s."""
 Noted = Mapping[str, float | None] | None
-"""Metrics that somebody declared as the run was recorded, by title and unit, SI."""
+"""A user's own metrics as noted when the run was recorded, by title and unit, SI."""
 DURATION, NOT_FINISHED = "duration", "did not finish"
 """The only metric of a stopped run, and the word for the others."""
 ROUNDING = 1e-9
-"""Tolerance of a window's limits, s, as sample instants are products of whole numbers and periods."""
+"""Tolerance of a window's limits, s: sample times are products of whole numbers and periods, which are rounded."""
 
 
 @dataclass(frozen=True)
@@ -87,9 +87,9 @@ class RunMetrics:
         noted: Noted = None,
         note: str = "",
     ):
-        """`window`: first and last instant, s; None without samples. `values`: numbers by the metrics' names; `reasons`: why not.
+        """`window`: first and last instant, s; None without samples. `values`: numbers by metric; `reasons`: why there are none.
 
-        `note`: what to know of all. Of a run that stopped before its end only the duration is a number: nobody knows the rest.
+        `note`: a remark on all of them. A run that stopped before its end has only a duration: its other metrics are not known.
         """
         self.window, self.note = window, note
         if not finished:
@@ -137,12 +137,12 @@ class RunMetrics:
 
     @property
     def own(self) -> list[str]:
-        """Title and unit of those that somebody declared for their own studies."""
+        """Titles and units of the metrics that a user declared for their own studies."""
         declared = [column.key for name in self._values if METRICS[name].own for column in METRICS[name].columns]
         return [*declared, *self._noted]
 
     def by_name(self) -> dict[str, float]:
-        """All numbers, SI, by name as in `metric.numbers`; of those alone that were declared when they were computed."""
+        """All numbers, SI, by the names of `metric.numbers`, without metrics that were declared after these were computed."""
         return {
             number.name: self._values[number.metric][number.index]
             for number in numbers()
@@ -183,14 +183,14 @@ class RunMetrics:
 @cache
 def _parts(name: str) -> Any:
     """The class of a tuple of a metric's numbers with named parts, as in `rms_error.y`."""
-    return namedtuple(name, [column.part for column in METRICS[name].columns])  # type: ignore[misc]  # Named while it runs.
+    return namedtuple(name, [column.part for column in METRICS[name].columns])  # type: ignore[misc]  # Names known at run time only.
 
 
 class MetricCollection:
     """All metrics, gathered piece by piece, so that long runs need no more memory than short ones."""
 
     def __init__(self, window: Window = (-inf, inf), own: bool = True):
-        """`window`: the window of samples that count, s; `own`: whether to include declared metrics of one's own."""
+        """`window`: the window of samples that count, s; `own`: whether to include metrics that a user declared."""
         self._window = window
         self._span: Window | None = None
         self._metrics: dict[str, Metric] = {name: metric() for name, metric in METRICS.items() if own or not metric.own}
@@ -215,13 +215,13 @@ class MetricCollection:
 def run_metrics(
     samples: "Samples", window: Window = (-inf, inf), finished: bool = True, own: bool = True, noted: Noted = None
 ) -> RunMetrics:
-    """The metrics of a run, or of what of it lies within a window, s; `finished`: whether it came to its end.
+    """The metrics of a run within a window, s; `finished`: whether the run came to its end.
 
     `own` as for `MetricCollection`, `noted` as for `RunMetrics`.
     """
     collection = MetricCollection(window, own)
     collection.update(samples)
-    # Help of commands that name metrics shall not wait for the engine.
+    # Imported here so that the help of commands that name metrics does not wait for the engine.
     from flexlab.analysis.lesson_measures import coarse_note
     from flexlab.sim.samples import Run
 
@@ -241,14 +241,14 @@ UNKNOWN = "–"
 
 
 def measured(noted: Any) -> bool:
-    """Whether the notes have all present metrics; later ones, and those with a new meaning, are missing in old notes."""
+    """Whether the notes have all present metrics; old notes lack newer ones and those whose meaning has changed."""
     return isinstance(noted, Mapping) and all(
         column.key in noted for metric in METRICS.values() if not metric.own for column in metric.columns
     )
 
 
 def results(noted: Mapping[str, Any], stopped: bool) -> dict[str, Any]:
-    """The noted metrics that are valid: of a run that stopped before its end, only the duration."""
+    """The noted metrics that are valid: only the duration if the run stopped before its end."""
     kept = {column.key for column in METRICS[DURATION].columns}
     return {key: None if stopped and key not in kept else value for key, value in noted.items()}
 
@@ -267,7 +267,7 @@ def noted_text(column: Column, noted: Mapping[str, Any], stopped: bool = False) 
 
 
 def noted_value(column: Column, noted: Mapping[str, Any], stopped: bool = False) -> float:
-    """A number to sort by, in a page; missing values come last."""
+    """The number by which a page sorts; missing values come last."""
     value = results(noted, stopped).get(column.key)
     usable = isinstance(value, (int, float)) and not isinstance(value, bool)
     return float(value) if usable else 1e300 if column.key in noted else 2e300

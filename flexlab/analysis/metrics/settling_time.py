@@ -14,16 +14,16 @@ SHARE = 0.01
 QUIET = 0.01
 """Least time below this share at the end of the samples, s."""
 LONGER = 2.0
-"""That time over the longest earlier pause, at least: a continuing oscillation is also below at each of its crossings."""
+"""Least ratio of that time to the longest earlier pause below the share: an oscillation also pauses at each zero crossing."""
 AGAIN, NEAR = 4.0, 0.02
-"""A pause ends with a new excitation, as by a tap, if the vibration grows by this factor from so many s before it to so many s
-after it; earlier pauses then do not count."""
+"""A pause ends with a new excitation, such as a tap, if the peak within NEAR s after it is at least AGAIN times the peak within
+NEAR s before it; earlier pauses then do not count."""
 FINEST, MOST_PIECES = 0.0025, 4000
 """Shortest piece of time whose peak is kept, s, and most pieces; pieces double in length if a run has more."""
 PARTS, KEEPS = 3, 0.8
-"""Parts of an unsettled run, of which the last two are compared, and ratio of their peaks from which there is no decay."""
+"""Number of parts of an unsettled run, of which the last two are compared; ratio of their peaks from which there is no decay."""
 NOTHING = 1e-9
-"""Largest vibration that is the integrator's error, m."""
+"""Largest vibration that may be the integrator's error, m."""
 NOT_SETTLED = "not settled"
 
 
@@ -31,10 +31,10 @@ NOT_SETTLED = "not settled"
 class SettlingTime(Metric):
     """Seconds from the first sample to the last one at which |vibration| exceeds `SHARE` of its peak.
 
-    0 without any vibration; NaN if it has not been below for `QUIET` seconds, and `LONGER` times as long as between two times
-    that it was above, since it was last excited: not settled. The vibration is the
-    mid-span deflection less its quasi-static part; where the path itself goes on shaking the beam (a soft beam, a path
-    not far below the first mode), that forced part never dies away, and such a run does not settle.
+    0 without any vibration. NaN, not settled, unless it stays below at the end for `QUIET` seconds, and for `LONGER` times its
+    longest pause below since it was last excited. The vibration is the mid-span deflection less its quasi-static part; if the
+    path itself goes on shaking the beam (a soft beam, a path not far below the first mode), that forced part never dies away,
+    and the run does not settle.
     """
 
     name, place = "settling_time", 40
@@ -43,7 +43,7 @@ class SettlingTime(Metric):
                listed=True, missing=NOT_SETTLED),
     )  # fmt: skip
 
-    # Which share of the final peak an instant reaches is known at the end only. But an instant that is followed by a
+    # The final peak, and so the share that a sample reaches, is known only at the end. But a sample that is followed by a
     # louder one can never be the last loud one, so few have to be kept: of a ring, its last period.
 
     def __init__(self) -> None:
@@ -53,7 +53,7 @@ class SettlingTime(Metric):
         self._size = np.empty(0)
         self._piece = FINEST
         self._places, self._peaks = np.empty(0, np.int64), np.empty(0)
-        """Numbers of the pieces of time so far, and the largest magnitude in each."""
+        """Indices of the pieces of time so far, and the largest magnitude in each."""
 
     def update(self, samples: "Samples") -> None:
         """Take in the next piece of a run."""
@@ -114,13 +114,13 @@ class SettlingTime(Metric):
 
 
 def _gathered(places: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Each of the rising numbers once, and the largest of its sizes."""
+    """Each of the rising indices once, and the largest of its sizes."""
     firsts = np.flatnonzero(np.diff(places, prepend=places[0] - 1))
     return places[firsts], np.maximum.reduceat(sizes, firsts)
 
 
 def settling_time(time: np.ndarray, signal: np.ndarray) -> float:
-    """The settling time of a signal (N,) at `time` (N,), s, as the metric defines it; NaN: not settled."""
+    """The settling time, s, of a signal (N,) at `time` (N,), s, as the metric defines it; NaN if not settled."""
     metric = SettlingTime()
     metric.add(time, signal)
     return metric.compute()[0]

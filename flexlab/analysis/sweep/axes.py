@@ -1,4 +1,4 @@
-"""The fields that a study varies, over a range or a list of values, and the fields that forms offer."""
+"""The fields that a study varies over a range or a list of values, and the fields that forms offer."""
 
 import json
 import math
@@ -21,14 +21,14 @@ LINEAR, LOGARITHMIC = "lin", "log"
 ONE = "payload.bending_stiffness=1:1000:log:25"
 EXAMPLE = f"{ONE}, or controller.kind=pd,computed-torque"
 DEFAULT_COUNT = 10
-"""Values of a range without a count."""
+"""Number of values in a range without a count."""
 MOST_VALUES = 1_000_000
-"""Most values of a range: all are in memory before anything is computed."""
+"""Most values in a range: all are in memory before anything is computed."""
 
 
 @dataclass(frozen=True)
 class Axis:
-    """One varied field. `values` are those of a grid; a design that samples takes any value between the limits."""
+    """One varied field. `values` are for a grid; a sampling design takes any value between the limits."""
 
     path: str
     values: tuple[Any, ...]
@@ -64,8 +64,8 @@ class Axis:
 def parse_axes(vary: Mapping[str, Any] | Sequence[str], scenario: Scenario, argument: str = "vary") -> tuple[Axis, ...]:
     """The axes from `path=range` texts, or from a mapping of paths to ranges (as text) or lists of values.
 
-    A range is `low:high`, optionally `lin` or `log`, and optionally a count: "1:1000:log:25". Raises `StudyError`, which calls
-    `vary` as the `argument` does, or `ScenarioError`.
+    A range is `low:high`, optionally `lin` or `log`, and optionally a count: "1:1000:log:25". `argument`: the name of `vary` in
+    errors. Raises `StudyError` or `ScenarioError`.
     """
     if isinstance(vary, Mapping):
         items = [(str(path), given) for path, given in vary.items()]
@@ -147,7 +147,7 @@ def _list(path: str, given: Any) -> tuple[Any, ...]:
         values = [values]
     try:
         plain = json.loads(json.dumps(list(values), allow_nan=False, default=lambda one: one.tolist()))
-        _ = [float(value) for value in plain if isinstance(value, int)]  # One too large for the engine has no value.
+        _ = [float(value) for value in plain if isinstance(value, int)]  # Fails for one that no float can hold.
     except (AttributeError, TypeError, ValueError, OverflowError):
         unusable = f"{path} = {_shown(given)} is not usable"
         raise StudyError(f"{unusable}: give a range as text, or a list of values.") from None
@@ -161,11 +161,11 @@ def _shown(value: Any) -> str:
 
 
 NOT_VARIED = ("simulation", "transition", "elbow", "seed")
-"""Parts of paths that forms do not offer: integration, the state after a change in motion, numbers without a size."""
+"""Parts of paths that forms do not offer: integration, the transition after a change in motion, numbers that are no amounts."""
 CHOSEN = ("controller.kind", "trajectory.kind", "trajectory.shaper", "payload.damping.kind", "payload.boundary")
-"""Fields that are a choice, whose options a sweep may compare."""
+"""Fields with a few options, which a sweep may compare."""
 AROUND = 4.0
-"""The range of a field without a slider goes from its value divided by this to its value times this."""
+"""The range of a field without a slider extends from its value divided by this to its value times this."""
 
 
 @dataclass(frozen=True)
@@ -177,7 +177,7 @@ class VariedField:
     """The scenario's value."""
     about: Quantity
     whole: bool
-    """Whether it takes whole numbers only."""
+    """Whether the field takes whole numbers only."""
 
     @property
     def words(self) -> str:

@@ -20,18 +20,18 @@ if TYPE_CHECKING:
 SIZE = (6.0, 4.2)
 """Inches."""
 WIDE_SPREAD = 100.0
-"""Ratio of largest to least value from which a scale is logarithmic."""
+"""Ratio of largest to smallest value above which a scale is logarithmic."""
 PANELS = 6
-"""Most panels of one figure, whose title says how many combinations it leaves out."""
+"""Most panels in one figure; the title says how many combinations are shown if there are more."""
 DEFAULT_PARETO = ("rms_error.y", "rms_internal_force")
 NOT_SETTLED = "#d0d0d0"
-"""Colour of cells that ran but have no number."""
+"""Colour of cells that finished but have no number."""
 
 
 def write_figures(
     plan: Plan, table: Any, folder: Path, shown: Sequence[str] = (), pareto: Sequence[str] = DEFAULT_PARETO
 ) -> list[Path]:
-    """Write a figure of each metric of `shown` (empty: those in lists of runs), and of the two of `pareto`, into a folder.
+    """Write a figure of each metric in `shown` (empty: those in lists of runs), and one of the two in `pareto`, to a folder.
 
     Returns the paths. Raises `StudyError` for an unknown metric, or a folder that cannot be written.
     """
@@ -44,8 +44,8 @@ def write_figures(
 def draw_metric(plan: Plan, table: Any, name: str) -> "Figure":
     """A metric over the varied fields: a curve over one field, a heat map over two of a grid, points for sampled cells.
 
-    A field without numbers gets a panel for each value, as does a third one with numbers of a grid. Failed cells are crossed
-    out. Raises `StudyError`.
+    A field without numbers gets a panel for each value, as does a third numeric field of a grid. Failed cells are crossed out.
+    Raises `StudyError`.
     """
     column = named(name).number.column
     numeric, every = _panels(plan, table)
@@ -103,12 +103,12 @@ def pareto_front(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _panels(plan: Plan, table: Any) -> tuple[list[Axis], list[tuple[str, np.ndarray]]]:
-    """The axes that are drawn along, and (title, rows) for each combination of the values of the others."""
+    """The axes to draw along, and a panel, (title, rows), for each combination of the other axes' values."""
     numeric = [axis for axis in plan.axes if axis.numeric and (len(axis.values) > 1 or axis.low is not None)]
     others = [axis for axis in plan.axes if not axis.numeric]
-    if not numeric:  # The order of the names takes the place of a number; of one number alone there is a point.
+    if not numeric:  # Names are drawn in their order, in place of numbers; a single number is a point.
         numeric, others = [*others, *plan.axes][:1], others[1:]
-    if plan.samples is None:  # Cells of a grid that differ in a third number only would lie upon each other.
+    if plan.samples is None:  # Cells of a grid that differ only in a third number would overlap.
         numeric, others = numeric[:2], others + numeric[2:]
     found = [("", np.arange(len(table)))]
     for axis in others:
@@ -141,7 +141,7 @@ def _draw_curve(part: "Axes", axis: Axis, table: Any, rows: np.ndarray, values: 
 def _draw_map(
     part: "Axes", axes: Sequence[Axis], cells: Any, values: np.ndarray, grid: bool, scale: dict[str, Any]
 ) -> Any:
-    """A heat map over the first two axes; `grid`: whether the cells may be all combinations of their values."""
+    """Draw a heat map over the first two axes; `grid`: whether the cells may be all combinations of their values."""
     across, up = axes[:2]
     x, y = number_column(cells, across.path), number_column(cells, up.path)
     failed = np.array([status != "finished" for status in cells.column("status").to_pylist()])
@@ -164,7 +164,7 @@ def _draw_map(
 
 
 def _edges(centers: np.ndarray, logarithmic: bool) -> np.ndarray:
-    """The borders between cells, (n + 1,), from their centres."""
+    """The edges of cells, (n + 1,), from their centres."""
     if len(centers) == 1:
         return np.array([centers[0] * 0.9 - 0.05, centers[0] * 1.1 + 0.05])
     places = np.log(centers) if logarithmic else centers
@@ -174,7 +174,7 @@ def _edges(centers: np.ndarray, logarithmic: bool) -> np.ndarray:
 
 
 def _scale(values: np.ndarray) -> str:
-    """The kind of scale that shows all values; NaN: none."""
+    """The kind of scale that shows all values; NaN is ignored."""
     known = values[~np.isnan(values)]
     return "log" if len(known) and known.max() > WIDE_SPREAD * max(known.min(), 0) > 0 else "linear"
 

@@ -36,16 +36,16 @@ TABLE_FORMAT = 2
 """Format of a sweep's table: 2 has metrics by name, in SI units, and the provenance."""
 MOST_CELLS = 100_000_000
 MANY_CELLS = 100_000
-"""Cells, about an hour's work, above which the command asks for confirmation."""
+"""Number of cells, about an hour's work, above which the command asks for confirmation."""
 PARTS, LARGEST_PART = 64, 256
-"""Number of parts that are computed and saved one by one, about, and most cells of a part."""
+"""Approximate number of parts that are computed and saved one by one, and most cells in a part."""
 DEFAULT_ACCURACY = 1e-7
 """Pose accuracy of a cell, m: metrics have an error of about 1e-5, and steps are up to five times those of a lab's run."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """All that defines a sweep: the same plan gives the same table, byte for byte."""
+    """Everything that defines a sweep: the same plan gives the same table, byte for byte."""
 
     scenario: Scenario
     axes: tuple[Axis, ...]
@@ -55,9 +55,9 @@ class Plan:
     """Time between samples, s."""
     design: str = "grid"
     samples: int | None = None
-    """Number of cells of a design that samples; None: a grid."""
+    """Number of cells of a sampling design; None for a grid."""
     seed: int = 0
-    """Seed of a design that samples."""
+    """Seed of a sampling design."""
 
     @property
     def cell_count(self) -> int:
@@ -78,7 +78,7 @@ class Plan:
 
     @cached_property
     def _shares(self) -> np.ndarray:
-        """Shares of each axis in each cell of a design that samples, (cells, axes) in [0, 1)."""
+        """Shares of each axis in each cell of a sampling design, (cells, axes) in [0, 1)."""
         from scipy.stats import qmc
 
         count, axes = self.samples or 0, len(self.axes)
@@ -99,7 +99,7 @@ class Plan:
 
     @property
     def part_size(self) -> int:
-        """Number of cells of a part."""
+        """Number of cells in a part."""
         return min(LARGEST_PART, -(-self.cell_count // PARTS))
 
     def parts(self) -> Iterator[range]:
@@ -120,7 +120,7 @@ class Plan:
 
     @cached_property
     def key(self) -> str:
-        """A hash of 16 digits over the sweep and the engine that computes it."""
+        """A hash of 16 digits of the sweep and the engine that computes it."""
         return short_hash(json.dumps(self.as_data(), sort_keys=True, ensure_ascii=False))
 
 
@@ -146,7 +146,7 @@ def make_plan(
     poorest = None if accuracy is None else finite_number("accuracy", accuracy, "m", 0.0)
     if poorest is not None and not any(axis.path.startswith("simulation") for axis in axes):
         scenario = scenario.replace({"simulation.accuracy": max(poorest, scenario.simulation.accuracy)})
-    # The scenario's texts change no result.
+    # The scenario's texts do not change any result.
     scenario = scenario.replace({"watch": ""})
     plan = Plan(scenario, axes, float(duration), float(sample_period), design, samples, seed)
     if plan.cell_count > MOST_CELLS:
@@ -155,9 +155,9 @@ def make_plan(
 
 
 BLOCK = 5000
-"""Most samples of a run that are in memory at once."""
+"""Most samples of a run in memory at once."""
 MOST_KEPT = 1024
-"""A thread keeps the derived matrices of its newest beams, up to this sum of squared numbers of coordinates: 64 beams of two
+"""Largest sum of the squared numbers of coordinates of the beams whose derived matrices a thread keeps: 64 beams of two
 elements, or 4 of eight."""
 
 
@@ -170,9 +170,9 @@ class Cell(NamedTuple):
     status: str
     """As `Run.status`, or "invalid"."""
     sentence: str
-    """Why it failed, from when on its results are not accurate, or that samples are too far apart; empty: nothing of that."""
+    """Why it failed, from when on its results are inaccurate, or that samples are too far apart; empty if none of these."""
     metrics: tuple[float | None, ...] | None
-    """SI; None: it failed."""
+    """SI; None if it failed."""
     scenario: str = ""
     """Hash of its scenario; empty if that is not valid."""
 
@@ -189,7 +189,7 @@ class KnownBeams(threading.local):
         return () if found is None else (found,)
 
     def note(self, assembly: Assembly) -> None:
-        """Keep an assembly, in place of the least recently used one if need be."""
+        """Keep an assembly, and drop the least recently used ones if there are too many."""
         self._known[assembly.scenario.payload] = assembly
         self._known.move_to_end(assembly.scenario.payload)
         while len(self._known) > 1 and sum(payload.coordinate_count**2 for payload in self._known) > MOST_KEPT:
@@ -197,11 +197,11 @@ class KnownBeams(threading.local):
 
 
 BEAMS = KnownBeams()
-"""They change no number."""
+"""Keeping them changes no result."""
 
 
 class Measured(NamedTuple):
-    """A scenario that was simulated (None: it is not valid), how, as of `Cell`, and its metrics (None: it failed)."""
+    """A simulated scenario (None if not valid), status and sentence as in `Cell`, and metrics (None if it failed)."""
 
     scenario: Scenario | None
     status: str
@@ -210,7 +210,7 @@ class Measured(NamedTuple):
 
 
 def measured(scenario: Scenario, changes: Mapping[str, Any], duration: float, sample_period: float) -> Measured:
-    """Simulate a scenario with changes for its metrics; it never raises."""
+    """Simulate a scenario with changes and return its metrics; a failure is a status, never raised."""
     with one_blas_thread():
         try:
             changed = change_settings(scenario, changes)
@@ -225,7 +225,7 @@ def measured(scenario: Scenario, changes: Mapping[str, Any], duration: float, sa
             if world.status.failed:
                 return Measured(changed, str(world.status), world.status.text, None)
             found = metrics.compute()
-        except StudyError as error:  # of a metric of one's own
+        except StudyError as error:  # raised by a user's own metric
             return Measured(changed, "no metric", str(error), None)
         BEAMS.note(world.assembly)
         sentences = (world.warnings, coarse_note(changed, sample_period))
@@ -233,7 +233,7 @@ def measured(scenario: Scenario, changes: Mapping[str, Any], duration: float, sa
 
 
 def run_part(plan: Plan, cells: Sequence[int]) -> list[Cell]:
-    """Compute some cells of a sweep, one after the other. A cell that fails says why; the others go on."""
+    """Compute some cells of a sweep, one after the other. A cell that fails says why, and the next one follows."""
     return [_run(plan, number) for number in cells]
 
 

@@ -1,6 +1,6 @@
-"""A sweep's table on disk, one row per cell, saved in parts while it is computed, and the finished sweep.
+"""A sweep's table on disk, one row per cell, saved in parts while it is computed; and the finished sweep.
 
-Each part is written whole or not at all. The key of the plan says whether a folder holds the same sweep.
+Each part is written whole or not at all. The plan's key tells whether a folder holds the same sweep.
 """
 
 import json
@@ -35,11 +35,11 @@ if TYPE_CHECKING:
 TABLE, PARTS, PLAN = "cells.parquet", "parts", "sweep.json"
 """Names in a sweep's folder: the whole table, the folder of its parts, the plan."""
 LARGEST_PLAN = 100_000_000
-"""Most bytes of a plan that is read: a list may have very many values."""
+"""Largest plan that is read, bytes: a list may have very many values."""
 METADATA = b"flexlab"
 ADVICE = "make room or choose another folder; the parts that are done stay, and the same command goes on from there"
 SWEEPS = Path("sweeps")
-"""Parent of the folders of sweeps for which none is named."""
+"""Parent of the default folders of sweeps."""
 
 
 def sweep_folder(name: str, plan: Plan) -> Path:
@@ -98,7 +98,7 @@ def _rows(file: Path, layout: pa.Schema, cells: range) -> pa.Table:
 
 
 def read_part(folder: Path, plan: Plan, cells: range) -> dict[str, list[Any]] | None:
-    """The columns of a part; None: it has no file, as before it is computed and after the end of the sweep, or a damaged one."""
+    """The columns of a part; None if its file is damaged or missing, as before its computation and after the sweep's end."""
     try:
         return _rows(part_file(folder, cells), schema(plan), cells).to_pydict()
     except (OSError, ValueError):
@@ -117,8 +117,8 @@ def save_part(folder: Path, plan: Plan, cells: Sequence[Cell]) -> None:
 def run_sweep(plan: Plan, folder: Path, workers: Workers, told: Told = lambda done, total: None) -> "Sweep":
     """Compute the missing parts of a sweep in its folder, and return the finished sweep.
 
-    It may be interrupted or killed at any time: the same call then computes the remaining parts, and the table is the same,
-    byte for byte. Raises `StudyError`, also for a folder that cannot be written or holds another sweep.
+    A sweep may be interrupted or killed at any time: the same call then computes the remaining parts, and the table is the
+    same, byte for byte. Raises `StudyError`, also for a folder that cannot be written or holds another sweep.
     """
     with writable(folder, ADVICE):
         folder.mkdir(parents=True, exist_ok=True)
@@ -129,7 +129,7 @@ def run_sweep(plan: Plan, folder: Path, workers: Workers, told: Told = lambda do
         done = plan.cell_count - sum(map(len, missing))
         told(done, plan.cell_count)
         with workers() as run:
-            # A copy without the drawn samples, which may be large; a worker draws the same ones.
+            # Workers get a copy without the drawn samples, which may be large, and draw the same ones.
             for _, cells in run(partial(run_part, replace(plan)), missing):
                 save_part(folder, plan, cells)
                 done += len(cells)
@@ -139,7 +139,7 @@ def run_sweep(plan: Plan, folder: Path, workers: Workers, told: Told = lambda do
 
 
 def _check_plan(folder: Path, plan: Plan) -> None:
-    """Note the plan in a new folder; raise `StudyError` if the folder has another one."""
+    """Write the plan into a new folder; raise `StudyError` if the folder holds another one."""
     file = folder / PLAN
     if not file.exists():
         text = json.dumps({"key": plan.key, **plan.as_data()}, indent=1, ensure_ascii=False)
@@ -161,7 +161,7 @@ def _check_plan(folder: Path, plan: Plan) -> None:
 
 
 def join_parts(folder: Path, plan: Plan) -> None:
-    """Write the whole table, unless it is there, and remove its parts. Raises `StudyError`."""
+    """Write the whole table, unless it exists, and remove its parts. Raises `StudyError`."""
     with writable(folder, ADVICE):
         table = folder / TABLE
         if not table.exists():
@@ -171,7 +171,7 @@ def join_parts(folder: Path, plan: Plan) -> None:
                     for cells in plan.parts():
                         writer.write_table(_rows(part_file(folder, cells), layout, cells))
             except OSError:
-                if not table.exists():  # Else the same sweep, computed twice at once, has joined them.
+                if not table.exists():  # If it exists, the same sweep, computed twice at once, has joined them.
                     raise
         shutil.rmtree(folder / PARTS, ignore_errors=True)
 
@@ -210,7 +210,7 @@ class Sweep(Result):
         return self.plan.cell_count
 
     def column(self, name: str) -> np.ndarray:
-        """A column of numbers, (cells,), SI, NaN where a cell has none, as of `number_column`. Raises `StudyError`."""
+        """A column of numbers, (cells,), SI, NaN where a cell has none; see `number_column`. Raises `StudyError`."""
         return number_column(self.table, name)
 
     def columns(self) -> dict[str, list[Any]]:
@@ -232,13 +232,13 @@ class Sweep(Result):
         return self.plan.cell_scenario(whole_number("cell", cell, 0, len(self) - 1))
 
     def plot(self, metric: str = "rms_error.y") -> "Figure":
-        """A metric over the varied fields, as of `analysis.sweep.figures.draw_metric`."""
+        """A metric over the varied fields; see `analysis.sweep.figures.draw_metric`."""
         from flexlab.analysis.sweep.figures import draw_metric
 
         return draw_metric(self.plan, self.table, metric)
 
     def plot_pareto(self, first: str = "rms_error.y", second: str = "rms_internal_force") -> "Figure":
-        """The trade-off between two metrics, as of `analysis.sweep.figures.draw_pareto`."""
+        """The trade-off between two metrics; see `analysis.sweep.figures.draw_pareto`."""
         from flexlab.analysis.sweep.figures import draw_pareto
 
         return draw_pareto(self.table, first, second)

@@ -1,4 +1,4 @@
-"""The leaderboard: all laws in all cases, computed on all cores and kept row by row, and the check of kept rows."""
+"""The leaderboard: all laws in all cases, computed on all cores and stored row by row; and the check of stored rows."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -77,7 +77,7 @@ class Leaderboard(Result):
                 }
 
     def plot(self, case: str = "") -> "Figure":
-        """The main score of every law in a case, named as in "B1"; the first case without a name. Raises `StudyError`."""
+        """The main score of every law in a case, such as "B1"; without a name, in the first case. Raises `StudyError`."""
         from flexlab.analysis.leaderboard.report import draw_case
 
         known = {each.name: each for each in self.cases}
@@ -89,7 +89,7 @@ class Leaderboard(Result):
         return draw_case(found, laws, np.array(values))
 
     def _shown(self, case: Case, variant: Variant, law: str) -> float:
-        """A law's main score in the unit that is shown; NaN for none."""
+        """A law's main score in the shown unit; NaN if it has none."""
         value = self.value(case, variant, law, case.main)
         return np.nan if value is None else case.main.column.scale * max(value, case.main.floor)
 
@@ -120,7 +120,7 @@ SCHEMA = pa.schema(
 
 
 def make_tasks(cases: Iterable[Case], entrants: Sequence[Entrant], seed: int = 0) -> tuple[Task, ...]:
-    """The tasks of all cases, variants and laws; a law without the fields that a variant changes does not enter there."""
+    """The tasks of all cases, variants and laws; a law without the fields that a variant changes does not enter the variant."""
     plain = ((case, variant, case.plain_scenario(variant, seed)) for case in cases for variant in case.variants)
     found = (_task(*place, entrant, seed) for place in plain for entrant in entrants)
     return tuple(task for task in found if task is not None)
@@ -145,7 +145,7 @@ def _task(case: Case, variant: Variant, plain: Scenario, entrant: Entrant, seed:
 
 
 def compute_rows(tasks: Sequence[Task], workers: Workers | None) -> Iterator[Row]:
-    """The rows of some tasks, as they are done; `workers` None: a thread per core. Raises `StudyError`."""
+    """Yield the rows of some tasks as they are done; `workers` None: a thread per core. Raises `StudyError`."""
     if tasks:
         with (workers or chosen_workers())() as run:
             for _, row in run(compute, tasks):
@@ -155,13 +155,13 @@ def compute_rows(tasks: Sequence[Task], workers: Workers | None) -> Iterator[Row
 def run_board(
     tasks: Sequence[Task], store: RowStore, workers: Workers | None = None, told: Told = lambda done, total: None
 ) -> Leaderboard:
-    """The rows of all tasks: those in the store, and the others, which are computed and stored. Raises `StudyError`.
+    """The leaderboard of all tasks: rows from the store, and the others, computed and stored. Raises `StudyError`.
 
-    It may be interrupted at any time: the same call then computes the remaining rows. `workers` None: a thread per core.
+    The computation may be interrupted: the same call then computes the remaining rows. `workers` None: a thread per core.
     """
     store.prepare()
     known = {task.row.key: row for task in tasks if (row := store.get(task.row.key)) is not None}
-    # Long tasks first, so that no core waits for them at the end.
+    # Long tasks come first, so that no core waits for one at the end.
     missing = sorted((task for task in tasks if task.row.key not in known), key=lambda task: -task.case.duration)
     done = len(tasks) - len(missing)
     told(done, len(tasks))
@@ -180,17 +180,17 @@ COMPARED = ("status", "sentence", "scores", "result_hash", "seed")
 
 @dataclass(frozen=True)
 class Finding:
-    """The check of one kept row."""
+    """The check of one stored row."""
 
     row: Row
     sentence: str
-    """What differs; empty: nothing, bit for bit."""
+    """What differs; empty if the row computed again agrees bit for bit."""
 
 
 def verify(
     rows: Sequence[Row], tasks: Sequence[Task], workers: Workers | None = None, told: Told = lambda done, total: None
 ) -> Iterator[Finding]:
-    """Compute the tasks of some rows again, without the store, and say for each row what differs."""
+    """Compute the tasks of some rows again, without the store, and yield for each row what differs."""
     wanted = {task.row.place: task for task in tasks}
     there = {row.place: row for row in rows}
     again = [wanted[place] for place in there if place in wanted]

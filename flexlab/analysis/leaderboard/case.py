@@ -1,7 +1,7 @@
 """Cases of the leaderboard: a scenario with its variants and commands, and the scores by which laws are compared in it.
 
-To add a case, copy one of `cases/standard.py` into a file in `cases/`; table, figures, report and page follow from it. A score is
-a metric over a window of a run, with its formula; less is better.
+To add a case, copy one from `cases/standard.py` into a new file in `cases/`; table, figures, report and page follow from it. A
+score is a metric over a window of a run, with its formula; less is better.
 """
 
 from collections.abc import Mapping, Sequence
@@ -42,7 +42,7 @@ class Score:
     window: Window = ALWAYS
     """The window of samples that count, s."""
     floor: float = 1e-9
-    """A smaller score counts as this one in comparisons, SI: the integrator's error is about a nanometre."""
+    """Smaller scores count as this one in comparisons, SI: the integrator's error is about a nanometre."""
 
     @property
     def name(self) -> str:
@@ -55,7 +55,7 @@ class Score:
         return Number(self.metric.name, self.number, self.metric.columns[self.number]).name
 
     def text(self, value: float | None) -> str:
-        """A value (SI) with four digits in the shown unit; of None, the word for a missing value."""
+        """A value (SI) with four digits in the shown unit; for None, the word for a missing value."""
         return value_text(self.column, nan if value is None else self.column.scale * value)
 
 
@@ -96,7 +96,7 @@ internal_force = partial(_score, metrics.rms_internal_force, "√(mean(F_1x² + 
 
 
 def residual(later: bool = True) -> Score:
-    """The vibration after the target has stopped, or from `LATER` s after the stop on."""
+    """The score of the vibration after the target's stop, or from `LATER` s after the stop on."""
     title = f"Residual vibration {LATER:g} s after the stop" if later else "Residual vibration after the stop"
     column = Column("residual-later" if later else "residual", title, "residual", "µm", 1e6)
     time = f"T + {LATER:g} s" if later else "T"
@@ -133,7 +133,7 @@ class Case:
     duration: float
     """s."""
     scores: tuple[Score, ...]
-    """The first one ranks."""
+    """The first one ranks the laws."""
     changes: Mapping[str, Any] = field(default_factory=dict)
     """Changes of the preset paper, by path."""
     variants: tuple[Variant, ...] = (Variant(""),)
@@ -144,7 +144,7 @@ class Case:
 
     @property
     def main(self) -> Score:
-        """The score that ranks."""
+        """The score that ranks the laws."""
         return self.scores[0]
 
     def plain_scenario(self, variant: Variant, seed: int) -> Scenario:

@@ -33,7 +33,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
         "controller.lateral_vibration_gain": 60.0,
     },
 }
-"""Laws that enter a second time: with an observer instead of measured rates, and with a slow part that suits soft beams."""
+"""Further entries of a law: with an observer instead of measured rates, and with a slow part that suits soft beams."""
 
 AnyEntrant = str | Path | type
 
@@ -107,7 +107,7 @@ def _entrant(wanted: AnyEntrant, known: Mapping[str, Entrant]) -> Entrant:
 
 
 BLOCK = 5000
-"""Most samples of a run that are in memory at once."""
+"""Most samples of a run in memory at once."""
 FINISHED, INVALID = "finished", "invalid"
 
 
@@ -123,9 +123,9 @@ class Row:
     status: str
     """As `Run.status`, or "invalid"."""
     sentence: str
-    """Why it failed, or from when on its results are not accurate; empty: neither."""
+    """Why it failed, or from when on its results are inaccurate; empty if neither."""
     note: str
-    """Settings other than the law's defaults, and what had to be set for it."""
+    """Settings that differ from the law's defaults, and what else had to be set for it."""
     scores: dict[str, float | None] = field(hash=False)
     """The scores by name, SI; None where a score has no value; empty if the law failed."""
     seed: int
@@ -166,9 +166,9 @@ class Task(NamedTuple):
 
     case: Case
     scenario: Scenario | None
-    """None: it is not valid, as the row says."""
+    """None if it is not valid; the row says why."""
     row: Row
-    """What is known of the row before."""
+    """The row as far as it is known beforehand."""
 
 
 def machine() -> str:
@@ -177,7 +177,7 @@ def machine() -> str:
 
 
 def compute(task: Task) -> Row:
-    """Simulate a task on this machine, a cluster's worker maybe. The row of a law that fails says why."""
+    """Simulate a task on this machine, which may be a cluster's worker. The row of a law that fails says why."""
     hashed, metrics = ResultHash(), [(score, score.metric()) for score in task.case.scores]
     row = replace(task.row, machine=machine())
     if task.scenario is not None:
@@ -204,13 +204,13 @@ _turns: dict[str, threading.Lock] = {}
 
 
 def _turn(scenario: Scenario) -> AbstractContextManager[object]:
-    """Runs of the same law in Python take turns, because the law, not the run, knows the last error."""
+    """A lock by which runs of the same Python law take turns, because the last error is kept per law, not per run."""
     source = getattr(scenario.controller, "source", "")
     return _turns.setdefault(source, threading.Lock()) if source else nullcontext()
 
 
 def _blocks(world: World, case: Case) -> Iterator[Samples]:
-    """The samples of a case in blocks, from the world's start on, as `sim.simulate` gives them with its commands."""
+    """The samples of a case in blocks, from the world's start on, as `sim.simulate` gives them with the case's commands."""
     count = sample_count(case.duration, SAMPLE_PERIOD)
     if not world.status.failed:
         yield world.observe()

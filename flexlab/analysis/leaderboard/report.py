@@ -1,7 +1,7 @@
 """The tables of a leaderboard for terminal, report and page (an overview, then a section per case), and the cases' figures.
 
-A figure shows the score that ranks: a dot per law and scenario, or a map where there are many scenarios. The report is one HTML
-file that opens without network.
+A figure shows the score that ranks the laws: a dot per law and scenario, or a map if there are many scenarios. The report is
+one HTML file that opens without network.
 """
 
 import re
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 FAILS = "fails"
 LEVELS = 6
-"""Shades of a table, each for scores twice as large as those of the shade before."""
+"""Number of shades in a table; each is for scores twice as large as those of the shade before."""
 DIGITS = 4
 """Significant digits of a score."""
 AS_GOOD = 1.05
@@ -46,7 +46,7 @@ class Cell:
     level: int | None = None
     """0: the best score of its column; `LEVELS`: 2^LEVELS times the best or more; None: no number."""
     about: str = ""
-    """The text that appears when a person points at the cell."""
+    """The text that appears when the pointer is on the cell."""
 
 
 @dataclass(frozen=True)
@@ -64,9 +64,9 @@ class Section:
 
     case: Case
     main: Grid
-    """The score that ranks with a column per variant; all scores of a case with a single variant."""
+    """The ranking score with a column per variant; for a single variant, all scores."""
     details: tuple[tuple[str, Grid], ...]
-    """(variant, all scores) of a case with several variants."""
+    """(variant, all scores); empty for a single variant."""
     failures: tuple[str, ...]
     """A sentence for each law that failed."""
 
@@ -91,7 +91,7 @@ def _ratio_text(ratio: float) -> str:
 
 
 def _with_zeros(text: str, digits: int) -> str:
-    """A decimal number with the zeros that belong to so many significant digits, for a column; other texts as they are."""
+    """A decimal number padded with zeros to `digits` significant digits, for a column; other texts stay as they are."""
     whole, _, part = text.partition(".")
     known = len(f"{whole}{part}".lstrip("0"))
     if not f"{whole}{part}".isdecimal() or not 0 < known < digits:
@@ -172,7 +172,7 @@ def _column(board: Leaderboard, case: Case, variant: Variant, score: Score) -> d
 
 
 def settings(board: Leaderboard) -> dict[str, list[str]]:
-    """Law → its settings other than its defaults, and that it was sampled; laws without such have no entry."""
+    """Law → its settings that differ from the defaults, and that it was sampled; laws without any have no entry."""
     parts = ((row.law, part) for row in board.rows for part in BETWEEN.split(_in_words(row.note)))
     found: dict[str, list[str]] = {}
     for law, part in dict.fromkeys(parts):
@@ -182,13 +182,13 @@ def settings(board: Leaderboard) -> dict[str, list[str]]:
 
 
 BETWEEN = re.compile("; |(?<!sampled), ")
-"""What stands between the settings of a note."""
+"""The separators between the settings in a note."""
 SETTING = re.compile(r"([a-z_]+(?:\.[a-z_]+)*) = ([^\s;,]+)(?: s\b)?")
 """A field of a law and its value, as rows note them."""
 
 
 def _in_words(note: str) -> str:
-    """A row's note with the titles of the fields that it names."""
+    """A row's note with titles in place of the fields' names."""
 
     def said(found: re.Match[str]) -> str:
         value = typed_number(found[2])
@@ -211,7 +211,7 @@ def provenance(board: Leaderboard) -> str:
 WIDTH, LINE, AROUND = 6.5, 0.26, 1.1
 """Width of a figure, height of a law's line, and height above and below all lines, in inches."""
 BESIDE = 0.15
-"""Room left and right, in inches, for names of laws that are longer in the page's language."""
+"""Margin left and right, in inches, for names of laws that are longer in the page's language."""
 ABOVE_LEGEND = 20
 """Distance between axes and title above a legend, in points."""
 MARKS = ((BLUE, "o"), (VERMILION, "s"), (GREEN, "^"))
@@ -223,7 +223,7 @@ DARK = 0.45
 
 
 def draw_case(case: Case, laws: Sequence[str], values: np.ndarray) -> "Figure":
-    """The main scores (laws, variants) in the shown unit, on a logarithmic scale; NaN: none. Less is better."""
+    """Draw the main scores (laws, variants) in the shown unit, on a logarithmic scale; NaN: no score. Less is better."""
     values = drawable(values)
     with style():
         figure = empty_figure(WIDTH, AROUND + LINE * max(len(laws), 2))
@@ -266,7 +266,7 @@ def _draw_map(figure: "Figure", axes: "Axes", case: Case, values: np.ndarray) ->
     axes.set_xticks(range(len(case.variants)), [variant.name for variant in case.variants], rotation=30, ha="right")
     for line, place in np.ndindex(*values.shape):
         value = values[line, place]
-        text, color = "–", "black"  # The page draws black in its own colour.
+        text, color = "–", "black"  # The page replaces black by its own colour.
         if np.isfinite(value):
             text, color = number_text(value, 2), "white" if np.greater(drawn.norm(value), 1 - DARK) else INK
         axes.text(place, line, text, ha="center", va="center", fontsize="x-small", color=color)
@@ -283,7 +283,7 @@ def _salt(case: Case) -> str:
 
 
 def write_figures(board: Leaderboard, folder: Path) -> list[Path]:
-    """`<case>.svg` of each case in a folder; returns the paths. Raises `StudyError`."""
+    """Write `<case>.svg` of each case to a folder; returns the paths. Raises `StudyError`."""
     make_folder(folder)
     paths = {folder / f"{case.name}.svg": case for case in board.cases}
     for path, case in paths.items():
@@ -295,7 +295,7 @@ PAGE, TABLE = "leaderboard.html", "leaderboard"
 
 
 def write_report(board: Leaderboard, folder: Path) -> list[Path]:
-    """`leaderboard.html`, `.parquet`, `.csv` and a figure per case in a folder; returns the paths. Raises `StudyError`."""
+    """Write `leaderboard.html`, `.parquet`, `.csv` and a figure per case to a folder; returns the paths. Raises `StudyError`."""
     html, tables = folder / PAGE, [folder / f"{TABLE}.parquet", folder / f"{TABLE}.csv"]
     figures = write_figures(board, folder)
     write_text(html, report_text(board))
@@ -313,7 +313,7 @@ def report_text(board: Leaderboard) -> str:
 
 
 def page_values(board: Leaderboard) -> dict[str, Any]:
-    """What report and page show besides figures."""
+    """The values that report and page show besides figures."""
     return {
         "overview": overview(board),
         "sections": sections(board),

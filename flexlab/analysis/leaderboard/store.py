@@ -48,7 +48,7 @@ def digest(parts: Iterable[bytes | str]) -> str:
 
 @cache
 def engine() -> str:
-    """A digest of everything but the laws that computes rows here: flexlab's sources and the libraries' versions."""
+    """A digest of everything that computes rows here, except the laws: flexlab's sources and the libraries' versions."""
     laws_folder = _PACKAGE / "control" / "laws"
     files = [file for room in _ROOMS for file in sorted((_PACKAGE / room).rglob("*.py"))]
     files = [file for file in files if laws_folder not in file.parents]
@@ -109,7 +109,7 @@ FOLDER = Path("leaderboard")
 ROWS, LAST = "rows", "last.json"
 ADVICE = "make room or choose another folder"
 LARGEST = 1_000_000
-"""Most bytes of a file that is read."""
+"""Largest file that is read, bytes."""
 SHIPPED = "leaderboard.json"
 """The file in `web_assets` with the table that ships; a test computes its rows again."""
 
@@ -122,7 +122,7 @@ def shipped_rows() -> tuple[Row, ...]:
 
 
 def ship(rows: Sequence[Row]) -> None:
-    """Make these the rows that ship with flexlab; one engine must have computed them all."""
+    """Make these the rows that ship with flexlab; the same engine must have computed them all."""
     data = [row.as_data() for row in rows]
     common = {name: data[0][name] for name in COMMON}
     lines = [json.dumps({name: row[name] for name in row if name not in COMMON}, ensure_ascii=False) for row in data]

@@ -1,4 +1,4 @@
-"""The standard cases, B1 to B8: from the paper's own experiment to ten minutes with noise, and joints and grips of machines."""
+"""The standard cases, B1 to B8: from the paper's own experiment to ten minutes with noise, and to real joints and grips."""
 
 from math import pi, sqrt
 
@@ -31,7 +31,7 @@ B1 = Case(
     (settled(), peak_error(), rms_error((1.0, 3.0)), peak_torque(), internal_force()),
 )
 STIFFNESSES = (100.0, 10.0, 1.27)
-"""Bending stiffnesses, N·m², with first modes of 44, 14 and 5 Hz."""
+"""Bending stiffnesses, N·m²; the first modes are at 44, 14 and 5 Hz."""
 
 B2 = Case(
     "B2",
@@ -74,9 +74,9 @@ B4 = Case(
 )
 PERIOD = 0.001  # s
 POSE_NOISE = (2e-6, 2e-6, 5e-6)
-"""Noise of the pose, m, m, rad, as by encoders of 20 bits at the end of such arms."""
+"""Noise of the pose, m, m, rad, as from 20-bit encoders at the end of such arms."""
 RATE_NOISE = tuple(sqrt(2) / PERIOD * noise for noise in POSE_NOISE)
-"""Noise of the pose rate, m/s, m/s, rad/s, as of differences of two readings."""
+"""Noise of the pose rate, m/s, m/s, rad/s, as from differences of two readings."""
 STRAIN_NOISE = 1e-6
 TORQUE_LIMIT = (300.0, 300.0, 100.0)
 """Torque limits, N·m: the paper's start asks for twice as much, its steady motion for less than half."""
@@ -111,7 +111,7 @@ B5 = Case(
 RATIOS = (0.25, 0.5, 0.8, 0.9, 1.0, 1.1, 1.25, 2.0)
 """Path frequency over f1."""
 ACCELERATION = 2.0
-"""Peak acceleration of the path across the beam, m/s², and so the beam's load, the same at all frequencies."""
+"""Peak acceleration of the path across the beam, m/s²: the same at all frequencies, and so is the load on the beam."""
 STIFFNESS = 10.0
 """Bending stiffness, N·m², with which arms can follow a path at twice the first mode's frequency."""
 _payload = load_preset("paper").payload
@@ -137,9 +137,9 @@ B6 = Case(
 )
 DURATION = 600.0  # s
 SETTLED, END = 60.0, 540.0
-"""Start of the window of the drift, and of the last minute, s."""
+"""Start of the window of the drift, and start of the last minute, s."""
 LEAKAGE = 0.1
-"""Leakage, 1/s, that forgets within ten seconds."""
+"""Leakage, 1/s, with which the estimates forget within ten seconds."""
 
 
 class BoundDrift(Metric):
@@ -165,7 +165,7 @@ class BoundDrift(Metric):
 
 
 def drift(window: Window) -> Score:
-    """The growth of the bound estimate."""
+    """The score of the bound estimate's growth."""
     formula = f"slope of b̂ᵀ(1, ‖x‖, ‖ẋ‖²) over t, least squares, t ≥ {window[0]:g} s"
     return Score(BoundDrift.columns[0], formula, BoundDrift, window=window)
 

@@ -16,7 +16,7 @@ from flexlab.sim.samples import Run
 from flexlab.sim.simulate import simulate
 
 LENGTH, RHO, EI = 0.5, 2.0, 100.0
-"""The paper's: m, kg/m, N·m²."""
+"""The paper's beam: m, kg/m, N·m²."""
 CLAMPED = {"clamped-clamped": 4.730040744862704, "clamped-free": 1.875104068711961, "clamped-pinned": 3.926602312047919}
 """Boundary → first root z of its characteristic equation, ω = √(EI/ρ) z²/L²."""
 
@@ -64,11 +64,11 @@ PRESSED = {"controller.wanted_internal_force": 30.0}
 SPIN_UP, SPUN_FOR = 3.0, 5.0
 """Times at which the preset `spin-up` begins to spin steadily, and to spin down, s."""
 RISE, WANTED, STEPS = 10.0, 60.0, 100
-"""The slow squeeze raises F_d for so many s, to so many N, in so many steps."""
+"""Duration of the slow squeeze, s, the F_d that it reaches, N, and the number of its steps."""
 MARGIN = 0.03
-"""A bent beam is held this share of the buckling load below and above it."""
+"""Share of the buckling load by which a bent beam is held below and above it."""
 BUCKLED = 0.05
-"""Deflection of a buckled beam, m, a tenth of its length, which no earlier ring comes near."""
+"""Deflection from which a beam has buckled, m: a tenth of its length, far above that of any earlier ring."""
 
 
 @subject("The force along the beam", 9)

@@ -1,4 +1,4 @@
-"""Checks, how all of them are made, and the runs that several of them share, each simulated once."""
+"""Checks, the function that makes all of them, and the runs that several of them share, each simulated once."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 PERIOD = 0.001
 """Sample period of the paper's run, s."""
 FINE = 1e-5
-"""Sample period of runs that are differentiated, s; the fastest mode turns by 0.06 rad in it."""
+"""Sample period of runs that are differentiated, s; the fastest mode's phase advances by 0.06 rad in it."""
 EVERY = 75
 """Every 75th sample of such a run is compared with mass points."""
 STILL = {"trajectory": {"kind": "hold", "pose": (0.0, 0.75, 0.0)}}
@@ -35,11 +35,11 @@ DAMPING = 0.1
 
 
 class Runs:
-    """Runs that several subjects look at, simulated when first asked for. Raises `StudyError` for one that fails."""
+    """Runs that several subjects share, each simulated when first needed. Raises `StudyError` for one that fails."""
 
     @cached_property
     def paper(self) -> Run:
-        """Section IV for 6 s, so that four periods after the second one are left for spectra."""
+        """Section IV for 6 s, which leaves four periods after the first two for spectra."""
         return run_of("the paper's run", {}, 6.0, PERIOD)
 
     @cached_property
@@ -66,7 +66,7 @@ class Runs:
 
 
 def general(name: str, changes: dict[str, Any]) -> Run:
-    """3 ms of the paper's system with weight, moving fast, its beam bent, sampled finely enough to take derivatives.
+    """3 ms of the paper's system with weight, moving fast with a bent beam, sampled finely enough to take derivatives.
 
     Raises `StudyError` if the run fails.
     """
@@ -150,7 +150,7 @@ class Validation(Result):
 
 
 def validate() -> Validation:
-    """Compare what this installation computes with the paper and with mechanics: `.holds`, and a row per statement.
+    """Compare what this installation computes with the paper and with mechanics: see `.holds` and `.table`.
 
     The statements are the checks of every `subject` in this folder. A subject whose run fails gets one more check, which
     does not hold and says why.
@@ -165,7 +165,7 @@ def _made(group: Group, runs: Runs) -> Iterator[Check]:
     try:
         yield from group(runs)
     except (FlexlabError, ArithmeticError, ValueError, IndexError) as error:
-        # Wrong physics may give numbers that no formula takes.
+        # Wrong physics may give numbers with which a formula fails.
         yield Check("can be computed", "yes", " ".join(str(error).split()) or type(error).__name__, False)
 
 
@@ -204,7 +204,7 @@ def true(statement: str, holds: bool, otherwise: str = "no") -> Check:
 
 
 def balanced(statement: str, run: Run, whole: float | None = None) -> Check:
-    """Energy gained equals work less losses, within 1e-6 of `whole`, J (None: of all work and damping)."""
+    """Energy gained must equal work less losses, within 1e-6 of `whole`, J (None: of all work and damping)."""
     gained, work = run.total_energy, run.input_work + run.axial_work + run.own.get("material_energy", 0.0)
     lost = run.dissipated_energy + run.own.get("friction_loss", 0.0) + run.own.get("grip_loss", 0.0)
     imbalance = np.abs((gained - gained[0]) - (work - work[0]) + (lost - lost[0])).max()
@@ -213,5 +213,5 @@ def balanced(statement: str, run: Run, whole: float | None = None) -> Check:
 
 
 def same_internal_force(statement: str, run: Run) -> Check:
-    """Eq. (26) gives the recorded internal force of Eqs. (13)-(15), within 1e-9 of its largest value."""
+    """Eq. (26) must give the recorded internal force of Eqs. (13)-(15), within 1e-9 of its largest value."""
     return alike(statement, 1e-9, internal_force_eq_26(run), run.internal_force)

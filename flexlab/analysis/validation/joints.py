@@ -127,12 +127,12 @@ COUNTS = (20000.0, 16384.0, 9000.0)  # per turn of each joint
 COUNT = 2 * np.pi / np.array(COUNTS)
 CLOCKED = {"controller.control_period": PERIOD, "joints.encoders.counts": COUNTS}
 READ = 2000
-"""Control instants at which encoders are read."""
+"""Number of control instants at which encoders are read."""
 GAINS = {"controller.kind": "pd", "controller.position_gain": 8000.0, "controller.velocity_gain": 900.0}
 FINEST = (1e9, 1e9, 1e9)
 """Counts per turn so fine that rounding does not show."""
 OFFSET, INSTANTS = (1e-4, -5e-5, 8e-5), 30
-"""Offset of the pose, m, m, rad, and control periods for which the loop leads it back."""
+"""Initial offset of the pose, m, m, rad, and number of control periods in which the loop reduces it."""
 
 
 @subject("Encoders", 11)
@@ -153,20 +153,20 @@ def encoders(_: Runs) -> Iterator[Check]:
         yield below(f"{words}: θ is off by half a count of each joint at most, as a part", 1.0, off / (COUNT.sum() / 2))
         statement = f"{words}: mean square of what rounding does to θ, ΣΔ²/12 over the arms, rad²"
         yield close(statement, float(np.sum(COUNT**2) / 12 / arms), float(np.mean(off**2)), relative=0.06)
-    # A law that answers the rate alone shows the rate by the encoders.
+    # A law that responds to the rate alone shows the rate that encoders give.
     law = {"controller": {"kind": "pd", "position_gain": 0.0, "velocity_gain": 1.0, "control_period": PERIOD}}
     moving = {"initial.pose_rate": (0.1, -0.2, 0.3), "joints.encoders.counts": COUNTS}
     told, samples = _readings(load_preset("paper").replace({**law, **STILL, **moving}), 100)
     answers = [-now.arm_input[-1].sum(axis=0) for now in samples]
     differences, statement = np.diff(told, axis=0) / PERIOD, "the rate is the difference of two readings over T_c"
     yield alike(f"{statement}: largest error, as a part", 1e-3, answers[1:], differences)
-    # Without the pose before among its states, the linear model would damp as if the rate did not lag by T_c/2.
+    # Without the previous pose among its states, the linear model would damp as if the rate did not lag by T_c/2.
     statement = "PD with differenced rates: pose 30 instants after an offset, by the linear model, as a part"
     yield _led_back(statement, {"joints.encoders.counts": FINEST})
 
 
 def _readings(scenario: Scenario, count: int) -> tuple[np.ndarray, list[Samples]]:
-    """Pose by the encoders (N, 3), and the samples, at control instants."""
+    """The pose that encoders give, (N, 3), and the samples, at control instants."""
     world, told, samples = World(scenario, scenario.controller.control_period), [], []
     for _ in range(count):
         samples.append(world.advance(1))
@@ -181,7 +181,7 @@ def _led_back(statement: str, joints: dict[str, Any]) -> Check:
     A = np.asarray(linearize(scenario, pose=pose, inputs="desired_pose", outputs="pose").A)
     z = np.zeros(len(A))
     z[:3] = OFFSET
-    if scenario.joints.encoders.active:  # The law remembers the pose before, as the model's last three states.
+    if scenario.joints.encoders.active:  # The law remembers the previous pose: the model's last three states.
         z[-3:] = OFFSET
     z = np.linalg.matrix_power(A, INSTANTS) @ z
     start = tuple(np.add(pose, OFFSET))
@@ -196,7 +196,7 @@ STALL, FREE = (450.0, 250.0, 90.0), (7.0, 6.0, 9.0)
 CURVE = {"joints.motor.stall_torque": STALL, "joints.motor.no_load_speed": FREE}
 WHOLE = {**CURVE, "joints.motor.time_constant": LATE, "joints.friction.viscous": (5.0, 5.0, 2.0)}
 SLOW, WEAK = 0.01, 0.05
-"""rad/s and N·m: a coasting arm turns faster than such a motor without load."""
+"""No-load speed, rad/s, slower than a coasting arm turns, and stall torque, N·m."""
 
 
 @subject("Motors", 12)
@@ -227,7 +227,7 @@ def _asked(run) -> np.ndarray:
 
 
 def _lag() -> Iterator[Check]:
-    """The motors' torques between control instants, while the asked ones are constant."""
+    """The motors' torques between control instants, while the torques asked for are constant."""
     changes = {"controller.control_period": PERIOD, "joints.motor.time_constant": LATE, "simulation.step": 1e-5}
     run = run_of("the clocked run with late motors", changes, 0.1, PERIOD)
     asked, given = _asked(run), run.joint_torque

@@ -14,7 +14,7 @@ from flexlab.scenario import Scenario
 from flexlab.sim.samples import Run
 
 COMPLEX_STEP = 1e-30
-"""Derivatives of positions are exact with it."""
+"""Step with which derivatives of positions are exact."""
 STEP = 1e-4
 """Step of fourth-order differences, m and rad."""
 GAUSS_POINTS = 6
@@ -64,7 +64,7 @@ class MassPoints:
         J = _jacobian(lambda pose: self._links(pose, index), x)
         centers, directions = J[:, :3], J[:, 3:]
         M = np.einsum("k,aki,akj->ij", self._mass[index], centers, centers)
-        # |d(unit vector)| is the link's turn.
+        # |d(unit vector)| is the link's rotation.
         return M + np.einsum("k,aki,akj->ij", self._turning[index], directions, directions)
 
     def arm_terms(self, x: np.ndarray, v: np.ndarray, index: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -176,7 +176,7 @@ def pose_by_angles(scenario: Scenario, index: int, angle: np.ndarray) -> np.ndar
 
 
 def coordinates(run: Run) -> tuple[np.ndarray, np.ndarray, range]:
-    """p and ṗ of all samples of a run, (N, 3 + n_q) each, and the samples at which a run of `general` is compared."""
+    """p and ṗ of all samples of a run, (N, 3 + n_q) each, and the indices of the samples that are compared."""
     p, rate = np.hstack([run.pose, run.beam_coordinates]), np.hstack([run.pose_rate, run.beam_rates])
     return p, rate, range(2, len(run) - 2, EVERY)
 
@@ -193,5 +193,5 @@ def residual_force(run: Run, body: Callable, force: Callable[[int], np.ndarray])
 
 
 def time_derivative(values: np.ndarray, period: float) -> np.ndarray:
-    """d/dt of samples (N, …) by differences of fourth order, (N - 4, …): of the samples from the third on."""
+    """d/dt of samples (N, …) by differences of fourth order, (N - 4, …): of all but the first two and last two samples."""
     return (8 * (values[3:-1] - values[1:-3]) - (values[4:] - values[:-4])) / (12 * period)

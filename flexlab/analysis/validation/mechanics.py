@@ -110,7 +110,7 @@ STEPS = {
 }
 """Integrator → its order, and steps, s."""
 RINGING = {"controller.boundary_layer": 10.0, "payload.bending_stiffness": 10.0}
-"""The paper's start with a beam whose modes all steps resolve and s within the boundary layer, where the law is smooth."""
+"""The paper's start with a beam whose modes all steps resolve, and s within the boundary layer, where the law is smooth."""
 TICK, TICKS = 0.002, 50
 """Sample period, s, and number of samples."""
 

@@ -1,4 +1,4 @@
-"""The paper: what it says of Section IV, its law and internal force again from mass points, and both theorems."""
+"""The paper: its statements on Section IV, its law and internal force computed from mass points, and both theorems."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -146,7 +146,7 @@ def _of(run: Run) -> Iterator[Check]:
 
 
 THEOREM_EVERY = 25
-"""Every 25th sample of the run's first second is looked at."""
+"""Every 25th sample of the run's first second is checked."""
 
 
 @subject("Theorems 1 and 2 along the run", 5)

@@ -18,7 +18,7 @@ WINDOW = 1.6
 STEP = 1e-4
 """Step of differences along a path, s."""
 CLEAR = 4 * STEP
-"""Distance from jumps of acceleration or jerk within which no differences are taken, s."""
+"""Time before and after jumps of acceleration or jerk in which no differences are taken, s."""
 FREQUENCY, RATIO = 9.0, 0.06
 """Frequency, Hz, and ζ of the mode for which shapers are designed."""
 VIBRATION = 0.05
@@ -71,7 +71,7 @@ POSES: dict[str, Callable[[Any, np.ndarray], np.ndarray]] = {
 
 @subject("Paths and input shapers", 7)
 def paths_and_shapers(_: Runs) -> Iterator[Check]:
-    """Formulas, rates, waypoints and tables, smooth start, shapers, the bending fed forward."""
+    """Formulas, rates, waypoints and tables, smooth start, shapers, bending feedforward."""
     times = np.linspace(0.011, WINDOW - 0.01, 211)
     for kind in paths():
         if kind in POSES or kind in ("waypoints", "table"):
@@ -93,7 +93,7 @@ def paths_and_shapers(_: Runs) -> Iterator[Check]:
 
 
 def _motion(kind: str, **changes: Any) -> tuple[Any, Any]:
-    """A path of the paper's system, and its target."""
+    """A path in the paper's scenario, and the desired motion built from it."""
     scenario = load_preset("paper").replace({"trajectory": {"kind": kind, **OWN.get(kind, {}), **changes}})
     return scenario.trajectory, build_trajectory(scenario)
 
@@ -137,7 +137,7 @@ LEGS: dict[str, tuple[float, float, float, Callable[[float, float, float, float]
     ),
     "neither": (4.0, 30.0, 40.0, lambda way, v, a, j: 4 * np.cbrt(way / (2 * j))),
 }
-"""What a leg reaches → limits of speed, acceleration and jerk, and its shortest duration, s, by its length and these.
+"""What a leg reaches → limits of speed, acceleration and jerk, and its shortest duration, s, from its length and these limits.
 
 Biagiotti, Melchiorri: Trajectory Planning for Automatic Machines and Robots (2008), 3.4.
 """

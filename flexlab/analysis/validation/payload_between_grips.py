@@ -58,7 +58,7 @@ def grips(_: Runs) -> Iterator[Check]:
 
 
 def apart(z: np.ndarray, side: float) -> np.ndarray:
-    """δ of a grip at `side`, m, of a payload and an arm with these poses (6,), (3,)."""
+    """Displacement δ, (3,), of a grip at `side`, m, for the poses of payload and arm, (6,)."""
     along, across = np.array([np.cos(z[2]), np.sin(z[2])]), np.array([-np.sin(z[2]), np.cos(z[2])])
     gap = z[3:5] + side * np.array([np.cos(z[5]), np.sin(z[5])]) - z[:2] - side * along
     return np.array([along @ gap, across @ gap, z[5] - z[2]])
@@ -117,7 +117,7 @@ def _compliant_motion() -> Iterator[Check]:
 
 
 def _stiff() -> Iterator[Check]:
-    """The run comes to the paper's as k → ∞, at first order in 1/k."""
+    """The run converges to the paper's as k → ∞, at first order in 1/k."""
     found, calm = [], {"initial.pose_rate": None}
     exact = run_of("the paper's run without its jerk", {**calm, "simulation.step": 2e-5}, 0.2, 0.001)
     for stiffness in FIRM:
@@ -157,11 +157,11 @@ def _sag() -> Iterator[Check]:
 FILLED, EMPTIED, BEGIN, DURATION = 3.0, 0.3, 0.05, 0.2
 """μ of two runs; when the change begins and how long it takes, s."""
 LIGHT = 1e-7
-"""Mass of links whose inertia does not count, kg."""
+"""Mass of links whose inertia is negligible, kg."""
 KNOWN, SPRINGS, RATE_GAINS = 0.4, (2e3, 2e3, 1e3), (200.0, 200.0, 100.0)
 """Share of the change that a law knows; its K_p, N/m, N·m/rad, and K_d, N·s/m, N·m·s/rad."""
 SPEED, PULL, AHEAD = 0.3, 2.0, 0.9
-"""Speed of a coasting payload, m/s; stiffness, N/m, and place, m, of a hand that pulls one."""
+"""Speed of a coasting payload, m/s; stiffness, N/m, and position, m, of a hand that pulls one."""
 
 
 @subject("A payload that is filled or emptied", 13)
@@ -182,7 +182,7 @@ def _change(factor: float) -> dict[str, object]:
 
 
 def mass_ratio(time: np.ndarray, factor: float, begin: float, duration: float) -> tuple[np.ndarray, np.ndarray]:
-    """s and ṡ of 10u³ - 15u⁴ + 6u⁵, 1 and 1/s, (N,) each."""
+    """Mass ratio s and its rate ṡ with the ramp 10u³ - 15u⁴ + 6u⁵, 1 and 1/s, (N,) each."""
     ramp = np.polynomial.Polynomial([0, 0, 0, 10, -15, 6])
     u = np.clip((time - begin) / duration, 0.0, 1.0)
     return 1 + (factor - 1) * ramp(u), (factor - 1) * ramp.deriv()(u) / duration
@@ -219,7 +219,7 @@ def _filling_motion() -> Iterator[Check]:
 
 
 def _afterwards(factor: float) -> Iterator[Check]:
-    """After the change the motion is that of a payload which always had the new density."""
+    """After the change, the motion is that of a payload that always had the new density."""
     still = {"simulation.integrator": "rk4", "simulation.step": 1e-5, "gravity": 9.81}
     one, other = (World(load_preset("paper").replace({**_change(factor), **still})) for _ in range(2))
     one.advance(300)
@@ -251,7 +251,7 @@ def _free(factor: float) -> Iterator[Check]:
 
 
 def _hanging(factor: float) -> Iterator[Check]:
-    """A payload that pd holds against a weight of which it knows a part."""
+    """A payload that pd holds against a weight of which pd knows only a part."""
     law = {"kind": "pd", "position_gain": SPRINGS, "velocity_gain": RATE_GAINS, "model": {"mass_change_factor": KNOWN}}
     changes = {**STILL, "gravity": 9.81, "controller": law, **_change(factor)}
     run = World(load_preset("paper").replace(changes)).run(3000)

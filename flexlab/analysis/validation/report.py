@@ -14,7 +14,7 @@ from flexlab.recording.run_info import these_versions
 
 TITLES = {2: "Trajectory of the payload", 3: "Vibration", 4: "Error of the trajectory", 5: "Internal force"}
 SHOWN = 3.0
-"""Length of the figures, as in the paper, s."""
+"""Time that the figures show, as in the paper, s."""
 
 
 def write_report(validation: Validation, path: Path, seconds: float) -> None:

@@ -51,7 +51,7 @@ class Instant(NamedTuple):
     A: np.ndarray
     """Ā of the controller's model of the payload, (3, 3)."""
     weight: np.ndarray
-    """Weight of that payload, N, (3,)."""
+    """Weight of the believed payload, N, (3,)."""
     share: np.ndarray
     """Each arm's share of the common part, (2,)."""
     beam_rate: np.ndarray
@@ -162,7 +162,7 @@ MEMORY = {
 
 
 def regressor(at: Instant, r: np.ndarray, r_dot: np.ndarray) -> np.ndarray:
-    """Y by arm, (2, 3, 8): the payload's columns by the load share, a link's to its own arm."""
+    """Regressor Y of each arm, (2, 3, 8): the payload's columns times the load share, a link's only for its own arm."""
     Y = np.zeros((2, 3, 8))
     for arm in range(2):
         Y[arm, :, 0] = at.share[arm] * np.array([r_dot[0], r_dot[1] + at.points.gravity, 0.0])
@@ -194,7 +194,7 @@ def rival_laws(_: Runs) -> Iterator[Check]:
 
 
 def _first_memory(run: Run, kind: str) -> np.ndarray:
-    """The law's memory at the start of a run: zero, or the given part of the true inertia, (numbers,)."""
+    """The law's memory at the start of a run: zero, or the given share of the true inertia, (numbers,)."""
     if kind != "regressor-adaptive":
         return np.zeros(_memory(run, kind).shape[1])
     payload, arms = run.scenario.payload, run.scenario.arms
@@ -204,7 +204,7 @@ def _first_memory(run: Run, kind: str) -> np.ndarray:
 
 
 def _memory(run: Run, kind: str) -> np.ndarray:
-    """The law's memory, (N, numbers), which most laws do not have."""
+    """The law's memory, (N, numbers); most laws have none."""
     parts = [getattr(run, name).reshape(len(run), -1) for name in MEMORY.get(kind, ())]
     return np.hstack(parts) if parts else np.zeros((len(run), 0))
 

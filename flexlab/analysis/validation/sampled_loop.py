@@ -128,7 +128,7 @@ def _noise() -> Iterator[Check]:
 
 
 def _strain_noise() -> Iterator[Check]:
-    """hᵀq̇ from gauges: of each, √2 σ W_j / T_c with W_j = (2/t) M(s_j) · quadrature weight, M the moment of the load ρ."""
+    """Noise of hᵀq̇ from gauges: √2 σ W_j / T_c each, W_j = (2/t) M(s_j) · quadrature weight, M the moment of the load ρ."""
     gain = 1e-3
     law = {
         "kind": "composite", "slow": {"kind": "none"}, "lateral_vibration_gain": gain, "control_period": PERIOD,
@@ -186,7 +186,7 @@ def _observed(name: str, observer: dict[str, Any], changes: dict[str, Any]) -> f
 
 
 def _regulator() -> Iterator[Check]:
-    """K from matrices of mass points in nodal coordinates and scipy's Riccati equation."""
+    """K from matrices of mass points in nodal coordinates and scipy's Riccati solver."""
     law = {"kind": "lqr", "observer": {"kind": "kalman", "observer_modes": 4}}
     run = _held("the regulated run", law)
     settings, points = run.scenario.controller, MassPoints(run.scenario)
@@ -226,7 +226,7 @@ def _regulator() -> Iterator[Check]:
 
 
 def _believed_load() -> Iterator[Check]:
-    """The stiffness from the steady axial force that a linear law believes in, beside that of such a payload held at rest."""
+    """The axial-load stiffness in a linear law's model, compared with that of such a payload held at rest."""
     heavier, tilted = 1.3, {"kind": "hold", "pose": (0.0, 0.75, 0.4)}
     at_rest = {"payload.axial_load": "first-order", "gravity": 9.81, "trajectory": tilted, "initial.pose": None}
     law = {"wanted_internal_force": 40.0, "load_share": 0.3}

@@ -1,4 +1,4 @@
-"""The numbers that sum up a run, from its samples by their definitions, and what a change in mid-run keeps."""
+"""The metrics of a run, computed from its samples by their definitions, and what a change during a run preserves."""
 
 from collections.abc import Iterator
 
@@ -14,12 +14,12 @@ from flexlab.sim.world import World
 STOP = 0.2
 """Duration of a motion of 0.2 m after which a soft beam rings, s."""
 BEFORE = 0.02
-"""s before a change, while the beam rings."""
+"""Time of a change, s, at which the beam still rings."""
 
 
 @subject("Numbers that sum up a run", 15)
 def summary(runs: Runs) -> Iterator[Check]:
-    """Metrics of the paper's run and of one that stops; a finer mesh in mid-run."""
+    """Metrics of the paper's run and of one that stops; a change to a finer mesh during a run."""
     run = runs.paper
     found, e = run_metrics(run, own=False), run.tracking_error
     force, moment = run.internal_force[:, 0, :2], run.internal_force[:, 0, 2]
@@ -40,7 +40,7 @@ def summary(runs: Runs) -> Iterator[Check]:
     left = [np.abs(stopped.vibration[stopped.time > t - PERIOD / 2]).max() for t in (STOP, STOP + LATER)]
     told = run_metrics(stopped, own=False).residual_vibration
     yield alike("residual vibration after the stop: relative error", 1e-12, told, left)
-    # Two elements become eight: the cubics of each are cubics of its parts, so that nothing of the motion may change.
+    # Two elements become eight: a cubic on an element is a cubic on each of its parts, so the motion must not change.
     world = World(load_preset("paper"), PERIOD)
     world.run(round(BEFORE / PERIOD))
     coarse = world.observe()

@@ -1,4 +1,4 @@
-"""`/compare?run=…&run=…`: runs side by side, in tables and as curves laid over each other."""
+"""`/compare?run=…&run=…`: runs compared side by side, in tables and as overlaid curves."""
 
 from aiohttp import web
 
@@ -17,14 +17,14 @@ ROUTES = web.RouteTableDef()
 INCOMPARABLE = "These runs cannot be compared"
 
 LONGEST_VALUE = 60
-"""Characters of a setting that stand in the table; the whole of it is in the cell's title."""
+"""Most characters of a setting in the table; the cell's title has all of it."""
 
 
 @ROUTES.get("/compare")
 async def comparison(request: web.Request) -> web.Response:
-    """The runs that the address names: how far their comparison is, or what came of it.
+    """The page that compares the runs named by the address: its progress, or its results.
 
-    The address names the comparison, too: a run that is being recorded has grown when its comparison is there.
+    The address also names the comparison, because a run that is being recorded has grown by the time the comparison is ready.
     """
     if not is_opened_by_person(request):
         return refuse(request, 403, "A comparison must be opened by a person, not from inside another page.")
@@ -79,7 +79,7 @@ async def state(request: web.Request) -> web.Response:
 
 
 def _metrics(tables: ComparisonTables) -> list[tuple[str, list[str]]]:
-    """(title, the runs' values and their differences from the first) of each metric."""
+    """(title, the runs' values and their differences from the first run) of each metric."""
     lines: list[tuple[str, list[str]]] = []
     for metric in tables.metrics:
         first = metric[0]
@@ -91,7 +91,7 @@ def _metrics(tables: ComparisonTables) -> list[tuple[str, list[str]]]:
 @ROUTES.get(f"/{COMPARISON}{{key}}{SUFFIX}")
 @ROUTES.get(f"{WITH_A_PASS}{{pass}}/{COMPARISON}{{key}}{SUFFIX}")
 async def overlay(request: web.Request) -> web.StreamResponse:
-    """The file that the viewer loads."""
+    """The overlay's file, which the viewer loads."""
     if not has_pass(request) and not is_teacher(request):
         raise web.HTTPNotFound
     task = context_of(request).comparisons.get(request.match_info["key"])

@@ -1,4 +1,4 @@
-"""`/lab/`, `/s/<id>/`, the links that lead there, and `/live`: what a lab shows, in rerun's viewer, as it comes."""
+"""`/lab/`, `/s/<id>/`, the links that lead there, and `/live`: a lab's live data in rerun's viewer."""
 
 import asyncio
 from dataclasses import replace
@@ -39,21 +39,21 @@ from flexlab.server.visitors import (
 ROUTES = web.RouteTableDef()
 
 LINKED = "shared-scenario"
-"""Name of the runs of a scenario that came by a link."""
+"""Name of the runs of a scenario that was opened by a link."""
 START_PAGE = Markup(' <a class="button quiet" href="/">Start page</a>')
 NEW_LAB = Markup('<a class="button" href="/lab/">Open a new lab</a> <a class="button quiet" href="/runs">Runs</a>')
 NOT_YOURS = "This lab belongs to another browser, or was closed long ago. You can have one of your own."
 LOOK = 0.1
-"""Seconds between two checks for new data, which come five times a second."""
+"""Seconds between two checks for new data, which arrive five times a second."""
 PATIENCE = 30.0
-"""Seconds that a viewer may take for one piece; one that hangs is cut off."""
+"""Most seconds that a viewer may take for one piece, after which it is cut off."""
 NOT_SERVED = "Live data are served by a lab that was started with --rerun, to whoever has that lab open."
 
 
 @ROUTES.get("/lab")
 @ROUTES.get("/lab/")
 async def lab(request: web.Request) -> web.StreamResponse:
-    """The shared lab, or the way to the visitor's own; `?scenario=` brings a scenario along."""
+    """The shared lab, or a redirect to the visitor's own; `?scenario=` opens a scenario in it."""
     context = context_of(request)
     if is_websocket(request):
         place = _place(request)
@@ -72,7 +72,7 @@ async def lab(request: web.Request) -> web.StreamResponse:
 @ROUTES.get("/lab/{preset}")
 @ROUTES.get("/lab/{preset}/")
 async def preset_link(request: web.Request) -> web.StreamResponse:
-    """`/lab/<preset>`: that preset in the lab. Other names may be files of viser's page."""
+    """`/lab/<preset>`: open that preset in the lab. Other names may be files of viser's page."""
     name = request.match_info["preset"]
     context = context_of(request)
     if name not in await asyncio.to_thread(preset_names):
@@ -91,7 +91,7 @@ async def _enter_by_link(request: web.Request, choice: Choice | None) -> web.Str
     if not is_opened_by_person(request):
         return refuse(request, 403, "A link into the lab must be opened by a person, not from inside another page.")
     if choice is not None:
-        # The lab whose run the link would end.
+        # The link would end the run of this lab.
         place = context_of(request).places.of_visitor(visitor_of(request).id)
         if place is not None and is_foreign_link(request):
             return _ask_first(request, choice, "A page of another site leads")
@@ -111,7 +111,7 @@ def _would_disturb(request: web.Request, choice: Choice, place: Lab) -> bool:
 
 
 def _ask_first(request: web.Request, choice: Choice, what: str) -> web.Response:
-    """A page that asks before a link ends a run that people watch."""
+    """A page that asks for consent before a link ends a run that people watch."""
     shared = "" if context_of(request).places.is_private else " for everybody who watches"
     title = choice.scenario.title or choice.name
     sentence = f"{what} to {title}. Opening it ends the present run{shared}; the run is kept."
@@ -120,7 +120,7 @@ def _ask_first(request: web.Request, choice: Choice, what: str) -> web.Response:
 
 
 async def enter_lab(request: web.Request, choice: Choice | None) -> web.StreamResponse:
-    """Send the visitor on to the lab itself, so that a reload does not start the run anew."""
+    """Redirect the visitor to the lab itself, so that a reload does not restart the run."""
     context, visitor = context_of(request), known_visitor_of(request)
     try:
         place = await context.places.enter(visitor.id, choice, visitor.address, visitor.name)
@@ -133,7 +133,7 @@ async def enter_lab(request: web.Request, choice: Choice | None) -> web.StreamRe
         return answer
     except LabError as error:
         return message("The lab did not open", str(error), 503, NEW_LAB)
-    # What the page itself understands (its drawing settings) goes along.
+    # Keep the parameters that the page itself reads (its drawing settings).
     query = request.rel_url.without_query_params("scenario").raw_query_string
     answer = web.Response(status=303, headers={hdrs.LOCATION: f"{place.path}/" + (f"?{query}" if query else "")})
     if context.places.is_private:
@@ -143,7 +143,7 @@ async def enter_lab(request: web.Request, choice: Choice | None) -> web.StreamRe
 
 @ROUTES.post("/name")
 async def take_name(request: web.Request) -> web.StreamResponse:
-    """Take a visitor's name, then lead into the lab."""
+    """Take a visitor's name, then redirect to the lab or the start page."""
     form, visitor = await request.post(), known_visitor_of(request)
     try:
         named = replace(visitor, name=checked_name(str(form.get("name", ""))))
@@ -176,12 +176,12 @@ async def private_lab(request: web.Request) -> web.StreamResponse:
 
 
 def _place(request: web.Request) -> Lab | None:
-    """The lab that an address of a page or of a state names, if the visitor may enter it."""
+    """The lab named by the address of a page or of its state, if the visitor may enter it."""
     places, path = context_of(request).places, request.path.removeprefix("/state").rstrip("/")
     mine = places.of_visitor(visitor_of(request).id)
     if mine is not None and mine.path == path:
         return mine
-    # The teacher enters all.
+    # The teacher may enter all labs.
     others = places.running() if has_teacher_cookie(request) else ()
     return next((place for place in others if place.path == path), None)
 
@@ -201,13 +201,13 @@ async def state(request: web.Request) -> web.Response:
 
 
 def live_name(lab: Lab) -> str:
-    """The name of a lab's live data in addresses; that of a private lab cannot be guessed."""
+    """The name of a lab's live data in addresses; a private lab's cannot be guessed."""
     return lab.path.rsplit("/", 1)[-1]
 
 
 @ROUTES.get("/live")
 async def show(request: web.Request) -> web.Response:
-    """The viewer on the data of the visitor's lab."""
+    """Redirect to the viewer with the live data of the visitor's lab."""
     context = context_of(request)
     lab = context.places.of_visitor(visitor_of(request).id)
     if lab is None or lab.live is None:
@@ -222,13 +222,13 @@ async def show(request: web.Request) -> web.Response:
 @ROUTES.get(f"/{LIVE}{{lab}}{SUFFIX}")
 @ROUTES.get(f"{WITH_A_PASS}{{pass}}/{LIVE}{{lab}}{SUFFIX}")
 async def stream(request: web.Request) -> web.StreamResponse:
-    """A lab's data without an end, as a rerun file: first what is kept of the past."""
+    """A lab's data as an endless rerun file that begins with the stored past."""
     context = context_of(request)
     named = (lab for lab in context.places.running() if live_name(lab) == request.match_info["lab"])
     lab = next(named, None)
     if lab is None or lab.live is None or not _may_watch(request, lab):
         raise web.HTTPNotFound
-    # A viewer sends no cookies: whoever has the pass to a private lab counts as its visitor.
+    # A viewer sends no cookies: whoever has a private lab's pass counts as its visitor.
     asker = visitor_of(request)
     if context.places.is_private:
         asker = replace(asker, id=live_name(lab))
@@ -252,7 +252,7 @@ async def stream(request: web.Request) -> web.StreamResponse:
 
 
 def _may_watch(request: web.Request, lab: Lab) -> bool:
-    """Whether the visitor may watch live data: those of the shared lab, of their own, with a pass, or as the teacher."""
+    """Whether the visitor may watch a lab's live data: it is shared or their own, or they have its pass or are the teacher."""
     places = context_of(request).places
     if not places.is_private or (request.path.startswith(WITH_A_PASS) and has_pass(request)):
         return True

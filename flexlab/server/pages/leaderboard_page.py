@@ -1,6 +1,6 @@
 """`/leaderboard`: the newest table of control laws on the same cases, and a button that computes the missing rows.
 
-Computing and drawing run in processes of their own.
+Computing and drawing run in separate processes.
 """
 
 import asyncio
@@ -22,15 +22,15 @@ from flexlab.server.visitors import Context, context_of, told, visitor_of
 ROUTES = web.RouteTableDef()
 
 MOST_BOARDS = 4
-"""Most tasks that a server keeps: the newest computation, and the figures of the newest tables."""
+"""Most tasks that a server keeps: the newest computation and the figures of the newest tables."""
 PLACE = "/leaderboard"
 TABLE = "table"
-"""Key of the task that computes; a task that draws has the table's digest as its key."""
+"""Key of the computing task; a drawing task has the table's digest as its key."""
 DRAWING_POLICY = "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'self'"
 
 
 def newest_board(folder: Path) -> tuple[Leaderboard, str]:
-    """(the newest table in a folder, or the one that ships with flexlab; its digest), with the cases that still exist."""
+    """(the newest table in a folder, or else the one that ships with flexlab; its digest), limited to cases that still exist."""
     known = cases()
     variants = {(case.name, variant.name) for case in known.values() for variant in case.variants}
     rows = tuple(row for row in RowStore(folder).last() if (row.case, row.variant) in variants) or shipped_rows()
@@ -46,7 +46,7 @@ def compute_board(kept: Path, report: Callable[[float], None]) -> Outcome:
 
 
 def draw_board(kept: Path) -> Outcome:
-    """The result is (digest of the newest table, its figures by case as SVG)."""
+    """Draw the newest table; the result is (its digest, its figures by case as SVG)."""
     board, name = newest_board(kept)
     return Outcome((name, {case.name: page_figure(board, case) for case in board.cases}))
 

@@ -31,35 +31,35 @@ WHOLE = {
     "zip": "Archive that others can verify",
 }
 EXPORTS = WHOLE | TABLES | FIGURES
-"""Format of an export → what it is."""
+"""Format of an export → its description."""
 PIECE = 1024 * 1024
-"""Bytes sent at once."""
+"""Bytes sent at a time."""
 KEPT_FREE = 200_000_000
-"""Bytes of the disk that uploads and archives leave free."""
+"""Disk space that uploads and archives leave free, bytes."""
 READING_TIME, DOWNLOAD_TIME = 30.0, 3600.0
-"""Seconds that the other side may take for one piece and for all (the largest archive at 10 Mbit/s): until then the file takes
-room on this disk."""
+"""Most seconds that the receiver may take for one piece and for all (the largest archive at 10 Mbit/s): until then the file
+takes disk space."""
 LARGEST_SHARE = {"csv": 4.0, "parquet": 1.5, "npz": 1.5, "zip": 3.0}
-"""Bytes of a table for each byte of its recording, at most."""
+"""Most bytes of an export per byte of its recording."""
 BACK = Markup('<a class="button" href="/runs/{}">Back to the run</a> <a class="button quiet" href="/runs">All runs</a>')
 
 log = limited(__name__)
 MOST_RUNS = 500
-"""Runs at once: as many names as a form may hold."""
+"""Most runs at once: as many names as a form may hold."""
 LARGEST_ARCHIVE = 4_000_000_000
-"""Bytes of recordings in one archive."""
+"""Most bytes of recordings in one archive."""
 RECORDINGS = "rrd"
 FORMATS = (RECORDINGS, *TABLES)
 """Formats of the runs in an archive."""
 
 
 async def row_of(request: web.Request) -> RunRow:
-    """The run that the address names, or what stands in its place. Raises `NoSuchRun`."""
+    """The run that the address names, or the row of an unreadable file in its place. Raises `NoSuchRun`."""
     return await run_for(request, request.match_info["run"])
 
 
 async def recorded_row_of(request: web.Request) -> RunRow:
-    """The run that the address names. Raises `RecordingError` if there is none, or the file is no recording."""
+    """The run that the address names. Raises `RecordingError` if there is none or the file is no recording."""
     row = await row_of(request)
     if row.problem:
         raise RecordingError(row.problem)
@@ -72,7 +72,7 @@ def _problem(title: str, row: RunRow, error: FlexlabError) -> web.Response:
 
 @ROUTES.post("/runs/{run}/replay")
 async def start_replay(request: web.Request) -> web.Response:
-    """Begin to simulate the run again; the run's page tells how it goes."""
+    """Start simulating the run again; the run's page shows the progress."""
     row = await recorded_row_of(request)
     begin_replay(context_of(request).replays, visitor_of(request), row)
     raise web.HTTPSeeOther(f"/runs/{row.address}")
@@ -89,7 +89,7 @@ async def replay_state(request: web.Request) -> web.Response:
 
 @ROUTES.post("/runs/{run}/continue")
 async def resume(request: web.Request) -> web.StreamResponse:
-    """Open the lab at an instant of the run, with exactly its state."""
+    """Open the lab at an instant of the run, in exactly the recorded state."""
     row = await recorded_row_of(request)
     try:
         time = read_time("time", (await request.post()).get("time"))
@@ -122,7 +122,7 @@ async def export(request: web.Request) -> web.StreamResponse:
 
 
 def _as_it_stands(request: web.Request, row: RunRow) -> RunRow:
-    """The run with the lessons of the lab that is recording it now, if one is."""
+    """The run with the lessons of the lab that is recording it, if any."""
     recorded = (lab.status() for lab in context_of(request).places.running())
     lessons = next((lab.lessons for lab in recorded if lab.recording == row.path), None)
     if lessons is None:
@@ -133,7 +133,7 @@ def _as_it_stands(request: web.Request, row: RunRow) -> RunRow:
 
 @contextlib.asynccontextmanager
 async def file_on_its_way(request: web.Request) -> AsyncGenerator[Path]:
-    """A folder for a file that comes from a visitor or goes to one; it is gone when this ends. Raises `BusyError`."""
+    """A folder for a file in transfer from or to a visitor, removed at the end. Raises `BusyError`."""
     context = context_of(request)
     with context.files.place(visitor_of(request)):
         folder = Path(await asyncio.to_thread(tempfile.mkdtemp, prefix="file-", dir=context.temporary_folder))
@@ -142,7 +142,7 @@ async def file_on_its_way(request: web.Request) -> AsyncGenerator[Path]:
         except FlexlabError as error:
             if str(folder) not in str(error):
                 raise
-            # Files have the visitor's names; where they lie meanwhile is nothing that a visitor knows.
+            # Visitors know their files by name, not the temporary folder.
             raise LabError(str(error).replace(f"{folder}{os.sep}", "")) from None
         finally:
             context.claimed.pop(folder, None)
@@ -150,7 +150,7 @@ async def file_on_its_way(request: web.Request) -> AsyncGenerator[Path]:
 
 
 async def claim_room(request: web.Request, folder: Path, size: float) -> None:
-    """Raises `RecordingError` if the disk has no room for `size` bytes beside what others on their way will take."""
+    """Raise `RecordingError` if the disk has no room for `size` bytes besides the other files in transfer."""
     claimed = context_of(request).claimed
     claimed[folder] = int(size)
     await asyncio.to_thread(_check_room, folder, dict(claimed))
@@ -168,20 +168,20 @@ def _check_room(folder: Path, claimed: Mapping[Path, int]) -> None:
 
 def _taken(folder: Path) -> int:
     """Bytes of the files in a folder."""
-    with contextlib.suppress(OSError):  # It may be going just now.
+    with contextlib.suppress(OSError):  # It may be removed meanwhile.
         return sum(file.stat().st_size for file in folder.iterdir())
     return 0
 
 
 def table_size(row: RunRow, kind: str) -> float:
-    """Bytes that a run takes as a table, or as it was recorded, at most."""
+    """The most bytes that a run takes in an export of this format."""
     return row.size * LARGEST_SHARE.get(kind, 1.0)
 
 
 async def send_download(request: web.Request, path: Path) -> web.StreamResponse:
-    """Send a whole file as a download: when this returns, the file may be deleted (aiohttp's own answer opens it later).
+    """Send a whole file as a download. The file may be deleted afterwards (aiohttp's own answer opens it later).
 
-    A visitor who takes nothing for `READING_TIME`, or not all in `DOWNLOAD_TIME`, is cut off.
+    A visitor who reads nothing for `READING_TIME`, or not all in `DOWNLOAD_TIME`, is cut off.
     """
     answer = web.StreamResponse()
     answer.content_type = "application/octet-stream"
@@ -205,7 +205,7 @@ async def send_download(request: web.Request, path: Path) -> web.StreamResponse:
 
 
 def read_time(name: str, text: object) -> float | None:
-    """A time in s as it was typed; None for an empty field. Raises `RecordingError` for what is no number."""
+    """Read a typed time, s; None for an empty field. Raises `RecordingError` for anything but a number."""
     if not isinstance(text, str) or not text.strip():
         return None
     time = typed_number(text)
@@ -215,7 +215,7 @@ def read_time(name: str, text: object) -> float | None:
 
 
 async def _chosen(request: web.Request) -> list[RunRow]:
-    """The runs that form or address names. Raises `RecordingError` for none and for too many, `NoSuchRun` for another's."""
+    """The runs that the form or address names. Raises `RecordingError` for none or too many, `NoSuchRun` for another's."""
     given = (await request.post()).getall("run", []) or request.query.getall("run", [])
     names = list(dict.fromkeys(map(str, given)))
     if not 1 <= len(names) <= MOST_RUNS:
@@ -236,7 +236,7 @@ async def tag(request: web.Request) -> web.StreamResponse:
 
 @ROUTES.post("/runs/export")
 async def export_many(request: web.Request) -> web.StreamResponse:
-    """Runs as one archive, each as it was recorded or as a table."""
+    """Download runs as one archive, each as it was recorded or as a table."""
     kind, rows, context = str((await request.post()).get("format", "")), await _chosen(request), context_of(request)
     if kind not in FORMATS:
         raise RecordingError(f"format = {shown(kind)} is not known: choose one of {', '.join(FORMATS)}.")
@@ -259,7 +259,7 @@ async def export_many(request: web.Request) -> web.StreamResponse:
 @ROUTES.get("/runs/delete")
 @ROUTES.post("/runs/delete")
 async def delete(request: web.Request) -> web.StreamResponse:
-    """Ask, and delete runs once that is confirmed; those that may not be deleted are named."""
+    """Ask for confirmation, then delete runs; name those that may not be deleted."""
     rows = await _chosen(request)
     if (await request.post()).get("sure") != "yes":
         stay = _staying(rows)
@@ -272,7 +272,7 @@ async def delete(request: web.Request) -> web.StreamResponse:
 
 
 def _staying(rows: list[RunRow], remove: Callable[[RunRow], None] = check_removable) -> dict[str, str]:
-    """Which of the runs may not be deleted, each with the sentence that says why."""
+    """Id of each run that may not be deleted → the sentence that says why."""
     stay: dict[str, str] = {}
     for row in rows:
         try:

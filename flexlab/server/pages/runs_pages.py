@@ -1,4 +1,4 @@
-"""`/runs`: the library, `/runs/import`: into it. `/runs/<id>`: a run in rerun's viewer, its file, its notes, its end."""
+"""`/runs`: the library and its imports. `/runs/<id>`: a run in rerun's viewer, its file and its notes."""
 
 import asyncio
 import re
@@ -41,11 +41,11 @@ VIEWER_POLICY = (
     "default-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' data: blob:; connect-src 'self' data: blob:; "
     "object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
 )
-"""Left alone, the viewer would fetch fonts, look for updates and report its use: it may talk to this address only."""
+"""The viewer may connect to this address only: by itself it would fetch fonts, look for updates and report its use."""
 FETCHING = '<script src="../static/fetch_recordings.js"></script>'
-"""The script by which the viewer asks for recordings."""
+"""The script through which the viewer requests recordings."""
 NO_FILE_NAME = r"[^\w.-]+"
-"""What is replaced in the name of a downloaded recording."""
+"""Characters that are replaced in the name of a downloaded recording."""
 
 
 @dataclass(frozen=True)
@@ -61,17 +61,17 @@ class TableColumn:
 _FIRST = ("Started", "time"), ("Preset", "text"), ("Duration", "number"), ("Size", "number"), ("State", "text")
 COLUMNS = tuple(TableColumn(name, kind, name) for name, kind in _FIRST)
 METRIC_COLUMNS = [column for metric in METRICS.values() for column in metric.columns if column.listed]
-"""The metrics in the table; a run's own page has all."""
+"""The metrics in the table; a run's own page shows all."""
 LAST_COLUMNS = (
     TableColumn("Note, changes", "text", "Note, and what was changed against the preset"),
     TableColumn("", "text", ""),
 )
 CHANGES_SHOWN = 3
-"""Lines of a run's changes in the table."""
+"""Most changes of a run shown in the table."""
 
 
 def table_values(rows: Sequence[RunRow], short: bool = False) -> dict[str, Any]:
-    """The values of `runs_table.html`; the short table has no metrics, notes and actions."""
+    """The values of `runs_table.html`; the short table has no metrics, notes or actions."""
     metrics = (
         TableColumn(c.heading[0].upper() + c.heading[1:], "number", c.key, f"[{c.unit}]") for c in METRIC_COLUMNS
     )
@@ -92,13 +92,13 @@ def _changes_told(row: RunRow) -> list[str]:
 
 
 LARGEST_UPLOAD = 1_000_000_000
-"""Bytes: half an hour of a run."""
+"""Largest upload, bytes: half an hour of a run."""
 PIECE = 256 * 1024
-"""Bytes read at once."""
+"""Bytes read at a time."""
 UPLOAD_TIME = 900.0
-"""Seconds that an upload may take: the largest one over a line of 10 Mbit/s."""
+"""Most seconds of an upload: enough for the largest one at 10 Mbit/s."""
 MOST_PARTS = 8
-"""Parts of an upload that are read; its form has one."""
+"""Most parts of an upload that are read; the form has one."""
 MULTIPART = "multipart/form-data"
 
 TOO_LARGE = (
@@ -107,16 +107,16 @@ TOO_LARGE = (
 )
 
 
-# aiohttp would write odd names of files to the terminal as they come.
+# aiohttp would print odd file names to the terminal unchanged.
 warnings.filterwarnings("ignore", category=BadContentDispositionHeader)
 warnings.filterwarnings("ignore", category=BadContentDispositionParam)
 
 
 @ROUTES.post("/runs/import")
 async def upload(request: web.Request) -> web.StreamResponse:
-    """Take one file; its run's page follows."""
+    """Import one file, then redirect to its run's page."""
     context, visitor = context_of(request), known_visitor_of(request)
-    # Where each has their own runs, this one is marked as the visitor's and counts for their quota.
+    # Where visitors have their own runs, this one is marked as the visitor's and counts towards their quota.
     owned = context.places.is_private and not visitor.is_teacher
     notes = {"owner": visitor.owner, "visitor": visitor.name} if owned else {}
     quota = context.settings.bytes_of_visitor if owned else None
@@ -133,7 +133,7 @@ async def upload(request: web.Request) -> web.StreamResponse:
 
 
 async def _receive(request: web.Request, folder: Path) -> Path:
-    """The uploaded file in `folder`, under its own name. Raises `RecordingError`."""
+    """Store the uploaded file in `folder` under its own name and return it. Raises `RecordingError`."""
     if request.content_type != MULTIPART:
         raise RecordingError("There is no file in this upload: choose one first.")
     if request.content_length is None:
@@ -154,7 +154,7 @@ async def _receive(request: web.Request, folder: Path) -> Path:
         raise RecordingError(
             f"This upload took longer than {UPLOAD_TIME / 60:g} minutes: export a shorter range of time."
         ) from None
-    except (ValueError, AssertionError, RuntimeError):  # Too deep is a RuntimeError too.
+    except (ValueError, AssertionError, RuntimeError):  # Parts nested too deeply raise RuntimeError.
         raise RecordingError("This upload is malformed: choose the file again.") from None
     raise RecordingError("There is no file in this upload: choose one first.")
 
@@ -179,7 +179,7 @@ async def _keep(part: BodyPartReader, folder: Path) -> Path:
 @ROUTES.get("/runs")
 @ROUTES.get("/runs/")
 async def library(request: web.Request) -> web.Response:
-    """All runs."""
+    """The table of all runs."""
     context = context_of(request)
     rows = await runs_for(request)
     return page(
@@ -201,9 +201,9 @@ async def library(request: web.Request) -> web.Response:
 @ROUTES.get("/runs/{run}" + SUFFIX)
 @ROUTES.get(WITH_A_PASS + "{pass}/{run}" + SUFFIX)
 async def recording(request: web.Request) -> web.StreamResponse:
-    """The recording's file, in parts if asked for; the viewer loads it from here."""
+    """The recording's file, in ranges on request; the viewer loads it from here."""
     if request.path.startswith(WITH_A_PASS) and has_pass(request):
-        # The pass was given to who may see the run: rerun's viewer does not say who asks.
+        # Only those who may see the run get its pass; rerun's viewer does not say who asks.
         row = await asyncio.to_thread(find_row, context_of(request).settings.logs, request.match_info["run"])
     else:
         row = await row_of(request)
@@ -214,7 +214,7 @@ async def recording(request: web.Request) -> web.StreamResponse:
 
 @ROUTES.get("/runs/{run}")
 async def review(request: web.Request) -> web.Response:
-    """One run in the viewer, made whole first if its writer died."""
+    """One run in the viewer; its file is finished first if its writer died."""
     row = await row_of(request)
     try:
         if row.problem:
@@ -245,7 +245,7 @@ async def review(request: web.Request) -> web.Response:
 
 @ROUTES.get("/viewer/{name:[^/]*}")
 async def viewer(request: web.Request) -> web.StreamResponse:
-    """One of the three files that rerun's viewer is made of."""
+    """One of the three files of rerun's viewer."""
     name = request.match_info["name"] or "index.html"
     if name not in VIEWER_FILES:
         raise web.HTTPNotFound
@@ -263,7 +263,7 @@ async def viewer(request: web.Request) -> web.StreamResponse:
 
 @ROUTES.post("/runs/{run}/notes")
 async def save_notes(request: web.Request) -> web.Response:
-    """Note, tags and the mark that keeps a run."""
+    """Save a run's note, its tags, and whether to keep it."""
     row, form = await row_of(request), await request.post()
     note, tags = str(form.get("note", "")), str(form.get("tags", ""))
     await asyncio.to_thread(annotate_run, row, note.replace("\r\n", "\n"), tags, "keep" in form)

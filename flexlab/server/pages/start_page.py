@@ -1,4 +1,4 @@
-"""`/`: what runs, what there is to try, what was recorded last."""
+"""`/`: the labs that run, the presets, the newest runs."""
 
 import asyncio
 from pathlib import Path
@@ -17,7 +17,7 @@ from flexlab.text import with_units
 ROUTES = web.RouteTableDef()
 
 NEWEST = 5
-"""Runs on the start page."""
+"""Number of runs on the start page."""
 PICTURE_KINDS = ("webp", "png", "jpg", "svg")
 
 
@@ -26,7 +26,7 @@ async def start_page(request: web.Request) -> web.Response:
     """The start page."""
     context, pictures = context_of(request), _pictures()
     presets, rows = await asyncio.gather(context.preset_cards.look(pictures), runs_for(request, NEWEST))
-    # Where each has a lab of their own, they first say who they are.
+    # With private labs, visitors give their names on the start page first.
     first = "/" if context.places.is_private else "/lab/"
     values: dict[str, Any] = table_values(rows, short=True) | {
         "presets": presets,

@@ -25,11 +25,11 @@ ROUTES = web.RouteTableDef()
 FROM_LAB = "lab"
 """The value of `?from=` for the lab's present scenario."""
 USUAL = ("payload.bending_stiffness", "controller.feedback_gain")
-"""Fields that a form proposes if the scenario has them."""
+"""Fields that a form suggests if the scenario has them."""
 ALL_STUDIES = button("/studies", "Studies")
 NO_STUDY = "There is no such study: a server keeps the last few, as long as it runs."
 ID_BYTES = 9
-"""Random bytes of a study's address, so that nobody can guess it: whoever has the address may look and cancel."""
+"""Random bytes of a study's address, so that nobody can guess it: whoever has the address may view and cancel the study."""
 
 
 @dataclass(frozen=True)
@@ -38,9 +38,9 @@ class Begun:
 
     study: Study
     visitor: str
-    """Id of the visitor; empty: the study belongs to all visitors."""
+    """Id of the visitor; empty if the study belongs to all visitors."""
     name: str
-    """Name of the scenario: a preset's, or the lab's."""
+    """Name of the scenario, a preset's or the lab's."""
 
 
 @ROUTES.get("/studies")
@@ -81,7 +81,7 @@ async def studies(request: web.Request) -> web.Response:
 
 
 def _lab_scenario(request: web.Request) -> tuple[str, Scenario] | None:
-    """(name, scenario) of the visitor's lab as it is now; None without a lab."""
+    """(name, present scenario) of the visitor's lab; None without a lab."""
     context = context_of(request)
     place = context.places.of_visitor(visitor_of(request).id)
     if place is None:
@@ -186,7 +186,7 @@ async def table(request: web.Request) -> web.StreamResponse:
 
 @ROUTES.get("/studies/{study}/cells/{cell}")
 async def cell(request: web.Request) -> web.Response:
-    """The scenario of a map's cell, in the lab."""
+    """Open the scenario of a map's cell in the lab."""
     if not is_opened_by_person(request):
         return refuse(request, 403, "A link into the lab must be opened by a person, not from inside another page.")
     number = request.match_info["cell"]

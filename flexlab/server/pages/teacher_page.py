@@ -1,6 +1,6 @@
-"""`/teacher`: all labs at a glance, for who has the teacher's token: join one, send a preset, pause, pace, lock.
+"""`/teacher`: all labs at a glance, for the teacher: join one, send a preset, pause, pace, lock.
 
-What the teacher asks of the class is kept beside the runs: a server that is started again goes on with it.
+The teacher's rules for the class are kept beside the runs, so that a restarted server goes on with them.
 """
 
 import asyncio
@@ -30,7 +30,7 @@ from flexlab.server.visitors import context_of, fresh, is_teacher, set_cookie
 ROUTES = web.RouteTableDef()
 
 FILE = Path(".class")
-"""File in the folder of the runs; `notes` adds its ending."""
+"""File in the folder of the runs; `notes` adds its suffix."""
 RULES = "rules"
 
 _RULES = TypeAdapter(ClassRules)
@@ -40,26 +40,26 @@ NOT_YOURS = (
 
 
 def keep_rules(logs: Path, rules: ClassRules) -> None:
-    """Keep them for the next server of this folder. Raises OSError."""
+    """Save the rules for the next server of this folder. Raises OSError."""
     logs.mkdir(parents=True, exist_ok=True)
     write_notes(logs / FILE, **{RULES: asdict(rules)})
 
 
 def kept_rules(logs: Path) -> ClassRules:
-    """The rules that were kept, without a lesson that is gone; the usual ones for a file that is missing or malformed."""
+    """The saved rules, without a lesson that no longer exists; the defaults if the file is missing or malformed."""
     try:
         rules = _RULES.validate_python(read_notes(logs / FILE).get(RULES, {}))
     except ValidationError:
         return ClassRules()
     if not 1 <= rules.step <= len(STEPS):
         return ClassRules()
-    # Between two servers a lesson may be deleted, or named otherwise by another version.
+    # Between two servers a lesson may be deleted or, by another version, renamed.
     return rules if not rules.lesson or rules.lesson in _lessons() else replace(rules, lesson="", step=len(STEPS))
 
 
 @ROUTES.get("/teacher")
 async def teacher(request: web.Request) -> web.Response:
-    """The page; its script asks for the labs every 0.4 s."""
+    """The page; its script requests the labs every 0.4 s."""
     if not is_teacher(request):
         return ask_for_token(request, NOT_YOURS)
     context = context_of(request)
@@ -77,14 +77,14 @@ async def teacher(request: web.Request) -> web.Response:
         little=await asyncio.to_thread(little_space, context.settings.logs),
     )
     if context.settings.teacher_token is None:
-        # Where everybody is the teacher, other people's labs open only to those who have been on this page.
+        # Where everybody is the teacher, only those who have been on this page may enter other people's labs.
         set_cookie(request, answer, context.cookie("teacher"), context.signed("teacher", None), "Strict")
     return answer
 
 
 @ROUTES.get("/teacher/labs")
 async def labs(request: web.Request) -> web.Response:
-    """All labs, what they guessed, and the class's rules as JSON, for the page's script."""
+    """All labs, their guesses, and the class's rules as JSON, for the page's script."""
     if not is_teacher(request):
         raise web.HTTPForbidden
     places = context_of(request).places
@@ -117,14 +117,14 @@ def _told(place: Lab, name: str, rules: ClassRules) -> dict[str, Any]:
 
 
 def _questions(places: Sequence[Lab], rules: ClassRules) -> list[dict[str, Any]]:
-    """The question of the class's lesson, or all that labs have met: how many chose which answer.
+    """The question of the class's lesson, or all questions that labs have reached, with the count of each answer.
 
     The right answer is marked once the whole class may see it.
     """
     found = [progress for place in places for progress in place.status().lessons if progress.options]
     met = [progress for progress in found if rules.lesson in ("", progress.lesson)]
     told: list[dict[str, Any]] = []
-    # By the length of "Lesson 2" first: it stands before "Lesson 10", and one's own come last.
+    # Sorted by the length of the prefix first, so that "Lesson 2" comes before "Lesson 10" and one's own lessons come last.
     for lesson in sorted(
         {one.lesson: one for one in met}.values(), key=lambda one: (len(one.lesson.partition(":")[0]), one.lesson)
     ):
@@ -140,7 +140,7 @@ def _questions(places: Sequence[Lab], rules: ClassRules) -> list[dict[str, Any]]
 
 
 def who(place: Lab, name: str) -> str:
-    """A lab's name: its visitor's, or a number."""
+    """A lab's name: its visitor's name, or a number."""
     return name or ("Everybody" if place.path == "/lab" else f"Visitor {place.number}")
 
 
@@ -150,7 +150,7 @@ def _lessons() -> list[str]:
 
 @ROUTES.post("/teacher/rules")
 async def rule(request: web.Request) -> web.StreamResponse:
-    """Pace, lock and names of the whole class."""
+    """Set the pace, the lock and the hiding of names for the whole class."""
     form = await _form(request)
     lesson, step = str(form.get("lesson", "")), str(form.get("step", len(STEPS)))
     if lesson and lesson not in await asyncio.to_thread(_lessons):
@@ -189,7 +189,7 @@ async def pause(request: web.Request) -> web.StreamResponse:
 
 @ROUTES.post("/teacher/resume")
 async def resume(request: web.Request) -> web.StreamResponse:
-    """Resume one lab, or all that somebody looks at; the others wait until somebody comes back."""
+    """Resume one lab, or all that somebody watches; the others wait until somebody comes back."""
     places = await _tell(request, Hold(True), watched=True)
     nobody = "Nobody looks: a lab goes on when somebody comes back to it."
     return _answer(request, f"{_count(places)} running again." if places else nobody)
@@ -202,7 +202,7 @@ async def _form(request: web.Request) -> Any:
 
 
 async def _tell(request: web.Request, what: Choice | Hold, watched: bool = False) -> list[Lab]:
-    """The labs that were asked: the one that the form names, or all; `watched`: of them those that somebody looks at."""
+    """Send a request to the lab that the form names, or to all, and return them; `watched`: only labs that somebody watches."""
     lab, places = str((await _form(request)).get("lab", "")), context_of(request).places
     chosen = [place for place in places.running() if place.path == lab or not lab]
     if lab and not chosen:
@@ -217,7 +217,7 @@ def _count(places: list[Lab]) -> str:
 
 
 def _answer(request: web.Request, sentence: str) -> web.StreamResponse:
-    """The sentence as JSON for the page's script; without the script, the page again."""
+    """Return the sentence as JSON for the page's script, or redirect to the page if there is no script."""
     if request.headers.get(hdrs.ACCEPT, "") == "application/json":
         return fresh({"sentence": sentence})
     raise web.HTTPSeeOther("/teacher?" + urlencode({"said": sentence}))

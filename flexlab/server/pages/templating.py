@@ -1,9 +1,9 @@
-"""The pages' templates, in which every inserted text is escaped, unless it was made by a template itself.
+"""The pages' templates. Every inserted text is escaped, unless a template made it.
 
-Each language that pages can be shown in has a catalogue, `web_assets/languages/CODE.json`, which maps English texts to its own.
-`{name}` stands for any part of a sentence, and the marks of markdown for what a page shows in bold, as code or as a link.
-Its entry `English` is the language's own name. The page translates itself (`static/language.js`): the panel of a shared lab is
-the same for all who look at it.
+Each language has a catalogue, `web_assets/languages/CODE.json`, which maps English texts to its own. In them `{name}` stands
+for any part of a sentence, and markdown marks stand for bold text, code and links. The entry `English` is the language's own
+name. Pages translate themselves in the browser (`static/language.js`), because all visitors of a shared lab get the same
+panel.
 """
 
 import html
@@ -25,18 +25,18 @@ from flexlab.text import number_text, plain, visible, with_units
 
 @cache
 def catalogues() -> dict[str, Path]:
-    """Code of the language, as in `<html lang>` → file."""
+    """Language code, as in `<html lang>` → file."""
     return {file.stem: file for file in sorted((web_assets_folder() / "languages").glob("*.json"))}
 
 
 def read_catalogue(file: Path) -> dict[str, str]:
-    """English text → text of the language."""
+    """Read a catalogue: English text → translated text."""
     return json.loads(file.read_text(encoding="utf-8"))
 
 
 @cache
 def language_script() -> Markup:
-    """The element by which a page shows itself in the reader's language."""
+    """The script element that shows a page in the reader's language."""
     names = {code: read_catalogue(file).get("English", code) for code, file in catalogues().items()}
     return Markup('<script src="/static/language.js" data-languages="{}"></script>').format(
         json.dumps(names, ensure_ascii=False)
@@ -44,30 +44,30 @@ def language_script() -> Markup:
 
 
 HAS_CLASS = ContextVar("HAS_CLASS", default=False)
-"""Whether the page is for somebody who has a class to look after: set for each request, before any page is made."""
+"""Whether the page is for the teacher of a class; set for each request before any page is made."""
 OF_HUB = ContextVar("OF_HUB", default=False)
-"""Whether the page is that of a hub's service, which has no labs and runs itself."""
+"""Whether the page belongs to a hub's service, which has no labs or runs of its own."""
 TEMPLATES = Path(__file__).parent / "templates"
 
 
 def _escaped(value: object) -> object:
-    """A value as it is inserted, without what changes how others read."""
+    """A value as it is inserted, without characters that change how the text around them reads."""
     if hasattr(value, "__html__"):
         return value
     return Markup(html.escape(visible(value), quote=True))
 
 
 def _typed(value: float) -> str:
-    """A number as a person types it into a form."""
+    """A number as a person would type it into a form."""
     return plain(Decimal(f"{value:.6g}"))
 
 
 _environment = Environment(
     loader=FileSystemLoader(TEMPLATES),
     autoescape=True,
-    # Before the automatic one, which is the net below it: the same spelling of quotes as Python's own.
+    # Runs before the automatic escaping, which remains as a safety net; spells quotes as Python does.
     finalize=_escaped,
-    # A name that is misspelt in a template is an error, not an empty place.
+    # A misspelt name in a template is an error, not an empty text.
     undefined=StrictUndefined,
     trim_blocks=True,
     lstrip_blocks=True,
@@ -87,12 +87,12 @@ _environment.globals.update(  # pyright: ignore[reportUnknownMemberType]
 
 
 def render(template: str, **values: object) -> Markup:
-    """A template of `TEMPLATES` with its values filled in. Raises `jinja2.UndefinedError` for one that is missing."""
+    """Fill a template of `TEMPLATES` with values. Raises `jinja2.UndefinedError` for a missing value."""
     return Markup(_environment.get_template(template).render(values))
 
 
 def part(macro: str, *values: object) -> Markup:
-    """A macro of `parts.html` with its values."""
+    """Fill a macro of `parts.html` with values."""
     return Markup(getattr(_environment.get_template("parts.html").module, macro)(*values))
 
 
@@ -106,7 +106,7 @@ PAGE_POLICY = (
     "default-src 'none'; style-src 'self'; script-src 'self'; img-src 'self' data:; connect-src 'self'; "
     "frame-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'self'"
 )
-"""The server's own pages load from this address only, and run no script that stands in the page."""
+"""The server's own pages load from this address only and run no inline scripts."""
 
 
 def page(
@@ -119,7 +119,7 @@ def page(
     status: int = 200,
     **values: object,
 ) -> web.Response:
-    """A page of the server. `here`: the address of the link that is lit; `kind`: class of the body; `scripts`: of static/."""
+    """A page of the server. `here`: address of the highlighted link; `kind`: class of the body; `scripts`: names in static/."""
     text = render(template, title=title, here=here, kind=kind, scripts=scripts, **values)
     headers = {"Content-Security-Policy": PAGE_POLICY, "Cache-Control": "no-store"}
     return web.Response(text=text, content_type="text/html", status=status, headers=headers)

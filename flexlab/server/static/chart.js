@@ -1,7 +1,7 @@
-// Small drawings in SVG: axes with ticks, a colour scale that the colour-blind read as well, marks that are links.
+// Small SVG drawings: axes with ticks, a colour scale that the colour-blind can read, marks that are links.
 const VIRIDIS = ["440154", "482878", "3e4989", "31688e", "26828e", "1f9e89", "35b779", "6ece58", "b5de2b", "fde725"]
   .map((word) => [0, 2, 4].map((at) => parseInt(word.slice(at, at + 2), 16)));
-const WIDE_SPREAD = 100; // largest over least value from which a scale is logarithmic
+const WIDE_SPREAD = 100; // ratio of the largest to the least value above which a scale is logarithmic
 
 function svg(tag, properties = {}, ...children) {
   const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
@@ -17,7 +17,7 @@ function viridis(share) {
   return `rgb(${mix.join(",")})`;
 }
 
-// As `number_text` of flexlab/text.py writes it: 1000, −0.5 and 2.5 · 10⁻⁹.
+// A number as `number_text` of flexlab/text.py writes it: 1000, −0.5 and 2.5 · 10⁻⁹.
 function number(value, digits = 3) {
   const shown = Number(value.toPrecision(digits)), size = Math.abs(shown);
   if (size === 0 || (size >= 1e-4 && size < 1e7)) return String(shown).replace("-", "−");
@@ -26,7 +26,7 @@ function number(value, digits = 3) {
   return (shown < 0 ? "−" : "") + (mantissa === 1 ? power : `${mantissa} · ${power}`);
 }
 
-// Numbers in words, with as many digits as tell them apart.
+// Numbers as texts, with enough digits to tell them apart.
 function numbers(values) {
   for (let digits = 3; ; digits++) {
     const said = values.map((value) => number(value, digits));
@@ -34,7 +34,7 @@ function numbers(values) {
   }
 }
 
-// Where a value lies between the least and the largest one, 0 to 1; logarithmic where they are far apart.
+// A scale from the least to the largest value, as a share from 0 to 1; logarithmic where they are far apart.
 function scaleOf(values) {
   const known = values.filter((value) => value !== null);
   const low = Math.min(...known);
@@ -48,7 +48,7 @@ function scaleOf(values) {
   };
 }
 
-// Round numbers of a scale, about `count` of them.
+// About `count` round numbers of a scale.
 function roundTicks(scale, count) {
   if (scale.empty) return [];
   if (scale.high === scale.low) return [scale.low];
@@ -73,7 +73,7 @@ function text(words, x, y, anchor = "middle", more = {}) {
   return svg("text", { x, y, "text-anchor": anchor, ...more }, words);
 }
 
-// A frame with room for labels: `across` and `up` are lists of [share of the side, words]; returns the group to draw into.
+// Draws a frame with labelled axes: `across` and `up` are lists of [share of the side, words].
 function frame(drawing, box, across, up, labels) {
   const { left, top, width, height } = box;
   drawing.append(svg("rect", { x: left, y: top, width, height, class: "frame" }));

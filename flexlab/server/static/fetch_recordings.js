@@ -1,6 +1,6 @@
-// In the viewer's page. By itself the viewer asks for recordings without cookies: then a hub's login keeps it out. And it asks for
-// them whole: then proxies that hold an answer until it is complete pass on no long ones. And it asks its makers for news and
-// tells them of its use, which the page's policy refuses with complaints.
+// For the viewer's page. By itself the viewer requests recordings without cookies, so that a hub's login keeps it out. It requests
+// them whole, which fails for long ones behind proxies that hold an answer until it is complete. And it asks its makers for news
+// and reports its use to them, which the page's policy refuses with error messages.
 { const plain = fetch, PART = 8e6;
   const ask = (what, options) => plain(new Request(new Request(what, options), { credentials: "same-origin" }));
   fetch = async (what, options) => {
@@ -23,7 +23,7 @@
     } });
     return new Response(body, { headers: { "Content-Type": first.headers.get("Content-Type"), "Content-Length": size } });
   }; }
-// By itself the viewer takes the focus as it starts, and keeps Tab: nobody without a mouse would reach the page around it again.
+// By itself the viewer takes the focus as it starts and captures Tab: without a mouse, nobody could get back to the page around it.
 { const focus = HTMLElement.prototype.focus;
   let touched = false;
   addEventListener("pointerdown", () => { touched = true; }, true);

@@ -2,7 +2,7 @@
 (() => {
   const LOOK = 3000; // ms between two checks whether the lab is still there
   const stateAddress = document.currentScript.dataset.state;
-  const base = document.currentScript.src.replace(/\/static\/[^/]*$/, ""); // A proxy may have a path before ours.
+  const base = document.currentScript.src.replace(/\/static\/[^/]*$/, ""); // A proxy may put a path before ours.
 
   function element(tag, properties = {}, ...children) {
     const made = Object.assign(document.createElement(tag), properties);
@@ -53,7 +53,7 @@
       if (state.live) live.href = base + state.live;
       return;
     }
-    // A server that was started again knows nothing of the labs before.
+    // A restarted server does not know earlier labs.
     if (opened && state.unknown) location.replace(`${base}/lab/`);
     say(state.sentence, link("/lab/", "Open a new lab"), link("/runs", "Runs"), link("/", "Start page"));
   }
@@ -67,7 +67,7 @@
     const done = () => { sharing = false; word.hidden = true; };
     const copy = async () => {
       shown.select();
-      // Without https there is no clipboard but the old way.
+      // Without https only the old way to the clipboard works.
       try { await navigator.clipboard.writeText(address); } catch { document.execCommand("copy"); }
       done();
     };

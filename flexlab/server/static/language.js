@@ -1,22 +1,22 @@
-// Shows the page in the language that the browser prefers, or that was chosen here: texts are replaced where they stand, by the
-// catalogue of that language (/static/de.json). English, and what a catalogue lacks, stays as it came. In all languages symbols
-// such as f_d get a real subscript, and the code names that sentences for the terminal have in brackets are left out.
+// Shows the page in the language that the browser prefers, or that was chosen here: texts are replaced in place from that
+// language's catalogue (/static/de.json). English, and texts that a catalogue lacks, stay as they are. In all languages, symbols
+// such as f_d get a real subscript, and the code names in brackets, which sentences have for the terminal, are left out.
 (() => {
   const script = document.currentScript;
-  const base = script.src.replace(/\/static\/[^/]*$/, ""); // A proxy may have a path before ours.
+  const base = script.src.replace(/\/static\/[^/]*$/, ""); // A proxy may put a path before ours.
   const offered = { en: "English", ...JSON.parse(script.dataset.languages) };
   const KEPT = "flexlab-language";
-  const LONGEST_WAIT = 1500; // ms for which a page shows nothing rather than English
+  const LONGEST_WAIT = 1500; // ms for which a page stays blank rather than show English
   const MOST_KEPT = 4000; // translations of sentences with numbers, and untranslated texts
-  const LONGEST = 1000; // characters of a text that is compared with patterns: what is longer, a person wrote
+  const LONGEST = 1000; // most characters of a text that is compared with patterns: longer ones were written by people
   const ATTRIBUTES = ["title", "label", "aria-label", "placeholder", "alt", "aria-valuetext", "value"];
   const MARKS = { CODE: ["`", "`"], KBD: ["`", "`"], B: ["**", "**"], STRONG: ["**", "**"], EM: ["*", "*"], I: ["*", "*"], A: ["[", "]"],
     SUB: ["<sub>", "</sub>"], WBR: ["", ""] };
   const ALONE = "script, noscript, style, textarea, pre, [translate=no]"; // Never translated.
   const PICTURE = 'img[src*="/assets/pictures/"], img.figure';
   const WORD = /\p{L}{3}/u, UNITS = /\b(m?rad|kHz|min|max|RMS|[Nn]a[Nn]|flexlab|[a-z]\w*([._]\w+)+)\b|(?<!\w)'[^']*'(?!\w)/g, NUMBER = /\d[\d.e+−-]*/g;
-  const BEFORE_UNIT = /(?<=[\d}]) (?=(?:[kmµ]?m|[km]?s|k?Hz|[km]?N|N·m|m?rad|kg|MB\/min|%)(?!\p{L}))/gu; // no line ends here
-  const NEXT = "(?:\\p{Lu}|[a-z]\\w*[.:]\\S|line \\d)"; // how a sentence begins: the path of a field, a file, a line of it
+  const BEFORE_UNIT = /(?<=[\d}]) (?=(?:[kmµ]?m|[km]?s|k?Hz|[km]?N|N·m|m?rad|kg|MB\/min|%)(?!\p{L}))/gu; // no line breaks here
+  const NEXT = "(?:\\p{Lu}|[a-z]\\w*[.:]\\S|line \\d)"; // how a sentence begins: a capital, the path of a field, a file, a line of it
   const SENTENCE = new RegExp(`(?<=[.!?✓]) (?=\\d|${NEXT})`, "u");
   const WITHIN = `((?:(?![.!?] ${NEXT})[^\`*])+?)`; // the value of a placeholder: part of one sentence
   const NUMERAL = "([+−-]?\\d(?:[\\d.e+−-]*\\d)?(?:(?: · 10)?[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)?)";
@@ -25,12 +25,12 @@
   const SYMBOL = /(?<![\p{L}\p{Nd}_.\\-])(\p{L}\p{M}*)_([\p{L}\p{Nd}]{1,4})(?![\p{L}\p{Nd}_]|\.\p{L})/u;
   const PATH = "(?:controller|grips|initial|joints|left_arm|payload|right_arm|simulation|trajectory)(?:\\.\\w+)+";
   const FIELD_NAMES = new RegExp(` ?[(（]${PATH}(?: = [\\w.+−-]+)?(?:, ${PATH})*[)）]`, "gu"), IN_CODE = "code, kbd, pre";
-  const PLAIN = "option, title, code, kbd, svg", FIELDS = "select[name^=field]"; // A menu of fields goes without such symbols.
+  const PLAIN = "option, title, code, kbd, svg", FIELDS = "select[name^=field]"; // A menu of fields shows no such symbols.
 
   let exact = new Map(), patterns = new Map(), kept = new Map(), watching = null, language = "en";
-  const texts = new WeakMap(), attributes = new WeakMap(); // node → { source: English, shown: what stands there }
+  const texts = new WeakMap(), attributes = new WeakMap(); // node → { source: English, shown: its present text }
   const pictures = new WeakMap(); // image → its file
-  const lowered = new WeakMap(); // text → { whole: what it shows, head: what stands in it, tail: the nodes behind it }
+  const lowered = new WeakMap(); // text → { whole: what it shows, head: its own value, tail: the nodes after it }
   const own = new WeakSet(); // the nodes of such tails
   const untranslated = new Set();
 
@@ -51,7 +51,7 @@
     for (const list of patterns.values()) list.sort((a, b) => b.length - a.length);
   }
 
-  const isMore = (text) => SYMBOL.test(text) || text.search(FIELD_NAMES) >= 0; // what changes in English, too
+  const isMore = (text) => SYMBOL.test(text) || text.search(FIELD_NAMES) >= 0; // whether it changes in English, too
   const isWords = (text) => exact.has(text) || WORD.test(text.replace(UNITS, ""));
   const fill = ({ names, shown }, values) => shown.replace(/\{(\w+)\}/g, (whole, name) => values[names.indexOf(name)] ?? whole);
 
@@ -83,7 +83,7 @@
     const shown = [], missed = [];
     for (let first = 0, last; first < sentences.length; first = last) {
       let found;
-      for (last = sentences.length; last > first; last -= 1) { // The longest that is known.
+      for (last = sentences.length; last > first; last -= 1) { // The longest known part.
         const part = sentences.slice(first, last).join(" ");
         if (part !== text) found = exact.get(part) ?? byPattern(part, false);
         if (found !== undefined) break;
@@ -100,7 +100,7 @@
     return shown.reduce((all, next) => all + (/[。！？]$/.test(all) ? "" : " ") + next);
   }
 
-  // The translation of an English text; undefined: there is none.
+  // The translation of an English text; undefined if there is none.
   function translate(text) {
     if (exact.has(text)) return exact.get(text);
     if (kept.has(text)) return kept.get(text);
@@ -134,7 +134,7 @@
     else lower(text, shown, part?.closest(PLAIN) ? [shown] : shown.split(SYMBOL));
   }
 
-  // `rest`: letter, subscript and what follows, for each symbol.
+  // `rest`: for each symbol its letter, its subscript and the text after it.
   function lower(text, whole, [head, ...rest]) {
     const tail = [];
     if (text.nodeValue !== head + (rest[0] ?? "")) text.nodeValue = head + (rest[0] ?? "");
@@ -154,7 +154,7 @@
     lowered.delete(text);
   }
 
-  // The texts and inline elements beside a text make one sentence; its marks are those of markdown.
+  // A text and the texts and inline elements beside it make one sentence, in which elements become markdown marks.
   const flows = (node) => node?.nodeType === Node.TEXT_NODE || (node?.tagName in MARKS && !node.matches(ALONE));
 
   function runOf(text) {
@@ -188,7 +188,7 @@
       byPattern(whole.trim(), false) ?? byPattern(whole.trim(), true);
     if (found === undefined) {
       if (!SYMBOL.test(whole) || parts.some((part) => typeof part === "string")) return whole.trim();
-      found = whole.trim(); // viser breaks it behind the _ of its symbol
+      found = whole.trim(); // viser breaks it after the _ of its symbol
       if (language !== "en") miss(found);
     }
     let rest = whole.match(/^ ?/)[0] + found + whole.match(/ ?$/)[0];
@@ -217,7 +217,7 @@
   }
 
   function showAttribute(part, name) {
-    const menu = name === "value"; // Of a menu that is a field: what it shows is drawn over it.
+    const menu = name === "value"; // A menu that is an input: its translation is drawn over it.
     if (menu ? part.getAttribute("aria-haspopup") !== "listbox" : !part.hasAttribute(name)) return;
     const known = attributes.get(part) ?? attributes.set(part, {}).get(part);
     const value = part.getAttribute(name) ?? "";
@@ -231,14 +231,14 @@
     else part.parentElement.dataset.flShown = shown;
   }
 
-  // Of a drawing that is a file, the words are those of its copy in the page.
+  // A drawing that is a file is replaced with a translated copy in the page.
   async function showPicture(image) {
     const file = pictures.get(image) ?? image.src;
     if (language === "en" && !pictures.has(image)) return;
     pictures.set(image, file);
     const answer = await fetch(file);
     if (!answer.ok) return;
-    // Styles rest while the drawing is no image: the policy of a page, which holds for what it reads too, has none in a text.
+    // Styles are renamed while the drawing is parsed: the page's policy, which holds for parsed text too, forbids inline ones.
     const drawing = new DOMParser().parseFromString((await answer.text()).replaceAll("style", "resting"), "image/svg+xml");
     for (const text of drawing.querySelectorAll("text")) {
       const source = text.textContent.trim();
@@ -247,7 +247,7 @@
         if (found === undefined && language !== "en") miss(part);
         return found?.replace(` · ${part}`, "") ?? part; // a chart has no room for both
       }).join("  ");
-      if (shown !== source) text.textContent = shown; // Else its raised exponents stay.
+      if (shown !== source) text.textContent = shown; // Else its raised exponents are kept.
     }
     image.src = language === "en" ? file
       : `data:image/svg+xml,${encodeURIComponent(new XMLSerializer().serializeToString(drawing).replaceAll("resting", "style"))}`;
@@ -263,7 +263,7 @@
       const left = flows ? showRun(parts) : "";
       if (flows && !left) return;
       if (left && among.some((part) => isWords(current(part)) && !part.parentElement.closest("code, kbd") && translate(spaces(current(part)).trim()) === undefined)) {
-        for (const part of among) put(part, current(part), current(part)); // Rather all of it in English than a part.
+        for (const part of among) put(part, current(part), current(part)); // All in English rather than only a part.
         if (language !== "en") miss(left);
         return;
       }
@@ -287,7 +287,7 @@
 
   function changed(records) {
     const nodes = new Set(), named = [];
-    const english = language === "en"; // Then nothing but symbols is looked for.
+    const english = language === "en"; // Then only symbols are looked for.
     const isNew = (text) => !own.has(text) && texts.get(text)?.shown !== shownBy(text) && (!english || texts.has(text) || isMore(text.nodeValue));
     for (const { type, target, addedNodes, removedNodes, attributeName } of records) {
       if (type === "characterData") { if (isNew(target)) nodes.add(target); }
@@ -314,7 +314,7 @@
     watching.observe(document.documentElement, { subtree: true, childList: true, characterData: true, ...attributes });
   }
 
-  // For scripts that read the page: the English text of a part, or of its attribute, whatever is shown.
+  // For scripts that read the page: the English text of a part, or of its attribute, whatever language is shown.
   window.flexlabEnglish = (part, name) => {
     if (name) {
       const known = attributes.get(part)?.[name], value = part.getAttribute(name);
@@ -335,7 +335,7 @@
     choice.setAttribute("aria-label", "Language / Sprache / 语言");
     for (const [code, name] of Object.entries(offered)) choice.add(new Option(name, code, false, code === chosen));
     choice.addEventListener("change", () => {
-      try { localStorage.setItem(KEPT, choice.value); } catch { /* Then it holds for this page. */ }
+      try { localStorage.setItem(KEPT, choice.value); } catch { /* Then the choice holds for this page only. */ }
       turnTo(choice.value);
     });
     (document.getElementById("server-bar") ?? document.querySelector("body > header"))?.append(choice);

@@ -1,6 +1,6 @@
 // What the pages of runs, studies and comparisons do in the browser. Each block looks for its own part of the page.
 
-// Opened panels close by Escape and by a click elsewhere.
+// Open panels close on Escape and on a click elsewhere.
 {
   const closeAll = (except) => {
     for (const panel of document.querySelectorAll("details.pop[open]")) if (panel !== except) panel.open = false;
@@ -14,9 +14,9 @@
   });
 }
 
-// Work that goes on: tells how far it is, and reloads the page when it is over, unless the page would lose by it.
+// Tasks under way: shows their progress and reloads the page when they end, unless the page is to stay.
 {
-  const LOOK = 600; // ms between two looks
+  const LOOK = 600; // ms between two requests
   const look = async (line) => {
     let state = { working: true };
     try {
@@ -61,7 +61,7 @@
   });
 }
 
-// Rerun's viewer wants the recording's full address, which only the browser knows for sure.
+// Rerun's viewer needs the recording's full address, which only the browser knows for sure.
 {
   const viewer = document.getElementById("viewer");
   if (viewer) {
@@ -69,17 +69,17 @@
     const recording = new URL(viewer.dataset.recording, location.href).href;
     viewer.src = `${base}/viewer/?url=${encodeURIComponent(recording)}&hide_welcome_screen&renderer=webgl`;
   }
-  // Continue goes on from the viewer's cursor, unless somebody has typed another time.
+  // Continue starts from the viewer's cursor, unless another time was typed.
   const time = document.querySelector('form[action$="/continue"] [name="time"]');
-  const LONGEST = 1e15; // ns: later ones are of the clock
-  const end = +viewer?.dataset.end || Infinity; // s: playing, the viewer goes a little past it before it stops
-  let counting = false; // The viewer shows a count instead of a time; it does not always tell of the first timeline.
+  const LONGEST = 1e15; // ns: later times are the clock's
+  const end = +viewer?.dataset.end || Infinity; // s: a playing viewer goes a little past it before it stops
+  let counting = false; // Whether the viewer shows a count instead of a time; it does not always report its first timeline.
   let typed = false;
   time?.addEventListener("input", () => { typed = time.value !== ""; });
   addEventListener("message", (message) => {
     if (!time || typed || message.source !== viewer?.contentWindow || message.origin !== location.origin) return;
     let event;
-    try { event = JSON.parse(message.data); } catch { return; } // "READY", which the viewer says first
+    try { event = JSON.parse(message.data); } catch { return; } // "READY", the viewer's first message
     if (event?.type === "timeline_change") counting = event.timeline === "log_tick";
     else if (event?.type !== "time_update") return;
     if (counting || event.time > LONGEST) return;
@@ -126,12 +126,12 @@ if (library) {
   };
   for (const box of boxes) box.addEventListener("change", count);
   bar.addEventListener("keydown", (event) => {
-    // Enter in a field of the bar means the button beside it, not the bar's first one.
+    // Enter in a field of the bar presses the button beside it, not the bar's first one.
     if (event.key !== "Enter" || event.target.tagName !== "INPUT") return;
     event.preventDefault();
     event.target.closest(".ask")?.querySelector("button").click();
   });
-  window.addEventListener("pageshow", count); // Going back in the browser brings the choice back, too.
+  window.addEventListener("pageshow", count); // Going back in the browser restores the choice, too.
   count();
   search.addEventListener("input", find);
   for (const heading of headings) {
@@ -143,7 +143,7 @@ if (library) {
   find();
 }
 
-// The forms of the page of studies: a chosen field proposes its range, and says what it is now and what is allowed.
+// The forms of the page of studies: choosing a field fills in its range and shows its present value and its limits.
 for (const fieldset of document.querySelectorAll("fieldset.axis")) {
   const field = fieldset.querySelector("select[name^=field]");
   if (!field) continue;
@@ -170,7 +170,7 @@ for (const fieldset of document.querySelectorAll("fieldset.axis")) {
   });
   say();
 }
-// What cannot be studied is said below its form, which keeps what was typed.
+// Problems are shown below the form, which keeps what was typed.
 for (const form of document.querySelectorAll(".study-form form")) {
   const button = form.querySelector("button"), problem = form.querySelector(".problem");
   form.addEventListener("submit", async (event) => {

@@ -1,4 +1,4 @@
-// A study's page: how far it is, and then a map, a curve or a trade-off of what it found.
+// A study's page: its progress, then its results as a map, a curve or a trade-off.
 const chart = document.getElementById("chart");
 
 const bar = document.querySelector("progress");
@@ -6,12 +6,12 @@ document.querySelector(".progress")?.addEventListener("progress", async ({ detai
   if (bar && detail.share > bar.value) await refresh();
 });
 
-// A drawing has no subscripts.
+// Drawings have no subscripts.
 const titled = (axis) => [axis.title, axis.symbol?.includes("_") ? "" : axis.symbol].filter(Boolean).join(" ") + (axis.unit ? ` (${axis.unit})` : "");
 
 const shortened = (word, most) => (word.length * 6.6 + 14 > most ? `${word.slice(0, Math.max(Math.floor((most - 14) / 6.6) - 1, 3))}…` : word);
 
-// Of the middles of `count` equal cells, as many labels as fit.
+// Labels at the middles of an axis's cells: about `space` numbers, or all words, shortened to `most` px.
 function cellTicks(axis, space, most) {
   const values = axis.values;
   const step = axis.numeric ? Math.ceil(values.length / Math.max(space, 2)) : 1;
@@ -29,7 +29,7 @@ function words(found, metric, cell) {
   return `${at.join(", ")}: ${metric.title} ${read}${why}`;
 }
 
-// Where a cell stands on each axis of the sweep.
+// A cell's index on each axis of the sweep.
 function places(found, cell) {
   const count = found.axes[1]?.values.length ?? 1;
   return [Math.floor(cell / count), cell % count];
@@ -38,33 +38,33 @@ function places(found, cell) {
 const place = (found, cell, axis) => found.axes[axis].values[places(found, cell)[axis]];
 const failedAt = (found, cell) => found.status[cell] !== null && found.status[cell] !== "finished";
 
-// The axis that goes across and the one that goes up: words stand beside a map, where they have room.
+// The horizontal and the vertical axis: words stand beside a map, where they have room.
 function sides(found) {
   if (found.axes.length < 2) return found.axes[0].numeric ? [0] : [null, 0];
   return !found.axes[0].numeric && found.axes[1].numeric ? [1, 0] : [0, 1];
 }
 
-// How much room labels take, px.
+// The width that labels take, px.
 function room(axis, most) {
   if (!axis || axis.numeric) return 0;
   return Math.min(Math.max(...axis.values.map((word) => String(word).length)) * 6.6 + 14, most);
 }
 
-// Round numbers of a scale at their places.
+// Round numbers of a scale, as [share of the side, words].
 function labelled(scale, count, share = scale.share) {
   const ticks = roundTicks(scale, count);
   const said = numbers(ticks);
   return ticks.map((tick, k) => [share(tick), said[k]]);
 }
 
-// A mark that is read by pointing at it or going to it with the arrow keys, and opens its scenario.
+// A mark whose values are shown when it is pointed at or reached with the arrow keys, and which opens its scenario.
 function link(found, metric, cell, ...children) {
   const said = words(found, metric, cell);
   const made = svg("a", { href: chart.dataset.cells + cell, class: "cell", tabindex: cell === 0 ? 0 : -1, "aria-label": said,
     "data-cell": cell }, ...children);
   const tell = () => {
     document.getElementById("reading").textContent = said;
-    // Above all other cells, which would cover its border.
+    // A border above all other cells, which would cover the cell's own.
     const cover = chart.querySelector(".chosen");
     for (const name of ["x", "y", "width", "height"]) cover?.setAttribute(name, children[0].getAttribute(name));
   };
@@ -75,7 +75,7 @@ function link(found, metric, cell, ...children) {
 
 const cross = (x, y, r) => svg("path", { d: `M${x - r} ${y - r}l${2 * r} ${2 * r}M${x - r} ${y + r}l${2 * r} ${-2 * r}`, class: "cross" });
 
-// The mark of a cell that is a point: a cross where it failed.
+// The mark of a cell as a point, or as a cross where it failed.
 function point(found, metric, cell, x, y) {
   const kind = found.status[cell] === null ? "waiting" : metric.values[cell] === null ? "missing" : "point";
   return link(found, metric, cell, svg("circle", { cx: x, cy: y, r: 10, fill: "transparent" }),
@@ -135,7 +135,7 @@ function drawCurve(drawing, found, metric, box) {
   });
 }
 
-// One metric of a choice: its words one below the other, the first one on top.
+// One metric over a choice: its options one below the other, the first one on top.
 function drawWords(drawing, found, metric, box) {
   const axis = found.axes[0];
   const scale = scaleOf(metric.values);
@@ -229,7 +229,7 @@ function tellFailures(found) {
 }
 
 const choice = document.getElementById("metric");
-const KEPT = `metric of ${location.pathname}`; // what is shown stays so when the page loads anew at the end
+const KEPT = `metric of ${location.pathname}`; // keeps the shown metric when the page reloads at the end
 let found = null;
 
 const load = async () => { found = await (await fetch(chart.dataset.address, { cache: "no-store" })).json(); };
@@ -239,7 +239,7 @@ function again() {
   if (choice) tellFailures(found);
 }
 
-// A sweep that goes on has cells that were not there.
+// A running sweep has new cells.
 async function refresh() {
   if (!found) return;
   await load();

@@ -1,13 +1,13 @@
-// The teacher's page: one tile per lab, brought up to date every 0.4 s while somebody looks at the page.
+// The teacher's page: one tile per lab, updated every 0.4 s while the page is visible.
 const LOOK = 400; // ms
-const base = document.currentScript.src.replace(/\/static\/[^/]*$/, ""); // A proxy may have a path before ours.
+const base = document.currentScript.src.replace(/\/static\/[^/]*$/, ""); // A proxy may put a path before ours.
 const list = document.getElementById("labs");
 const template = document.getElementById("tile");
 const form = document.getElementById("class");
 const said = document.getElementById("said");
 const rules = document.getElementById("rules");
 const tiles = new Map();
-let changing = 0; // Changes of the rules that the server has not confirmed: what it told before is old.
+let changing = 0; // Changes of the rules that the server has not confirmed; meanwhile the rules that it sends may be old.
 const DIGITS = { time: 1, error: 2 };
 
 function write(node, text) {
@@ -15,7 +15,7 @@ function write(node, text) {
   if (node.textContent !== text) node.textContent = text;
 }
 
-// How many chose which answer, as bars and as counts.
+// The count of each answer, as bars and as numbers.
 function showQuestions(questions) {
   const places = document.getElementById("questions");
   const now = JSON.stringify(questions);
@@ -123,10 +123,10 @@ form.addEventListener("submit", async (event) => {
   look();
 });
 
-// A switch acts at once; the page's next look shows what holds.
+// A switch acts at once; the page's next request shows the rules in force.
 rules.addEventListener("change", async () => {
   changing += 1;
-  rules.elements.step.disabled = false; // What is disabled is not sent.
+  rules.elements.step.disabled = false; // Disabled controls are not sent.
   await send(rules.action, new URLSearchParams(new FormData(rules)));
   changing -= 1;
   look();

@@ -21,7 +21,7 @@ OF_THE_LAW = {"desired_pose", "tracking_error", "sliding_variable", "bound_estim
 
 
 class Variable(NamedTuple):
-    """One number that importers see; its value reference is its place in the list."""
+    """One number that importers see; its value reference is its index in the list."""
 
     name: str
     unit: str
@@ -36,7 +36,7 @@ class Variable(NamedTuple):
 
     @property
     def is_settable(self) -> bool:
-        """Whether importers set it."""
+        """Whether importers can set it."""
         return self.causality in ("input", "parameter")
 
 
@@ -62,7 +62,7 @@ def sample_variables(scenario: Scenario, row: np.ndarray, place: int, with_law: 
 
 
 def _in_a_row(about: Sequence[tuple[str, str, str]], place: int, causality: str, start: Any = ()) -> list[Variable]:
-    """Variables (name, unit, description) that stand one after another from `place` on; inputs begin with `start`."""
+    """Consecutive variables (name, unit, description) from `place` on; inputs start with the values `start`."""
     begin = np.ravel(start).tolist() if causality == "input" else [None] * len(about)
     return [Variable(*each, causality, place + 8 * k, begin[k]) for k, each in enumerate(about)]
 
@@ -88,7 +88,7 @@ def inputs(scenario: Scenario, place: int) -> list[Variable]:
 
 
 def sensors(scenario: Scenario, start: np.ndarray, place: int, causality: str) -> list[Variable]:
-    """What a law measures, at `place`: the beam's moments' rates and the gauges' strains; as inputs of a law also the pose."""
+    """A law's measurements at `place`: rates of the beam's moments and the gauges' strains; as a law's inputs also the pose."""
     about = [(f"pose_{axis}", "m" if axis != "theta" else "rad", f"measured pose, {axis}") for axis in AXIS.labels]
     about += [(f"pose_rate_{axis}", "m/s" if axis != "theta" else "rad/s", f"its rate, {axis}") for axis in AXIS.labels]
     about = about if causality == "input" else []
@@ -102,7 +102,7 @@ def sensors(scenario: Scenario, start: np.ndarray, place: int, causality: str) -
 
 
 def law_signals(scenario: Scenario, place: int) -> list[Variable]:
-    """The law's own signals, which stand at `place`, as outputs."""
+    """The law's own signals at `place`, as outputs."""
     own = {signal.name: signal for signal in own_signals(scenario)}
     columns = [(column.name.partition(" ["), own.get(column.signal)) for column in table_columns(scenario)]
     about = [(name, unit[:-1], f"{it.symbol}: {it.meaning}") for (name, _, unit), it in columns if it is not None]
@@ -110,7 +110,7 @@ def law_signals(scenario: Scenario, place: int) -> list[Variable]:
 
 
 def desired_motion(start: np.ndarray, place: int) -> list[Variable]:
-    """Where the payload should be, as inputs: x_d, ẋ_d and ẍ_d (3, 3), which stand at `place`."""
+    """The desired motion at `place`, as inputs: x_d, ẋ_d and ẍ_d (3, 3)."""
     moves_on = "x_d, {}: desired pose, which moves on with its rate and acceleration until the next step"
     parts = (
         ("pose", POSE_UNITS, moves_on),
@@ -129,20 +129,20 @@ class Gain(NamedTuple):
     """A gain that can be tuned."""
 
     name: str
-    """Of its variable, or what the names of its variables begin with."""
+    """Name of its variable, or the beginning of its variables' names."""
     settings: Any
-    """The part of the scenario that has it, in a field."""
+    """The part of the scenario that has the field."""
     field: str
     place: int
-    """In the law's record, bytes."""
+    """Its place in the law's record, bytes."""
 
 
 def parameters(
     scenario: Scenario, places: Mapping[str, int], gains: Sequence[Gain], is_plant: bool = False
 ) -> list[Variable]:
-    """Gravity, the seed of the noise and these gains of the law: what can be tuned while a unit runs, at its `places`.
+    """The variables that can be tuned while a unit runs: gravity, the noise's seed and these gains, at their `places`.
 
-    Gravity is a law's, too: of one that derives constants, it may have gone into them.
+    A law has gravity, too, unless the law derives constants, which gravity may have gone into.
     """
     found = []
     if is_plant or (gains and law_of(scenario.controller).derive is nothing_derived):
@@ -160,7 +160,7 @@ def parameters(
         units, values = about.unit.split(", "), np.broadcast_to(getattr(gain.settings, gain.field), size)
         title = about.title if gain.settings is scenario.controller else f"{about.title} of the slow part"
         for k in range(size):
-            # Of two units, the first is of both directions.
+            # Of two units, the first one is for both directions.
             unit = units[k] if len(units) == size else units[0] if k < 2 else units[-1]
             place = places["gains"] + gain.place + 8 * k
             name = gain.name if size == 1 else f"{gain.name}_{k + 1}"
@@ -169,7 +169,7 @@ def parameters(
 
 
 class Model(NamedTuple):
-    """What a model description says besides its variables."""
+    """The contents of a model description besides its variables."""
 
     name: str
     identifier: str
@@ -206,7 +206,7 @@ def model_description(version: int, model: Model, variables: Sequence[Variable])
     _add_variables(root, variables, third)
     structure = _element(root, "ModelStructure")
     outputs = [number for number, variable in enumerate(variables) if variable.causality == "output"]
-    # An input acts from the next step on: two units that feed each other are no algebraic loop.
+    # An input acts from the next step on: two units that feed each other make no algebraic loop.
     for name, known in (("Output", {"dependencies": ""}), ("InitialUnknown", {})):
         parent = structure if third else _element(structure, f"{name}s")
         for number in outputs:

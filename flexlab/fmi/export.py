@@ -1,6 +1,6 @@
 """A scenario as a functional mock-up unit for co-simulation: one file that other tools simulate without Python.
 
-It holds the kernels' own machine code, so that it gives the bits that `flexlab.simulate` gives.
+It holds the kernels' own machine code, so that it gives the same bits as `flexlab.simulate`.
 """
 
 import hashlib
@@ -32,7 +32,7 @@ from flexlab.sim.snapshot import TICK
 VERSIONS = (2, 3)
 IDENTIFIER = "flexlab_unit"
 USUAL_DURATION = 3.0
-"""s that importers simulate by default."""
+"""Time that importers simulate by default, s."""
 SOURCES = Path(__file__).parent / "c"
 DOCUMENTATION = Path(__file__).with_name("documentation.html")
 PLATFORMS = {
@@ -54,9 +54,9 @@ def write_fmu(
 ) -> None:
     """Write a unit, whole or not at all. Raises `StudyError` or `ScenarioError`.
 
-    `part`: "plant", whose motors' torques are inputs; "law", whose inputs are what it measures; "loop", which is plant, law
+    `part`: "plant", whose motors' torques are inputs; "law", whose inputs are its measurements; "loop", which is plant, law
     and path as `flexlab.simulate` has them; or "follower", plant and law, whose input is the desired motion.
-    `version` of FMI: 2 or 3. `tick_period`: time between two instants at which importers may look, s.
+    `version` of FMI: 2 or 3. `tick_period`: time between two instants at which importers may read outputs, s.
     """
     if type(version) is not int or version not in VERSIONS:
         raise StudyError(f"fmi = {version!r:.60} is no version that can be written: choose 2 or 3.")
@@ -101,7 +101,7 @@ def _write(folder: Path, file: Path, part: Part, name: str, version: int, place:
 def _layout(part: Part, token: str) -> tuple[str, bytes]:
     """The text of layout.h, and the data that it describes."""
     memory, calls = part.memory, []
-    for number, each in enumerate(part.called):  # An instance has the addresses of its own process.
+    for number, each in enumerate(part.called):  # Each instance fills in the addresses of its own process.
         at = memory.word(each.word) if each.word else memory.places["gains"] + 8 * each.gain
         if each.word:
             memory.words[at] = 0

@@ -1,10 +1,10 @@
-"""What a unit runs: object files of compiled kernels, for any processor of this machine's kind, and memory for their arguments.
+"""Object files of compiled kernels, for any processor of this machine's kind, and the memory for their arguments.
 
-Numba's optimised LLVM module of a kernel is turned into machine code for a processor without extensions, without Python's
-wrappers. As no kernel contracts or reorders sums, it computes the same bits.
+Numba's optimised LLVM module of a kernel becomes machine code for a processor without extensions, without Python's wrappers.
+It computes the same bits, because no kernel contracts or reorders sums.
 
-A kernel's arguments are words: numbers, or places in two blocks of bytes. One is constant and shared by all instances; of the
-other each has its own copy: first what changes with time, an instance's whole state, then the kernels' scratch arrays.
+A kernel's arguments are words: numbers, or places in two blocks of bytes. One block is constant and shared by all instances.
+Of the other, each instance has its own copy: first its whole state, which changes with time, then the kernels' scratch arrays.
 """
 
 import hashlib
@@ -27,11 +27,11 @@ from flexlab.sim.step_size import build_scheme
 from flexlab.sim.stepping import next_split_tick, steps_in
 
 LIBRARY_FUNCTIONS = {"sqrt", "memset", "memcpy", "memmove"}
-"""Functions that kernels may call: those of every C library whose result the standard fixes."""
+"""Functions that kernels may call: every C library has them, and the standard fixes their results."""
 
 
 def target_machine() -> Any:
-    """Makes position-independent code for every processor of this machine's kind."""
+    """A target for position-independent code that runs on every processor of this machine's kind."""
     triple = llvm.get_process_triple()
     cpu = "x86-64" if triple.startswith("x86_64") else "generic"
     return llvm.Target.from_triple(triple).create_target_machine(cpu=cpu, opt=2, reloc="pic", codemodel="default")
@@ -46,11 +46,11 @@ def result_at(kernel: Any, address: int) -> Any:
 
 
 def write_object(result: Any, name: str, file: Path, by_words: bool = False) -> None:
-    """Write the object file of a compiled kernel, which shows one function, `name`, and no more.
+    """Write the object file of a compiled kernel, whose only visible function is `name`.
 
-    It takes what `call_kernel` gives, or with `by_words` is `int32_t name(const int64_t *words, int64_t *returned)`: each word
-    holds one of the plain arguments into which numba takes arrays and tuples apart. Raises `StudyError` for a kernel that calls
-    more than mathematics.
+    The function takes the arguments of `call_kernel`, or with `by_words` is
+    `int32_t name(const int64_t *words, int64_t *returned)`: each word holds one of the plain arguments into which numba splits
+    arrays and tuples. Raises `StudyError` for a kernel that calls more than mathematics.
     """
     bitcode, caller = result.library._get_module_for_linking().as_bitcode(), _caller(result, name, by_words)
     kept = cache_folder() / f"{hashlib.sha256(bitcode + caller.encode()).hexdigest()[:24]}.o"
@@ -70,7 +70,7 @@ def _emit(bitcode: bytes, caller: str, kernel: str, name: str) -> bytes:
         if not each.is_declaration:
             each.linkage = "external" if each.name == name else "internal"
     module.get_function(name).visibility = "hidden"
-    # What is left of Python: wrappers, their constants and what they call.
+    # Remove what is left of Python: wrappers, their constants and what they call.
     passes = llvm.create_new_module_pass_manager()
     passes.add_global_dead_code_eliminate_pass()
     passes.run(module, llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(0)))
@@ -84,7 +84,7 @@ def _emit(bitcode: bytes, caller: str, kernel: str, name: str) -> bytes:
 
 
 def _caller(result: Any, name: str, by_words: bool) -> str:
-    """LLVM code of the function that calls a kernel, which raises nothing."""
+    """LLVM code of the function that calls a kernel; the kernel raises nothing."""
     context, about = result.target_context, result.fndesc
     module, word = ir.Module(name), ir.IntType(64)
     module.triple, module.data_layout = llvm.get_process_triple(), str(target_machine().target_data)
@@ -122,10 +122,10 @@ def data_object(data: bytes, name: str) -> bytes:
 
 
 ALIGNMENT = 64
-"""Bytes: a line of a processor's cache."""
+"""Alignment of arrays, bytes: a cache line."""
 HEAD, CLOCK = 4 * 8, 3 * 8
 """Bytes of an instance's state before its arrays: tick, level of the step, phase, time (`State` in unit.h);
-and where among them the time stands."""
+and the place of the time among them."""
 NUMBER, OWN, SHARED = 0, 1, 2
 """Kinds of words: a number's bits, or the place of an array in the instance's memory or in the constants."""
 
@@ -207,7 +207,7 @@ class Piece:
 
     @property
     def words(self) -> list[int]:
-        """As `Piece` in unit.c."""
+        """The piece as the struct `Piece` in world.c."""
         return [self.level, self.tick, *map(bits, (self.begin, self.length, self.end)), self.count, self.scheme]
 
 
@@ -216,25 +216,25 @@ class Memory:
     """The data of a unit."""
 
     names: list[str]
-    """Of the words."""
+    """Names of the words."""
     words: list[int]
-    """Their values in an instance that has just been made: numbers, or places."""
+    """Values of the words in a new instance: numbers, or places."""
     kinds: list[int]
-    """NUMBER, OWN or SHARED, of each word."""
+    """Kind of each word: NUMBER, OWN or SHARED."""
     schemes: list[list[int]]
-    """Words of the integrator's constants: of each level of the step, then of pieces of ticks."""
+    """Words of the integrator's constants: for each level of the step, then for pieces of ticks."""
     pieces: list[Piece]
     own: np.ndarray
-    """The memory of an instance that has just been made, bytes."""
+    """The memory of a new instance, bytes."""
     shared: np.ndarray
     """The constants, bytes."""
     state_size: int
-    """Bytes of `own` that change with time and are no scratch."""
+    """Bytes of the state at the beginning of `own`; scratch arrays follow."""
     places: dict[str, int]
     """Where the named arrays begin in `own`."""
 
     def word(self, name: str) -> int:
-        """Number of the word of this name."""
+        """The index of the word with this name."""
         return self.names.index(name)
 
 
@@ -247,7 +247,7 @@ def lay_out(
 ) -> Memory:
     """The memory of a unit that calls a kernel with these arguments.
 
-    Of their arrays those in `state` are what a unit goes on from, and those in `scratch` may change; all others are constant.
+    The arrays in `state` are the unit's state and those in `scratch` may change; all others are constant.
     """
     labelled = [item for name, value in arguments.items() for item in words_of(value, name)]
     arrays = [value for _, value in labelled if isinstance(value, np.ndarray)]

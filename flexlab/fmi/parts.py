@@ -59,7 +59,7 @@ class Called(NamedTuple):
     word: str = ""
     """Name of the argument that takes the address."""
     gain: int = -1
-    """Which of the law's gains it is, where it is one."""
+    """Index of the law's gain that holds the address, if one does."""
 
 
 @dataclass(frozen=True)
@@ -68,23 +68,23 @@ class Part:
 
     scenario: Scenario
     tick_period: float
-    """s."""
+    """Time between two ticks, s."""
     about: str
     source: str
-    """The file in C that moves it."""
+    """The C file that advances it."""
     kernels: dict[str, Any]
     """Kernels that the file calls: numba's compile results by name."""
     called: list[Called]
     memory: Memory
     variables: list[Variable]
     numbers: dict[str, int]
-    """Further constants of the file."""
+    """Further constants of the C file."""
     first_words: list[int] = field(default_factory=list)
-    """Of the kernel by which a sampled law acts for the first time: which words of the other one it takes."""
+    """Arguments of the kernel for a sampled law's first action, as indices of the words of `advance`."""
 
 
 def make_part(scenario: Scenario, part: str, tick_period: float) -> Part:
-    """A part of a scenario as it begins. Raises `StudyError` or `ScenarioError`."""
+    """Make a part of a scenario in its initial state. Raises `StudyError` or `ScenarioError`."""
     if not isinstance(part, str) or part not in PARTS:
         raise StudyError(f"part = {part!r:.60} is no part of a scenario: choose {', '.join(PARTS)}.")
     if part != "plant" and hasattr(scenario.controller, "source"):
@@ -116,7 +116,7 @@ def given_motion(path, rows, t, desired):
 
 
 GIVEN = np.dtype([("time", "f8"), ("pose", "f8", (3,)), ("rate", "f8", (3,)), ("acceleration", "f8", (3,))])
-"""Numbers of `given_motion`."""
+"""The record that `given_motion` reads."""
 
 
 def _loop(motion: Motion) -> Part:
@@ -172,7 +172,7 @@ def _world(motion: Motion, about: str, called: list[Called]) -> Part:
     if is_follower:
         variables = [each for each in variables if not each.name.startswith("desired_")]
         variables += desired_motion(desired_at(system.trajectory, 0.0), memory.places["desired"] + 8)
-    # Of what is shown, only the sliding variable would go on with the earlier slope.
+    # Without the sliding slope: the sliding variable, alone among the outputs, would keep the earlier one.
     variables += parameters(scenario, memory.places, [] if is_plant else _gains(scenario, {"sliding_slope"}), is_plant)
     words = {
         "SAMPLING_STEPS": "sampling.steps", "MOST": "watch.most", "LEVEL": "level", "ORIGIN": "origin", "TICK": "tick",
@@ -214,7 +214,7 @@ def _named(kernel: Any, values: tuple[Any, ...]) -> dict[str, Any]:
 
 
 def _law(motion: Motion) -> Part:
-    """Law and path: it acts once as it begins, and at each of its instants."""
+    """Law and path; the law acts at the start and at each of its instants."""
     called, felt = _law_and_path(motion, _path(motion), with_rate=False), _sensors(motion)
     assembly, scenario, y = motion.assembly, motion.scenario, motion.y
     control = assembly.system.control._replace(fastest_rate=0)
@@ -241,7 +241,7 @@ PARTS = {"plant": _plant, "law": _law, "loop": _loop, "follower": _follower}
 
 
 def _before_acting(motion: Motion) -> None:
-    """Undo a sampled law's action in `begin_motion`: a unit acts when it begins, with its parameters of then."""
+    """Undo a sampled law's action in `begin_motion`: a unit's law acts when the unit begins, with its parameters at that time."""
     system, sampling, y = motion.assembly.system, motion.assembly.sampling, motion.y
     system.held_torque[:] = sampling.line[:] = 0.0
     y[memory_slice(system).start :] = 0.0
@@ -251,7 +251,7 @@ def _before_acting(motion: Motion) -> None:
 
 
 def _gains(scenario: Scenario, besides: Collection[str] = ()) -> list[Gain]:
-    """Gains that a law and its slow part take as they are: nothing, the memory included, was made of them before."""
+    """Gains that a law and its slow part use as they are: nothing, not even the initial memory, was derived from them."""
     settings: Any = scenario.controller
     law, slow = law_of(settings), getattr(settings, "slow", None)
     found = [Gain(name, settings, name, place) for name, place in _untouched(law)]
@@ -262,7 +262,7 @@ def _gains(scenario: Scenario, besides: Collection[str] = ()) -> list[Gain]:
 
 
 def _untouched(law: Law) -> list[tuple[str, int]]:
-    """(name, place in the record, bytes) of the gains of which a law makes nothing."""
+    """(name, place in the record, bytes) of the gains from which a law derives nothing."""
     plain = law.derive is nothing_derived and law.start is None
     names = own_numbers(law.model, Controller) if plain else law.untouched
     return [(name, (law.gains_type.fields or {})[name][1]) for name in names]
@@ -299,7 +299,7 @@ def _path(motion: Motion) -> Called:
 
 
 def _law_and_path(motion: Motion, path: Called, with_rate: bool = True) -> list[Called]:
-    """All kernels called by address, by the law, and with `with_rate` by the engine."""
+    """All kernels that are called by address: path, law and the laws that it calls; with `with_rate` also the engine's."""
     control, law = motion.assembly.system.control, law_of(motion.scenario.controller)
     found = [path, Called("flexlab_law", result_at(law.kernel, control.law), "system.control.law")]
     if with_rate:
@@ -308,7 +308,7 @@ def _law_and_path(motion: Motion, path: Called, with_rate: bool = True) -> list[
     if with_rate and control.sampled:
         instant = result_at(control_instant, motion.assembly.sampling.kernel)
         found.append(Called("flexlab_instant", instant, "sampling.kernel"))
-    # A law that calls another one has its addresses among its gains.
+    # A law that calls another one holds the other's addresses among its gains.
     for other in laws().values():
         addresses = other.addresses if other.is_loaded else ()
         for kernel, address in zip((other.kernel, other.fastest_rate), addresses, strict=False):

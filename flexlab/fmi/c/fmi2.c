@@ -84,7 +84,7 @@ EXPORT int fmi2DeSerializeFMUstate(Unit *unit, const unsigned char bytes[], size
     return unit_read_state(unit, bytes, size, state);
 }
 
-/* What the standard wants to find in every library, and this unit has no use for. */
+/* Functions that the standard requires in every library and that this unit does not need. */
 #define ABSENT(name) EXPORT int name(Unit *unit) { return unit_refuse(unit, "This unit does not offer " #name "."); }
 ABSENT(fmi2GetInteger) ABSENT(fmi2GetBoolean) ABSENT(fmi2GetString)
 ABSENT(fmi2SetInteger) ABSENT(fmi2SetBoolean) ABSENT(fmi2SetString)

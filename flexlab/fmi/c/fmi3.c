@@ -72,7 +72,7 @@ EXPORT int fmi3DeserializeFMUState(Unit *unit, const unsigned char bytes[], size
     return unit_read_state(unit, bytes, size, state);
 }
 
-/* What the standard wants to find in every library, and this unit has no use for. */
+/* Functions that the standard requires in every library and that this unit does not need. */
 #define ABSENT(name) EXPORT int name(Unit *unit) { return unit_refuse(unit, "This unit does not offer " #name "."); }
 ABSENT(fmi3EnterEventMode) ABSENT(fmi3EnterStepMode) ABSENT(fmi3EnterConfigurationMode) ABSENT(fmi3ExitConfigurationMode)
 ABSENT(fmi3EnterContinuousTimeMode) ABSENT(fmi3UpdateDiscreteStates) ABSENT(fmi3EvaluateDiscreteStates)

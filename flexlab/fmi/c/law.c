@@ -1,4 +1,4 @@
-/* A control law that acts at each tick on what its sensors say, as flexlab/sim/sampled_control.py has it act. */
+/* A control law that acts on its sensors at each tick, as in flexlab/sim/sampled_control.py. */
 #include "unit.h"
 
 extern int32_t flexlab_answer(const int64_t *words, int64_t *returned);

@@ -1,4 +1,4 @@
-/* A unit of flexlab: its instances, variables and states. What moves it is in world.c or law.c. */
+/* A unit of flexlab: its instances, variables and states. world.c or law.c advances it. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -6,9 +6,9 @@
 #include "unit.h"
 
 enum { WHOLE = 2 };
-static const double LONGEST = 1e9; /* s: the most that one step may ask for. */
+static const double LONGEST = 1e9; /* s: the longest communication step. */
 typedef struct { int64_t place, settable; double low, high; } Variable;
-typedef struct { int64_t in_words, place, function; } Call;      /* Where the address of a function goes. */
+typedef struct { int64_t in_words, place, function; } Call;      /* Where a function's address is stored. */
 
 extern void FUNCTIONS;
 static void (*const functions[])(void) = {FUNCTION_NAMES};
@@ -51,7 +51,7 @@ void unit_free(Unit *unit) {
     free(unit);
 }
 
-/* Kernels call one another by addresses: as words of `advance`, and as numbers among a law's gains. */
+/* Kernels call one another by address. Addresses are words of `advance`, or numbers among a law's gains. */
 static void place_functions(Unit *unit) {
     for (int k = 0; k < CALL_COUNT; k++) {
         int64_t address = (int64_t)(intptr_t)functions[calls[k].function];
@@ -61,7 +61,7 @@ static void place_functions(Unit *unit) {
     }
 }
 
-/* Among the words of a kernel gravity and seed are numbers; what an importer sets is part of the state. */
+/* Importers set gravity and seed in the state; the kernel takes them as numbers among its words. */
 static void take_numbers(Unit *unit) {
     memcpy(unit->words + WORD_GRAVITY, unit->memory + AT_GRAVITY, sizeof *unit->words);
     unit->words[WORD_SEED] = (int64_t)*(double *)(unit->memory + AT_SEED);
@@ -129,7 +129,7 @@ int unit_step(Unit *unit, double time, double step, double *reached) {
     if (state->phase == TERMINATED) return unit_refuse(unit, "This unit was terminated: reset it.");
     if (state->phase != RUNNING)
         return unit_refuse(unit, "This unit is not initialized: enter and exit initialization mode before the first step.");
-    /* Importers that add up their steps end with one as short as what rounding has left: there is nothing to do in it. */
+    /* Importers that add up their steps may end with one as short as the rounding error, in which there is nothing to do. */
     if (!(step > 0 && step <= LONGEST) || fabs(step - ticks * TICK_PERIOD) > 1e-6 * TICK_PERIOD) {
         snprintf(text, sizeof text, "The communication step %.12g s is no whole number of this unit's ticks of %.12g s: "
                  "choose a multiple of it, up to %g s.", step, (double)TICK_PERIOD, (double)LONGEST);
@@ -158,7 +158,7 @@ static int read(Unit *unit, const uint32_t references[], size_t count, double va
 int unit_get(Unit *unit, const uint32_t references[], size_t count, double values[]) {
     if (!unit) return REFUSED;
     if (state_of(unit)->phase > INITIALIZING) return read(unit, references, count, values);
-    /* Outputs follow from what is set until the run begins, which this must not begin. */
+    /* Until the run begins, outputs follow from the settings; computing them must not begin the run. */
     unsigned char *before = malloc(OWN_SIZE);
     if (!before) return unit_refuse(unit, "There is no memory left to compute the outputs.");
     memcpy(before, unit->memory, OWN_SIZE);
@@ -196,9 +196,9 @@ int unit_get_state(Unit *unit, void **state) { return unit ? keep(unit, unit->me
 int unit_set_state(Unit *unit, const void *state) {
     if (!unit || !state) return unit_refuse(unit, "There is no state to go back to.");
     memcpy(unit->memory, state, STATE_SIZE);
-    place_functions(unit); /* Of another process, they were elsewhere. */
+    place_functions(unit); /* A state from another process holds other addresses. */
     take_numbers(unit);
-    *(double *)(unit->memory + AT_DESIRED_TIME) = NAN; /* The desired motion in the scratch arrays is another instant's. */
+    *(double *)(unit->memory + AT_DESIRED_TIME) = NAN; /* The scratch arrays hold the desired motion of another instant. */
     return DONE;
 }
 
@@ -209,7 +209,7 @@ static uint64_t checksum(const unsigned char *state) {
     return sum;
 }
 
-/* As bytes, a state begins with the token of its unit and its checksum. */
+/* A serialized state begins with the unit's token and a checksum. */
 enum { AT_SUM = sizeof TOKEN, AT_STATE = AT_SUM + sizeof(uint64_t) };
 size_t unit_state_bytes(void) { return AT_STATE + STATE_SIZE; }
 

@@ -1,4 +1,4 @@
-/* A unit of flexlab: what its files share. layout.h is written for each scenario. */
+/* A unit of flexlab: declarations that its files share. layout.h is generated for each scenario. */
 #ifndef FLEXLAB_UNIT_H
 #define FLEXLAB_UNIT_H
 
@@ -17,19 +17,19 @@ typedef void (*Say)(Unit *unit, const char *sentence);
 
 struct Unit {
     void *environment;
-    void (*log)(void); /* The importer's own callback; NULL: it listens to nothing. */
+    void (*log)(void); /* The importer's own callback; NULL if it has none. */
     Say say;
     char *name;
     int64_t words[WORD_COUNT];            /* The kernel's arguments. */
     unsigned char memory[OWN_SIZE + 8];   /* First the state, then scratch arrays. */
 };
 
-/* What an instance has gone through, as the standard names it. */
+/* Phases of an instance, named as in the standard. */
 enum { INSTANTIATED, INITIALIZING, RUNNING, STOPPED, TERMINATED };
 typedef struct { int64_t tick, level, phase; double time; } State; /* The beginning of an instance's memory. */
 
 extern const unsigned char flexlab_data[];
-extern const int64_t *const words, *const kinds; /* Of an instance that has just been made. */
+extern const int64_t *const words, *const kinds; /* Of a new instance. */
 
 static inline State *state_of(Unit *unit) { return (State *)unit->memory; }
 static inline int64_t bits(double number) {
@@ -39,7 +39,7 @@ static inline int64_t bits(double number) {
 }
 int64_t located(Unit *unit, int64_t kind, int64_t value);
 
-/* In world.c or law.c: show the present instant; go some ticks. They return a fault code. */
+/* In world.c or law.c: compute the outputs of the present instant; advance some ticks. Both return a fault code. */
 int64_t look(Unit *unit);
 int64_t go(Unit *unit, int64_t count);
 

@@ -1,4 +1,4 @@
-/* A world that moves by whole ticks, as flexlab/sim/stepping.py moves it, by the same machine code. */
+/* A world that advances by whole ticks as in flexlab/sim/stepping.py, with the same machine code. */
 #include <math.h>
 #include <string.h>
 #include "unit.h"
@@ -10,7 +10,7 @@ extern int32_t flexlab_advance(const int64_t *words, int64_t *returned);
 static const int64_t *const schemes = (const int64_t *)(flexlab_data + AT_SCHEMES);
 static const Piece *const pieces = (const Piece *)(flexlab_data + AT_PIECES);
 
-/* What a law measures besides the pose: the beam's moments' rates, which `advance` leaves behind, and the gauges' strains. */
+/* A law's measurements besides the pose: the rates of the beam's moments, as `advance` left them, and the gauges' strains. */
 static void read_sensors(Unit *unit) {
     const double *eta = (const double *)(unit->memory + AT_Y) + FIRST_MODE;
     const double *strain = (const double *)(flexlab_data + AT_SHARED + AT_STRAIN);
@@ -43,7 +43,7 @@ static void take_scheme(Unit *unit, int64_t number) {
         unit->words[WORD_SCHEME + k] = located(unit, kinds[WORD_SCHEME + k], schemes[number * SCHEME_WORDS + k]);
 }
 
-/* Sets out for whole ticks from the present one with steps of the present level. */
+/* Prepares whole ticks from the present one, with steps of the present level. */
 static void set_out(Unit *unit) {
     const State *state = state_of(unit);
     take_scheme(unit, state->level);
@@ -57,14 +57,14 @@ static void set_out(Unit *unit) {
     unit->words[WORD_PRESENT] = 0;
 }
 
-/* The first piece of the first tick from `tick` on that is gone in pieces; NULL: there is none. They are in order. */
+/* The first piece of the next tick, from `tick` on, that is split into pieces; NULL if there is none. Pieces are sorted. */
 static const Piece *next_piece(int64_t level, int64_t tick) {
     for (int k = 0; k < PIECE_COUNT; k++)
         if (pieces[k].level == level && pieces[k].tick >= tick) return &pieces[k];
     return NULL;
 }
 
-/* Goes one tick in pieces, as flexlab/sim/step_levels.py does; returns the code of `advance`. */
+/* Advances one tick in pieces, as flexlab/sim/step_levels.py does; returns the code of `advance`. */
 static int64_t go_in_pieces(Unit *unit, const Piece *piece) {
     double *y = (double *)(unit->memory + AT_Y), before = y[SINCE], start[STATE_LENGTH];
     int64_t code = 0, tick = piece->tick, level = piece->level;
@@ -91,11 +91,11 @@ static int64_t go_in_pieces(Unit *unit, const Piece *piece) {
     return 0;
 }
 
-/* Goes `count` ticks; returns a fault code. */
+/* Advances `count` ticks; returns a fault code. */
 int64_t go(Unit *unit, int64_t count) {
     State *state = state_of(unit);
     int64_t code = 0, goal = state->tick + count;
-    if (AT_GIVEN) { /* What was given is of this instant. */
+    if (AT_GIVEN) { /* The given motion is for this instant. */
         *(double *)(unit->memory + AT_GIVEN) = unit_time(unit);
         *(double *)(unit->memory + AT_DESIRED_TIME) = NAN;
     }
@@ -118,7 +118,7 @@ int64_t go(Unit *unit, int64_t count) {
 #if FIRST_COUNT
 extern int32_t flexlab_first(const int64_t *words, int64_t *returned);
 
-/* A sampled law acts as it begins. */
+/* A sampled law acts at the start. */
 static int64_t act_first(Unit *unit) {
     const int64_t *numbers = (const int64_t *)(flexlab_data + AT_FIRST);
     int64_t given[FIRST_COUNT], code = NOT_A_NUMBER;
@@ -131,7 +131,7 @@ static int64_t act_first(Unit *unit) { (void)unit; return 0; }
 #endif
 
 int64_t look(Unit *unit) {
-    *(double *)(unit->memory + AT_DESIRED_TIME) = NAN; /* An importer may have given another one. */
+    *(double *)(unit->memory + AT_DESIRED_TIME) = NAN; /* An importer may have set another desired motion. */
     set_out(unit);
     int64_t code = act_first(unit);
     if (code != 0) return code;

@@ -1,7 +1,7 @@
-"""Recordings: every run as a rerun file, watched live, found again, read back bit for bit.
+"""Recordings: every run as a rerun file that can be watched live, found again, and read back bit for bit.
 
-The only room that imports rerun. Rerun's own log lines are switched off unless the person sets RUST_LOG: what goes wrong
-with a file or a port is said in this package's sentences, and twice is once too often.
+Only this package imports rerun. Rerun's log lines are off unless RUST_LOG is set: this package reports problems with files
+and ports in sentences of its own.
 """
 
 import os

@@ -1,6 +1,6 @@
 """Checksums of a recording's texts, kept beside them.
 
-Rerun's files have none: a digit of a scenario that a disk changed would pass for another run. Blocks of samples have their own.
+Rerun's files have none: a scenario in which a disk changed a digit would pass for another. Blocks of samples have their own.
 """
 
 import json
@@ -15,7 +15,7 @@ GAPS = "gaps"
 
 
 def checksum(text: str) -> str:
-    """Of a text."""
+    """The checksum of a text."""
     return str(zlib.crc32(text.encode("utf-8", "surrogatepass")))
 
 
@@ -26,9 +26,9 @@ def checked(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def unchecked(values: Mapping[str, Any]) -> dict[str, Any]:
-    """What `checked` was given; values of older recordings have no checksum. Raises ValueError if it is another's."""
+    """Values without their checksum, which older recordings lack. Raises ValueError if it is wrong."""
     rest = {name: value for name, value in values.items() if name != CHECK}
-    # The first recordings with checksums counted an empty title, which rerun kept or not.
+    # The first recordings with checksums included an empty title, which rerun kept or not.
     known = {_checksum_of(rest), _checksum_of({"title": "", **rest})}
     if CHECK in values and values[CHECK] not in known:
         raise ValueError(f"the checksum of {', '.join(rest)} is wrong")
@@ -36,5 +36,5 @@ def unchecked(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _checksum_of(values: Mapping[str, Any]) -> str:
-    # Of what is damaged, values may be of any type.
+    # Damaged values may be of any type.
     return checksum(json.dumps(values, sort_keys=True, default=repr))

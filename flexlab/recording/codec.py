@@ -1,9 +1,9 @@
 """Samples as compact bytes and back, bit for bit.
 
-A recording keeps every signal of `Samples` in double precision, besides the curves that it shows: 69 numbers of the paper's run
-are 552 bytes a millisecond, and 205 in this form in blocks of ten seconds, 268 in blocks of a tenth. The bit pattern of a
-smooth signal, read as an integer, is nearly a cubic in time, so its third difference is small; small integers have empty upper
-bytes, which pack well. All of it is exact arithmetic on bit patterns: infinities and NaN come back too.
+A recording keeps every signal of `Samples` in double precision, besides the curves that it shows: the paper's run has 69 numbers,
+552 bytes, per millisecond, of which this form makes 205 bytes in blocks of ten seconds and 268 in blocks of a tenth. The bit
+pattern of a smooth signal, read as an integer, is nearly a cubic in time, so its third difference is small; small integers have
+empty upper bytes, which pack well. All of it is exact arithmetic on bit patterns: infinities and NaN come back too.
 
 A block is [length of header, 4 bytes little-endian][header, JSON][byte planes], packed as a zstd frame, then its size
 before packing, 8 bytes, and the frame's Adler-32, 4 bytes, both little-endian; formats 1 and 2 of recordings packed it as zlib.
@@ -34,22 +34,22 @@ from flexlab.sim.snapshot import Event
 from flexlab.text import visible
 
 DIFFERENCES = 3
-"""Order of the difference: 1 packs ten seconds of the paper's run to 272 kB/s, 2 to 235, 3 to 205, 4 to 179; but each order more
-costs noise a bit per number."""
+"""Order of the difference: 1 packs ten seconds of the paper's run to 272 kB/s, 2 to 235, 3 to 205, 4 to 179; but each further
+order costs a noisy signal one bit per number."""
 FORMAT = 1
 """Number of this layout of bytes; each block also names the recording's format, on which the meaning of signals depends."""
 PACKING = pa.Codec("zstd", compression_level=3)
 """Level 1 takes three quarters of the time, and makes blocks 3 % larger."""
 ZSTD = b"\x28\xb5\x2f\xfd"
-"""How a zstd frame begins."""
+"""First bytes of a zstd frame."""
 TRAILER = struct.Struct("<QI")
 """Size before packing and checksum, at the end of a block."""
 UNREADABLE = (zlib.error, struct.error, ArithmeticError, LookupError, OSError, RecursionError, TypeError, ValueError)
-"""Errors that bytes which are no block may raise."""
+"""Errors that may arise from bytes that are not a block."""
 LONGEST_REASON = 100
-"""Characters of why a block cannot be read."""
+"""Largest length of the reason why a block cannot be read, characters."""
 LARGEST_BLOCK = 1_000_000_000
-"""Bytes of a block when unpacked: those of flexlab have a tenth at most, a hostile one could have any number."""
+"""Largest unpacked size of a block, bytes: flexlab's have a tenth of it at most, a hostile one could have any size."""
 DERIVED: dict[str, Callable[[dict[str, np.ndarray]], np.ndarray]] = {
     "tracking_error": lambda signals: signals["pose"] - signals["desired_pose"],
 }
@@ -87,7 +87,7 @@ def encode_block(samples: Samples) -> bytes:
         "signals": [[name, list(signal.shape[1:])] for name, signal in kept.items()],
         "derived": derived,
     }
-    # Of one order for any number of rows, as for each order the kernel would be compiled.
+    # In one memory order for any number of rows: the kernel would be compiled for each order.
     numbers = np.empty((sum(prod(signal.shape[1:]) for signal in kept.values()), len(samples)))
     np.concatenate([signal.reshape(len(samples), -1).T for signal in kept.values()], out=numbers)
     patterns = numbers.view(np.int64)
@@ -102,7 +102,7 @@ def encode_block(samples: Samples) -> bytes:
 
 
 def decode_block(data: bytes) -> tuple[Samples, int]:
-    """The samples that `encode_block` was given, read-only, and their recording's format, on which their meaning depends.
+    """The samples given to `encode_block`, read-only, and their recording's format, on which their meaning depends.
 
     A signal that the block lacks is absent; a signal that this version does not know is kept. Raises `RecordingError` for other
     bytes.
@@ -138,14 +138,14 @@ def _decode(data: bytes) -> tuple[Samples, int]:
             found[name].flags.writeable = False
     if "time" not in found:
         raise ValueError("it has no times")
-    # A name that every run has for something else would hide that.
+    # A signal with the name of an attribute of every run would hide that attribute.
     return Samples(**{name: array for name, array in found.items() if name in TABLE or name not in TAKEN}), written_in
 
 
 def _follows(name: str, signals: dict[str, np.ndarray]) -> bool:
     try:
         return signals[name].tobytes() == DERIVED[name](signals).tobytes()
-    except KeyError:  # What it would follow from was not recorded.
+    except KeyError:  # A signal that it follows from was not recorded.
         return False
 
 
@@ -207,8 +207,8 @@ def state_values(state: WorldState) -> dict[str, Any]:
 
 
 def state_from_values(values: Mapping[str, Any]) -> WorldState:
-    """The state that `state_values` was given. Raises ValueError, KeyError or TypeError for anything else."""
-    # What only a newer version keeps is of no use here; what it needs and an older one lacks has a default.
+    """The state given to `state_values`. Raises ValueError, KeyError or TypeError for anything else."""
+    # Fields that only a newer version has are left out; fields that an older one lacks have a default.
     known = {field.name for field in fields(WorldState)} - {"tick"}
     arrays = {name: np.array(value, float) for name, value in values.items() if name in known}
     layout = values.get(LAYOUT, 1)
@@ -231,7 +231,7 @@ def event_values(event: Event) -> dict[str, Any]:
 
 
 def event_from_values(values: Mapping[str, Any]) -> Event:
-    """The event that `event_values` was given. Raises `RecordingError`, ValueError, KeyError or TypeError for anything else."""
+    """The event given to `event_values`. Raises `RecordingError`, ValueError, KeyError or TypeError for anything else."""
     command = values["command"]
     known = None if command is None else command_from_values(command)
     return Event(float(values["time"]), str(values["text"]), known, str(values["level"]))
@@ -244,7 +244,7 @@ def command_values(command: Any) -> dict[str, Any]:
 
 
 def command_from_values(given: Mapping[str, Any]) -> Command:
-    """The command that `command_values` was given. Raises `RecordingError` for anything else."""
+    """The command given to `command_values`. Raises `RecordingError` for anything else."""
     try:
         values = dict(given)
         kind = KINDS[values.pop("kind")]
@@ -278,7 +278,7 @@ def _plain(value: Any) -> Any:
 
 
 def _frozen(value: Any) -> Any:
-    """Lists as the tuples they were."""
+    """The value with its lists turned back into tuples."""
     if isinstance(value, dict):
         return {name: _frozen(item) for name, item in value.items()}
     return tuple(_frozen(item) for item in value) if isinstance(value, list) else value

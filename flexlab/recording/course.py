@@ -1,4 +1,4 @@
-"""What a run needs besides its samples and its scenario to be recorded, and to be simulated again."""
+"""What is needed besides the samples and the scenario of a run to record it and to simulate it again."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from flexlab.sim.snapshot import Event
 
 @dataclass(frozen=True)
 class Course:
-    """How a run went: from which state, in which steps, and what was done to it."""
+    """The course of a run: its sample period, its events, the state at its start, and what computed it."""
 
     sample_period: float
     """s."""
@@ -26,7 +26,7 @@ class Course:
 
     @property
     def is_changed(self) -> bool:
-        """Whether the scenario was changed, or something was pulled, on the way."""
+        """Whether the scenario was changed, or something was pulled, during the run."""
         return any(isinstance(event.command, (ChangeScenario, Pull)) for event in self.events)
 
 
@@ -35,13 +35,13 @@ DISTURBANCES = (ChangeScenario, Pull, Tap)
 
 
 def is_pulled(events: Sequence[Event], since: float = inf) -> bool:
-    """Whether a hand holds beam or arm by these events of a run, or let go of it later than `since`, s."""
+    """Whether beam or arm is still held after these events of a run, or was let go later than `since`, s."""
     last = next((event for event in reversed(events) if isinstance(event.command, Pull)), None)
     return last is not None and (last.time > since or getattr(last.command, "stiffness", 0.0) > 0)
 
 
 def changed_scenario(scenario: Scenario, events: Sequence[Event], before: float = inf) -> Scenario:
-    """The scenario of a run that began with `scenario`, after what was changed before an instant, s. Raises `ScenarioError`."""
+    """The scenario of a run that began with `scenario`, after its changes before an instant, s. Raises `ScenarioError`."""
     for event in events:
         if isinstance(event.command, ChangeScenario) and event.level != "error" and event.time < before:
             scenario = scenario.replace(event.command.changes)
@@ -49,7 +49,7 @@ def changed_scenario(scenario: Scenario, events: Sequence[Event], before: float 
 
 
 def course_of_commands(run: Run, commands: Sequence[tuple[float, WorldCommand]], sample_period: float) -> Course:
-    """The course of a run that was simulated with commands, of which those after its end had no effect."""
+    """The course of a run that was simulated with commands; those after its end had no effect."""
     ticks = len(run) - (0 if run.status.failed else 1)
     due = [(tick_at(time, sample_period), command) for time, command in sorted(commands, key=lambda item: item[0])]
     events = [Event(float(run.time[tick]), command_text(command), command) for tick, command in due if tick < ticks]

@@ -1,7 +1,7 @@
 """Runs as CSV, Parquet, NPZ or an xarray dataset for other programs, and back, bit for bit.
 
-All values are in SI units, which the columns' names give. Scenario, versions, seed, start and events (commands among them)
-go along as one JSON text: in CSV the first line (after "# "), in Parquet and NPZ the metadata named "flexlab". A dataset has
+All values are in SI units, which the columns' names give. Scenario, versions, seed, start and events (with the commands) are
+included as one JSON text: in CSV the first line (after "# "), in Parquet and NPZ the metadata named "flexlab". A dataset has
 named axes, units and meanings.
 """
 
@@ -91,7 +91,7 @@ NAME = "flexlab"  # of the metadata
 BATCH_ROWS = 20_000
 """Samples written at once: a long table then needs little memory, and small pieces pack badly."""
 LONGEST_REASON = 200
-"""Characters of a reader's error that are passed on."""
+"""Largest length of a reader's error that is passed on, characters."""
 Columns = dict[str, np.ndarray]
 
 
@@ -130,7 +130,7 @@ def _batches(pieces: Iterable[Samples], scenario: Scenario, later: Iterable[Scen
 
 
 def import_run(path: Path) -> tuple[Run, dict[str, Any]]:
-    """(run, metadata) of a file that was exported; "left_out" says which columns are no signals.
+    """(run, metadata) of an exported file; the metadata's "left_out" names columns that are not signals.
 
     Raises `RecordingError` for any other file.
     """
@@ -154,7 +154,7 @@ def import_run(path: Path) -> tuple[Run, dict[str, Any]]:
     except FileNotFoundError:
         raise RecordingError(f"There is no file {path}: check the name.") from None
     except Exception as error:
-        # Archives fail in a dozen ways: locked, torn, packed unusually, too large by what they say.
+        # Archives fail in a dozen ways: locked, torn, packed unusually, too large by their own account.
         raise RecordingError(f"{path} is not a run exported by flexlab ({_reason(error)}).") from None
     return Run(**samples.signals(), scenario=scenario, status=status), metadata | {"left_out": left_out}
 
@@ -165,13 +165,13 @@ _REASONS: tuple[tuple[type[Exception], str], ...] = (
     (StopIteration, "it has no columns"),
     (RecursionError, "its metadata are nested too deeply"),
 )
-"""Reasons where a library's own words say nothing to a reader of the file."""
+"""Reasons for errors whose own words mean nothing to a reader of the file."""
 
 
 def _reason(error: Exception) -> str:
     known = next((reason for kind, reason in _REASONS if isinstance(error, kind)), "")
     said = getattr(error, "strerror", None) or visible(str(error).split("\n")[0], LONGEST_REASON)
-    # NumPy advises to run the objects in an archive.
+    # NumPy's error advises to load Python objects, which would run code from the archive.
     return known or ("it holds Python objects" if "pickle" in said else said) or type(error).__name__
 
 
@@ -195,7 +195,7 @@ def _read_csv(path: Path) -> tuple[Columns, str]:
             raise ValueError("its first line has no metadata")
         names = next(csv.reader(file))
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # That a table has no rows is no news to its reader.
+            warnings.simplefilter("ignore")  # A table without rows needs no warning.
             table = np.loadtxt(file, delimiter=",", ndmin=2).reshape(-1, len(names))
     return unique_fields(list(zip(names, table.T, strict=True))), metadata
 

@@ -1,4 +1,4 @@
-"""The file of one run as it is written, and a sink that outlives missing folders, full disks and files that are taken away."""
+"""The file of one run while it is written, and a sink that survives missing folders, full disks and removed files."""
 
 import contextlib
 import os
@@ -26,19 +26,19 @@ ROOM_TO_RESUME = 32_000_000
 """Free bytes that a full disk must have before recording resumes: a minute of data."""
 SPACE_FULL = "The space of its visitor was full: what came later is not recorded."
 DISK_FULL = "The disk was full: what came later is not recorded."
-"""Why a recording breaks off, for those who find it."""
+"""Reasons why a recording breaks off, for those who find it."""
 ROOM_TO_BEGIN = 1_000_000
-"""Bytes that a run must be allowed before its file is begun, for its layout and first second."""
+"""Bytes that must be allowed before a run's file is begun: its layout and first second."""
 
 
 class RunWriter:
-    """A claimed file and the stream of what goes into it. Not for two threads at once."""
+    """A claimed file and the stream that is written to it. Not for two threads at once."""
 
     def __init__(self, file: RunFile, info: RunInfo, in_one_piece: bool = False):
-        """Write what the run is.
+        """Begin the file with what the run is.
 
-        `in_one_piece`: rerun writes and finishes the file, where there are named pipes, so that its tool need not mend it;
-        whether all of it is there is known at the end. Raises `RecordingError`, and leaves no file, if that fails.
+        `in_one_piece`: on systems with named pipes, rerun writes and finishes the file, which its tool then need not mend;
+        only at the end is it known whether all of it is there. Raises `RecordingError`, and leaves no file, if that fails.
         """
         self.file = file
         self._bytes = RrdFile(file.handle)
@@ -58,10 +58,10 @@ class RunWriter:
             raise
 
     is_lost = False
-    """Whether `check` has let go of the file: nothing can be written any more."""
+    """Whether `check` has given up the file: nothing can be written any more."""
 
     def check(self) -> None:
-        """Let go of a file that others have taken away, replaced or changed. Raises `RecordingError`."""
+        """Give up a file that others have removed, replaced or changed: then raises `RecordingError`."""
         file = self.file
         if self.is_lost:
             raise RecordingError(f"{file.path} is not being written any more.")
@@ -78,22 +78,22 @@ class RunWriter:
         raise RecordingError(f"{file.path} {what}.")
 
     def push(self, refusal: Refusal = allow) -> None:
-        """Write what was sent, as far as `refusal` lets it; what is left waits for the next call. Raises `RecordingError`."""
+        """Write the data sent, as far as `refusal` allows; the rest waits for the next call. Raises `RecordingError`."""
         self.hold()
         self._bytes.write(refusal)
 
     def hold(self) -> None:
-        """Keep what was sent for the next `push`: for a disk that is known to be full. Raises `RecordingError`."""
+        """Keep the data sent for the next `push`, if the disk is known to be full. Raises `RecordingError`."""
         if piece := self.stream.read():
             self._bytes.hold(piece)
 
     @property
     def given_up(self) -> int:
-        """Pieces of the recording that a full disk has cost."""
+        """Number of pieces of the recording that were lost to a full disk."""
         return self._bytes.given_up
 
     def close(self, refusal: Refusal = allow) -> None:
-        """Write what is left; the claim stays until the file is released. Raises `RecordingError`."""
+        """Write the rest; the claim stays until the file is released. Raises `RecordingError`."""
         try:
             self.push(refusal)
         finally:
@@ -102,7 +102,7 @@ class RunWriter:
             raise RecordingError(f"{self.file.path} cannot be written ({problem.strerror}).")
 
     def let_go(self) -> OSError | None:
-        """End the stream, what was not read being lost; the reason why a file in one piece lacks some of it."""
+        """End the stream without the data not yet read; return the error if a file in one piece lacks some of its data."""
         self.stream.close()
         return self._end_pipe()
 
@@ -118,7 +118,7 @@ class FileSink:
         self._logs, self._info, self._tell, self._refusal = logs, info, tell, refusal
         self._writer: RunWriter | None = None
         self._past: list[tuple[str, np.ndarray, list[Column]]] = []
-        """What was sent of events, for a file that begins later."""
+        """Events sent so far, for a file that begins later."""
         self._path: list[Column] = []
         self._static: dict[str, rr.AsComponents] = {}
         self._last_time = 0.0
@@ -137,7 +137,7 @@ class FileSink:
         return None if self._writer is None else self._writer.file.path
 
     def send(self, entity: str, time: np.ndarray, columns: Iterable[Column]) -> None:
-        """Take columns for the instants `time` (N,), s; `keep_up` brings them into the file."""
+        """Take columns for the instants `time` (N,), s; `keep_up` writes them to the file."""
         sent = entity, time, list(columns)
         self._last_time = max(self._last_time, float(time[-1]))
         if entity in (EVENTS, RECORDS):
@@ -150,13 +150,13 @@ class FileSink:
             self._has_gaps = True
 
     def log(self, entity: str, archetype: rr.AsComponents) -> None:
-        """Take what holds at all times: a curve's looks, or a property, as seen in listings."""
+        """Take data that hold at all times: a curve's appearance, or a property that listings show."""
         self._static[entity] = archetype
         if self._writer is not None:
             self._writer.stream.log(entity, archetype)
 
     def keep_up(self, now: float) -> None:
-        """Write what has come since the last call. `now`: wall time, s."""
+        """Write the data received since the last call. `now`: wall time, s."""
         try:
             if self._writer is not None:
                 self._write(self._writer)
@@ -174,7 +174,7 @@ class FileSink:
             raise RefusedError(refused)
         info = replace(self._info, part=self._parts + 1)
         writer = RunWriter(claim_run_file(self._logs, info.name, info.started, info.part), info)
-        # A part that begins later is replayed by itself.
+        # A later part is replayed by itself, so it needs all of this.
         for entity, archetype in self._static.items():
             writer.stream.log(entity, archetype)
         if self._path:
@@ -204,7 +204,7 @@ class FileSink:
         self._tell(f"Recording goes on in {writer.file.path.name}{'; a part of it is lost' if lost else ''}.")
 
     def _fail(self, error: RecordingError) -> None:
-        """Report an error, once; after a file that is lost a new part follows."""
+        """Report an error once; a new part follows a file that is lost."""
         reason = str(error)
         self._breaks_off = SPACE_FULL if isinstance(error, RefusedError) else ""
         if self._writer is not None and self._writer.is_lost:
@@ -218,7 +218,7 @@ class FileSink:
             self._tell(self.problem)
 
     def close(self, notes: dict[str, Any]) -> Path | None:
-        """Close the file at the end of a run and write notes beside it; returns it, if there is one."""
+        """Close the file at the end of a run, write notes beside it, and return its path, if there is one."""
         try:
             if self._writer is not None:
                 self._writer.check()

@@ -21,7 +21,7 @@ from flexlab.sim.snapshot import TICK, Event
 BLOCK_ROWS = 10_000
 """Samples per block of a run that is in memory: larger blocks make smaller files."""
 LARGE_ROWS = 2000
-"""Samples of a block that need not be joined with others, which takes the whole recording into memory."""
+"""Samples in a block that need not be joined with others; joining reads the whole recording into memory."""
 
 
 class HeadlessRecording:
@@ -62,7 +62,7 @@ class HeadlessRecording:
             self._run.write_event(event)
 
     def write_whole(self, run: Run, events: Iterable[Event] = ()) -> None:
-        """Write a run with its events in their order, as a change of the scenario affects the drawing of later samples."""
+        """Write a run with its events in order, as a change of the scenario affects the drawing of later samples."""
         first = 0
         for event in (*events, None):
             end = len(run) if event is None else int(np.searchsorted(run.time, event.time, "right"))
@@ -74,16 +74,16 @@ class HeadlessRecording:
         self.end(run.status)
 
     def end(self, status: Status) -> None:
-        """Say how the run ended."""
+        """Set how the run ended."""
         self._status = status
 
     def __enter__(self) -> "HeadlessRecording":
         return self
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        """Close and finish the file; of an interrupted run, what there is of it."""
+        """Close and finish the file; an interrupted run keeps what was written."""
         writer = self._writer
-        if writer.is_lost:  # Somebody else has had the file: what is left of it is made whole.
+        if writer.is_lost:  # Others have changed the file: what is left of it is made whole.
             with contextlib.suppress(RecordingError):
                 finish(self.path)
             return
@@ -110,12 +110,12 @@ class HeadlessRecording:
                 with contextlib.suppress(RecordingError):
                     remove_run(self.path)
         if not lost:
-            with contextlib.suppress(RecordingError):  # What is left to do needs room; all of the run is there.
+            with contextlib.suppress(RecordingError):  # Finishing needs room; all of the run is there.
                 finish(self.path, join=self._run.rows < LARGE_ROWS * self._blocks)
 
     @contextlib.contextmanager
     def _telling(self) -> Iterator[None]:
-        """Say with an error what was saved before it."""
+        """Add to an error what was saved before it."""
         try:
             yield
         except RecordingError as error:
@@ -128,7 +128,7 @@ class HeadlessRecording:
 def write_run(run: Run, logs: Path, name: str, notes: RunNotes | None = None, course: Course | None = None) -> Path:
     """Record a finished `Run` and return its path; `logs` and `notes` as for `HeadlessRecording`.
 
-    `course`: how it went; None: from its scenario's start, untouched. Raises `RecordingError`.
+    `course`: None for a run from its scenario's start without any command. Raises `RecordingError`.
     """
     if course is None:
         course = Course(float(run.time[1] - run.time[0]) if len(run) > 1 else TICK)
@@ -141,6 +141,6 @@ def write_run(run: Run, logs: Path, name: str, notes: RunNotes | None = None, co
 
 
 def course_of_recording(recording: Recording) -> Course:
-    """How a recorded run went, to record it again."""
+    """The course of a recorded run, to record it again."""
     events = tuple(event for event in recording.events if not is_end(event))
     return Course(recording.sample_period, events, recording.start, makers(recording.properties, recording.computed_in))

@@ -1,4 +1,4 @@
-"""Imports runs into a logs folder: a recording as it is, an exported table as a recording of the same bits."""
+"""Import of runs into a logs folder: a recording as it is, an exported table as a recording with the same bits."""
 
 import contextlib
 import hashlib
@@ -37,7 +37,7 @@ IMPORTED = (SUFFIX, *FORMATS)
 
 
 def check_format(name: str) -> None:
-    """Raise `RecordingError` for the name of a file that is no recording and no exported table."""
+    """Raise `RecordingError` for the name of a file that is neither a recording nor an exported table."""
     ending = Path(name).suffix.lower()
     if ending not in IMPORTED:
         archived = " Of an archive take run.rrd." if ending == ".zip" else ""
@@ -47,7 +47,7 @@ def check_format(name: str) -> None:
 
 
 def import_into(path: Path, logs: Path, **notes: str) -> Path:
-    """Import a recording or an exported run into `logs`; returns the new recording. The file itself is not changed.
+    """Import a recording or an exported run into `logs`, and return the new recording. The file itself is not changed.
 
     `notes` are written beside the run; its "note" lists columns that were left out. Raises `RecordingError`, and leaves nothing
     in `logs`, for a file without a run or if `logs` cannot be written.
@@ -100,7 +100,7 @@ def _take_table(path: Path, logs: Path, notes: Mapping[str, str]) -> Path:
 
 
 def take_run(run: Run, info: RunInfo, source: str, logs: Path, events: Sequence[Event] = (), **notes: str) -> Path:
-    """Write a run that came from the file `source` into `logs`, whole or not at all; returns the recording.
+    """Write a run that came from the file `source` into `logs`, whole or not at all, and return the recording.
 
     Raises `RecordingError`.
     """
@@ -135,17 +135,17 @@ def _info(run: Run, metadata: Mapping[str, Any]) -> RunInfo:
 
 
 NOTE = "measured"
-"""In the notes: a digest of the samples and of the scenario that they are held against."""
+"""Key in the notes: a digest of the samples and of the scenario that they are compared with."""
 
 
 def take_measurement(
     source: Path, scenario: Scenario, time: np.ndarray, deflection: np.ndarray, rest: np.ndarray, what: str, logs: Path
 ) -> Path:
-    """Take the deflection at mid-span (N,), m, at `time` (N,), s, rising, into `logs`; returns the recording.
+    """Record a measured deflection at mid-span (N,), m, at `time` (N,), s, rising, in `logs`; return the recording.
 
-    Time is counted from the first sample, as in a comparison. `rest` (N,), m: what it rings about, so that the difference is
-    the run's vibration. `scenario`: what the beam is believed to be; `what`: which data these are, in words. The same data are
-    taken in once. Raises `RecordingError`.
+    Time is counted from the first sample, as in a comparison. `rest` (N,), m: what the deflection rings about; the difference
+    is the run's vibration. `scenario`: with the beam as it is believed to be; `what`: a description of the data. The same data
+    are recorded only once. Raises `RecordingError`.
     """
     arrays = (np.ascontiguousarray(array, float).tobytes() for array in (time, deflection, rest))
     digest = hashlib.sha256(b"".join([scenario.model_dump_json().encode(), *arrays])).hexdigest()

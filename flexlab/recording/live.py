@@ -1,6 +1,6 @@
 """The newest minutes of all runs in memory, for rerun viewers that join at any time.
 
-Nothing listens here. The front server passes the bytes on to visitors with access; a port of rerun's own would answer
+No port is opened here. The front server passes the bytes on to visitors with access; a port of rerun's own would answer
 everybody on this machine.
 """
 
@@ -14,7 +14,7 @@ from flexlab.recording.rerun_internals.rrd_file import HEAD, messages
 MOST_BYTES = 64_000_000
 """Bytes kept for viewers that join late: about four minutes of the paper's run, and the beginning of each run."""
 Take = Callable[[str, bytes], None]
-"""Takes one piece of a run (its id, the bytes as rerun encodes them). Raises `RecordingError` once nobody takes any."""
+"""Takes one piece of a run (its id, the bytes as rerun encodes them). Raises `RecordingError` once no more are taken."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class LiveHub:
         self._closed = False
 
     def take(self, run: str, piece: bytes) -> None:
-        """One piece of a run as rerun encodes it. Raises `RecordingError` once the hub is closed."""
+        """Take one piece of a run as rerun encodes it. Raises `RecordingError` once the hub is closed."""
         data = messages(piece, with_head=False)
         with self._lock:
             if self._closed:
@@ -64,7 +64,7 @@ class LiveHub:
             self._bytes -= len(oldest.data)
 
     def after(self, number: int) -> tuple[int, list[bytes]]:
-        """(number of the newest piece, the pieces after `number`); for -1 all that is kept, as a rerun file."""
+        """(number of the newest piece, the pieces after `number`); for -1 all pieces kept, as a rerun file."""
         with self._lock:
             found = [piece for piece in self._pieces if piece.number > number]
             if not found:

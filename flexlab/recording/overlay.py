@@ -1,4 +1,4 @@
-"""Comparisons: two or more runs in one rerun file, with curves over each other and time from each run's first sample."""
+"""Comparisons: two or more runs in one rerun file, with overlaid curves and time from each run's first sample."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from pathlib import Path
@@ -29,11 +29,11 @@ from flexlab.text import number_text
 from flexlab.views import View, views
 
 APPLICATION = "flexlab comparison"
-"""Not that of single runs, whose layout a person may have changed."""
+"""Different from that of single runs, whose layout a person may have changed."""
 MOST_RUNS = 6
-"""Curves of more runs cannot be distinguished."""
+"""Largest number of runs: curves of more cannot be distinguished."""
 SCENES_SHAPE = 1.2
-"""Width over height of all scenes side by side, narrower than they are, beside a page's tables too: no elbow is cut off."""
+"""Assumed width over height of all scenes together: less than the true one, even beside tables, so that no elbow is cut off."""
 BLOCK_ROWS = 4000
 """Samples sent at once."""
 NamedScenario = tuple[str, Scenario]
@@ -44,7 +44,7 @@ def write_comparison(
 ) -> None:
     """Write 2 to `MOST_RUNS` runs into the rerun file `target`, with a layout that overlays them.
 
-    `text`: markdown shown beside the plots, such as a table of differences. `seen` is called with the number of samples of
+    `text`: markdown shown beside the plots, such as a table of differences. `seen` is called with the number of samples in
     each piece that was written. Raises `RecordingError`.
     """
     if not 2 <= len(recordings) <= MOST_RUNS:
@@ -104,7 +104,7 @@ def _factor(runs: Sequence[NamedScenario]) -> float:
 
 
 def _send_run(stream: rr.RecordingStream, number: int, recording: Recording, factor: float) -> Iterator[int]:
-    """Send a run; yields the number of samples of each piece once it was sent, for it to be written."""
+    """Send a run; yield the number of samples of each piece after sending it, so that it can be written."""
     scenario, label = recording.scenario, run_label(number)
     signals = views(scenario)
     for signal in signals:
@@ -154,7 +154,7 @@ def comparison_blueprint(runs: Sequence[NamedScenario], measured: Collection[int
 
 
 def _scenes(runs: Sequence[NamedScenario], drawn: Sequence[int]) -> list[rrb.View]:
-    """A drawing of each of the runs `drawn`, new ones each time: rerun drops a layout in which a view stands twice."""
+    """A drawing of each of the runs `drawn`, new ones each time: rerun drops a layout that has a view twice."""
     return [
         scene_view(
             f"{run_label(number)}: {runs[number][0]}, deflection drawn × {number_text(_factor(runs))}",

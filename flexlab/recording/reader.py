@@ -31,9 +31,9 @@ from flexlab.text import visible
 PLAIN = (str, int, float)
 """Types of properties."""
 LONGEST_REASON = 200
-"""Characters of why a file cannot be read."""
+"""Largest length of the reason why a file cannot be read, characters."""
 MOST_ROWS = 1000
-"""Most samples of a block that is read: progress is reported after each."""
+"""Largest number of samples in a block that is read; progress is reported after each block."""
 SAMPLES = "/exact/samples"
 
 
@@ -45,11 +45,11 @@ class Recording:
     name: str
     """The preset or file that the scenario came from."""
     scenario: Scenario
-    """As it was at the first sample; `events` tell what changed later."""
+    """The scenario at the first sample; `events` tell what changed later."""
     start: WorldState | None
     """The world's state at the first sample; None: the scenario's own start."""
     events: tuple[Event, ...]
-    """In the order in which they took effect; commands are there to be replayed."""
+    """In the order in which they took effect; their commands can be replayed."""
     status: Status
     """How the run ended; "running" if its writer died."""
     started: datetime
@@ -65,7 +65,7 @@ class Recording:
 
     @property
     def format(self) -> int:
-        """Number of the format that it was written in."""
+        """Number of the format in which the recording was written."""
         return int(self.properties["format"])
 
     @property
@@ -75,9 +75,9 @@ class Recording:
 
     @cached_property
     def samples(self) -> Samples:
-        """Everything recorded, in SI units, bit for bit; of an older format, with today's meaning (see `compared`).
+        """All samples, in SI units, bit for bit; those of an older format have today's meaning (see `compared`).
 
-        It is read when it is first asked for. Raises `RecordingError`.
+        They are read on the first access. Raises `RecordingError`.
         """
         found = list(self._decoded(read_rows(self.path, [SAMPLES]).get(SAMPLES, [])))
         nothing = len(self.scenario.arms), self.scenario.payload.coordinate_count, own_signals(self.scenario)
@@ -101,9 +101,9 @@ class Recording:
             self._check_count(count)
 
     def _check_count(self, count: int) -> None:
-        """Raises `RecordingError` if samples of a run that has ended are missing, other than those that a full disk cost."""
+        """Raise `RecordingError` if samples of an ended run are missing, unless they were lost to a full disk."""
         due = self.properties.get("rows", 0)
-        # Earlier versions did not say what a full disk had cost.
+        # Earlier versions did not note what was lost to a full disk.
         is_known = "events" in self.properties or (self.part == 1 and not count)
         if is_known and not self.properties.get(GAPS) and count != due:
             raise RecordingError(f"{self.path} holds {count} of {due} samples: it is damaged.")
@@ -123,7 +123,7 @@ class Recording:
 
 
 def read_recording(path: Path | str) -> Recording:
-    """Read a recording, up to the tear if its tail is torn. Raises `RecordingError` for what is no recording."""
+    """Read a recording, up to the tear if its tail is torn. Raises `RecordingError` for any other file."""
     rows = read_rows(Path(path), ["/exact/events", "/exact/start", PROPERTIES + "**"])
     with _telling_what_is_strange(Path(path), _values(Path(path), rows, PROPERTIES + "run")):
         return _assemble(Path(path), rows)
@@ -138,7 +138,7 @@ def read_range(path: Path | str, start: float | None = None, end: float | None =
 
 
 def read_scenario(path: Path) -> Scenario:
-    """The scenario as the run of a file began. Takes milliseconds for a finished file of any length. Raises `RecordingError`."""
+    """The scenario at the start of a recording, in milliseconds for a finished file of any length. Raises `RecordingError`."""
     rows = read_rows(path, [PROPERTIES + "**"])
     with _telling_what_is_strange(path, _values(path, rows, PROPERTIES + "run")):
         return _scenario(_properties(path, rows)["scenario"])
@@ -175,7 +175,7 @@ def _scenario(text: str) -> Scenario:
     try:
         return parse_scenario(given)
     except ScenarioError as error:
-        # Code that recordings do not hold, and that reading one must not run.
+        # Recordings do not hold the code of such kinds, and reading one must not run it.
         for part, known, add in (
             ("controller", laws(), "law.add_law_file"),
             ("trajectory", paths(), "path.add_path_file"),
@@ -192,7 +192,7 @@ def _scenario(text: str) -> Scenario:
 
 @contextmanager
 def _telling_what_is_strange(path: Path, properties: Mapping[str, Any]) -> Iterator[None]:
-    """Make one `RecordingError` of what another version, or another program, has put into a file."""
+    """Turn every error from content of another version, or another program, into a `RecordingError`."""
     try:
         yield
     except RecordingError:
@@ -234,13 +234,13 @@ def _assemble(path: Path, rows: Rows) -> Recording:
 
 
 def _events(path: Path, rows: Rows, end: Mapping[str, Any]) -> tuple[Event, ...]:
-    """All events in order. Raises `RecordingError` if some of a run that has ended are missing."""
+    """All events in order. Raises `RecordingError` if some events of an ended run are missing."""
     records = [json.loads(_sound(path, row)["record"]) for _, row in rows.get("/exact/events", [])]
     records.sort(key=lambda record: record["number"])
     events = tuple(event_from_values(record) for record in records)
     for event in events:
         _finite(event.time)
-    # Rerun leaves out what it no longer understands, without a word. The last event of each run is its end.
+    # Rerun silently leaves out what it no longer understands. The last event of each run is its end.
     due = int(end.get("events", 1 if end else 0))
     if len(events) < due and not end.get(GAPS):
         raise RecordingError(f"{path} holds {len(events)} of at least {due} events: it is damaged.")
@@ -250,7 +250,7 @@ def _events(path: Path, rows: Rows, end: Mapping[str, Any]) -> tuple[Event, ...]
 def _block(path: Path, scenario: Scenario, values: dict[str, Any], history: Callable[[], Changes]) -> Samples:
     try:
         samples, written_in = decode_block(values.get("data", b""))
-        # The mesh alone may change during a run.
+        # Only the mesh may change during a run.
         for name in samples.signals().keys() & TABLE:
             shape, due = samples[name].shape[1:], TABLE[name].shape(len(scenario.arms), 0)
             sizes = zip(TABLE[name].axes, shape, due, strict=False)

@@ -25,15 +25,15 @@ from flexlab.sim.samples import Samples, Status, WorldState, join_blocks
 from flexlab.sim.snapshot import TICK, Event
 
 WRITE_PERIOD = 0.1
-"""Wall seconds between writes of exact samples, which a killed process loses."""
+"""Wall time between writes of exact samples, s; a killed process loses as much."""
 IDLE_PERIOD = 1.0
-"""Wall seconds between two checks of a file while nothing is to be written: that it is there and has room."""
+"""Wall time between checks that a file with nothing to write is there and has room, s."""
 WRITE_ROWS = 200
-"""Samples that are written even before `WRITE_PERIOD` has passed, as at four times real time."""
+"""Number of samples that are written even before `WRITE_PERIOD` has passed, as at four times real time."""
 SHOW_PERIOD = 0.2
-"""Wall seconds between writes of curves and shapes: each write costs a kilobyte per curve or shape."""
+"""Wall time between writes of curves and shapes, s: each write costs a kilobyte per curve or shape."""
 FINISHING_TIME = 1.5
-"""s that closing waits for the footers of runs that have just ended: a lab closes within 3 s."""
+"""Time for which closing waits for the footers of runs that have just ended, s: a lab closes within 3 s."""
 QUEUE_ROWS = 20_000
 """Samples that may wait, 20 s at real time and 12 MB; more are dropped and counted."""
 
@@ -54,8 +54,8 @@ class Recorder:
         """Start the recorder's thread; nothing is written before a run begins.
 
         `on_problem` gets a sentence, on the recorder's thread, when recording fails and when it resumes. `start_notes` makes
-        those for `RunEncoder`. `circumstances` gives notes on a run, written as it begins and again as it ends. `refusal`: see
-        `Refusal`.
+        the notes for `RunEncoder`. `circumstances` returns notes on a run, written as it begins and again as it ends.
+        `refusal`: see `Refusal`.
         """
         self._logs, self._live_to, self._on_problem = logs, live, on_problem
         self._queue_rows = queue_rows
@@ -96,13 +96,13 @@ class Recorder:
     # Called on the simulation thread: no disk, no waiting.
 
     def begin_run(self, run_number: int, name: str, scenario: Scenario, start: WorldState) -> None:
-        """A new run starts."""
+        """Begin a new run."""
         self._dropped = 0
         info = RunInfo(name, scenario, TICK, start, begin_notes=self._circumstances())
         self._queue.put(lambda: self._begin(info))
 
     def take_samples(self, run_number: int, samples: Samples, actual_speed: float) -> int:
-        """Queue a block of read-only samples; returns how many rows were dropped because the queue is full."""
+        """Queue a block of read-only samples, and return how many rows were dropped because the queue is full."""
         rows = len(samples)
         with self._lock:
             if self._waiting_rows + rows > self._queue_rows:
@@ -117,12 +117,12 @@ class Recorder:
         self._queue.put(lambda: self._note(event))
 
     def end_run(self, run_number: int, status: Status) -> None:
-        """The run is over."""
+        """End the run."""
         dropped = self._dropped
         self._queue.put(lambda: self._end(status, dropped))
 
     def close(self, finishing_time: float = FINISHING_TIME) -> None:
-        """Write what waits and stop, after up to `finishing_time` s for footers; the next start does the rest."""
+        """Write all that is queued and stop, after up to `finishing_time` s for footers; the next start does the rest."""
         self._queue.put(None)
         self._thread.join()
         self._finisher.close(finishing_time)

@@ -21,7 +21,7 @@ from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.run_files import claim, list_runs, run_state
 
 GROWTH = 1.3
-"""Room for the finished file, in sizes of the unfinished one."""
+"""Free space needed for the finished file, in sizes of the unfinished one."""
 
 
 def finish(path: Path, mending: Mending | None = None, join: bool = True) -> None:
@@ -73,7 +73,7 @@ def _not_now(path: Path, reason: str) -> RecordingError:
 
 
 def sweep_empty(logs: Path) -> int:
-    """Remove the empty files of labs that died as they made them; returns their number. Files in use stay."""
+    """Remove the empty files of labs that died as they made them, and return their number. Files in use stay."""
     count = 0
     for path in list_runs(logs):
         with contextlib.suppress(OSError):
@@ -97,9 +97,9 @@ def _finish_if_possible(path: Path, mending: Mending) -> None:
 
 
 def finish_abandoned(logs: Path, mending: Mending | None = None) -> None:
-    """Finish what dead writers left in the folder, and remove their empty files.
+    """Finish the files that dead writers left in the folder, and remove their empty ones.
 
-    A file that cannot be finished stays as it is; `run_state` tells.
+    A file that cannot be finished stays as it is, and `run_state` says so.
     """
     mending = mending or Mending()
     with contextlib.suppress(OSError):

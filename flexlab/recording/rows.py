@@ -1,4 +1,4 @@
-"""The rows of a recording's entities, from a mended copy where the file is torn."""
+"""The rows of a recording's entities, from a mended copy if the file is torn."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,7 +14,7 @@ from flexlab.recording.rerun_internals.tool import Mending
 from flexlab.recording.store.run_files import check_recording
 
 Rows = dict[str, list[Row]]
-"""Entity → its rows in the order of times."""
+"""Entity → its rows in the order of time."""
 
 
 def read_rows(path: Path, content: list[str]) -> Rows:
@@ -30,7 +30,7 @@ def read_rows(path: Path, content: list[str]) -> Rows:
 def rows_in_order(path: Path, entity: str) -> Iterator[Row]:
     """The rows of one entity in the order of time, few of them in memory at once.
 
-    A file that is torn, or whose writer is within a piece, is read through a mended copy. Raises `RecordingError`.
+    A file that is torn, or to which a piece is just being written, is read from a mended copy. Raises `RecordingError`.
     """
     check_recording(path)
     given = 0
@@ -58,7 +58,7 @@ def _in_order(path: Path, entity: str) -> Iterator[Row]:
 
 @contextmanager
 def _mended(path: Path) -> Iterator[Path]:
-    """A whole copy of what stands before the tear. Raises `RecordingError` if nothing of the run can be read."""
+    """A whole copy of the file up to the tear. Raises `RecordingError` if nothing of the run can be read."""
     with TemporaryDirectory(prefix="flexlab-") as folder:
         copy = Path(folder) / path.name
         try:

@@ -37,8 +37,8 @@ from flexlab.sim.snapshot import Event
 from flexlab.views import REAL_TIME_FACTOR, View, views
 
 SAMPLES, EVENTS, RECORDS, PATH = "exact/samples", "events", "exact/events", "scene/path"
-"""Entities of which viewers need nothing (samples), or of which a file that begins later in the run gets what was sent before:
-events and their records at their own instants, the path as it then is."""
+"""Entities with special treatment: viewers do not need the samples, and a file that begins later in the run gets all earlier
+events and records at their own instants, and the path as it then is."""
 
 
 class Sink(Protocol):
@@ -48,17 +48,17 @@ class Sink(Protocol):
         """Take columns for the instants `time` (N,), s."""
 
     def log(self, entity: str, archetype: rr.AsComponents) -> None:
-        """Take what holds at all times: a curve's looks, or a property, as seen in listings."""
+        """Take data that hold at all times: a curve's appearance, or a property that listings show."""
 
 
 LEVELS = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
 """Levels of events as rerun names them."""
 END = "End of the run"
-"""How the text of a run's last event begins."""
+"""Beginning of the text of a run's last event."""
 
 
 def is_end(event: Event) -> bool:
-    """Whether an event only says how a run ended, which every recording says anew."""
+    """Whether an event only says how a run ended, which every recording adds by itself."""
     return event.text.startswith(END)
 
 
@@ -66,7 +66,7 @@ class RunEncoder:
     """Encodes one run for any number of sinks."""
 
     def __init__(self, info: RunInfo, sinks: Sequence[Sink], notes: RunNotes | None = None):
-        """`notes` are gathered, and added to the `summary`."""
+        """`notes` gets all samples and events, and its result is added to the `summary`."""
         self.info = info
         self._sinks = sinks
         self._notes = notes
@@ -79,7 +79,7 @@ class RunEncoder:
         self._first_time: float | None = None
 
     def write_samples(self, samples: Samples) -> None:
-        """Write a block (N >= 1), exact and shown."""
+        """Write a block (N >= 1): its exact samples, and its curves and drawing."""
         self.write_exact(samples)
         self.write_shown(samples, (), ())
 
@@ -120,7 +120,7 @@ class RunEncoder:
         if interval <= self.info.sample_period:
             chosen = np.arange(len(samples))
         else:
-            # Half a sample period keeps rounding from deciding about a multiple of the interval.
+            # Half a sample period keeps rounding errors from deciding at a multiple of the interval.
             late = samples.time + 0.5 * self.info.sample_period
             count = np.floor(np.concatenate([[self._last_drawn], late]) / interval)
             chosen = np.flatnonzero(np.diff(count) > 0)
@@ -152,7 +152,7 @@ class RunEncoder:
         self._send(PATH, np.array([time]), [line_strips(desired_path(self._scenario))])
 
     def _send_event(self, event: Event) -> None:
-        """Send an event; its number keeps those of one instant in order."""
+        """Send an event; its number keeps the events of one instant in order."""
         time = np.array([event.time])
         lines = [
             single("TextLog", "text", "Text", f"t = {event.time:.3f} s: {event.text}"),
@@ -206,24 +206,24 @@ def shown_columns(
 
 
 APPLICATION = "flexlab"
-"""Rerun keeps one layout per application: while runs are watched live, a person's own changes hold for the next one."""
+"""Rerun keeps one layout per application: a person's changes of it hold for the next run that is watched live."""
 FLUSH_TIMEOUT = 30.0
-"""s after which rerun's encoder counts as failed."""
+"""Time after which rerun's encoder counts as failed, s."""
 
 
 class RunStream:
-    """A rerun stream that has said what the run is; what is sent waits, encoded, for `read`. Not for two threads at once."""
+    """A rerun stream that begins with what the run is; encoded data wait for `read`. Not for two threads at once."""
 
     def __init__(self, info: RunInfo, live: bool = False, file: Path | None = None):
-        """`live`: for viewers that watch as it comes, and have no use for exact samples.
+        """`live`: for viewers of a run as it comes, which do not need exact samples.
 
-        `file`: rerun itself writes what is sent there, and finishes it at `close`; nothing waits. Raises `RecordingError`.
+        `file`: rerun itself writes the data to this file, and finishes it at `close`; nothing waits. Raises `RecordingError`.
         """
         self._stream = new_stream(APPLICATION, info.run_id)
         self._encoded = self._stream.binary_stream() if file is None else None
         self._live = live
         # Active, not only the default: for the first pieces of a file without an index the viewer makes a layout of its own,
-        # and would keep that.
+        # which it would keep.
         layout = measurement_blueprint(info.scenario)
         if not info.measured:
             layout = run_blueprint(info.scenario, info.exaggeration, info.name, live)
@@ -252,7 +252,7 @@ class RunStream:
         stream.flush(timeout_sec=FLUSH_TIMEOUT)
 
     def log(self, entity: str, archetype: rr.AsComponents) -> None:
-        """Send what holds at all times."""
+        """Send data that hold at all times."""
         self._stream.log(entity, archetype, static=True)
 
     def send(self, entity: str, time: np.ndarray, columns: Iterable[Column]) -> None:
@@ -261,7 +261,7 @@ class RunStream:
             send_columns(self._stream, entity, time, columns)
 
     def read(self) -> bytes:
-        """What was sent since the last call as one piece of a rerun file; empty if nothing was. Raises `RecordingError`."""
+        """Return the data sent since the last call as one piece of a rerun file, or b"". Raises `RecordingError`."""
         if self._encoded is None:
             return b""
         try:
@@ -270,12 +270,12 @@ class RunStream:
             raise RecordingError(f"Rerun does not encode: {_one_line(error)}") from None
 
     def close(self) -> None:
-        """Let go of it; what was not read is lost."""
+        """End the stream; data that were not read are lost."""
         self._stream.disconnect()
 
 
 def curves(names: Sequence[str], colors: Sequence[tuple[int, int, int]]) -> rr.SeriesLines:
-    """Names and looks of the curves of one entity."""
+    """Names and appearance of the curves of one entity."""
     # The default policy averages: a 44 Hz ring would shrink as one zooms out.
     policy = rr.components.AggregationPolicy.MinMax
     return rr.SeriesLines(names=list(names), colors=list(colors), widths=[1.5] * len(names), aggregation_policy=policy)

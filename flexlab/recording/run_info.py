@@ -1,4 +1,4 @@
-"""What a recording says of its run: texts for people, properties for programs."""
+"""What a recording says about its run: texts for people, properties for programs."""
 
 import json
 import platform
@@ -41,13 +41,13 @@ class RunInfo:
     run_id: str = field(default_factory=lambda: str(uuid4()))
     """The same for all parts of a run and for file and live view."""
     part: int = 1
-    """Which file of the run: a full disk ends one part and the next begins when there is room."""
+    """Number of the file within the run: a full disk ends one part, and the next begins when there is room."""
     begin_notes: Mapping[str, Any] = field(default_factory=dict[str, Any])
     """Notes written beside the file as it begins, so that they are there if its writer dies."""
     measured: str = ""
-    """Which data a measured run is; it cannot be drawn in space. Empty for a simulated run."""
+    """A description of a measured run's data, which cannot be drawn in space; empty for a simulated run."""
     recorded_by: Mapping[str, str | int] | None = None
-    """Versions and machine that computed the samples, by the names of the recording's properties; None: these here."""
+    """Versions and machine that computed the samples, by the names of the recording's properties; None for the present ones."""
 
     @property
     def exaggeration(self) -> float:
@@ -65,10 +65,10 @@ class RunNotes(Protocol):
     """Makes notes beside a recording from all samples and events of its run."""
 
     def add(self, samples: Samples) -> None:
-        """Take in a block (N >= 1)."""
+        """Add a block (N >= 1)."""
 
     def add_event(self, event: Event) -> None:
-        """Take in an event."""
+        """Add an event."""
 
     def result(self, status: Status) -> dict[str, Any]:
         """Notes by name, plain enough for JSON; `status`: how the run ended."""
@@ -80,7 +80,7 @@ StartNotes = Callable[[str, Scenario], RunNotes]
 
 
 def parameters_text(info: RunInfo) -> str:
-    """Markdown: what this run is, for the view beside the plots."""
+    """A description of the run as markdown, for the view beside the plots."""
     scenario, name, factor = info.scenario, info.name, info.exaggeration
     if info.measured:
         beside = f"It is held against the beam of the scenario below{f': {scenario.title}' if scenario.title else ''}."
@@ -95,7 +95,7 @@ def parameters_text(info: RunInfo) -> str:
 
 
 def signals_text(scenario: Scenario) -> str:
-    """Markdown: what each plotted signal is, in SI units and with its equation."""
+    """A description of each plotted signal as markdown, with its SI unit and its equation."""
     rows = [f"| {s.entity} | {s.title} | {s.meaning} |" for s in (*views(scenario), REAL_TIME_FACTOR)]
     table = "\n".join(["| entity | signal | meaning |", "|---|---|---|", *rows])
     exact = "`exact/samples` holds all of these in SI units and double precision; `flexlab.read` gives them back."
@@ -109,7 +109,7 @@ def scenario_json(scenario: Scenario) -> str:
 
 
 def run_properties(info: RunInfo) -> rr.AnyValues:
-    """What a listing of recordings shows: where the run came from and what wrote it."""
+    """The properties that listings of recordings show: where the run came from and what wrote it."""
     values: dict[str, Any] = {
         "format": FORMAT,
         "oldest_reader": OLDEST_READER,
@@ -141,6 +141,6 @@ def these_versions() -> dict[str, str]:
 
 
 def makers(known: Mapping[str, Any], computed_in: int) -> dict[str, str | int]:
-    """Versions and machine of a run by what is known of it, for `RunInfo.recorded_by`; `computed_in`: number of its format."""
+    """Versions and machine of a run from its `known` properties, for `RunInfo.recorded_by`; `computed_in`: its format."""
     found: dict[str, str | int] = {name: str(known.get(name) or "unknown") for name in these_versions()}
     return found if computed_in == FORMAT else found | {"computed_in": computed_in}

@@ -24,9 +24,9 @@ FRAMES_PER_SECOND = 60
 BEAM_POINTS = 33
 """Points of the drawn beam: smooth to the eighth mode."""
 LINK_RADIUS = (0.035, 0.028, 0.02)
-"""m, from the base link to the last, for the drawing only."""
+"""Radii of the drawn links, from the base link to the last, m."""
 BEAM_RADIUS, THIN_RADIUS = 0.009, 0.003
-"""m, the latter of helper lines."""
+"""Radii of the drawn beam and of helper lines, m."""
 BASE_SIZE = (0.09, 0.09, 0.05)
 """Half edges of a base block, m."""
 FORCE_SCALE = 1e-3
@@ -34,7 +34,7 @@ FORCE_SCALE = 1e-3
 SHOWN_BENDING = 0.012
 """Share of the beam's length that its quasi-static bending should take up on screen."""
 LEAST_ACCELERATION = 1.0
-"""m/s²: least acceleration assumed, so that the exaggeration of a scenario without motion or weight is finite."""
+"""Smallest acceleration assumed, m/s², so that the exaggeration of a scenario without motion or weight is finite."""
 EXAGGERATIONS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 """Round factors that are easy to divide by."""
 
@@ -42,7 +42,7 @@ EXAGGERATIONS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 def exaggeration(scenario: Scenario) -> float:
     """The factor on the drawn deflection: round, and large enough to see bending under the motion's own load.
 
-    The load is that of a uniform beam, 5ρaL⁴/(384 EI) at mid-span, with the trajectory's largest acceleration and weight.
+    Bending is that of a uniform beam, 5ρaL⁴/(384 EI) at mid-span, under the trajectory's largest acceleration and weight.
     """
     payload, path = scenario.payload, scenario.trajectory
     acceleration = float(np.hypot(*path.peak_acceleration[:2])) + abs(scenario.gravity)
@@ -72,7 +72,7 @@ def fixed_shapes(scenario: Scenario) -> Iterator[tuple[str, rr.AsComponents]]:
 
 
 def moving_shapes(scenario: Scenario, samples: Samples, factor: float) -> Iterator[tuple[str, list[Column]]]:
-    """The drawn states of a block of samples, (entity, columns), deflection times `factor`."""
+    """The drawn states of a block of samples, (entity, columns), with the deflection times `factor`."""
     arms = arm_points(scenario, samples)
     yield "scene/links", _links(arms, samples.joint_angle)
     yield "scene/beam", [line_strips(_in_space(beam_points(scenario, samples, BEAM_POINTS, factor))[:, None])]
@@ -89,13 +89,13 @@ PATH_POINTS = 256
 
 
 def desired_path(scenario: Scenario) -> np.ndarray:
-    """The desired path of the payload's origin, once, (1, 1, points, 3) for `line_strips`."""
+    """One pass of the desired path of the payload's origin, (1, 1, points, 3) for `line_strips`."""
     times = np.linspace(*scenario.trajectory.window, PATH_POINTS)
     return _in_space(poses(build_motion(scenario.trajectory), times)[:, 0, :2])[None, None]
 
 
 def _links(points: np.ndarray, joint_angle: np.ndarray) -> list[Column]:
-    """Poses of the capsules, which extend from their start along z: laid down and turned about z."""
+    """Poses of the capsules, which extend from their start along z: laid into the plane and turned about z."""
     half = 0.5 * np.cumsum(joint_angle, axis=2).reshape(len(points), -1)
     # Quaternion (x, y, z, w) of a quarter turn about y followed by `angle` about z.
     quaternion = np.stack([-np.sin(half), np.cos(half), np.sin(half), np.cos(half)], axis=-1) / np.sqrt(2)
@@ -112,9 +112,9 @@ def _in_space(plane: np.ndarray, height: float = 0.0) -> np.ndarray:
 
 
 VIEW_MARGIN = 0.55
-"""m that elbows may extend beyond bases and payload."""
+"""Margin for elbows beyond bases and payload, m."""
 VIEW_SHAPE = 1.6
-"""Width of the view over its height, about."""
+"""Approximate width of the view over its height."""
 EYE_ANGLE = np.radians(55)
 """Rerun's field of view from top to bottom."""
 
@@ -139,7 +139,7 @@ MEASURED_PLOT = "vibration"
 def run_blueprint(scenario: Scenario, factor: float, title: str, follow: bool = False) -> rrb.Blueprint:
     """The layout of one run. `factor`: exaggeration of the drawn deflection, which the view's name states.
 
-    `follow`: show the newest instant, as it comes.
+    `follow`: whether to show the newest instant as it comes.
     """
     signals = views(scenario)
     left = rrb.Vertical(
@@ -181,7 +181,7 @@ def side_by_side(left: rrb.Container, right: rrb.Container | rrb.View, follow: b
 
 
 def scene_view(name: str, scenario: Scenario, contents: str = "/scene/**", shape: float = VIEW_SHAPE) -> rrb.View:
-    """The plane from above; `shape`: the view's width over its height, about."""
+    """The plane from above; `shape`: approximate width of the view over its height."""
     (x, y, z), height = eye(scenario, shape)
     return rrb.Spatial3DView(
         origin="/",
@@ -190,7 +190,7 @@ def scene_view(name: str, scenario: Scenario, contents: str = "/scene/**", shape
         line_grid=rrb.LineGrid3D(visible=True, spacing=0.1, stroke_width=0.5, color=(128, 128, 128, 60)),
         background=rrb.Background(color=(28, 30, 34)),
         eye_controls=rrb.EyeControls3D(
-            # A hair off the vertical: looking straight down leaves "up" undefined.
+            # Slightly off the vertical: looking straight down leaves "up" undefined.
             kind=rrb.Eye3DKind.Orbital,
             position=(x, y - 0.01, z + height),
             look_target=(x, y, z),
@@ -200,7 +200,7 @@ def scene_view(name: str, scenario: Scenario, contents: str = "/scene/**", shape
 
 
 def plot_view(signal: View, contents: Sequence[str] = ()) -> rrb.TimeSeriesView:
-    """One plot, its time axis shared with all others. `contents`: other entities to draw in it than the signal's own."""
+    """One plot, which shares its time axis with all others. `contents`: entities to draw instead of the signal's own."""
     units = sorted({name[name.rindex("[") + 1 : -1] for name in signal.names})
     return rrb.TimeSeriesView(
         origin="/" if contents else f"/{signal.entity}",

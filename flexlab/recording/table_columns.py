@@ -16,9 +16,9 @@ from flexlab.sim.snapshot import LONGEST_PERIOD, SHORTEST_PERIOD, Event
 from flexlab.text import number_text, visible
 
 LONGEST_SHOWN = 60
-"""Characters of a column's name that a sentence repeats."""
+"""Largest length of a column's name in a sentence, characters."""
 MOST_SHOWN = 8
-"""Columns that a sentence names, at most."""
+"""Largest number of columns that a sentence names."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +39,9 @@ class Column:
 
 
 def table_columns(scenario: Scenario, later: Iterable[Scenario] = (), derived: bool = False) -> tuple[Column, ...]:
-    """All columns of a run of `scenario`, in the order of the table of signals, then the law's own, then, if wanted, `derived`.
+    """All columns of a run of `scenario`: those of the table of signals, of the law's own, and, if `derived`, of derived ones.
 
-    `later`: the scenarios that changes made of it, whose laws may have other signals of their own.
+    `later`: the scenarios after changes, whose laws may have other signals of their own.
     """
     own = {signal.name: signal for each in (scenario, *later) for signal in own_signals(each)}
     signals = (*TABLE.values(), *own.values(), *(DERIVED.values() if derived else ()))
@@ -70,7 +70,7 @@ def axis_labels(axis: Axis, scenario: Scenario) -> list[tuple[tuple[str, ...], i
 
 
 def to_columns(samples: Samples, columns: Sequence[Column]) -> dict[str, np.ndarray]:
-    """Name → values (N,) of every column; NaN for what these samples do not have."""
+    """Name → values (N,) of every column; NaN for a signal that the samples lack."""
     nothing = np.full(len(samples), np.nan)
     own = samples.own
     return {
@@ -86,10 +86,10 @@ NO_NUMBERS = {"c": "complex numbers", "S": "text", "U": "text", "M": "dates", "m
 
 
 def from_columns(values: dict[str, np.ndarray], scenario: Scenario) -> tuple[Samples, str]:
-    """The samples that `to_columns` was given, read-only, and a sentence that names the columns of none; empty without such.
+    """The samples given to `to_columns`, read-only, and a sentence that names the columns of no signal, or "".
 
-    A signal whose columns are not all there is absent. Raises `RecordingError` if there is no column of times, for one that is
-    not a real number per row, and for one of a known signal with another unit, which would be left out.
+    A signal without all its columns is absent. Raises `RecordingError` if there is no column of times, if a column does not
+    hold one real number per row, and if a column of a known signal has another unit, as it would be left out.
     """
     known = {signal: _columns(signal, scenario) for signal in known_signals().values()}
     right = {column.name.partition(" [")[0]: column.name for columns in known.values() for column in columns}
@@ -119,7 +119,7 @@ def from_columns(values: dict[str, np.ndarray], scenario: Scenario) -> tuple[Sam
         array.flags.writeable = False
         signals[signal.name] = array
     for axis, name in TOLD_BY.items():
-        # Without any signal of arms, or of the beam's coordinates, samples would have none of them to draw.
+        # Without any signal of arms, or of beam coordinates, samples would have no arms, or no coordinates, to draw.
         if not any(axis in TABLE[known].axes for known in signals if known in TABLE):
             signals[name] = np.full((rows, *TABLE[name].shape(*size)), np.nan)
             signals[name].flags.writeable = False
@@ -137,14 +137,14 @@ def _left_out_text(names: list[str]) -> str:
 TOLD_BY: dict[Axis, str] = {ARM: "joint_angle", COORDINATE: "beam_coordinates"}
 """Axis → a signal whose array gives its length."""
 LAST_TIME = 1e9
-"""s, either way: 32 years; rerun counts nanoseconds in 64 bits."""
+"""Largest magnitude of a time, s: 32 years; rerun counts nanoseconds in 64 bits."""
 CLOSEST = 1e-9
-"""s between two times at least, as rerun counts them."""
+"""Smallest difference between two times, s: rerun's resolution."""
 ROUNDING = 1e-6
 """Relative tolerance of a period that was computed from two times."""
 LEVELS = ("info", "warning", "error")
 LONGEST_EVENT = 10_000
-"""Characters of one event's text."""
+"""Largest length of an event's text, characters."""
 
 
 def checked_blocks(name: str, blocks: Iterable[Samples]) -> Iterator[Samples]:
@@ -158,12 +158,12 @@ def checked_blocks(name: str, blocks: Iterable[Samples]) -> Iterator[Samples]:
 
 
 def check_times(name: str, time: np.ndarray, before: int = 0, last: float = -math.inf) -> None:
-    """Raises `RecordingError`, which counts rows from 1, if times in s are not finite and rising by `CLOSEST`.
+    """Refuse times, s, that are not finite or not rising by `CLOSEST`. Raises `RecordingError`, which counts rows from 1.
 
     `before`: number of rows before them, the last of which has the time `last`.
     """
     usable = np.abs(time) <= LAST_TIME  # False for NaN too.
-    with np.errstate(invalid="ignore"):  # The difference of two infinities is told by `usable`.
+    with np.errstate(invalid="ignore"):  # `usable` tells the difference of two infinities.
         rising = np.diff(time, prepend=last) >= CLOSEST if len(time) else usable
     wrong = np.flatnonzero(~(usable & rising))
     if not len(wrong):
@@ -190,7 +190,7 @@ def check_period(name: str, period: object) -> float:
 
 
 def check_events(name: str, events: Iterable[Event]) -> None:
-    """Raises `RecordingError`, which counts events from 1, if an event cannot be shown and replayed."""
+    """Refuse events that cannot be shown or replayed. Raises `RecordingError`, which counts events from 1."""
     for number, event in enumerate(events, 1):
         where = f"{name}, event {number}"
         if not isinstance(event.time, (int, float)) or not abs(event.time) <= LAST_TIME:

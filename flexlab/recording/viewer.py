@@ -1,7 +1,7 @@
 """Opens recordings in rerun's viewer, in the browser: served piece by piece, so that an hour opens as fast as a minute.
 
-The viewer lies packed inside rerun's own program. It is unpacked once, by asking that program to serve it, and then served
-by flexlab with a content security policy: left alone, it would fetch fonts, look for updates and report its use.
+The viewer is packed inside rerun's own program. It is unpacked once, by asking that program to serve it, and then served
+by flexlab with a content security policy: without one, it would fetch fonts, look for updates and report its use.
 """
 
 import contextlib
@@ -64,7 +64,7 @@ class _Handler(http.server.BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         if name_in(self.headers.get("Host", "")) not in LOOPBACK:
-            self.send_error(403)  # A foreign name that leads here makes a foreign page look like this one.
+            self.send_error(403)  # A foreign name that leads here would make a foreign page look like this one.
             return
         name = self.path.partition("?")[0].lstrip("/") or "index.html"
         if name not in VIEWER_FILES:
@@ -82,7 +82,7 @@ class _Handler(http.server.BaseHTTPRequestHandler):
             self.wfile.write(data)
 
     def log_message(self, format: str, *args: object) -> None:
-        """Quiet: a person's terminal is no place for a list of requests."""
+        """Log nothing: a list of requests does not belong in a person's terminal."""
 
 
 @contextlib.contextmanager

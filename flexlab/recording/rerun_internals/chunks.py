@@ -1,4 +1,4 @@
-"""Rerun's streams and files: columns on their way in, chunks on their way out.
+"""Rerun's streams and files: columns to write, and chunks to read.
 
 Columns are built from whole NumPy blocks, ten times faster than rerun's archetypes. `rerun.chunk` is the only reader in the
 base wheel.
@@ -24,17 +24,17 @@ from flexlab.text import visible
 TIMELINE = "sim_time"
 """The one timeline of a recording: simulation time. Wall clocks may jump, so none is recorded as an axis."""
 PROPERTIES = "/__properties/"
-"""Where rerun keeps a recording's properties."""
+"""Entity under which rerun keeps a recording's properties."""
 NANOSECONDS = 1_000_000_000
-"""Per second: the resolution of rerun's timelines."""
+"""Nanoseconds per second, the resolution of rerun's timelines."""
 
 
 def new_stream(application: str, run_id: str | None = None) -> rr.RecordingStream:
-    """A stream without properties of rerun's own; `application`: whose layouts a person's changes hold for.
+    """A stream without rerun's own properties; `application`: the name for which a person's changes of a layout hold.
 
     Raises `RecordingError` if the environment switches rerun off.
     """
-    # As `rerun.init` does: a stream that nobody has any more keeps two threads and a megabyte.
+    # As `rerun.init` does: an abandoned stream keeps two threads and a megabyte.
     flush_and_cleanup_orphaned_recordings()
     stream = rr.RecordingStream(application, recording_id=run_id, send_properties=False)
     if not rr.is_enabled(stream):
@@ -47,7 +47,7 @@ def new_stream(application: str, run_id: str | None = None) -> rr.RecordingStrea
 
 
 class _Layout:
-    """A layout that tells by which stream rerun sends it."""
+    """A layout that keeps the streams by which rerun sends it."""
 
     def __init__(self, layout: rrb.Blueprint):
         self._layout, self.streams = layout, list[rr.RecordingStream]()
@@ -64,7 +64,7 @@ def send_layout(stream: rr.RecordingStream, layout: rrb.Blueprint) -> None:
     """Send a layout, to be shown at once."""
     sent: Any = _Layout(layout)
     stream.send_blueprint(sent, make_active=True, make_default=True)
-    for each in sent.streams:  # Connected it would hold itself, and never end.
+    for each in sent.streams:  # A connected stream would hold itself, and never end.
         each.disconnect()
 
 
@@ -80,7 +80,7 @@ class Column:
         self._values = values
 
     def component_descriptor(self) -> rr.ComponentDescriptor:
-        """What the component is called."""
+        """Name and type of the component."""
         return self._descriptor
 
     def as_arrow_array(self) -> pa.Array:
@@ -90,17 +90,17 @@ class Column:
 
 def send_columns(stream: rr.RecordingStream, entity: str, time: np.ndarray, columns: Iterable[Column]) -> None:
     """Send columns for the instants `time` (N,), s."""
-    # Rerun would cut times off instead of rounding: 0.003 s would become 2999999 ns.
+    # Rerun would truncate times instead of rounding them: 0.003 s would become 2999999 ns.
     nanoseconds = np.rint(np.asarray(time) * NANOSECONDS).astype("timedelta64[ns]")
-    # A `Column` is all that rerun asks of one, though not one by name.
+    # A `Column` has all that rerun needs of a `ComponentColumn`, without being one by name.
     given = cast(Iterable[rr.ComponentColumn], columns)
     stream.send_columns(entity, [rr.TimeColumn(TIMELINE, duration=nanoseconds)], given)
 
 
 def scalars(values: np.ndarray) -> Column:
-    """Plotted signals (N, k). Stored in single precision, enough for any screen; the exact ones are in `blocks`.
+    """Plotted signals (N, k), in single precision, which is enough for any screen; exact samples are in blocks (`codec`).
 
-    Rerun calls a scalar double precision, but plots any number that does not claim to be one: hence no component type.
+    Rerun's scalars have double precision, but rerun plots any number without a component type: hence none here.
     """
     return Column("Scalars", "scalars", None, _lists(pa.array(_flat(values)), values.shape[1]))
 
@@ -117,7 +117,7 @@ def line_strips(values: np.ndarray) -> Column:
 
 
 def single(archetype: str, component: str, component_type: str | None, value: str | bytes) -> Column:
-    """One text, or one run of bytes, for one instant."""
+    """One text, or one string of bytes, for one instant."""
     return Column(archetype, component, component_type, _lists(pa.array([value]), 1))
 
 
@@ -131,7 +131,7 @@ def _tuples(values: np.ndarray) -> pa.Array:
 
 
 def _lists(items: pa.Array, width: int, nullable: bool = True) -> pa.Array:
-    """Lists of `width` items each, typed as rerun's own are: it draws nothing of another type."""
+    """Lists of `width` items each, of the type of rerun's own: it draws nothing of another type."""
     count = len(items) // width if width else 0
     offsets = pa.array(np.arange(count + 1, dtype=np.int32) * width)
     kind = pa.list_(pa.field("item", items.type, nullable=nullable))
@@ -141,7 +141,7 @@ def _lists(items: pa.Array, width: int, nullable: bool = True) -> pa.Array:
 ROW_ID = "rerun.controls.RowId"
 """Rerun's own column, of no interest here."""
 Row = tuple[int, dict[str, Any]]
-"""(time in ns, component → value); what has no time stands at -1."""
+"""(time in ns, component → value); the time of static data is -1."""
 
 
 class Unreadable(Exception):
@@ -149,20 +149,20 @@ class Unreadable(Exception):
 
 
 def entity_times(path: Path, entity: str) -> np.ndarray:
-    """Times in ns of an entity's rows as they stand in the file."""
+    """Times of an entity's rows, ns, in the order of the file."""
     times = [np.asarray(_instants(batch)) for _, batch in _batches(path, [entity])]
     return np.concatenate([np.empty(0, np.int64), *times])
 
 
 def stream_rows(path: Path, content: list[str]) -> Iterator[tuple[str, Row]]:
-    """(entity, row) as they stand in the file, one piece of it in memory at a time. Raises `Unreadable`."""
+    """(entity, row) in the order of the file, with one piece of it in memory at a time. Raises `Unreadable`."""
     for entity, batch in _batches(path, content):
         for row in _rows(batch):
             yield entity, row
 
 
 def _batches(path: Path, content: list[str]) -> Iterator[tuple[str, pa.RecordBatch]]:
-    """(entity, some of its rows) as they stand in the file. Raises `Unreadable`."""
+    """(entity, some of its rows) in the order of the file. Raises `Unreadable`."""
     try:
         with quiet_reader(path) as reader:
             if not reader.recordings():
@@ -176,14 +176,14 @@ def _batches(path: Path, content: list[str]) -> Iterator[tuple[str, pa.RecordBat
 
 @contextmanager
 def quiet_reader(path: Path) -> Iterator[RrdReader]:
-    """Rerun's reader of a file, whose warnings are kept back: that a file has no index yet is no news here."""
+    """Rerun's reader of a file, without its warning that the file has no index yet."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         yield RrdReader(path)
 
 
 def _stream(reader: RrdReader) -> LazyChunkStream:
-    """All chunks; by the index, if the file has one, so that a filter leaves the others on the disk."""
+    """All chunks; read by the index if the file has one, so that a filter leaves the others on the disk."""
     try:
         return reader.store().stream()
     except (ValueError, RuntimeError):
@@ -195,20 +195,20 @@ def _rows(batch: pa.RecordBatch) -> Iterator[Row]:
     components = [name for name in batch.schema.names if name not in (TIMELINE, ROW_ID)]
     columns = {name.rpartition(":")[2]: batch.column(name).to_pylist() for name in components}
     for row, instant in enumerate(_instants(batch)):
-        # Where bytes were changed, a column that is no component may have any name.
+        # In a damaged file, a column that is no component may have any name.
         lists = {name: column[row] for name, column in columns.items() if isinstance(column[row], list)}
         yield instant, {name: values[0] for name, values in lists.items() if values}
 
 
 def _instants(batch: pa.RecordBatch) -> list[int]:
-    """Time of each row in ns; -1 for what has none."""
+    """Time of each row, ns; -1 for static data."""
     if TIMELINE not in batch.schema.names:
         return [-1] * batch.num_rows
     return batch.column(TIMELINE).cast(pa.int64()).to_pylist()
 
 
 def has_recording(path: Path) -> bool:
-    """Whether rerun finds a recording in the file, not only a frame around nothing."""
+    """Whether rerun finds a recording in the file, and not only an empty frame."""
     try:
         with quiet_reader(path) as reader:
             return bool(reader.recordings())

@@ -1,12 +1,12 @@
-"""How a rerun file is put together, and one that is being written.
+"""The layout of a rerun file, and a file that is being written.
 
 Each piece that rerun encodes is a small file of its own: a head, messages (kind and length, 8 bytes each, then the body), an
 end message with an index, and a foot. A larger file is one head and the messages of all pieces; `repair` adds the end.
 
-Rerun can write files itself, but when a disk is full its writer dies silently, all later data is lost, and whoever flushes waits
-for ever. So rerun only encodes, and the bytes are written here. Of a run that goes on it does so into memory: an error is known
-at once, a half-written message is cut off again, and what could not be written waits until there is room. Of a run that is over
-it writes the finished file into a pipe, so that no copy of it stands in memory.
+Rerun can write files itself, but when a disk is full its writer dies silently, all later data are lost, and a flush waits for
+ever. So rerun only encodes, and the bytes are written here. A run that goes on is encoded into memory: an error is known at once,
+a half-written message is cut off again, and what could not be written waits until there is room. A run that is over is encoded
+as a finished file into a pipe, so that memory holds no copy of it.
 """
 
 import os
@@ -24,7 +24,7 @@ from typing import IO
 from flexlab.errors import RecordingError
 
 MAGIC = b"RRF2"
-"""How a rerun file of this generation begins."""
+"""First bytes of a rerun file of this generation."""
 HEAD = 12
 """Bytes of the head: magic, version, options."""
 MESSAGE = struct.Struct("<QQ")
@@ -32,13 +32,13 @@ MESSAGE = struct.Struct("<QQ")
 END = 0
 """Kind of the end message."""
 FAMILY = b"RRF"
-"""How a rerun file of any version begins."""
+"""First bytes of a rerun file of any version."""
 FOOTER, FOOTER_PLACE = b"RRF2FOOT", 12
-"""How the last bytes of a finished file begin, and how many they are."""
+"""Beginning and number of the last bytes of a finished file."""
 
 
 def messages(piece: bytes, with_head: bool) -> bytes:
-    """A piece without its end and foot, and without its head unless asked for."""
+    """A piece without its end and foot, and without its head unless `with_head`."""
     if piece[: len(MAGIC)] != MAGIC:
         raise RecordingError(f"Rerun encodes as {piece[:4]!r}, not {MAGIC!r}: this flexlab needs rerun-sdk 0.41.")
     place = HEAD
@@ -59,24 +59,24 @@ def has_footer(path: Path) -> bool:
 
 
 READING_SHARE = 0.05
-"""Share of the time that may go into reading a file again whose date has changed."""
+"""Largest share of the time that goes into reading a file again after its date has changed."""
 READ_BYTES = 1 << 20
-"""Read at once."""
+"""Number of bytes that are read at once."""
 HELD_BYTES = 48_000_000
-"""Most bytes that wait for a full disk: one and a half minutes of the paper's run. Then the oldest are given up."""
+"""Largest number of bytes that wait for room: one and a half minutes of the paper's run. Beyond it the oldest are given up."""
 
 
 class Pipe:
-    """A named pipe into which rerun writes a file; a thread passes it on, and goes on reading when the disk takes no more."""
+    """A named pipe into which rerun writes a file; a thread passes it on, and reads on when the disk takes no more."""
 
     def __init__(self, handle: IO[bytes]):
         """`handle`: the file, open for writing, unbuffered."""
         self._folder = tempfile.mkdtemp(prefix="flexlab-pipe-")
         self.path = Path(self._folder) / "run.rrd"
-        """Where rerun writes."""
+        """The path to which rerun writes."""
         os.mkfifo(self.path)
         self._problem: OSError | None = None
-        # Held open, as rerun may fail before it opens its end, for which the reader would wait.
+        # Held open: if rerun failed before it opened its end, the reader would wait for it.
         self._end = os.open(self.path, os.O_RDWR | os.O_NONBLOCK)
         source = self.path.open("rb", buffering=0)
         self._thread = threading.Thread(target=self._pass_on, args=(source, handle), name="flexlab-pipe", daemon=True)
@@ -93,7 +93,7 @@ class Pipe:
                     self._problem = error
 
     def close(self) -> OSError | None:
-        """Wait for what rerun has written, which has closed its end; the reason why the file lacks some of it."""
+        """Wait for the rest of the data, after rerun has closed its end; return the error if the file lacks some of them."""
         os.close(self._end)
         self._thread.join()
         shutil.rmtree(self._folder, ignore_errors=True)
@@ -101,11 +101,11 @@ class Pipe:
 
 
 Refusal = Callable[[int], str]
-"""Says why so many more bytes may not be written; empty if they may."""
+"""Returns why so many more bytes may not be written, or "" if they may."""
 
 
 def allow(size: int) -> str:
-    """Any number of bytes."""
+    """Allow any number of bytes."""
     return ""
 
 
@@ -127,15 +127,15 @@ class RrdFile:
         self._next_reading = 0.0
         self._begun = False
         self.given_up = 0
-        """Pieces that were given up because a disk stayed full for too long."""
+        """Number of pieces that were given up because a disk stayed full for too long."""
 
     def hold(self, piece: bytes) -> None:
-        """Take one piece as rerun encodes it, to be written by `write`. Raises `RecordingError` for what is no piece."""
+        """Take one piece as rerun encodes it, to be written by `write`. Raises `RecordingError` for anything else."""
         data = messages(piece, with_head=not self._begun)
         self._begun = True
         self._waiting.append(data)
         self._waiting_bytes += len(data)
-        # The first piece has the head and says what the run is: without it the rest is worth nothing.
+        # The first piece has the head and says what the run is: without it the rest is useless.
         oldest = 0 if self._size else 1
         while self._waiting_bytes > self._held_bytes and len(self._waiting) > oldest + 1:
             self._waiting_bytes -= len(self._waiting[oldest])
@@ -144,7 +144,7 @@ class RrdFile:
 
     @property
     def is_whole(self) -> bool:
-        """Whether the file still has exactly the bytes that were written: nobody cut it off or wrote over it."""
+        """Whether the file still has exactly the bytes that were written: nobody has truncated or overwritten it."""
         found = os.fstat(self._handle.fileno())
         if found.st_size != self._size:
             return False
@@ -166,7 +166,7 @@ class RrdFile:
         return checksum
 
     def write(self, refusal: Refusal = allow) -> None:
-        """Write all that waits. Raises `RecordingError` if the disk or `refusal` does not take it; what is left waits on."""
+        """Write all waiting pieces. Raises `RecordingError` if the disk is full or `refusal` refuses; the rest waits on."""
         try:
             while self._waiting:
                 if refused := refusal(len(self._waiting[0])):
@@ -177,7 +177,7 @@ class RrdFile:
             raise RecordingError(f"{self._handle.name} cannot be written ({error.strerror}).") from None
 
     def _write(self, data: bytes) -> None:
-        """All or nothing: what was half written is cut off again."""
+        """Write all or nothing: half-written data are cut off again."""
         rest = memoryview(data)
         try:
             while rest:

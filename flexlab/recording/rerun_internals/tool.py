@@ -24,13 +24,13 @@ from flexlab.recording.rerun_internals.rrd_file import has_footer
 from flexlab.sockets import LOOPBACK, free_ports, hidden_loopback
 
 LARGE_FILE = 500_000_000
-"""Bytes: above that the pieces are indexed but not joined, which would take the whole recording into memory."""
+"""Size above which pieces are indexed but not joined, bytes: joining reads the whole recording into memory."""
 LOW_PRIORITY = 19
-"""Unix niceness: a lab that runs on must not notice."""
+"""Unix niceness: a running lab must not notice."""
 LONGEST = 600.0
-"""s that mending one file may take."""
+"""Longest time for mending one file, s."""
 OS_ERROR = re.compile(r"([^:\n]*) \(os error (\d+)\)")
-"""How the tool says what the operating system refused."""
+"""The tool's message about an error of the operating system."""
 
 
 def rerun_tool() -> str:
@@ -55,7 +55,7 @@ class Mending:
         return self._stopped.is_set()
 
     def stop(self) -> None:
-        """End it now; the file stays as it was."""
+        """End the run of the tool now; the file stays as it was."""
         self._stopped.set()
         process = self._process
         if process is not None:
@@ -63,9 +63,9 @@ class Mending:
                 process.terminate()
 
     def rewrite(self, source: Path, target: Path, join: bool = True) -> bool:
-        """Write what can be read of `source` to `target`, with a footer; whether anything could be. `join`: small pieces.
+        """Write what is readable of `source` to `target`, with a footer, and return whether anything is. `join`: small pieces.
 
-        Raises OSError if the disk refuses; `target` is then worth nothing, even if it can be read.
+        Raises OSError if the disk refuses; `target` is then useless, even if it can be read.
         """
         ways = ("optimize", "filter") if join and source.stat().st_size <= LARGE_FILE else ("filter",)
         return any(not self._stopped.is_set() and self._run(way, source, target) for way in ways)
@@ -95,11 +95,11 @@ class Mending:
 
 
 HARMLESS = (0, 1)
-"""Exit codes of the tool that has read a file, without or with something to say about it."""
+"""Exit codes of the tool after it has read a file, without and with remarks."""
 
 
 def crashes_readers(path: Path) -> bool:
-    """Whether rerun's reader crashes on a damaged file: within this process it would end it, so its tool tries."""
+    """Whether rerun's reader crashes on a damaged file: its tool tries, as a crash would end this process."""
     command, nothing = [rerun_tool(), "rrd", "verify", str(path.resolve())], subprocess.DEVNULL
     try:
         tried = subprocess.run(command, stdin=nothing, stdout=nothing, stderr=nothing, timeout=LONGEST, check=False)
@@ -109,21 +109,21 @@ def crashes_readers(path: Path) -> bool:
 
 
 UNPACK_TIME = 20.0
-"""s that rerun's program may take to serve its viewer."""
+"""Longest time until rerun's program serves its viewer, s."""
 VIEWER_FILES = {
     "index.html": "text/html; charset=utf-8",
     "re_viewer.js": "text/javascript",
     "re_viewer_bg.wasm": "application/wasm",
 }
-"""All that the viewer is made of, with its content types."""
+"""All files of the viewer, with their content types."""
 _FOREIGN_LINK = re.compile(rb"<link\b[^>]*\bhref=\"(?:https?:|favicon|apple)[^>]*>")
-"""Fonts from outside, which the policy would refuse, and icons that are not there."""
+"""Links to outside fonts, which the policy would refuse, and to icons that are not there."""
 OPTIONS = b"const options = {"
 TELLING = b"""const options = {
           on_viewer_event: (event) => { if (window.parent !== window) window.parent.postMessage(event, location.origin); },"""
-"""With this option the viewer tells the page that it is in where its time cursor goes."""
+"""With this option the viewer tells the page around it where its time cursor goes."""
 CHANGED = 1
-"""Number of what is changed in rerun's page: another one is unpacked into another folder."""
+"""Version of the changes in rerun's page: each version is unpacked into a folder of its own."""
 
 
 def viewer_folder() -> Path:
@@ -170,13 +170,13 @@ DATASET = "runs"
 @contextlib.contextmanager
 def serving(path: Path) -> Iterator[str]:
     """Serve a recording; yields the address that a viewer opens. Raises RuntimeError, ValueError, OSError or LookupError."""
-    # It answers whoever asks, under any name.
+    # The server answers whoever asks, under any name.
     server = rr.server.Server(host=hidden_loopback(), port=0, datasets={DATASET: [path]})
     try:
-        # Rerun's public client answers what follows only with a 43 MB library of queries, so its core is asked.
+        # Rerun's public client needs a 43 MB library of queries for what follows, so its core is asked.
         (core,) = CatalogClientInternal(server.url()).datasets(False)
         # The server does not look for the layout inside the file. A run that is being recorded may break off within a message,
-        # which is no layout to it: the viewer then makes one of its own.
+        # which it does not accept as a layout: the viewer then makes one of its own.
         with contextlib.suppress(ValueError):
             DatasetEntry(core).register_blueprint(path.resolve().as_uri())
         with quiet_reader(path) as reader:

@@ -1,1 +1,1 @@
-"""The logs folder: files, notes, the index of runs, and which of them may go."""
+"""The logs folder: files, notes, the index of runs, and which runs may be deleted."""

@@ -1,8 +1,8 @@
-"""Formats of recordings, and what makes samples of an older one mean what they mean today.
+"""Formats of recordings, and the steps that give samples of an older format today's meaning.
 
-A format's number goes up when something that was recorded changes its meaning; that needs a step in `STEPS`, a golden
-recording in the tests, and `since` in the table of signals. One more signal needs none of it: a recording names its
-signals, and those that it lacks are absent. A newer recording is read too, unless it says that it cannot be understood so.
+The format's number goes up when something that is recorded changes its meaning; that needs a step in `STEPS`, a golden
+recording in the tests, and `since` in the table of signals. A further signal needs none of this: a recording names its
+signals, and those that it lacks are absent. A newer recording is read too, unless it says that this reader is too old.
 """
 
 from collections.abc import Callable, Iterable
@@ -22,14 +22,14 @@ from flexlab.sim.snapshot import Event
 from flexlab.sim.target import build_trajectory, change_path, desired_at
 
 FORMAT = 3
-"""Of what is written now."""
+"""Format of recordings that are written now."""
 OLDEST_READER = 3
-"""Format whose reader still understands what is written now: see `readable`."""
+"""Oldest format whose reader understands recordings that are written now: see `readable`."""
 ARITHMETIC = "1"
-"""Rule by which samples are computed now. What was recorded by the same rule comes out again bit for bit, on any machine; a
-recording that names another rule, or none, was computed with other rounding errors."""
+"""Name of the arithmetic by which samples are computed now. A recording that names the same one is reproduced bit for bit on any
+machine; a recording that names another, or none, was computed with other rounding errors."""
 OLD_QUASI_STATIC = "quasi_static_deflection_of_format_1"
-"""What format 1 called the quasi-static deflection: of the actual acceleration, which jumps."""
+"""The quasi-static deflection of format 1: that of the actual acceleration, which jumps."""
 
 
 # No replay would compare a signal of a format that is not written yet.
@@ -50,23 +50,23 @@ def checked_format(number: Any, newest: int = FORMAT) -> int:
 
 
 def same_numbers(recorded_format: int) -> frozenset[str]:
-    """The table's signals that meant in that format what they mean today, and were computed so, to the last bit."""
+    """The table's signals with the same meaning in that format as today, computed the same way to the last bit."""
     return frozenset(n for n, signal in TABLE.items() if max(signal.since, signal.computed_since) <= recorded_format)
 
 
 class Changes:
-    """The scenario of a recorded run as its changes made it, instant by instant."""
+    """The scenarios of a recorded run over time, as its changes made them."""
 
     def __init__(self, scenario: Scenario, events: Iterable[Event]):
         self._times = [-np.inf]
         self.scenarios = [scenario]
-        """One after another, the first as the run began."""
+        """In the order of time, from that at the run's start."""
         for event in events:
             if isinstance(event.command, ChangeScenario) and event.level != "error":
                 try:
                     scenario = change_path(scenario, event.command.changes, event.time)
                 except ScenarioError:
-                    continue  # Another version's setting: what is drawn of it stays as it was.
+                    continue  # A setting of another version: the scenario stays as it was.
                 self._times.append(event.time)
                 self.scenarios.append(scenario)
 
@@ -88,7 +88,7 @@ def migrate(samples: Samples, recorded_format: int, changes: Callable[[], Change
 
 
 def _from_1(samples: Samples, changes: Callable[[], Changes]) -> Samples:
-    """The quasi-static deflection is that of the desired motion, which the scenario still tells."""
+    """Compute the quasi-static deflection anew, as that of the desired motion, which follows from the scenario."""
     found = np.empty(len(samples))
     for rows, scenario in changes().pieces(samples.time):
         trajectory = build_trajectory(scenario)
@@ -106,7 +106,7 @@ def _compliance(scenario: Scenario) -> np.ndarray:
 
 
 def _from_2(samples: Samples, changes: Callable[[], Changes]) -> Samples:
-    """The samples mean the same; their bytes are packed in another way (`codec`)."""
+    """Change nothing: only the packing of the samples differs (`codec`)."""
     return samples
 
 

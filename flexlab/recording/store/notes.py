@@ -11,13 +11,13 @@ from typing import Any
 from flexlab.files import lock, read_json, replacing
 
 LARGEST_NOTES = 10_000_000
-"""Bytes of the largest file of notes that is read: an hour of dragging sliders makes one."""
+"""Largest size of a file of notes that is read, bytes: an hour of dragging sliders makes one."""
 
 
 MEASURED = "measured_file"
-"""Which file the metrics in the notes are of: its bytes, and when it was last written, s."""
+"""Key in the notes: size, bytes, and modification time, s, of the file that the metrics belong to."""
 SAME_TIME = 2.0
-"""s between two times of one file: disks and archives round them."""
+"""Largest difference between two times of one file, s: disks and archives round them."""
 OF_PEOPLE = ("note", "tags", "keep", "owner", "visitor")
 """Notes that stay when another file takes a recording's name."""
 
@@ -63,20 +63,20 @@ def write_notes(path: Path, **changes: Any) -> None:
     with _one_at_a_time(path.parent):
         notes = read_notes(path) | changes
         with replacing(notes_path(path)) as draft:
-            # What is no text becomes an escape that JSON knows.
+            # Characters that are no text become escapes that JSON knows.
             draft.write_bytes(json.dumps(notes, indent=1, ensure_ascii=False).encode("utf-8", "backslashreplace"))
 
 
 _WRITING = threading.Lock()
 ATTEMPTS = 200
-"""How often a change tries to lock the folder: another process that hangs must not stop all."""
+"""Largest number of attempts to lock the folder: a process that hangs must not stop all others."""
 
 
 @contextlib.contextmanager
 def _one_at_a_time(folder: Path) -> Generator[None]:
-    """While this is open nobody else changes notes in the folder, so that no change is lost."""
+    """Keep all others from changing notes in the folder meanwhile, so that no change is lost."""
     with _WRITING, contextlib.ExitStack() as closing:
-        # Writing itself tells what is wrong with the folder, which Windows does not open.
+        # Windows does not open folders; any other problem with the folder shows when the notes are written.
         with contextlib.suppress(OSError):
             handle = os.open(folder, os.O_RDONLY)
             closing.callback(os.close, handle)

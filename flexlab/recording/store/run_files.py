@@ -22,16 +22,16 @@ from flexlab.text import visible
 
 SUFFIX = ".rrd"
 TIME_FORMAT = "%Y-%m-%dT%H-%M-%S"
-"""Of file names: sorts by time, allowed on every file system."""
+"""Format of the time in file names: it sorts by time, and every file system allows it."""
 QUIET_TIME = 60.0
-"""s without a write after which a file counts as abandoned where locks are not to be had (Windows)."""
+"""Time without a write after which a file counts as abandoned on systems without locks (Windows), s."""
 MAX_SAME_NAME = 1000
-"""Runs of one preset within one second."""
+"""Largest number of runs of one preset within a second."""
 CLAIM_ATTEMPTS = 50
-"""How often a file is claimed before it counts as another's: who checks whether it is in use locks it for a moment."""
+"""Attempts to claim a file before it counts as another's: a check whether it is in use locks it for a moment."""
 NEWEST = "newest"
 NAMES_SAID = 3
-"""Names listed of many that begin alike."""
+"""Largest number of names listed if several begin alike."""
 State = Literal["in use", "complete", "recovered", "unfinished", "damaged"]
 """complete: ended properly. recovered: its writer died, and the file was finished. unfinished: without a footer."""
 
@@ -57,7 +57,7 @@ class RunFile:
 
 
 def check_folder(logs: Path) -> None:
-    """Make the logs folder if it is not there. Raises `RecordingError` if no recording can be put into it."""
+    """Make the logs folder if it is not there. Raises `RecordingError` if recordings cannot be written into it."""
     with writable(f"The logs folder {logs}", "choose another with --logs, or mend its rights", RecordingError):
         logs.mkdir(parents=True, exist_ok=True)
         probe = logs / f".probe-{os.getpid()}"
@@ -75,7 +75,7 @@ def _make_folder(folder: Path) -> None:
 
 
 def claim_named_file(path: Path) -> RunFile:
-    """Create a file of this name. Raises `RecordingError`, also if there is one."""
+    """Create a file of this name. Raises `RecordingError`, also if the file exists."""
     _make_folder(path.parent)
     try:
         return claim(path, "xb")
@@ -190,7 +190,7 @@ def list_runs(logs: Path) -> list[Path]:
 
 
 def list_files(logs: Path) -> list[Path]:
-    """All that is named like a recording in the folder, newest first, also links, pipes and folders."""
+    """Everything in the folder that is named like a recording, newest first, including links, pipes and folders."""
     found = []
     with contextlib.suppress(OSError), os.scandir(logs) as entries:
         for entry in entries:
@@ -202,13 +202,13 @@ def list_files(logs: Path) -> list[Path]:
 
 
 BREAKS_OFF = "breaks_off"
-"""Key of the notes on a run of which the end is not recorded: why, as a sentence."""
+"""Key in the notes: why the end of the run is not recorded, as a sentence."""
 VARIANT = "variant"
-"""Key of the notes on a run that was made for a comparison: which run it is a variant of, and how."""
+"""Key in the notes on a run that was made for a comparison: which run it is a variant of, and how."""
 
 
 def newest_run(logs: Path, made: bool = True) -> Path:
-    """The newest recording; `made`: also one made for a comparison. Raises `RecordingError` if there is none."""
+    """The newest recording; `made`: whether it may be one made for a comparison. Raises `RecordingError` if there is none."""
     runs = [run for run in list_runs(logs) if made or VARIANT not in read_notes(run)]
     if not runs:
         raise RecordingError(f"There is no recording in {logs}: start flexlab, or say where with --logs.")
@@ -249,7 +249,7 @@ def remove_run(path: Path) -> None:
     """Delete a recording and its notes. Raises `RecordingError` if it cannot be deleted."""
     try:
         path.unlink(missing_ok=True)
-        if os.path.lexists(notes_path(path)):  # Their name may be too long for any file.
+        if os.path.lexists(notes_path(path)):  # The name of the notes may be too long for any file.
             notes_path(path).unlink(missing_ok=True)
     except OSError as error:
         raise RecordingError(
@@ -265,7 +265,7 @@ def removable_runs(
 ) -> list[Path]:
     """Recordings over the limits, oldest first: those older than `most_days`, and more until the rest is under `most_bytes`.
 
-    None is no limit. Kept runs and runs being written count towards the size but are never returned. `now`: wall time, s.
+    None means no limit. Kept runs and runs being written count towards the size but are never returned. `now`: wall time, s.
     Raises `RecordingError` for a limit that is not positive.
     """
     for name, limit in (("most_bytes", most_bytes), ("most_days", most_days)):

@@ -27,19 +27,19 @@ from flexlab.recording.store.run_files import (
 from flexlab.text import number_text, visible
 
 LONGEST_NOTE = 2000
-"""Characters of a person's note on a run."""
+"""Largest length of a person's note on a run, characters."""
 LONGEST_TAGS = 200
-"""Characters of all tags of a run."""
+"""Largest length of all tags of a run, characters."""
 LONGEST_NAME = 200
-"""Characters of a preset's name or a status, as far as they are shown."""
+"""Largest length of a preset's name or a status that is shown, characters."""
 LONGEST_CHANGE, MOST_CHANGES = 500, 1000
-"""Characters of one line about a change, and lines."""
+"""Largest length of a line about a change, characters, and largest number of lines."""
 MOST_METRICS = 100
 MOST_LESSONS = 100
 MEASURED_STATUS = "measured"
 """`sim.samples.MEASURED`, written again here so that listing runs does not load the engine."""
 _NO_ADDRESS = re.compile(r"[\\\t\n]|\A\.*\Z|\.rrd\Z")
-"""In names that an address cannot hold, or that would mean something else there."""
+"""Found in names that an address cannot hold, or that would mean something else there."""
 _NAME = re.compile(r"(\d{4}-\d{2}-\d{2}T\d{2}-\d{2}-\d{2})-(.+)")
 log = logging.getLogger(__name__)
 
@@ -49,43 +49,43 @@ class RunRow:
     """One run in a table."""
 
     id: str
-    """File name without its ending; of a name that is no text, in characters that an address may hold."""
+    """File name without its ending; a name that is no text is encoded in characters that an address may hold."""
     path: Path
     preset: str
     started: datetime
     begins: float
-    """Simulation time of its first sample, s: not 0 if it went on from another run."""
+    """Simulation time of its first sample, s: not 0 if it continued another run."""
     duration: float | None
-    """Simulated, s; None if its writer did not live to say."""
+    """Simulated time, s; None if its writer died before noting it."""
     size: int
     """Bytes."""
     state: str
     status: str
     """How the run ended."""
     metrics: dict[str, float | None]
-    """Title with unit → value; empty for a run that was not measured yet."""
+    """Title with unit → value; empty for a run whose metrics were not computed yet."""
     changes: tuple[str, ...]
-    """What differs from the preset, a line each."""
+    """A line for each difference from the preset."""
     note: str
     tags: tuple[str, ...]
     kept: bool
-    """Whether it may not be deleted."""
+    """Whether a person has marked the run to be kept: it is not deleted."""
     owner: str = ""
-    """By which the visitor is known who recorded it; empty: nobody in particular."""
+    """Mark of the visitor who recorded it; empty for nobody in particular."""
     visitor: str = ""
-    """What that visitor is called."""
+    """Name of that visitor."""
     lessons: tuple[LessonProgress, ...] = ()
-    """What was guessed and passed in the lab that recorded it."""
+    """Guesses made and lessons passed in the lab that recorded it."""
     own_metrics: tuple[str, ...] = ()
-    """Which of the metrics somebody declared for their own studies."""
+    """Names of the metrics that a person declared for their own studies."""
     breaks_off: str = ""
-    """Why the end of the run is not recorded, as a sentence; empty: it is, or nobody noted why."""
+    """Why the end of the run is not recorded, as a sentence; "" if it is, or if the reason was not noted."""
     problem: str = ""
-    """Why the file is no recording, as a sentence; it can only be deleted."""
+    """Why the file is not a recording, as a sentence; it can then only be deleted."""
 
     @property
     def is_measured(self) -> bool:
-        """Whether it was measured somewhere, and not simulated: then it cannot be continued nor replayed."""
+        """Whether it was measured and not simulated: it can then be neither continued nor replayed."""
         return self.status == MEASURED_STATUS
 
     @property
@@ -95,7 +95,7 @@ class RunRow:
 
     @property
     def heading(self) -> str:
-        """When it began, whose it is, its tags."""
+        """Time of its start, visitor and tags, in a line."""
         return " · ".join(filter(None, (f"{self.started:%Y-%m-%d %H:%M:%S}", self.visitor, ", ".join(self.tags))))
 
     @property
@@ -210,7 +210,7 @@ def read_row(path: Path) -> RunRow:
 
 
 def whose(path: Path) -> tuple[str, str]:
-    """(Name, mark) of the visitor who made a recording; empty: nobody in particular."""
+    """(name, mark) of the visitor who made a recording; empty for nobody in particular."""
     return _whose(read_notes(path))
 
 
@@ -219,7 +219,7 @@ def _whose(notes: dict[str, Any]) -> tuple[str, str]:
 
 
 def _time(value: Any) -> datetime | None:
-    """Local time as the notes, a file's name or its date in s say it; None for anything else."""
+    """Local time from the notes, from a file's name or from its date in s; None for anything else."""
     for read in (datetime.fromisoformat, lambda words: datetime.strptime(words, TIME_FORMAT), datetime.fromtimestamp):
         with contextlib.suppress(ValueError, TypeError, OverflowError, OSError):
             return read(value).replace(tzinfo=None)
@@ -227,7 +227,7 @@ def _time(value: Any) -> datetime | None:
 
 
 def _number(value: Any) -> float | None:
-    """A finite number of the notes; None for anything else."""
+    """A finite number from the notes; None for anything else."""
     try:
         number = float(value) if isinstance(value, (int, float)) else math.nan
     except OverflowError:
@@ -257,7 +257,7 @@ def _texts(values: Any, longest: int, most: int) -> tuple[str, ...]:
 
 
 def state_word(row: RunRow) -> str:
-    """The state for people."""
+    """The state in a word for people."""
     if row.state == "in use":
         return "recording"
     if row.breaks_off and row.state == "recovered":
@@ -266,7 +266,7 @@ def state_word(row: RunRow) -> str:
 
 
 def size_text(size: float) -> str:
-    """Bytes in a unit for people."""
+    """A size, bytes, as a text with a suitable unit."""
     for unit in ("B", "kB", "MB"):
         if size < 1000:
             return f"{number_text(size, 3)} {unit}"
@@ -275,7 +275,7 @@ def size_text(size: float) -> str:
 
 
 def duration_text(duration: float | None) -> str:
-    """Simulated time for people."""
+    """A simulated time, s, as a text for people."""
     if duration is None:
         return "–"
     if duration < 120:

@@ -15,7 +15,7 @@ OPEN = "Choose one"
 
 
 class Guide:
-    """Menu, text, guess and check, in the GUI container that is open while it is made."""
+    """Menu, text, guess and check, made in the open GUI container."""
 
     def __init__(self, widgets: Widgets):
         self._lab_state = widgets.lab_state
@@ -26,7 +26,7 @@ class Guide:
         self._pace = widgets.lab_state.rules.pace
         self._collect()
         self._shown = next(iter(self._pages))
-        widgets.gui.add_html('<div class="fl-guide"></div>')  # By which the page knows whether the guide is open.
+        widgets.gui.add_html('<div class="fl-guide"></div>')  # This tells the page whether the guide is open.
         self._menu = Menu(widgets, "Read", lambda: self._pages, lambda: self._shown, self._choose)
         self._text = widgets.gui.add_markdown("")
         self._guess_question = widgets.gui.add_html("", visible=False)
@@ -41,18 +41,18 @@ class Guide:
         self._turn_to(self._shown)
 
     def _collect(self) -> None:
-        """Know all chapters and lessons that there are now."""
+        """Collect all present chapters and lessons."""
         self._pages: dict[str, Chapter | Lesson] = {chapter.title: chapter for chapter in chapters()}
         mine = own_lessons()
         self._pages |= lesson_menu(mine)
         for own in mine:
             if own.lesson is None:
                 title = f"{own.name} (cannot be read)"
-                # Own texts come from files of whoever started the lab; still they get no HTML into the page.
+                # Own lessons come from files of whoever started the lab; even so, they bring no HTML into the page.
                 self._pages[f"{OWN}{title}"] = Chapter(own.name, title, without_html(own.problem))
 
     def _follow_files(self) -> None:
-        """Take up lessons of one's own that are new or were saved; the page that is open stays open."""
+        """Take up own lessons that are new or were saved; the open page stays open."""
         files = lesson_files()
         if files == self._files:
             return
@@ -64,7 +64,7 @@ class Guide:
         self._menu.settle()
 
     def update(self, snapshot: Snapshot) -> None:
-        """Follow the files and the teacher, and check the open lesson, which reads the whole run: once a second."""
+        """Follow the files and the teacher, and check the open lesson; call once a second, as the check reads the whole run."""
         self._follow_files()
         rules = self._lab_state.rules
         if rules.pace != self._pace:  # Go to the step of the class, or show all steps again.
@@ -82,7 +82,7 @@ class Guide:
 
     @property
     def _last_step(self) -> int:
-        """The last step of the shown page that the teacher lets everybody see."""
+        """The last step of the shown page that the teacher has opened."""
         rules = self._lab_state.rules
         return rules.step if self._shown == rules.lesson else len(STEPS)
 
@@ -137,7 +137,7 @@ class Guide:
             self._fold(lesson)
 
     def _fold(self, lesson: Lesson) -> None:
-        """The answer stays folded until the check is done, or somebody asks for it."""
+        """Show the answer if the check is done or somebody asked for it, and fold it otherwise."""
         may_see = self._last_step == len(STEPS)
         unfolded = lesson.id in self._unfolded and may_see
         put(self._unfold, visible=not unfolded and may_see)
@@ -155,7 +155,7 @@ class Guide:
         if verdict.done:
             self._unfolded.add(lesson.id)
             self._done[lesson.id] = verdict.sentence
-        # What was done stays done, whatever is tried afterwards: some lessons end by setting things back.
+        # A check that was met stays met: some lessons end by setting things back.
         done = self._done.get(lesson.id)
         look, words, sentence = ("fl-info", "Your run", verdict.sentence) if done is None else ("fl-done", "Done", done)
         self._tell(lesson, done or "")
@@ -165,7 +165,7 @@ class Guide:
         self._fold(lesson)
 
     def _tell(self, lesson: Lesson, done: str) -> None:
-        """Tell the teacher how far this lab is."""
+        """Report this lab's progress to the teacher."""
         guess, title = self._guesses.get(lesson.id, ""), self._shown
         step = 3 if lesson.id in self._unfolded else 2 if guess or not lesson.options else 1
         step = min(step, self._last_step)
@@ -177,7 +177,7 @@ class Guide:
 
 
 def _factor(lesson: Lesson) -> float:
-    """The exaggeration of all runs of a lesson: else a soft beam could look straighter than a stiff one."""
+    """One exaggeration for all runs of a lesson: otherwise a soft beam could look straighter than a stiff one."""
     return lesson.exaggeration or fitting_exaggeration(load_preset(lesson.preset))
 
 

@@ -1,4 +1,4 @@
-"""The mode table, and ways to see one mode: slow motion, a run that starts in it, its shape animated."""
+"""The mode table, and ways to see one mode: slow motion, a run that starts in it, an animation of its shape."""
 
 import math
 
@@ -16,24 +16,24 @@ from flexlab.sim.snapshot import Snapshot
 from flexlab.text import escaped, number_text
 
 MOST_POLES = 6
-"""Rows of poles: the growing ones first."""
+"""Most rows of poles, the growing ones first."""
 MOST_MODES = 8
-"""Rows of the table and choices of the menu: higher modes are too small to be seen."""
+"""Most rows of the table and choices of the menu: higher modes are too small to be seen."""
 SEEN_AT = 2.0
-"""Frequency on the screen that slow motion stays just below, Hz."""
+"""Highest frequency on the screen in slow motion, Hz."""
 SEEN_SIZE = 0.06
-"""Size that a mode is enlarged to, in beam lengths."""
+"""Size to which a mode is enlarged, in beam lengths."""
 START_SIZE = 0.002
-"""Amplitude of a run that starts in a mode, in beam lengths: far below the 5 % that a linear beam stands."""
+"""Amplitude of a run that starts in a mode, in beam lengths: far below the 5 % up to which the linear beam is valid."""
 LOOKED_BACK = 0.5
-"""Time over which the present vibration is judged, s."""
+"""Time over which the present vibration is measured, s."""
 LEAST_VIBRATION = 1e-6
 """Vibration below which there is nothing to enlarge, m."""
 STILL_COMPUTED = "The modes are still being computed: try again in a moment."
 
 
 class ModePanel:
-    """Mode table and buttons, in the GUI container that is open while it is made."""
+    """Mode table and buttons, made in the open GUI container."""
 
     def __init__(self, widgets: Widgets, study: ModeStudy):
         self._lab_state, self._study = widgets.lab_state, study
@@ -52,7 +52,7 @@ class ModePanel:
         self._choice.on_update(widgets.handler(lambda _: self._set_animation()))
 
     def update(self, snapshot: Snapshot) -> None:
-        """Bring the table up to date."""
+        """Update the table."""
         self._study.ask(snapshot.scenario)
         result = self._study.result
         self._table.content = modes_html(result) if result is not None else '<div class="fl">Computing …</div>'
@@ -75,13 +75,13 @@ class ModePanel:
     def _set_animation(self) -> None:
         wanted = bool(self._animate.value)
         if wanted and self._lab_state.snapshot.playing:
-            # The run stands while the mode's shape moves.
+            # The run is paused while the mode's shape moves.
             self._paused_run = self._lab_state.snapshot.run_number
             self._lab_state.submit(Pause())
         elif not wanted and self._paused_run == self._lab_state.snapshot.run_number:
             self._paused_run = 0
             self._lab_state.submit(Play())
-        # The modes of a beam that was just changed are shown as soon as they are computed.
+        # After a change of the beam, the mode is shown as soon as it is computed.
         self._awaited = wanted and self._study.result is None
         self._lab_state.set_view(shown_mode=None)
         if wanted and not self._awaited:
@@ -159,7 +159,7 @@ def _poles_html(result: Modes) -> str:
     if result.control_period is not None:
         kind, sampling = "sampled", sampling_text(result.control_period, result.input_delay)
     rows = result.pole_rows()
-    # What grows, then what swings: poles of the pose alone fade without being seen.
+    # Growing poles, then oscillating ones: poles of the pose alone decay without being seen.
     seen = [row for row in rows if row.verdict == "grows" or row.frequency > 0]
     table = table_html(map(_pole_cells, seen[:MOST_POLES]), "f (Hz)", "ζ (%)", "rate (1/s)", "of")
     alarm = ""

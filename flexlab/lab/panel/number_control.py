@@ -1,4 +1,4 @@
-"""Numbers on the screen: a box for each that takes any value, and a slider below it where the quantity has one."""
+"""Numbers on the screen: a box that takes any value and, if the quantity has a slider range, a slider below it."""
 
 import math
 import time
@@ -14,14 +14,14 @@ from flexlab.quantities import Quantity
 from flexlab.text import escaped, number_text
 
 SETTLE_TIME = 4.0
-"""How long a box keeps what a person typed but the lab did not take, wall seconds; then it shows the true value again."""
+"""How long a box keeps a typed value that the lab refused, wall s; then it shows the true value again."""
 READING_TIME = 30.0
-"""How long the sentence about a value that was refused stays, wall seconds: it outlives the value itself."""
+"""How long the sentence about a refused value stays, wall s: it outlives the value itself."""
 SLIDER_STEPS = 200
 CROWDED = 0.12
-"""Share of a slider within which the labels of two marks would overlap."""
+"""Fraction of a slider within which the labels of two marks would overlap."""
 BOX_DIGITS, FINEST_DIGITS = 12, 14
-"""Decimals that a number box takes; and one whose range begins below the last of these."""
+"""Decimals of a number box, and of one whose range begins below the last of these."""
 
 LIVE_HINTS = {
     "continuous": "Acts at once.",
@@ -30,13 +30,13 @@ LIVE_HINTS = {
 }
 
 Numbers = float | tuple[float, ...] | None
-"""The value of a control; None: its switch is off."""
+"""The value of a control; None if its switch is off."""
 Marks = tuple[tuple[float, str], ...]
-"""Values on a slider, with what to call them."""
+"""Values on a slider, with their labels."""
 
 
 def _check_range(about: Quantity, value: Numbers) -> None:
-    """Raises `LabError` for a number outside the range of `about`."""
+    """Raise `LabError` for a number outside the range of `about`."""
     items = value if isinstance(value, tuple) else () if value is None else (value,)
     for place, item in enumerate(items, 1):
         if not about.low <= item <= about.high:
@@ -54,21 +54,21 @@ def _text(value: Numbers) -> str:
 
 
 class Scale:
-    """Maps values to places on a slider and back: linearly or, above 0, logarithmically; to whole numbers or not."""
+    """Maps values to places on a slider and back, linearly or (above 0) logarithmically; `whole` for whole numbers only."""
 
     def __init__(self, about: Quantity, whole: bool = False):
         self.about = about
         low, high = about.slider or (about.low, about.high)
-        # A person's own law may ask for ratios from 0 on, where there are none.
+        # A person's own law may ask for a logarithmic slider from 0, which cannot be.
         self._logarithmic, self._whole = about.logarithmic and low > 0, whole
         self.low, self.high = self._place(low), self._place(high)
         self.step = 1.0 if whole else (self.high - self.low) / SLIDER_STEPS
         self.marks = ((self.low, number_text(low)), (self.high, number_text(high)))
         self.box_step = 10.0 ** math.floor(math.log10((high - low) / 100)) if high - low < 100 else 1.0
-        """What an arrow key adds in the box: about a hundredth of the slider, but no more than 1."""
+        """Step of an arrow key in the box: about a hundredth of the slider, but no more than 1."""
 
     def place(self, value: float) -> float:
-        """The place of a value on the slider; that of its end for a value beyond it."""
+        """The place of a value on the slider; the nearer end for a value beyond it."""
         if self._logarithmic and value <= 0:
             return self.low
         return min(max(self._place(value), self.low), self.high)
@@ -78,16 +78,16 @@ class Scale:
         return self.low <= self._place(value) <= self.high if value > 0 or not self._logarithmic else False
 
     def value(self, place: float) -> float:
-        """The value at a place, with four significant digits. A place that is no number gives NaN."""
+        """The value at a place, with four significant digits; NaN if the place is not finite or too large."""
         if not math.isfinite(place) or abs(place) > 1e300:
             return math.nan
         value = 10.0 ** min(place, 300.0) if self._logarithmic else place
         return float(round(value)) if self._whole else float(f"{value:.4g}")
 
     def marked(self, places: list[tuple[float, str]]) -> tuple[tuple[float, str], ...]:
-        """All marks of the slider, in order: the page's style takes the first and the last one for the ends.
+        """All marks of the slider, in order: the page's style treats the first and the last as the ends.
 
-        An end whose label has no room beside that of another mark stays without one.
+        An end has no label if there is no room beside the label of another mark.
         """
         near = CROWDED * (self.high - self.low)
         first, last = (
@@ -100,7 +100,7 @@ class Scale:
 
 
 class NumberControl:
-    """Box, slider, the way back and a line for what is wrong, in the GUI container that is open while it is made."""
+    """Box, slider, button back to the usual value, and a line for errors, made in the open GUI container."""
 
     def __init__(
         self,
@@ -116,16 +116,16 @@ class NumberControl:
         switch: tuple[str, Callable[[], Numbers]] | None = None,
         marks: Callable[[], Marks] = tuple,
     ):
-        """`read` gives the true value; `ask` carries out what a person wants, or raises a `FlexlabError`.
+        """`read` returns the true value; `ask` sets the value that a person wants, or raises a `FlexlabError`.
 
-        Title and unit of `about` make the label. `usual` gives what ↺ goes back to, `marks` the values between the slider's
-        ends that mean something. `slider`: only for a single number. `whole`: only whole numbers count. `switch`: label of
-        the switch that gives the field a value, and which; None: it always has one.
+        The label is made of `about`'s title and unit. `usual` returns the value that ↺ restores, `marks` the values between the
+        slider's ends that have a meaning. `slider`: only for a single number. `whole`: only whole numbers. `switch`: label of
+        the switch that gives the field a value, and that value; None if it always has one.
         """
         self._about = about
         self._read, self._ask, self._usual, self._marks = read, ask, usual or read, marks
         self._value = value = read()
-        self._stays_at = value  # As the sentence below the box says.
+        self._stays_at = value  # The value that the sentence below the box names.
         self._touched, self._typed, self._marked = -math.inf, False, []
         self._scale = Scale(about, whole) if slider else None
         self._switch = self._slider = None
@@ -150,9 +150,9 @@ class NumberControl:
         self.settle()
 
     def settle(self, at_once: bool = False) -> None:
-        """Show the true value, unless a person is at this control; `at_once`: all the same, as after a new run.
+        """Show the true value, unless a person is using this control; with `at_once`, as after a new run, even then.
 
-        A sentence stays while somebody may read it; after a new run, while what it says is true.
+        A sentence stays long enough to be read; after a new run, only while it is true.
         """
         value, since = self._read(), time.monotonic() - self._touched
         self._mark()
@@ -161,7 +161,7 @@ class NumberControl:
             return
         self._show(value)
         if self._typed and since > SETTLE_TIME:
-            # An earlier true value may have reached the page after what was typed.
+            # An earlier true value may have reached the page after the typed one.
             self._typed = False
             show_true_value(self._box)
         if since > READING_TIME or (at_once and value != self._stays_at):
@@ -182,7 +182,7 @@ class NumberControl:
                 self._slider.value = place
 
     def _mark(self) -> None:
-        """Mark values on the slider, between its ends; those outside it have no place there."""
+        """Mark values on the slider, except those beyond its ends."""
         if self._scale is None or self._slider is None:
             return
         places = [(self._scale.place(value), label) for value, label in self._marks() if self._scale.shows(value)]
@@ -191,7 +191,7 @@ class NumberControl:
             mark_slider(self._slider, self._scale.marked(places))
 
     def remove(self) -> None:
-        """Take the control off the screen."""
+        """Remove the control from the screen."""
         for widget in (self._switch, self._box, self._slider, self._back, self._problem):
             if widget is not None:
                 widget.remove()
@@ -201,14 +201,14 @@ class NumberControl:
             add = gui.add_vector2 if len(value) == 2 else gui.add_vector3
             box: Any = add(label, value, hint=hint)
         else:
-            # As a float: where it holds a whole number, viser would cut every other down to one and say nothing.
+            # As a float: viser would silently round all later values if this one were an int.
             step = self._scale.box_step if self._scale is not None else step
             box = gui.add_number(label, float(value), step=step, hint=hint)
         box.precision = FINEST_DIGITS if 0 < self._about.low < 10.0**-BOX_DIGITS else BOX_DIGITS
         return box
 
     def _turn(self, value: Numbers) -> None:
-        # A switch that was refused goes back at once: there is nothing to go on typing at.
+        # A refused switch goes back at once: it has no text to correct.
         self._accepted(value)
         self._show(self._value)
 
@@ -224,7 +224,7 @@ class NumberControl:
             self._slider.value = self._scale.place(value)
 
     def _accepted(self, value: Numbers) -> bool:
-        """Ask for a value; if it is refused, say why below and leave what was typed to be mended."""
+        """Ask for a value; if it is refused, say why below the box and leave the typed text to be corrected."""
         self._touched = time.monotonic()
         try:
             _check_range(self._about, value)

@@ -1,4 +1,4 @@
-"""The control panel: what a person can change, what is drawn and how large, and what the lab says about the run."""
+"""The control panel: what a person can change, what is drawn and at which scale, and what the lab says about the run."""
 
 import time
 from collections.abc import Callable
@@ -37,7 +37,7 @@ MORE = (
 
 
 class ViewControls:
-    """Controls of the view, in the GUI container that is open while it is made."""
+    """Controls of the view, made in the open GUI container."""
 
     def __init__(self, widgets: Widgets, look: Look):
         self._lab_state = lab_state = widgets.lab_state
@@ -65,7 +65,7 @@ class ViewControls:
         }
 
     def settle(self, at_once: bool) -> None:
-        """Follow the view's settings; leave alone what a person is at, unless it is to be `at_once`."""
+        """Follow the view's settings; leave alone a control that a person is using, unless `at_once`."""
         self._exaggeration.settle(at_once)
         self._window.settle()
         for setting, box in self._switches.items():
@@ -78,7 +78,7 @@ class ViewControls:
 
 
 class Key(NamedTuple):
-    """One command: name, what it does, key, modifier (None: none), action (gets the event)."""
+    """A command: name, description, key, modifier or None, and the action, which gets the event."""
 
     label: str
     words: str
@@ -88,7 +88,7 @@ class Key(NamedTuple):
 
     @property
     def shown(self) -> str:
-        """The key as it is printed on keyboards."""
+        """The key as printed on keyboards."""
         names = {"space": "Space", "arrowright": "→", "?": "?"}
         key = names.get(self.key or "", (self.key or "").upper())
         modifier = {None: "", "shift": "" if self.key == "?" else "Shift+", "cmd/ctrl": "Ctrl+"}
@@ -111,7 +111,7 @@ class Panel:
         say: Callable[[viser.ClientHandle], None],
         recorded: Recorded | None,
     ):
-        """`present` begins or ends the presentation in one browser, `say` has its screen reader say what happens.
+        """`present` begins or ends the presentation in one browser, `say` makes its screen reader say what happens.
 
         `recorded` as for `Comparing`.
         """
@@ -122,7 +122,7 @@ class Panel:
         self._told: Scenario | None = None
         self._settled: tuple[Scenario | None, Scenario | None] = (None, None)
         self._notices = widgets.gui.add_html("")
-        # Of the picture, too, which comes before the panel for who goes by Tab; no button may follow at once (`page.css`).
+        # The bar belongs to the picture, which comes before the panel in Tab order; no button may follow directly (`page.css`).
         self._scrub = Scrub(widgets, look_back)
         self._caption, self._number = widgets.gui.add_html(""), widgets.gui.add_html("")
         self._status = widgets.gui.add_html("")
@@ -158,9 +158,9 @@ class Panel:
         add_keys(widgets, self._keys(present, say))
 
     def update(self, snapshot: Snapshot, seen: Snapshot, scales: list[tuple[str, str]], caption: str) -> None:
-        """Bring readouts up to date; rewrite inputs after a reset or preset, and where nobody is at them.
+        """Update the readouts; rewrite inputs after a reset or preset, and those that nobody is using.
 
-        `seen`: what the screen shows, the present or an instant before it. `scales` and `caption` are the picture's.
+        `seen`: what the screen shows, the present or an earlier instant. `scales` and `caption` are the picture's.
         """
         lab_state = self._lab_state
         lab_state.settle(snapshot)
@@ -185,7 +185,7 @@ class Panel:
         self._viewing.settle(is_new)
         for control in self._touching:
             control.settle()
-        # Most of the time nothing has moved the scenario, nor is a typed value to be taken back.
+        # Usually the scenario has not changed, and no typed value needs to be replaced.
         scenarios = lab_state.intended, lab_state.baseline
         still = all(new is old for new, old in zip(scenarios, self._settled, strict=True))
         if is_new or not still or time.monotonic() - lab_state.touched_at < READING_TIME + SETTLE_TIME:
@@ -222,7 +222,7 @@ class Panel:
         ]
 
     def _announce(self, snapshot: Snapshot) -> None:
-        """Show what the engine refused or stopped at since the last update; a warning is shown as long as it holds."""
+        """Show the errors since the last update: what the engine refused, or why it stopped."""
         events = snapshot.events
         if not events or events[-1] is self._last_event:
             return
@@ -234,11 +234,11 @@ class Panel:
 
 
 def add_keys(widgets: Widgets, keys: list[Key]) -> None:
-    """Give the page keys for `keys`, the presets by number, and ? for the list of all."""
+    """Add `keys` to the page, a number key for each preset, and ? for the list of all keys."""
     everything = [*keys, *(_preset_key(widgets.lab_state, number) for number in range(1, NUMBER_KEYS + 1))]
     everything.append(Key("List of all keys", "This list", "?", "shift", lambda event: _show_list(event, everything)))
     for key in everything:
-        # "?" is not among the keys that viser names, but its page takes any key.
+        # "?" is not among the keys in viser's types, but its page takes any key.
         command = widgets.gui.add_command(
             key.label,
             description=key.words,

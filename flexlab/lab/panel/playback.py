@@ -1,7 +1,7 @@
-"""The clock: play and pause, single step, reset, speed, and the way back to what has happened in this run.
+"""Playback: play and pause, single step, reset, speed, looking back, and the list of events.
 
-And the play screen: the beam, a tap, two sliders, the speed and a sentence; its *More* opens the lab with the same run. The
-page decides which of the two it shows (`page.js`, `?play` in its address): both stand in the same panel.
+Also the play screen: the beam, a tap, two sliders, the speed and a sentence; its *More* opens the lab with the same run. The
+page decides which of the two it shows (`page.js`, `?play` in its address): both are in the same panel.
 """
 
 import math
@@ -24,19 +24,19 @@ from flexlab.sim.snapshot import TICK, Snapshot
 from flexlab.text import number_text, speed_text
 
 SPEEDS = tuple(2.0**power for power in range(2, -9, -1))
-"""Choices of simulated seconds per wall second: 4 down to 1/256."""
+"""Offered speeds in simulated seconds per wall second: 4 down to 1/256."""
 SPEED_TEXTS = {speed_text(speed): speed for speed in SPEEDS}
 
 STEPS_PER_SECOND = 10.0
-"""While the step button is held."""
+"""Rate of steps while the step button is held."""
 SAME_PRESS = 0.25
-"""Wall seconds within which a click that follows the key, or the hold, of the same button belongs to it."""
+"""Time, wall s, within which a click after a key press or a hold of the same button belongs to it."""
 KEY_REPEATS = 0.1
-"""Wall seconds within which a repeated key is one that is held down."""
+"""Time, wall s, within which a repeated key counts as held down."""
 SHORTEST_PAST = 0.02
-"""Seconds of the past from which on the bar is shown."""
+"""Least past of the run with which the bar is shown, s."""
 FINE_REACH, FINE, COARSE = 5.0, 0.001, 0.01
-"""s: up to this reach the bar's steps are the run's samples, beyond it they are coarser."""
+"""Reach of the bar, s, up to which its steps are the run's samples; these steps, and the coarser ones beyond, s."""
 SENTENCE = (
     "Tap the beam or drag it: a stiffer one rings faster, a damped one comes to rest sooner, "
     "and slow motion shows how it bends."
@@ -44,7 +44,7 @@ SENTENCE = (
 
 
 def speed_menu(widgets: Widgets, label: str) -> Menu:
-    """The menu of speeds, in the GUI container that is open while it is made."""
+    """The menu of speeds, made in the open GUI container."""
     lab_state = widgets.lab_state
     return Menu(
         widgets,
@@ -57,20 +57,20 @@ def speed_menu(widgets: Widgets, label: str) -> Menu:
 
 
 class Playback:
-    """Play/pause, step, reset and speed, in the GUI container that is open while it is made."""
+    """Play/pause, step, reset and speed, made in the open GUI container."""
 
     def __init__(self, widgets: Widgets):
         self._lab_state = widgets.lab_state
         self._key_at = self._held_at = -math.inf
         icon, hint = viser.Icon.PLAYER_PAUSE, "Pause or continue the simulation"
         self._play = widgets.button("Pause", lambda _: self._clicked(), icon=icon, color=None, hint=hint)
-        # Pressing steps once and holding goes on; the click that ends it is no step, but that of the keyboard is one.
+        # A press steps once and a hold goes on; the click that ends a hold is no step, but a click by the keyboard is.
         icon, hint = viser.Icon.PLAYER_TRACK_NEXT, "Advance by 1 ms; hold the button to continue"
         step = widgets.button("Step", lambda _: self._clicked_step(), icon=icon, hint=hint)
         step.on_hold(widgets.handler(lambda _: self._held_step()), callback_hz=STEPS_PER_SECOND)
         anew = "A new run from t = 0, same settings"
         widgets.button("Reset", lambda _: self.reset(), icon=viser.Icon.REFRESH, hint=anew)
-        # The style sheet puts the button that follows this mark into the middle of the picture.
+        # The style sheet puts the button after this mark into the middle of the picture.
         self._begin_mark = widgets.gui.add_html('<i class="fl-begin"></i>', visible=False)
         icon = viser.Icon.PLAYER_PLAY
         self._begin = widgets.button(
@@ -79,7 +79,7 @@ class Playback:
         self._speed = speed_menu(widgets, "Speed")
 
     def update(self, snapshot: Snapshot) -> None:
-        """Label the play button by what it will do, and follow a speed that was set elsewhere."""
+        """Label the play button with what it will do, and follow a speed that was set elsewhere."""
         self._play.label = "Pause" if snapshot.playing else "Play"
         self._play.icon = viser.Icon.PLAYER_PAUSE if snapshot.playing else viser.Icon.PLAYER_PLAY
         stands = not snapshot.playing and not snapshot.status.failed
@@ -89,14 +89,14 @@ class Playback:
         self._speed.settle()
 
     def pressed_key(self) -> None:
-        """Play or pause, by the key."""
+        """Play or pause by key, once while the key is held."""
         now, last = time.monotonic(), self._key_at
         self._key_at = now
         if now - last >= KEY_REPEATS:
             self._toggle()
 
     def _clicked(self) -> None:
-        # A space on the focused button is a key and then a click in some browsers.
+        # In some browsers, a space on the focused button sends a key and then a click.
         if time.monotonic() - self._key_at >= SAME_PRESS:
             self._toggle()
 
@@ -112,7 +112,7 @@ class Playback:
             self.step()
 
     def reset(self) -> None:
-        """A new run with the same settings; it plays where the last one played until it stopped by itself."""
+        """Start a new run with the same settings; it also plays if the last one played until it failed."""
         last = self._lab_state.snapshot
         self._lab_state.submit(Reset())
         if last.status.failed and float(last.latest.time[0]) > last.start_time:
@@ -124,17 +124,17 @@ class Playback:
         self._lab_state.submit(StepOnce())
 
     def faster(self, by: float) -> None:
-        """Multiply the speed, as far as the menu goes."""
+        """Multiply the speed by a factor, within the range of the menu."""
         speed = self._lab_state.target_speed * by
         self._lab_state.submit(SetSpeed(min(max(speed, SPEEDS[-1]), SPEEDS[0])))
 
 
 class Scrub:
-    """The bar along the lower edge of the picture that goes back in time, in the GUI container that is open while it is made."""
+    """The bar along the picture's lower edge that looks back in time, made in the open GUI container."""
 
     def __init__(self, widgets: Widgets, look_back: LookBack):
         self._look_back = look_back
-        # The style sheet puts what follows this mark below the picture; `accessibility.js` says its value as "3.2 s ago".
+        # The style sheet puts the bar after this mark below the picture; `accessibility.js` says its value as "3.2 s ago".
         self._words = widgets.gui.add_html("")
         self._bar = widgets.gui.add_slider(
             "Look back", -1.0, 0.0, FINE, 0.0, visible=False, hint="Drag it to the left: the last minute of the run"
@@ -148,7 +148,7 @@ class Scrub:
         self._ago = 0.0
 
     def update(self) -> None:
-        """Follow the run: the bar goes back as far as one can look, in steps while that grows."""
+        """Follow the run: the bar goes back as far as one can look, and grows in steps."""
         ago, reach = self._look_back.ago, self._look_back.reach
         low = max(reach if ago else float(f"{reach:.2g}"), SHORTEST_PAST)
         put(self._bar, min=-low, step=FINE if low <= FINE_REACH else COARSE, visible=reach >= SHORTEST_PAST)
@@ -162,7 +162,7 @@ class Scrub:
 
 
 class Events:
-    """Event list and "run to", in the GUI container that is open while it is made."""
+    """Event list and "run to", made in the open GUI container."""
 
     def __init__(self, widgets: Widgets):
         self._lab_state = widgets.lab_state
@@ -175,13 +175,13 @@ class Events:
         self._list = widgets.gui.add_html("")
 
     def update(self, snapshot: Snapshot) -> None:
-        """Bring the list up to date."""
+        """Update the list."""
         self._list.content = events_html(snapshot)
 
     def run_to(self, goal: float) -> None:
         """Run to a simulation time, s; raises `LabError` for one that has passed or is too far away."""
         now = float(self._lab_state.snapshot.latest.time[0])
-        ticks = (goal - now) / TICK  # May be infinite: the box takes every number.
+        ticks = (goal - now) / TICK  # It may be infinite: the box takes every number.
         wanted = f"t = {number_text(goal, 6)} s"
         if ticks <= 0.5:
             raise LabError(f"{wanted} has passed (now {now:.3f} s): press Reset first, or choose a later time.")
@@ -191,7 +191,7 @@ class Events:
 
 
 def _play_rows(scenario: Scenario) -> list[Entry]:
-    """The beam's stiffness, and the number of its damping, whatever its kind."""
+    """The beam's stiffness, and the parameter of its damping, whatever the kind."""
     (name,) = set(type(scenario.payload.damping).model_fields) - {"kind"}
     damping = f"payload.damping.{name}"
     return [
@@ -201,15 +201,15 @@ def _play_rows(scenario: Scenario) -> list[Entry]:
 
 
 class PlayScreen:
-    """Controls of the play screen, in the GUI container that is open while it is made."""
+    """Controls of the play screen, made in the open GUI container."""
 
     def __init__(self, widgets: Widgets, touch: Picking, look: Look):
         with widgets.gui.add_folder("Play"):
-            widgets.gui.add_html(f'<div class="fl fl-play">{SENTENCE}</div>')  # By which the page finds the screen.
+            widgets.gui.add_html(f'<div class="fl fl-play">{SENTENCE}</div>')  # The page finds the play screen by it.
             icon, hint = viser.Icon.HAND_CLICK, "A blow across the beam"
             widgets.button("Tap", lambda _: touch.tap(), icon=icon, color=None, hint=hint)
             widgets.gui.add_button("More", color="gray", hint="The whole lab, with this run")
-            # The style sheet shows the button that follows this mark once somebody has turned the view.
+            # The style sheet shows the button after this mark once somebody has turned the view.
             widgets.gui.add_html('<i class="fl-back"></i>')
             hint = "The camera back to where it stood, in this browser"
             widgets.button("Reset view", lambda event: look(event.client, VIEWS[0]), hint=hint)
@@ -217,6 +217,6 @@ class PlayScreen:
             self._speed = speed_menu(widgets, "Simulation speed")
 
     def settle(self) -> None:
-        """Follow the run, leaving alone what a person is at."""
+        """Follow the run, but leave alone a control that a person is using."""
         self._beam.settle()
         self._speed.settle()

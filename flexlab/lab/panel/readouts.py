@@ -20,12 +20,12 @@ from flexlab.sim.snapshot import Event, Snapshot
 from flexlab.text import escaped, fixed_text, number_text, speed_text, with_units
 
 CLEARLY_SLOWER = 0.95
-"""Share of the wanted speed below which being too slow is worth a sentence, not just a word."""
+"""Fraction of the wanted speed below which being too slow gets a sentence, not just a word."""
 SHOWN_EVENTS = 40
 SEEN_TOGETHER = 1.0
-"""Simulated seconds over which the largest vibration is taken."""
+"""Time over which the largest vibration is taken, simulated s."""
 SMALLEST_IN_MM = 0.1
-"""mm: smaller vibrations are said in µm."""
+"""Smallest vibration that is given in mm; smaller ones are in µm."""
 
 
 def status_html(snapshot: Snapshot, view: ViewSettings, scales: Sequence[tuple[str, str]], recording: str) -> str:
@@ -60,7 +60,7 @@ def number_html(recent: Samples, snapshot: Snapshot) -> str:
 
 
 def largest_vibration(recent: Samples, events: Sequence[Event]) -> str:
-    """The largest vibration of some samples, with its unit; about its middle while a hand bends the beam as well."""
+    """The largest vibration of some samples, with its unit; measured from its middle while somebody pulls the beam."""
     signal = recent.vibration
     if len(recent) and is_pulled(events, float(recent.time[0])):
         signal = signal - 0.5 * (signal.max() + signal.min())
@@ -74,9 +74,9 @@ def _measured(speed: float) -> str:
 
 
 def notices_html(snapshot: Snapshot, notice: Notice, rules: ClassRules) -> str:
-    """Warnings and notices, floating over the picture so that nothing in the panel moves; empty if there are none.
+    """Warnings and notices that float over the picture, so that nothing in the panel moves; empty if there are none.
 
-    `rules`: what is said of them stays as long as they hold.
+    Sentences about the teacher's `rules` stay as long as the rules hold.
     """
     locked = LOCKED if rules.locked and notice.text != LOCKED else ""
     standing = {"fl-pace": rules.pace, "fl-pace-on-play": rules.pace_on_play_screen, "": locked}
@@ -89,7 +89,7 @@ def notices_html(snapshot: Snapshot, notice: Notice, rules: ClassRules) -> str:
 
 
 def _status(snapshot: Snapshot) -> tuple[str, str]:
-    """Dot colour and first words."""
+    """Colour of the dot, and the status in words."""
     if snapshot.status.failed:
         return "#e03131", "Stopped"
     if snapshot.playing and snapshot.waiting:
@@ -100,7 +100,7 @@ def _status(snapshot: Snapshot) -> tuple[str, str]:
 
 
 def warnings(snapshot: Snapshot) -> list[str]:
-    """The present warnings about the run, a sentence each."""
+    """The present warnings about the run, one sentence each."""
     failed = snapshot.status.failed
     found = [snapshot.status.text] if failed else []
     found += _cautions(snapshot)
@@ -144,7 +144,7 @@ def conditions_html(conditions: Iterable[Condition]) -> str:
 
 
 def _without_drags(events: tuple[Event, ...]) -> list[Event]:
-    """The events with each run of pulls, as one drag makes it, shown by its last one only."""
+    """The events with each series of pulls, as from one drag, reduced to its last one."""
     kept: list[Event] = []
     for event in events:
         dragging = isinstance(event.command, Pull) and event.command.stiffness > 0
@@ -155,28 +155,28 @@ def _without_drags(events: tuple[Event, ...]) -> list[Event]:
 
 
 class SpokenSummary:
-    """The text of the picture, in the GUI container that is open while it is made; `accessibility.js` gives it to the picture."""
+    """The text alternative of the picture, made in the open GUI container; `accessibility.js` attaches it to the picture."""
 
     def __init__(
         self, gui: viser.GuiApi, runner: Runner, look_back: LookBack, sentences: Callable[[], Sequence[Explained]]
     ):
-        """`sentences`: what the plots show."""
+        """`sentences` returns the explanations that the plots show."""
         self._runner, self._look_back, self._sentences = runner, look_back, sentences
         self._mark = gui.add_html("")
 
     @property
     def text(self) -> str:
-        """The sentences as they are now."""
+        """The present text."""
         seen = self._look_back.seen(self._runner.snapshot)
         return summary_text(seen, self._look_back.recent(SEEN_TOGETHER), self._sentences())
 
     def update(self, _: Snapshot) -> None:
-        """Bring the picture's text up to date."""
+        """Update the picture's text."""
         put(self._mark, content=f'<i hidden class="fl-summary" data-text="{escaped(self.text)}"></i>')
 
 
 def summary_text(snapshot: Snapshot, recent: Samples, sentences: Sequence[Explained]) -> str:
-    """State of the run, its numbers, warnings, and what the plots show; `recent` as in `number_html`."""
+    """State, numbers and warnings of the run, and what the plots show; `recent` as in `number_html`."""
     scenario, sample = snapshot.scenario, snapshot.latest
     arms = f"{len(scenario.arms)} arms hold" if len(scenario.arms) > 1 else "One arm holds"
     deflection = fixed_text(1e3 * float(sample.midspan_deflection[0]), 3, signed=True)

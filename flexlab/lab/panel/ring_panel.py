@@ -1,6 +1,6 @@
-"""From a tap to frequency and damping, and from there to a shaper and a gain: one click each.
+"""From a tap to frequency and damping, and from there to an input shaper or a gain, with one click each.
 
-The newest free ring is fitted beside the running lab.
+The newest free ring is fitted while the lab runs.
 """
 
 import threading
@@ -17,7 +17,7 @@ from flexlab.lab.widgets import Widgets, put, table_html
 from flexlab.text import escaped, number_text
 
 LOOKED_BACK = 30.0
-"""Seconds in which a ring is looked for: all that a runner keeps."""
+"""Time in which a ring is looked for, s: all that a runner keeps."""
 SYMBOLS = {"lateral_vibration_gain": ("k_v", "1/(kg·s)"), "angular_vibration_gain": ("k_θ", "1/(kg·m²·s)")}
 
 
@@ -27,19 +27,19 @@ class FittedRing:
 
     fit: RingFit
     since: str
-    """What made it ring, as in "the tap at t = 1.200 s"."""
+    """What started the ring, as in "the tap at t = 1.200 s"."""
     remedies: Remedies | None
 
 
 class RingPanel:
-    """Buttons and findings, in the GUI container that is open while it is made."""
+    """Buttons and results, made in the open GUI container."""
 
     def __init__(self, widgets: Widgets):
         self._lab_state = widgets.lab_state
         self.is_busy = False
-        """Whether a fit is under way."""
+        """Whether a fit is running."""
         self.result: FittedRing | None = None
-        """The newest; None before the first, and where there was nothing to fit."""
+        """The newest result; None before the first fit, and if there was nothing to fit."""
         self._problem = ""
         hint = "Frequency and damping of the vibration since the last tap, release or stop"
         widgets.button("Fit the ring", lambda _: self.fit(), icon=viser.Icon.WAVE_SINE, hint=hint)
@@ -52,7 +52,7 @@ class RingPanel:
         self._damp = widgets.button("Use this gain", lambda _: self._use_gain(), visible=False, hint=hint)
 
     def fit(self) -> None:
-        """Fit the newest ring, unless a fit is under way."""
+        """Fit the newest ring, unless a fit is running."""
         if not self.is_busy:
             self.is_busy = True
             threading.Thread(target=self._work, name="flexlab-ring", daemon=True).start()
@@ -70,7 +70,7 @@ class RingPanel:
         self.result, self._problem = None, problem
 
     def update(self) -> None:
-        """Show what was found."""
+        """Show the result."""
         result, offered = self.result, self._offered()
         if self.is_busy:
             text = '<div class="fl fl-dim">Fitting …</div>'
@@ -105,7 +105,7 @@ class RingPanel:
 
 
 def ring_html(found: FittedRing, has_gain: bool) -> str:
-    """The fitted modes with their intervals, and what they ask for."""
+    """The fitted modes with their intervals, and the remedies."""
     fit = found.fit
     rows: list[tuple[str, str]] = []
     for k, mode in enumerate(fit.modes, start=1):
@@ -120,7 +120,7 @@ def ring_html(found: FittedRing, has_gain: bool) -> str:
 
 
 def sentences(offered: Remedies, has_gain: bool) -> list[str]:
-    """Which shaper, which gain, and why."""
+    """The suggested shaper and gain, with reasons."""
     shapers = "; ".join(
         f"{one.name} ends {1e3 * one.delay:.1f} ms later and forgives ±{100 * one.band:.0f} %"
         for one in offered.shapers

@@ -1,4 +1,4 @@
-"""Keep a run, change something, and see the difference: table of metrics, list of changed settings."""
+"""Comparison of a kept run with the present one: a table of metrics and a list of changed settings."""
 
 import math
 import threading
@@ -17,14 +17,14 @@ from flexlab.text import escaped, number_text
 
 MOST_CHANGES = 12
 AS_FACTOR = 1000.0
-"""Per cent from which on a change is read more easily as a factor."""
+"""Change in per cent from which on a factor is easier to read."""
 
 
 class Comparing:
-    """Buttons and table, in the GUI container that is open while it is made."""
+    """Buttons and table, made in the open GUI container."""
 
     def __init__(self, widgets: Widgets, recorded: Recorded | None = None):
-        """`recorded` reads what the engine no longer keeps of the present run; None: it is not recorded."""
+        """`recorded` reads the part of the present run that the engine no longer keeps; None if it is not recorded."""
         self._lab_state, self._recorded = widgets.lab_state, recorded
         words = (
             "Keep this run, change a setting or the control law, and press Reset: the kept run stays behind the new one, "
@@ -42,13 +42,13 @@ class Comparing:
         self._say_kept(kept)
         self.update(self._lab_state.snapshot)
         if self._recorded is not None and kept.span[0] > start:
-            # On a thread: reading a minute takes a second or two, in which the page must answer.
+            # On a thread: reading a minute takes a second or two, and the page must go on answering.
             threading.Thread(
                 target=self._complete, args=(kept, start, self._recorded), name="flexlab-keep", daemon=True
             ).start()
 
     def _complete(self, kept: ReferenceRun, start: float, recorded: Recorded) -> None:
-        """Keep the beginning of a run as well, from its recording."""
+        """Also keep the beginning of a run, read from its recording."""
         try:
             whole = whole_run(kept, start, recorded)
         except FlexlabError as error:
@@ -69,7 +69,7 @@ class Comparing:
         self.update(self._lab_state.snapshot)
 
     def update(self, snapshot: Snapshot) -> None:
-        """Bring the table up to date, whose metrics read the whole common time: once a second."""
+        """Update the table; call once a second, as its metrics read the whole common time."""
         kept = self._lab_state.kept
         put(self._forgets, visible=kept is not None)
         self._table.content = "" if kept is None else comparison_html(kept, snapshot, self._lab_state.runner)
@@ -93,12 +93,12 @@ def comparison_html(kept: ReferenceRun, snapshot: Snapshot, runner: Runner) -> s
 
 
 def metric_text(row: MetricRow) -> str:
-    """A metric with three digits, or what stands for a missing one, as HTML."""
+    """A metric with three digits, or its text for a missing value, as HTML."""
     return escaped(row.column.missing) if math.isnan(row.value) else number_text(row.value, 3)
 
 
 def change_text(percent: float) -> str:
-    """A change in whole per cent with its sign, or as a factor; "–" where there is nothing to compare with."""
+    """A change in whole per cent with its sign, or as a factor; "–" if there is nothing to compare with."""
     if not math.isfinite(percent):
         return "–"
     if percent >= AS_FACTOR:
@@ -107,7 +107,7 @@ def change_text(percent: float) -> str:
 
 
 def changes_table(before: Scenario, now: Scenario, *heads: str) -> str:
-    """What differs in `now`, as an HTML table with three heads; empty if nothing does."""
+    """The differences of `now` from `before` as an HTML table with three heads; empty if there are none."""
     changed = told_html(before, now)
     if not changed:
         return ""
@@ -117,7 +117,7 @@ def changes_table(before: Scenario, now: Scenario, *heads: str) -> str:
 
 
 def told_html(before: Scenario, now: Scenario) -> list[tuple[str, str, str]]:
-    """(title, value in `before`, value in `now`) of all that differs in `now`, as HTML."""
+    """(title, value in `before`, value in `now`) of every field that differs, as HTML."""
     return [
         (escaped(field_title(path, now, before)), escaped(value_text(old)), escaped(value_text(new)))
         for path, old, new in told(differences(before, now))

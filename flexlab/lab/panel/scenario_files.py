@@ -20,21 +20,21 @@ from flexlab.sim.snapshot import Snapshot
 from flexlab.text import escaped, visible, with_units
 
 LONGEST_NAME = 40
-"""Characters of a name: what a menu shows."""
+"""Most characters of a name, as a menu shows them."""
 MOST_PRESETS = 60
-"""Files in a person's own folder: as many as a menu can hold, and no visitor fills the disk."""
+"""Most files in a person's own folder: a menu can hold them, and no visitor can fill the disk."""
 CHANGES_NAMED = 4
-"""Changes named below the menu; the tab File has all."""
+"""Most changes named below the menu; the tab File has all."""
 LONGEST_WORDS = 1200
-"""Characters of what to watch, as a scenario takes them."""
+"""Most characters of what to watch, as in a scenario."""
 LONGEST_FILE_NAME = 60
-"""Characters of a file's name that a sentence repeats."""
+"""Most characters of a file's name in a sentence."""
 
 
 def save_preset(scenario: Scenario, name: str, folder: Path = OWN_FOLDER) -> Path:
-    """Write a scenario as a person's own preset; raises `PresetError` for a name that cannot be used.
+    """Write a scenario as a person's own preset; raises `PresetError` for an unusable name.
 
-    The file's name is the name in small letters, digits and hyphens.
+    The file gets the name in small letters, digits and hyphens.
     """
     name = usable_stem(name)
     if (presets_folder() / f"{name}.json").exists():
@@ -53,7 +53,7 @@ def save_preset(scenario: Scenario, name: str, folder: Path = OWN_FOLDER) -> Pat
 
 
 def usable_stem(name: str) -> str:
-    """The file's name for a preset's name; raises `PresetError` for one that cannot be used."""
+    """The file name, without ending, for a preset's name; raises `PresetError` for an unusable name."""
     stem = file_stem(name)
     if not stem or len(name) > LONGEST_NAME or not name.isprintable() or re.search(r"[/\\]", name):
         raise PresetError(
@@ -64,7 +64,7 @@ def usable_stem(name: str) -> str:
 
 
 def file_stem(name: str) -> str:
-    """A name as every file system, link and command line takes it: small letters, digits and hyphens; may be empty."""
+    """A name that every file system, link and command line accepts: small letters, digits and hyphens; may be empty."""
     plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
     return re.sub(r"[^a-z0-9]+", "-", plain.lower())[:LONGEST_NAME].strip("-")
 
@@ -76,11 +76,11 @@ def read_upload(file_name: str, content: bytes) -> tuple[str, Scenario]:
 
 
 class Presets:
-    """A menu of presets, in the GUI container that is open while it is made."""
+    """A menu of presets, made in the open GUI container."""
 
     def __init__(self, widgets: Widgets):
         self._lab_state = lab_state = widgets.lab_state
-        # The page's script finds the menu by this mark: choosing the shown preset once more starts it anew.
+        # The page's script finds the menu by this mark: choosing the shown preset again restarts it.
         widgets.gui.add_html('<i hidden class="fl-preset"></i>')
         self.menu = Menu(
             widgets,
@@ -93,7 +93,7 @@ class Presets:
         self._text = widgets.gui.add_html("")
 
     def update(self) -> None:
-        """Show which preset the scenario came from, its words, and whether it has been changed."""
+        """Show the preset that the scenario came from, its text, and the changes since."""
         self.menu.settle()
         baseline, now = self._lab_state.baseline, self._lab_state.intended
         head = f'<h2 class="fl-title">{escaped(baseline.title or self._lab_state.name)}</h2>'
@@ -101,7 +101,7 @@ class Presets:
         if not self._lab_state.changed:
             put(self._text, content=f'<div class="fl">{text}</div>')
             return
-        # The preset's text no longer describes what runs; it keeps its height, so that no slider moves under a hand.
+        # The preset's text no longer describes the run; its height stays, so that no slider moves under the pointer.
         words = [f"{title}: {old} → {new}" for title, old, new in told_html(baseline, now)]
         more = f"<br>… and {len(words) - CHANGES_NAMED} more" if len(words) > CHANGES_NAMED else ""
         head = f'<h2 class="fl-title">{escaped(self._lab_state.name)}, changed <span class="fl-badge">not saved</span></h2>'
@@ -111,16 +111,16 @@ class Presets:
         )
 
     def _offered(self) -> list[str]:
-        """The presets that there are now, and what the scenario came from."""
+        """The present presets, and the file that the scenario came from."""
         names, present = preset_names(), self._lab_state.name
         return names if present in names else [present, *names]
 
 
 class ScenarioFiles:
-    """Buttons for scenarios, in the GUI container that is open while it is made.
+    """Buttons for scenarios, made in the open GUI container.
 
-    `link`: gives the address under which a browser opens a scenario, or None where there is no such address.
-    `on_saved` hears that there is a new preset.
+    `link` returns the address at which a browser opens a scenario; None if there is no such address.
+    `on_saved` is called when a preset has been saved.
     """
 
     def __init__(self, widgets: Widgets, link: Callable[[Scenario], str] | None, on_saved: Callable[[], None]):
@@ -149,14 +149,14 @@ class ScenarioFiles:
         self._address = widgets.gui.add_html("")
 
     def update(self, snapshot: Snapshot) -> None:
-        """Say what is changed against the preset, and under which address others find it."""
+        """Show the changes from the preset, and the address of the scenario."""
         lab_state = self._lab_state
         key = (lab_state.baseline, lab_state.intended)
         if self._shown_for is not None and self._shown_for[0] is key[0] and self._shown_for[1] is key[1]:
             return
         self._shown_for = key
         before, self._suggested = self._suggested, self._suggestion()
-        if self.name.value == before != self._suggested:  # Nobody has written one.
+        if self.name.value == before != self._suggested:  # Nobody has typed a name.
             self.name.value = self._suggested
         name = escaped(lab_state.name)
         table = changes_table(*key, "changed, not saved", name, "now")
@@ -204,7 +204,7 @@ class ScenarioFiles:
         self._opener.on_upload(self._widgets.handler(self._upload))
 
     def _upload(self, event: Any) -> None:
-        # A browser does not report the same file chosen again; to a new button it does.
+        # A browser does not report that the same file was chosen again, unless the button is new.
         self._opener.remove()
         self._offer_upload()
         file = event.target.value

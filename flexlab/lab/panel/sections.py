@@ -1,4 +1,4 @@
-"""The parameter folders: every field with a slider range, and the rest in folders closed until somebody needs them.
+"""The parameter folders: every field with a slider range, and the other fields in closed folders.
 
 Controls are built from the fields' metadata: a slider, boxes, or a menu for one of a few words.
 """
@@ -23,7 +23,7 @@ from flexlab.sim.target import build_trajectory, desired_at
 from flexlab.text import number_text
 
 Switch = tuple[str, Callable[[Scenario], Any]]
-"""Label of the switch of a field that may be left out, and the value that it begins with."""
+"""Label of the switch of an optional field, and the value with which it begins."""
 HINTS = {
     "controller.kind": "Keeps the motion; fields that the new law lacks are dropped.",
     "trajectory.kind": "Goes on from where the target is; fields that the new path lacks are dropped.",
@@ -36,22 +36,22 @@ HINTS = {
     "left_arm.elbow": "Sign of joint 2. Starts a new run.",
     "right_arm.elbow": "Sign of joint 2. Starts a new run.",
 }
-"""Path → what a change does, where `LIVE_HINTS` does not tell."""
+"""Path → what a change does, for fields that need another hint than `LIVE_HINTS`."""
 SECTIONS = (("Beam", "payload"), ("Controller", "controller"), ("Trajectory", "trajectory"), ("World", ""))
-"""Folder title and path of the part of the scenario that it shows."""
+"""Title of each folder, and path of the part of the scenario that it shows."""
 FIRST = ("bending_stiffness", "damping")
-"""Fields that stand before the others: what a student changes first."""
+"""Fields shown before the others: a student changes them first."""
 LAST = ("load_share", "wanted_internal_force", "mass_change")
-"""Fields that stand after the others: what all laws share, and what few payloads have."""
+"""Fields shown after the others: those that all laws share, and one that few payloads have."""
 SHOWN_PARTS = ("payload.mass_change",)
-"""Parts without a kind whose numbers stand among those of what they are a part of."""
+"""Parts without a kind whose numbers are shown with those of their parent."""
 FIRST_PERIOD, FIRST_TORQUE_LIMIT, FIRST_STEP, FIRST_SHAPED = 1e-3, 400.0, 1e-4, 45.5
-"""First values of switches: an ordinary controller's 1 ms, two thirds of the paper's largest torque in N·m, 0.1 ms, and the
-paper's ring in Hz."""
+"""First values of switches: the usual control period, s; two thirds of the paper's largest torque, N·m; a step, s; and the
+frequency of the paper's ring, Hz."""
 
 
 def special_values(path: str, scenario: Scenario) -> Marks:
-    """Values of the field at `path` that mean something in this scenario, with what to call them."""
+    """Values of the field at `path` that have a meaning in this scenario, with their labels."""
     if path != "controller.wanted_internal_force" or len(scenario.arms) < 2:
         return ()
     beam = scenario.payload
@@ -63,12 +63,12 @@ class Entry(NamedTuple):
 
     path: str
     component: int | None = None
-    """Place in a list; None: all numbers at once."""
+    """Index in a list; None for all numbers at once."""
     name: str = ""
     """The label without unit."""
     unit: str = ""
     boxes: int = 0
-    """Number of boxes; 0: one with a slider. A field that is one number for all or one for each has three."""
+    """Number of boxes; 0 for one box with a slider. A field of one number or three has three."""
     is_menu: bool = False
 
     def read(self, scenario: Scenario) -> Numbers:
@@ -79,9 +79,9 @@ class Entry(NamedTuple):
         return float(value[self.component or 0] if isinstance(value, tuple) else value)
 
     def whole(self, scenario: Scenario, value: Numbers) -> Any:
-        """The field's whole value with these numbers in it: commands carry whole values."""
+        """The field's whole value with these numbers in it, as commands carry whole values."""
         if self.boxes:
-            # One number for all keeps its slider simple.
+            # Store three equal numbers as one, which keeps its slider simple.
             same = self.boxes > 1 and isinstance(value, tuple) and len(set(value)) == 1
             return value[0] if same and isinstance(value, tuple) else value
         present = scenario.get(self.path)
@@ -91,7 +91,7 @@ class Entry(NamedTuple):
 
 
 def field(widgets: Widgets, entry: Entry, switch: Switch | None = None) -> NumberControl:
-    """The numbers of an entry, in the GUI container that is open while it is made."""
+    """The control of an entry's numbers, made in the open GUI container."""
     path, lab_state = entry.path, widgets.lab_state
     intended = lab_state.intended
     about = replace(intended.about(path), title=entry.name, unit=entry.unit)
@@ -104,7 +104,7 @@ def field(widgets: Widgets, entry: Entry, switch: Switch | None = None) -> Numbe
             raise LabError(str(error).replace(f"{path} = ", f"{entry.name} = ", 1)) from error
 
     def usual() -> Numbers:
-        # Where the preset has no such field (another control law), the present value.
+        # The present value if the preset has no such field (it has another control law).
         baseline = lab_state.baseline
         return entry.read(baseline if baseline.has(path) else lab_state.intended)
 
@@ -128,7 +128,7 @@ def changes_for(path: str, value: Any) -> dict[str, Any]:
 
 
 def choice(widgets: Widgets, path: str) -> Menu:
-    """The menu of the field at `path`, in the GUI container that is open while it is made."""
+    """The menu of the field at `path`, made in the open GUI container."""
     lab_state = widgets.lab_state
 
     def offered() -> dict[str, Any]:
@@ -150,7 +150,7 @@ def choice(widgets: Widgets, path: str) -> Menu:
 
 
 def entries(scenario: Scenario, part_path: str) -> list[Entry]:
-    """The numbers of one part of the scenario that have a slider, in the order they are shown."""
+    """The numbers of one part of the scenario that have a slider, in the order on the screen."""
     part = scenario.get(part_path) if part_path else scenario
     rank = {name: index - len(FIRST) for index, name in enumerate(FIRST)} | dict.fromkeys(LAST, 1)
 
@@ -174,7 +174,7 @@ def _walk(part: Part, path: str) -> Iterator[Entry]:
 
 
 def _components(path: str, about: Quantity, value: object) -> Iterator[Entry]:
-    """One entry, or one per component when the title lists them, as in "Amplitude (x, y, θ)"."""
+    """One entry, or one per component if the title lists them, as in "Amplitude (x, y, θ)"."""
     listed = re.fullmatch(r"(.*) \((.+,.+)\)", about.title)
     units = [unit.strip() for unit in about.unit.split(",")]
     if listed and isinstance(value, tuple):
@@ -187,7 +187,7 @@ def _components(path: str, about: Quantity, value: object) -> Iterator[Entry]:
 
 
 def three_valued(scenario: Scenario) -> str:
-    """A sentence about numbers that differ for x, y and θ where one slider sets all; empty if there are none."""
+    """A sentence about numbers that differ for x, y and θ although one slider sets all three; empty if there are none."""
     sentences = []
     for entry in (*entries(scenario, "controller"), *entries(scenario, "trajectory")):
         value = scenario.get(entry.path)
@@ -198,7 +198,7 @@ def three_valued(scenario: Scenario) -> str:
 
 
 class Group(NamedTuple):
-    """One folder: `paths` of its fields; those that end in ".*" stand for what a law or a path has of its own."""
+    """One folder with the `paths` of its fields; those that end in ".*" stand for the fields of the law or path itself."""
 
     title: str
     paths: tuple[str, ...]
@@ -254,13 +254,13 @@ SWITCHES: dict[str, Switch] = {
     "simulation.step": ("Longest step chosen by hand", lambda _: FIRST_STEP),
     "payload.mode_count": ("Keep fewer modes", lambda scenario: scenario.payload.coordinate_count),
 }
-"""Fields that may be left out: the words of their switch, and the value that it begins with."""
+"""Optional fields: the label of their switch, and the value with which it begins."""
 CHOSEN = tuple(path for path in TITLES if not any(path in group.paths for group in GROUPS))
-"""Fields that are a word from a menu, and stand in no group."""
+"""Fields that are chosen from a menu and belong to no group."""
 
 
 def present(scenario: Scenario, group: Group) -> tuple[str, ...]:
-    """The paths of a group that this scenario has: a law has gains of its own, and not every machine a right arm."""
+    """The paths of a group that this scenario has: laws differ in their gains, and not every scenario has a right arm."""
     return tuple(path for path in _expanded(scenario, group) if scenario.has(path))
 
 
@@ -280,7 +280,7 @@ def _expanded(scenario: Scenario, group: Group) -> Iterator[str]:
 
 
 def _one_or_three(part: type[Part], name: str) -> bool:
-    """Whether a field may be one number or three: its slider sets all three, and its parts have boxes here."""
+    """Whether a field may be one number or three: its slider sets all three, and boxes set each."""
     return part.model_fields[name].annotation == float | tuple[float, float, float]
 
 
@@ -305,10 +305,10 @@ def _row(scenario: Scenario, path: str) -> Entry:
 
 
 class Folder:
-    """A folder of fields. They are built anew when the scenario's parts change their kind."""
+    """A folder of fields, which are rebuilt when the scenario's parts change their kind."""
 
     def __init__(self, widgets: Widgets, title: str | None, rows: Callable[[Scenario], list[Entry]], *, is_open: bool):
-        """`title` None: without head and border. `rows`: what it shows of a scenario."""
+        """`title`: None for no head and border. `rows` returns the entries that it shows of a scenario."""
         self._widgets, self._rows = widgets, rows
         self.folder = widgets.gui.add_folder(title, expand_by_default=is_open)
         self._fields: list[NumberControl | Menu] = []
@@ -317,7 +317,7 @@ class Folder:
         self._follow(widgets.lab_state.intended)
 
     def settle(self, at_once: bool = False) -> None:
-        """Follow the scenario; leave alone what a person is at, unless it is to be `at_once`."""
+        """Follow the scenario; leave alone a control that a person is using, unless `at_once`."""
         self._follow(self._widgets.lab_state.intended)
         for control in self._fields:
             control.settle(at_once)

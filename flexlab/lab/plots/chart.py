@@ -1,9 +1,9 @@
 """One uPlot chart that follows one plot's signals.
 
-A 44 Hz ring drawn through every twentieth sample becomes a slow wave that never was; its extremes drawn at fixed places make
-staircases of every smooth signal. So each stretch of time gives the samples where a signal is least and greatest: a ring
-stays as wide as it is, a slow signal a smooth line. Stretches lie on multiples of their length: nothing shimmers while the
-window moves on. Where a browser has zoomed in, stretches are shorter.
+Drawing every twentieth sample of a 44 Hz ring would show a slow wave that does not exist (aliasing), and drawing extremes at
+fixed places would make smooth signals look like stairs. So each stretch of time is drawn by the samples at which a signal is
+least and greatest: a ring keeps its width, and a slow signal stays smooth. Stretches begin at multiples of their length, so
+that nothing shimmers while the window moves on. Where a browser has zoomed in, stretches are shorter.
 """
 
 import re
@@ -25,34 +25,34 @@ from flexlab.sim.snapshot import TICK
 from flexlab.text import escaped
 
 STRETCHES = 140
-"""Per window, or per part of it that is zoomed into: one per two screen pixels of a plot."""
+"""Stretches per window, or per zoomed part of it: one per two screen pixels of a plot."""
 WHOLE = (0.0, 1.0)
-"""The visible part of a window that nobody has zoomed into, as shares of it."""
+"""The visible part of a window without zoom, as fractions of it."""
 HEIGHT = 140
 """Height of a chart without its legend, px."""
 X_AXIS_SIZE, Y_AXIS_SIZE, UNIT_SIZE = 34, 50, 18
-"""Room for the numbers at the axes, px: "50,000" upright, and the legend's first line below; and for the unit beside them."""
+"""Room below the x axis (numbers, the legend's first line), beside the y axis ("50,000") and for its unit, px."""
 UNNAMED = "fl-unnamed"
 """Style class of series that the legend leaves out."""
-# The vertical range is held by an unseen last series that goes from end to end at every point, whatever is zoomed into: a
-# changed scale option would make the browser build the chart anew and lose its place. No other series may have a say: one
-# that begins with a gap would leave the axis without numbers.
+# An invisible last series, which goes from end to end at every point, sets the vertical range at any zoom: a changed scale
+# option would make the browser rebuild the chart and lose its zoom. No other series may set the range: one that begins with
+# a gap would leave the axis without numbers.
 RANGE_HOLDER = cast(
     uplot.Series, {"label": "range", "class": UNNAMED, "stroke": "rgba(0,0,0,0)", "width": 0, "points": {"show": False}}
 )
 EXACTLY_THE_DATA = {"min": {"pad": 0, "mode": 0}, "max": {"pad": 0, "mode": 0}}
 INCREMENTS = tuple(digit * 10.0**power for power in range(-3, 10) for digit in (1, 2, 5))
-"""Between ticks, in plot units: the chart writes three decimals at most, so that 0.0025 would read 0.003."""
+"""Distances of ticks, in plot units: the chart writes at most three decimals, so that 0.0025 would read 0.003."""
 DASHES = ((), (9, 4), (12, 3, 3, 3))
-"""px: of the first, second and third curve, for whoever cannot tell their colours apart; then anew."""
+"""Dashes of the first, second and third curve, px, for people who cannot tell the colours apart; then they repeat."""
 LARGEST = float(np.finfo(np.float32).max)
-"""Beyond it a chart has no numbers; runs that reach it have stopped."""
+"""Largest number of a chart; runs that reach it have stopped."""
 
 
 class Curve:
-    """The newest samples of `signals` signals: a window of `seconds` s. They come in time order through `append`.
+    """The newest samples of `signals` signals in a window of `seconds` s; `append` adds them in time order.
 
-    `keep_all`: forget nothing that leaves the window.
+    `keep_all`: keep the samples that leave the window.
     """
 
     def __init__(self, signals: int, seconds: float, keep_all: bool = False):
@@ -68,10 +68,10 @@ class Curve:
         self._values = np.empty((self._signals, 0))
         self._first = self._origin = 0
         self.newest = -1
-        """Tick of the newest sample, -1 when empty."""
+        """Tick of the newest sample, -1 if empty."""
 
     def append(self, time: np.ndarray, values: np.ndarray) -> None:
-        """Add samples at `time` (N,) s with `values` (signals, N); those not newer than the newest are passed over."""
+        """Add samples at `time` (N,) s with `values` (signals, N); those not newer than the newest are skipped."""
         ticks = np.rint(time / TICK).astype(int)
         fresh = ticks > self.newest
         if not fresh.any():
@@ -90,11 +90,11 @@ class Curve:
 
     @property
     def start(self) -> int:
-        """First tick of the window, which stands still until it is full."""
+        """First tick of the window, which does not move until it is full."""
         return self.stretch * max(self._origin // self.stretch, self.newest // self.stretch - STRETCHES + 1)
 
     def block(self, start: int) -> np.ndarray:
-        """All samples of the window that begins at tick `start`, (signals, window); NaN where there is none."""
+        """All samples of the window that begins at tick `start`, (signals, window); NaN for missing ones."""
         found = np.full((self._signals, self.window), np.nan)
         first, last = max(start, self._first), min(start + self.window, self._first + self._values.shape[1])
         if first < last:
@@ -105,7 +105,7 @@ class Curve:
 def drawn_points(block: np.ndarray, seen: Sequence[float] = WHOLE) -> np.ndarray:
     """Indices (P,) of the samples of `block` (signals, N) to draw: its ends, the borders of gaps, and all signals' extremes.
 
-    `seen`: the part of the block that is zoomed into, as shares of it.
+    `seen`: the part of the block that is zoomed into, as fractions of it.
     """
     last = block.shape[1] - 1
     drawn = np.zeros(last + 1, bool)
@@ -124,7 +124,7 @@ def drawn_points(block: np.ndarray, seen: Sequence[float] = WHOLE) -> np.ndarray
 
 
 def _mark_extremes(drawn: np.ndarray, block: np.ndarray, stretch: int) -> None:
-    """Mark where each signal is least and greatest within each stretch; neighbours share the sample between them."""
+    """Mark where each signal is least and greatest within each stretch; neighbouring stretches share a sample."""
     count = (block.shape[1] - 1) // stretch
     if stretch == 1 or count < 1:
         drawn[:] = True
@@ -151,33 +151,33 @@ def axis(size: int, label: str = "") -> uplot.Axis:
 
 
 def units_of(labels: Sequence[str]) -> str:
-    """The units in brackets at the ends of labels, each once."""
+    """The units in brackets at the ends of the labels, each once."""
     found = (re.search(r"\(([^()]+)\)$", label) for label in labels)
     return ", ".join(dict.fromkeys(each[1] for each in found if each))
 
 
 def signal_series(label: str, tone: colors.Color, place: int = 0) -> uplot.Series:
-    """How the signal at a place of its chart is drawn."""
+    """The style of a signal, by its place in its chart."""
     dash = DASHES[place % len(DASHES)]
     return uplot.Series(label=label, stroke=colors.css(tone), width=1.25, spanGaps=False, auto=False, dash=dash)
 
 
 def kept_series(tone: colors.Color) -> uplot.Series:
-    """How a signal of the kept run is drawn: dotted, in its signal's colour, not in the legend."""
+    """The style of a signal of the kept run: dotted, in the signal's colour, not in the legend."""
     style = {"label": "kept", "class": UNNAMED, "auto": False}
     style |= {"stroke": f"rgba{(*tone, 0.75)}", "width": 1.25, "dash": (2, 3)}
     return cast(uplot.Series, style)
 
 
 def limit_series(limit: Limit) -> list[uplot.Series]:
-    """Two dashed lines; only the first one is named."""
+    """The two dashed lines of a limit, of which only the first is in the legend."""
     style = {"stroke": colors.css(limit.tone), "width": 1, "dash": (3, 6), "points": {"show": False}, "auto": False}
     second = {**style, "label": limit.label, "class": UNNAMED}
     return [cast(uplot.Series, {**style, "label": limit.label}), cast(uplot.Series, second)]
 
 
 def compact(time: np.ndarray, lines: Sequence[np.ndarray], spacing: float) -> tuple[np.ndarray, ...]:
-    """The columns of a chart in single precision; `time`, `spacing` s apart, only while that is exact to a tenth of it."""
+    """The columns of a chart in single precision; `time` only while that is exact to a tenth of its `spacing`, s."""
     narrow = np.spacing(np.float32(np.abs(time).max())) < 0.1 * spacing
     return (
         time.astype(np.float32) if narrow else time,
@@ -186,10 +186,10 @@ def compact(time: np.ndarray, lines: Sequence[np.ndarray], spacing: float) -> tu
 
 
 class Chart:
-    """A chart in the GUI container that is open while it is made."""
+    """A chart, made in the open GUI container."""
 
     def __init__(self, gui: viser.GuiApi, plot: Plot, window: float, kept: ReferenceRun | None, group: str):
-        """Charts of one `group` have their cursor, and what is zoomed into, in common."""
+        """Charts of one `group` share their cursor and their zoom."""
         self._plot, self._kept = plot, kept
         self._span = Span(plot.least)
         self._seen: Sequence[float] = WHOLE
@@ -218,11 +218,11 @@ class Chart:
 
     @property
     def newest(self) -> int:
-        """Tick of the newest sample taken in, -1 if none."""
+        """Tick of the newest sample, -1 if none."""
         return self._curve.newest
 
     def restart(self, window: float) -> None:
-        """Forget everything and go on with a window of `window` s."""
+        """Forget all samples and continue with a window of `window` s."""
         self._curve = Curve(len(self._plot.labels), window)
         self._kept_curve = None
         if self._kept is not None:
@@ -231,16 +231,16 @@ class Chart:
             self._kept_curve.append(samples.time, self._plot.values(self._kept.scenario, samples))
 
     def append(self, scenario: Scenario, samples: Samples) -> None:
-        """Take in samples; those already seen are passed over."""
+        """Add samples; those already known are skipped."""
         self._curve.append(samples.time, self._plot.values(scenario, samples))
 
     def remove(self) -> None:
-        """Take the chart off the screen."""
+        """Remove the chart from the screen."""
         self._handle.remove()
         self._note.remove()
 
     def show(self, seen: Sequence[float] = WHOLE) -> None:
-        """Send the chart as it now is; `seen`: the part of the window that is zoomed into, as shares of it."""
+        """Send the present data; `seen`: the part of the window that is zoomed into, as fractions of it."""
         self._seen = seen
         send_plot_data(self._handle, self._data())
 

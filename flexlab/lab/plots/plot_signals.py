@@ -1,4 +1,4 @@
-"""Which signals the plots show over time, in which units, on which tab."""
+"""The signals that the plots show over time, with their units and tabs."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from flexlab.views import MILLI, View
 
 @dataclass(frozen=True)
 class Limit:
-    """A level that means something: drawn as two dashed lines at ± `value` (plot units)."""
+    """A level with a meaning, drawn as two dashed lines at ± `value` (plot units)."""
 
     label: str
     value: float
@@ -25,7 +25,7 @@ class Limit:
 
 @dataclass(frozen=True)
 class Plot:
-    """One plot over time: `labels` with units, one per signal; `values` gives (signals, N) in those units."""
+    """One plot over time: `labels` with units, one per signal; `values` returns (signals, N) in those units."""
 
     title: str
     labels: tuple[str, ...]
@@ -40,7 +40,7 @@ class Plot:
 
 
 def _plot(view: View, *shown: int, title: str = "", limits: tuple[Limit, ...] = (), note: str = "") -> Plot:
-    """A view's curves, or those of the numbers `shown`, under its title or another one."""
+    """A plot of a view's curves, or of those with the indices `shown`, under its title or another one."""
     chosen = list(shown or range(len(view.curves)))
     curves = [view.curves[k].removeprefix("left ").removeprefix("right ") for k in chosen]
     labels = tuple(f"{curve} ({view.units[k]})" for curve, k in zip(curves, chosen, strict=True))
@@ -51,7 +51,7 @@ def _plot(view: View, *shown: int, title: str = "", limits: tuple[Limit, ...] = 
 
 
 def _torque_limits(scenario: Scenario, tones: Sequence[colors.Color]) -> tuple[Limit, ...]:
-    """The levels of an arm's joints, in the colours of its curves."""
+    """The torque limits of an arm's joints, in the colours of its curves."""
     levels = zip(scenario.controller.torque_limit or (), tones, strict=False)
     return tuple(Limit(f"limit {k} (N·m)", value, tone) for k, (value, tone) in enumerate(levels, 1))
 
@@ -75,7 +75,7 @@ LOAD_NOTE = "At 100 % of compression this beam buckles; at 100 % of spin the pap
 
 
 def tabs(scenario: Scenario) -> dict[str, tuple[Plot, ...]]:
-    """Tab name → its plots over time, for the arms that are there."""
+    """Tab name → its plots over time, for the scenario's arms."""
     torque = views.TORQUES[len(scenario.arms) - 1]
     torques = [
         _plot(

@@ -1,6 +1,6 @@
-"""Plots while the simulation runs, on tabs: signals over time, and the spectrum with the beam's own frequencies marked.
+"""Plots of the running simulation, on tabs: signals over time, and the spectrum with the beam's own frequencies marked.
 
-Beside them a few sentences explain the run; they are found once a second and do not flicker.
+Beside them, a few sentences explain the run; they are found once a second and do not flicker.
 """
 
 import math
@@ -31,28 +31,28 @@ from flexlab.text import escaped
 MICRO = 1e6
 """m to µm."""
 POINTS = 300
-"""Frequencies drawn; each stands for the highest amplitude of its stretch, so that no line of the spectrum is lost."""
+"""Number of drawn frequencies; each shows the largest amplitude of its stretch, so that no line of the spectrum is lost."""
 SHOWN_MODES = 3
 """The axis reaches just past this mode, if sampling lets it."""
 LOWEST_TOP = 10.0
-"""The logarithmic axis reaches up to this at least, µm: its lower end, written with three decimals, is then no 0."""
+"""Least upper end of the logarithmic axis, µm: its lower end, written with three decimals, is then not 0."""
 DECADES = 4
-"""Decades of the axis below the greatest amplitude."""
+"""Decades of the axis below the largest amplitude."""
 SHORTEST = 64
-"""Samples below which a spectrum says nothing."""
+"""Least number of samples for a spectrum."""
 PATIENCE = 6
-"""Spectra in a row that must find the axis too high before it comes down (3 s)."""
+"""Consecutive spectra that must find the axis too high before it shrinks (3 s)."""
 Y_AXIS_SIZE = 62
 MOST = 3
-"""Sentences at once."""
+"""Most sentences at once."""
 SEEN, MISSED = 2, 2
-"""Checks in a row after which a sentence appears, and after which it disappears."""
+"""Consecutive checks after which a sentence appears, and after which it disappears."""
 REWORDED = 5
 """Checks for which a sentence keeps its numbers."""
 Recent = Callable[[float], Samples]
-"""The last so many s of the run, at full rate."""
+"""Returns the samples of the last part of the run, of a length in s, at full rate."""
 OVERLAP = 0.05
-"""Extra samples asked for at each update, s: covers what usually arrives between the snapshot and the request."""
+"""Extra time requested at each update, s: covers the samples that usually arrive between snapshot and request."""
 SPECTRUM_EVERY = 5
 """Updates of the other charts per spectrum (2 Hz)."""
 
@@ -65,7 +65,7 @@ def amplitude_spectrum(signal: np.ndarray, period: float) -> tuple[np.ndarray, n
 
 
 def thinned(frequency: np.ndarray, amplitude: np.ndarray, highest: float) -> tuple[np.ndarray, np.ndarray]:
-    """`POINTS` even frequencies up to `highest` with the greatest amplitude around each, NaN where there is none."""
+    """`POINTS` evenly spaced frequencies up to `highest` and the largest amplitude around each; NaN if there is none."""
     edges = np.linspace(0, highest, POINTS + 1)
     grid = 0.5 * (edges[:-1] + edges[1:])
     index = np.searchsorted(edges, frequency, side="right") - 1
@@ -79,7 +79,7 @@ def thinned(frequency: np.ndarray, amplitude: np.ndarray, highest: float) -> tup
 
 
 class Spectrum:
-    """A chart of amplitude over frequency, in the GUI container that is open while it is made."""
+    """A chart of amplitude over frequency, made in the open GUI container."""
 
     def __init__(self, gui: viser.GuiApi, scenario: Scenario):
         self._scenario: Scenario | None = None
@@ -104,7 +104,7 @@ class Spectrum:
         self.uuid = widget_uuid(self._handle)
 
     def clear(self) -> None:
-        """Show nothing: another run has begun."""
+        """Clear the chart for a new run."""
         send_plot_data(self._handle, self._data(None))
 
     def update(self, scenario: Scenario, samples: Samples) -> None:
@@ -133,7 +133,7 @@ class Spectrum:
         top = 10.0 ** math.ceil(math.log10(self._top.limit) - 1e-9)
         bottom = top / 10**DECADES
         line = np.where(np.isnan(line), np.nan, np.clip(line, bottom, top))
-        # Every mark is a vertical stroke: two points at its frequency and a gap after them.
+        # Every mark is a vertical line: two points at its frequency and a gap after them.
         marks = np.repeat(self._marks, 3)
         strokes = np.tile([bottom, top, np.nan], len(self._marks))
         order = np.argsort(np.concatenate([grid, marks]), kind="stable")
@@ -172,10 +172,10 @@ class Plots:
         kept: ReferenceRun | None,
         opened: Mapping[str, tuple[float, float]] | None,
     ) -> None:
-        """Take in what the runner computed since the last update and redraw, `kept` behind the present run.
+        """Add the samples since the last update and redraw, with `kept` behind the present run.
 
-        `snapshot`: what the screen shows, the present or an instant before it, and `recent` gives the s up to that.
-        `opened`: the charts that somebody has on the screen, and the part of the window that is seen; None: perhaps all.
+        `snapshot`: what the screen shows, the present or an earlier instant, up to which `recent` returns samples.
+        `opened`: the charts on anybody's screen, with the visible part of the window; None if unknown, perhaps all.
         """
         if view.hold_plots:
             return
@@ -193,7 +193,7 @@ class Plots:
         if missing > 0:
             samples = unbroken(recent, newest, missing, window)
             if samples.joint_torque.shape[1] != len(scenario.arms):
-                return  # A run with other arms has begun since the snapshot: the next picture shows it.
+                return  # A run with another number of arms has begun since the snapshot: the next picture shows it.
             for chart in self._every():
                 chart.append(scenario, samples)
         if missing > 0 or opened != self._opened:
@@ -205,7 +205,7 @@ class Plots:
         return opened is None or self._spectrum.uuid in opened
 
     def _show(self, recent: Recent, scenario: Scenario, window: float, spectrum: bool) -> None:
-        """Send the charts that are on a screen: hidden ones would be most of the page's traffic."""
+        """Send only the charts that are on a screen: hidden ones would be most of the page's traffic."""
         self._count += 1
         for chart in self._every():
             if self._opened is None:
@@ -236,29 +236,29 @@ def unbroken(recent: Recent, newest: int, missing: float, window: float) -> Samp
         first = round(float(samples.time[0]) / TICK) if len(samples) else newest
         if newest < 0 or first <= newest + 1 or asked >= window:
             return samples
-        # On a busy machine the engine may have gone on for longer than the overlap.
+        # On a busy machine the engine may have run for longer than the overlap.
         asked *= 2
 
 
 def _plotted(scenario: Scenario, kept: ReferenceRun | None) -> list:
-    """What the charts were built for: titles, limit lines, and the kept run."""
+    """The key for which the charts are built: titles, limit lines and the kept run."""
     keys = [(plot.title, plot.limits) for plots in tabs(scenario).values() for plot in plots]
     return [*keys, id(kept)]
 
 
 class CalmList:
-    """The shown sentences: one appears when it was found twice in a row, and disappears when it was missed twice."""
+    """The shown sentences: one appears after it was found twice in a row, and disappears after it was missing twice."""
 
     def __init__(self) -> None:
         self._shown: dict[str, tuple[Explained, int, int]] = {}
         self._seen: dict[str, int] = {}
 
     def clear(self) -> None:
-        """Forget everything: another run has begun."""
+        """Forget everything for a new run."""
         self._shown, self._seen = {}, {}
 
     def look(self, found: Sequence[Explained]) -> list[Explained]:
-        """The sentences to show after a check that found these, the most important first."""
+        """The sentences to show after a check found the sentences `found`, the most important first."""
         now = {each.name: each for each in found}
         self._seen = {name: self._seen.get(name, 0) + 1 for name in now}
         for name in list(self._shown):
@@ -290,7 +290,7 @@ class ExplanationList:
                 self._places.append(gui.add_html("", order=LAST, visible=False))
 
     def update(self, snapshot: Snapshot) -> None:
-        """Check again while the run plays; to be called once a second."""
+        """Check again while the run plays; call once a second."""
         if snapshot.run_number != self._run_number:
             self._run_number = snapshot.run_number
             self._calm.clear()
@@ -315,7 +315,7 @@ class ExplanationList:
 
 
 def list_html(sentences: Sequence[Explained]) -> str:
-    """Each sentence with the plot that shows it, and its equation."""
+    """Each sentence with the plot that shows it and its equation, as HTML."""
     items = "".join(
         f'<div class="fl-why"><b>{escaped(each.plot)}.</b> {escaped(each.sentence)} '
         f'<span class="fl-dim">{escaped(each.equation)}</span></div>'

@@ -1,1 +1,1 @@
-"""The picture in the browser: what is drawn and where it stands."""
+"""The picture in the browser: the drawn parts, the overlays and the cameras."""

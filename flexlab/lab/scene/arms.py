@@ -1,4 +1,4 @@
-"""The arms: their parts, one batch of instances per kind of part for all arms together.
+"""The arms: one batch of instances per kind of part, for all arms together.
 
 `web_assets/make/models.py` makes the parts. All lengths in m, for the paper's arm (0.7, 0.6, 0.2 m links).
 """
@@ -15,29 +15,29 @@ from flexlab.sim.geometry import arm_points
 from flexlab.sim.samples import Samples
 
 LINK_HEIGHTS = (0.085, 0.135, 0.185)
-"""Heights of the links' middles above the floor: stacked, so that they pass over one another."""
+"""Heights of the links' centres above the floor: stacked, so that they pass over one another."""
 BEAM_HEIGHT = 0.185
-"""Height of the payload above the floor: level with the last link that holds it."""
+"""Height of the payload above the floor: level with the last link, which holds it."""
 JOINT_SCALES = (1.0, 0.85, 0.65)
 """Size of each joint relative to the first."""
 LINK_WIDTHS = (1.0, 0.85, 0.62)
 """Cross-section of each link relative to the first."""
 JOINT_RADIUS = 0.058
 RING_TOP, RING_SECTIONS = 0.031, 28
-"""Height of the coloured ring above the joint's middle, before the joint's scale; and its facets."""
+"""Height of the coloured ring above the joint's centre, at a joint scale of 1; and its facets."""
 GRIPPER_LENGTH = 0.055
-"""Distance from the gripper's palm to the grip, by which the last link's bar is shorter."""
+"""Distance from the gripper's palm to the grip; the last link's bar is shorter by it."""
 PAPER_REACH = 1.5
 """Sum of the paper's link lengths, m: the arm that the parts are drawn for."""
 JOINTS = 3
 GRAB_WIDTH, GRAB_HEIGHT = 0.11, 0.06
-"""Cross-section of the invisible bar that can be dragged, for the first link, m: as wide as its joint."""
+"""Width and height of the invisible bar that can be dragged, for the first link, m: as wide as its joint."""
 
 
 def accent_ring() -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (V, 3) m and faces (F, 3) of the ring on a joint that carries the arm's colour, about z, for a joint of scale 1.
+    """Vertices (V, 3) m and faces (F, 3) of the ring about z, in the arm's colour, on a joint of scale 1.
 
-    Its outside and its top have vertices of their own, so that the edge between them is crisp; its inside is never seen.
+    Its outside and its top have separate vertices, so that the edge between them is sharp; its inside is never seen.
     """
     angle = np.linspace(0, 2 * np.pi, RING_SECTIONS + 1)
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -52,7 +52,7 @@ def accent_ring() -> tuple[np.ndarray, np.ndarray]:
 
 
 def grab_bar() -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (8, 3) m and faces (12, 3) of the unseen bar around a link, from x = 0 to 1."""
+    """Vertices (8, 3) m and faces (12, 3) of the invisible bar around a link, from x = 0 to 1."""
     half = np.array([1.0, GRAB_WIDTH / 2, GRAB_HEIGHT / 2])
     vertices = half * [(x, y, z) for x in (0, 1) for y in (-1, 1) for z in (-1, 1)]
     sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
@@ -65,7 +65,7 @@ def load_model(name: str) -> bytes:
 
 
 def scene_size(scenario: Scenario) -> float:
-    """Scale of the drawn parts, 1 for the paper's arms: the arms' mean length over theirs."""
+    """Scale of the drawn parts, 1 for the paper's arms: the mean length of the arms over that of the paper's."""
     return float(np.mean([sum(arm.link_length) for arm in scenario.arms])) / PAPER_REACH
 
 
@@ -77,7 +77,7 @@ def turn_about_z(angle: np.ndarray) -> np.ndarray:
 
 
 class Arms:
-    """Draws every arm of a scenario; `update` moves them. `grab`: unseen bars around the links, to be touched, arm by arm."""
+    """Draws every arm of a scenario; `update` moves them. `grab`: invisible bars around the links, arm by arm, for dragging."""
 
     def __init__(self, scene: viser.SceneApi, scenario: Scenario):
         self._size = scene_size(scenario)
@@ -121,11 +121,11 @@ class Arms:
         self._grippers = batch("gripper", still[: self._count], np.full(self._count, self._size))
         tones = np.repeat(colors.for_instances(colors.ARMS[: self._count]), JOINTS, axis=0)
         self._rings = meshes("rings", accent_ring(), joint_scales, batched_colors=tones)
-        # viser's page breaks when instances of GLB files are to be touched; those of plain meshes may be.
+        # viser's page breaks if instances of GLB files react to the pointer; instances of plain meshes may.
         self.grab = meshes("grab", grab_bar(), np.column_stack([lengths.ravel(), widths, widths]), opacity=0.0)
 
     def update(self, scenario: Scenario, sample: Samples) -> None:
-        """Move all parts to where `sample` (N = 1) has them."""
+        """Move all parts to their places in `sample` (N = 1)."""
         points = arm_points(scenario, sample)[0]
         angle = np.cumsum(sample.joint_angle[0], axis=1)
         heights = np.tile(np.array(LINK_HEIGHTS) * self._size, (self._count, 1))

@@ -1,7 +1,7 @@
-"""The payload: a tube along the beam's centre line, or short pieces in the colours of strain or of the force along it.
+"""The payload: a tube along the beam's centre line, or short pieces coloured by strain or axial force.
 
-Its deflection is exaggerated by a shown factor. The beam of a kept run is drawn behind the present one, at the same simulation
-time.
+Its deflection is exaggerated by a factor that the screen shows. The beam of a kept run is drawn behind the present one, at the
+same simulation time.
 """
 
 from typing import Any
@@ -23,34 +23,34 @@ from flexlab.sim.signals import PLACES
 from flexlab.text import number_text
 
 STATIONS = 33
-"""Points along the beam: smooth up to its eighth mode, and 4 kB a picture."""
+"""Points along the beam: smooth up to its eighth mode, at 4 kB per picture."""
 SIDES = 10
 GRAB_RADIUS = 0.035
-"""Radius of the invisible tube that can be dragged, for the paper's arms, m: wide enough for a finger on a telephone."""
+"""Radius of the invisible tube that can be dragged, for the paper's arms, m: wide enough for a finger on a phone."""
 GRAB_EVERY, GRAB_SIDES = 8, 6
-"""Stations of the drawn tube per station of the unseen one; nobody sees that it is coarse."""
+"""Stations of the drawn tube per station of the invisible one, and the sides of that, which may be coarse."""
 TUBE_RADIUS = 0.015
 """Drawn radius for the paper's arms, m; the model's beam has no thickness."""
 OPACITY = 0.45
 SHARE = 0.9
-"""Thickness relative to the present beam, which must stay in front."""
+"""Thickness of the kept beam relative to the present one, which must stay in front."""
 PIECES = 48
 OVERLAP = 1.15
-"""Length of a piece relative to its share of the beam: closes the gaps on the outside of a bend."""
+"""Length of a piece relative to its section of the beam: closes the gaps on the outside of a bend."""
 FIBRE = 1e-3
-"""Distance from the neutral axis at which strain is stated, m; the model's beam has no thickness of its own."""
+"""Distance from the neutral axis at which strain is shown, m; the model's beam has no thickness."""
 MICRO = 1e6
 LEAST_STRAIN = 1.0
-"""The colour range never falls below this, µm/m or N."""
+"""Least range of the colours, µm/m or N."""
 FRAMES_BEFORE_SHRINKING = 75
-"""Pictures without a large strain before the colours are spread anew (2.5 s)."""
+"""Pictures without a large strain before the range of the colours shrinks (2.5 s)."""
 NEUTRAL = (225, 225, 225)
 NEGATIVE, POSITIVE = colors.BLUE, colors.VERMILION
 COLORED = {
     "strain": ("strain, 1 mm off the axis", "µm/m"),
     "axial": ("force along the beam, compression to tension", "N"),
 }
-"""What the colours show, by its setting of the view, and its unit."""
+"""Setting of the view → what the colours show, and its unit."""
 
 
 def tube_vertices(line: np.ndarray, radius: float, height: float, sides: int = SIDES) -> np.ndarray:
@@ -67,7 +67,7 @@ def tube_vertices(line: np.ndarray, radius: float, height: float, sides: int = S
 
 
 def tube_faces(count: int, sides: int = SIDES) -> np.ndarray:
-    """Triangles of `tube_vertices` for `count` points, outside counter-clockwise."""
+    """Triangles of `tube_vertices` for `count` points, counter-clockwise as seen from outside."""
     rows = np.arange(count + 1)[:, None] * sides
     here, next_ = np.arange(sides), (np.arange(sides) + 1) % sides
     near, near_next, far, far_next = rows + here, rows + next_, rows + sides + here, rows + sides + next_
@@ -77,7 +77,7 @@ def tube_faces(count: int, sides: int = SIDES) -> np.ndarray:
 
 
 class Tube:
-    """A tube at the beam's height, to be drawn around lines of `count` points; `radius` m for the paper's arms."""
+    """A tube at the beam's height around a line of `count` points; `radius` for the paper's arms, m."""
 
     def __init__(
         self,
@@ -94,13 +94,13 @@ class Tube:
         self.mesh = scene.add_mesh_simple(name, nowhere, faces, receive_shadow=False, **look)
 
     def draw(self, line: np.ndarray) -> None:
-        """Bend it along a line (count, 2) m."""
+        """Bend the tube along a line (count, 2) m."""
         height = arms.BEAM_HEIGHT * self._size
         self.mesh.vertices = tube_vertices(line, self._radius * self._size, height, self._sides)
 
 
 class Beam:
-    """Draws the payload; `update` bends it. `grab`: an unseen thicker tube around it, to be touched."""
+    """Draws the payload; `update` bends it. `grab`: a thicker, invisible tube around it, for dragging and clicking."""
 
     def __init__(self, scene: viser.SceneApi, scenario: Scenario):
         self._tube = Tube(scene, scenario, "/beam", STATIONS, TUBE_RADIUS, color=colors.BEAM)
@@ -109,7 +109,7 @@ class Beam:
         self.mesh, self.grab = self._tube.mesh, self._around.mesh
 
     def update(self, scenario: Scenario, sample: Samples, view: ViewSettings) -> None:
-        """Bend the tube as `sample` (N = 1) has it, exaggerated as `view` asks; hidden while strain is coloured."""
+        """Bend the tube as in `sample` (N = 1), exaggerated as in `view`; hide it while `StrainBeam` is shown."""
         line = beam_points(scenario, sample, STATIONS, view.exaggeration)[0]
         self.mesh.visible = not (view.strain or view.axial)
         if not (view.strain or view.axial):
@@ -118,7 +118,7 @@ class Beam:
 
 
 class ReferenceBeam:
-    """The beam of the kept run, drawn while that has a sample for the present time."""
+    """The beam of the kept run, drawn while that run has a sample for the present time."""
 
     def __init__(self, scene: viser.SceneApi, scenario: Scenario):
         look = {"color": colors.GRAY, "opacity": OPACITY, "cast_shadow": False, "visible": False}
@@ -133,14 +133,14 @@ class ReferenceBeam:
 
 
 def curvature_functions(payload: Payload, count: int) -> np.ndarray:
-    """w''(s)'s share of each free coordinate at the middles of `count` equal pieces, (count, n_q)."""
+    """Contribution of each free coordinate to w''(s) at the centres of `count` equal pieces, (count, n_q)."""
     middle = ((np.arange(count) + 0.5) / count - 0.5) * payload.length
     rows = [shape_row(s, payload.length, payload.element_count, payload.boundary, derivative=2) for s in middle]
     return np.array(rows)
 
 
 def strain_colors(share: np.ndarray) -> np.ndarray:
-    """Colours (N, 3) for strain as a share -1..1 of the range: blue below, grey at zero, vermilion above."""
+    """Colours (N, 3) for strain as a fraction -1..1 of the range: blue below, grey at zero, vermilion above."""
     share = np.clip(share, -1, 1)[:, None]
     end = np.where(share < 0, NEGATIVE, POSITIVE)
     mixed = NEUTRAL + np.abs(share) * (end - np.array(NEUTRAL))
@@ -148,9 +148,9 @@ def strain_colors(share: np.ndarray) -> np.ndarray:
 
 
 def axial_loads(scenario: Scenario, sample: Samples, count: int) -> np.ndarray:
-    """N(s) of a sample (N = 1) at the middles of `count` equal pieces, N, (count,): the parabola through its places.
+    """N(s) of a sample (N = 1) at the centres of `count` equal pieces, N, (count,): the parabola through its places.
 
-    Exact but for a hand at the beam, at which N jumps.
+    Exact unless somebody pulls the beam: N jumps at that point.
     """
     middle = (np.arange(count) + 0.5) / count - 0.5
     load = sample.axial_load[0]
@@ -160,7 +160,7 @@ def axial_loads(scenario: Scenario, sample: Samples, count: int) -> np.ndarray:
 
 
 class StrainBeam:
-    """Draws the payload in colours of its strain, or of the force along it, when the view asks for it."""
+    """Draws the payload coloured by strain or by axial force, if the view asks for it."""
 
     def __init__(self, scene: viser.SceneApi, scenario: Scenario):
         self._size = scene_size(scenario)
@@ -173,7 +173,7 @@ class StrainBeam:
         self._pieces = scene.add_batched_meshes_simple(
             "/strain",
             closed[SIDES:-SIDES],
-            tube_faces(0),  # Open at its ends: a disc between two pieces would be seen as a dark stroke.
+            tube_faces(0),  # Open at its ends: a disc between two pieces would look like a dark line.
             batched_wxyzs=turn_about_z(np.zeros(PIECES)),
             batched_positions=np.zeros((PIECES, 3)),
             batched_scales=np.ones((PIECES, 3)),
@@ -185,7 +185,7 @@ class StrainBeam:
         )
 
     def scales(self) -> list[tuple[str, str]]:
-        """(what, the colours with the values at their ends as HTML) of what is coloured now."""
+        """(quantity, colour bar with the values at its ends as HTML) of the present colours."""
         if not self._shown:
             return []
         what, unit = COLORED[self._shown]
@@ -195,7 +195,7 @@ class StrainBeam:
         return [(what, f"−{limit} {strip} +{limit} {unit}")]
 
     def update(self, scenario: Scenario, sample: Samples, view: ViewSettings) -> None:
-        """Colour and bend as `sample` (N = 1) has it."""
+        """Colour and bend the pieces as in `sample` (N = 1)."""
         shown = "strain" if view.strain else "axial" if view.axial else ""
         self._pieces.visible = bool(shown)
         if shown != self._shown:

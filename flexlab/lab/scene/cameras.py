@@ -1,6 +1,6 @@
-"""Where the machine stands and who looks at it: floor, light, and cameras with named views, one of each browser.
+"""Floor, light and cameras with named views; each browser has its own camera.
 
-A browser's camera fits its window until the person moves it.
+A browser's camera is fitted to its window until the person moves it.
 """
 
 from collections.abc import Callable
@@ -21,46 +21,46 @@ from flexlab.text import limited
 CELL, SECTION = 0.1, 0.5
 """Grid spacing, m."""
 SKY_INTENSITY = 0.9
-"""Light from all sides, relative to three.js' unit: fills in the sides that the lamp above leaves dark."""
+"""Light from all sides, relative to three.js' unit: it lights the sides that the lamp above leaves dark."""
 FLOOR_COLOR, FLOOR_OPACITY = (120, 130, 144), 0.16
-"""A floor a little darker than a light page and lighter than a dark one: beam and grips are brighter than both."""
+"""The floor is a little darker than a light page and lighter than a dark one; beam and grips are brighter than both."""
 LABEL_INSET = 0.03
-"""Distance of the lengths from the floor's edge, m."""
+"""Distance of the length labels from the floor's edge, m."""
 LABEL_HEIGHT = 0.04
-"""Height of the lengths above the floor, which would hide a part of them, m."""
+"""Height of the length labels above the floor, which would hide a part of them, m."""
 ELBOW_SHARE = 0.88
-"""How far an elbow swings out beside its base, in lengths of the first link: the paper's motion with a little room."""
+"""How far an elbow swings out from its base, in lengths of the first link: the paper's motion with a little room."""
 MARGIN = 0.25
 """Floor around the arms' reach, m."""
 BEYOND = 3.0
-"""How far the drawn floor goes on, m: to the edges of any picture."""
+"""How far the drawn floor extends further, m: to the edges of any picture."""
 FIELD_OF_VIEW = np.radians(28.0)
-"""Vertical, rad: narrow, so that the plane of motion is hardly distorted."""
+"""Vertical field of view, rad: narrow, so that the plane of motion is hardly distorted."""
 TILT = np.radians(24.0)
 """Angle between the line of sight and the vertical in the overview, rad."""
 PLAN_TILT = np.radians(0.5)
-"""The same angle of the plan view, rad: straight down would leave open which side is up."""
+"""The same angle in the plan view, rad: straight down would leave open which side is up."""
 FRONT_TILT = np.radians(62.0)
 CAPTION = 0.2
-"""Room for the words above the picture, m."""
+"""Room for the caption above the picture, m."""
 FILLED = 0.97
-"""Share of the window that the floor takes up, in the direction in which it fits just so."""
+"""Fraction of the window that the floor fills, in the direction that limits it."""
 AROUND = 0.35
-"""Room around the payload wherever its path takes it, in its lengths: for what bends, and the arms that hold it; across it,
-together with what a turned link needs, as the root of both squares."""
+"""Room around the payload along its path, in payload lengths, for its bending and the arms that hold it; across the payload, it
+is combined with the room for its turning by the root of the sum of squares."""
 LEAST_FREE = 0.2
-"""Share of the picture's height that counts as free whatever covers it."""
+"""Least fraction of the picture's height that counts as free, whatever covers it."""
 CLOSE_UP = 2.6
 """Distance of the close views, in payload lengths."""
 VIEWS = ("Payload", "Overview", "Plan", "Front", "Left grip", "Follow")
 MOVING = ("Left grip", "Follow")
 """The views that move with the machine."""
 Look = Callable[[viser.ClientHandle, str], None]
-"""Show a named camera view in one browser."""
+"""Shows a named camera view in one browser."""
 
 
 def floor_extent(scenario: Scenario) -> tuple[float, float, float, float]:
-    """x_min, x_max, y_min, y_max of the floor, m, on whole cells: bases, and where trajectory and elbows go."""
+    """x_min, x_max, y_min, y_max of the floor, m, in whole cells: it holds the bases, the trajectory and the elbows' swing."""
     bases = np.array([arm.base for arm in scenario.arms])
     center, swing = np.array(scenario.trajectory.middle[:2]), np.array(scenario.trajectory.reach[:2])
     half = 0.5 * scenario.payload.length
@@ -77,15 +77,15 @@ def _sections(low: float, high: float) -> np.ndarray:
 
 
 def _lengths(axis: str, places: np.ndarray) -> list[tuple[float, str]]:
-    """(place, text) along an axis; the last one has name and unit, so that the others fit into a small window."""
+    """(place, text) along an axis; only the last text has name and unit, so that the others fit into a small window."""
     texts = [f"{place:g}".replace("-", "−") for place in places]
     return list(zip(places.tolist(), [*texts[:-1], *(f"{axis} = {text} m" for text in texts[-1:])], strict=True))
 
 
 def draw_stage(scene: viser.SceneApi, scenario: Scenario, shadows: bool) -> None:
-    """The grid below the arms with lengths along its edges, and light from above and the side.
+    """Draw the grid below the arms with lengths along its edges, and light from above and the side.
 
-    It is bright enough for both colour modes, without bleaching the colours.
+    The light is bright enough for both colour modes, without washing out the colours.
     """
     scene.configure_environment_map(None)
     scene.configure_default_lights(enabled=True, cast_shadow=shadows)
@@ -108,7 +108,7 @@ def draw_stage(scene: viser.SceneApi, scenario: Scenario, shadows: bool) -> None
     )
     for x, text in _lengths("x", _sections(x_min, x_max)):
         place = (x, y_min + LABEL_INSET, LABEL_HEIGHT)
-        # At the floor's corners, which the window's edge may cut, words stand inside.
+        # The window's edge may cut the floor's corners: labels there stand further inside.
         side = "left" if x - x_min < CELL else "right" if x_max - x < CELL else "center"
         scene.add_label(f"/floor/x{x:g}", text, position=place, anchor=f"bottom-{side}", depth_test=True)
     for y, text in _lengths("y", _sections(y_min, y_max)):
@@ -117,7 +117,7 @@ def draw_stage(scene: viser.SceneApi, scenario: Scenario, shadows: bool) -> None
 
 
 class Window(NamedTuple):
-    """A browser's picture: width over height, and the shares of its height that are covered, from above and from below."""
+    """A browser's picture: width over height, and the covered fractions of its height, at the top and at the bottom."""
 
     aspect: float
     above: float = 0.0
@@ -125,14 +125,14 @@ class Window(NamedTuple):
 
 
 class Shot(NamedTuple):
-    """A camera position and the point it looks at, m, (3,) each."""
+    """A camera position and the point that it looks at, m, (3,) each."""
 
     position: np.ndarray
     look_at: np.ndarray
 
 
 def shot(view: str, scenario: Scenario, sample: Samples, window: Window) -> Shot:
-    """Where the camera stands for one of `VIEWS`; the close views depend on `sample` (N = 1)."""
+    """The shot for one of `VIEWS`; the close views depend on `sample` (N = 1)."""
     if view == "Left grip":
         return _near(link_points(scenario, sample.pose)[0, 0], scenario, window, 0.5)
     if view == "Follow":
@@ -143,13 +143,13 @@ def shot(view: str, scenario: Scenario, sample: Samples, window: Window) -> Shot
 
 
 def overview(scenario: Scenario, window: Window, tilt: float = TILT) -> Shot:
-    """The view of the whole floor, `tilt` rad from straight above."""
+    """The view of the whole floor, `tilt` rad from the vertical."""
     x_min, x_max, y_min, y_max = floor_extent(scenario)
     return _fitted((x_min, x_max, y_min, y_max + CAPTION), window, tilt)
 
 
 def payload_view(scenario: Scenario, window: Window) -> Shot:
-    """The payload fills the free part of the picture, wherever its path takes it."""
+    """The view in which the payload, anywhere on its path, fills the free part of the picture."""
     length, path = scenario.payload.length, scenario.trajectory
     tilted = 0.5 * np.sin(min(abs(path.middle[2]) + path.reach[2], np.pi / 2))
     half = np.array(path.reach[:2]) + [(0.5 + AROUND) * length, np.hypot(AROUND, tilted) * length]
@@ -158,14 +158,14 @@ def payload_view(scenario: Scenario, window: Window) -> Shot:
 
 
 def _fitted(extent: tuple[float, float, float, float], window: Window, tilt: float) -> Shot:
-    """`extent`, x_min, x_max, y_min, y_max on the floor, m, fits into the free part just so, and stands in its middle."""
+    """The shot in which `extent` (x_min, x_max, y_min, y_max on the floor, m) fills the free part, centred."""
     x_min, x_max, y_min, y_max = extent
     center = np.array([(x_min + x_max) / 2, (y_min + y_max) / 2, 0.0])
     half_angle = FILLED * np.tan(FIELD_OF_VIEW / 2)
     free = max(1.0 - window.above - window.below, LEAST_FREE)
     corners = np.array([(x, y, 0.0) for x in (x_min, x_max) for y in (y_min, y_max)]) - center
     forward, up = np.array([0.0, np.sin(tilt), -np.cos(tilt)]), np.array([0.0, np.cos(tilt), np.sin(tilt)])
-    # A corner is in the picture from where its line of sight lies within the opening angle.
+    # A corner is in the picture if its line of sight lies within the field of view.
     wide = np.abs(corners[:, 0]) / (half_angle * max(window.aspect, 0.1))
     high = np.abs(corners @ up) / (half_angle * free)
     distance = float(np.max(np.maximum(wide, high) - corners @ forward))
@@ -183,11 +183,11 @@ def _from(center: np.ndarray, distance: float, tilt: float) -> Shot:
 
 
 STANDING = ""
-"""The view of a camera that stays where it is."""
+"""The view of a camera that no longer moves."""
 LOWEST = 0.1
 """Least height of a camera above the floor, m."""
 STILL = 1e-3
-"""A camera this near to where it was put counts as not moved by the person, m."""
+"""A camera within this distance of its last shot counts as not moved by the person, m."""
 NO_WINDOW = Window(0.0)
 SAME_ASPECT = 0.02
 """Changes of width over height below this do not move the camera."""
@@ -208,13 +208,13 @@ class _Watch:
     put_at: np.ndarray | None = None
     put_for: Window = NO_WINDOW
     covered: tuple[float, float] = (0.0, 0.0)
-    """Shares of the picture's height that are covered, from above and from below."""
+    """Covered fractions of the picture's height, at the top and at the bottom."""
     run: int = 0
-    """Number of the run that it was placed for."""
+    """Number of the run for which the camera was placed."""
 
 
 class ClientCameras:
-    """The cameras of all browsers of one server; a browser that comes back is a new one."""
+    """The cameras of all browsers of one server; a browser that reconnects is a new one."""
 
     def __init__(self, server: viser.ViserServer, runner: Runner):
         self._server, self._runner = server, runner
@@ -230,13 +230,13 @@ class ClientCameras:
             self._aim(watch, self._runner.snapshot)
 
     def cover(self, client: viser.ClientHandle, above: float, below: float) -> None:
-        """Keep the machine in the part of one browser's picture that nothing lies over; shares of its height."""
+        """Keep the machine in the free part of one browser's picture; `above`, `below`: covered fractions of its height."""
         watch = self._watches.setdefault(client.client_id, _Watch(client))
         watch.covered = (above, below)
         self._reshape(watch)
 
     def follow(self, snapshot: Snapshot) -> None:
-        """Move the cameras that follow the payload, and with a new run those that stand; called for every picture."""
+        """Move the cameras that follow the machine and, with a new run, the fixed ones; called for every picture."""
         for watch in list(self._watches.values()):
             try:
                 if watch.view in MOVING:
@@ -264,9 +264,9 @@ class ClientCameras:
         client.camera.on_update(reshape)
 
     def _reshape(self, watch: _Watch) -> None:
-        """Fit a picture whose shape has changed, unless the person has moved the camera."""
+        """Fit the camera to a picture whose shape has changed, unless the person has moved it."""
         camera = watch.client.camera
-        # viser puts its own first camera back some two seconds after the page has opened.
+        # viser restores its own first camera about two seconds after the page has opened.
         put_back = watch.view == VIEWS[0] and _at_rest(camera.position, self._server.initial_camera.position)
         stands = watch.put_at is None or _at_rest(camera.position, watch.put_at)
         reshaped = abs(camera.aspect - watch.put_for.aspect) > SAME_ASPECT or watch.covered != watch.put_for[1:]
@@ -281,7 +281,7 @@ class ClientCameras:
         watch.put_for = Window(camera.aspect, *watch.covered)
         aim = shot(watch.view, snapshot.scenario, snapshot.display, watch.put_for)
         watch.put_at = aim.position
-        # Position first: viser moves the point looked at along with it.
+        # Position first: viser moves the point that is looked at along with it.
         with watch.client.atomic():
             camera.position = aim.position
             camera.look_at = aim.look_at

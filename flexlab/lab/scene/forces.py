@@ -1,4 +1,4 @@
-"""Forces and moments at the grips: straight arrows and bent ones, each kind with a scale of its own that adapts in steps."""
+"""Forces and moments at the grips: straight and bent arrows, each kind with its own scale, which adapts in steps."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -18,40 +18,40 @@ from flexlab.sim.samples import Samples
 from flexlab.text import fixed_text, number_text
 
 LONGEST_ARROW = 0.4
-"""Length of an arrow at the limit of the present force range, over the beam's: arrows of two grips that press never meet."""
+"""Length of an arrow at the limit of the force range, in beam lengths: the arrows of two pressing grips never meet."""
 WIDEST_ARC = np.pi
-"""Angle of a bent arrow at the limit of the present moment range, rad."""
+"""Angle of a bent arrow at the limit of the moment range, rad."""
 ARC_RADIUS = 0.09
 """Radius of the bent arrows for the paper's arms, m."""
 ARC_PIECES = 16
 LEAST_FORCE, LEAST_MOMENT = 1.0, 0.5
-"""The ranges never fall below these, N and N·m: less need not be magnified."""
+"""Least ranges, N and N·m: smaller loads need not be magnified."""
 FRAMES_BEFORE_SHRINKING = 75
-"""Pictures without a large force before a scale is magnified (2.5 s)."""
+"""Pictures without a large force before a range shrinks (2.5 s)."""
 AWAY = np.array([0.0, 0.0, -1e3])
-"""Where parts wait while nobody is to see them, m: a browser shows a part at once and moves it a picture later, so that one that
-comes back would flash where it was last."""
+"""Place of hidden parts, m: a browser shows a part at once and moves it a picture later, so that a part that is shown again would
+flash at its last place."""
 HIDDEN_BELOW = 0.03
-"""Share of the range below which arrows are hidden: their heads alone would say more than there is."""
+"""Fraction of the range below which arrows are hidden: their heads alone would exaggerate."""
 
 
 def _arrows_away(count: int) -> np.ndarray:
-    """Ends (count, 2, 3) of arrows that wait where nobody sees them."""
+    """Ends (count, 2, 3) of hidden arrows."""
     return np.tile([AWAY, AWAY + [1.0, 0.0, 0.0]], (count, 1, 1)).astype(np.float32)
 
 
 def _hidden_arrows(scene: viser.SceneApi, name: str, color: colors.Color, count: int, sizes: Sequence[float]) -> Any:
-    """`sizes`: radii of shaft and head, and the head's length, m."""
+    """Add hidden arrows. `sizes`: radii of shaft and head, and the head's length, m."""
     shaft, head, length = sizes
     look = {"shaft_radius": shaft, "head_radius": head, "head_length": length, "visible": False}
     return scene.add_arrows(name, _arrows_away(count), np.tile(np.array(color, np.uint8), (count, 1)), **look)
 
 
 class Arrows:
-    """Arrows of one kind, one for each grip, with a scale of their own."""
+    """Arrows of one kind, one for each grip, with their own scale."""
 
     def __init__(self, handle: Any, away: np.ndarray, least: float, height: float):
-        """`away`: the points of arrows that nobody sees; `least`: the smallest range; `height` above the floor, m."""
+        """`away`: the points of hidden arrows; `least`: the smallest range; `height` above the floor, m."""
         self._handle, self._away, self._height = handle, away, height
         self._range = Range(least, FRAMES_BEFORE_SHRINKING)
         self._was_shown = False
@@ -61,7 +61,7 @@ class Arrows:
         largest = float(np.linalg.norm(loads.reshape(len(loads), -1), axis=1).max())
         self._range.fit(largest)
         self._handle.visible = shown and largest > HIDDEN_BELOW * self._range.limit
-        if shown:  # Those too small to be seen, too: they grow where they are.
+        if shown:  # Even if they are too small to be seen: they grow at their place.
             plane = self._plane(places, loads)
             height = np.full((*plane.shape[:2], 1), self._height)
             self._handle.points = np.concatenate([plane, height], axis=2).astype(np.float32)
@@ -70,7 +70,7 @@ class Arrows:
         self._was_shown = shown
 
     def _plane(self, places: np.ndarray, loads: np.ndarray) -> np.ndarray:
-        """The drawn lines' ends, (lines, 2, 2) m."""
+        """Ends of the drawn lines, (lines, 2, 2) m."""
         raise NotImplementedError
 
 
@@ -85,7 +85,7 @@ class StraightArrows(Arrows):
 
     @property
     def per_meter(self) -> float:
-        """N that one metre of arrow stands for."""
+        """Force that one metre of arrow stands for, N."""
         return self._range.limit / self._longest
 
     def _plane(self, places: np.ndarray, loads: np.ndarray) -> np.ndarray:
@@ -93,7 +93,7 @@ class StraightArrows(Arrows):
 
 
 class BentArrows(Arrows):
-    """Arcs with heads, of moments."""
+    """Arrows of moments: arcs with heads."""
 
     def __init__(self, scene: viser.SceneApi, name: str, color: colors.Color, count: int, size: float, height: float):
         self._radius = ARC_RADIUS * size
@@ -103,7 +103,7 @@ class BentArrows(Arrows):
 
     @property
     def per_quarter_turn(self) -> float:
-        """N·m that a quarter of a turn stands for."""
+        """Moment that a quarter of a turn stands for, N·m."""
         return self._range.limit * (np.pi / 2) / WIDEST_ARC
 
     def _plane(self, places: np.ndarray, loads: np.ndarray) -> np.ndarray:
@@ -111,7 +111,7 @@ class BentArrows(Arrows):
         return np.concatenate([self._arc(center, turn) for center, turn in zip(places, turns, strict=True)])
 
     def _arc(self, center: np.ndarray, turn: float) -> np.ndarray:
-        """Line segments (ARC_PIECES + 2, 2, 2): the arc from the top of the circle, and two strokes of its head."""
+        """Line segments (ARC_PIECES + 2, 2, 2): the arc from the top of the circle, and the two lines of its head."""
         angle = np.pi / 2 + np.linspace(0, turn, ARC_PIECES + 1)
         line = center + self._radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         back = angle[-1] - np.sign(turn) * min(0.35, abs(turn))
@@ -121,7 +121,7 @@ class BentArrows(Arrows):
 
 
 class Forces:
-    """Internal and moving force and internal moment of every grip."""
+    """Internal force, moving force and internal moment of every grip."""
 
     def __init__(self, scene: viser.SceneApi, scenario: Scenario):
         count, size = len(scenario.arms), scene_size(scenario)
@@ -139,7 +139,7 @@ class Forces:
         self._moment.update(grips, sample.internal_force[0, :, 2], view.moments)
 
     def scales(self, view: ViewSettings) -> list[tuple[str, str]]:
-        """(what, how much) for every kind of arrow that is shown."""
+        """(label, value) of the scale of every kind of arrow that is shown."""
         rows = (
             (view.forces, "internal force, 10 cm =", 0.1 * self._internal.per_meter, "N"),
             (view.moving_force, "moving force, 10 cm =", 0.1 * self._moving.per_meter, "N"),
@@ -149,7 +149,7 @@ class Forces:
 
 
 def held_point(scenario: Scenario, sample: Samples, pull: Pull, exaggeration: float = 1.0) -> np.ndarray:
-    """Where the held point of beam or link is in `sample` (N = 1), (x, y) m, deflection times `exaggeration`."""
+    """Position (x, y), m, of the held point of beam or link in `sample` (N = 1), with the deflection times `exaggeration`."""
     if pull.link is not None:
         arm, link = pull.link
         inner, outer = arm_points(scenario, sample)[0, arm - 1, link - 1 : link + 1]
@@ -160,7 +160,7 @@ def held_point(scenario: Scenario, sample: Samples, pull: Pull, exaggeration: fl
 
 
 class PullArrow:
-    """Drawn while somebody pulls."""
+    """The arrow of a pull, drawn while somebody pulls."""
 
     def __init__(self, scene: viser.SceneApi, scenario: Scenario):
         self._size = scene_size(scenario)
@@ -169,7 +169,7 @@ class PullArrow:
         self._label = scene.add_label("/pull_force", "", anchor="bottom-left", visible=False)
 
     def update(self, scenario: Scenario, sample: Samples, view: ViewSettings, pull: Pull | None) -> None:
-        """Draw `pull`, if there is one, at the point it holds in `sample` (N = 1)."""
+        """Draw `pull`, if there is one, at the point that it holds in `sample` (N = 1)."""
         held = pull is not None and (pull.link is None or pull.link[0] <= len(scenario.arms))
         was_held, self._arrow.visible, self._label.visible = self._arrow.visible, held, held
         if pull is None or not held:
@@ -179,7 +179,7 @@ class PullArrow:
         target = np.array(pull.target)
         force = pull.stiffness * float(np.linalg.norm(target - held_point(scenario, sample, pull)))
         drawn = held_point(scenario, sample, pull, view.exaggeration)
-        # In the plane in which the hand moves, so that the arrow's tip is under the pointer.
+        # In the plane of the dragged point, so that the arrow's tip is under the pointer.
         height = self._size * (arms.BEAM_HEIGHT if pull.link is None else arms.LINK_HEIGHTS[pull.link[1] - 1])
         ends = np.column_stack([[drawn, target], [height, height]])
         self._arrow.points = ends[None].astype(np.float32)

@@ -25,27 +25,27 @@ DASHES = 15
 """Pieces of the dashed virtual link."""
 PATH_POINTS = 241
 LONGEST_PATH_TIME = 20.0
-"""The path is drawn once, but for no more than this, s."""
+"""Longest part of the path that is drawn, s."""
 TRAIL_POINTS = 91
-"""Places that the trail remembers: 3 s of pictures."""
+"""Number of points of the trail: 3 s of pictures."""
 GHOST_OPACITY = 0.3
 GHOST_RADIUS = 0.013
-"""Drawn radius of the desired pose for the paper's arms, m: a little narrower than the beam, whose colour it leaves alone."""
+"""Drawn radius of the desired pose for the paper's arms, m: thinner than the beam, so that the beam's colour stays visible."""
 CELL = 0.02
 """Size of one pixel of the shading, m."""
 CLOSE = 0.35
 """Sine of the elbow below which a pose counts as near a singularity (20°)."""
 ANGLE_STEP = 0.05
-"""Change of the payload's angle after which the shading is made anew, rad."""
+"""Change of the payload's angle after which the shading is updated, rad."""
 ABOVE_FLOOR = 0.004
-"""m, so that shading and floor do not flicker through each other."""
+"""Height of the shading above the floor, m, so that the two do not flicker through each other."""
 UNREACHABLE = (128, 134, 142, 150)
 SINGULAR = (230, 159, 0)
-"""Grey for what cannot be reached; orange, the denser the nearer, for what is near a singularity."""
+"""Grey where the arms cannot reach; orange near a singularity, denser the nearer."""
 
 
 def path_points(scenario: Scenario) -> np.ndarray:
-    """The desired path of the payload's middle, once, m, (PATH_POINTS, 2)."""
+    """One cycle of the desired path of the payload's centre, m, (PATH_POINTS, 2)."""
     begin, end = scenario.trajectory.window
     times = np.linspace(begin, min(end, begin + LONGEST_PATH_TIME), PATH_POINTS)
     return poses(build_motion(scenario.trajectory), times)[:, 0, :2]
@@ -79,7 +79,7 @@ class Overlays:
         return scene.add_line_segments(f"/overlays/{name}", points, color, thickness=width, thickness_units="screen")
 
     def update(self, scenario: Scenario, sample: Samples, view: ViewSettings) -> None:
-        """Move everything to where `sample` (N = 1) has it, showing what `view` asks for."""
+        """Move everything to its place in `sample` (N = 1), and show what `view` asks for."""
         self._path.visible = view.path
         if scenario.trajectory != self._path_source:
             self._path.points = segments(path_points(scenario), self._height)
@@ -93,7 +93,7 @@ class Overlays:
             line = np.array([self._trail_places[0]] * missing + list(self._trail_places))
             self._trail.points = segments(line, self._height + 0.015 * self._size)
         self._ghost.mesh.visible = view.ghost
-        # By vertices, not by node pose: the browser applies poses ahead of arrays, and the ghost would lead the beam.
+        # By vertices, not by node pose: the browser applies poses before arrays, so the ghost would be ahead of the beam.
         self._ghost.draw(link_points(scenario, sample.desired_pose)[0])
         grips = link_points(scenario, sample.pose)[0]
         share = np.linspace(0, 1, 2 * DASHES)[:, None]
@@ -102,12 +102,12 @@ class Overlays:
         self._link.points = np.column_stack([dashes, top]).reshape(DASHES, 2, 3).astype(np.float32)
 
     def forget_trail(self) -> None:
-        """Begin the trail anew: after a reset."""
+        """Restart the trail, as after a reset."""
         self._trail_places.clear()
 
 
 def elbow_sines(scenario: Scenario, x: np.ndarray, y: np.ndarray, angle: float) -> np.ndarray:
-    """The smaller |sin(elbow)| of the arms for the payload's middle at each (x, y) m and `angle` rad; 0: out of reach."""
+    """The smallest |sin(elbow)| of the arms for the payload's centre at each (x, y) m and `angle` rad; 0 if out of reach."""
     poses = np.stack(np.broadcast_arrays(x, y, np.full_like(x, angle)), axis=-1)
     worst = np.ones(x.shape)
     for index, arm in enumerate(scenario.arms):
@@ -132,7 +132,7 @@ class Reach:
     def __init__(self, scene: viser.SceneApi, scenario: Scenario):
         x_min, x_max, y_min, y_max = floor_extent(scenario)
         x, y = np.arange(x_min, x_max, CELL) + CELL / 2, np.arange(y_min, y_max, CELL) + CELL / 2
-        # First row of the picture at the far edge.
+        # The picture's first row is at the far edge.
         self._x, self._y = np.meshgrid(x, y[::-1])
         self._shown_for: tuple[Scenario, float] | None = None
         self._picture = scene.add_image(
@@ -149,7 +149,7 @@ class Reach:
         )
 
     def update(self, scenario: Scenario, sample: Samples, shown: bool) -> None:
-        """Shade for the angle of `sample` (N = 1), if shown."""
+        """Shade the floor for the angle of `sample` (N = 1), if shown."""
         self._picture.visible = shown
         if not shown:
             return

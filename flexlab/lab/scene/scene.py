@@ -1,4 +1,4 @@
-"""The picture: arms, beam, floor, forces and overlays in viser's 3D scene, redrawn from snapshots; or the scene alone."""
+"""The picture: arms, beam, floor, forces and overlays in viser's 3D scene, redrawn from snapshots; and a window without a lab."""
 
 import time
 
@@ -24,13 +24,13 @@ from flexlab.sockets import raise_handles
 from flexlab.text import number_text
 
 MODE_SHOWN_AT = 1.0
-"""Wall frequency of an animated mode, Hz."""
+"""Frequency of an animated mode on the screen, Hz."""
 MODE_SIZE = 0.06
 """Drawn size of an animated mode, in beam lengths, whatever the exaggeration."""
 PICTURES_PER_SECOND = 25
-"""Pictures per simulated second, which takes a second of wall time."""
+"""Pictures per simulated second, which takes one second of wall time."""
 LATE = 1.0
-"""Largest delay, s, that later pictures make up for."""
+"""Largest delay that later pictures make up for, s."""
 
 
 class Scene:
@@ -43,11 +43,11 @@ class Scene:
         self._built_for: object = None
         self._run_number = -1
         self.caption = ""
-        """How the drawn deflection relates to the true one."""
+        """A text that says how the drawn deflection relates to the true one."""
         self._build(scenario)
 
     def update(self, snapshot: Snapshot, view: ViewSettings, pull: Pull | None, kept: ReferenceRun | None) -> None:
-        """Draw a snapshot, the pull of a hand and the kept run if there are any, all parts at once."""
+        """Draw a snapshot, with the pull and the kept run if there are any, all parts at once."""
         scenario, sample = snapshot.scenario, snapshot.display
         if _structure(scenario) != self._built_for:
             self._build(scenario)
@@ -67,11 +67,11 @@ class Scene:
         self._server.flush()
 
     def scales(self, view: ViewSettings) -> list[tuple[str, str]]:
-        """(what, how much as HTML) of the present scales of the picture."""
+        """(label, value as HTML) of the picture's present scales."""
         return [*self._forces.scales(view), *self._strain.scales()]
 
     def _bent(self, scenario: Scenario, sample: Samples, view: ViewSettings) -> tuple[Samples, str]:
-        """The samples that the beam is drawn from, and its caption: the run's, or those of the animated mode."""
+        """The sample to draw the beam from, and the caption: the run's, or those of the animated mode."""
         truth = f"deflection drawn × {number_text(view.exaggeration)}"
         result, index = self._study.result, view.shown_mode
         if index is None or result is None or index >= len(result.frequency):
@@ -98,12 +98,12 @@ class Scene:
 
 
 def _structure(scenario: Scenario) -> tuple:
-    """What the drawn parts were built from; a change rebuilds them, everything else only moves them."""
+    """Everything that the drawn parts are built from; a change of it rebuilds them, any other change only moves them."""
     return scenario.left_arm, scenario.right_arm, scenario.payload.length, scenario.trajectory.middle
 
 
 class Window:
-    """The scene at an address that viser prints, for this machine only."""
+    """A page with the scene alone, for this machine only; viser prints its address."""
 
     def __init__(self, scenario: Scenario):
         self._scenario, self._view = scenario, ViewSettings(exaggeration=fitting_exaggeration(scenario))
@@ -124,7 +124,7 @@ class Window:
         self._simulated, self._due = 0.0, time.monotonic()
 
     def show(self, sample: Samples, passed: float) -> None:
-        """Show a sample (N = 1) that comes `passed` s after the last one, at the pace of a clock."""
+        """Show a sample (N = 1) that is `passed` s after the last one, in real time."""
         self._sample, self._simulated = sample, self._simulated + passed
         if self._simulated < (1 - 1e-9) / PICTURES_PER_SECOND:
             return
@@ -142,5 +142,5 @@ class Window:
         return f"http://127.0.0.1:{self._server.get_port()}"
 
     def close(self) -> None:
-        """End the server."""
+        """Stop the server."""
         self._server.stop()

@@ -1,4 +1,4 @@
-"""`flexlab bench`: speed and accuracy of the engine on this machine, beside its goals."""
+"""`flexlab bench`: speed and accuracy of the engine on this machine, compared with its goals."""
 
 import json
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Measurements in a fresh interpreter: the time of a cold and of a warm start, and the memory of a run and the live engine.
+"""Measurements in a fresh interpreter: times of a cold and a warm start, and memory of a run and of the live engine.
 
 A run should take little more memory than its samples, and the live engine must not grow.
 """
@@ -24,7 +24,7 @@ World(scenario).run(1)
 ready = time.perf_counter()
 print(json.dumps([imported - start, ready - imported, time.process_time()]))
 """
-"""The program of a start until the first sample, for a fresh interpreter."""
+"""The program that starts the engine up to the first sample, for a fresh interpreter."""
 
 EVERYTHING = """
 import json, time
@@ -96,7 +96,7 @@ print(json.dumps([*weigh_run(), weigh_live()]))
 """
 """The program that measures memory, in a fresh interpreter because a peak never falls again."""
 LIVE_START, LIVE_END = 80, 160
-"""Simulated times of the live engine between which its growth is measured, s; its history of a minute is full before."""
+"""Simulated times of the live engine between which its growth is measured, s; its history of a minute is full by then."""
 LIVE_FRAME = 0.05
 """Simulated time per frame of the live engine, s."""
 _STATUS = Path("/proc/self/status")
@@ -110,13 +110,13 @@ class Memory:
     stored: int
     """Size of the samples of a run of `DURATION`."""
     peak_growth: int
-    """Growth of the process's peak through the run, after a short run before it."""
+    """Growth of the process's peak memory during the run, after a short one."""
     live_growth: int
-    """Growth of the live engine's memory through 80 s of simulation."""
+    """Growth of the live engine's memory during 80 s of simulation."""
 
     @property
     def overhead(self) -> float:
-        """Growth of the peak over the samples' size; 1 if nothing else is kept."""
+        """Growth of the peak as a multiple of the samples' size; 1 if nothing else is kept."""
         return self.peak_growth / self.stored
 
 
@@ -128,7 +128,7 @@ def measure_memory() -> Memory | None:
 
 
 def weigh_run() -> tuple[int, int]:
-    """Bytes of a run's samples, and growth of the process's peak through the run."""
+    """Size of a run's samples, and growth of the process's peak memory during the run, bytes."""
     from flexlab.presets import load_preset
     from flexlab.sim.simulate import simulate
 
@@ -162,7 +162,7 @@ def weigh_live() -> int:
 
 
 def resident(field: str) -> int:
-    """This process's memory by Linux, bytes: VmRSS, the present, or VmHWM, the peak."""
+    """This process's memory on Linux, bytes; `field`: VmRSS for the present memory, VmHWM for the peak."""
     for line in _STATUS.read_text(encoding="ascii").splitlines():
         if line.startswith(field + ":"):
             return int(line.split()[1]) * 1024

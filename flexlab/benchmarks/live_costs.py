@@ -1,4 +1,4 @@
-"""Costs on the simulation thread of the live lab: a live change, and a law that another program computes."""
+"""Costs on the simulation thread of the live lab: of a live change, and of a law that another program computes."""
 
 import re
 import subprocess
@@ -46,7 +46,7 @@ class ChangeCost:
     ms: float
     """Processor time on the simulation thread, ms, checks included."""
     ms_beside: float
-    """Processor time beside it, before the world takes the change over, ms; 0 if nothing is prepared."""
+    """Processor time beside that thread, to prepare the change, ms; 0 if nothing is prepared."""
 
     @property
     def is_light(self) -> bool:
@@ -55,7 +55,7 @@ class ChangeCost:
 
 
 def change_costs(repeats: int) -> list[ChangeCost]:
-    """The least cost in `repeats` changes of each kind on each mesh."""
+    """The lowest cost in `repeats` changes of each kind on each mesh."""
     costs = []
     for elements in MESHES:
         world = World(load_preset("paper").replace({"payload.element_count": elements}))
@@ -86,7 +86,7 @@ def _change(world: World, path: str, value: Any) -> tuple[float, float]:
 
 
 WARM = 100
-"""Instants before the measured ones."""
+"""Number of instants before the measured ones."""
 RUN = "gravity"  # the preset
 
 
@@ -100,7 +100,7 @@ class RoundTrip:
 
 
 def measure_round_trip(instants: int) -> RoundTrip | None:
-    """Measure the example in Python; None if it cannot be started."""
+    """Measure the example law in a Python program; None if it cannot be started."""
     file = web_assets_folder() / "examples" / "controller.py"
     with subprocess.Popen([sys.executable, str(file), "0"], stdout=subprocess.PIPE, text=True) as program:
         assert program.stdout is not None

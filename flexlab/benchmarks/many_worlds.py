@@ -23,7 +23,7 @@ from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
 
 LOOK_EVERY = 0.005
-"""Interval between two observations, s; of a thread that ends, the last one counts."""
+"""Interval between two observations, s; the last one counts as a thread's end."""
 
 
 class ThreadWatch:
@@ -32,7 +32,7 @@ class ThreadWatch:
     def __init__(self, prefix: str):
         self._prefix = prefix
         self._lives: dict[int, tuple[float, float]] = {}
-        """Thread → instants at which it was seen first and last, s, less its time in the queue for a core until then."""
+        """Thread → instants at which it was first and last seen, s, minus its time in the queue for a core until then."""
         self._ended = threading.Event()
         self._watcher = threading.Thread(target=self._watch, name="thread-watch", daemon=True)
 
@@ -48,7 +48,7 @@ class ThreadWatch:
     def undisturbed(self) -> float | None:
         """Wall time that the slowest thread would have needed with a core of its own, s; None if it is not known.
 
-        A thread that was seen once has shown no time. One that waits for a lock whose owner waits for a core counts as waiting
+        A thread that was seen only once does not count. One that waits for a lock whose owner waits for a core counts as waiting
         for the lock.
         """
         return max((last - first for first, last in self._lives.values() if last > first), default=None)
@@ -75,7 +75,7 @@ def time_in_queue(thread: int) -> float | None:
 
 
 SPEED_UP_GOAL = 1.7
-"""Goal for the time of one worker over that of two."""
+"""Goal for the ratio of one worker's time to that of two."""
 WORKERS = 2
 DURATION = 3.0
 """Simulated time of each scenario, s."""
@@ -104,11 +104,11 @@ class WorkerScaling:
     one: list[Round]
     two: list[Round]
     locked_share: float
-    """Share of a run's processor time outside the kernels, which only one thread at a time can do."""
+    """Share of a run's processor time outside the kernels, where only one thread at a time can run."""
 
     @property
     def wall_speed_up(self) -> float:
-        """Best round of one worker over best round of two, by wall time, under the machine's load."""
+        """Ratio of the best round of one worker to the best round of two, by wall time, under the machine's load."""
         return min(r.wall for r in self.one) / min(r.wall for r in self.two)
 
     @property
@@ -118,7 +118,7 @@ class WorkerScaling:
 
     @property
     def speed_up(self) -> float:
-        """Best round of one worker over best round of two, without the time in the queue for a core if that is known."""
+        """Ratio of the best round of one worker to the best of two, without the time in the queue for a core if known."""
         one = [r.undisturbed for r in self.one if r.undisturbed is not None]
         two = [r.undisturbed for r in self.two if r.undisturbed is not None]
         return min(one) / min(two) if one and two else self.wall_speed_up
@@ -135,7 +135,7 @@ def worker_scaling(rounds: int) -> WorkerScaling:
 
 
 def locked_share() -> float:
-    """Share of a run's processor time for building the world and packing the samples."""
+    """Share of a run's processor time that goes into building the world and packing the samples."""
     scenario, ticks = _scenario(0), round(DURATION / 1e-3)
     kernels, whole = [], []
     with one_blas_thread():

@@ -1,6 +1,6 @@
-"""Timing on a shared machine: processor time instead of wall time, and the least of several runs.
+"""Timing on a shared machine: processor time instead of wall time, and the shortest of several runs.
 
-A disturbance only makes a run longer, so the least time is the best estimate of the cost.
+A disturbance only makes a run longer, so the shortest time is the best estimate of the cost.
 """
 
 import os
@@ -19,7 +19,7 @@ from flexlab.sim.world import World
 SAMPLE_PERIOD = 1e-3
 """Sample period of lab and recordings, s; a sample costs about a quarter of a step."""
 LEAST_TIME = 0.05
-"""Least processor time of all runs of one setting, s."""
+"""Smallest total processor time of the runs of one setting, s."""
 
 
 @dataclass(frozen=True)
@@ -56,10 +56,10 @@ class Trial:
 def try_out(
     scenario: Scenario, duration: float, repeats: int = 3, sample_period: float = SAMPLE_PERIOD, least_time: float = 0.0
 ) -> Trial:
-    """Simulate `scenario` for `duration` s in new worlds and take the least time, without building the worlds.
+    """Simulate `scenario` for `duration` s in new worlds, and take the shortest time, without that of building the worlds.
 
-    It repeats at least `repeats` times, and until the runs add up to `least_time` s of processor time. Raises `ScenarioError`
-    for an invalid scenario.
+    The run is repeated at least `repeats` times, and until all runs add up to `least_time` s of processor time. Raises
+    `ScenarioError` for an invalid scenario.
     """
     ticks = round(duration / sample_period)
     times: list[float] = []

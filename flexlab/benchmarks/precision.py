@@ -27,7 +27,7 @@ STEPS = {
 REFERENCE_STEP = 2.5e-5
 """Step of the reference, s, a fortieth of the longest step: at order 4 its error is a millionth of that step's."""
 MOST_WORK = 1e6
-"""Most steps times elements of one measurement, seconds of processor time."""
+"""Largest number of steps times elements in one measurement: seconds of processor time."""
 LOOSEST = 1e-4
 """Accuracy with which stability alone limits the automatic step, m."""
 
@@ -159,7 +159,7 @@ EXPONENT_GOAL = 1.2
 """Goal for the exponent of the cost over the number of elements."""
 MESHES = (2, 4, 8, 16, 32, 64)  # elements
 FIRST_FITTED = 8
-"""Least elements of the fit; on coarser meshes arms and controller cost more than the beam."""
+"""Smallest number of elements in the fit; on coarser meshes arms and controller cost more than the beam."""
 STEP = 1e-3  # s
 
 

@@ -231,7 +231,7 @@ def goals_table(goals: list[Goal]) -> "Table":
 def new_table(
     title: str, headings: tuple[str, ...], rows: Iterable[Sequence[str]] = (), bold: int | None = None
 ) -> "Table":
-    """A table with its title, headings and rows, of which one may be bold."""
+    """A table with title, headings and rows; `bold`: index of a bold row."""
     from rich import box
     from rich.table import Table
 

@@ -1,10 +1,10 @@
 """`flexlab/TwoArms-v1` for Gymnasium (extra `gym`): two arms carry a flexible beam along its path, and you are the control law.
 
-    import flexlab.gym_environment                                    # makes the environment known
+    import flexlab.gym_environment                                    # registers the environment
     env = gymnasium.make("flexlab/TwoArms-v1", stiffness=(20, 400))
     envs = gymnasium.make_vec("flexlab/TwoArms-v1", num_envs=64)      # all worlds in one call of machine code
 
-`environment.py` says what is observed, what is done and what is rewarded; `worlds.py` moves the worlds.
+`environment.py` describes actions, observations and rewards; `worlds.py` moves the worlds.
 """
 
 try:
@@ -17,7 +17,7 @@ from flexlab.gym_environment.worlds import RULES
 
 NAME = "flexlab/TwoArms-v{}"
 ID = NAME.format(max(RULES))
-"""Of the newest version; the older ones stay."""
+"""Name of the newest version; older versions stay available."""
 
 for version in RULES:
     if NAME.format(version) not in gymnasium.registry:

@@ -1,18 +1,18 @@
-"""The environment as Gymnasium knows it, for one world and for many.
+"""The Gymnasium environment, for one world and for many.
 
-An action is what the motors do for one control period (zero-order hold), in [-1, 1]; numbers beyond are taken as the limit, which
-policies that draw at random pass now and then:
-    action="wrench": force (x, y) and moment on the payload over 600 N, 600 N, 150 N·m; the arms share it, and each turns its
-        share into joint torques at the present pose, u_i = 𝒥_iᵀτ_i;
-    action="torques": joint torques of the left, then the right arm, over the torque limit.
+An action sets the motors for one control period (zero-order hold), in [-1, 1]; numbers beyond count as the limit, as random
+policies exceed it now and then:
+    action="wrench": force (x, y) and moment on the payload, as shares of 600 N, 600 N, 150 N·m; the arms share it, and each turns
+        its share into joint torques at the present pose, u_i = 𝒥_iᵀτ_i;
+    action="torques": joint torques of the left, then the right arm, as shares of the torque limit.
 An observation is OBSERVATION in SI units: what a sampled controller measures, with its noise, and where the path leads.
 The reward of a period T_c is -T_c · min(50, √c), with
     c = (e_x² + e_y²)/(10 mm)² + e_θ²/(20 mrad)² + (w - w_qs)²/(1 mm)² + 0.01 Σ (τ/τ_max)²,
-w - w_qs the vibration at mid-span. Where an arm can no longer reach, or the beam bends by its length, the episode terminates, and
+w - w_qs the vibration at mid-span. If an arm can no longer reach, or the beam bends by its length, the episode terminates, and
 every second left costs 50. Otherwise it is truncated after `duration`.
 
-Version 0 has a wrench of 200 N, 200 N, 50 N·m, too little for the paper's path, and the reward -T_c · min(100, c): where learning
-begins, all costs are the largest, so that nothing can be learnt from them.
+Version 0 has a wrench of 200 N, 200 N, 50 N·m, too little for the paper's path, and the reward -T_c · min(100, c): when learning
+begins, all costs are at the limit, so that nothing can be learnt from them.
 
 `render_mode="rgb_array"` draws each world, `"human"` shows the first one in a browser.
 """
@@ -64,7 +64,7 @@ class Drawing:
         self._beam = axes.plot([], [], color=colors.css(colors.GREEN), linewidth=4)[0]
 
     def picture(self, sample: Samples) -> np.ndarray:
-        """(height, width, 3), 0 to 255, of a sample (N = 1)."""
+        """The picture of a sample (N = 1), (height, width, 3), 0 to 255."""
         for line, points in zip(self._arms, arm_points(self._scenario, sample)[0], strict=True):
             line.set_data(*points.T)
         self._beam.set_data(*beam_points(self._scenario, sample, STATIONS, self.exaggeration)[0].T)
@@ -100,7 +100,7 @@ class _Scaled:
         self._window: Window | None = None
 
     def _scaled(self, actions: Any, shape: tuple[int, ...]) -> np.ndarray:
-        """Actions, limited to [-1, 1], as N and N·m, (worlds, numbers). Raises `StudyError` for what is no action."""
+        """Actions, limited to [-1, 1], in N and N·m, (worlds, numbers). Raises `StudyError` for anything else."""
         try:
             given = np.asarray(actions)
             given = given.astype(float) if given.dtype.kind in "biuf" else None
@@ -139,7 +139,7 @@ class _Scaled:
 
 
 class TwoArms(gym.Env[np.ndarray, np.ndarray], _Scaled):
-    """One world; arguments as `worlds.Settings`. `info` says the stiffness (N·m²) and the delay of the episode."""
+    """One world; arguments as `worlds.Settings`. `info` holds the stiffness (N·m²) and the delay of the episode."""
 
     metadata = RENDER_MODES
 
@@ -179,7 +179,7 @@ class TwoArms(gym.Env[np.ndarray, np.ndarray], _Scaled):
 
 
 class TwoArmsVector(VectorEnv[np.ndarray, np.ndarray, np.ndarray], _Scaled):
-    """`num_envs` worlds that move in one call; a world whose episode is over begins the next one with the next step."""
+    """`num_envs` worlds that move in one call; a world whose episode is over begins the next one at the next step."""
 
     metadata = RENDER_MODES | {"autoreset_mode": AutoresetMode.NEXT_STEP}
 

@@ -1,7 +1,7 @@
-"""Many worlds in one call: each takes its action, moves by one control period and says what is measured and rewarded.
+"""Many worlds in one call: each takes its action, moves by one control period, and gives its observation and reward.
 
-A world is a row of arrays; its beam is one of the variants that were derived beforehand. One thread's worlds share a workspace,
-which holds nothing from one call of `advance` to the next.
+A world is a row of arrays; its beam is one of the variants that were computed beforehand. The worlds of one thread share a
+workspace, which keeps nothing from one call of `advance` to the next.
 """
 
 from typing import NamedTuple
@@ -19,15 +19,15 @@ from flexlab.sim.sampled_control import gaussian
 from flexlab.sim.signals import ANGLE, ARMS, MIDSPAN, PER_ARM, POSE, QUASI_STATIC
 
 OBSERVED = 14
-"""Numbers of an observation."""
+"""Number of values in an observation."""
 POSITION_SCALE, ANGLE_SCALE, VIBRATION_SCALE = 0.01, 0.02, 0.001
-"""m, rad, m: errors that cost 1 per second."""
+"""Errors that cost 1 per second, m, rad, m."""
 EFFORT = 0.01
 """Cost per second of a joint torque at its limit."""
 
 
 class Variants(NamedTuple):
-    """The beams that worlds may have, stacked: all that depends on EI."""
+    """The beams that worlds may have, stacked: everything that depends on EI."""
 
     modal: np.ndarray
     """(variants, 13, n_m)."""
@@ -57,7 +57,7 @@ class Worlds(NamedTuple):
     good: np.ndarray
     """Scratch, like y."""
     held: np.ndarray
-    """Joint torques at work, N·m, (worlds, arms, 3)."""
+    """Joint torques in force, N·m, (worlds, arms, 3)."""
     line: np.ndarray
     """Torques on their way, (worlds, longest delay + 1, arms, 3)."""
     delay: np.ndarray
@@ -67,7 +67,7 @@ class Worlds(NamedTuple):
     noise: np.ndarray
     """Scale of the noise."""
     offset: np.ndarray
-    """Start pose less that of the path, (worlds, 3)."""
+    """Start pose minus that of the path, (worlds, 3)."""
     pause: np.ndarray
     """Whether the world begins anew in this call instead of moving."""
     row: np.ndarray
@@ -99,7 +99,7 @@ def _with_beam(plant, variants, v):
 
 @inlined
 def _begin_row(plant, y, row, ws):
-    """Fill in what is drawn of a sample: time, pose, joint angles, a straight beam."""
+    """Fill in the part of a sample that is drawn: time, pose, joint angles, a straight beam."""
     for k in range(len(row)):
         row[k] = 0.0
     for a in range(3):
@@ -112,7 +112,7 @@ def _begin_row(plant, y, row, ws):
 
 @compiled
 def begin_worlds(plant, variants, worlds, start, desired, ws):
-    """Set the worlds that pause to their start: pose and pose rate `start` (2, 3), the pose plus their offset.
+    """Set the worlds that pause to their start: pose and pose rate `start` (2, 3), with their offset added to the pose.
 
     `desired` (3, 3): x_d, ẋ_d, ẍ_d at t = 0.
     """
@@ -168,7 +168,7 @@ def step_worlds(
 ):
     """Move the worlds that do not pause by one control period under actions (worlds, 3 or 3 per arm), N and N·m.
 
-    `limits` (3,): largest joint torques; `noise` (8,): standard deviations of e, ė, hᵀq̇ and gᵀq̇; `worst`, `rooted`: as of
+    `limits` (3,): largest joint torques; `noise` (8,): standard deviations of e, ė, hᵀq̇ and gᵀq̇; `worst`, `rooted`: as in
     `worlds.Rules`; `level`, `first`: 0, False. Returns 0.
     """
     plant, arm_count = system.plant, len(system.plant.arms)

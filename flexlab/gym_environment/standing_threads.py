@@ -1,7 +1,7 @@
-"""Threads that wait for work in machine code, each for its own part of it: work of a tenth of a millisecond pays on several.
+"""Threads that wait for work in machine code, each for its own part: they pay for a tenth of a millisecond of work.
 
-To wake a thread that the system has put to sleep, or to wait for Python's lock, takes as long as such work. So a thread looks
-for the next order in memory for a while before it goes to sleep, and the caller for the others' answers.
+Waking a thread that the system has put to sleep, or waiting for Python's lock, takes as long as such work. So a thread polls
+memory for the next order for a while before it goes to sleep, and the caller polls for the others' answers.
 """
 
 import threading
@@ -17,9 +17,9 @@ from numba.extending import intrinsic
 from flexlab.compiled import call_whole_kernel, compiled, entry_point, whole_address
 
 PATIENCE = 300_000
-"""Looks at memory, a tenth of a millisecond or two, after which a thread that waits lets others have its processor."""
+"""Number of polls, one or two tenths of a millisecond, after which a waiting thread gives up its processor."""
 APART = 16
-"""Places between two numbers that different threads write: on one cache line they would slow each other down."""
+"""Places from one thread's number to the next one's: on one cache line the threads would slow each other down."""
 
 
 def _place(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> Any:
@@ -28,7 +28,7 @@ def _place(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> Any
 
 @intrinsic
 def look(typing, numbers, index):
-    """The number at a place that another thread writes; what it wrote before is seen then."""
+    """Read a number that another thread writes; everything it wrote before is then visible."""
 
     def code(context, builder, signature, values):
         return builder.load_atomic(_place(context, builder, signature.args[0], *values), "acquire", 8)
@@ -38,7 +38,7 @@ def look(typing, numbers, index):
 
 @intrinsic
 def tell(typing, numbers, index, number):
-    """Write a number that another thread looks for, after all that was written before."""
+    """Write a number that another thread polls, after everything that was written before."""
 
     def code(context, builder, signature, values):
         builder.store_atomic(values[2], _place(context, builder, signature.args[0], *values[:2]), "release", 8)
@@ -49,7 +49,7 @@ def tell(typing, numbers, index, number):
 
 @compiled
 def stand_by(address, arguments, orders, answers, place, last, patience):
-    """Do one part at each new order and answer with its number; the last one, once none has come for `patience` looks."""
+    """Do one part at each new order and answer with its number; return the last order after `patience` polls without one."""
     looks = 0
     while looks < patience:
         order = look(orders, 0)
@@ -70,7 +70,7 @@ def begin(address, arguments, orders, order):
 
 @compiled
 def all_answered(answers, order, patience):
-    """Whether every thread has answered an order, after `patience` looks at most for each."""
+    """Whether every thread has answered an order, within `patience` polls for each."""
     for place in range(0, len(answers), APART):
         looks = 0
         while look(answers, place) != order:
@@ -86,7 +86,7 @@ class StandingThreads:
     def __init__(self, kernel: Any, parts: Sequence[tuple[Any, ...]], variant: Hashable = None):
         """`kernel`: a `pluggable` one that returns a whole number; `parts`: its arguments, the same at every `run`.
 
-        `variant`: as of `whole_address`.
+        `variant`: as in `whole_address`.
         """
         address = whole_address(kernel, lambda: parts[0], variant)
         self._orders, self._answers = np.zeros(1, np.int64), np.zeros(APART * (len(parts) - 1), np.int64)
@@ -120,7 +120,7 @@ class StandingThreads:
                 self._changed.notify_all()
         self._begin(*self._first, self._order)
         while not self._answered(self._answers, self._order, PATIENCE):
-            time.sleep(0)  # More threads than processors.
+            time.sleep(0)  # There are more threads than processors.
 
     def close(self) -> None:
         """End the threads."""

@@ -1,4 +1,4 @@
-"""Settings of an environment, and its worlds, which move together on several threads."""
+"""The settings of an environment, and its worlds, which move together on several threads."""
 
 import difflib
 import os
@@ -37,49 +37,49 @@ class Rules:
     """Scales of actions and rewards in a version of the environment."""
 
     wrench_scale: tuple[float, float, float]
-    """N, N, N·m of a wrench of 1."""
+    """Wrench of an action of 1, N, N, N·m."""
     rooted: bool
-    """Whether a second costs √c rather than c, see `environment`."""
+    """Whether the cost per second is √c instead of c, see `environment`."""
     worst: float
-    """Largest cost of a second, which each second left of a failed episode costs too."""
+    """Largest cost per second, which is also the cost of each second left of a failed episode."""
 
 
 RULES = {
     0: Rules((200.0, 200.0, 50.0), False, 100.0),
-    # The paper's path takes 320 N. Costs that grow with the square are all the worst beyond 0.1 m, where learning begins.
+    # The paper's path takes 320 N. Quadratic costs are all at the limit beyond 0.1 m, where learning begins.
     1: Rules((600.0, 600.0, 150.0), True, 50.0),
 }
-"""By version of the environment; released versions do not change."""
+"""Rules by version of the environment; released versions do not change."""
 
 
 class Settings(Part):
     """Settings of an environment."""
 
     scenario: Any = "paper"
-    """Gives arms, beam and path; its control law does not act."""
+    """The scenario with arms, beam and path; its control law does not act."""
     action: Literal["wrench", "torques"] = WRENCH
     """"wrench" (3 numbers) or "torques" (3 per arm), see `environment`."""
     control_period: Number = quantity(1e-3, title="Time between two actions", unit="s", low=1e-4, high=0.02)
     duration: Number = quantity(2.0, title="Length of an episode", unit="s", low=1e-4, high=1e4)
     stiffness: Pair | None = quantity(None, title="Bending stiffness", unit="N·m²", low=1e-3, high=1e12)
-    """EI of an episode: from a range, equal ratios equally likely; None: the scenario's."""
+    """Range of an episode's EI, with equal ratios equally likely; None for the scenario's."""
     delay: CountPair = quantity((0, 0), title="Delay", unit="control periods", low=0, high=MOST_DELAY)
-    """By which an episode's actions arrive late: from a range, both ends included."""
+    """Range of the delay of an episode's actions, both ends included."""
     noise: Number = quantity(0.0, title="Largest scale of the measuring noise", low=0.0, high=100.0)
-    """An episode has a random share of it: 1 is `NOISE`."""
+    """Each episode has a random share of it; a scale of 1 is `NOISE`."""
     start_spread: Triple = quantity((0.005, 0.005, 0.01), title="Spread", unit="m, m, rad", low=0.0, high=1.0)
     """Largest distance of an episode's start pose from the scenario's."""
     torque_limit: Number = quantity(200.0, title="Torque limit of each joint", unit="N·m", low=1e-3, high=1e6)
     variants: Count = quantity(32, title="Stiffnesses that represent the range", low=1, high=1024)
-    """Each takes some milliseconds when the environment is made."""
+    """Each takes a few milliseconds when the environment is made."""
     threads: Count | None = quantity(None, title="Threads that move the worlds", low=1, high=1024)
-    """None: one per core. Few worlds use fewer."""
+    """None for one per core. Few worlds use fewer."""
     version: Literal[0, 1] = 1
-    """Of the environment, see `RULES`; its name says it."""
+    """Version of the environment, which its name gives; see `RULES`."""
 
     @classmethod
     def of(cls, options: dict[str, Any]) -> "Settings":
-        """From keywords. Raises `StudyError` for what is not usable."""
+        """The settings in keywords. Raises `StudyError` for unusable ones."""
         known = cls.model_fields
         for name in options:
             if name not in known:
@@ -119,9 +119,9 @@ class Settings(Part):
 NOISE = (1e-4, 1e-4, 1e-4, 1e-2, 1e-2, 1e-2, 1e-3, 1e-4)
 """Standard deviations of the measured e (m, m, rad), ė (m/s, m/s, rad/s), hᵀq̇ (kg·m/s) and gᵀq̇ (kg·m²/s) at scale 1."""
 ACCURACY = 1e-7
-"""m that the step aims at: the paper's beam then takes one step per millisecond."""
+"""Accuracy of the integration step, m: the paper's beam then takes one step per millisecond."""
 LEAST_PER_THREAD = 16
-"""Worlds for which handing work to another thread pays."""
+"""Smallest number of worlds for which another thread pays."""
 
 
 class WorldBatch:
@@ -165,7 +165,7 @@ class WorldBatch:
 
     @property
     def action_size(self) -> int:
-        """Numbers of an action."""
+        """Number of values in an action."""
         return 3 if self.settings.action == WRENCH else 3 * self.arm_count
 
     def begin(self, chosen: np.ndarray, random: np.random.Generator) -> None:
@@ -181,9 +181,9 @@ class WorldBatch:
         begin_worlds(self._system.plant, self._variants, state, self._start, self._desired, self._parts[0][2])
 
     def step(self, actions: np.ndarray) -> None:
-        """Move the worlds that do not pause under actions (count, numbers), on all threads; then none pauses.
+        """Move the worlds that do not pause under actions (count, action_size), on all threads; then end all pauses.
 
-        Raises `StudyError` where a world has no episode.
+        Raises `StudyError` if a world has no episode.
         """
         if not self._begun.all():
             raise StudyError("A world has no episode yet: call reset before step.")
@@ -200,7 +200,7 @@ class WorldBatch:
         )  # fmt: skip
 
     def samples(self) -> Samples:
-        """What is drawn of the worlds, (count,)."""
+        """Samples by which the worlds are drawn, (count,)."""
         return rows_to_samples(self.state.row[:, 0], self.arm_count)
 
     def close(self) -> None:

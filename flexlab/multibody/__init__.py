@@ -1,4 +1,4 @@
-"""A scenario's mechanics as rigid bodies, springs and dampers, in the files that other simulators of robots read."""
+"""A scenario's mechanics as rigid bodies, springs and dampers, in the formats of other robot simulators."""
 
 from pathlib import Path
 
@@ -8,11 +8,11 @@ from flexlab.multibody.formats import mjcf_text, urdf_text
 from flexlab.scenario import Scenario
 
 WRITERS = {".urdf": urdf_text, ".xml": mjcf_text, ".mjcf": mjcf_text}
-"""By what a file's name ends in."""
+"""Writers by the ending of a file's name."""
 
 
 def write_bodies(scenario: Scenario, file: Path, name: str = "scenario") -> Path:
-    """Write a scenario's arms and beam as .urdf, or for MuJoCo as .xml or .mjcf; returns the file.
+    """Write a scenario's arms and beam as .urdf, or for MuJoCo as .xml or .mjcf, and return the file.
 
     Raises `ScenarioError` for a scenario that cannot start, and `StudyError`.
     """

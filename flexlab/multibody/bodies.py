@@ -1,9 +1,9 @@
-"""Arms and beam as a tree of rigid bodies on joints, with what closes its loops.
+"""Arms and beam as a tree of rigid bodies on joints, with the constraints that close its loops.
 
-The arms are exact. The beam is a finite-segment model: `ELEMENTS` equal elements, each two rigid halves on a hinge with a
-spring EI/l, halves of neighbours in one piece; a pinned end is a hinge without spring, a clamped one none at all. Pieces keep
-their length, while the beam keeps its length along the chord to first order: so the beam slides along the chord at its left
-end, by micrometres. The chord, the paper's virtual link, is part of the left arm's last link; there the right end is held.
+The arms are exact. The beam is a finite-segment model: `ELEMENTS` equal elements, each of two rigid halves on a hinge with a
+spring EI/l, where adjacent halves of neighbours form one piece; a pinned end is a hinge without a spring, a clamped end has no
+hinge. Pieces keep their length, and the beam keeps its length along the chord to first order: so its left end slides along the
+chord, by micrometres. The chord, the paper's virtual link, is part of the left arm's last link, which holds the right end.
 """
 
 from collections.abc import Iterator
@@ -21,13 +21,13 @@ from flexlab.sim.geometry import deflection_at
 from flexlab.sim.world import World
 
 ELEMENTS = 10
-"""Of the beam: its first frequency is then 1e-5 off the continuous beam's if both ends are pinned, 1.6 % if both are clamped."""
+"""Number of the beam's elements: its first frequency is 1e-5 off the continuous beam's with pinned ends, 1.6 % with clamped."""
 BEAM_END = "beam_end"
 """The frame at the beam's right end."""
 STEPS_PER_RADIAN = 2
-"""Steps of a simulator while the fastest bending of the pieces turns by a radian."""
+"""Steps of a simulator per radian of the phase of the pieces' fastest bending."""
 LONGEST_STEP = 1e-3
-"""s."""
+"""Longest step of a simulator, s."""
 
 
 @dataclass(frozen=True)
@@ -70,13 +70,13 @@ class Body:
     at: tuple[float, float]
     """Where it begins on the body that holds it, m."""
     joints: tuple[Joint, ...]
-    """None: it is fixed."""
+    """Empty for a fixed body."""
     mass: float
     """kg."""
     center: float
     """Centre of mass along it, m."""
     inertia: float
-    """About that centre, kg·m²."""
+    """About the centre of mass, kg·m²."""
     length: float
     """m."""
     held: tuple["Body", ...] = ()
@@ -86,29 +86,29 @@ class Body:
 
 @dataclass(frozen=True)
 class Bodies:
-    """A scenario as a tree with loops to be closed."""
+    """A scenario as a tree, with the loops to close."""
 
     scenario: Scenario
     arms: tuple[Body, ...]
     """First links, with all that they carry."""
     welded: tuple[tuple[str, str], ...]
-    """Pairs of frames that are one."""
+    """Pairs of frames that coincide."""
     connected: tuple[tuple[str, str], ...]
-    """Pairs of frames at one place, with any angle."""
+    """Pairs of frames at the same place, with any angle."""
     step: float
     """A simulator's step, s, that suits the fastest bending."""
     frequency: float
-    """Of the pieces' first bending with the grips held, Hz."""
+    """First bending frequency of the pieces with the grips held, Hz."""
     beam_frequency: float
-    """The same of the scenario's finite elements."""
+    """First bending frequency of the scenario's finite elements, Hz."""
 
     @property
     def upright(self) -> bool:
-        """Whether the plane stands upright, its y upwards."""
+        """Whether the plane stands upright, with y upwards."""
         return self.scenario.gravity != 0
 
     def walk(self) -> Iterator[tuple[Body, Body | None]]:
-        """All bodies, depth first, each with what holds it."""
+        """All bodies, depth first, each with the body that holds it."""
         for arm in self.arms:
             yield from _walk(arm, None)
 
@@ -195,7 +195,7 @@ def _ends(payload: Payload) -> np.ndarray:
 
 
 def _angles(payload: Payload, beam_coordinates: np.ndarray) -> np.ndarray:
-    """Angles of the pieces to the chord, rad, (ELEMENTS + 1,), where the beam is bent so."""
+    """Angles of the pieces to the chord, rad, (ELEMENTS + 1,), for a bent beam."""
     left_end, right_end = payload.boundary.split("-")
     ends = _ends(payload)
     height = deflection_at(payload, beam_coordinates[None], ends)[0]
@@ -207,7 +207,7 @@ def _angles(payload: Payload, beam_coordinates: np.ndarray) -> np.ndarray:
 
 
 def _beam(payload: Payload, coordinates: np.ndarray, at: float) -> tuple[Body, ...]:
-    """The pieces of the beam, one on the other, on the left grip at `at`, m."""
+    """The pieces of the beam as a chain, which begins at the left grip at `at`, m."""
     left_end, right_end = payload.boundary.split("-")
     length, modes = np.diff(_ends(payload)), build_beam(payload).modes
     first = int(np.argmin(modes.omega))
@@ -235,7 +235,7 @@ def _beam(payload: Payload, coordinates: np.ndarray, at: float) -> tuple[Body, .
 
 
 def _frequencies(payload: Payload) -> tuple[float, float]:
-    """Lowest and highest angular frequency of the pieces across the chord with the grips held, rad/s."""
+    """Lowest and highest angular frequency of the pieces' motion across the chord with the grips held, rad/s."""
     left_end, right_end = payload.boundary.split("-")
     length, count = np.diff(_ends(payload)), ELEMENTS + 2
     mass, stiffness = np.zeros((count, count)), np.zeros((count, count))

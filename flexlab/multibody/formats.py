@@ -11,11 +11,11 @@ from flexlab.errors import StudyError
 from flexlab.multibody.bodies import BEAM_END, Bodies, Body, Joint
 
 LEAST_INERTIA = 1e-12
-"""kg and kg·m²: MuJoCo refuses bodies that have next to none."""
+"""Smallest mass, kg, and inertia, kg·m²: MuJoCo refuses bodies with next to none."""
 HOLDING_STEPS = 5
-"""Time constant of what closes a loop, in steps: shorter ones come near the limit of stability."""
+"""Time constant of the constraints that close loops, in steps: shorter ones come near the limit of stability."""
 RADIUS = {"left": 0.02, "right": 0.02, "beam": 0.008}
-"""Of the capsules that are drawn, m."""
+"""Radii of the drawn capsules, m."""
 
 
 def mjcf_text(bodies: Bodies, name: str) -> str:
@@ -54,7 +54,7 @@ def mjcf_text(bodies: Bodies, name: str) -> str:
 
 
 def motor_name(joint: Joint) -> str:
-    """Of a joint's motor, as in functional mock-up units: "motor_torque_left_1"."""
+    """The name of a joint's motor, as in functional mock-up units: "motor_torque_left_1"."""
     side, _, number = joint.name.split("_")
     return f"motor_torque_{side}_{number}"
 
@@ -79,7 +79,7 @@ def _add_body(parent: Any, body: Body) -> None:
         if joint.friction:
             about |= {"frictionloss": repr(joint.friction)}
         _add(element, "joint", name=joint.name, **about)
-    # In the plane only the inertia about z counts: the others suit it.
+    # In the plane only the inertia about z counts: the others are equal to it.
     inertia = " ".join([repr(body.inertia)] * 3)
     _add(element, "inertial", mass=repr(body.mass), pos=f"{body.center!r} 0 0", diaginertia=inertia)
     radius = RADIUS[body.name.partition("_")[0]]
@@ -91,7 +91,7 @@ def _add_body(parent: Any, body: Body) -> None:
 
 
 NO_LIMIT = 1e6
-"""N·m and rad/s: URDF wants limits of joints that have none here."""
+"""Limit, N·m and rad/s, of joints without one: URDF requires limits."""
 
 
 def urdf_text(bodies: Bodies, name: str) -> str:
@@ -106,7 +106,7 @@ def urdf_text(bodies: Bodies, name: str) -> str:
         inertial = _add(link, "inertial")
         _add(inertial, "origin", xyz=f"{body.center!r} 0 0", rpy="0 0 0")
         _add(inertial, "mass", value=repr(body.mass))
-        # In the plane only the inertia about z counts: the others suit it.
+        # In the plane only the inertia about z counts: the others are equal to it.
         own = repr(body.inertia)
         _add(inertial, "inertia", ixx=own, iyy=own, izz=own, ixy="0", ixz="0", iyz="0")
         visual = _add(link, "visual")
@@ -153,7 +153,7 @@ def _add_joint(
 
 
 def _connect(root: Any, body: Body, holder: str) -> None:
-    """The joint of a body. What slides along the chord is left to who closes the loop: links without mass trouble readers."""
+    """Add a body's joint. The slide along the chord is part of the open loop: readers have trouble with massless links."""
     joint = next((each for each in body.joints if not each.slides), None)
     if joint is None:
         _add_joint(root, f"{body.name}_joint", "fixed", holder, body.name, body.at)

@@ -1,13 +1,13 @@
-// What viser's page lacks for keyboards and screen readers: names, values in their unit, words for pictures, landmarks.
+// Adds what viser's page lacks for keyboards and screen readers: names, values with units, texts for pictures, landmarks.
 (() => {
-  const LOOK = 100, CALM = 1000; // ms between two checks: of values that change, and of what changes seldom
+  const LOOK = 100, CALM = 1000; // ms between two checks: of changing values, and of what rarely changes
   const ICONS = { "list-search": "Commands (Ctrl+K)", adjustments: "Connection and scene", "arrow-back": "Back to the controls",
     maximize: "Enlarge the plot" };
   const REGIONS = { '[data-dock-region="right"]': "Controls", '[data-dock-region="left"]': "Guide",
     "[data-floating-window]": "Plots" };
-  const PRESSED = "data-fl-pressed"; // takes Enter and Space as a button does
+  const PRESSED = "data-fl-pressed"; // marks parts that react to Enter and Space like a button
 
-  // The English text of a part, or of its attribute, whatever language is shown.
+  // The English text of a part, or of its attribute, in any shown language.
   const english = (part, name) => window.flexlabEnglish?.(part, name) ?? (name ? part.getAttribute(name) : part.textContent);
 
   function mark(part, attributes) {
@@ -24,7 +24,7 @@
   let labels = new Map();
   const labelled = (part) => labels.get(part?.id);
 
-  // A label is "name (unit)"; the slider of a quantity is called "name, slider" and stands below its box.
+  // A label is "name (unit)"; the slider of a quantity is called "name, slider" and is below its box.
   function parts(label) {
     const text = label ? english(label) : "";
     const [, name, unit] = text.match(/^(.*) \(([^()]*)\)$/) ?? [null, text, ""];
@@ -46,7 +46,7 @@
     mark(thumb, { "aria-label": said.name, "aria-valuetext": value });
   }
 
-  // Several numbers of one field have one label, which belongs to the first of them.
+  // Several numbers of one field share one label, which belongs to the first of them.
   function nameBoxes(first) {
     const boxes = [...first.closest(".mantine-Flex-root").querySelectorAll(".mantine-NumberInput-input")];
     const label = labelled(first);
@@ -57,7 +57,7 @@
       "aria-label": listed.length === boxes.length ? `${text}, ${listed[index].trim()}` : `${text}, ${index + 1} of ${boxes.length}` }));
   }
 
-  // The label of a line of text points at nothing.
+  // The label of a text field refers to no element.
   function nameText(input) {
     const label = input.closest(".mantine-Flex-root")?.querySelector("label");
     if (label) mark(input, { "aria-label": english(label) });
@@ -111,7 +111,7 @@
     for (const [selector, name] of Object.entries(REGIONS)) {
       all(selector, (region) => mark(region, { role: "region", "aria-label": name }));
     }
-    // The labels of a folded panel open it too; a list of tabs may hold nothing but them.
+    // The labels of a folded panel open it too; a list of tabs may hold only tabs.
     all('[role="tablist"][data-dock-bar] > [role="button"]', (button) => mark(button, { "aria-hidden": "true", tabindex: "-1" }));
     all(".mantine-ScrollArea-viewport, [data-dock-scroll]", (part) => {
       if (part.scrollHeight > part.clientHeight + 1) mark(part, { tabindex: "0" });
@@ -141,16 +141,16 @@
     event.stopPropagation();
     pressed.click();
   }, true);
-  addEventListener("click", () => setTimeout(tellCalmly, 0)); // Folders and curves tell at once whether they are open.
+  addEventListener("click", () => setTimeout(tellCalmly, 0)); // Folders and curves report at once whether they are open.
   addEventListener("DOMContentLoaded", () => {
     document.body.prepend(banner);
     document.body.append(live);
-    // An arrow that moves a slider or goes to the next tab is neither a step of the run nor a turn of the camera.
+    // An arrow key that moves a slider or goes to the next tab must neither step the run nor turn the camera.
     document.body.addEventListener("keydown", (event) => {
       if (event.key.startsWith("Arrow") && event.target.closest?.('[role="slider"], [role="tab"]')) event.stopPropagation();
     });
   });
-  // Names and values are asked for when parts have come or a value has changed; each round waits for what follows at once.
+  // Names and values are updated when parts were added or a value has changed; each round waits for changes that follow at once.
   const lookSoon = () => { if (!due) [due] = [true, setTimeout(look, LOOK)]; };
   for (const kind of ["flexlab-structure", "input", "visibilitychange"]) addEventListener(kind, lookSoon, true);
   new MutationObserver(lookSoon).observe(document, { subtree: true, attributes: true, attributeFilter: ["aria-valuenow", "value"] });

@@ -1,9 +1,9 @@
-// The beam's ring as sound, off until somebody asks for it: a sine for each tone that the lab tells (`ring_sound.py`).
+// The beam's ring as sound, off until somebody turns it on: a sine for each tone that the lab sends (`ring_sound.py`).
 (() => {
-  const LOOK = 33, STALE = 700; // ms between two checks; after which tones that were not sent again fall silent
-  const GLIDE = 0.03; // s in which pitch and loudness follow
-  const FADE = 300; // ms after which a sound that is turned off has faded: cut off, it would click
-  const VOLUME = 0.3; // of a tone at its loudest; more than three of them share what a sound card can play
+  const LOOK = 33, STALE = 700; // ms between two checks; ms after which tones that were not sent again fall silent
+  const GLIDE = 0.03; // time constant with which pitch and loudness follow, s
+  const FADE = 300; // ms in which a sound fades when it is turned off: without that, it would click
+  const VOLUME = 0.3; // gain of the loudest tone; more than three of them share what a sound card can play
   const button = Object.assign(document.createElement("button"), { className: "fl-hear", type: "button", textContent: "Hear it" });
   button.setAttribute("aria-pressed", "false");
   button.title = "The beam's vibration as sound";
@@ -55,7 +55,7 @@
     }
     looking = setInterval(look, LOOK);
     if (!context) {
-      context = new AudioContext(); // A browser lets nothing sound before a click.
+      context = new AudioContext(); // A browser plays no sound before a click.
       master = context.createGain();
       master.gain.value = VOLUME;
       master.connect(context.destination);

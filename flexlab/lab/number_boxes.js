@@ -1,19 +1,19 @@
-// Number boxes take 1.5e-3 and −3 as people write and copy them: viser's drop the letter and the sign, and go on with 1.53 and 3.
-// A box that is left without a number shows its last one again. What is typed acts when the typing rests, or at once by Enter, by
-// an arrow, a shortcut or when the box is left: 600 would act as 6 and 60 on its way.
+// Makes number boxes accept 1.5e-3 and −3 as people write and copy them: viser's drop the letter and the sign, giving 1.53 and 3.
+// A box that is left without a number shows its last one again. A typed number takes effect when the typing pauses, or at once on
+// Enter, an arrow key, a shortcut or leaving the box: otherwise 600 would take effect as 6 and as 60 first.
 (() => {
   const POWER = /^[+-]?(\d+[.,]?\d*|[.,]\d+)e([+-]?\d*)$/i;
   const DIGITS = { useGrouping: false, maximumSignificantDigits: 15 };
   const value = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value"), setValue = value.set;
   const isBox = (part) => part?.matches?.("input[inputmode=decimal], input[inputmode=numeric]");
   const isNumber = (text) => text.trim() !== "" && Number.isFinite(Number(text));
-  const REST = 400, PAUSE = 3000; // ms: after which what is typed acts, and after which nobody types any more
+  const REST = 400, PAUSE = 3000; // ms after which a typed number takes effect, and after which the typing counts as ended
   const last = new WeakMap(); // box → its last number
-  let held = null, timer = 0; // a box whose text has not acted yet
-  let busy = null, pause = 0; // a box that somebody types in
-  let written = null; // a number with a power of ten, as far as somebody has written it
+  let held = null, timer = 0; // a box whose text has not taken effect yet
+  let busy = null, pause = 0; // a box in which somebody types
+  let written = null; // a number with a power of ten, as far as it is typed
 
-  // While somebody types, the page changes neither text nor caret: an earlier value that comes late would mix with the digits.
+  // While somebody types, the page changes neither text nor caret: an earlier value that arrives late would mix with the digits.
   const tell = function (text) { if (this !== busy) setValue.call(this, text); };
   const { setSelectionRange } = HTMLInputElement.prototype;
   const select = function (...range) { if (this !== busy) setSelectionRange.apply(this, range); };
@@ -32,7 +32,7 @@
     act();
     busy = null;
     clearTimeout(pause);
-    if (!box || acts) return; // what acts now, the page will show
+    if (!box || acts) return; // the page will show what takes effect now
     const told = box[Object.keys(box).find((name) => name.startsWith("__reactProps$"))]?.value;
     if (told !== undefined) setValue.call(box, told);
   }
@@ -49,7 +49,7 @@
     held = null;
     clearTimeout(timer);
     if (!box) return;
-    setValue.call(box, box.value.replace(/^([^,.]*),([^,]*)$/, "$1.$2")); // viser takes a comma for a point only by itself
+    setValue.call(box, box.value.replace(/^([^,.]*),([^,]*)$/, "$1.$2")); // viser takes a comma for a point only if it is typed alone
     box.dispatchEvent(new Event("input", { bubbles: true }));
   }
 
@@ -85,7 +85,7 @@
     hold(event.target);
   };
   addEventListener("beforeinput", write, true);
-  // viser's boxes note the place of each key, and lose a text that is written beyond the end of the one that they know.
+  // viser's boxes note the caret at each key, and lose text that is written beyond the end of the text that they know.
   addEventListener("keydown", (event) => {
     const { key, ctrlKey, metaKey } = event;
     if (key.length > 1 && key !== "Shift") forget();

@@ -1,7 +1,7 @@
-// What the lab adds to viser's page. It tells the lab which run this browser has drawn, which charts are on the screen and
-// whether the system is dark, and lets Esc close the list of keys. Without it the lab shows everything to everybody.
+// The lab's additions to viser's page. They report to the lab which run this browser has drawn, which charts are on the screen
+// and whether the system is dark, and let Esc close the list of keys. Without them the lab sends everything to everybody.
 (() => {
-  // viser handles messages in its drawing loop. Without WebGL it gets a context that draws nothing: panel and plots still work.
+  // viser handles messages in its drawing loop. Without WebGL it gets a context that draws nothing, so panel and plots still work.
   const NO_PICTURE = "This browser cannot draw the scene: WebGL is off or missing. Turn on graphics (hardware) acceleration in its " +
     "settings and load this page again, or take another browser. Plots and controls work.";
 
@@ -44,15 +44,15 @@
     });
   }
 
-  const LOOK = 100; // ms between two checks, also in a hidden page
-  const LIVELY = 1000; // ms for which places are measured at each of them after something happened; then once in so long
-  const english = (part) => window.flexlabEnglish?.(part) ?? part.textContent; // the English text in any language
+  const LOOK = 100; // ms between two checks, even in a hidden page
+  const LIVELY = 1000; // ms after an event in which each check measures positions; also the period of measurements after that
+  const english = (part) => window.flexlabEnglish?.(part) ?? part.textContent; // the English text in any shown language
   const SHEET = 'div[style*="position: fixed"][style*="width: 20em"]'; // the panel of a page in one column
-  // viser lays a page out in one column below 36em; beside a panel the scene has no room below 60em either.
+  // viser lays out a page in one column below 36em, but up to 60em there is no room for the scene beside a panel.
   const match = window.matchMedia.bind(window);
   window.matchMedia = (query) => match(query === "(max-width: 36em)" ? "(max-width: 60em)" : query);
 
-  // viser draws the words in the scene black on white boxes, in the dark as well: gray letters without a box suit both.
+  // viser draws the scene's labels black on white boxes, even in dark mode: gray letters without a box suit both modes.
   const LABELS = [["vec4(1.0, 1.0, 1.0, 0.85 * vAlpha)", "vec4(0.0)"], ["vec4(0.0, 0.0, 0.0, a)", "vec4(0.46, 0.49, 0.53, a)"]];
   const drawing = window.WebGL2RenderingContext?.prototype;
   const shaderSource = drawing?.shaderSource;
@@ -65,14 +65,14 @@
     shaderSource.call(this, shader, text);
   };
 
-  // Charts write numbers as the browser's language does, with a hyphen and a comma after thousands: a number looks the same in all
-  // languages and places.
+  // Charts write numbers as the browser's language does, with a hyphen and a comma after thousands; here numbers look the same in
+  // all languages and everywhere on the page.
   Object.defineProperty(navigator, "language", { value: "en-US" });
   const format = Object.getOwnPropertyDescriptor(Intl.NumberFormat.prototype, "format");
   Object.defineProperty(Intl.NumberFormat.prototype, "format", { ...format,
     get() { const plain = format.get.call(this); return (value) => plain(value).replace("-", "−").replace(/(?<=\d),(?=\d{3})/g, ""); } });
 
-  // viser writes the lab's own address into that of a page below a path, as if it were another server's.
+  // viser adds the lab's own address to the URL of a page below a path, as if it were another server's.
   for (const name of ["pushState", "replaceState"]) {
     const plain = history[name].bind(history);
     history[name] = (state, title, url) => {
@@ -85,13 +85,13 @@
     };
   }
 
-  // A menu that is placed is wider than a phone for an instant: the phone would show all of it smaller, and close the menu.
+  // A menu is wider than a phone for an instant while it is placed: the phone would zoom out and close the menu.
   document.querySelector("meta[name=viewport]")?.setAttribute("content", "width=device-width, initial-scale=1, minimum-scale=1");
 
   const darkSystem = matchMedia("(prefers-color-scheme: dark)");
   let seenRun = 0;
   let drawnRun = 0;
-  let again = 0; // how often the shown preset was chosen once more
+  let again = 0; // how often the shown preset was chosen again
   let sent = "";
 
   function isComplete() {
@@ -104,7 +104,7 @@
 
   const share = (value) => Math.round(1000 * Math.min(Math.max(value, 0), 1)) / 1000;
 
-  // For each chart on the screen: the visible part of its time axis, as shares of the whole.
+  // The visible part of the time axis of each chart on the screen, as fractions of the whole.
   function openCharts() {
     const open = {};
     if (document.hidden) return open;
@@ -119,7 +119,7 @@
     return open;
   }
 
-  // The shares of the picture's height that are covered, from above and from below.
+  // The covered fractions of the picture's height, at the top and at the bottom.
   function covered() {
     const picture = window.__viserMutable?.canvas?.getBoundingClientRect();
     if (!picture?.height) return [0, 0];
@@ -137,7 +137,7 @@
   const KEPT = "flexlab-open-panels";
   let lastOpen = [];
   try { lastOpen = JSON.parse(localStorage.getItem(KEPT) ?? "[]").filter((name) => ["guide", "plots"].includes(name)); }
-  catch { /* No storage, or no list: both panels begin folded. */ }
+  catch { /* No storage, or no list: both panels are folded at first. */ }
   let someoneActed = false;
   for (const kind of ["pointerup", "keyup"]) addEventListener(kind, () => { someoneActed = true; }, true);
 
@@ -155,7 +155,7 @@
     try { localStorage.setItem(KEPT, JSON.stringify(open)); } catch { /* As above. */ }
   }
 
-  // A run is drawn one picture after all its parts are there: the page's own work on messages comes before its drawing.
+  // A run counts as drawn one picture after all its parts exist: the page handles messages before it draws.
   function watchRun() {
     const run = Number(document.querySelector(".fl-run")?.dataset.run ?? 0);
     if (run === seenRun || !isComplete()) return;
@@ -163,7 +163,7 @@
     requestAnimationFrame(() => requestAnimationFrame(() => { drawnRun = run; look(); }));
   }
 
-  // The place of the picture between the panels: what floats over it is centred in its free part.
+  // The position of the picture between the panels: floating parts are centred in its free part.
   function measurePicture() {
     const box = window.__viserMutable?.canvas?.getBoundingClientRect();
     if (!box?.width) return;
@@ -176,7 +176,7 @@
     style.setProperty("--fl-picture-width", `${Math.round(box.width)}px`);
   }
 
-  // A legend shows values to a thousandth of the axis or finer, a missing one as –.
+  // A legend shows values to a thousandth of the axis or finer, and a missing one as –.
   function tellPlainly(series) {
     if (series.isPlain) return;
     series.isPlain = true;
@@ -188,7 +188,7 @@
     };
   }
 
-  // Places change by what a person does and by what comes and goes; to measure them makes the browser lay the page out.
+  // Positions change when a person acts or parts come and go; measuring them makes the browser lay out the page.
   let lively = Infinity, measured = -Infinity, hidden = [0, 0], charts = {};
   for (const kind of ["flexlab-structure", "resize", "scroll", "wheel", "pointerdown", "pointermove", "pointerup", "keydown", "keyup"]) {
     addEventListener(kind, (event) => {
@@ -208,7 +208,7 @@
   }
 
   // Without a cursor in a chart, its legend shows the newest values.
-  const told = new WeakMap(); // chart → the data of which its legend tells
+  const told = new WeakMap(); // chart → the data that its legend shows
 
   function tellNewest() {
     for (const { chart } of Object.values(window.__viserTestpoints?.uplots ?? {})) {
@@ -222,8 +222,8 @@
     }
   }
 
-  // The play screen stands in the same panel as the lab; the style sheet shows the one or the other.
-  // Until it is found there, nothing of the panel is shown: the lab's fifty controls would flash up.
+  // The play screen is in the same panel as the lab; the style sheet shows one of the two.
+  // Until the play screen is found, the panel is hidden: the lab's fifty controls would flash up.
   if (new URLSearchParams(location.search).has("play")) document.documentElement.classList.add("fl-playing", "fl-searching");
 
   addEventListener("flexlab-structure", () => {
@@ -246,9 +246,9 @@
     history.replaceState(null, "", location.pathname);
   }, true);
 
-  // The lab sends its time each second. The quickest message of this connection gives the offset of its clock, and so the age
-  // of the picture when the line is slow or cut.
-  const BEHIND = 3000, LASTING = 10; // ms of age from which it is shown; checks in a row that must find it
+  // The lab sends its time each second. The fastest message of this connection gives the offset of its clock, and so the age
+  // of the picture if the line is slow or cut.
+  const BEHIND = 3000, LASTING = 10; // age from which it is shown, ms; consecutive checks that must find it
   const old = Object.assign(document.createElement("p"), { className: "fl-behind", hidden: true });
   old.setAttribute("role", "status");
   let connection = "", labTime = NaN, quickest = Infinity, found = 0;
@@ -262,11 +262,11 @@
     const text = found > LASTING ? `The picture is ${Math.round(age / 1000)} s old: the line to the lab is slow, or cut.` : "";
     if (old.textContent !== text) old.textContent = text;
     old.hidden = !text;
-    if (!old.isConnected) document.body?.append(old); // The page may still be on its way.
+    if (!old.isConnected) document.body?.append(old); // The page may not be complete yet.
   }
 
-  // Whether a person has turned the camera: only then there is a way back to be offered.
-  const LATER = 1000, TURNED = 1e-3; // ms for which a camera goes on after a hand; m
+  // Whether a person has turned the camera: only then the page offers a way back.
+  const LATER = 1000, TURNED = 1e-3; // ms for which a camera goes on moving after a gesture; least move that counts, m
   let placed = [], handled = -Infinity, held = false;
   const isPicture = ({ target }) => window.__viserMutable?.canvas?.parentElement?.contains(target) ?? false;
   addEventListener("pointerdown", (event) => { held = isPicture(event); }, true);
@@ -274,7 +274,7 @@
     addEventListener(kind, () => { if (held) [held, handled] = [false, performance.now()]; }, true);
   }
   addEventListener("wheel", (event) => { if (isPicture(event)) handled = performance.now(); }, { capture: true, passive: true });
-  const TURNING = /^(Arrow\w+|[adwsqe])$/i; // keys, of which a slider, a tab or a text field keeps those that are typed there
+  const TURNING = /^(Arrow\w+|[adwsqe])$/i; // keys that turn the camera, unless they are typed in a slider, a tab or a text field
   addEventListener("keydown", ({ key, target }) => {
     if (TURNING.test(key) && !target.closest?.('input, textarea, [role="slider"], [role="tab"]')) handled = performance.now();
   }, true);
@@ -290,7 +290,7 @@
     else if (now.some((part, axis) => Math.abs(part - placed[axis]) > TURNED)) document.documentElement.classList.add("fl-turned");
   }
 
-  // Invisible parts that can be touched must not hide what is behind them: viser would write their depth.
+  // Invisible parts that can be dragged must not hide the parts behind them: viser would write their depth.
   function showBehindUnseen() {
     for (const name of ["/grab", "/arms/grab"]) {
       window.__viserMutable?.nodeRefFromName?.[name]?.traverse(({ material }) => {
@@ -299,8 +299,8 @@
     }
   }
 
-  // That no graphics card draws is worth a word, but not a corner of the scene for good.
-  const NO_CARD = "Software WebGL rendering detected", READ = 8000; // ms to read it in
+  // The notice that no graphics card draws must not cover a corner of the scene for good.
+  const NO_CARD = "Software WebGL rendering detected", READ = 8000; // time to read it, ms
   let word = null;
 
   function closeReadWord() {
@@ -321,7 +321,7 @@
     watchCamera();
     tellNewest();
     const way = document.querySelector(".fl-reports")?.dataset.way;
-    if (way !== connection) someoneActed = false; // A new connection brings the panels folded.
+    if (way !== connection) someoneActed = false; // With a new connection the panels are folded.
     measure();
     watchAge(way ?? connection);
     if (!way || !window.__viserMutable?.sendMessage) return;
@@ -333,7 +333,7 @@
     window.__viserMutable.sendMessage({ type: "GuiUpdateMessage", uuid: way, updates: { value: report } });
   }
 
-  // The charts of one tab are zoomed together, also while the window moves on.
+  // The charts of one tab are zoomed together, even while the window moves on.
   const chartAt = (target) => Object.values(window.__viserTestpoints?.uplots ?? {})
     .map((entry) => entry.chart).find((chart) => chart.root.contains(target));
   let zooming = null;
@@ -363,7 +363,7 @@
     const buttons = [...document.querySelectorAll(".mantine-Modal-content button")];
     buttons.find((button) => english(button).trim() === "Close")?.click();
   }, true);
-  // A menu that a hand has chosen from lets go of the keyboard: R and its like are for the lab again, not for its search.
+  // After a choice by pointer, a menu gives up the focus: keys such as R are then for the lab again, not for the menu's search.
   addEventListener("click", ({ target, detail }) => {
     if (detail && target.closest?.('[role="option"]')) setTimeout(() => document.activeElement?.blur(), 0);
   }, true);

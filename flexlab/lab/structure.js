@@ -1,18 +1,18 @@
-// The rules of the lab's sheet that ask what a part holds (:has), answered here: a browser asks each of them again after any
-// change of the page, and the lab's numbers change all the time, which took half of the page's work. Here they are asked when
-// the structure of the page has changed, and what they are about gets a mark that takes their place in the sheet.
+// Evaluates the rules of the lab's style sheet that ask what a part contains (:has). A browser evaluates each of them again after
+// any change of the page; as the lab's numbers change all the time, that took half of the page's work. This script evaluates them
+// when the structure of the page has changed, and marks the selected parts; the rules in the sheet select the marks instead.
 (() => {
   const MARK = "data-fl-rule", CHANGED = "flexlab-structure";
-  // What such rules speak of. Numbers, curves and words that change all the time are none of it.
+  // The parts that such rules refer to, without the numbers, curves and words that change all the time.
   const PARTS = `button, input, label, svg, img, [class*="mantine-"], .uplot-container, #server-bar, .fl-begin, .fl-scrub, .fl-back,
     .fl-box, .fl-why, .fl-caption, .fl-float, .fl-reports`;
-  const STATES = ["class", "aria-expanded", "data-fl-play", "data-fl-panel"]; // attributes of which such rules speak
-  const asked = []; // the selectors, and the parts that have their marks: [{ selector, marked }]
+  const STATES = ["class", "aria-expanded", "data-fl-play", "data-fl-panel"]; // attributes that such rules refer to
+  const asked = []; // the selectors and the parts with their marks: [{ selector, marked }]
 
-  // The selectors of a list; those within parentheses are parts of one.
+  // The selectors of a list; commas within parentheses do not separate.
   const separate = (list) => list.split(/,(?![^(]*\))(?![^(]*\([^()]*\)[^()]*\))/).map((part) => part.trim());
 
-  // What selects the marked parts, and counts as much as `selector` where rules compete.
+  // The selector of the marked parts, with the same specificity as `selector`.
   function markOf(selector, number) {
     const plain = selector.replace(/:(has|not|is|where)\b/g, " ").replace(/"[^"]*"/g, "");
     const count = (pattern) => (plain.match(pattern) ?? []).length;
@@ -44,8 +44,8 @@
     part.setAttribute(MARK, [...marks].join(" "));
   }
 
-  // ms between two rounds of questions, and the least pause over a round: a slow machine asks less often, but not so seldom that a
-  // person sees for long what has no mark yet.
+  // ms between two rounds; least ratio of the pause to a round's duration; longest pause, ms: a slow machine evaluates less often,
+  // but often enough that a person does not see unmarked parts for long.
   const PAUSE = 200, SHARE = 10, LONGEST = 1000;
   let due = false, next = -Infinity;
 
@@ -64,7 +64,7 @@
   }
 
   const isPart = (node) => node.nodeType === Node.ELEMENT_NODE && (node.matches(PARTS) || node.querySelector(PARTS) !== null);
-  // An attribute that is set to what it was, as a class is that is removed where it is not, has not changed.
+  // An attribute that is set to its old value, as when an absent class is removed, has not changed.
   const matters = ({ type, target, attributeName, oldValue, addedNodes, removedNodes }) => type === "attributes"
     ? target.getAttribute(attributeName) !== oldValue
     : [...addedNodes].some(isPart) || [...removedNodes].some(isPart);

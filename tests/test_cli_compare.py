@@ -66,7 +66,7 @@ def test_a_run_is_compared_with_itself_under_other_settings(flexlab_command: Com
         (["newest", "--set", "gravty=1"], "did you mean gravity?"),
         (["newest", "zzz"], "no recording zzz"),
         (["newest"] * 7, "7 runs cannot be compared: choose 2 to 6"),
-        (["newest", "newest", "--save", "both.png"], "let it end in .rrd"),
+        (["newest", "newest", "--save", "both.png"], "give a name that ends in .rrd"),
         (["newest", "newest", "--save", "no/such/both.rrd"], "cannot be written to no/such/both.rrd"),
         (["newest", "junk.rrd"], "not a rerun recording"),
     ],

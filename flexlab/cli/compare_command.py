@@ -1,4 +1,4 @@
-"""`flexlab compare RUN RUN`: say what differs, lay the curves over each other."""
+"""`flexlab compare RUN RUN`: list what differs, and overlay the curves."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,7 +17,7 @@ def command(
     runs: Runs = (),
     save: Annotated[
         Path | None,
-        option("Write the overlay to this file instead of showing it; flexlab review shows it.", "FILE.rrd"),
+        option("Write the overlay to this file instead of showing it; flexlab review opens it.", "FILE.rrd"),
     ] = None,
     set_: Settings = (),
     law: Law = None,
@@ -27,17 +27,17 @@ def command(
     port: ViewerPort = 0,
     logs: Logs = LOGS,
 ) -> None:
-    """Compare two to six RUNs: what was set differently, what came of it, and all curves in one view.
+    """Compare two to six RUNs: their settings, their metrics, and all curves in one view.
 
-    Time is counted from each run's first sample. The first RUN is A, to which the others are compared. With --set, --law or
-    --seed the first RUN's scenario is simulated again with these changes, recorded under a name that tells them, and compared,
-    too; "newest" then is the newest run that was not made so, and what was made before is not made again.
+    Time is counted from each run's first sample. The other RUNs are compared with the first, A. With --set, --law or --seed, the
+    first RUN's scenario is simulated again with these changes, recorded under a name that lists them, and compared as well;
+    "newest" then means the newest run that was not made this way, and a changed run that exists already is not made again.
     """
     changes = chosen_changes(set_, law, seed)
     if len(runs) + bool(changes) < 2:
         raise StudyError("A comparison needs two runs at least: name them, as in flexlab compare newest 2026-05-01T14.")
     if save is not None and save.suffix != ".rrd":
-        raise StudyError(f"--save {save} is no name for a recording: let it end in .rrd.")
+        raise StudyError(f"--save {save} does not name a recording: give a name that ends in .rrd.")
     from flexlab.analysis.comparison import compare, compare_into
     from flexlab.recording.store.run_files import NEWEST, find_run, newest_run
 

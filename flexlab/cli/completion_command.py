@@ -1,4 +1,4 @@
-"""`flexlab completion`: let your shell complete all this."""
+"""`flexlab completion`: let your shell complete commands and options."""
 
 import importlib
 import io
@@ -29,11 +29,11 @@ PLACES = {
 
 def command(
     shell: tyro.conf.Positional[
-        Annotated[Shell | None, option("The shell; without it, yours as $SHELL says.", "[bash|zsh|fish]")]
+        Annotated[Shell | None, option("The shell; by default the one that $SHELL names.", "[bash|zsh|fish]")]
     ] = None,
-    install: Annotated[bool, option("Write it where the shell looks for it, in your home folder.")] = False,
+    install: Annotated[bool, option("Write the script into your home folder, where the shell looks for it.")] = False,
 ) -> None:
-    """Print what makes a shell complete flexlab's commands and options, or install it."""
+    """Print or install the script with which a shell completes flexlab's commands and options."""
     chosen = shell or Path(os.environ.get("SHELL", "")).name
     if chosen not in PLACES:
         raise StudyError(f"The shell {chosen or 'that you use'} is not known: name bash, zsh or fish.")

@@ -18,32 +18,32 @@ def command(
     to: Annotated[
         Path | None,
         option(
-            "Table (.csv, .parquet, .npz), page with moving picture (.html), archive to verify (.zip); "
-            "of a preset: .fmu, .urdf, .xml (MuJoCo).",
+            "Table (.csv, .parquet, .npz), page with animation (.html), archive that replay verifies (.zip); "
+            "for a preset: .fmu, .urdf, .xml (MuJoCo).",
             "FILE",
         ),
     ] = None,
     figures: Annotated[str | None, option("Draw the paper's Figures 2 to 5, beside FILE or here.", "PNG|SVG")] = None,
-    start: Annotated[float | None, option("Leave out what is earlier, s.", "S")] = None,
-    end: Annotated[float | None, option("Leave out what is later, s.", "S")] = None,
+    start: Annotated[float | None, option("Leave out samples before this time, s.", "S")] = None,
+    end: Annotated[float | None, option("Leave out samples after this time, s.", "S")] = None,
     part: Annotated[
         Literal["plant", "law", "loop", "follower"] | None,
         option(
-            "Of an .fmu: arms and beam, law and path, all of it, or all but the path.",
+            "Content of an .fmu: arms and beam, law and path, everything, or everything but the path.",
             "plant|law|loop|follower",
             default="(plant)",
         ),
     ] = None,
-    fmi: Annotated[Literal[2, 3] | None, option("Of an .fmu: version of the standard.", "2|3", default="(3)")] = None,
+    fmi: Annotated[Literal[2, 3] | None, option("Version of the standard of an .fmu.", "2|3", default="(3)")] = None,
     logs: Logs = LOGS,
 ) -> None:
-    """Write all signals of RUN as a table, or its figures, or both; or RUN as one page, or as one archive.
+    """Write all signals of RUN as a table, or its figures, or both; or RUN as one page or one archive.
 
     Or write a preset or scenario file for other simulators: as a functional mock-up unit (flexlab export paper --to
     paper.fmu), or its arms and beam as rigid bodies (.urdf; .xml or .mjcf for MuJoCo).
 
-    Columns say their units; SI throughout. Scenario, seed and every command go along, so that `flexlab import` makes of a
-    table the same run again, bit for bit.
+    Column names contain the units, which are all SI. The scenario, the seed and every command are included, so that
+    `flexlab import` turns a table back into the same run, bit for bit.
     """
     if to is None and figures is None:
         raise StudyError("Say what to write: --to FILE.csv (or .parquet, .npz), --figures png or svg, or both.")
@@ -60,7 +60,7 @@ def command(
         from flexlab.analysis.figures import FORMATS
 
         if figures.lower() not in FORMATS:  # Before the table is written.
-            raise StudyError(f"--figures {figures} is no format of figures: choose {' or '.join(FORMATS)}.")
+            raise StudyError(f"--figures {figures} is not a format of figures: choose {' or '.join(FORMATS)}.")
     if to is not None:
         from flexlab.study_api import export
 

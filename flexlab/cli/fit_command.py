@@ -1,4 +1,4 @@
-"""`flexlab fit RUN`: frequency, damping, stiffness from how a beam rings."""
+"""`flexlab fit RUN`: frequency, damping and stiffness of a ringing beam."""
 
 from pathlib import Path
 from typing import Annotated, Any, cast
@@ -15,23 +15,25 @@ def command(
         Annotated[str, option("A recording, or a CSV file of your own.", "RUN|FILE.csv", default=None)]
     ],
     signal: Annotated[
-        str | None, option("Column with its unit, as in 'laser [mm]'; of a run, a signal.", "NAME")
+        str | None, option("Column with its unit, as in 'laser [mm]', or a run's signal.", "NAME")
     ] = None,
-    time: Annotated[str | None, option("Column of time with its unit, as in 't [ms]'.", "NAME")] = None,
+    time: Annotated[str | None, option("Time column with its unit, as in 't [ms]'.", "NAME")] = None,
     start: Annotated[
-        float | None, option("Where the free ring begins, s. (default: found; of a run, its last tap)", "S")
+        float | None, option("Start of the free vibration, s. (default: found; in a run, its last tap)", "S")
     ] = None,
-    end: Annotated[float | None, option("Where it ends, s.", "S")] = None,
-    preset: Annotated[str | None, option("What is known of the beam: length, density, boundary.", "PRESET")] = None,
-    save: Annotated[Path | None, option("Write the scenario with what was found.", "FILE.json")] = None,
+    end: Annotated[float | None, option("End of the free vibration, s.", "S")] = None,
+    preset: Annotated[
+        str | None, option("Scenario with what is known of the beam: length, density, boundary.", "PRESET")
+    ] = None,
+    save: Annotated[Path | None, option("Write the scenario with the fitted beam.", "FILE.json")] = None,
     as_json: Annotated[bool, option("Print JSON with all digits.", name="json")] = False,
     logs: Logs = LOGS,
 ) -> int:
-    """Fit a free vibration: each mode's frequency and damping ratio with 95 % intervals, and the beam that rings so.
+    """Fit a free vibration: each mode's frequency and damping ratio with 95 % intervals, and the beam that fits.
 
-    A CSV file of deflections, taken to be at mid-span, becomes a run in logs, which flexlab compare lays over
-    simulations. Says "no ring" where the samples hold none, and "not identifiable" where they do not tell. Exits with 1 if the
-    first frequency is not.
+    A CSV file of deflections, taken to be at mid-span, becomes a run in logs, which flexlab compare overlays with
+    simulations. Prints "no ring" if the samples hold no free vibration, and "not identifiable" for a value that they do not
+    determine. Exits with 1 if the first frequency is not identifiable.
     """
     from flexlab.analysis.identification.fitting import fit_file, fit_run, is_measurement, keep_measurement
     from flexlab.errors import RecordingError

@@ -1,4 +1,4 @@
-"""`flexlab import FILE`: take an exported run or a recording into logs."""
+"""`flexlab import FILE`: add an exported run or a recording to logs."""
 
 from pathlib import Path
 from typing import Annotated
@@ -15,7 +15,7 @@ def command(
     ],
     logs: Logs = LOGS,
 ) -> None:
-    """Take FILE into logs as a recording with the same samples, bit for bit; FILE stays as it is."""
+    """Add FILE to logs as a recording with the same samples, bit for bit; FILE itself does not change."""
     from flexlab.analysis.run_summary import note_metrics
     from flexlab.recording.importing import import_into
     from flexlab.recording.store.run_index import read_row

@@ -23,37 +23,37 @@ def command(
     host: Annotated[
         str,
         option(
-            "Who may look: this machine only, 0.0.0.0 for all who have the token, or a proxy (unix:FILE).",
+            "Who may connect: only this machine, with 0.0.0.0 everybody who has the token, or a proxy (unix:FILE).",
             "ADDRESS",
             default=None,
         ),
     ] = "127.0.0.1",
     port: Annotated[int, option("The page's port; 0 takes any free one.", "PORT", default=None)] = 8080,
-    base_url: Annotated[str, option("What a proxy has before every address, as a JupyterHub does.", "/PATH")] = "",
+    base_url: Annotated[str, option("Prefix of every address behind a proxy, as in a JupyterHub.", "/PATH")] = "",
     no_browser: Annotated[bool, option("Only serve the page; do not open a browser.")] = False,
     rerun: Annotated[bool, option("Serve the data live to a rerun viewer as well.")] = False,
     logs: Logs = LOGS,
-    private: Annotated[bool, option("Give each visitor a lab of their own; otherwise all share one.")] = False,
+    private: Annotated[bool, option("Give each visitor a lab of their own; by default all share one.")] = False,
     max_sessions: Annotated[
-        int | None, option("Most private labs at once; as many as memory and cores take if left out.", "N")
+        int | None, option("Most private labs at once; by default as many as memory and cores allow.", "N")
     ] = None,
     max_per_address: Annotated[
-        int | None, option("Most private labs of one address; one less than in all if left out.", "N")
+        int | None, option("Most private labs per address; by default one less than in all.", "N")
     ] = None,
     idle_time: Annotated[
-        float | None, option("A private lab closes after so long without an open page, s; 600 if left out.", "S")
+        float | None, option("Close a private lab after this time without an open page, s; by default 600.", "S")
     ] = None,
     token: Annotated[
-        str | None, option("The word that opens the server to others; made up if left out.", "WORD")
+        str | None, option("The word that opens the server to others; by default a random one.", "WORD")
     ] = None,
     teacher_token: Annotated[
-        str | None, option("The word that opens all labs and all runs; made up if left out.", "WORD")
+        str | None, option("The word that opens all labs and all runs; by default a random one.", "WORD")
     ] = None,
-    quota: Annotated[float | None, option("Record no more for a visitor whose runs take so much.", "MB")] = None,
+    quota: Annotated[float | None, option("Stop recording for a visitor whose runs take this much.", "MB")] = None,
     max_size: Annotated[
-        float | None, option("Delete the oldest runs, but never kept ones, while all are larger.", "GB")
+        float | None, option("Delete the oldest runs, but never kept ones, while all together are larger.", "GB")
     ] = None,
-    max_age: Annotated[float | None, option("Delete older runs, but never kept ones.", "DAYS")] = None,
+    max_age: Annotated[float | None, option("Delete runs older than this, but never kept ones.", "DAYS")] = None,
 ) -> None:
     """Open the lab: two arms carry a flexible beam, live in your browser, every run recorded."""
     from flexlab.sockets import listen, raise_handles

@@ -1,4 +1,4 @@
-"""`flexlab leaderboard`: all control laws, and yours, in the same cases: scores, figures."""
+"""`flexlab leaderboard`: compare control laws, and yours, in the same cases."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -18,20 +18,20 @@ LONG_RUNS_ARE_LEFT_OUT = "B7 simulates ten minutes of each law, which takes some
 
 def command(
     law: Annotated[
-        Several, option("A law of your own that enters, too: the Python file that holds it; repeat it.", "FILE.py")
+        Several, option("The Python file of a law of your own to include; may be repeated.", "FILE.py")
     ] = (),
-    law_name: Annotated[Several, option("Only this law of flexlab's; repeat it.", "KIND")] = (),
-    case: Annotated[Several, option("Only this case; repeat it.", "B1…B8")] = (),
-    long: Annotated[bool, option("B7, too: ten minutes of each law.")] = False,
-    seed: Annotated[int, option("Of the sensors' noise.", "N", default=None)] = 0,
+    law_name: Annotated[Several, option("Only this one of flexlab's laws; may be repeated.", "KIND")] = (),
+    case: Annotated[Several, option("Only this case; may be repeated.", "B1…B8")] = (),
+    long: Annotated[bool, option("Include B7: ten minutes of each law.")] = False,
+    seed: Annotated[int, option("Seed of the sensor noise.", "N", default=None)] = 0,
     to: Annotated[
         Path | None, option("Write leaderboard.html, the table as Parquet and CSV, and a figure per case.", "FOLDER")
     ] = None,
-    verify: Annotated[bool, option("Compute the rows that are kept again, and compare every bit.")] = False,
+    verify: Annotated[bool, option("Compute the stored rows again, and compare every bit.")] = False,
     workers: Threads = None,
     cluster: Cluster = None,
 ) -> int:
-    """Compare control laws in the cases B1 to B8. What was computed before, in the folder leaderboard, is not computed again.
+    """Compare control laws in the cases B1 to B8. Rows that the folder leaderboard has are not computed again.
 
     A law that fails says why. Exits with 1 if --verify finds a difference.
     """

@@ -17,29 +17,29 @@ GIGABYTE = 1e9
 
 def command(
     runs: Runs = (),
-    search: Annotated[str, option("List runs that have all these words.", "WORDS")] = "",
+    search: Annotated[str, option("List the runs that contain all these words.", "WORDS")] = "",
     sort: Annotated[
-        str, option(f"List by {', '.join(FIELDS)}: the newest, else the smallest first.", "FIELD", default=None)
+        str, option(f"Sort by {', '.join(FIELDS)}: the newest or the smallest first.", "FIELD", default=None)
     ] = "started",
-    reverse: Annotated[bool, option("List the other way round.")] = False,
+    reverse: Annotated[bool, option("Reverse the order.")] = False,
     as_json: Annotated[bool, option("Print one JSON list, with all metrics.", name="json")] = False,
-    note: Annotated[str | None, option("Write a note on RUN; an empty one removes it.", "TEXT")] = None,
-    tags: Annotated[str | None, option("Tag RUN so, in place of its tags; empty: none.", "A,B")] = None,
-    keep: Annotated[bool, option("Mark RUN: it is never deleted.")] = False,
-    unkeep: Annotated[bool, option("Take that mark away.")] = False,
-    delete: Annotated[bool, option("Delete RUN, after asking.")] = False,
+    note: Annotated[str | None, option("Write a note on RUN; an empty text removes it.", "TEXT")] = None,
+    tags: Annotated[str | None, option("Replace RUN's tags with these; an empty text removes them.", "A,B")] = None,
+    keep: Annotated[bool, option("Mark RUN so that it is never deleted.")] = False,
+    unkeep: Annotated[bool, option("Remove that mark.")] = False,
+    delete: Annotated[bool, option("Delete RUN after asking.")] = False,
     max_size: Annotated[
-        float | None, option("Delete the oldest runs, after asking, until all together are smaller.", "GB")
+        float | None, option("Delete the oldest runs, after asking, until all together are smaller than this.", "GB")
     ] = None,
-    max_age: Annotated[float | None, option("Delete runs older than that, after asking.", "DAYS")] = None,
+    max_age: Annotated[float | None, option("Delete runs older than this, after asking.", "DAYS")] = None,
     yes: Annotated[bool, option("Delete without asking.")] = False,
-    measure: Annotated[bool, option("Mend and measure runs that have no metrics yet.")] = False,
+    measure: Annotated[bool, option("Repair and measure runs that have no metrics yet.")] = False,
     logs: Logs = LOGS,
 ) -> None:
     """List the recorded runs; look at one; note, tag, keep or delete them.
 
-    Without RUN: the table of all runs, newest first. With RUN: all that is known of it. A RUN is a file, a run's name or
-    the beginning of one, or newest. Runs are deleted when you ask for it only, and kept ones never.
+    Without RUN, prints a table of all runs, newest first; with RUN, all that is known about it. A RUN is a file, a run's name
+    or the beginning of one, or newest. Runs are deleted only when you ask for it, and kept ones never.
     """
     from flexlab.recording.store.run_files import find_run
     from flexlab.recording.store.run_index import list_rows, read_row

@@ -35,7 +35,7 @@ Presets = tyro.conf.Positional[
 Settings = Annotated[
     Several,
     option(
-        "Change a field of the scenario, as in controller.feedback_gain=400; as often as you like.",
+        "Change a field of the scenario, as in controller.feedback_gain=400; may be repeated.",
         "PATH=VALUE",
         name="set",
     ),
@@ -54,12 +54,12 @@ PathChoice = Annotated[
         "KIND|FILE",
     ),
 ]
-Seed = Annotated[int | None, option("Choose the sensor noise: --set controller.sensor_noise.seed=N.", "N")]
-Threads = Annotated[int | None, option("Threads. (default: one per core)", "N")]
+Seed = Annotated[int | None, option("Seed of the sensor noise, as --set controller.sensor_noise.seed=N.", "N")]
+Threads = Annotated[int | None, option("Number of threads. (default: one per core)", "N")]
 Cluster = Annotated[
     str | None, option("Compute on the Dask cluster of this scheduler (needs flexlab[cluster]).", "tcp://HOST:PORT")
 ]
-Logs = Annotated[Path, option("Where recordings go; made if it is not there.", "FOLDER", default=None)]
+Logs = Annotated[Path, option("Folder of recordings; created if it does not exist.", "FOLDER", default=None)]
 RUN_HELP = "A recording: a file, a run's name in logs or the beginning of one, or newest."
 Runs = tyro.conf.Positional[Annotated[tuple[str, ...], option(RUN_HELP, "[RUN ...]")]]
 Run = tyro.conf.Positional[Annotated[str, option(RUN_HELP, "[RUN]", default=None)]]

@@ -1,4 +1,4 @@
-"""`flexlab presets`: list the presets and what to watch in each."""
+"""`flexlab presets`: list the presets with what to watch in each."""
 
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,18 +14,18 @@ if TYPE_CHECKING:
 
 
 def command(
-    preset: tyro.conf.Positional[Annotated[str, option("Print this one as a scenario file.", "[PRESET]")]] = "",
+    preset: tyro.conf.Positional[Annotated[str, option("Preset to print as a scenario file.", "[PRESET]")]] = "",
     set_: Settings = (),
     law: Law = None,
     seed: Seed = None,
-    as_json: Annotated[bool, option("List them as JSON, with all their fields.", name="json")] = False,
+    as_json: Annotated[bool, option("List the presets as JSON, with all fields.", name="json")] = False,
     schema: Annotated[
         bool, option("Write presets/schema/scenario.json here: with it, editors check scenario files.")
     ] = False,
 ) -> int:
-    """List the presets: name, title and what to watch. Or print one, changed as you say: a new scenario file.
+    """List the presets: name, title and what to watch. Or print one, with your changes, as a new scenario file.
 
-    A scenario file NAME.json in a folder `presets` where you work is a preset too.
+    A scenario file NAME.json in a folder `presets` where you work is also a preset.
     """
     if schema and as_json:
         raise StudyError("--schema writes a file and prints no JSON: give one of --schema and --json.")

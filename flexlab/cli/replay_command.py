@@ -10,18 +10,16 @@ from flexlab.text import visible
 
 RunOwnLaw = Annotated[
     bool,
-    option(
-        "Let a control law run that came with the recording as Python code, or connect to its program, without asking."
-    ),
+    option("Run a control law that came with the recording as Python code, or connect to its program, without asking."),
 ]
 
 
 def command(run: Run = "newest", logs: Logs = LOGS, run_own_law: RunOwnLaw = False) -> int:
     """Simulate RUN, or an archive of one (.zip), again from its start and its commands, and compare every bit.
 
-    A run that was recorded before results were the same on every machine, or under a control law in Python, is compared
-    with a tolerance where bits differ. Says which of the two was done, or when and in which signal it first differs, and
-    what recorded it. Exits with 0 if the run came out again, with 1 if not.
+    Where bits differ, a run that was recorded before results were the same on every machine, or with a control law in Python,
+    is compared within a tolerance. Prints which comparison was made, or when and in which signal the run first differs, and
+    what recorded it. Exits with 0 if the run is reproduced, with 1 if not.
     """
     from flexlab.recording.store.run_files import find_run
 

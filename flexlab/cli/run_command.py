@@ -24,7 +24,7 @@ def command(
     ] = False,
     logs: Logs = LOGS,
 ) -> int:
-    """Simulate each PRESET without a screen, as fast as the machine can, record it and print a summary."""
+    """Simulate each PRESET without a screen, as fast as the machine allows, record it and print a summary."""
     with loading():
         from flexlab.sim.snapshot import LONGEST_PERIOD, SHORTEST_PERIOD
 

@@ -19,7 +19,7 @@ def command(
     vary: Annotated[
         Several,
         option(
-            "What to vary: LOW:HIGH:COUNT, LOW:HIGH:log:COUNT, or values as in controller.kind=pd,none; repeat it.",
+            "Field to vary: LOW:HIGH:COUNT, LOW:HIGH:log:COUNT, or values as in controller.kind=pd,none; may be repeated.",
             "PATH=RANGE",
         ),
     ] = (),
@@ -30,24 +30,24 @@ def command(
     seed: Seed = None,
     design: Annotated[
         Literal["grid", "latin-hypercube", "sobol"],
-        option("All combinations, or --samples drawn from the ranges.", default=None),
+        option("All combinations, or a number of --samples drawn from the ranges.", default=None),
     ] = "grid",
-    samples: Annotated[int | None, option("Cells that a design draws.", "N")] = None,
-    design_seed: Annotated[int, option("Of what a design draws.", "N", default=None)] = 0,
+    samples: Annotated[int | None, option("Number of cells that the design draws.", "N")] = None,
+    design_seed: Annotated[int, option("Seed of the design.", "N", default=None)] = 0,
     accuracy: Annotated[float | None, option("Pose accuracy of the runs, m. (default: 1e-7)", "M")] = None,
     show: Annotated[str, option("Metrics to draw, as in rms_error.y,rms_internal_force.", "METRIC,…")] = "",
-    pareto: Annotated[str, option("Two metrics to draw over each other.", "METRIC,METRIC", default=None)] = (
+    pareto: Annotated[str, option("Two metrics to plot against each other.", "METRIC,METRIC", default=None)] = (
         "rms_error.y,rms_internal_force"
     ),
-    to: Annotated[Path | None, option("Where it all goes. (default: sweeps/…)", "FOLDER")] = None,
+    to: Annotated[Path | None, option("Folder of table and figures. (default: sweeps/…)", "FOLDER")] = None,
     workers: Threads = None,
     cluster: Cluster = None,
-    yes: Annotated[bool, option("Do not ask, however many cells.")] = False,
+    yes: Annotated[bool, option("Compute any number of cells without asking.")] = False,
 ) -> int:
     """Simulate PRESET with fields varied, gather the metrics of all cells in a table, and draw it.
 
-    FOLDER gets cells.parquet and figures. A sweep that was interrupted or killed goes on where it was when the same command
-    is given again. A cell that fails says why in the table.
+    FOLDER gets cells.parquet and figures. To continue a sweep that was interrupted or killed, give the same command again.
+    The table says why a cell failed.
     """
     ((name, scenario),) = chosen_scenarios([preset], set_, law, seed)
     from flexlab.analysis.metrics.metric import named

@@ -1,4 +1,4 @@
-"""`flexlab tune PRESET`: search ranges for the parameters that cost least."""
+"""`flexlab tune PRESET`: search ranges for the parameters of least cost."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -18,30 +18,30 @@ if TYPE_CHECKING:
 def command(
     preset: tyro.conf.Positional[Preset],
     change: Annotated[
-        Several, option("What may change, and within which bounds; repeat it.", "PATH=LOW:HIGH[:log]")
+        Several, option("Field that may change, and its bounds; may be repeated.", "PATH=LOW:HIGH[:log]")
     ] = (),
     cost: Annotated[
-        str, option("What is to be small, in SI units.", "METRIC=WEIGHT,…", default=None)
+        str, option("Metrics to minimise, with weights, in SI units.", "METRIC=WEIGHT,…", default=None)
     ] = "rms_error.x,rms_error.y",
-    limit: Annotated[str, option("What must not be exceeded.", "METRIC=VALUE,…")] = "",
+    limit: Annotated[str, option("Largest allowed values of metrics.", "METRIC=VALUE,…")] = "",
     robust: Annotated[
-        Several, option("The worst of these scenarios counts, as in payload.bending_stiffness=50,200.", "PATH=VALUE,…")
+        Several, option("Scenarios of which the worst counts, as in payload.bending_stiffness=50,200.", "PATH=VALUE,…")
     ] = (),
     duration: Annotated[float, option("Simulated time of a run, s.", "S", default=None)] = 3.0,
-    candidates: Annotated[int, option("Parameters to try, about.", "N", default=None)] = 200,
-    search_seed: Annotated[int, option("Of the search.", "N", default=None)] = 0,
+    candidates: Annotated[int, option("Approximate number of candidates.", "N", default=None)] = 200,
+    search_seed: Annotated[int, option("Seed of the search.", "N", default=None)] = 0,
     workers: Threads = None,
     cluster: Cluster = None,
     set_: Settings = (),
     law: Law = None,
     seed: Seed = None,
-    save: Annotated[Path | None, option("Write the tuned scenario: a preset.", "FILE.json")] = None,
-    figure: Annotated[Path | None, option("Draw the trade-off among what was tried.", "FILE.svg")] = None,
+    save: Annotated[Path | None, option("Write the tuned scenario as a preset.", "FILE.json")] = None,
+    figure: Annotated[Path | None, option("Draw the trade-off between the candidates.", "FILE.svg")] = None,
 ) -> int:
-    """Search the ranges for the parameters that cost least, and say what they gain.
+    """Search the ranges for the parameters of least cost, and print what they gain.
 
-    Metrics are named as in rms_error.y, rms_internal_force, settling_time, peak_torque; the names of earlier versions, as in
-    rms-y, are in the units of tables. Exits with 1 if nothing keeps within the limits, or every run fails.
+    Metrics have names such as rms_error.y, rms_internal_force, settling_time, peak_torque; names of earlier versions, such as
+    rms-y, are in the units of tables. Exits with 1 if no candidate keeps within the limits, or every run fails.
     """
     ((_, scenario),) = chosen_scenarios([preset], set_, law, seed)
     from flexlab.analysis.figures import figure_kind, save_figure

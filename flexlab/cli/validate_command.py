@@ -1,4 +1,4 @@
-"""`flexlab validate`: check it all against the paper and mechanics; a report."""
+"""`flexlab validate`: check against the paper and mechanics, with a report."""
 
 import time
 from pathlib import Path
@@ -9,10 +9,12 @@ from flexlab.cli.options import option
 
 
 def command(
-    to: Annotated[Path, option("The report, with figures.", "FILE.html", default=None)] = Path("validation.html"),
+    to: Annotated[Path, option("File of the report, with figures.", "FILE.html", default=None)] = Path(
+        "validation.html"
+    ),
     as_json: Annotated[bool, option("Print the table as JSON.", name="json")] = False,
 ) -> int:
-    """Check the paper's statements, closed formulas, mass points, energy and both theorems, and write a report.
+    """Check the paper's statements, closed formulas, mass points, energy and both theorems; write a report.
 
     Exits with 0 if every statement holds, with 1 if not.
     """

@@ -497,6 +497,22 @@ def test_a_log_that_begins_before_the_tap_rings_from_the_tap_on(seed: int, tmp_p
     assert fit_file(path, start=2.2, end=3.9).notes == ()
 
 
+@pytest.mark.parametrize("quiet", [1, 3, 4, 7, 10, 13, 40, 60])
+@pytest.mark.parametrize(("per_period", "periods"), [(6.2, 25), (29.3, 80)])
+def test_a_few_quiet_samples_before_the_ring_are_no_damping(quiet: int, per_period: float, periods: int, tmp_path: Path):
+    """They were fitted by modes of a damping ratio of 0.1 to 0.9, loud at their beginning, whose intervals left out the truth."""
+    random = np.random.default_rng(quiet)
+    t = np.arange(-quiet, int(per_period * periods)) / per_period / 50
+    ring = np.where(t >= 0, np.exp(-0.003 * 2 * np.pi * 50 * t) * np.sin(2 * np.pi * 50 * t), 0.0)
+    rows = np.column_stack([t, 1e-3 * ring + 2e-6 * random.normal(size=len(t))])
+    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header="t [s],w [m]", comments="")
+    fit = flexlab.fit(tmp_path / "log.csv")
+    assert fit.is_ring
+    assert len(fit.ring.modes) == 1
+    assert fit.ring.first.frequency.value == pytest.approx(50, rel=1e-3)
+    assert fit.ring.first.damping_ratio.value == pytest.approx(0.003, rel=0.1)
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_what_is_no_single_ring_is_not_fitted_as_one(seed: int):
     rng, time = np.random.default_rng(seed), np.arange(0, 2, 1e-3)

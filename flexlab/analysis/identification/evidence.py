@@ -17,6 +17,8 @@ JUMP = 9.0
 """Least power at a ring's beginning over the power before: three times the amplitude."""
 LOUD = 0.3
 """Least power at a ring's beginning over that of the loudest block."""
+FINER, HIGH = 8, 0.5
+"""Places per line of the spectrum that tells a ring's period, and least size of its first peak over the largest of the first few."""
 WHITE = 0.01
 """Significance level of the test for white noise."""
 LAGS = 20
@@ -57,7 +59,10 @@ def clipped_until(signal: np.ndarray) -> int | None:
 
 
 def ring_begins(signal: np.ndarray) -> int:
-    """Index of a ring's first peak; 0 if nothing quieter comes before it."""
+    """Index of a ring's first peak: after the last quiet part, or the first of all; 0 for too few samples to tell.
+
+    Even a few quiet samples at its beginning would be fitted by strongly damped modes, which a ring from its first peak has not.
+    """
     size = max(FEWEST_IN_BLOCK, len(signal) // BLOCKS)
     count = len(signal) // size
     if count < 2 + AFTER:
@@ -72,12 +77,30 @@ def ring_begins(signal: np.ndarray) -> int:
     after = np.convolve(power, np.full(AFTER, 1 / AFTER), "valid")[2:]
     loud = (after >= LOUD * power.max()) & (after >= JUMP * before) & (after > 0)
     if not loud.any():
-        return 0
+        return _first_peak(signal, 2 * size)
     gain = np.where(loud, after / np.maximum(before, after.max() * BEST_TOLD), 0.0)
     block = 2 + int(np.argmax(gain))
     quiet = float(np.median(signal[: block * size]))
     peak = int(np.argmax(np.abs(signal[block * size : (block + AFTER) * size] - quiet)))
     return block * size + peak
+
+
+def _first_peak(signal: np.ndarray, quiet: int) -> int:
+    """Index of the first peak of a signal that rings from its beginning, or after `quiet` samples at most."""
+    count = len(signal)
+    place = np.linspace(-1, 1, count)
+    rings = signal - np.polynomial.Polynomial.fit(place, signal, 2)(place)
+    spectrum = np.abs(np.fft.rfft(rings, FINER * count))
+    spectrum[:FINER] = 0.0
+    period = max(2, round(FINER * count / max(int(np.argmax(spectrum)), 1)))
+    # The distance from the mean over a period, which at the ends is the next whole one.
+    first = np.clip(np.arange(count) - period // 2, 0, max(count - period, 0))
+    last = np.minimum(first + period, count)
+    total = np.concatenate([[0.0], np.cumsum(signal - signal[0])])
+    size = np.abs(signal - signal[0] - (total[last] - total[first]) / (last - first))
+    seen = size[: quiet + 2 * period]
+    high = int(np.argmax(seen >= HIGH * seen.max()))
+    return high + int(np.argmax(size[high : high + period // 2 + 2]))
 
 
 def stands_out(signal: np.ndarray, rest: np.ndarray, modes: int) -> bool:

@@ -143,7 +143,7 @@ def fit_file(
     t, y = _window(found.time, found.signal, start, end)
     notes = found.notes
     if start is None and (first := ring_begins(y)):
-        notes += (f"The ring begins at t = {t[first]:.6g} s: what comes before is left out.",)
+        notes += (f"The ring begins at t = {t[first]:.6g} s, its first peak: what comes before is left out.",)
         t, y = t[first:], y[first:]
     return _fit(path.stem, t, y, found.unit, scenario, notes)
 

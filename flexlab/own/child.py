@@ -213,7 +213,7 @@ def _watch(pid: int, above: int, lifeline: int, say: Callable[[str], None]) -> i
             with contextlib.suppress(ChildProcessError):  # Leave no zombies.
                 os.waitpid(other, os.WNOHANG)
         if len(others) >= MOST_PROCESSES:
-            say(f"it started more than {MOST_PROCESSES} processes, which is more than a file may")
+            say(f"it started more than {MOST_PROCESSES} processes, the most that a file may have")
             return None
         if others and sum(map(_memory, others | {pid})) > MOST_MEMORY:
             say(f"it and the processes that it started use more than {MOST_MEMORY / 1e9:g} GB of memory")

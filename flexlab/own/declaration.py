@@ -188,7 +188,7 @@ def read_declaration(source: str, file: str) -> Declaration:
         elif name == "on_save":
             on_save = law.value(value)
             if on_save not in ON_SAVE:
-                raise law.problem(value.lineno, f"on_save = {on_save!r} is none of " + ", ".join(map(repr, ON_SAVE)))
+                raise law.problem(value.lineno, f"on_save = {on_save!r} is not one of " + ", ".join(map(repr, ON_SAVE)))
     if not law.has_method("act"):
         raise law.problem(law.line, f"{law.node.name} has no method act(self, at), which computes the inputs")
     gains, memories = dict(found[Setting]), dict(found[Memory])
@@ -240,7 +240,7 @@ def _check(law: DeclaredClass, name: str, made: Any, line: int) -> None:
 def _check_setting(declared: DeclaredClass, name: str, gain: Setting, line: int) -> None:
     """Raise `ScenarioError` for an empty range or a default outside it."""
     if not is_finite(gain.low) or not is_finite(gain.high) or not gain.low < gain.high:
-        raise declared.problem(line, f"{name}: low = {gain.low!r} and high = {gain.high!r} are no range")
+        raise declared.problem(line, f"{name}: low = {gain.low!r} and high = {gain.high!r} are not a range")
     if not all(isinstance(text, str) for text in (gain.unit, gain.title, gain.symbol)):
         raise declared.problem(line, f"{name}: unit, title and symbol are texts")
     numbers = gain.default if isinstance(gain.default, tuple) else (gain.default,)

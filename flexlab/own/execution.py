@@ -245,10 +245,10 @@ class RunningLaw(RunningText):
         try:
             inputs = real_numbers(u)
         except (TypeError, ValueError):
-            return f"{self._line_of(now, message)}: act returned {short(u)}, which is no array of numbers {wanted}."
+            return f"{self._line_of(now, message)}: act returned {short(u)}, which is not an array of numbers {wanted}."
         if inputs.shape != wanted:
             kind = "nothing" if u is None else f"an array {inputs.shape}"
-            return f"{self._line_of(now, message)}: act returned {kind} where inputs {wanted} (arms, axes) are due."
+            return f"{self._line_of(now, message)}: act returned {kind} instead of inputs {wanted} (arms, axes)."
         if not np.isfinite(inputs).all():
             return f"{self._line_of(now, message)}: act returned {short(inputs.tolist())}, which is not finite."
         message["inputs"][: len(inputs)] = inputs
@@ -285,7 +285,7 @@ class RunningLaw(RunningText):
             try:
                 message["signals"][place] = real_numbers(given).item()
             except (TypeError, ValueError):
-                return f"{self._first_line('act')}: the signal {name} became {short(given)}, no number."
+                return f"{self._first_line('act')}: the signal {name} became {short(given)}, which is not a number."
         return ""
 
     def _line_of(self, now: Any, message: Any) -> str:

@@ -222,14 +222,14 @@ class OwnFolder(Generic[K]):
             check_ordinary(file)
             if file.exists() and file.stat().st_size > LARGEST:
                 raise self._problem(
-                    "source", f"{file} is larger than {LARGEST / 1e6:g} MB: that is no {self.kinds.word}."
+                    "source", f"{file} is larger than {LARGEST / 1e6:g} MB, too large for a {self.kinds.word}."
                 )
             return with_data(file.read_text(encoding="utf-8-sig"), file.parent, f"{self.kinds.field}.source")
         except FileNotFoundError:
             text = f"There is no file {file}: give the path of a Python file with {self.holding}."
             raise self._problem("source", text) from None
         except (OSError, ValueError) as error:
-            named = "it is no text in UTF-8" if isinstance(error, UnicodeDecodeError) else "no file has such a name"
+            named = "it is not text in UTF-8" if isinstance(error, UnicodeDecodeError) else "no file has such a name"
             why = error.strerror if isinstance(error, OSError) else named
             raise self._problem("source", f"{file} cannot be read: {why}.") from None
 

@@ -109,7 +109,7 @@ class PathApart(OwnProcess):
             if not np.isfinite(answer).all():
                 self._listen(PROBE)
                 problem, self._problem = self._problem, ""
-                raise TextProblem(problem or f"{self._name}: it answered with what are no poses.")
+                raise TextProblem(problem or f"{self._name}: it answered with something other than poses.")
         return float(answer[0]), answer[1:].reshape(-1, 3).copy()
 
     def _received(self, size: int) -> bytes:

@@ -152,7 +152,7 @@ class Link:
         plain = {name: one.tolist() if isinstance(one, np.ndarray) else one for name, one in asked.items()}
         answer = self._exchange(plain, self._answer, ANSWER_LIMIT)
         if answer.error is not None:
-            raise self._problem(visible(answer.error) or "it refused, without a word")
+            raise self._problem(visible(answer.error) or "it refused and gave no reason")
         wanted = (at.arm_count, 3)
         if answer.inputs is not None:
             inputs = self._numbers("inputs", answer.inputs, wanted)
@@ -190,7 +190,7 @@ class Link:
             link.sendall(len(body).to_bytes(HEAD, "big") + body)
             size = int.from_bytes(self._received(link, HEAD, end), "big")
             if size > LONGEST:
-                raise self._problem(f"it sent nonsense: a message of {size} bytes, where {LONGEST} are the most")
+                raise self._problem(f"it sent a message of {size} bytes, more than the {LONGEST} allowed")
             data = self._received(link, size, end)
         except TimeoutError:
             late = f"it did not greet within {limit:g} s: does it serve another run?"
@@ -202,7 +202,7 @@ class Link:
         try:
             return decoder.decode(data)
         except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-            raise self._problem(f"it sent nonsense ({visible(str(error))[:200]})") from None
+            raise self._problem(f"it sent an unreadable message ({visible(str(error))[:200]})") from None
 
     def _received(self, link: socket.socket, size: int, end: float) -> bytes:
         data = b""
@@ -232,9 +232,9 @@ class Link:
         try:
             numbers = np.array(given, float)
         except ValueError:
-            raise self._problem(f"its {name} are lists of unequal length, where {shape} numbers are due") from None
+            raise self._problem(f"its {name} are lists of unequal length instead of {shape} numbers") from None
         if numbers.shape != wanted:
-            raise self._problem(f"its {name} have the shape {numbers.shape}, where {shape} is due")
+            raise self._problem(f"the shape of its {name} is {numbers.shape} instead of {shape}")
         if not np.isfinite(numbers).all():
             raise self._problem(f"its {name} are not finite: {numbers.tolist()}")
         return numbers

@@ -267,8 +267,8 @@ def sampled(poses: Poses, repeats: bool, file: str) -> np.ndarray:
             at = float(shares[differences.argmax()]) * span
             raise TextProblem(
                 f"{file}: near t = {number_text(at)} s it turns too sharply: a spline through {MOST + 1} poses is "
-                f"{number_text(1e3 * worst, 2)} mm or mrad off there. Is there a jump or a corner? Round it off, or let the path "
-                "last less long."
+                f"{number_text(1e3 * worst, 2)} mm or mrad off there. Is there a jump or a corner? Round it off, or give the "
+                "path a shorter duration."
             )
         finer = np.empty((2 * count + 1, 3))
         finer[::2], finer[1::2] = grid, between[:count]
@@ -288,7 +288,8 @@ def _check_round(grid: np.ndarray, span: float, file: str) -> None:
         name, unit = [("x", "m"), ("y", "m"), ("θ", "rad")][int(gap.argmax())]
         raise TextProblem(
             f"{file}: after its period of {number_text(span)} s it is not where it began: {name} differs by "
-            f"{number_text(float(gap.max()), 3)} {unit}. Let position(period) be position(0), or say duration instead of period."
+            f"{number_text(float(gap.max()), 3)} {unit}. "
+            "Make position(period) equal to position(0), or declare duration instead of period."
         )
 
 

@@ -303,5 +303,5 @@ class OwnProcess:
             return self._problem
         where = f"{self._name}{self._traced_line()}"
         if code is None:
-            return f"{where}: it closed the connection by which flexlab asks it, or does not come to its end."
+            return f"{where}: it closed its connection to flexlab, or it does not end."
         return f"{where}: its process ended ({f'signal {-code}' if code < 0 else f'exit code {code}'})."

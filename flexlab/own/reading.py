@@ -88,7 +88,7 @@ class DeclaredClass:
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
             line = getattr(error, "lineno", None) or 1
             reason = getattr(error, "msg", None) or str(error) or "it is nested too deeply"
-            raise self.problem(line, f"is no Python text ({reason})") from None
+            raise self.problem(line, f"is not valid Python ({reason})") from None
         found = [node for node in tree.body if isinstance(node, ast.ClassDef) and base in map(called, node.bases)]
         if len(found) != 1:
             what = "no class that inherits from" if not found else f"{len(found)} classes that inherit from"
@@ -170,7 +170,7 @@ class DeclaredClass:
             text = "an expression of so many parts"
         raise self.problem(
             node.lineno,
-            f"{text} is not a number that stands in the file: declarations are read without running the file",
+            f"{text} is not a number written in the file: declarations are read without running the file",
         )
 
 

@@ -179,11 +179,11 @@ def _description(file: Path) -> Any:
         platforms = fmpy.supported_platforms(str(file))
     except Exception as error:
         why = visible(" ".join(str(error).split()))[:200] or type(error).__name__
-        raise _problem(file, f"is no unit that can be read ({why})") from None
+        raise _problem(file, f"is not a unit that can be read ({why})") from None
     if about.fmiVersion not in ("2.0", "3.0"):
         raise _problem(file, f"is made for FMI {about.fmiVersion}: export it for 2.0 or 3.0")
     if about.coSimulation is None:
-        raise _problem(file, "is not made for co-simulation: export it so")
+        raise _problem(file, "is not made for co-simulation: export it for that")
     if fmpy.platform not in platforms:
         there = ", ".join(platforms) or "none"
         raise _problem(file, f"has no machine code for {fmpy.platform}, only for {there}: export it for this machine")

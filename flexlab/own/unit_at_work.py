@@ -99,7 +99,7 @@ class Unit:
         }
         missing = [name for name in self._inputs if name not in numbers]
         if missing:
-            raise self._problem(f"its input {missing[0]} is nothing that this scenario has")
+            raise self._problem(f"its input {missing[0]} is not something that this scenario has")
         given = [numbers[name] for name in self._inputs]
         told = np.array([before, at.time, at.period, *given, *parameters])
         mark = 1 + int.from_bytes(hashlib.sha256(told.tobytes()).digest()[:MARK_BYTES], "big")
@@ -160,11 +160,9 @@ class Unit:
             return
         kept = self._known.get(mark)
         if kept is None:
-            raise self._problem("what it had computed up to here is not known any more: begin the run anew")
+            raise self._problem("what it computed up to here is no longer known: begin the run again")
         if kept.state is None:
-            raise self._problem(
-                "it cannot tell its state (canGetAndSetFMUState), so that it cannot go back: reset the run"
-            )
+            raise self._problem("it cannot save its state (canGetAndSetFMUState), so it cannot go back: reset the run")
         self._unit.setFMUState(kept.state)
 
     def _forget(self, mark: int) -> None:

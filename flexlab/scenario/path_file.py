@@ -104,7 +104,7 @@ def _columns(header: list[str], name: str) -> dict[str, tuple[int, float]]:
         column = NAMES.get(match[1].lower()) if match else None
         if match is None or column is None:
             raise PresetError(
-                f"{name}: {visible(cell.strip(), 40)!r} is no column of a path: name the columns {HEADER} in its first line."
+                f"{name}: {visible(cell.strip(), 40)!r} is not a column of a path: name the columns {HEADER} in its first line."
             )
         if column in found:
             raise PresetError(f"{name} has the column {column} twice: keep one of them.")
@@ -112,7 +112,7 @@ def _columns(header: list[str], name: str) -> dict[str, tuple[int, float]]:
         unit = match[2] or next(iter(units))
         if unit not in units:
             raise PresetError(
-                f"{name}: {visible(unit, 20)!r} is no unit of the column {column}: choose {', '.join(units)}."
+                f"{name}: {visible(unit, 20)!r} is not a unit of the column {column}: choose {', '.join(units)}."
             )
         found[column] = place, units[unit]
     missing = [column for column in COLUMNS if column not in found]
@@ -128,6 +128,6 @@ def _row(line: list[str], places: dict[str, tuple[int, float]], where: str) -> t
     for column, (place, size) in places.items():
         value = typed_number(line[place]) * size
         if not math.isfinite(value):
-            raise PresetError(f"{where}: {column} = {visible(line[place].strip(), 40)!r} is no finite number.")
+            raise PresetError(f"{where}: {column} = {visible(line[place].strip(), 40)!r} is not a finite number.")
         found[column] = value
     return found["t"], found["x"], found["y"], found["theta"]

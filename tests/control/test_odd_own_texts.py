@@ -95,7 +95,7 @@ def test_a_name_without_end_is_one_short_sentence():
 
 @pytest.mark.parametrize("text", ["-" * 90_000 + "1", "(" * 90_000])
 def test_what_is_nested_without_end_says_why_it_is_no_python(text: str):
-    with pytest.raises(ScenarioError, match=r"odd.py, line 1: is no Python text \(.+\)"):
+    with pytest.raises(ScenarioError, match=r"odd.py, line 1: is not valid Python \(.+\)"):
         add_own_law(text, "odd.py")
 
 
@@ -225,5 +225,5 @@ def test_a_scenario_that_a_law_does_not_suit_is_a_run_that_says_so():
 
 @pytest.mark.parametrize("part", ["controller", "trajectory"])
 def test_a_text_with_half_a_character_is_refused(part: str):
-    with pytest.raises(ScenarioError, match="is no Python text"):
+    with pytest.raises(ScenarioError, match="is not valid Python"):
         parse_scenario({part: {"source": "x = '\ud800'\n"}})

@@ -83,12 +83,12 @@ def test_units_and_order_of_the_columns_are_those_of_the_header(tmp_path: Path):
 
 WRONG = [
     ("t,x,y\n0,0,0\n1,0,0\n", "lacks the column theta: name the columns t [s], x [m], y [m], theta [rad]"),
-    ("t,x,y,theta,z\n0,0,0,0,0\n", "'z' is no column of a path"),
+    ("t,x,y,theta,z\n0,0,0,0,0\n", "'z' is not a column of a path"),
     ("t,x,x,theta\n0,0,0,0\n", "has the column x twice"),
-    ("t [h],x,y,theta\n0,0,0,0\n", "'h' is no unit of the column t: choose s, ms"),
-    ("t,x [rad],y,theta\n0,0,0,0\n", "'rad' is no unit of the column x: choose m, cm, mm"),
-    ("t,x,y,theta\n0,0,0.75,0\n0.1,0,abc,0\n", "row 2 (line 3): y = 'abc' is no finite number"),
-    ("t,x,y,theta\n0,0,0.75,0\n0.1,nan,0.75,0\n", "row 2 (line 3): x = 'nan' is no finite number"),
+    ("t [h],x,y,theta\n0,0,0,0\n", "'h' is not a unit of the column t: choose s, ms"),
+    ("t,x [rad],y,theta\n0,0,0,0\n", "'rad' is not a unit of the column x: choose m, cm, mm"),
+    ("t,x,y,theta\n0,0,0.75,0\n0.1,0,abc,0\n", "row 2 (line 3): y = 'abc' is not a finite number"),
+    ("t,x,y,theta\n0,0,0.75,0\n0.1,nan,0.75,0\n", "row 2 (line 3): x = 'nan' is not a finite number"),
     ("t,x,y,theta\n0,0,0.75,0\n0.1,0,0.75\n", "row 2 (line 3) has 3 values, not 4"),
     ("t,x,y,theta\n0,0,0.75,0\n", "has 1 rows below its header: a path needs 2 to 10000"),
     ("", "is empty"),

@@ -135,8 +135,8 @@ def test_units_of_measure_are_compared_by_what_they_are():
         ('name="pose_y"', 'name="height"', "has an input height that flexlab does not have: it gives pose_x"),
         ('<BaseUnit m="1" />', '<BaseUnit m="1" factor="0.001" />', "has an input pose_x in m: it has to be in m"),
         ('unit="rad/s"', 'unit="m/s"', "has an input pose_rate_theta in m/s: it has to be in rad/s"),
-        ('fmiVersion="3.0"', 'fmiVersion="1.0"', "is no unit that can be read"),
-        ("<CoSimulation", "<Other", "is not made for co-simulation: export it so."),
+        ('fmiVersion="3.0"', 'fmiVersion="1.0"', "is not a unit that can be read"),
+        ("<CoSimulation", "<Other", "is not made for co-simulation: export it for that."),
     ],
 )  # fmt: skip
 def test_what_cannot_drive_the_arms_is_a_sentence(exported: Exported, tmp_path: Path, old: str, new: str, says: str):
@@ -158,7 +158,7 @@ def test_a_unit_that_has_motor_torques_alone_drives_the_arms(exported: Exported,
 
 def test_other_files_and_parts_are_refused(exported: Exported, tmp_path: Path):
     (tmp_path / "text.fmu").write_text("no archive")
-    with pytest.raises(ScenarioError, match=r"text\.fmu is no unit that can be read \(File is not a zip file\)"):
+    with pytest.raises(ScenarioError, match=r"text\.fmu is not a unit that can be read \(File is not a zip file\)"):
         law_kind(tmp_path / "text.fmu")
     with pytest.raises(ScenarioError, match=r"none\.fmu cannot be read: there is no such file\."):
         law_kind(str(tmp_path / "none.fmu"))

@@ -38,7 +38,7 @@ def test_in_a_lab_it_is_taken_up_moved_saved_anew_and_a_wrong_one_leaves_all_as_
             file.write_text(ROUND.replace("turn = 2 *", f"{wrong}\n        turn = 2 *"))
             wait_until(lambda said=said: said in state.notice.text, said)
         file.write_text("class RoundTrip(OwnPath:\n")
-        wait_until(lambda: "line 1: is no Python text" in state.notice.text, "the sentence about the text")
+        wait_until(lambda: "line 1: is not valid Python" in state.notice.text, "the sentence about the text")
         assert runner.snapshot.scenario.trajectory == good
         file.write_text(ROUND.replace("high=2, symbol", "high=1, symbol"))  # declares something else
         wait_until(lambda: runner.snapshot.scenario.trajectory.source != good.source, "the mended text")

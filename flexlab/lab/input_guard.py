@@ -194,7 +194,7 @@ def _take_part(browser: _Browser, message: FileTransferPart) -> None:
         raise Refused("its parts have more bytes than the file was to have")
     received, is_last = upload.received + len(message.content), len(upload.parts) + 1 == upload.part_count
     if is_last and received < upload.size:
-        told = f"This file did not arrive as a whole, {received} of {upload.size} bytes: choose it again."
+        told = f"This file did not arrive completely, {received} of {upload.size} bytes: choose it again."
         raise Refused("its parts have fewer bytes than the file was to have", told)
     upload.parts.add(message.part_index)
     upload.received = received

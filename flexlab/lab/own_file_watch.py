@@ -111,7 +111,7 @@ class OwnFileWatch:
         """Play the new run if the law or path had `stopped` the last one; returns the words for the notice."""
         if stopped:
             self._lab_state.submit(Play())
-        return "the run starts anew with it."
+        return "the run restarts with it."
 
 
 def _briefly(error: FlexlabError, file: Path) -> str:

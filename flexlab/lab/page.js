@@ -259,7 +259,7 @@
     if (told !== labTime) [labTime, quickest] = [told, Math.min(quickest, now - 1000 * told)];
     const age = now - 1000 * labTime - quickest;
     found = age > BEHIND && !document.hidden ? found + 1 : 0;
-    const text = found > LASTING ? `The picture is ${Math.round(age / 1000)} s old: the line to the lab is slow, or cut.` : "";
+    const text = found > LASTING ? `The picture is ${Math.round(age / 1000)} s old: the connection to the lab is slow or lost.` : "";
     if (old.textContent !== text) old.textContent = text;
     old.hidden = !text;
     if (!old.isConnected) document.body?.append(old); // The page may not be complete yet.

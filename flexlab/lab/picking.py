@@ -107,7 +107,7 @@ def touch_controls(widgets: Widgets, touch: Picking) -> list[NumberControl]:
     widgets.gui.add_html(f'<div class="fl fl-dim">{words}</div>')
     shown = (STIFFNESS, "stiffness"), (IMPULSE, "impulse"), (PLACE, "place")
     controls = [_control(widgets, about, touch, name) for about, name in shown]
-    icon, hint = viser.Icon.HAND_CLICK, "An impulse across the beam"
+    icon, hint = viser.Icon.HAND_CLICK, "A transverse impulse on the beam"
     widgets.button("Tap", lambda _: touch.tap(), icon=icon, hint=hint)
     return controls
 

@@ -168,7 +168,7 @@ def test_a_file_shorter_than_announced_is_refused_in_a_sentence(
         wait_until(lambda: session.guard.refused == 1, "bytes without a part are refused", 20)
         browser.send(start(session, "t", part_count=1))
         browser.send(part(session, "t", content=b"123"))
-        wait_until(lambda: "did not arrive as a whole" in session.lab_state.notice.text, "it is told", 20)
+        wait_until(lambda: "did not arrive completely" in session.lab_state.notice.text, "it is told", 20)
         assert session.guard.refused == 2
     wait_until(lambda: not session.server.gui._current_file_upload_states, "nothing of it is kept", 20)
     assert capfd.readouterr() == ("", ""), "viser itself would write a line for each"

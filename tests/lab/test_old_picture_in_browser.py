@@ -59,6 +59,6 @@ def test_a_held_up_line_is_said_with_the_pictures_age_until_it_flows_again(chrom
         word = page.locator(".fl-behind")
         word.wait_for(state="hidden")
         flows.clear()
-        word.filter(has_text="s old: the line to the lab is slow, or cut.").wait_for(state="visible")
+        word.filter(has_text="s old: the connection to the lab is slow or lost.").wait_for(state="visible")
         flows.set()
         word.wait_for(state="hidden")

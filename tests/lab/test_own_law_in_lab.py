@@ -44,7 +44,7 @@ def test_in_a_lab_a_saved_file_acts_at_once_and_a_wrong_one_leaves_all_as_it_was
         file.write_text(mended)
         wait_until(lambda: lab.runner.snapshot.run_number > number, "a new run")
         wait_until(lambda: lab.runner.snapshot.latest.time[0] > 0.05 and lab.runner.snapshot.playing, "it runs again")
-        assert lab.lab_state.notice.text == "mine.py was saved: the run starts anew with it."
+        assert lab.lab_state.notice.text == "mine.py was saved: the run restarts with it."
         lab.lab_state.submit(Pause())
         wait_until(lambda: not lab.runner.snapshot.playing, "it is held")
         file.write_text(mended.replace("self.push = common[0]", "self.push = 19.0"))

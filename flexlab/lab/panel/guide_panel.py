@@ -125,7 +125,7 @@ class Guide:
         if lesson is None or option == self._guessed():
             return
         if lesson.id in self._unfolded:
-            raise LabError("The answer is open: what you guessed before stands.")
+            raise LabError("The answer is already shown: your earlier guess stands.")
         if option in lesson.options:
             self._guesses[lesson.id] = option
             self._fold(lesson)

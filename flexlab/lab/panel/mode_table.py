@@ -42,7 +42,7 @@ class ModePanel:
         study.ask(self._lab_state.intended)
         self._table = widgets.gui.add_html("")
         self._choice = widgets.gui.add_dropdown("Mode", tuple(str(k + 1) for k in range(MOST_MODES)), initial_value="1")
-        seen = f"Speed so that it is seen below {SEEN_AT:g} Hz"
+        seen = f"Sets the speed so that it moves below {SEEN_AT:g} Hz"
         bent = "A new run that starts with the beam bent in this mode"
         widgets.button("Slow motion for it", lambda _: self._slow_down(self._chosen()), hint=seen)
         widgets.button("Start in it", lambda _: self._start_in(self._chosen()), hint=bent)
@@ -147,7 +147,7 @@ def _beam_html(result: Modes) -> str:
             moved = f"turning, {turning:.0f} %"
         ratio = number_text(100 * float(result.damping_ratio[k]), 2)
         rows.append((f"{k + 1}", f"{result.frequency[k]:.2f}", ratio, moved))
-    table = table_html(rows, "mode", "f (Hz)", "ζ (%)", "excited by grips moving")
+    table = table_html(rows, "mode", "f (Hz)", "ζ (%)", "excited by moving grips")
     return f'<h2 class="fl-title">Beam with its grips held</h2>{table}'
 
 
@@ -181,7 +181,7 @@ def _pole_cells(row: PoleRow) -> list[str]:
 def _margin_html(margin: DiskMargin | None) -> str:
     if margin is None:
         return ""
-    rows = [("all alike", _margin_text(margin.alike)), ("each its own way", _margin_text(margin.each))]
+    rows = [("all alike", _margin_text(margin.alike)), ("each independently", _margin_text(margin.each))]
     table = table_html(rows, "motors", "gain and phase together")
     return f'<h2 class="fl-title">How much the motors may deviate</h2>{table}'
 

@@ -204,9 +204,9 @@ class Panel:
             Key("Reset", "A new run from t = 0, same settings", "R", None, lambda _: drive.reset()),
             Key("Slow motion: slower", "Half the speed", ",", None, lambda _: drive.faster(0.5)),
             Key("Slow motion: faster", "Twice the speed", ".", None, lambda _: drive.faster(2.0)),
-            Key("Undo", "Take the last change back", "Z", "cmd/ctrl", lambda _: lab_state.undo()),
+            Key("Undo", "Undo the last change", "Z", "cmd/ctrl", lambda _: lab_state.undo()),
             *(
-                Key("Redo", "Make it again", key, modifier, lambda _: lab_state.redo())
+                Key("Redo", "Redo the last undone change", key, modifier, lambda _: lab_state.redo())
                 for key, modifier in (("Z", "cmd/ctrl+shift"), ("Y", "cmd/ctrl"))
             ),
             Key("Save as preset", "Under the name on the tab File", "S", None, lambda _: self._filing.save()),

@@ -137,9 +137,9 @@ class Scrub:
         # The style sheet puts the bar after this mark below the picture; `accessibility.js` says its value as "3.2 s ago".
         self._words = widgets.gui.add_html("")
         self._bar = widgets.gui.add_slider(
-            "Look back", -1.0, 0.0, FINE, 0.0, visible=False, hint="Drag it to the left: the last minute of the run"
+            "Look back", -1.0, 0.0, FINE, 0.0, visible=False, hint="Drag left to see the last minute of the run"
         )
-        now, go_on, hint = viser.Icon.PLAYER_TRACK_NEXT, viser.Icon.PLAYER_PLAY, "A new run that begins with this state"
+        now, go_on, hint = viser.Icon.PLAYER_TRACK_NEXT, viser.Icon.PLAYER_PLAY, "Starts a new run from this state"
         self._back = widgets.button("Back to now", lambda _: look_back.back_to_now(), icon=now, visible=False)
         self._go_on = widgets.button(
             "Continue from here", lambda _: look_back.go_on(), icon=go_on, color=None, visible=False, hint=hint
@@ -206,12 +206,12 @@ class PlayScreen:
     def __init__(self, widgets: Widgets, touch: Picking, look: Look):
         with widgets.gui.add_folder("Play"):
             widgets.gui.add_html(f'<div class="fl fl-play">{SENTENCE}</div>')  # The page finds the play screen by it.
-            icon, hint = viser.Icon.HAND_CLICK, "A blow across the beam"
+            icon, hint = viser.Icon.HAND_CLICK, "A transverse blow to the beam"
             widgets.button("Tap", lambda _: touch.tap(), icon=icon, color=None, hint=hint)
             widgets.gui.add_button("More", color="gray", hint="The whole lab, with this run")
             # The style sheet shows the button after this mark once somebody has turned the view.
             widgets.gui.add_html('<i class="fl-back"></i>')
-            hint = "The camera back to where it stood, in this browser"
+            hint = "Moves the camera back to where it was, in this browser"
             widgets.button("Reset view", lambda event: look(event.client, VIEWS[0]), hint=hint)
             self._beam = Folder(widgets, None, _play_rows, is_open=True)
             self._speed = speed_menu(widgets, "Simulation speed")

@@ -44,7 +44,7 @@ class RingPanel:
         hint = "Frequency and damping of the vibration since the last tap, release or stop"
         widgets.button("Fit the ring", lambda _: self.fit(), icon=viser.Icon.WAVE_SINE, hint=hint)
         self._found = widgets.gui.add_html("")
-        hint = "The path goes through this input shaper, made for the fitted ring"
+        hint = "Passes the path through this input shaper, designed for the fitted ring"
         self._shapers = [
             widgets.button(f"Use {name}", partial(self._use, name), visible=False, hint=hint) for name in SHAPERS
         ]
@@ -94,7 +94,7 @@ class RingPanel:
     def _use(self, shaper: str, _: object = None) -> None:
         offered = self._offered()
         if offered is None:
-            raise LabError("Fit a ring first: its frequency is what the shaper is made for.")
+            raise LabError("Fit a ring first: the shaper is made for its frequency.")
         self._lab_state.change(offered.changes(shaper))
 
     def _use_gain(self) -> None:

@@ -82,7 +82,7 @@ def comparison_html(kept: ReferenceRun, snapshot: Snapshot, runner: Runner) -> s
     settings = settings or "<div>Both runs have the same settings.</div>"
     if not rows:
         low, high = kept.span
-        text = f"The kept run has t = {low:.2f} s to {high:.2f} s; the present one has nothing in common with it yet."
+        text = f"The kept run has t = {low:.2f} s to {high:.2f} s; the present one does not overlap it yet."
         return f'<div class="fl">{text}{settings}</div>'
     lines = []
     for old, new in rows[1:]:

@@ -129,17 +129,17 @@ class ScenarioFiles:
         self._shown_for: tuple[Scenario, Scenario] | None = None
         self._changes = widgets.gui.add_html("")
         for label, icon, hint, action in (
-            ("Undo", viser.Icon.ARROW_BACK_UP, "Take the last change back (Ctrl+Z)", lab_state.undo),
-            ("Redo", viser.Icon.ARROW_FORWARD_UP, "Make it again (Ctrl+Shift+Z)", lab_state.redo),
+            ("Undo", viser.Icon.ARROW_BACK_UP, "Undo the last change (Ctrl+Z)", lab_state.undo),
+            ("Redo", viser.Icon.ARROW_FORWARD_UP, "Redo the last undone change (Ctrl+Shift+Z)", lab_state.redo),
             ("Back to preset", None, "A new run without your changes", lab_state.back_to_baseline),
         ):
             widgets.button(label, lambda _, action=action: action(), icon=icon, hint=hint)
         self._suggested = self._suggestion()
         self.name = widgets.gui.add_text(
-            "Name", self._suggested, hint="Of the preset; its file gets it in small letters"
+            "Name", self._suggested, hint="Name of the preset; its file has it in small letters"
         )
         self.words = widgets.gui.add_text(
-            "What to watch", "", multiline=True, hint="Your own words; left empty: what is changed"
+            "What to watch", "", multiline=True, hint="Your own words; if empty, the list of changes"
         )
         save, file, hint = viser.Icon.DEVICE_FLOPPY, viser.Icon.DOWNLOAD, "Into the folder presets"
         widgets.button("Save as preset", lambda _: self.save(), icon=save, color=None, hint=hint)

@@ -30,7 +30,7 @@ HINTS = {
     "controller.slow.kind": "Any law. Keeps the motion.",
     "controller.observer.kind": "Rates of the beam: measured, or estimated from strain gauges by a sampled law.",
     "payload.axial_load": "Whether the beam feels the force along it. Acts at once.",
-    "controller.model.axial_load": "Whether the observer reckons with the steady force along the beam.",
+    "controller.model.axial_load": "Whether the observer accounts for the steady force along the beam.",
     "grips.model": "Whether the grips give way. Starts a new run.",
     "grips.measured_at": "By the arms' joint angles, or at the payload. Acts at once.",
     "left_arm.elbow": "Sign of joint 2. Starts a new run.",
@@ -211,7 +211,7 @@ def _of(part: str, *names: str) -> tuple[str, ...]:
 GAINS, PATH_NUMBERS = "controller.*", "trajectory.*"
 ARM = "base", "link_mass", "link_length", "link_center", "link_inertia", "elbow"
 GROUPS = (
-    Group("Gains for x, y and θ apart", (GAINS,)),
+    Group("Separate gains for x, y and θ", (GAINS,)),
     Group("Motors, sampling and sensors", (
         *_of("controller", "torque_limit", "control_period", "input_delay"),
         "joints.encoders.counts",
@@ -244,14 +244,14 @@ def _start(order: int) -> Callable[[Scenario], Any]:
 SWITCHES: dict[str, Switch] = {
     "controller.torque_limit": ("Limited torques", lambda _: (FIRST_TORQUE_LIMIT,) * 3),
     "controller.control_period": ("Sampled control", lambda _: FIRST_PERIOD),
-    "initial.pose": ("Start elsewhere than on the path", _start(0)),
-    "initial.pose_rate": ("Start with another velocity than the path's", _start(1)),
+    "initial.pose": ("Start off the path", _start(0)),
+    "initial.pose_rate": ("Start with a velocity other than the path's", _start(1)),
     "left_arm.link_inertia": ("Inertias other than m l²/12", lambda scenario: scenario.arms[0].inertia),
     "right_arm.link_inertia": ("Inertias other than m l²/12", lambda scenario: scenario.arms[-1].inertia),
-    "trajectory.shaper_frequency": ("Shaper made for a frequency given here", lambda _: FIRST_SHAPED),
-    "trajectory.shaper_damping": ("Shaper made for a damping given here", lambda _: 0.0),
-    "controller.observer.horizon": ("Prediction ahead by another time", lambda s: s.controller.input_delay + 0.5),
-    "simulation.step": ("Longest step chosen by hand", lambda _: FIRST_STEP),
+    "trajectory.shaper_frequency": ("Shaper for a given frequency", lambda _: FIRST_SHAPED),
+    "trajectory.shaper_damping": ("Shaper for a given damping", lambda _: 0.0),
+    "controller.observer.horizon": ("Another prediction horizon", lambda s: s.controller.input_delay + 0.5),
+    "simulation.step": ("Longest step set by hand", lambda _: FIRST_STEP),
     "payload.mode_count": ("Keep fewer modes", lambda scenario: scenario.payload.coordinate_count),
 }
 """Optional fields: the label of their switch, and the value with which it begins."""

@@ -68,7 +68,7 @@ LYAPUNOV = Plot(
     lambda scenario, samples: MILLI * tracking_energy(scenario, samples)[None],
     0.1,
     (colors.VIOLET,),
-    note="The proof's whole function adds ½ Σ kⱼ (bⱼ − b̂ⱼ)²: what the estimates still lack. Nobody knows the true "
+    note="The proof's full function adds ½ Σ kⱼ (bⱼ − b̂ⱼ)²: what the estimates still lack. Nobody knows the true "
     "bounds bⱼ, so that part cannot be drawn.",
 )
 LOAD_NOTE = "At 100 % of compression this beam buckles; at 100 % of spin the paper's beam has no stiffness left."

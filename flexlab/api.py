@@ -199,7 +199,7 @@ def explain(run: Run) -> tuple["Explained", ...]:
     sentence whose check fails is left out. There are none while somebody pulls the beam or an arm.
     """
     if not isinstance(run, samples.Run):
-        raise StudyError(f"{run!r:.60} is no run: give one of flexlab.simulate or flexlab.read.")
+        raise StudyError(f"{run!r:.60} is not a run: give one from flexlab.simulate or flexlab.read.")
     from flexlab.analysis.explanations.explanation import explain_run
 
     course = getattr(run, "_course", None)

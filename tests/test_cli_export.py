@@ -119,7 +119,7 @@ def test_a_replay_that_differs_says_where_and_fails(flexlab_command: Command, tm
         (["import", "junk.csv"], "junk.csv is not a run exported by flexlab"),
         (
             ["import", "run.zip"],
-            "run.zip has no known format: choose a file that ends in .rrd, .csv, .parquet, .npz. Of an archive",
+            "run.zip has no known format: choose a file that ends in .rrd, .csv, .parquet, .npz. From an archive",
         ),
         (["import", "junk.txt"], "junk.txt has no known format"),
         (["replay", "zzz"], "no recording zzz"),

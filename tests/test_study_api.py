@@ -201,7 +201,7 @@ def test_a_run_is_saved_as_the_file_that_was_named(tmp_path: Path):
     assert run.save(named) == named
     assert flexlab.read(named).result_hash == run.result_hash
     assert read_notes(named)["metrics"]
-    with pytest.raises(RecordingError, match=r"squeezed\.rrd is there already: give another name, or a folder"):
+    with pytest.raises(RecordingError, match=r"squeezed\.rrd already exists: give another name, or a folder"):
         run.save(named)
     assert flexlab.read(named).result_hash == run.result_hash
 

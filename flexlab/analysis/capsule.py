@@ -134,14 +134,14 @@ def unpack_capsule(archive_path: Path, folder: Path) -> Path:
         with zipfile.ZipFile(archive_path) as archive:
             sizes = {about.filename: about.file_size for about in archive.infolist()}
             if METADATA not in sizes or sizes[METADATA] > LARGEST_METADATA:
-                raise RecordingError(f"{archive_path} is no archive of a run: it has no {METADATA}.")
+                raise RecordingError(f"{archive_path} is not an archive of a run: it has no {METADATA}.")
             described = {
                 item["@id"]: item["sha256"]
                 for item in json.loads(archive.read(METADATA))["@graph"]
                 if item.get("@type") == "File"
             }
             if RUN not in described or sizes.get(RUN, 0) > LARGEST_RUN:
-                raise RecordingError(f"{archive_path} is no archive of a run: it describes no {RUN}.")
+                raise RecordingError(f"{archive_path} is not an archive of a run: it does not describe {RUN}.")
             for name, digest in described.items():
                 if name not in sizes or _digest(archive, name, folder / RUN if name == RUN else None) != digest:
                     changed = f"{name!r:.80} was changed or is missing"

@@ -108,9 +108,7 @@ def paper_figures(run: Samples, folder: Path, formats: Sequence[str] = FORMATS, 
     """
     unknown = [kind for kind in formats if kind not in FORMATS]
     if unknown:
-        raise StudyError(
-            f"format = {unknown[0]} is not one that figures are written in: choose {' or '.join(FORMATS)}."
-        )
+        raise StudyError(f"format = {unknown[0]} is not a format of figures: choose {' or '.join(FORMATS)}.")
     if len(run) == 0:
         raise RecordingError("The run has no samples.")
     make_folder(folder)
@@ -126,7 +124,7 @@ def figure_kind(path: Path) -> str:
     """The format that a figure's file name asks for. Raises `StudyError`."""
     kind = path.suffix.lstrip(".").lower()
     if kind not in FORMATS:
-        raise StudyError(f"{path} is no name for a figure: let it end in .svg or .png.")
+        raise StudyError(f"{path} is not the name of a figure: let it end in .svg or .png.")
     return kind
 
 

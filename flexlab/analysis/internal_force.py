@@ -22,26 +22,26 @@ def internal_force_eq_26(run: Run, every: int = 1) -> np.ndarray:
     modes, compliant grips, a beam that feels the force along it, or no samples.
     """
     if not isinstance(run, Run):
-        raise StudyError(f"{run!r:.60} is no run: give one of flexlab.simulate or flexlab.read.")
+        raise StudyError(f"{run!r:.60} is not a run: give one from flexlab.simulate or flexlab.read.")
     scenario, step = run.scenario, whole_number("every", every, 1)
     course = getattr(run, "_course", None)
     if course is not None and course.is_changed:
         raise StudyError(
-            "Eq. (26) is of one scenario and of no force from outside: this run was changed or pulled on its way. "
-            "run.internal_force has its internal force."
+            "Eq. (26) holds for one scenario without outside forces, and this run was changed or pulled: "
+            "use run.internal_force."
         )
     if len(scenario.arms) != 2:
-        raise StudyError("Eq. (26) needs two arms: a single one has nobody to press against.")
+        raise StudyError("Eq. (26) needs two arms: a single one has nothing to press against.")
     if scenario.payload.mode_count is not None:
         raise StudyError("Eq. (26) is in nodal coordinates: leave payload.mode_count out, so that all modes are kept.")
     if scenario.grips.active:
         raise StudyError(
-            "Eq. (26) is of rigid grips: of compliant ones run.internal_force has the springs' and dampers' forces."
+            "Eq. (26) holds for rigid grips: for compliant ones run.internal_force gives the forces of springs and dampers."
         )
     if scenario.payload.axial_load != "none":
         raise StudyError(
-            "Eq. (26) is of the paper's beam, which feels no force along it (payload.axial_load): run.internal_force has the "
-            "internal force of this one."
+            "Eq. (26) holds for the paper's beam, which feels no force along it (payload.axial_load): "
+            "use run.internal_force for this one."
         )
     if len(run) == 0:
         raise StudyError("The run has no samples.")

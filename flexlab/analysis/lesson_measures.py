@@ -58,8 +58,8 @@ def coarse_note(scenario: Scenario, period: float) -> str:
     enough = digits * math.floor(1 / (FEWEST * frequency) / digits)
     return (
         f"Samples are {number_text(1e3 * period)} ms apart, and the beam's first mode has a period of "
-        f"{number_text(1e3 / frequency, 3)} ms: peaks, settling time and RMS of what vibrates may be far from the motion's. Take "
-        f"samples every {number_text(1e3 * enough)} ms or oftener."
+        f"{number_text(1e3 / frequency, 3)} ms: peaks, settling time and RMS of the vibration may be far off. Take "
+        f"samples every {number_text(1e3 * enough)} ms or more often."
     )
 
 

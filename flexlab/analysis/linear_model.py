@@ -142,7 +142,7 @@ class LinearModel(StateSpace):
         error = np.abs(np.polyval(function.num, points) / np.polyval(function.den, points) - exact)
         if not np.all(error <= LOST * np.abs(exact).max()):
             raise StudyError(
-                f"Polynomials of {len(self.A)} states lose the digits of this transfer function: take to_zpk, bode, response "
+                f"Polynomials of {len(self.A)} states lose the digits of this transfer function: use to_zpk, bode, response "
                 "or to_control."
             )
         return function
@@ -154,7 +154,7 @@ class LinearModel(StateSpace):
         wants = "one input and one output" if outputs else "one input"
         has = f"{inputs} inputs" + (f" and {len(self.about.outputs)} outputs" if outputs else "")
         example = 'inputs="desired_pose_y"' + (', outputs="pose_y"' if outputs else "")
-        raise StudyError(f"{what} is of {wants}, and this model has {has}: name one, as in linearize(…, {example}).")
+        raise StudyError(f"{what} needs {wants}, and this model has {has}: name one, as in linearize(…, {example}).")
 
     def to_control(self) -> Any:
         """The model as a `control.StateSpace` of python-control. Raises `StudyError` if that is not installed."""

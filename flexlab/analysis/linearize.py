@@ -59,7 +59,7 @@ def linearize(
     if acts and not acting:
         raise StudyError(f"{acts[0]} drives the control law: with closed=False choose {TORQUE} or {TASK} as inputs.")
     if not shown:
-        raise StudyError("outputs is empty: name one signal of a run or more, such as 'pose'.")
+        raise StudyError("outputs is empty: name one or more signals of a run, such as 'pose'.")
     with one_blas_thread():
         linear = linearize_at(known, check_pose(known, pose))
         answers = linear_outputs(linear, choose_columns(linear, shown))

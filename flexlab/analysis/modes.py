@@ -302,16 +302,16 @@ def loop_note(linear: Linearization) -> str:
     notes = []
     if linear.rest.drifting:
         notes.append(
-            "The law's memory never comes to rest here (its estimates go on growing): poles with its values at the start."
+            "The law's memory never comes to rest here (its estimates keep growing): these poles are for its start values."
         )
     if linear.probe.original.grips.active:
         notes.append(RIGID)
     if linear.probe.original.payload.mass_change.active:
-        notes.append("The payload's mass changes (payload.mass_change): this is of its mass at the start.")
+        notes.append("The payload's mass changes (payload.mass_change): this holds for its mass at the start.")
     return " ".join(notes)
 
 
 RIGID = (
-    "The grips give way here (grips.model), which this leaves out: it is of rigid grips. Whether the loop is stable, and how the "
-    "beam rings, a run tells."
+    "The grips give way here (grips.model), but this holds for rigid grips: only a run shows whether the loop is stable and how "
+    "the beam rings."
 )

@@ -137,9 +137,9 @@ def _why_rounded_otherwise(recording: Recording) -> str:
     """A legitimate reason for different bits, as a clause; empty if there is none."""
     texts = own_texts(recording, "controller")
     if any(address_in(source) or unit_in(source, ())[0] for source in texts):
-        return "its control law is computed outside of flexlab, by a program or unit that may answer otherwise now"
+        return "its control law is computed outside of flexlab, by a program or unit that may answer differently now"
     if texts:
-        return "its control law is Python code, which computes with what the machine has"
+        return "its control law is Python code, whose rounding depends on the machine"
     if recording.properties.get("arithmetic") != ARITHMETIC:
         return "it was recorded before results were the same on every machine"
     return ""
@@ -190,7 +190,7 @@ def _left_out(recording: Recording, absent: frozenset[str]) -> str:
         return ""
     version = recording.properties.get("flexlab_version")
     return (
-        f" It was recorded by flexlab {version} in format {recording.computed_in}: all that both have was compared, "
+        f" It was recorded by flexlab {version} in format {recording.computed_in}: everything that both have was compared, "
         f"without {', '.join(names)}."
     )
 

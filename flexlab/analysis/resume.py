@@ -90,5 +90,5 @@ class Repetition:
             before = world.scenario
             if world.apply(self._commands.popleft()[1]) and not same_motion(before, world.scenario):
                 raise StudyError(
-                    "The recording goes on after a change of structure, which begins a new run: it is not whole."
+                    "The recording goes on after a change of structure, where a new run begins: it is not complete."
                 )

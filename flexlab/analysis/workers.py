@@ -102,7 +102,9 @@ def chosen_workers(workers: int | None = None, cluster: str | None = None) -> Wo
         return partial(_on_threads, count)
     text_or_none("cluster", cluster, "tcp://HOST:8786")
     if workers is not None:
-        raise StudyError("workers says how many threads this machine uses: a cluster has its own; give one of the two.")
+        raise StudyError(
+            "workers is the number of threads on this machine, and a cluster has its own: give one of the two."
+        )
     try:
         import distributed
     except ImportError:
@@ -225,7 +227,7 @@ def _result(distributed: Any, future: Any) -> Any:
     except (distributed.KilledWorker, CancelledError, OSError, RuntimeError, ImportError) as error:
         reason = getattr(error, "reason", "") or (str(error).splitlines() or [type(error).__name__])[0]
         raise StudyError(
-            f"The cluster failed ({reason:.160}): mend it, and give the same command again; what is kept is not computed anew."
+            f"The cluster failed ({reason:.160}): mend it and repeat the command; results that were kept are not computed again."
         ) from None
     _check_engine(theirs, "A worker")
     future.release()

@@ -214,17 +214,17 @@ def _base(settings: Settings) -> Scenario:
     scenario = any_scenario(settings.scenario)
     if scenario.joints.encoders.active:
         raise StudyError(
-            "joints.encoders are not in the environment, which tells exact poses with its own noise: "
+            "joints.encoders cannot be used in the environment, which measures exact poses with its own noise: "
             "choose a scenario whose joints.encoders.counts are 0."
         )
     if scenario.payload.mass_change.active:
         raise StudyError(
-            f"payload.mass_change.factor = {scenario.payload.mass_change.factor:g} is not in the environment, whose integrator "
-            "needs a mass that stays: choose a scenario whose factor is 1."
+            f"payload.mass_change.factor = {scenario.payload.mass_change.factor:g} cannot be used in the environment, whose "
+            "integrator needs a constant mass: choose a scenario whose factor is 1."
         )
     if scenario.grips.active:
         raise StudyError(
-            "grips.model = compliant is not in the environment, whose integrator needs rigid grips: "
+            "grips.model = compliant cannot be used in the environment, whose integrator needs rigid grips: "
             "choose a scenario whose grips.model is rigid."
         )
     changes = {"controller.kind": "none", "controller.control_period": settings.control_period}

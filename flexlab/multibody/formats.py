@@ -24,7 +24,7 @@ def mjcf_text(bodies: Bodies, name: str) -> str:
         if min(body.mass, body.inertia) < LEAST_INERTIA:
             raise StudyError(
                 f"{body.name.replace('_', ' ')} has the mass {body.mass:g} kg and the inertia {body.inertia:g} kg·m²: MuJoCo "
-                "wants both above 0; give it some, or write .urdf."
+                "requires both above 0: give it some, or write .urdf."
             )
     root = ElementTree.Element("mujoco", model=name)
     root.append(ElementTree.Comment(f" {bodies.about()} "))

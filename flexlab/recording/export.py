@@ -160,7 +160,7 @@ def import_run(path: Path) -> tuple[Run, dict[str, Any]]:
 
 
 _REASONS: tuple[tuple[type[Exception], str], ...] = (
-    (json.JSONDecodeError, "its metadata are no JSON"),
+    (json.JSONDecodeError, "its metadata are not JSON"),
     (KeyError, "its metadata are missing or not complete"),
     (StopIteration, "it has no columns"),
     (RecursionError, "its metadata are nested too deeply"),

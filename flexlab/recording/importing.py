@@ -40,7 +40,7 @@ def check_format(name: str) -> None:
     """Raise `RecordingError` for the name of a file that is neither a recording nor an exported table."""
     ending = Path(name).suffix.lower()
     if ending not in IMPORTED:
-        archived = " Of an archive take run.rrd." if ending == ".zip" else ""
+        archived = " From an archive, take run.rrd." if ending == ".zip" else ""
         raise RecordingError(
             f"{visible(name, 60)} has no known format: choose a file that ends in {', '.join(IMPORTED)}.{archived}"
         )
@@ -88,7 +88,7 @@ def _take_recording(path: Path, logs: Path, notes: Mapping[str, str]) -> Path:
 def _take_table(path: Path, logs: Path, notes: Mapping[str, str]) -> Path:
     run, metadata = import_run(path)
     if len(run) == 0:
-        raise RecordingError(f"{path.name} has no samples: there is nothing to take in.")
+        raise RecordingError(f"{path.name} has no samples: there is nothing to import.")
     try:
         info, events = _info(run, metadata), [event_from_values(values) for values in metadata.get("events", [])]
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:

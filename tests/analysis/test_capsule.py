@@ -80,7 +80,7 @@ def test_a_changed_archive_does_not_pass(capsule: Path, tmp_path: Path):
             unpack_capsule(changed(**{name: members[name] + b" "}), tmp_path)
         with pytest.raises(RecordingError, match="was changed or is missing"):
             unpack_capsule(changed(**{name: None}), tmp_path)
-    with pytest.raises(RecordingError, match="is no archive of a run"):
+    with pytest.raises(RecordingError, match="is not an archive of a run"):
         unpack_capsule(changed(**{METADATA: None}), tmp_path)
     for junk in (b"[]", b"{", b'{"@graph": 3}', b'{"@graph": []}'):
         with pytest.raises(RecordingError, match="archive of a run"):

@@ -264,7 +264,7 @@ def test_what_needs_one_channel_says_so(sampling: dict):
             ask()
     if not sampling:
         for ask in (model.step, model.impulse):
-            with pytest.raises(StudyError, match=r"response is of one input, and this model has 3 inputs: name one"):
+            with pytest.raises(StudyError, match=r"response needs one input, and this model has 3 inputs: name one"):
                 ask()
         one = flexlab.linearize(still(), inputs="desired_pose_y", outputs=("pose", "vibration"))
         assert one.step(N=500)[1][-1, 1] == pytest.approx(1, abs=1e-3)

@@ -81,7 +81,7 @@ def test_samples_that_are_too_far_apart_for_the_ring_are_told(tmp_path: Path) ->
     """At 10 ms the settling time was 0.37 s instead of 0.44 s without a word; 2 ms is what the note asks for."""
     told = run_metrics(simulate(load_preset("paper"), 0.5, 0.01))
     assert told.note.startswith("Samples are 10 ms apart, and the beam's first mode has a period of 22.4 ms: ")
-    assert told.note.endswith("Take samples every 2 ms or oftener.")
+    assert told.note.endswith("Take samples every 2 ms or more often.")
     assert told.note in str(told)
     assert told.note in told._repr_html_().replace("&#x27;", "'")
     assert run_metrics(simulate(load_preset("paper"), 0.1, 0.002)).note == ""

@@ -375,10 +375,12 @@ def test_poles_of_grips_that_give_way_say_that_they_are_of_rigid_ones():
     )
     assert simulate(scenario, 0.05).status == "diverged"
     found = modes(scenario)
-    assert "The grips give way here (grips.model), which this leaves out" in str(found)
+    assert "The grips give way here (grips.model), but this holds for rigid grips" in str(found)
     assert repr(found).endswith("a stable loop, with rigid grips>")
     assert found.note in str(flexlab.linearize(scenario))
     assert "rigid" not in repr(modes("paper")) + str(modes("paper"))
     filled = load_preset("paper").replace({"payload.mass_change.factor": 3.0})
-    assert modes(filled).note == "The payload's mass changes (payload.mass_change): this is of its mass at the start."
+    assert (
+        modes(filled).note == "The payload's mass changes (payload.mass_change): this holds for its mass at the start."
+    )
     np.testing.assert_array_equal(modes(filled).poles, modes("paper").poles)

@@ -86,7 +86,7 @@ def test_thinning_keeps_every_peak() -> None:
 
 
 def test_what_cannot_be_drawn_is_said(run: Run, tmp_path: Path) -> None:
-    with pytest.raises(StudyError, match="format = gif is not one that figures are written in: choose png or svg"):
+    with pytest.raises(StudyError, match="format = gif is not a format of figures: choose png or svg"):
         paper_figures(run, tmp_path, formats=["gif"])
     with pytest.raises(RecordingError, match="The run has no samples"):
         paper_figures(run.take(run.time < 0), tmp_path)

@@ -117,7 +117,7 @@ def objects() -> bytes:
         ("x.csv", b"", r"\(its first line has no metadata\)"),
         ("x.csv", b"# {}\n", r"\(it has no columns\)"),
         ("x.csv", b"# {}\na\n1\n", r"\(its metadata are missing or not complete\)"),
-        ("x.csv", b"# {nothing\na\n1\n", r"\(its metadata are no JSON\)"),
+        ("x.csv", b"# {nothing\na\n1\n", r"\(its metadata are not JSON\)"),
         ("x.csv", b"# " + b'{"a":' * 100_000 + b"\na\n1\n", r"\(its metadata are nested too deeply\)"),
         ("x.npz", objects(), r"\(it holds Python objects\)"),
         ("x.npz", b"PK", "is not a run exported by flexlab"),

@@ -312,7 +312,7 @@ def test_other_pages_cannot_make_the_server_work(front_server: FrontServer, reco
         (
             "run.zip",
             b"PK",
-            "run.zip has no known format: choose a file that ends in .rrd, .csv, .parquet, .npz. Of an archive take run.rrd.",
+            "run.zip has no known format: choose a file that ends in .rrd, .csv, .parquet, .npz. From an archive, take run.rrd.",
         ),
         ("run.exe", b"MZ", "run.exe has no known format: choose a file that ends in .rrd, .csv, .parquet, .npz."),
     ],

@@ -109,7 +109,7 @@ def test_what_cannot_be_measured_is_said():
         ScenarioError, match=r"joints\.encoders\) belong to sampled control: .*control_period.* or .* 0"
     ):
         load_preset("paper").replace({COUNTS: (1e4,) * 3})
-    with pytest.raises(StudyError, match=r"joints\.encoders are not in the environment"):
+    with pytest.raises(StudyError, match=r"joints\.encoders cannot be used in the environment"):
         WorldBatch(Settings(scenario=with_counts(1e4)), 1)
     run = simulate(with_counts(100.0), 1.0)
     assert run.status.failed

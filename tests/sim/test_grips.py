@@ -391,11 +391,11 @@ def test_where_compliant_grips_cannot_go_it_is_said():
     from flexlab.gym_environment.worlds import Settings, WorldBatch
 
     compliant = load_preset("paper").replace(COMPLIANT)
-    with pytest.raises(StudyError, match=r"grips\.model = compliant is not in the environment"):
+    with pytest.raises(StudyError, match=r"grips\.model = compliant cannot be used in the environment"):
         WorldBatch(Settings(scenario=compliant), 1)
     with pytest.raises(StudyError, match=r"grips\.measured_at payload or grips\.model rigid"):
         make_part(compliant, "law", 0.001)
-    with pytest.raises(StudyError, match=r"Eq. \(26\) is of rigid grips"):
+    with pytest.raises(StudyError, match=r"Eq. \(26\) holds for rigid grips"):
         internal_force_eq_26(simulate(compliant, 0.01))
     assert "The grips are rigid here." in make_bodies(compliant).about()
     assert "grips are rigid" not in make_bodies(load_preset("paper")).about()

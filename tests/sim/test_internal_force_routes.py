@@ -67,7 +67,7 @@ def test_eq_26_is_refused_where_it_is_not_that_of_the_run(tmp_path: Path):
     for command in (ChangeScenario({"payload.bending_stiffness": 50.0}), Pull(0.0, (0.0, 1.0), 100.0)):
         run = flexlab.simulate("paper", 0.03, commands=[(0.01, command)])
         for one in (run, flexlab.read(run.save(tmp_path))):
-            with pytest.raises(StudyError, match="this run was changed or pulled on its way"):
+            with pytest.raises(StudyError, match="this run was changed or pulled"):
                 flexlab.internal_force_eq_26(one)
     tapped = flexlab.simulate("paper", 0.03, commands=[(0.01, Tap(0.0, (0.0, 0.1)))])
     np.testing.assert_allclose(flexlab.internal_force_eq_26(tapped), tapped.internal_force, atol=1e-9)
@@ -81,7 +81,7 @@ def test_internal_forces_of_two_arms_cancel():
 
 
 def test_a_single_arm_has_no_internal_force():
-    """One arm has nobody to press against."""
+    """One arm has nothing to press against."""
     single = next(case for case in CASES if len(case.scenario.arms) == 1)
     samples = World(single.scenario).run(100)
     assert np.abs(samples.internal_force).max() < 1e-12 * np.abs(samples.arm_input).max()

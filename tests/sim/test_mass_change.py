@@ -272,7 +272,7 @@ def test_where_a_changing_mass_cannot_go_it_is_said():
     from flexlab.gym_environment.worlds import Settings, WorldBatch
 
     filled = load_preset("paper").replace(change(3.0))
-    with pytest.raises(StudyError, match=r"payload\.mass_change\.factor = 3 is not in the environment"):
+    with pytest.raises(StudyError, match=r"payload\.mass_change\.factor = 3 cannot be used in the environment"):
         WorldBatch(Settings(scenario=filled), 1)
     assert "So is the change of the payload's mass." in make_bodies(filled).about()
     assert "mass." not in make_bodies(load_preset("paper")).about()

@@ -80,7 +80,7 @@ def claim_named_file(path: Path) -> RunFile:
     try:
         return claim(path, "xb")
     except FileExistsError:
-        raise RecordingError(f"{path} is there already: give another name, or a folder.") from None
+        raise RecordingError(f"{path} already exists: give another name, or a folder.") from None
     except OSError as error:
         raise RecordingError(f"{path} cannot be written ({error.strerror}): the run is not recorded.") from None
 

@@ -148,7 +148,7 @@ def run_id(path: Path) -> str:
 def check_removable(row: RunRow) -> None:
     """Raise `RecordingError` if a run may not be deleted: it is kept, or being written."""
     if row.kept:
-        raise RecordingError(f"{row.id} is marked to be kept: take that mark away first.")
+        raise RecordingError(f"{row.id} is marked to be kept: remove that mark first.")
     if row.state == "in use":
         raise RecordingError(f"{row.id} is still being recorded: it can be deleted when its run has ended.")
 

@@ -24,8 +24,8 @@ def load_share(seen: Evidence) -> str | None:
     if rest > UNEXPLAINED * size:
         return None
     return (
-        f"The arms press against each other with {n(size)} N (RMS), and {n(made)} N of it is the load share: the left arm gives "
-        f"{n(100 * share)} % of what moves the payload. α = 0.5 takes that away and changes no motion."
+        f"The arms press against each other with {n(size)} N (RMS), and {n(made)} N of it comes from the load share: the left "
+        f"arm gives {n(100 * share)} % of the force that moves the payload. α = 0.5 removes that part and changes no motion."
     )
 
 
@@ -78,8 +78,9 @@ def bending_by_weight(seen: Evidence) -> str | None:
     if abs(mean + held) > BENDING_AGREES * abs(held):
         return None
     return (
-        f"The weight bends the beam by {length(abs(held))}, at rest as in motion, of {length(largest(span.midspan_deflection))} "
-        f"in all; only {length(largest(span.vibration))} of that vibrate. No law can take the weight's part away."
+        f"The weight bends the beam by {length(abs(held))}, at rest and in motion, out of "
+        f"{length(largest(span.midspan_deflection))} in all; only {length(largest(span.vibration))} of that is vibration. No law "
+        "can remove the weight's part."
     )
 
 

@@ -103,7 +103,7 @@ def growing_pose(seen: Evidence) -> str | None:
     if product <= (1 + ROUNDING) * limit:
         return None
     return (
-        f"The pose runs away at {n(growth.rate)} 1/s: feedback at {n(around.fastest_rate)} 1/s is answered every "
+        f"The pose runs away at {n(growth.rate)} 1/s: feedback at {n(around.fastest_rate)} 1/s is updated every "
         f"{n(1e3 * law.control_period)} ms with {law.input_delay} samples of delay, λT_c = {n(product)} above {n(limit)}. "
         f"A control period below {n(1e3 * limit / around.fastest_rate)} ms or lower gains help.{_not_begun(seen)}"
     )
@@ -151,8 +151,8 @@ def spillover(seen: Evidence) -> str | None:
     folded = f", at {n(shown)} Hz with a clock of {n(1 / period)} Hz" if growth.frequency > 0.5 / period else ""
     more = 100 * growth.rate / (2 * np.pi * growth.frequency)
     return (
-        f"Mode {growth.mode}, {n(growth.frequency)} Hz, grows at {n(growth.rate)} 1/s: the observer knows "
-        f"{observer.observer_modes} modes, and the gauges see this one all the same{folded} (spillover). A damping ratio larger "
+        f"Mode {growth.mode}, {n(growth.frequency)} Hz, grows at {n(growth.rate)} 1/s: the observer models "
+        f"{observer.observer_modes} modes, but the gauges also see this one{folded} (spillover). A damping ratio larger "
         f"by {n(more)} % or lower vibration gains help.{_not_begun(seen)}"
     )
 
@@ -176,7 +176,7 @@ def small_margin(seen: Evidence) -> str | None:
         return None
     late = 1e3 * margin.alike.phase / 360 / frequency
     return (
-        f"The loop is nearly lost at {n(frequency)} Hz: it survives no more than a factor of {n(low)} to {n(high)} on all "
+        f"The loop is nearly unstable at {n(frequency)} Hz: it tolerates no more than a factor of {n(low)} to {n(high)} on all "
         f"motors, or ±{n(margin.alike.phase)}°, which is {n(late)} ms there. Lower gains or less delay widen it."
     )
 
@@ -187,4 +187,4 @@ def condition_not_met(seen: Evidence) -> str | None:
     unmet = [condition for condition in seen.background.conditions if not condition.met]
     if not unmet or seen.background.modes.unstable:
         return None
-    return f"The proof is silent here, as one of its conditions is not met: {unmet[0].sentence}"
+    return f"The stability proof does not apply here, as one of its conditions is not met: {unmet[0].sentence}"

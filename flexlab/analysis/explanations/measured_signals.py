@@ -34,9 +34,9 @@ def folded_mode(seen: Evidence) -> str | None:
         return None
     ((number, ring),) = near
     return (
-        f"The {n(hertz)} Hz of the spectrum are mode {number} at {n(ring.frequency)} Hz: samples come every "
-        f"{n(1e3 * seen.period)} ms, and what is faster than {n(rate / 2)} Hz folds down. Nothing moves at {n(hertz)} "
-        "Hz; a run with a shorter sample period shows it as it is."
+        f"The line at {n(hertz)} Hz in the spectrum is mode {number} at {n(ring.frequency)} Hz: with samples every "
+        f"{n(1e3 * seen.period)} ms, frequencies above {n(rate / 2)} Hz fold down. Nothing moves at {n(hertz)} "
+        "Hz; a run with a shorter sample period shows the true frequency."
     )
 
 
@@ -85,10 +85,10 @@ def chatter(seen: Evidence) -> str | None:
     if float(np.sum(turns[1:] * turns[:-1])) >= 0:
         return None
     return (
-        f"The torques chatter, by {n(jump)} N·m (RMS over the last second) at each instant of the "
-        f"{n(1e3 * law.control_period)} ms clock: within one, s moves by {n(float(np.median(step)))} m/s, more than its "
-        f"boundary layer of {n(layer)} m/s, so that every step overshoots. A thicker layer or a shorter control period calms "
-        f"them."
+        f"The torques chatter by {n(jump)} N·m (RMS over the last second) at each instant of the "
+        f"{n(1e3 * law.control_period)} ms clock: from one to the next, s moves by {n(float(np.median(step)))} m/s, more than "
+        f"its boundary layer of {n(layer)} m/s, so that every step overshoots. A thicker layer or a shorter control period "
+        f"calms them."
     )
 
 
@@ -110,7 +110,7 @@ def torque_at_its_limit(seen: Evidence) -> str | None:
     if share[arm, joint] < LEAST_SHARE:
         return None
     return (
-        f"Joint {joint + 1} of the {NAMES[arm]} arm stands at its limit of {n(limit[joint])} N·m for "
-        f"{n(100 * float(share[arm, joint]))} % of the last {n(min(seen.length, 1.0))} s: the law has no say left there, and the "
+        f"Joint {joint + 1} of the {NAMES[arm]} arm is at its limit of {n(limit[joint])} N·m for "
+        f"{n(100 * float(share[arm, joint]))} % of the last {n(min(seen.length, 1.0))} s: the law can do no more there, and the "
         f"error reaches {length(largest(span.tracking_error[:, :2]))}. A slower path, a smooth start or a higher limit helps."
     )

@@ -49,7 +49,7 @@ def outside_the_layer(seen: Evidence) -> str | None:
     return (
         f"‖s‖ is outside its boundary layer of {n(layer)} m/s for {n(100 * share)} % of the last second, up to "
         f"{n(float(size.max()))} m/s: the beam asks for ‖Ψ‖ = {n(force)} N, and K = {n(gain)} N·s/m "
-        f"{held}. K above {n(force / layer)} N·s/m or faster adaptation brings it in."
+        f"{held}. K above {n(force / layer)} N·s/m or faster adaptation brings it back inside."
     )
 
 
@@ -79,7 +79,7 @@ def error_within_the_layer(seen: Evidence) -> str | None:
     return (
         f"The error of {length(error)} is {share}the beam's reaction over the feedback: ‖Ψ‖ = {n(around.largest_reaction)} N "
         f"over {n(stiffness)} N·s/m and Λ = {n(slope)} 1/s give {length(predicted)} {limit}. Twice the K or Λ nearly halves it; "
-        "feed-forward of the bending takes its cause away."
+        "feed-forward of the bending removes its cause."
     )
 
 
@@ -97,8 +97,9 @@ def error_of_feedback_alone(seen: Evidence) -> str | None:
     if not _agrees(error, predicted):
         return None
     return (
-        f"The error of {length(error)} is what the motion's inertia, {n(predicted * gain)} N, stretches the spring P = {n(gain)} "
-        f"N/m by: {length(predicted)} for a slow motion. A law that knows the inertia, such as computed-torque, needs none."
+        f"The error of {length(error)} is how far the motion's inertia, {n(predicted * gain)} N, stretches the spring P = "
+        f"{n(gain)} N/m: {length(predicted)} for a slow motion. A law that knows the inertia, such as computed-torque, needs "
+        "none."
     )
 
 
@@ -112,9 +113,9 @@ def wrong_payload(seen: Evidence) -> str | None:
     wrong = [f"{n(model.linear_density_factor)} times as heavy"] if model.linear_density_factor != 1 else []
     wrong += [f"{n(model.length_factor)} times as long"] if model.length_factor != 1 else []
     return (
-        f"The controller takes the beam for {' and '.join(wrong)} as it is: what its model leaves to the feedback grows from "
-        f"{n(truth.largest_reaction)} N to {n(now.largest_reaction)} N, and the error is {length(error)}. A law that learns the "
-        "masses (regressor-adaptive) or observes the disturbance makes up for it."
+        f"The controller takes the beam to be {' and '.join(wrong)} as it is: the force that its model leaves to the feedback "
+        f"grows from {n(truth.largest_reaction)} N to {n(now.largest_reaction)} N, and the error is {length(error)}. A law that "
+        "learns the masses (regressor-adaptive) or observes the disturbance makes up for it."
     )
 
 

@@ -95,8 +95,8 @@ def jerky_start(seen: Evidence) -> str | None:
     if jump < LEAST_JUMP or peak < RINGING or peak < seen.peak_vibration:
         return None
     return (
-        f"The run starts with a velocity that is wrong by {n(jump)} m/s: to make up for it bends the beam by {length(peak)} "
-        f"within {n(FIRST)} s. A smooth start, or one with the path's velocity, leaves it still."
+        f"The run starts with a velocity that is wrong by {n(jump)} m/s: correcting it bends the beam by {length(peak)} "
+        f"within {n(FIRST)} s. A smooth start, or one with the path's velocity, avoids that."
     )
 
 
@@ -142,8 +142,8 @@ def resonance(seen: Evidence) -> str | None:
         return None
     return (
         f"The path's {n(r * ring.frequency)} Hz are {n(r)} times mode 1 ({n(ring.frequency)} Hz): the beam "
-        f"bends by {length(bent)}, {n(bent / quasi)} times what the same motion would hold slowly (resonance "
-        f"of one mode: {n(ideal)} times). Another frequency of the path, a stiffer beam or active damping helps."
+        f"bends by {length(bent)}, {n(bent / quasi)} times its quasi-static bending (resonance of one mode: "
+        f"{n(ideal)} times). Another frequency of the path, a stiffer beam or active damping helps."
     )
 
 
@@ -171,7 +171,7 @@ def forced_vibration(seen: Evidence) -> str | None:
     if peak * (ring.frequency * period) ** 2 > FORCED * bending:
         return None
     return (
-        f"{length(peak)} of vibration repeat with the path's period of {n(period)} s: forced, no free ring, as mode 1 "
+        f"A vibration of {length(peak)} repeats with the path's period of {n(period)} s: it is forced, no free ring, as mode 1 "
         f"({n(ring.frequency)} Hz) is only {n(ring.frequency * period)} times as fast. No damping ends it; a slower path or a "
         "stiffer beam makes it smaller."
     )
@@ -224,9 +224,9 @@ def left_after_a_shaped_stop(seen: Evidence) -> str | None:
     if share > MISSED or left > 0.2 * seen.peak_vibration:
         return None
     return (
-        f"The shaper {seen.scenario.trajectory.shaper} ends the motion {n(1e3 * float(shaper[-1, 1]))} ms later; of up to "
-        f"{length(seen.peak_vibration)} of vibration {length(left)} are left after the stop, as what one copy excites meets that "
-        "of the next."
+        f"The shaper {seen.scenario.trajectory.shaper} ends the motion {n(1e3 * float(shaper[-1, 1]))} ms later; of a vibration "
+        f"of up to {length(seen.peak_vibration)}, {length(left)} are left after the stop, as the vibrations that its copies of "
+        "the motion excite cancel."
     )
 
 
@@ -246,6 +246,6 @@ def shaper_for_another_mode(seen: Evidence) -> str | None:
     peak = largest(seen.samples.vibration)
     return (
         f"The shaper {seen.scenario.trajectory.shaper} is made for {made_for}, but the loop rings at {n(ring.frequency)} Hz: "
-        f"it leaves {n(100 * share)} % of the mode's vibration (so far {length(peak)} at most). No frequency (null) lets it "
-        "follow the loop; zvd and ei-shaper forgive more."
+        f"it leaves {n(100 * share)} % of the mode's vibration (so far {length(peak)} at most). Without a frequency (null) "
+        "it follows the loop; zvd and ei-shaper tolerate larger errors."
     )

@@ -146,7 +146,7 @@ NUDGE, FARTHEST = 0.01, 0.7
 """First and longest step in ln EI."""
 SEEN_AS = "beam mode 1"
 """Origin of the pole to which a ring belongs."""
-OUT_OF_RANGE = "what rings like this lies outside the range of the field"
+OUT_OF_RANGE = "the value that gives this ring lies outside the range of the field"
 NO_RING = "the first mode of this scenario's loop does not ring"
 
 

@@ -222,7 +222,7 @@ def _reason(kept: Row, found: Row) -> str:
     if kept.engine != found.engine:
         return f" (it was computed by flexlab {kept.version} with other sources, {kept.engine})"
     if kept.key != found.key:
-        return " (the law, its settings or the case were others then)"
+        return " (the law, its settings or the case have changed since)"
     if kept.machine != machine():
         return f" (it was computed on another processor, {kept.machine})"
     return " (law, case and engine are the same: the table was changed)"

@@ -35,7 +35,7 @@ DIGITS = 4
 AS_GOOD = 1.05
 """A score up to this many times the best one counts as the best, too."""
 OF_THE_BEST = "times the best law's score"
-SEVERAL = "of several scenarios the geometric mean"
+SEVERAL = "for several scenarios their geometric mean"
 
 
 @dataclass(frozen=True)

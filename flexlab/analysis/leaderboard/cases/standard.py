@@ -36,7 +36,7 @@ STIFFNESSES = (100.0, 10.0, 1.27)
 B2 = Case(
     "B2",
     "From rest to rest",
-    "0.2 m up in 0.5 s along a quintic, then it stands still: what rings afterwards is what the next move waits for.",
+    "0.2 m up in 0.5 s along a quintic, then it stands still: the next move has to wait for what still rings.",
     1.5,
     (residual(), residual(later=False), peak_error(), peak_torque()),
     {"trajectory.kind": "rest-to-rest"},
@@ -63,7 +63,7 @@ BELIEVED = {"EI": "controller.model.stiffness_factor", "ρ": "controller.model.l
 B4 = Case(
     "B4",
     "Wrong EI and ρ",
-    "B1 with a controller that believes in an EI or a ρ that is wrong by so much. The beam is the paper's throughout.",
+    "B1 with a controller whose EI or ρ is wrong by this much. The beam is always the paper's.",
     3.0,
     (rms_error((1.0, 3.0)), settled(), peak_error()),
     variants=tuple(
@@ -175,7 +175,7 @@ B7 = Case(
     "B7",
     "Ten minutes",
     f"B5's clock, delay, limits and noise for {DURATION:g} s; once more with the leakage σ = {LEAKAGE:g} 1/s for laws that learn "
-    "the bound b̂. Ten minutes of each law take a minute or so of a processor: only with --long.",
+    "the bound b̂. Ten minutes of each law take a processor about a minute: only with --long.",
     DURATION,
     (rms_error(LAST), drift((SETTLED, DURATION)), largest_vibration(LAST), peak_torque(LAST)),
     HARDWARE,
@@ -200,9 +200,9 @@ FILLED = {"payload.mass_change.factor": 1.5, "payload.mass_change.begin": 0.5, "
 B8 = Case(
     "B8",
     "Joints and grips of machines",
-    "B1 at 1 kHz with friction in the joints, motors that are late by 2 ms and weaken with their speed, and encoders of 20 bits, "
-    "from which rates are differences: once the controller knows nothing of friction, once all, and then with grips that give "
-    "way, or with a payload that is filled to 1.5 times its mass from 0.5 s to 1.5 s, of which it knows nothing, or all.",
+    "B1 at 1 kHz with friction in the joints, motors that lag by 2 ms and weaken with their speed, and encoders of 20 bits, "
+    "whose differences give the rates. The controller knows nothing of the friction, or all; with all known, the grips also give "
+    "way, or the payload is filled to 1.5 times its mass from 0.5 s to 1.5 s, of which the controller knows nothing, or all.",
     3.0,
     (
         rms_error((1.0, 3.0)),

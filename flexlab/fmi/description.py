@@ -80,7 +80,7 @@ def torques(scenario: Scenario, start: np.ndarray, place: int, causality: str) -
 def inputs(scenario: Scenario, place: int) -> list[Variable]:
     """A law's inputs u (arms, 3) at `place`, before torque limits and delay."""
     about = [
-        (f"input_{side}_{axis}", unit, f"u, {axis}: what the {side} arm is to do at its grip")
+        (f"input_{side}_{axis}", unit, f"u, {axis}: force or moment that the {side} arm is to apply at its grip")
         for side in ARM.labels[: len(scenario.arms)]
         for axis, unit in zip(AXIS.labels, ("N", "N", "N·m"), strict=True)
     ]
@@ -111,10 +111,10 @@ def law_signals(scenario: Scenario, place: int) -> list[Variable]:
 
 def desired_motion(start: np.ndarray, place: int) -> list[Variable]:
     """The desired motion at `place`, as inputs: x_d, ẋ_d and ẍ_d (3, 3)."""
-    moves_on = "x_d, {}: desired pose, which moves on with its rate and acceleration until the next step"
+    moves_on = "x_d, {}: desired pose, extrapolated with its rate and acceleration until the next step"
     parts = (
         ("pose", POSE_UNITS, moves_on),
-        ("rate", RATE_UNITS, "ẋ_d, {}: its rate, which moves on with the acceleration"),
+        ("rate", RATE_UNITS, "ẋ_d, {}: its rate, extrapolated with the acceleration"),
         ("acceleration", ACCELERATION_UNITS, "ẍ_d, {}: its acceleration"),
     )
     about = [
@@ -200,7 +200,7 @@ def model_description(version: int, model: Model, variables: Sequence[Variable])
         if exponents is not None:
             _element(element, "BaseUnit", **{base: str(power) for base, power in exponents.items()})
     categories = _element(root, "LogCategories")
-    _element(categories, "Category", name="logStatusError", description="What was refused, and why a run stopped")
+    _element(categories, "Category", name="logStatusError", description="Refused calls, and why a run stopped")
     step = repr(model.tick_period)
     _element(root, "DefaultExperiment", startTime="0", stopTime=repr(model.duration), stepSize=step)
     _add_variables(root, variables, third)

@@ -158,7 +158,7 @@ def link(binary: Path, parts: Sequence[Path], headers: Path) -> None:
     compiler = shlex.split(os.environ.get("CC", "cc"))
     if not compiler or shutil.which(compiler[0]) is None:
         raise StudyError(
-            f"A unit is linked by a C compiler, and {' '.join(compiler) or 'CC'} is not there: install one (gcc or clang), or "
+            f"A unit is linked by a C compiler, and {' '.join(compiler) or 'CC'} was not found: install one (gcc or clang), or "
             "name yours in the environment variable CC."
         )
     options = "-shared -fPIC -O2 -std=c11 -fvisibility=hidden -ffp-contract=off".split()

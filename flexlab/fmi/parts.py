@@ -89,7 +89,7 @@ def make_part(scenario: Scenario, part: str, tick_period: float) -> Part:
         raise StudyError(f"part = {part!r:.60} is no part of a scenario: choose {', '.join(PARTS)}.")
     if part != "plant" and hasattr(scenario.controller, "source"):
         raise StudyError(
-            f"The control law {scenario.controller.kind} runs in Python, which a unit does without: export --part plant."
+            f"The control law {scenario.controller.kind} runs in Python, which a unit cannot hold: export --part plant."
         )
     scenario = scenario.anew()
     if part in ("plant", "law") and scenario.grips.active and scenario.grips.measured_at == "arms":

@@ -59,7 +59,7 @@ TOO_MANY = "Too many wrong tokens came from your address: wait a few seconds, th
 SENTENCES = {
     403: "This is not for visitors.",
     404: "There is no such page. The start page shows what there is.",
-    405: "This address does not take what was sent to it.",
+    405: "This address does not accept what was sent to it.",
 }
 ELSEWHERE = "This came from a page of another site."
 OPENS_WITH_TOKEN = (
@@ -82,14 +82,16 @@ async def answer_in_sentences(request: web.Request, handler: Handler) -> web.Str
     try:
         return await handler(request)
     except web.HTTPRequestEntityTooLarge:
-        return refuse(request, 413, f"This upload is larger than {LARGEST_BODY // 1024} kB: the server takes none.")
+        return refuse(
+            request, 413, f"This form is larger than {LARGEST_BODY // 1024} kB, the most that the server takes."
+        )
     except web.HTTPException as error:
         if error.status < 400:
             raise
         sentence = SENTENCES.get(error.status, f"{error.reason}.")
         return message("That did not work", sentence, error.status)
     except HttpProcessingError:
-        return refuse(request, 400, "This is malformed: send it again.")
+        return refuse(request, 400, "This request is malformed: send it again.")
     except UnicodeDecodeError:
         return refuse(request, 400, "This is not text in UTF-8: nothing was done.")
     except BusyError as error:
@@ -131,7 +133,7 @@ async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
             if token is not None and same(request.query["token"], token):
                 return _sign_in(request, kind, token)
         await context.guesses.slow_down(address)
-        return refuse(request, 401, "This is not the token: copy the address from the terminal again, as a whole.")
+        return refuse(request, 401, "This is not the token: copy the whole address from the terminal again.")
     # Cookies hold a signature, not the token. Nobody can guess it, so a wrong one needs no delay.
     given, token = request.cookies.get(context.cookie("token"), ""), context.settings.token
     if is_teacher(request) or token is None or same(given, context.signed("token", token)):
@@ -176,12 +178,12 @@ def _malformed(request: web.Request) -> tuple[int, str] | None:
     if ".." in path.split("/") or "\\" in path or _CONTROL.search(path):
         return 404, "There is nothing outside the server's own pages."
     if not _HOST.match(request.host) or not name_in(request.host):
-        return 400, "This request names no proper host."
+        return 400, "This request names no valid host."
     if _CONTROL.search(unquote(request.rel_url.raw_query_string)):
         return 400, "This address holds control characters: copy it again."
     if request.method not in SAFE_METHODS:
         if request.headers.get(hdrs.CONTENT_ENCODING, "identity").lower() != "identity":
-            return 400, "The server takes nothing that is packed: send it as it is."
+            return 400, "The server takes no compressed requests: send it uncompressed."
         if request.content_type.startswith("multipart/") and request.path != UPLOAD:
             return 400, "Only a file is sent in parts; this is a form."
         if not _is_utf8(request.charset):
@@ -202,7 +204,7 @@ def _foreign(request: web.Request, context: Context) -> tuple[int, str] | None:
         # A foreign name that points to 127.0.0.1 would make a foreign page look like one of ours.
         name = name_in(request.host)
         if name not in LOOPBACK:
-            told = f"This lab is open to this machine only, not as {name}: use 127.0.0.1, or start it with a token."
+            told = f"This lab is open to this machine only, not under the name {name}: use 127.0.0.1, or start it with a token."
             return 403, told
     return (403, ELSEWHERE) if is_from_elsewhere(request) else None
 

@@ -37,7 +37,7 @@ PAUSE = 0.2
 """Pause in accepting, s, when the system has no handle left."""
 OUT_OF_HANDLES = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
-MALFORMED = "This is no proper request: send it again."
+MALFORMED = "This request is malformed: send it again."
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
@@ -102,7 +102,7 @@ class Visit(web.RequestHandler):
             return super().handle_error(request, status, exc, message)
         self._tell_refused(exc)
         if request.writer.output_size > 0:
-            raise ConnectionError("A part of an answer is sent already.")
+            raise ConnectionError("Part of an answer has been sent already.")
         answer = web.Response(status=status, text=MALFORMED)
         answer.force_close()
         return answer
@@ -114,14 +114,14 @@ class Visit(web.RequestHandler):
         """
         reason = more.get("exc_info")
         if isinstance(reason, TimeoutError):
-            log.warning("Left %s, who took nothing of what was sent for %g s.", self.address, STALLED_TIME)
+            log.warning("Cut off %s, who read nothing of what was sent for %g s.", self.address, STALLED_TIME)
         elif isinstance(reason, RequestPayloadError):
             self._tell_refused(reason)
         elif not isinstance(reason, ConnectionError):  # The visitor has left meanwhile.
             super().log_exception(*words, **more)
 
     def _tell_refused(self, reason: BaseException | None) -> None:
-        log.warning("Refused what came from %s: no proper request (%s).", self.address, type(reason).__name__)
+        log.warning("Refused a malformed request from %s (%s).", self.address, type(reason).__name__)
 
     def cut(self) -> None:
         """Close the connection at once."""
@@ -171,7 +171,7 @@ class Connections:
 
     def _make_room(self, visits: list[Visit]) -> None:
         oldest = min(visits, key=lambda visit: (visit.known, visit.began))
-        log.warning("Too many connections ask for nothing: closed the oldest, from %s.", oldest.address)
+        log.warning("Too many connections are idle: closed the oldest, from %s.", oldest.address)
         self.remove(oldest)
         oldest.cut()
 
@@ -182,7 +182,7 @@ class Connections:
                 plug, _ = await loop.sock_accept(self._plug)
             except OSError as error:
                 if error.errno in OUT_OF_HANDLES:
-                    log.error("No connection can be accepted (%s): a resting one is closed.", error.strerror)
+                    log.error("No connection can be accepted (%s): closing an idle one.", error.strerror)
                     resting = [visit for visit in self._open if not visit.busy]
                     if resting:
                         self._make_room(resting)
@@ -201,7 +201,7 @@ class Connections:
             await asyncio.sleep(LOOK)
             now = time.monotonic()
             for visit in [visit for visit in self._open if visit.is_too_slow(now)]:
-                log.warning("Closed a connection from %s: its request took too long to come.", visit.address)
+                log.warning("Closed a connection from %s: its request took too long to arrive.", visit.address)
                 visit.cut()
 
 

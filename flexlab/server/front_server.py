@@ -209,7 +209,7 @@ class FrontServer:
     def address(self, path: str = "/", token: str | None = None) -> str:
         """The address of a page on this machine, with a token if the server asks for one."""
         if self.settings.is_socket:
-            return f"{self.settings.address(0, path)} of whoever passes it on from {self.settings.host}"
+            return f"{self.settings.address(0, path)} behind the proxy of {self.settings.host}"
         return self.settings.address(self.port, path, token=token or self.settings.token)
 
     def close(self) -> Path | None:

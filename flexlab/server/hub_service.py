@@ -110,7 +110,7 @@ class Hub:
         """Exchange the hub's code for a token, which stays on this server."""
         state = request.query.get("state", "")
         if state not in self._states or state != request.cookies.get(STATE):
-            return refuse(request, 403, "This sign-in was not begun here, or long ago: open the page again.")
+            return refuse(request, 403, "This sign-in was not begun here, or too long ago: open the page again.")
         del self._states[state]
         inside = context_of(request).inside
         words = {
@@ -123,7 +123,7 @@ class Hub:
         async with inside.post(f"{self._api}/oauth2/token", data=words) as told:
             token = (await told.json()).get("access_token", "") if told.status == 200 else ""
         if not self.may_teach(await self.who(inside, token)):
-            return refuse(request, 403, "The hub does not let you use this page: ask who looks after it.")
+            return refuse(request, 403, "The hub does not let you use this page: ask its administrator.")
         word = secrets.token_urlsafe(SECRET_BYTES)
         self._sessions[word] = Session(token, time.monotonic())
         answer = web.Response(status=303, headers={hdrs.LOCATION: "/teacher"})

@@ -138,7 +138,7 @@ async def _to_lab(request: web.Request, down: web.WebSocketResponse, up: aiohttp
         if message.type is WSMsgType.BINARY:
             await up.send_bytes(message.data)
         elif message.type is WSMsgType.TEXT:
-            log.warning("Refused a text message from %s: the lab speaks in bytes.", request.remote)
+            log.warning("Refused a text message from %s: the lab takes binary ones only.", request.remote)
             await down.close(code=WSCloseCode.UNSUPPORTED_DATA)
             return
         elif message.type is WSMsgType.ERROR:

@@ -89,10 +89,10 @@ class Settings:
         settle("resumes_class", self.teacher_token is not None)
         if not BASE_URL.fullmatch(self.base_url):
             raise LabError(
-                f"base-url = {self.base_url!r:.80} is no beginning of an address: write one like /user/ann/flexlab."
+                f"base-url = {self.base_url!r:.80} is no valid prefix of an address: write one like /user/ann/flexlab."
             )
         if self.host.startswith(UNIX) and self.private:
-            raise LabError("A Unix socket is for one person behind a proxy that knows them: leave out --private.")
+            raise LabError("A Unix socket serves one person behind a proxy: leave out --private.")
         ranges = (
             ("max-sessions", self.max_sessions, 1, MOST_SESSIONS, ""),
             ("idle-time", self.idle_time, SHORTEST_IDLE, LONGEST_IDLE, " s"),
@@ -109,7 +109,7 @@ class Settings:
             if token is not None:
                 _check_token(token, name)
         if self.token is not None and self.token == self.teacher_token:
-            raise LabError("--teacher-token is the word of --token, which opens the lab to all: choose another one.")
+            raise LabError("--teacher-token is the same as --token, which opens the lab to all: choose another one.")
         if self.token is None and not self.is_local:
             settle("token", secrets.token_urlsafe(SECRET_BYTES))
         if self.teacher_token is None and self.token is not None:

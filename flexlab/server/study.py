@@ -155,7 +155,9 @@ def read_study(form: Form, scenario: Scenario) -> Study:
         study = known_studies()[text_of(form, "kind")]
     except KeyError:
         known = ", ".join(known_studies())
-        raise StudyError(f"{visible(form.get('kind', ''), LONGEST_SHOWN)!r} is no study: choose of {known}.") from None
+        raise StudyError(
+            f"{visible(form.get('kind', ''), LONGEST_SHOWN)!r} is no study: choose one of {known}."
+        ) from None
     duration = number_of(form, "duration", "Simulated time")
     if not 0 < duration <= LONGEST_RUN:
         given, most = number_text(duration), number_text(LONGEST_RUN)
@@ -207,7 +209,7 @@ def axes_of(form: Form, scenario: Scenario, counted: bool) -> tuple[Axis, ...]:
         high = number_of(form, f"high{end}", f"The upper limit of {path}")
         if form.get(f"log{end}") and low <= 0:
             raise StudyError(
-                f"{path} has equal ratios and begins at {number_text(low)}: begin above 0, or take the tick away."
+                f"{path} has equal ratios and begins at {number_text(low)}: begin above 0, or untick equal ratios."
             )
         count = whole_of(form, f"count{end}", f"Values of {path}") if counted else 2
         if count > MOST_VALUES:
@@ -231,9 +233,9 @@ def _chosen(form: Form, end: str, path: str, counted: bool) -> list[str]:
     ticked = [box.removeprefix(f"{path}=") for box in boxes if isinstance(box, str) and box.startswith(f"{path}=")]
     known = options(path)
     if odd := [word for word in ticked if word not in known]:
-        raise StudyError(f"{visible(odd[0], LONGEST_SHOWN)!r} is no {TITLES[path]}: choose of {', '.join(known)}.")
+        raise StudyError(f"{visible(odd[0], LONGEST_SHOWN)!r} is no {TITLES[path]}: choose one of {', '.join(known)}.")
     if not ticked:
-        raise StudyError(f"{TITLES[path]}: nothing is ticked; tick what is to be compared.")
+        raise StudyError(f"{TITLES[path]}: nothing is ticked; tick what to compare.")
     return ticked
 
 

@@ -395,8 +395,8 @@ def test_a_thousand_instances_and_their_states_leave_no_memory_behind(export: Ex
         (0.0, 0.0, "The communication step 0 s is no whole number"),
         (0.0, math.inf, "The communication step inf s is no whole number"),
         (0.0, 1e20, "The communication step 1e+20 s is no whole number"),
-        (math.nan, 0.001, "The communication point t = nan s is not where this unit stands, t = 0 s."),
-        (0.5, 0.001, "The communication point t = 0.5 s is not where this unit stands, t = 0 s."),
+        (math.nan, 0.001, "The communication point t = nan s is not this unit's present time, t = 0 s."),
+        (0.5, 0.001, "The communication point t = 0.5 s is not this unit's present time, t = 0 s."),
     ],
 )
 @pytest.mark.parametrize("version", [2, 3])
@@ -491,7 +491,7 @@ def test_a_law_in_python_is_refused(tmp_path: Path):
     try:
         scenario = load_preset("paper").replace({"controller.kind": add_own_law(PD, "own_pd.py").kind})
         for part in ("loop", "law"):
-            with pytest.raises(StudyError, match="runs in Python, which a unit does without: export --part plant"):
+            with pytest.raises(StudyError, match="runs in Python, which a unit cannot hold: export --part plant"):
                 write_fmu(scenario, tmp_path / "none.fmu", part=part)
     finally:
         forget_own_laws()

@@ -107,7 +107,7 @@ def test_a_class_from_the_first_entry_to_the_teacher_s_pause(server: FrontServer
     places = [cleo.ask("/lab/"), dora.ask("/lab/"), cleo.ask("/lab/")]
     for place, answer in zip(("1 of 1", "2 of 2", "1 of 2"), places, strict=True):
         assert (answer.status, answer.headers["Refresh"]) == (503, "5")
-        assert f"You are number {place} who wait" in answer.text
+        assert f"You are number {place} in line" in answer.text
     assert cleo.ask(path).status == 403
     assert teacher.ask(path).status == 200, "the teacher joins"
     with looking(server.url, path.rstrip("/"), anna.cookies):

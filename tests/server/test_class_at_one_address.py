@@ -120,7 +120,7 @@ def test_who_takes_nothing_of_a_download_is_left(
         plug.connect(("127.0.0.1", server.port))
         plug.sendall(f"GET /runs/{path.name} HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\n\r\n".encode())
         assert plug.recv(12) == b"HTTP/1.1 200"
-        wait_until(lambda: "who took nothing" in caplog.text, "its handle is given back")
+        wait_until(lambda: "who read nothing" in caplog.text, "its handle is given back")
     assert not any(record.exc_info for record in caplog.records)
 
 

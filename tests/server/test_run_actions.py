@@ -127,7 +127,7 @@ def test_a_measurement_is_no_simulation_on_the_pages(library: FrontServer, recor
     assert all(word not in page for word in (f'{laser.stem}/replay"><button', "Continue"))
     assert "Continue" in ask(library.url, f"/runs/{recorded.stem}").text
     page = compared(library.url, laser.stem, recorded.stem)[1].text
-    assert "Measured, not simulated: A. Its settings are those of the beam that it is held against" in page
+    assert "Measured, not simulated: A. Its settings are those of the beam that it is compared with" in page
     assert "All these runs started" not in page
     drawn = {chunk.entity_path for chunk in RrdReader(laser).stream()}
     assert "/vibration" in drawn

@@ -166,7 +166,7 @@ def test_a_cell_leads_to_its_scenario_in_the_lab(server: FrontServer, swept: str
 def test_a_tuning_shows_before_and_after_and_leads_to_the_lab(server: FrontServer):
     address = finished(server, TUNING)
     page = ask(server.url, address).text
-    assert "Open what was found in the lab" in page
+    assert "Open the result in the lab" in page
     assert "Peak joint torque" in page
     found = json.loads(ask(server.url, f"{address}/data").text)
     assert len(found["points"]) >= 16
@@ -205,7 +205,7 @@ def test_a_study_that_is_cancelled_ends_and_leaves_room(server: FrontServer):
         ({"field1": "", "field2": ""}, "Nothing is varied"),
         ({"field2": LENGTH}, "Length L is varied twice: give"),
         ({"field1": "controller.kind"}, "Control law: nothing is ticked"),
-        ({"field1": "controller.kind", "words1": "controller.kind=magic"}, "'magic' is no Control law: choose of"),
+        ({"field1": "controller.kind", "words1": "controller.kind=magic"}, "'magic' is no Control law: choose one of"),
         ({"field1": "controller.kind", "words1": "controller.kind=pd"}, ""),
         (
             {**TUNING, "field1": "controller.kind", "words1": "controller.kind=pd"},
@@ -213,7 +213,7 @@ def test_a_study_that_is_cancelled_ends_and_leaves_room(server: FrontServer):
         ),
         ({"field1": "payload.lenght"}, "did you mean Length L?"),
         ({"duration": "0"}, "outside 0 to 20 s"),
-        ({"kind": "magic"}, "'magic' is no study: choose of sweep, tuning"),
+        ({"kind": "magic"}, "'magic' is no study: choose one of sweep, tuning"),
         ({"duration": "20", "count1": "20", "count2": "20"}, "over the 6000 s that this page gives a study"),
         ({"kind": "tuning", "cost": "rms-y"}, "Candidates '' is no number"),
         ({**TUNING, "candidates": "4000"}, "4000 candidates are outside 16 to 400"),

@@ -36,7 +36,7 @@ def test_each_button_of_the_class_and_of_a_lab_does_what_it_says(plain_chromium:
             press("Pause all", True, "paused")
             assert page.locator("#said").inner_text() == "1 lab paused."
             press("Resume all", True, "running")
-            assert asked == ["Pause every lab of the class?"] * 2 + ["Let every lab of the class go on?"]
+            assert asked == ["Pause every lab of the class?"] * 2 + ["Resume every lab of the class?"]
             tile.get_by_role("button", name="Pause", exact=True).click()
             wait_until(lambda: state.inner_text() == "paused", "this one pauses")
             tile.get_by_role("button", name="Resume", exact=True).click()

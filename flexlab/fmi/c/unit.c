@@ -136,7 +136,7 @@ int unit_step(Unit *unit, double time, double step, double *reached) {
         return unit_refuse(unit, text);
     }
     if (!(fabs(time - now) <= 1e-3 * TICK_PERIOD)) {
-        snprintf(text, sizeof text, "The communication point t = %.12g s is not where this unit stands, t = %.12g s.", time, now);
+        snprintf(text, sizeof text, "The communication point t = %.12g s is not this unit's present time, t = %.12g s.", time, now);
         return unit_refuse(unit, text);
     }
     int64_t code = go(unit, (int64_t)ticks);

@@ -43,7 +43,7 @@ CRASHED = (
     "This lab ended unexpectedly ({reason}). Everybody else's lab runs on, and your run was kept up to that moment."
 )
 IDLE = "This lab was closed after {time} without a visitor. Its run was kept."
-HANGING = "This lab did not answer any more and was closed. Everybody else's lab runs on, and your run was kept."
+HANGING = "This lab stopped answering and was closed. Everybody else's lab runs on, and your run was kept."
 CLOSED = "This lab was closed. Its run was kept."
 
 log = logging.getLogger(__name__)
@@ -95,7 +95,7 @@ class PrivateLabs(LabProvider):
         if place:
             taken = f"No lab is free: {len(others)} of {most} are taken." if len(others) >= most else "A lab is free."
             raise FullError(
-                f"{taken} You are number {place} of {len(self._line)} who wait. This page looks again every "
+                f"{taken} You are number {place} of {len(self._line)} in line. This page tries again every "
                 f"{LOOK_AGAIN} s and goes on by itself: a lab that nobody looks at is closed.",
                 place,
             )
@@ -103,7 +103,7 @@ class PrivateLabs(LabProvider):
         if sum(self._addresses.get(other) == address for other in others) >= most:
             raise FullError(
                 f"Your address has {most} of {most} labs that one address may have. Come back in a few minutes, or use the "
-                "browser in which you opened one: a lab that nobody looks at is closed. Who runs this server can allow "
+                "browser in which you opened one: a lab that nobody looks at is closed. Whoever runs this server can allow "
                 "more (--max-per-address)."
             )
         self._addresses = {other: self._addresses.get(other, "") for other in others} | {visitor: address}

@@ -176,7 +176,7 @@ class RecordedLab(Lab):
             self._follow(what)
         elif what.playing and not self._session.runner.snapshot.status.failed:
             lab_state.submit(Play())
-            lab_state.say("The teacher lets this lab go on.")
+            lab_state.say("The teacher resumed this lab.")
         elif not what.playing:
             lab_state.submit(Pause())
             lab_state.say("The teacher paused this lab.")
@@ -190,9 +190,9 @@ class RecordedLab(Lab):
         elif before.locked and not rules.locked:
             lab_state.say("The teacher unlocked this lab: press Play.")
         elif before.lesson and not rules.lesson:
-            lab_state.say("The teacher lets each choose their lesson.")
+            lab_state.say("The teacher lets everybody choose their own lesson.")
         elif rules.hides_names != before.hides_names:
-            names = "hides the names of all" if rules.hides_names else "shows the names of all"
+            names = "hides all names" if rules.hides_names else "shows all names"
             lab_state.say(f"The teacher's page {names}.")
 
     def status(self) -> LabStatus:

@@ -47,7 +47,7 @@ LOOK = 0.1
 """Seconds between two checks for new data, which arrive five times a second."""
 PATIENCE = 30.0
 """Most seconds that a viewer may take for one piece, after which it is cut off."""
-NOT_SERVED = "Live data are served by a lab that was started with --rerun, to whoever has that lab open."
+NOT_SERVED = "Live data are served by a lab that was started with --rerun, to people who have that lab open."
 
 
 @ROUTES.get("/lab")

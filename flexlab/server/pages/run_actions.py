@@ -24,10 +24,10 @@ from flexlab.text import limited, shown, typed_number
 
 ROUTES = web.RouteTableDef()
 
-TABLES = {"csv": "CSV: a table as text", "parquet": "Parquet: a packed table", "npz": "NPZ: NumPy arrays"}
+TABLES = {"csv": "CSV: a table as text", "parquet": "Parquet: a compressed table", "npz": "NPZ: NumPy arrays"}
 FIGURES = {"png": "Figures 2–5 as PNG", "svg": "Figures 2–5 as SVG"}
 WHOLE = {
-    "html": "Lab sheet: one page that moves, with guesses, metrics, notes",
+    "html": "Lab sheet: one animated page with guesses, metrics, notes",
     "zip": "Archive that others can verify",
 }
 EXPORTS = WHOLE | TABLES | FIGURES
@@ -95,7 +95,7 @@ async def resume(request: web.Request) -> web.StreamResponse:
         time = read_time("time", (await request.post()).get("time"))
         choice = await context_of(request).tasks.run(visitor_of(request), choice_at, row.path, time)
     except FlexlabError as error:
-        return _problem("The lab cannot go on from there", row, error)
+        return _problem("The lab cannot continue from there", row, error)
     return await enter_lab(request, choice)
 
 
@@ -161,7 +161,7 @@ def _check_room(folder: Path, claimed: Mapping[Path, int]) -> None:
     free = shutil.disk_usage(folder).free
     if free - missing < KEPT_FREE:
         raise RecordingError(
-            f"The disk of this server has {size_text(int(free))} free, too little for {size_text(claimed[folder])} beside "
+            f"The disk of this server has {size_text(int(free))} free, too little for {size_text(claimed[folder])} besides "
             f"other files and the {size_text(KEPT_FREE)} that stay free for labs: make room on it."
         )
 
@@ -196,7 +196,7 @@ async def send_download(request: web.Request, path: Path) -> web.StreamResponse:
                     while piece := await asyncio.to_thread(file.read, PIECE):
                         await asyncio.wait_for(answer.write(piece), READING_TIME)
             except TimeoutError:
-                log.warning("Left %s, who did not take a download to its end.", request.remote)
+                log.warning("Cut off %s, who did not read a download to its end.", request.remote)
                 if request.transport is not None:
                     request.transport.abort()
                 return answer

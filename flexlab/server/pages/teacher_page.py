@@ -154,7 +154,7 @@ async def rule(request: web.Request) -> web.StreamResponse:
     form = await _form(request)
     lesson, step = str(form.get("lesson", "")), str(form.get("step", len(STEPS)))
     if lesson and lesson not in await asyncio.to_thread(_lessons):
-        raise LabError(f"There is no lesson {lesson[:60]!r}: choose one of the list.")
+        raise LabError(f"There is no lesson {lesson[:60]!r}: choose one from the list.")
     if step not in map(str, range(1, len(STEPS) + 1)):
         raise LabError(f"step = {step[:20]!r} is no step of a lesson: choose 1 to {len(STEPS)}.")
     rules = ClassRules(lesson, int(step), "lock" in form, "hide" in form)
@@ -163,10 +163,8 @@ async def rule(request: web.Request) -> web.StreamResponse:
     try:
         await asyncio.to_thread(keep_rules, context.settings.logs, rules)
     except OSError as error:
-        raise LabError(
-            f"The class follows until the server ends; its rules cannot be kept ({error.strerror})."
-        ) from None
-    pace = f"All are at {step_text(rules.step)} of “{lesson}”" if lesson else "Each chooses their lesson"
+        raise LabError(f"The rules hold until the server ends, but cannot be saved ({error.strerror}).") from None
+    pace = f"All are at {step_text(rules.step)} of “{lesson}”" if lesson else "Everybody chooses their own lesson"
     return _answer(request, f"{pace}; {'nobody can play' if rules.locked else 'all can play'}.")
 
 
@@ -175,7 +173,7 @@ async def send(request: web.Request) -> web.StreamResponse:
     """Open a preset in one lab or in all."""
     preset = str((await _form(request)).get("preset", ""))
     if preset not in await asyncio.to_thread(preset_names):
-        raise LabError(f"There is no preset {preset[:60]!r}: choose one of the list.")
+        raise LabError(f"There is no preset {preset[:60]!r}: choose one from the list.")
     scenario = await asyncio.to_thread(load_preset, preset)
     places = await _tell(request, Choice(scenario, preset))
     return _answer(request, f"{scenario.title or preset} was sent to {_count(places)}.")
@@ -191,7 +189,7 @@ async def pause(request: web.Request) -> web.StreamResponse:
 async def resume(request: web.Request) -> web.StreamResponse:
     """Resume one lab, or all that somebody watches; the others wait until somebody comes back."""
     places = await _tell(request, Hold(True), watched=True)
-    nobody = "Nobody looks: a lab goes on when somebody comes back to it."
+    nobody = "Nobody is watching: a lab resumes when somebody comes back to it."
     return _answer(request, f"{_count(places)} running again." if places else nobody)
 
 
@@ -206,7 +204,7 @@ async def _tell(request: web.Request, what: Choice | Hold, watched: bool = False
     lab, places = str((await _form(request)).get("lab", "")), context_of(request).places
     chosen = [place for place in places.running() if place.path == lab or not lab]
     if lab and not chosen:
-        raise LabError("This lab is closed: look at the page again.")
+        raise LabError("This lab is closed: reload the page.")
     chosen = [place for place in chosen if place.visitors or not watched]
     await asyncio.gather(*(place.ask(what) for place in chosen))
     return chosen

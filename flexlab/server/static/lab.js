@@ -42,7 +42,7 @@
       return;
     }
     if (answer.status === 401) {
-      say("This lab asks for its token.", link("/", "Sign in"));
+      say("This lab needs its token.", link("/", "Sign in"));
       return;
     }
     missed = 0;

@@ -182,7 +182,7 @@ function draw(found, metric) {
   const drawing = svg("svg", { viewBox: `0 0 ${total} ${height}`, width: total, height, role: "group" });
   if (found.points) {
     drawTradeOff(drawing, found, box);
-    chart.querySelector("figcaption").textContent = "What less of one costs in the other";
+    chart.querySelector("figcaption").textContent = "What less of one metric costs in the other";
     legendOf(["tried", "tried"], found.before && ["before", "before"], found.after && ["after", "tuned"]);
   } else {
     (map ? drawMap : found.axes[0].numeric ? drawCurve : drawWords)(drawing, found, metric, box, narrow);

@@ -39,10 +39,10 @@ class TuningStudy(Study):
     kind, place, title, run_words = "tuning", 20, "Tuning", "run"
     what = "Searches the ranges for the values that make one metric smallest, and shows what that costs in another."
     questions = (
-        Question("cost", "Make small", "rms-y", is_metric=True),
-        Question("limited", "Not above the limit", is_metric=True, none="no limit"),
+        Question("cost", "Metric to minimize", "rms-y", is_metric=True),
+        Question("limited", "Metric to limit", is_metric=True, none="no limit"),
         Question("limit", "Limit"),
-        Question("candidates", "Candidates to try, about", "100", range=(FEWEST_CANDIDATES, MOST_CANDIDATES)),
+        Question("candidates", "Candidates to try (about)", "100", range=(FEWEST_CANDIDATES, MOST_CANDIDATES)),
     )
 
     scenario: Scenario

@@ -157,7 +157,7 @@ class Declaration(Declared):
     """What a law declares."""
 
     period: float = field(compare=False)
-    """s between control instants, unless the scenario says otherwise."""
+    """Control period, s, unless the scenario says otherwise."""
     goes_on: bool = field(compare=False)
     """Whether a run goes on, with the memory as it is, when the file is saved."""
     memory: tuple[tuple[str, Memory], ...]

@@ -140,7 +140,7 @@ class OwnFolder(Generic[K]):
     declared: Callable[[str, str], Declared]
     """Reads the declaration of (text, file)."""
     holding: str
-    """What such a file holds, in sentences."""
+    """Words for what such a file holds, in sentences."""
     example: str
     """The name of a built-in one."""
     _added: set[str] = field(default_factory=set)

@@ -96,7 +96,7 @@ class PathApart(OwnProcess):
     late = f"position took longer than {POSES_LIMIT:g} s for its poses."
 
     def poses(self, options: np.ndarray, shares: np.ndarray) -> tuple[float, np.ndarray]:
-        """As `RunningPath.poses`."""
+        """Length and poses of the path, as `RunningPath.poses` returns them."""
         self.ensure()
         with self._lock:
             sizes = np.array([len(options), len(shares)], np.int64)

@@ -62,7 +62,7 @@ class Modes(NamedTuple):
     frequencies: np.ndarray
     """Hz, (modes,)."""
     places: np.ndarray
-    """s on the beam from its middle, m, (17,)."""
+    """Places s on the beam, from its middle, m, (17,)."""
     shapes: np.ndarray
     """Deflection at `places` by modal coordinates η, 1/kg^½, (17, modes)."""
 
@@ -104,7 +104,7 @@ class Believed:
         self.strain: np.ndarray = own["strain"][:gauges, :count]
         """Strain at each gauge by modal coordinates, 1/(m·kg^½), (gauges, modes)."""
         self.gauge_places: np.ndarray = own["gauge_places"][:gauges]
-        """s of the strain gauges from the beam's middle, m, (gauges,)."""
+        """Places s of the strain gauges, from the beam's middle, m, (gauges,)."""
         self.pose_noise: np.ndarray = own["pose_noise"]
         """Standard deviation of the measured pose, m, m, rad, (3,)."""
         self.rate_noise: np.ndarray = own["rate_noise"]
@@ -123,7 +123,7 @@ class Believed:
         return Modes(self.omega / (2 * np.pi), places, self._block["shapes"][:, : self.mode_count])
 
     def lowest(self, modes: int) -> "Believed":
-        """The same plant with its lowest modes alone."""
+        """This plant with its lowest `modes` alone."""
         if modes not in self._known:
             self._known[modes] = Believed(np.frombuffer(self._block.tobytes()), modes)
         return self._known[modes]
@@ -213,7 +213,7 @@ class Measurement:
 
     @property
     def gauge_places(self) -> np.ndarray:
-        """s of the strain gauges from the beam's middle, believed, m, (gauges,)."""
+        """Places s of the strain gauges, from the beam's middle, believed, m, (gauges,)."""
         return self.believed.gauge_places
 
     @property

@@ -75,7 +75,7 @@ class OwnProcess:
         # Later processes get the same file descriptors, whose numbers kernels keep.
         self._calls, self._reports = socket.socket(socket.AF_UNIX), socket.socket(socket.AF_UNIX)
         self._open = contextlib.ExitStack()
-        """What is closed once nobody may ask any more, or can."""
+        """Sockets and pipes, closed by `dispose` or with this object."""
         for one in (self._calls, self._reports):
             self._open.enter_context(one)
         weakref.finalize(self, self._open.close).atexit = False
@@ -89,7 +89,7 @@ class OwnProcess:
 
     @property
     def problem(self) -> str:
-        """What went wrong last, as a sentence; empty if nothing did."""
+        """The last problem, as a sentence; empty if there was none."""
         self._listen(0.0)
         return self._problem
 

@@ -142,7 +142,7 @@ def parameters(
 ) -> list[Variable]:
     """The variables that can be tuned while a unit runs: gravity, the noise's seed and these gains, at their `places`.
 
-    A law has gravity, too, unless the law derives constants, which gravity may have gone into.
+    A law has gravity, too, unless it derives constants: gravity may have gone into them.
     """
     found = []
     if is_plant or (gains and law_of(scenario.controller).derive is nothing_derived):

@@ -49,7 +49,7 @@ HEADERS = {
     "Permissions-Policy": "camera=(), microphone=(), geolocation=()",
     "Content-Security-Policy": "default-src 'none'; frame-ancestors 'self'",
 }
-"""Sent with everything that does not set its own."""
+"""Sent with every answer that does not set its own."""
 
 _HOST = re.compile(r"(\[[0-9a-fA-F:.]+\]|[\w.-]+)(?::\d{1,5})?\Z", re.ASCII)
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]")

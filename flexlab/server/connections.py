@@ -58,14 +58,14 @@ class Visit(web.RequestHandler):
         self.request: web.BaseRequest | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """The connection begins."""
+        """Take up a new connection."""
         super().connection_made(transport)
         peer = transport.get_extra_info("peername")
         self.address = network_of(str(peer[0])) if peer else ""
         self.connections.add(self)
 
     def connection_lost(self, exc: BaseException | None) -> None:
-        """The connection is over."""
+        """Forget the closed connection."""
         self.connections.remove(self)
         super().connection_lost(exc)
 

@@ -1,6 +1,6 @@
 """Opens and closes the front server, a web server on its own thread with the labs behind it.
 
-The server locks its temporary folder, so that a later server can tell and remove the folders of killed ones.
+The server locks its temporary folder, so that a later server can recognize and remove the folders of killed ones.
 """
 
 import asyncio

@@ -55,7 +55,7 @@ class Question:
     default: str = ""
     is_metric: bool = False
     none: str = ""
-    """Label of "no metric"; empty: a metric must be chosen."""
+    """Label of "no metric"; empty if a metric must be chosen."""
     range: tuple[int, int] | None = None
     """Range of a whole number."""
 
@@ -68,7 +68,7 @@ class Found:
     """(what, before, now) of each number that the study changed."""
     remark: str = ""
     problem: str = ""
-    """A problem of the result, in a sentence; empty: none."""
+    """A problem of the result, in a sentence; empty if there is none."""
     scenario: Scenario | None = None
     """The scenario that the study found."""
     table: Path | None = None

@@ -1,4 +1,4 @@
-"""One lab with its recorder: its page is on a loopback port, its runs go to the logs folder. Also the lab that all share."""
+"""One lab with its recorder: its page is on a loopback port, its runs go to the logs folder. Also the one lab that all share."""
 
 import asyncio
 import math

@@ -1,9 +1,8 @@
 """The pages' templates. Every inserted text is escaped, unless a template made it.
 
-Each language has a catalogue, `web_assets/languages/CODE.json`, which maps English texts to its own. In them `{name}` stands
-for any part of a sentence, and markdown marks stand for bold text, code and links. The entry `English` is the language's own
-name. Pages translate themselves in the browser (`static/language.js`), because all visitors of a shared lab get the same
-panel.
+Each language has a catalogue, `web_assets/languages/CODE.json`, which maps English texts to its own. There `{name}` stands
+for any part of a sentence, and markdown marks for bold text, code and links. The entry `English` is the language's own name.
+Pages translate themselves in the browser (`static/language.js`), because all visitors of a shared lab get the same panel.
 """
 
 import html

@@ -260,7 +260,7 @@ def find_rest(probe: LoopProbe, target: np.ndarray) -> RestPoint:
         """
         motion, torque, memory = parts(z)
         force = probe.forces(motion, torque)
-        size = 1 + np.abs(probe.forces(motion, no_torque)[:3]).max()  # Those that hold the arms.
+        size = 1 + np.abs(probe.forces(motion, no_torque)[:3]).max()  # The forces that hold the arms.
         asked, change = probe.answer(motion, memory, desired, torque)
         return np.concatenate([force[:3] / size, change, force[3:] / (stiffness * BEND), (asked - torque) / size])
 

@@ -45,10 +45,10 @@ def beam_scale(linear: Linearization) -> np.ndarray:
 
 
 def acting(linear: Linearization) -> tuple[np.ndarray, np.ndarray]:
-    """The plant's input as two factors: from what acts to generalised forces, (n, acting), from torques to it, (acting, torques).
+    """The plant's input matrix as two factors, (n, acting) and (acting, torques).
 
-    Torques act as three forces on the pose. The arms' internal forces add to these only if the beam is bent at rest and feels the
-    force along it.
+    Torques act as three forces on the pose, the rows of the second factor. The arms' internal forces add rows only if the beam is
+    bent at rest and feels the force along it.
     """
     to_pose, to_beam = linear.plant.input[:3], linear.plant.input[3:]
     by_pose = to_beam @ np.linalg.pinv(to_pose)

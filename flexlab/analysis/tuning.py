@@ -62,7 +62,7 @@ class Cost:
         return sum(weight * values[name] for name, weight in self.weights.items())
 
     def excess(self, metrics: RunMetrics | None) -> float:
-        """The sum of what a run exceeds each limit by, as a share of the limit: 0 within all limits, NaN as in `of`.
+        """The sum of a run's relative excesses over the limits: 0 within all limits, NaN as in `of`.
 
         A run that has not settled exceeds every limit of its settling time.
         """
@@ -146,7 +146,7 @@ class Candidate:
     cost: float
     """Weighted sum of metrics; NaN if the candidate fails."""
     excess: float
-    """Sum of what each limit is exceeded by, as a share of the limit; NaN if the candidate fails."""
+    """Sum of the relative excesses over the limits; NaN if the candidate fails."""
     metrics: RunMetrics | None
     """Metrics in the worst scenario; None: the run fails there."""
     reason: str

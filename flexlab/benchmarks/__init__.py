@@ -30,7 +30,7 @@ class Plan:
     """The extent of a benchmark."""
 
     meshes: tuple[int, ...]
-    """Elements of the work-precision tables."""
+    """Number of elements of each work-precision table."""
     duration: float
     """Simulated time of each of their runs, s; errors are largest within the first 0.1 s."""
     repeats: int

@@ -105,7 +105,7 @@ class Machine:
 
 
 def this_machine() -> Machine:
-    """This machine."""
+    """Describe this machine."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
     versions = {name: number for name in LIBRARIES if (number := version_of(name))}

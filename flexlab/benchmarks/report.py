@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 RATIO_GOAL = 10.0
-"""Goal for the speed of the engine over the fastest peer with the same motion."""
+"""Goal for the ratio of the engine's speed to that of the fastest peer with the same motion."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Goal:
     unit: str
     limit: float
     at_least: bool
-    """Whether the limit is a lower one; otherwise it is an upper one."""
+    """Whether the limit is a lower bound; otherwise it is an upper one."""
 
     @property
     def met(self) -> bool:

@@ -1,4 +1,4 @@
-"""Threads that wait for work in machine code, each for its own part: they pay for a tenth of a millisecond of work.
+"""Threads that wait for work in machine code, each for its own part: worthwhile even for a tenth of a millisecond of work.
 
 Waking a thread that the system has put to sleep, or waiting for Python's lock, takes as long as such work. So a thread polls
 memory for the next order for a while before it goes to sleep, and the caller polls for the others' answers.

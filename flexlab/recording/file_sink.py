@@ -21,7 +21,7 @@ from flexlab.recording.store.notes import write_notes
 from flexlab.recording.store.run_files import BREAKS_OFF, RunFile, claim_run_file
 
 RETRY_PERIOD = 1.0
-"""Wall seconds between attempts to open a file."""
+"""Wall time between attempts to open a file, s."""
 ROOM_TO_RESUME = 32_000_000
 """Free bytes that a full disk must have before recording resumes: a minute of data."""
 SPACE_FULL = "The space of its visitor was full: what came later is not recorded."
@@ -35,7 +35,7 @@ class RunWriter:
     """A claimed file and the stream that is written to it. Not for two threads at once."""
 
     def __init__(self, file: RunFile, info: RunInfo, in_one_piece: bool = False):
-        """Begin the file with what the run is.
+        """Begin the file with a description of the run.
 
         `in_one_piece`: on systems with named pipes, rerun writes and finishes the file, which its tool then need not mend;
         only at the end is it known whether all of it is there. Raises `RecordingError`, and leaves no file, if that fails.
@@ -61,7 +61,7 @@ class RunWriter:
     """Whether `check` has given up the file: nothing can be written any more."""
 
     def check(self) -> None:
-        """Give up a file that others have removed, replaced or changed: then raises `RecordingError`."""
+        """Give up a file that others have removed, replaced or changed, and raise `RecordingError`."""
         file = self.file
         if self.is_lost:
             raise RecordingError(f"{file.path} is not being written any more.")
@@ -102,7 +102,7 @@ class RunWriter:
             raise RecordingError(f"{self.file.path} cannot be written ({problem.strerror}).")
 
     def let_go(self) -> OSError | None:
-        """End the stream without the data not yet read; return the error if a file in one piece lacks some of its data."""
+        """End the stream and drop unread data; return the error if a file in one piece lacks some of its data."""
         self.stream.close()
         return self._end_pipe()
 

@@ -144,8 +144,8 @@ def take_measurement(
     """Record a measured deflection at mid-span (N,), m, at `time` (N,), s, rising, in `logs`; return the recording.
 
     Time is counted from the first sample, as in a comparison. `rest` (N,), m: what the deflection rings about; the difference
-    is the run's vibration. `scenario`: with the beam as it is believed to be; `what`: a description of the data. The same data
-    are recorded only once. Raises `RecordingError`.
+    is the run's vibration. `scenario`: one with a model of the beam; `what`: a description of the data. The same data are
+    recorded only once. Raises `RecordingError`.
     """
     arrays = (np.ascontiguousarray(array, float).tobytes() for array in (time, deflection, rest))
     digest = hashlib.sha256(b"".join([scenario.model_dump_json().encode(), *arrays])).hexdigest()

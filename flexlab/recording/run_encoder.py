@@ -206,13 +206,13 @@ def shown_columns(
 
 
 APPLICATION = "flexlab"
-"""Rerun keeps one layout per application: a person's changes of it hold for the next run that is watched live."""
+"""Rerun keeps one layout per application: a person's changes to it hold for the next run that is watched live."""
 FLUSH_TIMEOUT = 30.0
 """Time after which rerun's encoder counts as failed, s."""
 
 
 class RunStream:
-    """A rerun stream that begins with what the run is; encoded data wait for `read`. Not for two threads at once."""
+    """A rerun stream that begins with a description of the run; encoded data wait for `read`. Not for two threads at once."""
 
     def __init__(self, info: RunInfo, live: bool = False, file: Path | None = None):
         """`live`: for viewers of a run as it comes, which do not need exact samples.

@@ -30,7 +30,7 @@ NANOSECONDS = 1_000_000_000
 
 
 def new_stream(application: str, run_id: str | None = None) -> rr.RecordingStream:
-    """A stream without rerun's own properties; `application`: the name for which a person's changes of a layout hold.
+    """A stream without rerun's own properties; `application`: the name for which a person's changes to a layout hold.
 
     Raises `RecordingError` if the environment switches rerun off.
     """

@@ -135,7 +135,7 @@ class RrdFile:
         self._begun = True
         self._waiting.append(data)
         self._waiting_bytes += len(data)
-        # The first piece has the head and says what the run is: without it the rest is useless.
+        # The first piece has the head and describes the run: without it the rest is useless.
         oldest = 0 if self._size else 1
         while self._waiting_bytes > self._held_bytes and len(self._waiting) > oldest + 1:
             self._waiting_bytes -= len(self._waiting[oldest])

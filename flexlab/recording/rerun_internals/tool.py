@@ -123,7 +123,7 @@ TELLING = b"""const options = {
           on_viewer_event: (event) => { if (window.parent !== window) window.parent.postMessage(event, location.origin); },"""
 """With this option the viewer tells the page around it where its time cursor goes."""
 CHANGED = 1
-"""Version of the changes in rerun's page: each version is unpacked into a folder of its own."""
+"""Version of the changes to rerun's page: each version is unpacked into a folder of its own."""
 
 
 def viewer_folder() -> Path:

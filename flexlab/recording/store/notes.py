@@ -30,7 +30,7 @@ def notes_path(path: Path) -> Path:
 def read_notes(path: Path) -> dict[str, Any]:
     """The notes beside a recording; empty if there are none or they cannot be read.
 
-    Only those `OF_PEOPLE` if another file has taken its name since it was measured.
+    Only those `OF_PEOPLE` if another file has taken its name since the metrics were written.
     """
     try:
         notes = read_json(notes_path(path), LARGEST_NOTES)
@@ -42,7 +42,7 @@ def read_notes(path: Path) -> dict[str, Any]:
 
 
 def _is_another(path: Path, notes: dict[str, Any]) -> bool:
-    """Whether a recording has neither the size nor the time of the file that was measured.
+    """Whether a recording has neither the size nor the time of the file that the metrics belong to.
 
     A copy has its size, and a mended one its time.
     """

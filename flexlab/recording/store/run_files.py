@@ -238,7 +238,7 @@ def find_run(run: str, logs: Path) -> Path:
 
 
 def _named_file(path: Path) -> Path:
-    """A file that a person named, which may be a link. Raises `RecordingError` if it is no file."""
+    """A file that a person named, which may be a link. Raises `RecordingError` if it is not a file."""
     path = path.resolve() if path.is_symlink() else path
     if not is_regular(path):
         check_recording(path)

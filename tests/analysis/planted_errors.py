@@ -15,11 +15,11 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 DIGEST = "_DIGEST = _digest()"
-"""The line of compiled.py that names the folder of machine code after all sources."""
+"""The line of compiled.py that names the folder of machine code by all sources."""
 
 
 class PlantedError(NamedTuple):
-    """One mistake: a sign, a factor, a place."""
+    """One mistake: a sign, a factor, an index."""
 
     name: str
     file: str
@@ -337,7 +337,7 @@ PLANTED = tuple(_planted())
 
 
 def planted_text(error: PlantedError) -> str:
-    """The file with the error. Raises ValueError if there is no single place for it."""
+    """The file's text with the error. Raises ValueError unless there is exactly one place for it."""
     text = (ROOT / "flexlab" / error.file).read_text(encoding="utf-8")
     if text.count(error.right) != 1:
         raise ValueError(f"{error.file} has no single {error.right!r}: plant {error.name} elsewhere")
@@ -363,7 +363,7 @@ class Copy:
         compiled.write_text(text.replace(DIGEST, '_DIGEST = os.environ["PLANTED"]'), encoding="utf-8")
 
     def validate(self, error: PlantedError | None = None) -> subprocess.CompletedProcess[str]:
-        """`flexlab validate` with an error, or without."""
+        """Run `flexlab validate` with an error, or without."""
         place = self._folder / "flexlab" / (error.file if error else "compiled.py")
         right = place.read_text(encoding="utf-8")
         everything = error is not None and "@inlined" in right

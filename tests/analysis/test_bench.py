@@ -1,4 +1,4 @@
-"""The benchmark measures what it says; how fast this machine is, no test may ask."""
+"""The benchmark measures what it says; no test depends on how fast this machine is."""
 
 import io
 import json
@@ -161,7 +161,7 @@ def test_a_watched_thread_is_seen_and_never_lives_longer_than_the_clock_says():
     def stay() -> None:
         time.sleep(0.1)
         while watch.undisturbed is None and time_in_queue(threading.get_native_id()) is not None:
-            time.sleep(0.01)  # On a busy machine the watch may look late.
+            time.sleep(0.01)  # On a busy machine the watcher may be late.
 
     start = time.perf_counter()
     with ThreadWatch("watched") as watch:
@@ -196,7 +196,7 @@ def test_the_machine_is_described_in_one_line():
 
 @pytest.fixture(scope="module")
 def measured() -> tuple[Report, str]:
-    """The least that still passes through everything, and its tables for a person."""
+    """The shortest benchmark that still runs every part, and its printed tables."""
     tables = io.StringIO()
     plan = benchmarks.Plan(meshes=(2,), duration=0.05, repeats=1, rounds=1, cold=False)
     with pytest.MonkeyPatch.context() as smaller:

@@ -30,7 +30,7 @@ TICKS = 60
 
 
 def with_peers() -> None:
-    """Skip a test where the extra `peers` is not installed: the engines take half a minute, for `bench --peers` alone."""
+    """Skip a test if the extra `peers` is not installed: the engines take half a minute, and only `bench --peers` needs them."""
     for engine in ("mujoco", "exudyn"):
         pytest.importorskip(engine)
 
@@ -133,7 +133,7 @@ def test_a_chain_of_segments_in_mujoco_moves_the_same(segments: int, steps: int)
     with_peers()
     from peers.mujoco_model import simulate_chain
 
-    # A tenth of the path's amplitude: what rods that keep their length add goes with its square.
+    # A tenth of the path's amplitude: the effect of inextensible rods goes with its square.
     small = {"trajectory.amplitude": (0.02, 0.02, 0.02)}
     exact = simulate(chain_scenario(8, 1e-3).replace(small), TICKS * 1e-3)
     motion = simulate_chain(World(chain_scenario(2, 1e-3).replace(small)), segments, "RK4", steps, TICKS)
@@ -145,7 +145,7 @@ def test_a_chain_of_segments_in_mujoco_moves_the_same(segments: int, steps: int)
 
 
 def test_a_geometrically_exact_beam_is_the_same_to_first_order_in_the_deflection():
-    """The difference is a part of the deflection that falls with it."""
+    """The difference as a share of the deflection falls with the deflection."""
     pytest.importorskip("exudyn")
     from peers.beam_comparison import squeezed
 

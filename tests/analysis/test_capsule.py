@@ -1,4 +1,4 @@
-"""One file of a run: an archive that another machine verifies, and nothing that was changed passes."""
+"""One file of a run: an archive that another machine verifies, which refuses any change."""
 
 import hashlib
 import json

@@ -1,4 +1,4 @@
-"""Studies on a real Dask cluster: a worker or the scheduler is killed on the way, and no byte changes."""
+"""Studies on a real Dask cluster: a worker or the scheduler is killed during the study, and no byte of the result changes."""
 
 import contextlib
 import gc
@@ -46,7 +46,7 @@ def address_of(scheduler: subprocess.Popen) -> str:
     assert scheduler.stderr is not None
     for line in scheduler.stderr:
         if found := re.search(r"Scheduler at:\s+(tcp://\S+)", line):
-            # Goes on reading, so that what the process says never fills the pipe.
+            # Keeps reading, so that the process's output never fills the pipe.
             threading.Thread(target=scheduler.stderr.read, daemon=True).start()
             return found[1]
     raise AssertionError("the scheduler said no address")
@@ -64,7 +64,7 @@ def running_scheduler(folder: Path) -> Iterator[subprocess.Popen]:
 
 @pytest.fixture(scope="module")
 def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """One that goes on: each test has workers of its own, and ends them."""
+    """A scheduler that keeps running: each test starts and ends its own workers."""
     with running_scheduler(tmp_path_factory.mktemp("scheduler")) as process:
         yield address_of(process)
 
@@ -123,7 +123,7 @@ def test_a_killed_worker_changes_no_byte_of_a_tuning_and_a_leaderboard(scheduler
             working = dict(client.run(os.getpid))
 
             def kill_one_until(left: int, done: int, total: int) -> None:
-                """In the middle, one that has something in hand."""
+                """Kill one in the middle that is computing something."""
                 busy = [address for address, keys in client.processing().items() if keys and address in working]
                 if len(working) > left and 2 <= done < total and busy:
                     os.kill(working.pop(busy[0]), signal.SIGKILL)
@@ -258,7 +258,7 @@ def test_a_killed_scheduler_is_said_and_what_is_kept_goes_on(
 
 
 def test_a_web_server_is_no_scheduler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """The first bytes of its answer, read as a length, are more memory than there is."""
+    """The first bytes of its answer, read as a length, ask for more memory than there is."""
     monkeypatch.setattr("flexlab.analysis.workers.PATIENCE", 1.0)
     with socket.create_server(("127.0.0.1", 0)) as plug:
 
@@ -279,7 +279,7 @@ def test_a_web_server_is_no_scheduler(tmp_path: Path, monkeypatch: pytest.Monkey
 def test_a_cluster_that_cannot_be_used_is_said(scheduler: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     with pytest.raises(StudyError, match="has no workers: start some with dask worker tcp://"):
         flexlab.sweep("paper", VARY, 0.1, folder=tmp_path / "a", cluster=scheduler)
-    monkeypatch.setattr("flexlab.analysis.workers.PATIENCE", 1.0)  # Only these are waited for to the end.
+    monkeypatch.setattr("flexlab.analysis.workers.PATIENCE", 1.0)  # Only these are waited for.
     for address in ("tcp://127.0.0.1:1", "nowhere", "tcp://no.such.host.invalid:8786"):
         with pytest.raises(StudyError, match="No Dask scheduler answers") as caught:
             flexlab.sweep("paper", VARY, 0.1, folder=tmp_path / "b", cluster=address)

@@ -39,9 +39,9 @@ class Case(NamedTuple):
     """A scripted run, and the sentences that it gets."""
 
     name: str
-    """Of the explanation that the case is about."""
+    """Name of the explanation that the case is about."""
     says: str
-    """Words and numbers of its sentence, a regular expression."""
+    """Words and numbers of its sentence, as a regular expression."""
     also: tuple[str, ...]
     """The other sentences of the run."""
     changes: dict[str, Any]
@@ -138,8 +138,8 @@ CASES = (
          {"controller.wanted_internal_force": 60.0}, 2.0, "soft-beam"),
     Case("left after the stop", r"rings on by 3\.88 mm, 48\.1 % .* \(4\.97 Hz\) ends the motion 101 ms later", SLOW, BANG, 2.0),
     Case("left after the stop", r"rings on by 0\.14 mm.*\(14\.3 Hz\) ends the motion 35 ms later", SLOW, REST, 1.2),
-    Case("left after a shaped stop", r"zv ends the motion 101 ms later; of a vibration of up to 5\.84 mm, 0\.03 mm are left", SLOW,
-         {**BANG, "trajectory.shaper": "zv"}, 2.0),
+    Case("left after a shaped stop", r"zv ends the motion 101 ms later; of a vibration of up to 5\.84 mm, 0\.03 mm are left",
+         SLOW, {**BANG, "trajectory.shaper": "zv"}, 2.0),
     Case("shaper for another mode",
          r"made for 8 Hz \(7\.69 Hz with its damping\), but the loop rings at 4\.97 Hz: it leaves 66\.9 %",
          SLOW,
@@ -191,10 +191,10 @@ def test_each_names_an_equation_and_a_plot_of_the_lab():
 @pytest.mark.parametrize(("duration", "period"), [(3.0, 0.001), (400.0, 0.01)])
 @pytest.mark.parametrize("preset", preset_names())
 def test_an_error_exceeds_no_bound_that_its_sentence_names(preset: str, duration: float, period: float):
-    """Wherever in the path's period the run ends: what the law has learnt acts with ‖ẋ‖², which is small at the turns."""
+    """Wherever in the path's period the run ends: the learnt bound grows with ‖ẋ‖², which is small at the turning points."""
     scenario = load_preset(preset)
     end = scenario.trajectory.end
-    # Of a payload that has come to stand nothing of the kind is said.
+    # The sentence is not given for a payload that stands still.
     run = simulate(scenario, duration if end is None else min(duration, end + 10.0), period)
     error = 1e3 * np.linalg.norm(run.tracking_error[:, :2], axis=1)
     for rows in range(round(2.0 / period), len(run) + 1, 37):
@@ -205,7 +205,7 @@ def test_an_error_exceeds_no_bound_that_its_sentence_names(preset: str, duration
 
 @pytest.mark.parametrize("preset", ["paper", "smooth-start", "fast-adaptation"])
 def test_what_the_path_forces_is_not_taken_for_a_mode_that_folds_down(preset: str):
-    """Samples every 5 ms would show mode 2, 197 Hz, at 3 Hz, and there the path shakes the beam."""
+    """With samples every 5 ms, mode 2 at 197 Hz would show at 3 Hz, where the path shakes the beam."""
     scenario = load_preset(preset)
     run = simulate(scenario, 6.0, 0.005)
     assert not [end for end in range(400, len(run) + 1, 37) if "folded mode" in sentences(scenario, run.slice(0, end))]
@@ -230,7 +230,7 @@ def test_with_its_motors_off_a_payload_that_follows_nothing_is_not_explained_by_
 
 @pytest.mark.parametrize("law", ["adaptive-sliding-mode", "sliding-mode", "computed-torque", "pd"])
 def test_a_gain_of_zero_is_explained_without_dividing_by_it(law: str):
-    """Whoever turned K, Λ or P down to 0 was told "float division by zero", in `run.explanations` and by `flexlab run`."""
+    """With K, Λ or P at 0, `run.explanations` and `flexlab run` failed with "float division by zero"."""
     scenario = load_preset("smooth-start").replace({"controller.kind": law})
     gains = ("feedback_gain", "sliding_slope", "bound", "position_gain", "velocity_gain")
     for gain in [name for name in gains if hasattr(scenario.controller, name)]:
@@ -257,7 +257,7 @@ def advised(pattern: str, text: str) -> float:
 
 
 def test_the_cures_of_a_growing_mode_cure_it():
-    """On one side of the damping, and of the control period, that the sentence names nothing grows, on the other it does."""
+    """Nothing grows on one side of the damping ratio and control period that the sentence names; on the other side it does."""
     scenario = load_preset("paper").replace(MEASURED)
     text = sentences(scenario, simulate(scenario, 0.1))["growing mode"]
     more = advised(r"larger by ([\d.]+) %", text) / 100
@@ -318,7 +318,7 @@ def test_a_run_that_could_not_start_explains_nothing():
 
 
 def test_large_numbers_are_written_as_people_write_them():
-    """Of a heavy beam on a fast path: forces of more than 1000 N."""
+    """A heavy beam on a fast path has forces of more than 1000 N."""
     run = flexlab.simulate(load_preset("paper").replace({"payload.linear_density": 1000.0}), 0.05)
     said = "\n".join(map(str, run.explanations))
     assert "The beam is pressed with up to 15900 N along it, more than the 3950 N that buckle it" in said
@@ -326,7 +326,7 @@ def test_large_numbers_are_written_as_people_write_them():
 
 
 def test_a_changed_or_pulled_run_is_explained_as_it_is_since(tmp_path: Path) -> None:
-    """A run under a hand was said to be forced by its path, and the ring of a changed beam was held against the first one."""
+    """A run pulled by hand was called forced by its path, and a changed beam's ring was compared with the original beam."""
     held = flexlab.simulate("paper", 2.5, commands=[(1.0, Pull(0.0, (0.0, 0.9), 2000.0))])
     change = ChangeScenario({"payload.bending_stiffness": 50.0, "trajectory.kind": "hold"})
     changed = flexlab.simulate("paper", 2.5, commands=[(1.0, change), (1.5, Tap(0.05, (0.0, 0.3)))])

@@ -1,4 +1,4 @@
-"""A law that fails at its first instant: its own sentence comes out, whatever is asked of the run."""
+"""A law that fails at its first instant: its own error is shown, whatever is asked of the run."""
 
 from collections.abc import Callable
 from pathlib import Path

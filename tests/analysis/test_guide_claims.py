@@ -1,4 +1,4 @@
-"""What the guide's chapters state, beyond the lessons, is what the engine computes."""
+"""The engine computes what the guide's chapters state, beyond the lessons."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Fits of a ring: exact on exact data, honest about noise, and a sentence for what cannot be told or read."""
+"""Fits of a ring: exact on exact data, honest about noise, and a sentence for what cannot be identified or read."""
 
 import json
 import re
@@ -43,7 +43,7 @@ def test_exact_data_give_the_exact_modes_at_uneven_times_too():
 
 @pytest.mark.parametrize("begins", [2.0, 2.375, 2.75, 2.875])
 def test_what_the_arms_motion_does_to_a_ring_is_no_mode_of_its_own(begins: float):
-    """The frequency changes with the pose: the modes were 42.2, 45.6 and 47.9 Hz, of a beam whose second is at 198 Hz."""
+    """The frequency changes with the pose: modes at 42.2, 45.6 and 47.9 Hz were found for a beam whose second is at 198 Hz."""
     run = flexlab.simulate("paper", begins + 1.0, commands=[(begins, Tap(0.0, (0.0, 0.15)))])
     ring_after = (run.time > begins + 0.001) & (run.time < begins + 0.545)
     fit = fit_ring(run.time[ring_after], run.vibration[ring_after])
@@ -121,7 +121,7 @@ def test_a_noisy_tap_gives_back_the_beam():
 
 
 def pressed(stiffness: float, **changes: float | str) -> flexlab.Scenario:
-    """A soft beam that its arms press, at rest, whose ring is damped by its modes."""
+    """A soft beam at rest, pressed by its arms, with modal damping."""
     return flexlab.load_preset("paper").replace(
         {
             "trajectory.kind": "hold",
@@ -136,7 +136,7 @@ def pressed(stiffness: float, **changes: float | str) -> flexlab.Scenario:
 
 @pytest.mark.parametrize("force", [50.0, -70.0])
 def test_a_pressed_or_pulled_beam_gives_its_own_stiffness(force: float):
-    """EI = 0.73 N·m² was said of the pressed one, with a tight interval: its frequency does not grow as the root of EI."""
+    """EI = 0.73 N·m² was found for the pressed one, with a tight interval: its frequency does not grow as the root of EI."""
     true = pressed(2.0, **{"controller.wanted_internal_force": force})
     loop = flexlab.modes(true)
     pole = loop.poles[loop.pole_origin.index("beam mode 1")]
@@ -153,7 +153,7 @@ def test_a_pressed_or_pulled_beam_gives_its_own_stiffness(force: float):
 
 
 def test_a_loop_whose_first_mode_does_not_ring_tells_no_stiffness():
-    """The ring was compared with that of a vice, without a word."""
+    """The ring was silently compared with that of a beam in a vice."""
     time = np.arange(0, 3, 1e-3)
     fit = fit_ring(time, ring(time, 6.3, 0.02))
     found = beam_parameters(fit, pressed(2.0, **{"controller.wanted_internal_force": 300.0}), in_loop=True)
@@ -181,7 +181,7 @@ def test_the_command_fits_the_last_tap_of_a_recording(flexlab_command: Command, 
     ("preset", "tap"), [("paper", None), ("paper", 0.6), ("gravity", 1.0), ("vibration-damping", 1.27)]
 )
 def test_the_intervals_of_a_ring_on_the_way_hold_the_beam(preset: str, tap: float | None):
-    """The arms give way otherwise at each pose: by the path's centre alone, EI was off by many times its interval."""
+    """The arms give way differently at each pose: with the path's centre alone, EI was off by many times its interval."""
     commands = [] if tap is None else [(tap, Tap(0.05, (0.0, 0.1)))]
     run = flexlab.simulate(preset, 1.0 + (tap or 0.0), commands=commands)
     found = flexlab.fit(run).beam
@@ -200,7 +200,7 @@ def test_the_intervals_of_a_ring_on_the_way_hold_the_beam(preset: str, tap: floa
     ],
 )
 def test_no_beam_is_told_of_a_loop_that_the_linear_model_leaves_out(changes: dict, says: str):
-    """Of the default of grips that give way, EI was said to be 71 ± 0.1 instead of 100 N·m²."""
+    """With the default compliant grips, EI was found to be 71 ± 0.1 instead of 100 N·m²."""
     scenario = flexlab.load_preset("paper").replace({"trajectory.kind": "hold", **changes})
     found = flexlab.fit(flexlab.simulate(scenario, 2.0, commands=[(1.3, Tap(0.05, (0.0, 0.1)))]))
     assert found.ring.first.frequency.identifiable
@@ -270,7 +270,7 @@ def test_a_minus_sign_of_typesetting_is_read(tmp_path: Path):
 
 
 def test_a_measurement_in_logs_is_fitted_as_its_file(flexlab_command: Command, tmp_path: Path):
-    """Its beam was held against arms and a law, which the measurement never had."""
+    """Its beam was compared with one held by arms and a law, which the measurement never had."""
     time = np.arange(0, 0.8, 5e-4)
     noise = 1e-6 * np.random.default_rng(2).normal(size=len(time))
     file = write_signal(tmp_path / "vice.csv", (ring(time, 44.0, 0.03, 1e-3) + noise)[::2])
@@ -418,7 +418,7 @@ def test_bad_input_is_one_sentence(flexlab_command: Command, tmp_path: Path, wor
 
 @pytest.mark.parametrize("kind", ["white", "drift", "coloured"])
 def test_noise_alone_has_no_frequency(kind: str):
-    """Of 40 cases each one at most may seem to ring: what is asked for is very strong evidence."""
+    """At most one of the 40 cases may seem to ring, as very strong evidence is required."""
     seeming = 0
     for seed in range(40):
         rng = np.random.default_rng(seed)
@@ -460,7 +460,7 @@ def test_a_measurement_of_noise_alone_is_no_ring(flexlab_command: Command, tmp_p
 
 @pytest.mark.parametrize("memory", [0.5, 0.8])
 def test_coloured_noise_beside_a_ring_is_no_further_mode(memory: float):
-    """One mode in noise that remembers its last value: f and ζ within their intervals, and nothing else that is identifiable."""
+    """One mode in noise correlated with its last value: f and ζ lie within their intervals, and nothing else is identifiable."""
     time, known = np.arange(0, 0.5, 1e-3), 0
     for seed in range(12):
         noise = lfilter([np.sqrt(1 - memory**2)], [1.0, -memory], np.random.default_rng(seed).normal(size=len(time)))
@@ -475,7 +475,7 @@ def test_coloured_noise_beside_a_ring_is_no_further_mode(memory: float):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_band_of_noise_is_no_ring(seed: int):
-    """What random knocks keep a structure doing has a resonance, and no free ring."""
+    """A structure kept moving by random impacts has a resonance, but no free ring."""
     rng = np.random.default_rng(seed)
     noise = lfilter([1.0], [1.0, -2 * 0.97 * np.cos(0.5), 0.97**2], rng.normal(size=3000))
     assert not fit_ring(np.arange(3000) * 1e-3, noise).is_ring
@@ -483,7 +483,7 @@ def test_a_band_of_noise_is_no_ring(seed: int):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_log_that_begins_before_the_tap_rings_from_the_tap_on(seed: int, tmp_path: Path):
-    """Two seconds of nothing, then two modes: both as they are, and none beside them."""
+    """Two seconds of nothing, then two modes: both are found, and no others."""
     rng, time = np.random.default_rng(seed), np.arange(0, 4, 1e-3)
     late = np.maximum(time - 2, 0)
     signal = ring(late, 12.6, 0.005, phase=-np.pi / 2) + ring(late, 80.0, 0.01, 0.2, -np.pi / 2)
@@ -499,8 +499,10 @@ def test_a_log_that_begins_before_the_tap_rings_from_the_tap_on(seed: int, tmp_p
 
 @pytest.mark.parametrize("quiet", [1, 3, 4, 7, 10, 13, 40, 60])
 @pytest.mark.parametrize(("per_period", "periods"), [(6.2, 25), (29.3, 80)])
-def test_a_few_quiet_samples_before_the_ring_are_no_damping(quiet: int, per_period: float, periods: int, tmp_path: Path):
-    """They were fitted by modes of a damping ratio of 0.1 to 0.9, loud at their beginning, whose intervals left out the truth."""
+def test_a_few_quiet_samples_before_the_ring_are_no_damping(
+    quiet: int, per_period: float, periods: int, tmp_path: Path
+):
+    """They were fitted by modes with damping ratios of 0.1 to 0.9, loud at first, whose intervals missed the truth."""
     random = np.random.default_rng(quiet)
     t = np.arange(-quiet, int(per_period * periods)) / per_period / 50
     ring = np.where(t >= 0, np.exp(-0.003 * 2 * np.pi * 50 * t) * np.sin(2 * np.pi * 50 * t), 0.0)
@@ -547,7 +549,7 @@ def test_numbers_beyond_any_measurement_are_told(time: float, signal: float, say
 
 
 def test_a_clipped_signal_is_told_and_fitted_from_where_it_is_whole(tmp_path: Path):
-    """Clipped to 0.7 mm it gave two modes, 19.9 and 20.1 Hz, a third at 60 Hz, and a stiffness that was 1.5 % off."""
+    """Clipped to 0.7 mm, it gave two modes, 19.9 and 20.1 Hz, a third at 60 Hz, and a stiffness that was 1.5 % off."""
     t = np.arange(3000) / 1000
     rng = np.random.default_rng(3)
     for height in (0.7, 1.0, 1.5):

@@ -1,4 +1,4 @@
-"""Conditions of the laws: the numbers in their sentences, and that what they predict is what runs then do."""
+"""Conditions of the laws: the numbers in their sentences, and that runs do what they predict."""
 
 import re
 
@@ -32,7 +32,7 @@ def test_the_beams_reaction_is_what_the_law_does_not_know():
 
 
 def test_feedback_within_the_boundary_layer():
-    """K ε ≥ ‖Ψ‖ predicts that ‖s‖ stays inside after the start: as the two presets then do."""
+    """K ε ≥ ‖Ψ‖ predicts that ‖s‖ stays inside after the start, as it does in the two presets."""
     for name, met in (("paper", True), ("weak-feedback", False)):
         scenario = load_preset(name)
         condition = named(scenario, "‖Ψ‖ ≤ K ε")
@@ -52,7 +52,7 @@ def test_a_constant_bound(bound: float, met: bool):
 
 @pytest.mark.parametrize(("delay", "ratio"), [(0, 0.001), (1, 0.0), (1, 0.02), (2, 0.001)])
 def test_late_torques_feed_the_modes_that_grow(delay: int, ratio: float):
-    """Met where the sampled poles are stable; otherwise the growth that is named is theirs to 10 % (2.65 1/s at 400 Hz)."""
+    """Met if the sampled poles are stable; otherwise the stated growth is theirs to 10 % (2.65 1/s at 400 Hz)."""
     changes = {
         "payload.element_count": 8,
         "payload.damping": {"kind": "modal", "ratio": ratio},
@@ -79,7 +79,7 @@ def test_super_twisting_needs_gains_above_the_change_of_the_reaction():
 
 
 def test_a_path_that_moves_tells_masses_apart():
-    """Of 8 masses of two arms and payload, 7 combinations can be told: the grips are part of one rigid body."""
+    """Of the 8 masses of two arms and payload, 7 combinations can be identified: the grips are part of one rigid body."""
     moving = load_preset("paper").replace({"controller.kind": "regressor-adaptive"})
     resting = moving.replace({"trajectory.amplitude": (0.0, 0.0, 0.0)})
     for scenario, told in ((moving, 7), (resting, 0)):

@@ -57,7 +57,7 @@ def verified(rows: tuple[Row, ...]) -> list[Finding]:
 
 
 def test_the_table_that_ships_is_what_the_engine_computes():
-    """A fifth of its rows, each case and each law; where it fails, `web_assets/make/leaderboard.py` makes the table anew."""
+    """A fifth of its rows, with every case and law; if this fails, `web_assets/make/leaderboard.py` makes the table anew."""
     tasks = make_tasks(chosen_cases(None, long=False), chosen_entrants(None))
     rows = shipped_rows()[::FIFTH]
     assert {row.case for row in rows} == {task.case.name for task in tasks}

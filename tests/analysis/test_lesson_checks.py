@@ -1,4 +1,4 @@
-"""Lessons, done as their texts say: each check says no before, yes after, and every number in the texts is measured."""
+"""Lessons, done as their texts say: each check says no before and yes after, and every number in the texts is measured."""
 
 import re
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ ADAPTATION = "controller.adaptation"
 def verdict(
     check: str, preset: str, *changes: tuple[float, str, float], duration: float = 3.0, until: float | None = None
 ) -> Verdict:
-    """What the lab would show at t = `until`, s: scenario and events as they are then, the last seconds of samples."""
+    """What the lab would show at t = `until`, s, with the scenario, the events and the last seconds of samples at that time."""
     result, stop = run(preset, *changes, duration=duration), duration if until is None else until
     done = [(time, path, value) for time, path, value in changes if time <= stop]
     scenario = load_preset(preset).replace({path: value for _, path, value in done})
@@ -50,7 +50,7 @@ def peak(signal: np.ndarray) -> float:
     return float(np.abs(signal).max())
 
 
-# The lessons, as a person does them.
+# The lessons, done as a student does them.
 
 
 def test_why_does_it_ring():
@@ -112,7 +112,7 @@ def test_internal_force():
 
 
 def begun(check: str, preset: str, duration: float, **changes: object) -> Verdict:
-    """What the lab shows of a run that was begun with changes."""
+    """What the lab shows for a run that began with changes."""
     scenario = load_preset(preset).replace({path.replace("__", "."): value for path, value in changes.items()})
     return check_lesson(check, scenario, window(simulate(scenario, duration), duration), [])
 
@@ -232,7 +232,7 @@ def test_a_lesson_is_not_done_by_its_first_preset(check: str):
 
 @pytest.mark.parametrize("check", list(LESSONS))
 def test_a_touch_undoes_a_lesson_that_compares(check: str):
-    """A tap on the beam just now: nothing that was measured across it counts."""
+    """After a recent tap on the beam, nothing measured across the tap counts."""
     events: Sequence[Event] = [Event(2.9, "", Tap(0.0, (0.0, 1.0))), Event(2.95, "no command", level="error")]
     for preset in ("paper", "smooth-start", "fast-adaptation"):
         assert (
@@ -280,7 +280,7 @@ def test_a_squeeze_until_it_buckles():
 
 
 def test_a_squeeze_may_wait_for_half_a_minute():
-    """However long a page takes: what is left of the ring then, 30 nm, has the same frequency."""
+    """However long a page takes: the ring that is then left, 30 nm, has the same frequency."""
     late = verdict(
         "buckling", "squeeze-until-it-buckles", (30.0, "controller.wanted_internal_force", 40.0), duration=33.0
     )

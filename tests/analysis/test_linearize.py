@@ -27,7 +27,7 @@ def still(name: str = "paper", **changes) -> Scenario:
 
 
 def joint_angles(lagrangian: Lagrangian, pose: np.ndarray) -> np.ndarray:
-    """Relative joint angles of both arms by their links' directions, (arms · 3,)."""
+    """Relative joint angles of both arms from their links' directions, (arms · 3,)."""
     found = []
     for index in range(len(lagrangian.scenario.arms)):
         angles = [np.arctan2(float(u[1]), float(u[0])) for u in lagrangian.links(pose, index)[1]]
@@ -67,7 +67,7 @@ def test_eigenvalues_are_those_of_an_independent_linearisation(gravity: float):
 @pytest.mark.parametrize("law", ["adaptive-sliding-mode", "vibration-damping", "computed-torque", "pd"])
 @pytest.mark.parametrize("sampling", [{}, MOTORS_OFF_LATE, SAMPLED], ids=["continuous", "held", "late"])
 def test_a_step_of_the_target_is_that_of_the_run(law: str, sampling: dict):
-    """A target that jumps by 10 µm and 1e-5 rad: model and simulation; what is of second order is as small again."""
+    """Model and simulation agree for a target that jumps by 10 µm and 1e-5 rad, as second-order terms are far smaller."""
     if law == "vibration-damping" and sampling == SAMPLED:
         sampling = {"controller.control_period": 5e-4, "controller.input_delay": 1}
     scenario = still(**{"controller.kind": law, **sampling})
@@ -94,7 +94,7 @@ def test_a_step_of_the_target_is_that_of_the_run(law: str, sampling: dict):
 
 
 def test_the_sampled_plant_is_scipys_zero_order_hold():
-    """Held torques without a law: `cont2discrete` of the continuous model, and one period of delay puts z⁻¹ in front."""
+    """Held torques without a law: `cont2discrete` of the continuous model; one period of delay adds a factor z⁻¹."""
     plain, held = (flexlab.linearize(still(**more), outputs="pose") for more in ({}, MOTORS_OFF_LATE))
     expected = cont2discrete((plain.A, plain.B, plain.C, plain.D), 2e-3)
     np.testing.assert_allclose(held.A, expected[0], rtol=1e-9, atol=1e-9 * np.abs(expected[0]).max())
@@ -206,7 +206,7 @@ NAMED = {"inputs": "desired_pose_y", "outputs": "vibration"}
 @pytest.mark.parametrize("name", ["paper", "composite", "lqr", "single-arm"])
 @pytest.mark.parametrize("channel", [NAMED, {"inputs": "joint_torque_left_2", "outputs": "pose_y", "closed": True}])
 def test_scipys_frequency_response_of_a_channel_is_exact(name: str, channel: dict):
-    """Through scipy's polynomials that of a sampled loop, of 39 states, was wrong by its own size."""
+    """By scipy's polynomials, the response of a sampled loop with 39 states was wrong by its own size."""
     model = flexlab.linearize(name, **channel)
     assert (model.input_names, model.output_names) == ((channel["inputs"],), (channel["outputs"],))
     if model.dt is None:
@@ -251,7 +251,7 @@ def test_a_transfer_function_may_be_of_one_of_several_inputs(scenario: str):
 
 @pytest.mark.parametrize("sampling", [{}, SAMPLED])
 def test_what_needs_one_channel_says_so(sampling: dict):
-    """scipy spoke of arrays that could not be broadcast, and gave a transfer function of the first input alone."""
+    """scipy complained about arrays that could not be broadcast, and gave a transfer function of the first input only."""
     model: Any = flexlab.linearize(still(**sampling), inputs="desired_pose", outputs=("pose", "vibration"))
     needs_one = [
         model.to_zpk, model.to_tf, model.bode, model.freqresp, lambda: model.zeros,

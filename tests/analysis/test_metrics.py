@@ -1,4 +1,4 @@
-"""Metrics: each says what it means, from a stream as from a whole run, over the window that it names."""
+"""Metrics: each has the value that its definition says, from a stream or a whole run, over its window."""
 
 import re
 from itertools import pairwise
@@ -45,7 +45,7 @@ def test_metrics_of_the_papers_run_are_those_of_the_model(run: Run) -> None:
 
 
 def test_the_papers_ring_is_gone_when_the_paper_says(run: Run) -> None:
-    """'At about t = 0.5 s': the last instant over one per cent of the peak."""
+    """'At about t = 0.5 s': the last instant above one per cent of the peak."""
     assert run_metrics(run).settling_time == pytest.approx(0.44, abs=0.005)
 
 
@@ -66,7 +66,7 @@ def test_the_residual_vibration_is_what_rings_after_the_target_stopped(stopped: 
 
 @pytest.mark.parametrize("sample_period", [0.01, 0.02, 0.1, 0.7])
 def test_a_target_that_goes_on_has_not_stopped_at_its_last_sample(sample_period: float) -> None:
-    """Of a long sample period, too: between the last two samples the target moved."""
+    """This also holds for a long sample period: the target moved between the last two samples."""
     going_on = simulate(load_preset("paper"), 1.5, sample_period)
     assert np.isnan(run_metrics(going_on).residual_vibration).all()
     metric = METRICS["residual_vibration"]()
@@ -78,7 +78,7 @@ def test_a_target_that_goes_on_has_not_stopped_at_its_last_sample(sample_period:
 
 
 def test_samples_that_are_too_far_apart_for_the_ring_are_told(tmp_path: Path) -> None:
-    """At 10 ms the settling time was 0.37 s instead of 0.44 s without a word; 2 ms is what the note asks for."""
+    """At 10 ms the settling time was silently 0.37 s instead of 0.44 s; the note asks for 2 ms."""
     told = run_metrics(simulate(load_preset("paper"), 0.5, 0.01))
     assert told.note.startswith("Samples are 10 ms apart, and the beam's first mode has a period of 22.4 ms: ")
     assert told.note.endswith("Take samples every 2 ms or more often.")
@@ -91,7 +91,7 @@ def test_samples_that_are_too_far_apart_for_the_ring_are_told(tmp_path: Path) ->
 
 
 def pieces(samples: Samples, cuts: int, seed: int) -> list[Samples]:
-    """The samples in `cuts` + 1 pieces of any length."""
+    """The samples, cut into `cuts` + 1 pieces of random length."""
     inner = np.sort(np.random.default_rng(seed).choice(np.arange(1, len(samples)), cuts, replace=False))
     return [samples.slice(int(first), int(last)) for first, last in pairwise([0, *inner, len(samples)])]
 
@@ -201,7 +201,7 @@ def test_what_has_no_value_is_said_and_sorts_last() -> None:
 
 
 def test_a_metric_is_added_in_one_place(run: Run) -> None:
-    """A registered class: tables, windows, notes and Python have it; a name that is taken is refused."""
+    """Tables, windows, notes and Python have a registered class; a name that is taken is refused."""
 
     class Lowest(Peak):
         """How far from the axis the payload's centre comes, m."""
@@ -226,7 +226,7 @@ def test_a_metric_is_added_in_one_place(run: Run) -> None:
 
 
 def test_a_vibration_that_goes_on_does_not_settle_whenever_the_run_ends():
-    """Forced for ever with 1.1 to 30 % of its first peak: each crossing is a pause, none is rest."""
+    """A vibration forced for ever at 1.1 to 30 % of its first peak pauses at each crossing, but never settles."""
     time = np.arange(0, 8, 1e-3)
     for share in (0.011, 0.02, 0.05, 0.3):
         signal = np.exp(-8 * time) * np.cos(280 * time) + share * np.sin(2 * np.pi * time / 1.2)

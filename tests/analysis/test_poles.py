@@ -36,7 +36,7 @@ def fine(n: int = 8, period: float | None = 1e-3, delay: int = 1, **changes) -> 
 
 
 def start_in(scenario: Scenario, weights: np.ndarray, size: float = 1e-6) -> Scenario:
-    """The scenario begun with a little of each mode."""
+    """The scenario with a little of each mode in its initial state."""
     q = modes(scenario).shape[:, : len(weights)] @ weights
     return scenario.replace({"initial.beam_coordinates": tuple(size * q), "initial.pose_rate": (0.0, 0.0, 0.0)})
 
@@ -47,7 +47,7 @@ def linear_of(found: Modes) -> Linearization:
 
 
 def test_delayed_rate_feedback_feeds_the_third_mode():
-    """The case that a continuous analysis calls stable: the 400 Hz mode grows, as fast as the simulation shows."""
+    """A continuous analysis calls this case stable, but the 400 Hz mode grows, as fast as in the simulation."""
     scenario = fine()
     found = modes(scenario)
     row = found.pole_rows()[0]
@@ -65,7 +65,7 @@ def test_delayed_rate_feedback_feeds_the_third_mode():
 
 
 APART = (30.0, 45.0, 70.0)
-"""Slopes that keep the poles apart: a repeated one would be known to half the digits only."""
+"""Slopes that keep the poles apart: a repeated pole would be accurate to half the digits only."""
 GAINS = {"controller.position_gain": (900.0, 1600.0, 2500.0), "controller.velocity_gain": (60.0, 90.0, 130.0)}
 POSE_STEP, MOMENTUM_STEP, TORQUE_STEP = 1e-6, 1e-4, 1e-2
 """m, kg·m/s and N·m: what each does within a period is of one size."""
@@ -80,7 +80,7 @@ LOOPS = [
 
 @pytest.mark.parametrize(("law", "delay", "changes"), LOOPS)
 def test_the_map_is_one_simulated_period(law: str, delay: int, changes: dict):
-    """Eigenvalues of the simulation of one control period, differenced in all of its states, are those of the map."""
+    """The simulation of one control period, differentiated by all states, has the eigenvalues of the map."""
     scenario = load_preset("vibration-damping").replace(
         {**HELD, "trajectory.center": (0.1, 0.7, 0.2), "controller.kind": law, **changes}
         | {"controller.control_period": 2e-3, "controller.input_delay": delay, "simulation.step": 1e-5}
@@ -117,7 +117,7 @@ def test_the_map_is_one_simulated_period(law: str, delay: int, changes: dict):
 
 
 def random_cell(seed: int) -> Scenario:
-    """Gain, period, delay, damping and mesh at random, begun with a little of every mode."""
+    """Random gain, period, delay, damping and mesh, with a little of every mode in the initial state."""
     rng = np.random.default_rng(seed)
     scenario = fine(
         n=int(rng.integers(2, 13)),
@@ -152,7 +152,7 @@ def test_random_loops_are_stable_or_not_as_simulated(seed: int):
 
 
 def sagging(**changes) -> Scenario:
-    """A soft beam that its weight bends, and that feels the force along it."""
+    """A soft beam bent by its weight, with axial load in its model."""
     return load_preset("paper").replace(
         {
             **HELD,
@@ -167,7 +167,7 @@ def sagging(**changes) -> Scenario:
 
 
 def test_a_sagging_beam_that_feels_its_axial_load_rings_as_its_poles_say():
-    """What the arms' internal forces do to a beam that is bent at rest belongs to the loop: ζ was 0.026 instead of 0.0146."""
+    """The effect of internal forces on a beam that is bent at rest belongs to the loop: ζ was 0.026 instead of 0.0146."""
     scenario = sagging()
     found = modes(scenario)
     q = found.shape @ linear_of(found).rest.motion.eta + 1e-3 * found.shape[:, 0]
@@ -179,7 +179,7 @@ def test_a_sagging_beam_that_feels_its_axial_load_rings_as_its_poles_say():
 
 
 def test_a_sagging_beam_that_is_squeezed_rests_where_the_simulation_comes_to_rest():
-    """Its bend enters the force along it, which softens it: it rested 3 % short of that."""
+    """Its bending enters the axial force, which softens it: the computed rest point was 3 % short."""
     scenario = sagging(**{"controller.wanted_internal_force": 30.0, "payload.damping.ratio": 0.2})
     found, run = modes(scenario), flexlab.simulate(scenario, 4.0, 0.01)
     q = found.shape @ linear_of(found).rest.motion.eta
@@ -207,7 +207,7 @@ def test_poles_of_a_sagging_beam_are_those_of_the_linear_model(changes: dict):
 
 
 def test_an_observer_and_a_beam_pressed_by_its_law_rest_where_the_simulation_does():
-    """Torques and bend were made to agree in turns, which had not met after thirty: a stable loop was called unstable."""
+    """Torques and bending were computed in turns, which had not converged after thirty: a stable loop was called unstable."""
     scenario = sagging(**{"controller.control_period": 2e-3, "controller.input_delay": 1, "controller.kind": "lqr"})
     found, run = modes(scenario), simulate(scenario, 6.0)
     assert np.ptp(run.pose[-200:], axis=0).max() < 1e-9, "it rests"
@@ -241,7 +241,7 @@ def test_a_wrong_mass_moves_the_rest_point_to_where_the_simulation_comes_to_rest
 
 
 def test_estimates_that_grow_for_ever_are_named():
-    """Under weight and with a wrong mass b̂ never rests: the poles are those of the law as it starts."""
+    """Under weight and with a wrong mass, b̂ never rests: the poles are those of the law at its start."""
     scenario = load_preset("gravity").replace({"controller.model.linear_density_factor": 0.5})
     found = modes(scenario)
     assert "never comes to rest" in found.note
@@ -251,7 +251,7 @@ def test_estimates_that_grow_for_ever_are_named():
 
 @pytest.mark.parametrize("slow", ["adaptive-sliding-mode", "regressor-adaptive"])
 def test_estimates_that_nothing_moves_keep_their_start_beside_an_observer_that_settles(slow: str):
-    """Only the observer of a sagging beam starts wrong: poles had b̂ = 183 N, or a mass of -5900 kg."""
+    """Only the observer of a sagging beam starts wrong: the poles assumed b̂ = 183 N, or a mass of -5900 kg."""
     changes = {
         "controller.slow.kind": slow,
         "gravity": 9.81,
@@ -270,7 +270,7 @@ def test_estimates_that_nothing_moves_keep_their_start_beside_an_observer_that_s
 
 
 def test_no_rest_point_is_said():
-    """Without motors nothing holds the weight: modes of the beam, no poles, and why."""
+    """Without motors nothing holds the weight: there are modes of the beam, no poles, and the reason."""
     found = modes(load_preset("gravity").replace({"controller.kind": "none"}))
     assert len(found.frequency) == 4
     assert len(found.poles) == 0
@@ -369,7 +369,7 @@ def test_free_arms_stand_still_and_take_any_gain():
 
 
 def test_poles_of_grips_that_give_way_say_that_they_are_of_rigid_ones():
-    """They said "a stable loop" of one that ran away within 12 ms."""
+    """They said "a stable loop" for a loop that ran away within 12 ms."""
     scenario = load_preset("paper").replace(
         {"grips.model": "compliant", "controller.control_period": 0.001, "controller.input_delay": 1}
     )

@@ -1,4 +1,4 @@
-"""One hash for one result: in the shell, in Python, in the lab, and of what was recorded."""
+"""One hash for one result: in the shell, in Python, in the lab, and for the recording."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""From a tap to a shaper and a gain: the ring that is found, what it asks for, and that this helps."""
+"""From a tap to a shaper and a gain: the ring that is found, its remedies, and that they help."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Sweeps: what is varied, which cells that makes, and one table whatever happens on the way."""
+"""Sweeps: what is varied, which cells follow, and one table whatever happens during the computation."""
 
 import json
 import os
@@ -173,7 +173,7 @@ flexlab.sweep("paper", ["payload.bending_stiffness=1:1000:log:12", "controller.f
     ],
 )
 def test_values_of_several_kinds_stand_in_one_column(tmp_path: Path, vary: object, column: list[str]):
-    """As of a field that may be null: with its column as text, a sweep keeps what it has computed."""
+    """For example those of a field that may be null: with a column of text, a sweep keeps what it has computed."""
     sweep = flexlab.sweep("paper", vary, 0.02, folder=tmp_path / "sweep")  # type: ignore[arg-type]  # Any of these.
     (path,) = (axis.path for axis in sweep.axes)
     assert sweep.table.column(path).to_pylist() == column
@@ -213,7 +213,7 @@ def test_the_same_sweep_is_not_computed_twice_and_needs_no_folder(tmp_path: Path
 
 
 def test_two_who_compute_one_sweep_at_once_both_get_it(tmp_path: Path):
-    """The slower one was told that the folder cannot be written, as the other had removed the parts."""
+    """The slower one failed, as if the folder could not be written, because the other had removed the parts."""
     plan = make_plan(load_preset("paper"), axes("gravity=0,1,2"), 0.02, 0.001)
     others = []
 
@@ -353,7 +353,7 @@ def test_figures_say_units_and_mark_what_failed(tmp_path: Path):
 
 
 def test_a_figure_shows_every_cell_or_says_how_many_it_leaves_out(tmp_path: Path):
-    """A third field with numbers gets panels: the cells of a map would lie upon each other, and only the last be seen."""
+    """A third numeric field gets panels: in one map the cells would overlap, and only the last would be seen."""
     third = "gravity=0:8:3"
     grid = flexlab.sweep("paper", [f"{EI}=50:100:2", f"{K}=100:300:2", third], 0.02, folder=tmp_path / "grid")
     maps = [part for part in grid.plot("peak_torque").axes if part.get_title()]

@@ -1,4 +1,4 @@
-"""Tuning finds what costs least within bounds and limits, robustly if asked, the same with the same seed."""
+"""Tuning finds the least cost within bounds and limits, robustly if asked, and the same with the same seed."""
 
 import math
 import subprocess
@@ -37,7 +37,7 @@ def test_the_best_of_a_monotone_cost_lies_at_the_bound_and_a_limit_moves_it():
 
 @pytest.mark.parametrize("weight", [1.0, 1e16])
 def test_a_cost_is_metrics_times_weights_and_a_limit_counts_before_it(weight: float):
-    """The table had a penalty in the cost, of ten million for 6 % too much torque, and a large weight outbid a limit."""
+    """The cost in the table had a penalty, ten million for 6 % too much torque, and a large weight could outweigh a limit."""
     kept = {"limits": {"peak_torque": 600.0, "rms_internal_force": 130.0}}
     cost = parse_cost({"rms_error.y": weight}, **kept)
     found = tune(PAPER, GAIN, cost, duration=0.3, candidates=30)
@@ -73,7 +73,7 @@ def test_a_run_that_fails_costs_most_and_says_why():
 
 
 def test_a_metric_without_a_value_has_no_cost():
-    """It counted as ten lengths of the run, metres or joules, which may be the best of all."""
+    """It counted as ten times the run's length, in metres or joules, which may be the best of all."""
 
     @flexlab.metric("J")
     def worth(samples: flexlab.Samples) -> float:

@@ -74,7 +74,7 @@ def test_the_command_prints_the_table_and_says_where_the_report_is(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ):
-    """It is computed once for all tests; the planted errors below have the command compute it."""
+    """The validation is computed once for all tests; for the planted errors below, the command computes it."""
     monkeypatch.setattr("flexlab.analysis.validation.validate", lambda: validation)
     done = flexlab_command("validate", "--json", "--to", "mine.html")
     assert done.returncode == 0, done.stderr
@@ -108,7 +108,7 @@ def forget_what_is_known() -> None:
 
 @pytest.fixture
 def nothing_known() -> Iterator[None]:
-    """No beam of before hides what is planted, and none with a planted error is left to other tests."""
+    """No cached beam hides a planted error, and none with a planted error is left to other tests."""
     forget_what_is_known()
     yield
     forget_what_is_known()
@@ -119,7 +119,7 @@ def nothing_known() -> Iterator[None]:
 def test_a_flipped_sign_that_needs_no_compiling_does_not_pass(
     plant: Callable[[pytest.MonkeyPatch], None], group: Group, monkeypatch: pytest.MonkeyPatch
 ):
-    """All others take a minute each: `planted_errors.py`."""
+    """All others take a minute each: see `planted_errors.py`."""
     plant(monkeypatch)
     assert not all(check.holds for check in group(Runs()))
 

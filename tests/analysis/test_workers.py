@@ -1,4 +1,4 @@
-"""Studies are computed on threads, which end when the study does: by Ctrl-C, or by what fails."""
+"""Studies are computed on threads, which end when the study ends, also by Ctrl-C or by a failure."""
 
 import pytest
 
@@ -20,7 +20,7 @@ def failing_at_once(duration: float) -> None:
 
 
 def interrupted(work: Work) -> None:
-    """Ctrl-C as the first of two runs is done."""
+    """Press Ctrl-C when the first of two runs is done."""
     with chosen_workers(2)() as run:
         for _ in run(work, (0.0, DAY)):
             raise KeyboardInterrupt
@@ -28,6 +28,6 @@ def interrupted(work: Work) -> None:
 
 @pytest.mark.parametrize(("work", "error"), [(simulated, KeyboardInterrupt), (failing_at_once, ZeroDivisionError)])
 def test_a_study_that_ends_ends_the_runs_under_way(work: Work, error: type[BaseException]) -> None:
-    """It waited for them."""
+    """It used to wait for them."""
     with pytest.raises(error):
         interrupted(work)

@@ -18,7 +18,8 @@ JUMP = 9.0
 LOUD = 0.3
 """Least power at a ring's beginning over that of the loudest block."""
 FINER, HIGH = 8, 0.5
-"""Places per line of the spectrum that tells a ring's period, and least size of its first peak over the largest of the first few."""
+"""Points per line of the spectrum that gives a ring's period, and least height of its first peak over the highest of the
+first few."""
 WHITE = 0.01
 """Significance level of the test for white noise."""
 LAGS = 20
@@ -59,9 +60,9 @@ def clipped_until(signal: np.ndarray) -> int | None:
 
 
 def ring_begins(signal: np.ndarray) -> int:
-    """Index of a ring's first peak: after the last quiet part, or the first of all; 0 for too few samples to tell.
+    """Index of a ring's first peak: after the last quiet part, or else in all samples; 0 if there are too few.
 
-    Even a few quiet samples at its beginning would be fitted by strongly damped modes, which a ring from its first peak has not.
+    Even a few quiet samples before that peak would be fitted by strongly damped modes, which the ring does not have.
     """
     size = max(FEWEST_IN_BLOCK, len(signal) // BLOCKS)
     count = len(signal) // size
@@ -86,14 +87,14 @@ def ring_begins(signal: np.ndarray) -> int:
 
 
 def _first_peak(signal: np.ndarray, quiet: int) -> int:
-    """Index of the first peak of a signal that rings from its beginning, or after `quiet` samples at most."""
+    """Index of the first peak of a signal that rings from its beginning, or after at most `quiet` samples."""
     count = len(signal)
     place = np.linspace(-1, 1, count)
     rings = signal - np.polynomial.Polynomial.fit(place, signal, 2)(place)
     spectrum = np.abs(np.fft.rfft(rings, FINER * count))
     spectrum[:FINER] = 0.0
     period = max(2, round(FINER * count / max(int(np.argmax(spectrum)), 1)))
-    # The distance from the mean over a period, which at the ends is the next whole one.
+    # The distance from the mean over a period around each sample; at the ends, over the nearest whole period.
     first = np.clip(np.arange(count) - period // 2, 0, max(count - period, 0))
     last = np.minimum(first + period, count)
     total = np.concatenate([[0.0], np.cumsum(signal - signal[0])])

@@ -1,7 +1,7 @@
-"""The beam that feels the force along it, beside a geometrically exact one: the same to first order in the deflection.
+"""The beam with axial load, compared with a geometrically exact one: the same to first order in the deflection.
 
-Both presets with smaller and smaller deflections: what the theory leaves out is of the second order, so that the difference,
-as a part of the deflection, falls with the deflection itself.
+Two presets run with smaller and smaller deflections: what the theory leaves out is of second order, so the difference, as a
+share of the deflection, falls with the deflection.
 """
 
 from contextlib import redirect_stdout
@@ -21,23 +21,23 @@ from flexlab.sim.simulate import simulate
 ELEMENTS = 8
 """Of the lab's beam."""
 SQUEEZED_FOR, SPUN_FOR, SPIN_UP_ENDS = 1.0, 3.5, 4.0
-"""s: how long a squeezed beam is looked at, the spin-up at the preset's pace, and how much of its path is needed."""
+"""Duration of the squeeze, of the spin-up at the preset's pace, and of the part of its path that is needed, s."""
 SMALLER, SLOWER = (1, 2, 4), (1, 1.5, 2)
-"""The squeezed beam's deflection is divided by these; a spin-up takes so many times as long, and its end lags that much less.
-Slower still, a ring of 0.03 mm, not explained yet, hides the difference."""
+"""Divisors of the squeezed beam's deflection; a spin-up takes that many times as long, and its end lags that much less. In
+slower ones a ring of 0.03 mm, not explained yet, hides the difference."""
 ALIKE = {"payload.element_count": ELEMENTS, "payload.damping": {"kind": "stiffness", "coefficient": 2e-3}}
-"""A mesh that does not show, and damping that both engines have, in proportion to the stiffness."""
+"""A mesh fine enough not to matter, and damping in proportion to the stiffness, which both engines have."""
 
 
 @dataclass(frozen=True)
 class BeamRow:
-    """One motion of both beams."""
+    """One motion, computed with both beams."""
 
     preset: str
     deflection: float
-    """Largest one of the lab's beam, m."""
+    """Largest deflection of the lab's beam, m."""
     difference: float
-    """Largest one between the beams, as a part of that."""
+    """Largest difference between the beams, as a share of that deflection."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class BeamComparison:
 
 
 def compare_beams() -> BeamComparison:
-    """Both presets, from their own deflection on."""
+    """Compare both presets, from their own deflection down."""
     if find_spec("exudyn") is None:
         return BeamComparison([], "not installed: pip install 'flexlab[peers]'")
     try:
@@ -61,7 +61,7 @@ def compare_beams() -> BeamComparison:
 
 
 def squeezed(part: float, duration: float, elements: int = 16, step: float = 5e-4) -> BeamRow:
-    """The squeeze of 30 N of a beam that is bent by 5 mm / `part` at the start, in a half sine."""
+    """A squeeze of 30 N on a beam that starts bent in a half sine by 5 mm / `part`."""
     preset = load_preset("squeeze-until-it-buckles")
     beam, bend = preset.payload, 0.005 / part
     places = np.pi * (np.arange(ELEMENTS + 1) / ELEMENTS - 0.5)
@@ -72,7 +72,7 @@ def squeezed(part: float, duration: float, elements: int = 16, step: float = 5e-
 
 
 def spun(part: float, duration: float = SPUN_FOR, elements: int = 8, step: float = 1e-3) -> BeamRow:
-    """The spin-up, to the same spin, `part` times as slowly: the free end lags that much less."""
+    """The spin-up to the same spin, `part` times as slow: the free end lags that much less."""
     run = simulate(_slower(load_preset("spin-up"), part), duration * part, 0.001)
     return _row("spin-up", run, run.beam_coordinates[:, -2], elements, step)
 

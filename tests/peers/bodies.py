@@ -1,10 +1,10 @@
-"""The paper's system as rigid bodies, springs and dampers, so that any multibody engine can be given it.
+"""The paper's system as rigid bodies, springs and dampers, which any multibody engine can simulate.
 
 Both last links keep the angle of the virtual link, so the three are one body, here called the carrier; each arm then has
 two links of its own, hinged to ground, to each other and to the carrier. A mode k of the pinned beam acts on the carrier
 by Vᵀh and Vᵀg alone: a symmetric mode (g_k = 0) is exactly a mass h_k² that slides across the carrier by η/h_k, an
-antisymmetric one (h_k = 0) a rotor of inertia g_k² that turns by η/g_k, and what is left of the payload's m and I
-stays with the carrier. Only the antisymmetric modes' part of ηᵀη in A_θθ is missing, 1e-9 of the payload's inertia here.
+antisymmetric one (h_k = 0) a rotor of inertia g_k² that turns by η/g_k; the rest of the payload's m and I belongs to
+the carrier. Only the antisymmetric modes' part of ηᵀη in A_θθ is missing, 1e-9 of the payload's inertia here.
 That is the smallest model with this motion: a chain of segments (`mujoco_chain`) needs more unknowns and smaller steps.
 """
 
@@ -22,7 +22,7 @@ from flexlab.scenario.damping import NodalDamping
 from flexlab.sim.build import build_beam
 
 COUPLED = 1e-9
-"""Loads below this part of the largest are rounding: the mode has the other symmetry."""
+"""Loads below this share of the largest are rounding errors: the mode has the other symmetry."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Bodies:
     link_length: tuple[float, float]
     """m."""
     carrier: Body
-    """From the left wrist to the right one."""
+    """The carrier, from the left wrist to the right one."""
     middle: float
     """From either wrist to the payload's origin, m."""
     modes: tuple[ModeBody, ...]
@@ -113,7 +113,7 @@ def _link(scenario: Scenario, number: int) -> Body:
 
 
 def _carrier(scenario: Scenario, middle: float, h: np.ndarray, g: np.ndarray) -> Body:
-    """Both last links and the part of the payload that moves with no mode."""
+    """Both last links, and the part of the payload that no mode moves."""
     payload, links = scenario.payload, bare_carrier(scenario)
     m, inertia = payload.linear_density * payload.length, payload.linear_density * payload.length**3 / 12
     return Body(m - float(h @ h) + links.mass, inertia - float(g @ g) + links.inertia, middle)
@@ -127,7 +127,7 @@ def bare_carrier(scenario: Scenario) -> Body:
 
 @dataclass(frozen=True)
 class Motion:
-    """A simulated motion at the ticks after t = 0, and what it cost."""
+    """A simulated motion at the ticks after t = 0, and its cost."""
 
     pose: np.ndarray
     """x0, y0, θ, m, m, rad, (N, 3)."""
@@ -151,7 +151,7 @@ def joint_torque_law(system, t, x, v, memory, ws, tau):
     for i in range(len(plant.arms)):
         arm_velocity_terms(plant.arms[i], c, s, v[0], v[1], v[2], ws.arm.J[i], ws.arm.direction[i], ws.arm.C[i])
     desired_motion(system.trajectory, t, ws.desired)
-    # The other engines keep the laws' memory, not their signals: an empty vector stands for these.
+    # The other engines keep the laws' memory but not their signals: these are an empty vector.
     control_law(
         system.control,
         plant.gravity,

@@ -1,12 +1,12 @@
-"""The environment's setting beside MuJoCo's chain of segments: what the same pose error costs.
+"""The environment's setting compared with MuJoCo's chain of segments: what the same pose error costs.
 
 All are compared with the engine on a fine mesh with a short step. Two things differ from the other comparison, so that
-only the beam's discretisation and the step remain: damping is proportional to the stiffness, which does not depend on the
-mesh, and the law is a PD law of the joints, as the paper's knows the inertia of the very modes that the mesh has. It acts
-at 1 kHz with held torques, as in the environment.
+only the beam's discretisation and the step matter: damping is proportional to the stiffness, which does not depend on the
+mesh, and the law is a PD law of the joints, as the paper's law uses the inertia of the mesh's own modes. It acts at 1 kHz
+with held torques, as in the environment.
 
-From some segments on, the chain's pose error stays: rods keep their length, so that a bent chain is shorter, which the
-model leaves out. That part goes with the square of the amplitude and is no error of the chain.
+With more segments the chain's pose error falls only to a limit: rods keep their length, so that a bent chain is shorter,
+which the model leaves out. That part goes with the square of the amplitude and is no error of the chain.
 """
 
 import time
@@ -26,29 +26,29 @@ CONTROL_PERIOD = 1e-3
 """s."""
 
 BETA = 2e-4
-"""s: damps the first mode as the paper's damping does, by 0.028 of the critical."""
+"""s: gives the first mode the damping ratio of the paper's beam, 0.028."""
 
 OWN_STEP, REFERENCE_STEP = 1e-3, 5e-5
-"""s. The first is what the environment takes for its accuracy."""
+"""s. The first is the environment's own, chosen for its accuracy."""
 
 OWN_MESHES, REFERENCE_MESH = (2, 4, 8), 32
-"""Elements; the environment has the first."""
+"""Numbers of elements; the first is the environment's."""
 
 DURATION = 0.1
 """s: the start's jerk, where errors are largest."""
 
 OWN_TICKS = 500
-"""Control periods for which the engine's cost is measured: a run of `DURATION` is over in half a millisecond."""
+"""Control periods over which the engine's cost is measured: a run of `DURATION` is over in half a millisecond."""
 
 REPEATS = 3
-"""Times each is timed; the least counts."""
+"""Number of timings of each; the shortest counts."""
 
 CHAINS = (
     (2, "RK4", 1), (4, "RK4", 1), (6, "RK4", 3), (8, "RK4", 10), (16, "RK4", 200),
     (4, "implicitfast", 5), (8, "implicitfast", 50), (16, "implicitfast", 50), (32, "implicitfast", 50),
 )  # fmt: skip
-"""Segments, integrator, steps per control period: RK4's are the longest that are stable, about, as damping is explicit there;
-the other is of first order, so that its step decides about its error."""
+"""Segments, integrator, steps per control period: RK4's steps are about the longest stable ones, as its damping is explicit;
+the other is of first order, so that its step decides its error."""
 
 
 @dataclass(frozen=True)
@@ -70,13 +70,13 @@ class ChainRow:
 
     @property
     def environment_rate(self) -> float:
-        """Steps/s of an environment with this at 1 kHz, on one core, if it cost nothing else."""
+        """Steps/s of an environment with this row's cost at 1 kHz, on one core, if nothing else took time."""
         return 1e3 / CONTROL_PERIOD / self.ms_per_second
 
 
 @dataclass(frozen=True)
 class ChainComparison:
-    """The engine's meshes, the environment's first, and the chains."""
+    """The engine's meshes, that of the environment first, and the chains."""
 
     own: list[ChainRow]
     chains: list[ChainRow]
@@ -85,23 +85,23 @@ class ChainComparison:
 
     @property
     def equal(self) -> ChainRow | None:
-        """The cheapest chain with the environment's pose error, or a smaller one."""
+        """The cheapest chain whose pose error is at most the environment's."""
         return self._cheapest([row for row in self.chains if row.pose_error <= self.own[0].pose_error])
 
     @property
     def equal_in_both(self) -> ChainRow | None:
-        """The cheapest chain with both of the environment's errors, or smaller ones."""
+        """The cheapest chain whose errors are both at most the environment's."""
         good = [row for row in self.chains if row.pose_error <= self.own[0].pose_error]
         return self._cheapest([row for row in good if row.deflection_error <= self.own[0].deflection_error])
 
     @property
     def ratio(self) -> float | None:
-        """Cost of the first over the environment's setting."""
+        """Cost of `equal` over that of the environment's setting."""
         return None if self.equal is None else self.equal.ms_per_second / self.own[0].ms_per_second
 
     @property
     def ratio_in_both(self) -> float | None:
-        """Cost of the second over the environment's setting."""
+        """Cost of `equal_in_both` over that of the environment's setting."""
         return None if self.equal_in_both is None else self.equal_in_both.ms_per_second / self.own[0].ms_per_second
 
     def _cheapest(self, rows: list[ChainRow]) -> ChainRow | None:
@@ -141,7 +141,7 @@ def _own_row(elements: int, exact: Samples) -> ChainRow:
     scenario = chain_scenario(elements, OWN_STEP)
     run, world, costs = simulate(scenario, DURATION), World(scenario, CONTROL_PERIOD), []
     errors = motion_errors(Motion(run.pose[1:], run.midspan_deflection[1:], 0.0), exact)
-    # The first call looks at the types of a hundred arrays; an environment does so once.
+    # The first call checks the types of a hundred arrays; an environment does so only once.
     world.advance(1)
     for _ in range(REPEATS):
         began = time.thread_time()

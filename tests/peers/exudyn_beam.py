@@ -1,7 +1,7 @@
 """A run's beam as a geometrically exact one in Exudyn: any rotation, exact curvature, exact stretch.
 
-Its left grip moves as that of the run, and its right one is guided and pressed as there, so that arms and law are the same by
-construction, and the beams alone differ. Exudyn's cable element bends without shear, as the beam of the lab (Gerstmayr and
+Its left grip moves as in the run, and its right one is guided and pressed as in the run, so that arms and law are the same by
+construction, and only the beams differ. Exudyn's cable element bends without shear, like the lab's beam (Gerstmayr and
 Irschik, J. Sound Vib. 318 (2008) 461-487).
 """
 
@@ -21,7 +21,7 @@ RELATIVE, ABSOLUTE = 1e-8, 1e-7
 """Tolerances of Newton's method."""
 
 SPECTRAL_RADIUS = 0.9
-"""Of generalized-alpha, Exudyn's default."""
+"""Spectral radius of generalized-alpha, Exudyn's default."""
 
 POINTS = 2001
 """Along the bent beam at the start, for its shape."""
@@ -30,10 +30,10 @@ POINTS = 2001
 def exact_deflection(run: Run, elements: int, step: float) -> np.ndarray:
     """Deflection of mid-span, or of a free end, at the run's instants, m, (N,).
 
-    An even number of `elements`; `step`, s, goes into the time between two instants.
+    `elements` must be even, and `step`, s, divide the time between two instants.
 
-    The run begins with its beam at rest, and damps it in proportion to its stiffness. With two arms the link moves across
-    itself alone: N is the same all along.
+    The run's beam must begin at rest, with damping in proportion to its stiffness. With two arms, the link moves only across
+    itself, so that N is the same everywhere.
     """
     sys.exudynFast = True  # type: ignore[attr-defined]  # Exudyn's own switch for the build without range checks
     import exudyn  # type: ignore[import-not-found]  # An extra.
@@ -81,7 +81,7 @@ def _direction(run: Run) -> np.ndarray:
 
 
 def _left_grip(run: Run) -> np.ndarray:
-    """Place, rate and acceleration, (3, N, 2)."""
+    """Position, rate and acceleration of the left grip, (3, N, 2)."""
     middle = np.stack([run.pose[:, :2], run.pose_rate[:, :2], run.pose_acceleration[:, :2]])
     return middle - run.scenario.payload.length / 2 * _direction(run)
 
@@ -98,7 +98,7 @@ def _guided(run: Run) -> dict[tuple[int, int], np.ndarray]:
 
 
 def _add_beam(mbs: Any, items: Any, run: Run, elements: int) -> list[Any]:
-    """Nodes of the beam from left to right: x, y and the slope r′; bent as the run's at its start, and as long."""
+    """Nodes of the beam from left to right: x, y and the slope r′; as long as the run's beam, and bent as it is at its start."""
     payload, left, along = run.scenario.payload, _left_grip(run)[0, 0], _direction(run)[0, 0]
     across = np.array([-along[1], along[0]])
     s = np.linspace(-payload.length / 2, payload.length / 2, POINTS)

@@ -19,10 +19,10 @@ from flexlab.sim.world import World
 from peers.bodies import Bodies, Body, Motion, joint_torque_law, make_bodies
 
 SPECTRAL_RADIUS = 0.9
-"""Of generalized-alpha, Exudyn's default."""
+"""Spectral radius of generalized-alpha, Exudyn's default."""
 
 TINY = 1e-9
-"""kg: a rotor's mass, as Exudyn demands one."""
+"""Mass of a rotor, kg, because Exudyn demands one."""
 
 DEFLECTION, TURN = 1, 5
 """Rows of a connector's stiffness matrix: displacement along the carrier's second axis, rotation about the third."""
@@ -32,7 +32,7 @@ MEMORY = 15
 
 
 class _Coordinates(NamedTuple):
-    """What the user force needs of the model."""
+    """The parts of the model that the user force needs."""
 
     start: np.ndarray
     """Reference coordinates of the carrier, (3,)."""
@@ -45,7 +45,7 @@ class _Coordinates(NamedTuple):
 @numba.njit(error_model="numpy")
 def controller_force(system_list, workspace_list, coordinates, t, q, q_t, force):
     """Generalized force (18,) on carrier, left links, right links and memory."""
-    # In lists, as handing over a whole system costs Python more than the law itself.
+    # In lists, as passing a whole system costs Python more time than the law itself.
     system, ws = system_list[0], workspace_list[0]
     x, v, memory = coordinates.scratch[0], coordinates.scratch[1], coordinates.scratch[2]
     for a in range(3):
@@ -79,7 +79,7 @@ def simulate_exudyn(world: World, steps_per_tick: int, ticks: int, tolerance: fl
     builder.mbs.SolveDynamic(settings)
     cpu = time.thread_time() - began
     pose = builder.mbs.GetSensorStoredData(carrier)[1:, 1:4] + start.pose[0]
-    # A sliding mode's body is at the payload's origin, less its own way across.
+    # A sliding mode's body is at the payload's origin, less its own displacement across.
     across = np.zeros((len(pose), len(bodies.modes)))
     for number, sensor in enumerate(sliders):
         place = builder.mbs.GetSensorStoredData(sensor)[1:, 1:3] + start.pose[0, :2]
@@ -147,7 +147,7 @@ class _Builder:
         damping = self.bodies.damping
         for i, mode in enumerate(self.bodies.modes):
             alike = [j for j, other in enumerate(self.bodies.modes) if other.slides == mode.slides]
-            # A damping matrix as dampers: to the carrier what a row adds up to, between two bodies the rest.
+            # A damping matrix as dampers: a row's sum to the carrier, the rest between two bodies.
             self._connect(middle, markers[i], mode.slides, mode.stiffness, float(damping[i, alike].sum()))
             for j in alike:
                 if j > i:

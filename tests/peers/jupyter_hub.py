@@ -1,7 +1,7 @@
 """Three students on a real JupyterHub in a real browser, as .github/UNIVERSITY.md sets it up, word for word.
 
-`python tests/peers/jupyter_hub.py FOLDER` runs its commands in FOLDER, needs node, npm and a Chromium, and takes minutes: the
-suite does without. Everything is looked at as people see it, but for who listens where. Screenshots are left in FOLDER.
+`python tests/peers/jupyter_hub.py FOLDER` runs its commands in FOLDER, needs node, npm and a Chromium, and takes minutes, so
+it is not in the suite. Everything is checked as people see it, except who listens where. Screenshots are left in FOLDER.
 """
 
 import os
@@ -34,7 +34,7 @@ STUDENTS = ("ann", "ben", "cleo")
 PATIENCE = 900.0
 """s: each student's first lab compiles the engine, all at once."""
 SHORT, LONGEST = 5.0, 100.0
-"""s that a run goes on before its page is opened; and that it has at most when its file is read."""
+"""Length of a run before its page is opened, s, and its largest length when its file is read, s."""
 MILLI = 1e3
 
 
@@ -45,7 +45,7 @@ def blocks(language: str) -> list[str]:
 
 @contextmanager
 def hub(folder: Path) -> Iterator[psutil.Process]:
-    """The chapter's hub in a folder, which keeps what was installed there."""
+    """The chapter's hub in a folder that keeps what is installed in it."""
     configuration = "".join(blocks("python"))
     if os.name == "posix" and os.geteuid() == 0:
         configuration += 'c.Spawner.args = ["--allow-root"]\n'  # Jupyter's own objection, not the chapter's.
@@ -76,25 +76,25 @@ def home_of(name: str) -> Path:
 
 
 def sign_in(page: Page, name: str) -> None:
-    """On the hub's page, which leads on to where somebody wanted to go."""
+    """Sign in on the hub's page, which then leads to the page that was wanted."""
     page.locator("#username_input").fill(name)
     page.locator("#password_input").fill(PASSWORD)
     page.locator("#login_submit").click()
 
 
 def log_in(page: Page, name: str) -> None:
-    """To the launcher of a student's own server."""
+    """Log in, and wait for the launcher of the student's own server."""
     page.goto(HUB)
     sign_in(page, name)
     page.locator(".jp-LauncherCard", has_text="flexlab").first.wait_for()
 
 
 class Student:
-    """One browser window with its own cookies, whose errors count."""
+    """One browser window with its own cookies; its errors are recorded."""
 
     def __init__(self, browser: Browser, name: str, drawn: bool):
         self.name, self.errors, self.redirects = name, [], []
-        self.note = f"by {name} at {time.time():.0f}"  # The homes may have runs of an earlier try.
+        self.note = f"by {name} at {time.time():.0f}"  # The homes may hold runs of an earlier try.
         self.window = open_window(browser, 1280, 800, drawn=drawn)
         self.window.on("response", self.note_redirect)
         self.window.on("requestfailed", self.note_failure)
@@ -104,29 +104,29 @@ class Student:
         say(name, "is in the launcher")
 
     def note_redirect(self, answer: Response) -> None:
-        """Where flexlab's pages send the browser: the header, and what the browser makes of it."""
+        """Note where flexlab's pages send the browser: the header, and where the browser goes."""
         if f"/user/{self.name}/flexlab" in answer.url and "location" in answer.headers:
             self.redirects.append((said := answer.headers["location"], urljoin(answer.url, said)))
 
     def note_error(self, error: str) -> None:
-        """But not that rerun's viewer may not look for updates, nor report its use."""
+        """Note an error, except that rerun's viewer may not look for updates or report its use."""
         if "Content Security Policy" not in error and not ("Failed to fetch" in error and "re_viewer.js" in error):
             self.errors.append(error)
 
     def note_failure(self, request: Request) -> None:
-        """Of a request to the hub, but one that ended with its page."""
+        """Note a failed request to the hub, unless it ended with its page."""
         if request.url.startswith(HUB) and request.failure != "net::ERR_ABORTED":
             self.errors.append(f"{request.url}: {request.failure}")
 
     def open_lab(self) -> None:
-        """A click in the launcher; the page may still wait for the engine."""
+        """Click in the launcher; the page may still wait for the engine."""
         with self.window.expect_page() as opened:
             self.jupyter.locator(".jp-LauncherCard", has_text="flexlab").first.click()
         self.lab = opened.value
         self.lab.on("pageerror", lambda error: self.note_error(f"{error} {error.stack}"))
 
     def use_lab(self, folder: Path) -> None:
-        """The scene is there, a slider moves what it is for."""
+        """Check that the scene is there, and that a slider has its effect."""
         self.lab.wait_for_function(SCENE)
         self.lab.on("console", lambda said: said.type == "error" and self.note_error(said.text))
         assert self.lab.url.partition("?")[0] == f"{HUB}/user/{self.name}/flexlab/lab/", self.lab.url
@@ -139,8 +139,8 @@ class Student:
         say(self.name, "moved the beam's stiffness from 45 Hz to 4.5 Hz")
 
     def keep_run(self, folder: Path) -> None:
-        """A new run's page draws it, marks it as one to keep, and gives the file."""
-        # The first run went on while the labs compiled: jupyter-server-proxy passes on no file above 100 MB.
+        """Check that a new run's page draws it, marks it as one to keep, and gives the file."""
+        # The first run went on while the labs compiled, and jupyter-server-proxy forwards no file above 100 MB.
         self.lab.get_by_role("button", name="Reset", exact=True).click()
         self.lab.wait_for_timeout(MILLI * SHORT)
         self.lab.locator("#server-bar").get_by_role("link", name="Runs").click()
@@ -164,12 +164,12 @@ class Student:
         self.lab.locator("#runs").wait_for()
 
     def return_to_lab(self) -> None:
-        """From the runs."""
+        """Return to the lab from the list of runs."""
         self.lab.get_by_role("link", name="Lab", exact=True).click()
         self.lab.wait_for_function(SCENE)
 
     def log_out(self) -> None:
-        """The lab goes on, and shows nothing to whoever comes next."""
+        """Log out: the lab goes on, and shows nothing to the next person."""
         self.lab.close()
         self.jupyter.goto(f"{HUB}/hub/logout")
         page = self.window.new_page()
@@ -179,20 +179,20 @@ class Student:
         page.close()
 
     def stop_server(self) -> None:
-        """On the hub's page."""
+        """Stop the server on the hub's page."""
         self.jupyter.goto(f"{HUB}/hub/home")
         self.jupyter.locator("#stop").click()
         self.jupyter.locator("#stop").wait_for(state="hidden")
 
     def has_runs(self) -> None:
-        """After coming back: the run that was kept is listed."""
+        """Check that the run that was kept is listed after coming back."""
         self.lab = self.window.new_page()
         self.lab.goto(f"{HUB}/user/{self.name}/flexlab/runs")
         self.lab.locator("#runs tr", has_text=self.note).locator(".kept").wait_for()
 
 
 def check_redirects(student: Student) -> None:
-    """All lead to the student's own lab, or to the hub's login; jupyter-server-proxy puts its prefix before some itself."""
+    """Check that all lead to the student's own lab or the hub's login; jupyter-server-proxy adds its prefix to some itself."""
     own, login = f"{HUB}/user/{student.name}/", f"{HUB}/hub/"
     assert any(to.startswith(f"{own}flexlab/runs/") for _, to in student.redirects), (
         "saving a note leads back to the run"
@@ -205,7 +205,7 @@ def check_redirects(student: Student) -> None:
 
 
 def say(*words: str) -> None:
-    """With the time since the start, s."""
+    """Print a line with the time since the start, s."""
     print(f"{time.monotonic() - BEGUN:6.1f}", *words, flush=True)
 
 
@@ -213,14 +213,14 @@ BEGUN = time.monotonic()
 
 
 def listeners(process: psutil.Process) -> set[str]:
-    """Addresses on which the hub and all that it started listen."""
+    """Addresses on which the hub and the processes that it started listen."""
     family = [process, *process.children(recursive=True)]
     plugs = [plug for each in family for plug in each.net_connections("inet") if plug.status == psutil.CONN_LISTEN]
     return {plug.laddr.ip for plug in plugs}
 
 
 def teach(browser: Browser, students: list[Student], folder: Path) -> None:
-    """The teacher sees all labs, sends a preset, pauses one, joins one without being asked anything by the hub."""
+    """The teacher sees all labs, sends a preset, pauses a lab, and joins one without a question from the hub."""
     window = open_window(browser, 1280, 800, drawn=True)
     window.set_default_timeout(MILLI * PATIENCE)
     page = window.new_page()
@@ -269,7 +269,7 @@ def refuse(browser: Browser, folder: Path) -> None:
 
 
 def main(folder: Path) -> None:
-    """All of it; raises where something is not as the chapter says."""
+    """Run all of it; raise if something is not as the chapter says."""
     with ExitStack() as ending:
         running = ending.enter_context(hub(folder))
         say("the hub runs")

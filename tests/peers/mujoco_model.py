@@ -3,7 +3,7 @@
 Joint coordinates: the left arm with the carrier and the beam's modes on it, the right arm with two links, and a `connect`
 equality between its wrist and the carrier's. MuJoCo's equalities give way a little; here they are as stiff as it allows.
 The loop around its C functions is compiled, so that no time is lost in Python. Its own Runge-Kutta method cannot
-carry the controller's memory, so the same formulas are applied from outside, with `mj_forward` four times per step.
+integrate the controller's memory, so the same formulas are applied from outside, with `mj_forward` four times per step.
 
 N rods of length l = L/N, hinged to each other, with a spring EI/l and a damper β EI/l in each of the N - 1 inner hinges. The
 first one's end is hinged to the left gripper, the last one's is held to the right gripper by a `connect` equality. Rods do
@@ -108,7 +108,7 @@ def rk4_loop(mj_forward: Any) -> Any:
 
 
 def held_loop(mj_step: Any) -> Any:
-    """The loop of a digital controller: torques are held, and the memory takes an explicit Euler step, for a whole tick."""
+    """The loop of a digital controller: for a whole tick, torques are held, and the memory takes one explicit Euler step."""
 
     @numba.njit(error_model="numpy")
     def run(model, data, position, velocity, acceleration, force, system, ws, geometry, dt, steps, rows):
@@ -128,10 +128,10 @@ def held_loop(mj_step: Any) -> Any:
 
 
 EQUALITY_STEPS = 5
-"""Time constant of the equality's error, in steps: shorter ones come near the limit of stability."""
+"""Time constant of the equality's error, in steps: shorter ones are close to the limit of stability."""
 
 TINY = 1e-9
-"""kg or kg·m²: what MuJoCo demands of a body where the model has nothing."""
+"""Mass, kg, or inertia, kg·m², that MuJoCo demands of a body that has none in the model."""
 
 LIBRARY_NAMES = ("libmujoco.so*", "libmujoco*.dylib", "mujoco.dll")
 """MuJoCo's library on Linux, macOS and Windows."""
@@ -201,13 +201,13 @@ def connected(site: str, other: str, step: float) -> str:
 
 
 def hinged(body: Body, at: float | tuple[float, float], inner: str, joint: str = "<joint/>") -> str:
-    """A body on a joint at `at`, m along the one that holds it, with what it holds itself."""
+    """A body on a joint at `at`, m along the body that holds it, with the bodies that it holds itself."""
     x, y = at if isinstance(at, tuple) else (at, 0.0)
     return f'<body pos="{x!r} {y!r} 0">{joint}{_inertial(body.mass, body.inertia, body.center)}{inner}</body>'
 
 
 def _inertial(mass: float, inertia: float, center: float) -> str:
-    # The engine wants a full inertia; in the plane only the last value counts, and the others must suit it.
+    # MuJoCo needs a full inertia; in the plane only the last value matters, and the others must be consistent with it.
     return f'<inertial mass="{mass!r}" pos="{center!r} 0 0" diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>'
 
 

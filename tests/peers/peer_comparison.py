@@ -1,4 +1,4 @@
-"""The engine beside MuJoCo and Exudyn: same system, same law; only settings that reproduce the motion are timed."""
+"""The engine compared with MuJoCo and Exudyn: same system, same law; only settings that reproduce the motion are timed."""
 
 from collections.abc import Callable
 from contextlib import redirect_stdout
@@ -16,16 +16,16 @@ from flexlab.sim.world import World
 from peers.bodies import Motion
 
 SAME_POSE = 1e-6
-"""Largest pose difference of the same motion, m and rad."""
+"""Largest pose difference that counts as the same motion, m and rad."""
 
 SAME_DEFLECTION = 2e-5
-"""Largest mid-span difference of the same motion, m: a hundredth of the ringing that the paper's start excites."""
+"""Largest mid-span difference that counts as the same motion, m: a hundredth of the ringing that the paper's start excites."""
 
 OWN_STEP, REFERENCE_STEP = 1e-3, 2.5e-5
-"""Steps of the timed run and of the motion that all are compared with, s."""
+"""Steps of the timed run and of the motion with which all are compared, s."""
 
 REPEATS = 3
-"""Times each verified setting is timed; the least counts."""
+"""Number of timings of each verified setting; the shortest counts."""
 
 Simulator = Callable[[World, int], Motion]
 """Simulates a world at rest for a number of ticks."""
@@ -55,7 +55,7 @@ class PeerRow:
     deflection_error: float
     """m."""
     ms_per_second: float | None
-    """Processor time per simulated second; None if the motion is another one."""
+    """Processor time per simulated second; None if the motion differs."""
 
     @property
     def same_motion(self) -> bool:
@@ -108,7 +108,7 @@ def compare_peers(duration: float) -> PeerComparison:
 
 
 def peer_settings() -> list[Setting]:
-    """What is tried: each method with its longest usable step (rk4 is unstable above it) and the next shorter one."""
+    """The settings to try: each method with its longest usable step (rk4 is unstable above it) and the next shorter one."""
 
     def mujoco(integrator: str, steps: int) -> Setting:
         from peers.mujoco_model import simulate_mujoco
@@ -131,7 +131,7 @@ def peer_settings() -> list[Setting]:
 
 
 def row_of(setting: Setting, world: World, exact: Samples) -> PeerRow:
-    """Run a setting; if it moves like `exact` (the motion from t = 0 on), time it."""
+    """Run a setting; time it if it moves like `exact`, the motion from t = 0 on."""
     ticks = len(exact) - 1
 
     def run() -> Motion:
@@ -163,7 +163,7 @@ def _paper(step: float) -> Scenario:
 
 
 def _simulate_own(world: World, ticks: int) -> Motion:
-    """The engine itself, in a new world: all its samples, not only pose and deflection."""
+    """Run the engine itself in a new world: with all its samples, not only pose and deflection."""
     from flexlab.benchmarks.measure import try_out
 
     trial = try_out(world.scenario, ticks * world.tick_period)

@@ -1,4 +1,4 @@
-"""The comparisons as tables for a person at a terminal."""
+"""The comparisons as tables for a terminal."""
 
 from rich.table import Table
 
@@ -8,7 +8,7 @@ from peers.chain_comparison import ChainComparison
 from peers.peer_comparison import SAME_POSE, PeerComparison
 
 WHOLE = 1e3
-"""Value from which decimals do not matter, ms."""
+"""Value from which on decimals do not matter, ms."""
 
 
 def peers_table(result: PeerComparison) -> Table:
@@ -47,7 +47,7 @@ def chain_table(result: ChainComparison) -> Table:
 
 
 def beam_table(result: BeamComparison) -> Table:
-    """The force along the beam beside a geometrically exact beam."""
+    """The beam with axial load compared with a geometrically exact one."""
     title = "The beam that feels the force along it, beside a geometrically exact one: same to first order"
     if result.missing is not None:
         title += f"; Exudyn is {result.missing}"

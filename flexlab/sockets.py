@@ -131,7 +131,7 @@ def listen(host: str, port: int) -> socket.socket:
         plug.setblocking(False)
     except PermissionError:
         plug.close()
-        raise LabError(f"port {port} needs special rights on this machine: choose one above 1023.") from None
+        raise LabError(f"port {port} needs special permissions on this machine: choose one above 1023.") from None
     except OSError as error:
         plug.close()
         if "in use" in str(error).lower() or getattr(error, "winerror", None) == 10048:

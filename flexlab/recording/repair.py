@@ -39,7 +39,7 @@ def finish(path: Path, mending: Mending | None = None, join: bool = True) -> Non
     except BlockingIOError:
         return
     except OSError as error:
-        raise RecordingError(f"{path} cannot be read ({error.strerror}): check the name and its rights.") from None
+        raise RecordingError(f"{path} cannot be read ({error.strerror}): check its name and permissions.") from None
     try:
         _finish_claimed(path, mending, join)
     finally:
@@ -69,7 +69,9 @@ def _finish_claimed(path: Path, mending: Mending, join: bool) -> None:
 
 
 def _not_now(path: Path, reason: str) -> RecordingError:
-    return RecordingError(f"{path} cannot be mended ({reason}): make room or mend the rights. Nothing of it is lost.")
+    return RecordingError(
+        f"{path} cannot be mended ({reason}): make room or correct its permissions. Nothing of it is lost."
+    )
 
 
 def sweep_empty(logs: Path) -> int:

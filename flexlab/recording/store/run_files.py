@@ -58,7 +58,7 @@ class RunFile:
 
 def check_folder(logs: Path) -> None:
     """Make the logs folder if it is not there. Raises `RecordingError` if recordings cannot be written into it."""
-    with writable(f"The logs folder {logs}", "choose another with --logs, or mend its rights", RecordingError):
+    with writable(f"The logs folder {logs}", "choose another with --logs, or correct its permissions", RecordingError):
         logs.mkdir(parents=True, exist_ok=True)
         probe = logs / f".probe-{os.getpid()}"
         probe.touch()
@@ -147,7 +147,7 @@ def check_recording(path: Path) -> None:
     except (FileNotFoundError, NotADirectoryError):
         raise RecordingError(f"There is no recording {name}: check the name.") from None
     except OSError as error:
-        raise RecordingError(f"{name} cannot be read ({error.strerror}): check its name and rights.") from None
+        raise RecordingError(f"{name} cannot be read ({error.strerror}): check its name and permissions.") from None
     if not head:
         raise RecordingError(f"{name} is empty: its run was lost before anything was written.")
     if head != FAMILY:
@@ -253,7 +253,7 @@ def remove_run(path: Path) -> None:
             notes_path(path).unlink(missing_ok=True)
     except OSError as error:
         raise RecordingError(
-            f"{visible(path)} cannot be deleted ({error.strerror}): check its folder's rights."
+            f"{visible(path)} cannot be deleted ({error.strerror}): check the permissions of its folder."
         ) from None
 
 

@@ -47,7 +47,7 @@ def _unloadable(error: Exception) -> str | None:
         return None
     why = visible(" ".join(str(error).split()), LONGEST_REASON).rstrip(".") or type(error).__name__
     variables = [said for frame, line in reversed(foreign) if (said := _variables(frame, line))]
-    mending = f"mend or unset {variables[0]}" if variables else f"install {library} again"
+    mending = f"correct or unset {variables[0]}" if variables else f"install {library} again"
     return f"{library} cannot be loaded ({why}): {mending}."
 
 

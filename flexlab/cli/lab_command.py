@@ -112,7 +112,7 @@ def _check_private(**limits: float | None) -> None:
     """Raise `LabError` for a limit that only private labs have."""
     given = next((name.replace("_", "-") for name, limit in limits.items() if limit is not None), None)
     if given is not None:
-        raise LabError(f"--{given} is for labs of each visitor's own: add --private, or leave it out.")
+        raise LabError(f"--{given} is for private labs: add --private, or leave it out.")
 
 
 @contextmanager
@@ -133,7 +133,7 @@ def _welcome(front_server: "FrontServer") -> None:
     if settings.private:
         lines.append(
             f"Private labs: at most {settings.max_sessions} at once, {settings.labs_per_address} of one address "
-            f"({capacity().text}); who comes later waits in line."
+            f"({capacity().text}); later visitors wait in line."
         )
     if settings.has_class:
         teacher = front_server.address("/teacher", settings.teacher_token)
@@ -144,7 +144,7 @@ def _welcome(front_server: "FrontServer") -> None:
     if not settings.is_local and not addresses:
         lines.append("From other machines: the same with this machine's name instead of 127.0.0.1.")
     if settings.rerun and settings.private:
-        lines.append("Live data of each private lab: by the button Live data in its page.")
+        lines.append("Live data of each private lab: press Live data on its page.")
     elif settings.rerun:
         source = front_server.live_source
         lines += [f"Live data in your browser: {front_server.address('/live')}", f"or in rerun itself: rerun {source}"]

@@ -1,4 +1,4 @@
-"""`flexlab leaderboard`: compare control laws, and yours, in the same cases."""
+"""`flexlab leaderboard`: compare control laws, including yours, case by case."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated

@@ -51,7 +51,7 @@ def command(
     if measure:
         _measure(logs)
     if limits:
-        _delete(_over_limits(logs, max_size, max_age), yes, "No run is over the limits, or those that are, are kept.")
+        _delete(_over_limits(logs, max_size, max_age), yes, "No run is over the limits, apart from kept ones.")
         return
     chosen = [read_row(path) for path in dict.fromkeys(find_run(run, logs) for run in runs)]
     if edits:
@@ -141,7 +141,7 @@ def _measure(logs: Path) -> None:
     for path in unfinished_runs(logs):
         try:
             finish(path)
-            say(f"Mended {path.name}.")
+            say(f"Repaired {path.name}.")
         except FlexlabError as error:
             say(str(error))
     say(f"Measured {count_text(note_missing_metrics(logs))}.")

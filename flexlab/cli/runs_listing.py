@@ -111,7 +111,7 @@ def print_table(rows: Sequence[RunRow], logs: Path) -> None:
                 below.truncate(console.width, overflow="ellipsis")
             console.print(below, soft_wrap=True)
     size = size_text(sum(row.size for row in rows))
-    note(f"{count_text(len(rows))}, {size}, in {logs}. flexlab logs RUN says more of one.")
+    note(f"{count_text(len(rows))}, {size}, in {logs}. flexlab logs RUN shows more of one.")
     if left_out:
         note(f"A wider window has room for {', '.join(left_out)}.")
     if missing := sum(not measured(row.metrics) and row.state != "in use" for row in rows):

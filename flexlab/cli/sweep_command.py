@@ -85,7 +85,7 @@ def _pair(text: str) -> tuple[str, ...]:
     names = _names(text)
     if len(names) != 2:
         example = "rms_error.y,rms_internal_force"
-        raise StudyError(f"--pareto {shlex.quote(text)} names no two metrics: write two, as in {example}.")
+        raise StudyError(f"--pareto {shlex.quote(text)} does not name two metrics: write two, as in {example}.")
     return names
 
 

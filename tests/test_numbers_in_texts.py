@@ -529,7 +529,7 @@ def test_words_for_numbers():
     assert 0.4 < settling("paper") < 0.5
     assert "as much as in `paper`" in TEXTS["6-vibration"]
     assert jumps(run("paper")) == pytest.approx(0.75, abs=0.01)
-    assert "At a ratio of 0.01 % already nothing grows" in TEXTS["8-spillover"]
+    assert "Already at a ratio of 0.01 % nothing grows" in TEXTS["8-spillover"]
     assert grows((*UNDAMPED_OBSERVED, ("payload.damping.ratio", 1e-4))).verdict == "decays"
     assert grows(UNDAMPED_OBSERVED).origin == "beam mode 5"
 

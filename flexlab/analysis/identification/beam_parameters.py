@@ -209,7 +209,7 @@ FINE = 32
 
 
 def mesh_note(found: BeamParameters) -> str:
-    """A sentence on a real beam's stiffness if it visibly differs from the fitted one, which has few elements; else "".
+    """A sentence on a real beam's stiffness if it lies outside the interval of the fit, whose mesh has few elements; else "".
 
     Two elements ring 0.4 % too high, which is a hundred times the interval of a good measurement.
     """
@@ -299,7 +299,7 @@ def _solve_stiffness(scenario: Scenario, frequency: float, in_loop: bool, pose: 
 def _solve_damping(
     scenario: Scenario, path: str, ratio: Estimate, ratio_of: Callable[[Scenario], float], unit: str, reason: str
 ) -> tuple[Estimate, Scenario]:
-    """The damping by secant steps, as the first mode's ζ is nearly linear in it."""
+    """The damping that gives this ratio, by secant steps, as the first mode's ζ is nearly linear in it."""
     if reason or ratio.reason:
         return Estimate(np.nan, np.nan, np.nan, unit, reason or ratio.reason), scenario
     start = scenario.get(path) or 1e-6

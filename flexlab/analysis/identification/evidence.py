@@ -196,7 +196,7 @@ def _halves(k: int, modes: np.ndarray, jacobian: np.ndarray, rest: np.ndarray, t
 def _without_others(
     k: int, modes: np.ndarray, jacobian: np.ndarray, rest: np.ndarray, linear: np.ndarray
 ) -> list[np.ndarray]:
-    """Changes of one mode if a weaker one that is weak or near is left out, for each such one, by one Gauss-Newton step."""
+    """Changes of one mode if each weaker mode that is weak or near is left out in turn, by one Gauss-Newton step."""
     count, found = len(modes), []
     amplitude = np.hypot(linear[0 : 2 * count : 2], linear[1 : 2 * count : 2])
     for other in range(count):

@@ -199,7 +199,7 @@ def _in_words(note: str) -> str:
 
 
 def provenance(board: Leaderboard) -> str:
-    """A sentence with version, engine, seed and machine of the rows."""
+    """A sentence with the rows' version, engine, seed and machine."""
     names = ("version", "engine", "seed", "machine")
     found = {name: ", ".join(dict.fromkeys(str(getattr(row, name)) for row in board.rows)) for name in names}
     return (

@@ -161,7 +161,7 @@ def _shown(value: Any) -> str:
 
 
 NOT_VARIED = ("simulation", "transition", "elbow", "seed")
-"""Parts of paths that forms do not offer: integration, the transition after a change in motion, numbers that are no amounts."""
+"""Parts of paths that forms do not offer: integration, the transition after a change in motion, numbers that are labels."""
 CHOSEN = ("controller.kind", "trajectory.kind", "trajectory.shaper", "payload.damping.kind", "payload.boundary")
 """Fields with a few options, which a sweep may compare."""
 AROUND = 4.0

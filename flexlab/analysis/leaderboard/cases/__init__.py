@@ -1,1 +1,1 @@
-"""The cases: a file of one's own beside `standard.py` adds one."""
+"""The cases; a new file beside `standard.py` adds one."""

@@ -77,6 +77,10 @@ FIRST_ROW = """() => {
     .map((part) => part.getBoundingClientRect()).filter((part) => part.height)
     .every((part) => part.bottom <= box.bottom && part.right <= box.right); }"""
 """Whether the first row of charts is whole, with its legends."""
+FEWEST_TICKS = """() => Math.min(...Object.values(window.__viserTestpoints.uplots).map(({ chart }) => chart)
+  .filter((chart) => chart.root.offsetParent !== null).map(({ axes: [, axis], scales: { y: { min, max } } }) =>
+    (axis._splits ?? []).filter((value) => value !== null && min <= value && value <= max).length))"""
+"""The least number of ticks that a vertical axis in sight has."""
 WHOLE_PLOT = """() => {
   const box = document.querySelector('[data-floating-window]').getBoundingClientRect();
   const names = [...document.querySelectorAll('.u-legend .u-series')].map((part) => part.getBoundingClientRect());
@@ -120,6 +124,7 @@ def test_guide_and_plots_are_one_click_away_and_a_browser_remembers_them(
     page.wait_for_function(PLOTS_OPEN)
     lefts = "() => [...document.querySelectorAll('.uplot')].map((part) => part.getBoundingClientRect().left)"
     wait_until(lambda: len({round(left) for left in page.evaluate(lefts)}) > 1, "two plots stand side by side")
+    wait_until(lambda: page.evaluate(FEWEST_TICKS) >= 3, "the numbers at each vertical axis tell its scale")
     wait_until(lambda: "plots" in (page.evaluate(KEPT) or ""), "the page keeps it")
     again = opened(page.context.new_page(), address(shared_session))
     again.wait_for_function(PLOTS_OPEN)

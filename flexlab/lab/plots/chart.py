@@ -32,6 +32,8 @@ HEIGHT = 140
 """Height of a chart without its legend, px."""
 X_AXIS_SIZE, Y_AXIS_SIZE, UNIT_SIZE = 34, 50, 18
 """Room below the x axis (numbers, the legend's first line), beside the y axis ("50,000") and for its unit, px."""
+TICK_SPACE = 16
+"""Least px between two numbers at the y axis, a line's height: then a chart of 100 px has three ticks or more."""
 UNNAMED = "fl-unnamed"
 """Style class of series that the legend leaves out."""
 # An invisible last series, which goes from end to end at every point, sets the vertical range at any zoom: a changed scale
@@ -142,12 +144,15 @@ def _mark_extremes(drawn: np.ndarray, block: np.ndarray, stretch: int) -> None:
         _mark_extremes(drawn[end:], block[:, end:], block.shape[1] - 1 - end)
 
 
-def axis(size: int, label: str = "") -> uplot.Axis:
-    """An axis with short ticks and `size` px of room."""
+def axis(size: int, unit: str | None = None) -> uplot.Axis:
+    """An axis with short ticks and `size` px of room; a vertical one names its unit, or none by an empty text."""
     made = uplot.Axis(
         size=size, gap=2, incrs=INCREMENTS, ticks=uplot.Axis_Ticks(size=4, width=1), grid=uplot.Axis_Grid(width=1)
     )
-    return cast(uplot.Axis, made | {"label": label, "labelSize": UNIT_SIZE, "labelGap": 0}) if label else made
+    if unit is None:
+        return made
+    named = {"label": unit, "labelSize": UNIT_SIZE, "labelGap": 0} if unit else {}
+    return cast(uplot.Axis, made | named | {"space": TICK_SPACE})
 
 
 def units_of(labels: Sequence[str]) -> str:

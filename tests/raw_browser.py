@@ -103,6 +103,11 @@ class RawBrowser:
         told = [message for message in _mappings(window) if message.get("uuid") == handle._impl.uuid]
         return [message["updates"]["value"] for message in told if "value" in message.get("updates", {})]
 
+    def hears_of(self, transfer: str) -> bool:
+        """Whether the next message from the lab acknowledges a part of a file."""
+        window = msgspec.msgpack.decode(_unpacked(self.receive(20.0)))
+        return any(message.get("transfer_uuid") == transfer for message in _mappings(window))
+
     def __enter__(self) -> "RawBrowser":
         return self
 

@@ -9,7 +9,6 @@ import asyncio
 import logging
 import math
 import time
-from collections import OrderedDict
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Any
@@ -32,8 +31,8 @@ from flexlab.lab.lab_state import LabState
 from flexlab.lab.viser_internals import (
     GuardedServer,
     Verdict,
+    end_upload,
     find_input,
-    forget_acknowledgements,
     input_state,
     is_command,
     on_disconnect,
@@ -49,7 +48,7 @@ LARGEST_UPLOAD = 1_000_000
 SMALLEST_PART = 100_000
 """Least size of a part of a file, bytes: the page cuts files into larger parts. It bounds the number of parts."""
 MOST_UPLOADS = 4
-"""Most uploads of one browser that are incomplete, and most whose acknowledgements viser still keeps."""
+"""Most incomplete uploads of one browser."""
 
 RATE, BURST = 100.0, 300.0
 """Most messages of one browser per second, and at once: its page sends at most about 40 a second. Faster ones wait."""
@@ -75,7 +74,8 @@ class _Browser:
     credit: float = BURST
     counted_at: float = field(default_factory=time.monotonic)
     refused: int = 0
-    uploads: "OrderedDict[str, _Upload]" = field(default_factory=OrderedDict)
+    uploads: dict[str, _Upload] = field(default_factory=dict)
+    """Those that are not complete."""
 
     def wait_for_turn(self, cost: float) -> float:
         """Seconds that a message of this cost must wait."""
@@ -125,11 +125,7 @@ class InputGuard:
 
     def _forget(self, client: int) -> None:
         browser = self._browsers.pop(client, None)
-        if browser is None:
-            return
-        if browser.uploads and self._server is not None:
-            forget_acknowledgements(self._server, browser.uploads)
-        if browser.refused:
+        if browser is not None and browser.refused:
             log.warning("Refused %s messages of browser %s, which has left.", browser.refused, client)
 
     def _possible(self, client: int, browser: _Browser, message: Heard) -> float:
@@ -164,6 +160,7 @@ class InputGuard:
         if find_input(server, client, message.source_component_uuid) is None:
             raise Refused("it uploads to a button that is not there")
         if message.size_bytes > LARGEST_UPLOAD:
+            end_upload(server, client, message.transfer_uuid, message.source_component_uuid)
             told = f"This file has {message.size_bytes} bytes, over {LARGEST_UPLOAD}: that is not a scenario file."
             raise Refused("its file is too large", told)
         if message.part_count > 1 + message.size_bytes // SMALLEST_PART:
@@ -172,16 +169,12 @@ class InputGuard:
             raise Refused("its file has no parts that could hold its bytes")
         if any(message.transfer_uuid in other.uploads for other in self._browsers.values()):
             raise Refused("its transfer has begun already")
-        if sum(len(upload.parts) < upload.part_count for upload in browser.uploads.values()) >= MOST_UPLOADS:
+        if len(browser.uploads) >= MOST_UPLOADS:
             raise Refused("too many of its files are not complete")
-        browser.uploads[message.transfer_uuid] = _Upload(
-            message.source_component_uuid, message.size_bytes, message.part_count
-        )
-        over = [word for word, upload in browser.uploads.items() if len(upload.parts) >= upload.part_count]
-        if len(over) > MOST_UPLOADS:
-            forget_acknowledgements(server, over[:-1])
-            for word in over[:-1]:
-                del browser.uploads[word]
+        if message.part_count > 0:
+            browser.uploads[message.transfer_uuid] = _Upload(
+                message.source_component_uuid, message.size_bytes, message.part_count
+            )
 
 
 def _take_part(browser: _Browser, message: FileTransferPart) -> None:
@@ -198,6 +191,8 @@ def _take_part(browser: _Browser, message: FileTransferPart) -> None:
         raise Refused("its parts have fewer bytes than the file was to have", told)
     upload.parts.add(message.part_index)
     upload.received = received
+    if is_last:
+        del browser.uploads[message.transfer_uuid]
 
 
 def _check_touch(server: GuardedServer, message: SceneNodeClickMessage | SceneNodeDragMessage) -> None:

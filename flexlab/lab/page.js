@@ -363,6 +363,8 @@
     const buttons = [...document.querySelectorAll(".mantine-Modal-content button")];
     buttons.find((button) => english(button).trim() === "Close")?.click();
   }, true);
+  // A browser does not report that the same file was chosen again, unless it forgets the choice: the file may have changed.
+  addEventListener("click", ({ target }) => { if (target.matches?.('input[type="file"]')) target.value = ""; }, true);
   // After a choice by pointer, a menu gives up the focus: keys such as R are then for the lab again, not for the menu's search.
   addEventListener("click", ({ target, detail }) => {
     if (detail && target.closest?.('[role="option"]')) setTimeout(() => document.activeElement?.blur(), 0);

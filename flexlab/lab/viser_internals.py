@@ -93,6 +93,7 @@ class GuardedServer(viser.ViserServer):
         with _serving_on(plug, admission, connection, added), _quiet():
             super().__init__(host="127.0.0.1", port=plug.getsockname()[1], label="flexlab", verbose=False)
         self._take_up_whole()
+        self._acknowledge_to_the_sender()
 
     def _take_up_whole(self) -> None:
         """Keep other code from writing to a widget between a person's input and its callback: the input would be lost."""
@@ -105,6 +106,18 @@ class GuardedServer(viser.ViserServer):
 
         self._websock_server.unregister_handler(_messages.GuiUpdateMessage)
         self._websock_server.register_handler(_messages.GuiUpdateMessage, alone)
+
+    def _acknowledge_to_the_sender(self) -> None:
+        """Acknowledge an upload to its sender only: viser tells all browsers, and every later one."""
+        server, broadcast = cast(Any, self._websock_server), self._websock_server.queue_message
+
+        def queue(message: _messages.Message) -> None:
+            if isinstance(message, _messages.FileTransferPartAck):
+                _send_to(self, self.gui._current_file_upload_states[message.transfer_uuid]["client_id"], message)
+            else:
+                broadcast(message)
+
+        server.queue_message = queue
 
     def stop(self) -> None:
         """Stop the server. Browsers get a closing message; one that does not read it is cut off."""
@@ -299,12 +312,15 @@ def scene_instances(server: viser.ViserServer, name: str) -> int | None:
     return 0 if positions is None else len(positions)
 
 
-def forget_acknowledgements(server: viser.ViserServer, transfers: Collection[str]) -> None:
-    """Drop the acknowledgements of finished uploads: viser keeps them all and sends them to every new browser."""
-    acknowledgement = _messages.FileTransferPartAck
-    server._websock_server.get_message_buffer().remove_from_buffer(
-        lambda message: isinstance(message, acknowledgement) and message.transfer_uuid in transfers
-    )
+def end_upload(server: viser.ViserServer, client: int, transfer: str, button: str) -> None:
+    """Let a browser's button for files go on after a refused upload."""
+    _send_to(server, client, _messages.FileTransferPartAck(button, transfer, transferred_bytes=0, total_bytes=0))
+
+
+def _send_to(server: viser.ViserServer, client: int, message: _messages.Message) -> None:
+    to = server.get_clients().get(client)
+    if to is not None:
+        to._websock_connection.queue_message(message)
 
 
 def send_plot_data(handle: viser.GuiUplotHandle, columns: tuple[Any, ...]) -> None:

@@ -85,9 +85,9 @@ def test_uploads() -> None:
 )
 def test_bad_uploads_are_answered_in_sentences_with_the_files_own_name(content: bytes, error: type, said: str) -> None:
     with pytest.raises(error, match=said) as caught:
-        read_upload("mine.json", content)
+        read_upload("My photo.PNG", content)
     if error is PresetError:
-        assert "mine.json" in str(caught.value)
+        assert "My photo.PNG" in str(caught.value)
     assert "/tmp" not in str(caught.value)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lab_page import EI, PATIENCE, LabPage, wait_until
+from lab_page import EI, LabPage, wait_until
 
 from flexlab.guide import lessons
 from flexlab.lab.scene.arms import LINK_HEIGHTS
@@ -37,10 +37,14 @@ def hold(page: LabPage) -> None:
 
 def upload(page: LabPage, file: Path) -> None:
     """Choose a file, and wait until the page is ready for the next one."""
-    chooser = page.page.locator("input[type=file]").first
-    chooser.evaluate("node => node.setAttribute('data-used', 'yes')")
-    chooser.set_input_files(file)
-    page.page.wait_for_function("!document.querySelector('input[data-used]')", timeout=1000 * PATIENCE)
+    button = page.page.get_by_role("button", name="Open a file", exact=True)
+    with page.page.expect_file_chooser() as chooser:
+        button.click()
+    assert page.page.locator("input[type=file]").first.input_value() == "", "the same file may be chosen again"
+    chooser.value.set_files(file)
+    wait_until(button.is_enabled, "the file has come")
+    told = page.page.locator(".mantine-Notification-root").filter(has_text=file.name)
+    wait_until(lambda: not any(word.is_visible() for word in told.all()), "no word is left that it is on its way")
 
 
 def pulls(page: LabPage) -> list[Pull]:

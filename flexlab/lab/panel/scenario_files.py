@@ -72,7 +72,7 @@ def file_stem(name: str) -> str:
 def read_upload(file_name: str, content: bytes) -> tuple[str, Scenario]:
     """(short name, scenario) of an uploaded file; raises `PresetError` or `ScenarioError` with the file's own name."""
     stem = file_stem(Path(file_name).stem) or "uploaded"
-    return stem, read_scenario(content, f"{stem}.json")
+    return stem, read_scenario(content, visible(Path(file_name).name, LONGEST_FILE_NAME))
 
 
 class Presets:
@@ -125,7 +125,7 @@ class ScenarioFiles:
 
     def __init__(self, widgets: Widgets, link: Callable[[Scenario], str] | None, on_saved: Callable[[], None]):
         lab_state = widgets.lab_state
-        self._widgets, self._lab_state, self._link, self._on_saved = widgets, lab_state, link, on_saved
+        self._lab_state, self._link, self._on_saved = lab_state, link, on_saved
         self._shown_for: tuple[Scenario, Scenario] | None = None
         self._changes = widgets.gui.add_html("")
         for label, icon, hint, action in (
@@ -144,8 +144,14 @@ class ScenarioFiles:
         save, file, hint = viser.Icon.DEVICE_FLOPPY, viser.Icon.DOWNLOAD, "Into the folder presets"
         widgets.button("Save as preset", lambda _: self.save(), icon=save, color=None, hint=hint)
         widgets.button("Download", self._download, icon=file, hint="The scenario as a file")
-        self._front_server = widgets.gui.add_folder(None)
-        self._offer_upload()
+        opener = widgets.gui.add_upload_button(
+            "Open a file",
+            icon=viser.Icon.UPLOAD,
+            color="gray",
+            mime_type="application/json,text/csv",
+            hint="A scenario file, or a path as CSV with the columns t, x, y, theta",
+        )
+        opener.on_upload(widgets.handler(self._upload))
         self._address = widgets.gui.add_html("")
 
     def update(self, snapshot: Snapshot) -> None:
@@ -192,21 +198,7 @@ class ScenarioFiles:
         content = scenario_text(self._lab_state.to_keep).encode()
         event.client.send_file_download(f"{self._lab_state.name}.json", content, save_immediately=True)
 
-    def _offer_upload(self) -> None:
-        with self._front_server:
-            self._opener = self._widgets.gui.add_upload_button(
-                "Open a file",
-                icon=viser.Icon.UPLOAD,
-                color="gray",
-                mime_type="application/json,text/csv",
-                hint="A scenario file, or a path as CSV with the columns t, x, y, theta",
-            )
-        self._opener.on_upload(self._widgets.handler(self._upload))
-
     def _upload(self, event: Any) -> None:
-        # A browser does not report that the same file was chosen again, unless the button is new.
-        self._opener.remove()
-        self._offer_upload()
         file = event.target.value
         if file.name.lower().endswith(".csv"):
             rows = decoded_path(file.content, visible(Path(file.name).name, LONGEST_FILE_NAME))

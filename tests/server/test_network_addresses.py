@@ -38,6 +38,22 @@ class Growing:
         self.path = path
 
 
+def test_the_rate_is_that_of_what_is_written_from_the_first_second_on(tmp_path: Path) -> None:
+    now, size = [0.0], [0]
+    recorder = Growing(tmp_path / "run.rrd")
+    text = RecordingText(recorder, tmp_path, clock=lambda: now[0])  # type: ignore[arg-type]
+    said = []
+    for second in range(40):
+        now[0] = float(second)
+        # A run waits until its page is drawn, plays for fifteen seconds, and is paused.
+        size[0] += 1_000_000 if 3 < second < 20 else 0
+        recorder.path.write_bytes(b"x" * size[0])
+        said.append(text().removeprefix("Recording to run.rrd"))
+    assert set(said[:5]) == {""}
+    assert set(said[5:20]) == {", 60 MB/min"}
+    assert set(said[23:]) == {""}, "nothing is written"
+
+
 def test_the_rate_is_measured_and_little_space_is_said(tmp_path: Path, monkeypatch) -> None:
     now = [0.0]
     recorder = Growing(tmp_path / "run.rrd")

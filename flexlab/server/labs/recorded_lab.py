@@ -26,7 +26,9 @@ from flexlab.sim.samples import Samples
 LOOK_PERIOD = 1.0
 """Seconds between two checks of the file and the disk."""
 MEASURED = 10
-"""Number of checks over which the rate is measured."""
+"""Number of checks over which the rate is measured, each of which found a larger file."""
+STILL = 3 * LOOK_PERIOD
+"""Seconds of an unchanged size after which there is no rate: the run waits for its page, or is paused."""
 MEGABYTE, GIGABYTE = 1e6, 1e9
 LITTLE_SPACE = 2 * GIGABYTE
 """Free bytes below which there is a warning: room for an hour of a lab that nobody stops."""
@@ -50,6 +52,7 @@ class RecordingText:
         self._recorder, self._logs, self._clock = recorder, logs, clock
         self._looks: deque[tuple[float, int]] = deque(maxlen=MEASURED)
         self._path: Path | None = None
+        self._size = 0
         self._looked_at = float("-inf")
         self._warning = ""
 
@@ -66,13 +69,15 @@ class RecordingText:
 
     def _look(self, path: Path) -> None:
         self._looked_at = self._clock()
-        if path != self._path:
-            self._path = path
-            self._looks.clear()
         try:
-            self._looks.append((self._looked_at, path.stat().st_size))
+            size = path.stat().st_size
         except OSError:
             return  # The recorder reports what is wrong with the disk.
+        if path != self._path or (self._looks and self._looked_at - self._looks[-1][0] >= STILL):
+            self._looks.clear()
+        elif size != self._size:
+            self._looks.append((self._looked_at, size))
+        self._path, self._size = path, size
         little = little_space(self._logs)
         self._warning = f". {little}" if little else ""
 

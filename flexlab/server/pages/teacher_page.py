@@ -87,9 +87,10 @@ async def labs(request: web.Request) -> web.Response:
     """All labs, their guesses, and the class's rules as JSON, for the page's script."""
     if not is_teacher(request):
         raise web.HTTPForbidden
-    places = context_of(request).places
-    running, rules = places.running(), places.rules
-    names = names_told_apart((place.name, place.owner) for place in running)
+    context = context_of(request)
+    running, rules = context.places.running(), context.places.rules
+    people = [(place.name, place.owner) for place in running]
+    names = await asyncio.to_thread(names_told_apart, people, context.settings.logs)
     told = {
         "labs": [_told(place, names[place.name, place.owner], rules) for place in running],
         "questions": _questions(running, rules),

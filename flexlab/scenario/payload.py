@@ -19,7 +19,7 @@ class MassChange(Part):
     """A payload that is filled or emptied: its mass changes smoothly to another value (`physics.mass_change`)."""
 
     factor: Number = quantity(
-        1.0, title="Mass afterwards over mass before (1: it stays)", symbol="μ", unit="1", low=0.05, high=20,
+        1.0, title="Final mass over initial mass (1: constant)", symbol="μ", unit="1", low=0.05, high=20,
         slider=(0.2, 5), logarithmic=True,
     )  # fmt: skip
     """Bending stiffness and damping stay, as for a tube that its contents do not stiffen."""

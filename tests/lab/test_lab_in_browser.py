@@ -125,7 +125,7 @@ def test_slow_motion(page: LabPage) -> None:
 def test_a_bad_number_is_answered_in_a_sentence_and_goes_no_further(page: LabPage) -> None:
     for typed, true, good in (("-1", "100", "64"), ("1000000000000000", "64", "36")):
         page.enter(EI, typed)
-        page.wait_for_text(f"It stays at {true}")
+        page.wait_for_text(f"It stays at {true} N·m².")
         assert "Bending stiffness EI = " in page.text()
         assert "outside the allowed range" in page.text()
         assert page.snapshot.scenario.payload.bending_stiffness == float(true)

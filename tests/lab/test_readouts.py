@@ -9,8 +9,16 @@ from raw_browser import RawBrowser, html_texts, widget
 from flexlab.analysis.explanations.explanation import Explained
 from flexlab.guide import LOCKED, ClassRules
 from flexlab.lab.lab_state import Notice
-from flexlab.lab.panel.readouts import SEEN_TOGETHER, largest_vibration, notices_html, status_html, summary_text
+from flexlab.lab.panel.readouts import (
+    SEEN_TOGETHER,
+    largest_vibration,
+    notices_html,
+    number_html,
+    status_html,
+    summary_text,
+)
 from flexlab.lab.session import Session
+from flexlab.lab.view_settings import ViewSettings
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import Pause, Pull
@@ -84,6 +92,18 @@ def test_the_picture_is_told_in_sentences_with_what_is_wrong_and_what_the_plots_
     assert "first beam frequency" in told
     assert "Large deflection: |w|/L = 6.3 %" in told
     assert told.endswith(" Deflection: The beam rings.")
+
+
+@pytest.mark.parametrize(
+    ("preset", "said"),
+    [("paper", "grips held"), ("squeeze-until-it-buckles", "no axial force"), ("spin-up", "no axial force")],
+)
+def test_a_frequency_that_no_axial_force_has_changed_is_called_so(preset: str, said: str):
+    """The squeezed beam rings at 3.2 Hz beside a reading of 5.01 Hz."""
+    runner = Runner(load_preset(preset), playing=False)
+    assert f"first beam frequency f<sub>1</sub>, {said}</span>" in status_html(runner.snapshot, ViewSettings(), (), "")
+    for shown in (number_html, lambda recent, snapshot: summary_text(snapshot, recent, [])):
+        assert ("no axial force" in shown(runner.recent(SEEN_TOGETHER), runner.snapshot)) == (preset != "paper")
 
 
 def test_what_a_hand_bends_is_no_vibration():

@@ -319,6 +319,5 @@ def page_values(board: Leaderboard) -> dict[str, Any]:
         "sections": sections(board),
         "settings": settings(board),
         "provenance": provenance(board),
-        "of_the_best": OF_THE_BEST,
         "several": SEVERAL,
     }

@@ -231,7 +231,8 @@ class NumberControl:
             self._ask(value)
         except FlexlabError as error:
             self._stays_at = self._value
-            self._complain(f"{error} It stays at {_text(self._stays_at)}.")
+            unit = "" if self._stays_at is None else self._about.unit_text()
+            self._complain(f"{error} It stays at {_text(self._stays_at)}{unit}.")
             return False
         self._value = value
         put(self._back, visible=self._usual() != value)

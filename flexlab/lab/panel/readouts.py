@@ -22,6 +22,8 @@ from flexlab.text import escaped, fixed_text, number_text, speed_text, with_unit
 CLEARLY_SLOWER = 0.95
 """Fraction of the wanted speed below which being too slow gets a sentence, not just a word."""
 SHOWN_EVENTS = 40
+HELD, UNPRESSED = "grips held", "no axial force"
+"""What the first frequency is of: a beam that is pressed rings more slowly, one that is pulled or spun faster."""
 SEEN_TOGETHER = 1.0
 """Time over which the largest vibration is taken, simulated s."""
 SMALLEST_IN_MM = 0.1
@@ -38,7 +40,10 @@ def status_html(snapshot: Snapshot, view: ViewSettings, scales: Sequence[tuple[s
     rows = [
         ("simulation time t", f"{fixed_text(float(sample.time[0]), 3)} s"),
         ("speed, wanted / actual", f'<span class="fl-bad">too slow:</span> {speed}' if snapshot.too_slow else speed),
-        ("first beam frequency f<sub>1</sub>, grips held", f"{fixed_text(snapshot.first_frequency, 2)} Hz"),
+        (
+            f"first beam frequency f<sub>1</sub>, {_kind_of_f1(snapshot)}",
+            f"{fixed_text(snapshot.first_frequency, 2)} Hz",
+        ),
         ("mid-span deflection", f"{fixed_text(bending, 3, signed=True)} mm"),
         ("largest joint torque", f"{fixed_text(float(np.abs(sample.joint_torque[0]).max()), 1)} N·m{limit}"),
         ("drawn deflection", f"{number_text(view.exaggeration)} × true size"),
@@ -52,11 +57,16 @@ def status_html(snapshot: Snapshot, view: ViewSettings, scales: Sequence[tuple[s
     return f'<div class="fl"><h2 class="fl-title">{dot}{word}</h2><div class="fl-grid">{grid}</div>{kept}</div>'
 
 
+def _kind_of_f1(snapshot: Snapshot) -> str:
+    return HELD if snapshot.scenario.payload.axial_load == "none" else UNPRESSED
+
+
 def number_html(recent: Samples, snapshot: Snapshot) -> str:
     """The run's main numbers in large type, for a presentation; `recent`: the samples over which the vibration is taken."""
     shown = largest_vibration(recent, snapshot.events)
     first = f"f<sub>1</sub> = {fixed_text(snapshot.first_frequency, 1)} Hz"
-    return f'<div class="fl fl-number"><span>largest vibration</span><b>{shown}</b><span>{first}</span></div>'
+    kind = "" if _kind_of_f1(snapshot) == HELD else f"<span>{UNPRESSED}</span>"
+    return f'<div class="fl fl-number"><span>largest vibration</span><b>{shown}</b><span>{first}</span>{kind}</div>'
 
 
 def largest_vibration(recent: Samples, events: Sequence[Event]) -> str:
@@ -131,7 +141,8 @@ def events_html(snapshot: Snapshot) -> str:
         bad = ' class="fl-bad"' if event.level != "info" else ""
         time = f"{fixed_text(event.time, 3)} s"
         lines.append(f'<div><span class="fl-dim">{time}</span> <span{bad}>{escaped(event.text)}</span></div>')
-    return f'<div class="fl fl-list" tabindex="0">{"".join(lines) or "Nothing yet."}</div>'
+    shown = "".join(lines) or "Nothing yet. Changes, taps, pulls and warnings appear here."
+    return f'<div class="fl fl-list" tabindex="0">{shown}</div>'
 
 
 def conditions_html(conditions: Iterable[Condition]) -> str:
@@ -179,12 +190,12 @@ def summary_text(snapshot: Snapshot, recent: Samples, sentences: Sequence[Explai
     """State, numbers and warnings of the run, and what the plots show; `recent` as in `number_html`."""
     scenario, sample = snapshot.scenario, snapshot.latest
     arms = f"{len(scenario.arms)} arms hold" if len(scenario.arms) > 1 else "One arm holds"
-    deflection = fixed_text(1e3 * float(sample.midspan_deflection[0]), 3, signed=True)
+    deflection, kind = fixed_text(1e3 * float(sample.midspan_deflection[0]), 3, signed=True), _kind_of_f1(snapshot)
     told = [
         f"{scenario.title or snapshot.name}: {arms} a flexible beam.",
         f"{_status(snapshot)[1]} at t = {fixed_text(float(sample.time[0]), 2)} s, speed {speed_text(snapshot.target_speed)}.",
         f"Mid-span deflection {deflection} mm, largest vibration {largest_vibration(recent, snapshot.events)}, "
-        f"first beam frequency {fixed_text(snapshot.first_frequency, 2)} Hz.",
+        f"first beam frequency {fixed_text(snapshot.first_frequency, 2)} Hz{'' if kind == HELD else f', {kind}'}.",
         *warnings(snapshot),
         *(f"{each.plot}: {each.sentence}" for each in sentences),
     ]

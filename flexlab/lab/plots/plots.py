@@ -89,7 +89,7 @@ class Spectrum:
         series = (
             uplot.Series(label="f (Hz)"),
             signal_series("vibration (µm)", colors.VIOLET) | {"spanGaps": True},
-            uplot.Series(label="modes of the beam", stroke=colors.css(colors.GRAY), width=1.5, dash=(4, 4)),
+            _series_of_modes(scenario),
         )
         self._handle = gui.add_uplot(
             self._data(None),
@@ -110,6 +110,9 @@ class Spectrum:
     def update(self, scenario: Scenario, samples: Samples) -> None:
         """Show the spectrum of `samples`."""
         self._mark_modes(scenario)
+        modes = _series_of_modes(scenario)
+        if self._handle.series[-1] != modes:
+            self._handle.series = (*self._handle.series[:-1], modes)
         send_plot_data(self._handle, self._data(samples))
 
     def _mark_modes(self, scenario: Scenario) -> None:
@@ -145,6 +148,12 @@ class Spectrum:
         )
         frequency, *lines = (column[order] for column in columns)
         return compact(frequency, lines, self._highest / POINTS)
+
+
+def _series_of_modes(scenario: Scenario) -> uplot.Series:
+    """How the marks of the modes are drawn: the peaks of a beam that is pressed or spun lie beside them."""
+    label = "modes of the beam" if scenario.payload.axial_load == "none" else "modes without axial force"
+    return uplot.Series(label=label, stroke=colors.css(colors.GRAY), width=1.5, dash=(4, 4))
 
 
 class Plots:

@@ -42,7 +42,7 @@ LINKED = "shared-scenario"
 """Name of the runs of a scenario that was opened by a link."""
 START_PAGE = Markup(' <a class="button quiet" href="/">Start page</a>')
 NEW_LAB = Markup('<a class="button" href="/lab/">Open a new lab</a> <a class="button quiet" href="/runs">Runs</a>')
-NOT_YOURS = "This lab belongs to another browser, or was closed long ago. You can have one of your own."
+NOT_YOURS = "This lab was closed, or belongs to another browser. You can have one of your own."
 LOOK = 0.1
 """Seconds between two checks for new data, which arrive five times a second."""
 PATIENCE = 30.0

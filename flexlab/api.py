@@ -113,7 +113,7 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
     def plot(self, *signals: str) -> "Figure":
         """A matplotlib figure of signals by name in SI units, as in `run.plot("joint_torque", "vibration")`.
 
-        Without names it shows the lab's plots. Raises `StudyError` for a name that is no signal.
+        Without names it shows the lab's plots. Raises `StudyError` for a name that is not a signal.
         """
         from flexlab.analysis.figures import draw_signals
 
@@ -226,7 +226,7 @@ def simulate_many(
     """
     single = isinstance(scenarios, (str, bytes, Mapping)) or (isinstance(scenarios, np.ndarray) and not scenarios.ndim)
     if single or not isinstance(scenarios, Iterable):
-        raise StudyError(f"scenarios = {scenarios!r:.60} is no list: give scenarios, as in ['paper', 'soft-beam'].")
+        raise StudyError(f"scenarios = {scenarios!r:.60} is not a list: give scenarios, as in ['paper', 'soft-beam'].")
     pairs = [("run", scenario) if isinstance(scenario, Mapping) else named_scenario(scenario) for scenario in scenarios]
     choose = law_and_path(law, path)
     names, chosen = [name for name, _ in pairs], [scenario for _, scenario in pairs]

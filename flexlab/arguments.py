@@ -19,7 +19,7 @@ def file_path(name: str, value: str | Path) -> Path:
     except UnicodeEncodeError:  # half of a pair of surrogates
         usable = False
     if not usable:
-        raise StudyError(f"{name} = {value!r:.60} is no path: give one as text, as in 'study/first'.")
+        raise StudyError(f"{name} = {value!r:.60} is not a path: give one as text, as in 'study/first'.")
     return Path(value)
 
 

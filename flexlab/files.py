@@ -33,7 +33,7 @@ def is_regular(path: Path) -> bool:
 def check_ordinary(path: Path) -> None:
     """Raise OSError for a folder, a pipe or a device, which could block or never end; links are followed."""
     if path.exists() and not path.is_file():
-        raise OSError(errno.EINVAL, "it is no ordinary file", str(path))
+        raise OSError(errno.EINVAL, "it is not an ordinary file", str(path))
 
 
 def read_json(path: Path, largest: int) -> Any:

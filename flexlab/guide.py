@@ -179,7 +179,7 @@ def read_lesson(
     exaggeration = float(factor) if re.fullmatch(r"\d+(\.\d+)?", factor or "") else 0.0
     if factor is not None and not 1 <= exaggeration <= HIGHEST_EXAGGERATION:
         allowed = f"a number from 1 to {HIGHEST_EXAGGERATION:g}"
-        reason = f"exaggeration = {factor[:40]!r} is no factor for the drawn deflection: write {allowed}."
+        reason = f"exaggeration = {factor[:40]!r} is not a factor for the drawn deflection: write {allowed}."
         mistakes.append((lines["exaggeration"], reason))
     lesson = Lesson(
         id=file.stem, title=head.get("title", ""), preset=head.get("preset", ""), check=head.get("check") or parts["check"],
@@ -206,7 +206,7 @@ def _head(text: str) -> tuple[dict[str, str], dict[str, int], list[tuple[int, st
     for number, line in enumerate(text.splitlines(), 2):
         name, _, value = (part.strip() for part in line.partition(":"))
         if name not in FIELDS or name in head or not value:
-            mistakes.append((number, f"{line[:60]!r} is no field: write each of {', '.join(FIELDS)} once."))
+            mistakes.append((number, f"{line[:60]!r} is not a field: write each of {', '.join(FIELDS)} once."))
         else:
             head[name], lines[name] = value, number
     mistakes += ((2 + len(head), f"the head has no {name}.") for name in NEEDED if name not in head)

@@ -131,7 +131,7 @@ def named_scenario(given: AnyScenario, law: AnyLaw = None, path: AnyPath = None)
         name = telling_name(scenario)
     else:
         raise StudyError(
-            f'{type(given).__name__} is no scenario: give a Scenario, the name of a preset such as "paper", '
+            f'{type(given).__name__} is not a scenario: give a Scenario, the name of a preset such as "paper", '
             "the path of a scenario file, or a dictionary of its fields."
         )
     return name, law_and_path(law, path)(scenario)

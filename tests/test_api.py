@@ -39,9 +39,9 @@ def test_a_scenario_is_a_name_a_file_a_value_or_plain_data(tmp_path: Path):
         ("papier", PresetError, "did you mean paper"),
         ("no/such.json", PresetError, "no scenario file"),
         ({"gravty": 1}, ScenarioError, "gravty is not a scenario field"),
-        (None, StudyError, "NoneType is no scenario: give a Scenario, the name of a preset"),
-        (3.0, StudyError, "float is no scenario"),
-        (["paper"], StudyError, "list is no scenario"),
+        (None, StudyError, "NoneType is not a scenario: give a Scenario, the name of a preset"),
+        (3.0, StudyError, "float is not a scenario"),
+        (["paper"], StudyError, "list is not a scenario"),
     ],
 )
 def test_what_is_no_scenario_is_said(given: object, kind: type[FlexlabError], says: str):
@@ -80,7 +80,7 @@ def test_a_run_is_a_table_and_a_figure_for_other_tools():
     ]  # fmt: skip
     assert [part.get_ylabel() for part in run.plot().axes] == ["mm", "mrad", "mm", "N", "N·m"]
     np.testing.assert_allclose(run.plot().axes[1].lines[0].get_ydata(), 1e3 * run.tracking_error[:, 2])
-    with pytest.raises(StudyError, match="'torque' is no signal of this run: choose from time, pose"):
+    with pytest.raises(StudyError, match="'torque' is not a signal of this run: choose from time, pose"):
         run.plot("torque")
     with pytest.raises(StudyError, match="nothing to draw"):
         flexlab.simulate_many([{"gravity": 99}], progress=False)[0].plot()

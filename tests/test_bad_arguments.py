@@ -44,13 +44,13 @@ def one_sentence(ask: Callable[[], object], *says: str) -> None:
 
 @pytest.mark.parametrize("given", NO_PATH)
 def test_a_folder_is_a_path(run: flexlab.Run, given: Any, tmp_path: Path):
-    one_sentence(lambda: flexlab.compare(run, "newest", logs=given), "logs = ", "is no path")
-    one_sentence(lambda: flexlab.replay("newest", logs=given), "logs = ", "is no path")
-    one_sentence(lambda: flexlab.fit("newest", logs=given), "logs = ", "is no path")
-    one_sentence(lambda: flexlab.read("newest", logs=given), "logs = ", "is no path")
-    one_sentence(lambda: flexlab.export("newest", tmp_path / "a.csv", logs=given), "logs = ", "is no path")
-    one_sentence(lambda: flexlab.export(run, given), "to = ", "is no path")
-    one_sentence(lambda: run.save(given), "folder = ", "is no path")
+    one_sentence(lambda: flexlab.compare(run, "newest", logs=given), "logs = ", "is not a path")
+    one_sentence(lambda: flexlab.replay("newest", logs=given), "logs = ", "is not a path")
+    one_sentence(lambda: flexlab.fit("newest", logs=given), "logs = ", "is not a path")
+    one_sentence(lambda: flexlab.read("newest", logs=given), "logs = ", "is not a path")
+    one_sentence(lambda: flexlab.export("newest", tmp_path / "a.csv", logs=given), "logs = ", "is not a path")
+    one_sentence(lambda: flexlab.export(run, given), "to = ", "is not a path")
+    one_sentence(lambda: run.save(given), "folder = ", "is not a path")
 
 
 @pytest.mark.parametrize("file", ["a\0.py", "a\0.csv", "a\0.fmu", "\ud800.py", "\ud800.csv"])
@@ -118,8 +118,8 @@ def test_a_field_is_a_name(given: Any):
 
 @pytest.mark.parametrize("given", NO_PATH)
 def test_a_folder_of_presets_is_a_path(given: Any):
-    one_sentence(lambda: flexlab.load_preset("paper", given), "own = ", "is no path")
-    one_sentence(lambda: flexlab.preset_names(given), "own = ", "is no path")
+    one_sentence(lambda: flexlab.load_preset("paper", given), "own = ", "is not a path")
+    one_sentence(lambda: flexlab.preset_names(given), "own = ", "is not a path")
 
 
 def test_a_folder_of_presets_may_be_a_text(tmp_path: Path):
@@ -185,7 +185,7 @@ def test_a_metric_has_a_unit_a_title_and_a_named_function():
     bare: Any = flexlab.metric
     one_sentence(lambda: bare(work), "unit = <function", '@flexlab.metric("J")')
     for unit in (None, 5, "", b"J", ["J"]):
-        one_sentence(lambda unit=unit: bare(unit), "unit = ", "is no unit")
+        one_sentence(lambda unit=unit: bare(unit), "unit = ", "is not a unit")
     for title in (None, 5, b"x", np.zeros(2)):
         one_sentence(lambda title=title: bare("J", title), "title = ", "give a text")
     for of in (None, 5, np.zeros(2), ["run"]):
@@ -224,7 +224,7 @@ def test_long_names_are_not_repeated_whole(run: flexlab.Run):
 
 
 def test_one_number_is_no_list_of_scenarios():
-    with pytest.raises(StudyError, match="is no list"):
+    with pytest.raises(StudyError, match="is not a list"):
         flexlab.simulate_many(np.array(1.0))  # type: ignore[arg-type]
 
 
@@ -261,7 +261,7 @@ def test_a_hand_takes_no_number_that_no_float_holds(given: Any):
 @pytest.mark.parametrize("given", [[], {}, np.zeros(0), None, object()])
 def test_a_unit_has_a_part_a_version_and_a_period(given: Any, tmp_path: Path):
     file = tmp_path / "a.fmu"
-    one_sentence(lambda: flexlab.export_fmu("paper", file, part=given), "part = ", "is no part")
+    one_sentence(lambda: flexlab.export_fmu("paper", file, part=given), "part = ", "is not a part")
     one_sentence(lambda: flexlab.export_fmu("paper", file, version=given), "fmi = ", "choose 2 or 3")
     one_sentence(lambda: flexlab.export_fmu("paper", file, sample_period=given), "sample_period = ", "is not usable")
     assert not file.exists()
@@ -269,11 +269,11 @@ def test_a_unit_has_a_part_a_version_and_a_period(given: Any, tmp_path: Path):
 
 @pytest.mark.parametrize("given", [5, math.nan, "leaderbord", object(), [], b"rms_error.y", np.zeros(3)])
 def test_a_metric_is_a_known_name(run: flexlab.Run, given: Any, tmp_path: Path):
-    one_sentence(lambda: run.metrics[given], " is no metric: choose one of ")
+    one_sentence(lambda: run.metrics[given], " is not a metric: choose one of ")
     swept = flexlab.sweep("paper", {EI: [50.0]}, 0.01, folder=tmp_path, progress=False)
     tuned = flexlab.tune("paper", {EI: "50:60"}, duration=0.01, candidates=8, progress=False)
     for ask in (swept.plot, tuned.plot, swept.column, swept.texts, flexlab.compare(run, run).plot):
-        one_sentence(lambda ask=ask: ask(given), " is no ")
+        one_sentence(lambda ask=ask: ask(given), " is not a ")
 
 
 @pytest.mark.parametrize("file", ["a.csv", "a.npz", "a.html", "a.zip", "a.urdf", "a.fmu"])
@@ -292,7 +292,7 @@ def test_an_option_that_export_does_not_have_is_said(run: flexlab.Run, file: str
 def test_laws_and_cases_are_lists(given: Any):
     for name in ("laws", "more_laws", "cases"):
         asked: dict[str, Any] = {"laws": ["pd"], "cases": ["B1"], name: given}
-        one_sentence(lambda asked=asked: flexlab.leaderboard(**asked), f"{name} = ", "is no list")
+        one_sentence(lambda asked=asked: flexlab.leaderboard(**asked), f"{name} = ", "is not a list")
 
 
 def test_a_leaderboard_of_nothing_is_said():

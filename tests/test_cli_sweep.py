@@ -35,7 +35,7 @@ def test_a_sweep_leaves_the_table_that_python_gives(flexlab_command: Command, tm
         (("--vary", "gravity=1:0"), "runs backwards"),
         (("--vary", "gravity=0:1:10000", "--vary", "payload.bending_stiffness=1:2:1000"), "so nothing was done"),
         (("--vary", "gravity=0:1:100000", "--vary", "payload.bending_stiffness=1:2:100000"), "are too many"),
-        (("--vary", "gravity=0:1:2", "--show", "forc"), "'forc' is no metric"),
+        (("--vary", "gravity=0:1:2", "--show", "forc"), "'forc' is not a metric"),
         (("--vary", "gravity=0:1:2", "--pareto", "force"), "does not name two metrics"),
         (("--vary", "gravity=0:1:2", "--design", "sobol"), "samples says how many"),
         (("--vary", "gravity=0:1:2", "--to", "file/a"), "file/a cannot be written"),

@@ -125,7 +125,7 @@ def test_every_text_of_the_catalogues_is_still_said(root: Path) -> None:
 def test_a_refused_name_is_refused_in_the_visitors_language(code: str, name: str) -> None:
     with pytest.raises(LabError) as caught:
         checked_name(name)
-    assert {"This is no name", str(caught.value)} <= set(read_catalogue(catalogues()[code]))
+    assert {"This is not a name", str(caught.value)} <= set(read_catalogue(catalogues()[code]))
 
 
 SHOWN = """lab server scenario own guide.py presets.py analysis/explanations analysis/identification/free_ring.py
@@ -137,13 +137,13 @@ sim/runner.py sim/samples.py sim/step_size.py sim/target.py sim/termination.py""
 """Sources of sentences that a page may show."""
 UNSEEN = {
     "in the terminal, as the server starts": """server/settings.py; server/front_server.py; ◦ is not set: a JupyterHub;
-    law = ◦ is no address; What is printed beyond ◦; MB is left out""",
-    "in the log": "server/labs/preloaded.py; lab/viser_internals.py: This is no message",
+    law = ◦ is not an address; What is printed beyond ◦; MB is left out""",
+    "in the log": "server/labs/preloaded.py; lab/viser_internals.py: This is not a message",
     "by commands that ask, or that fit and set": """analysis/replay.py: the program at ◦; analysis/replay.py: the unit ◦;
     analysis/replay.py: ◦, Python code of ◦ lines; Let it run here; Connect to it;
-    The run was controlled by the unit; The run was not replayed; scenario/settings.py; ◦ is no signal that rings;
+    The run was controlled by the unit; The run was not replayed; scenario/settings.py; ◦ is not a signal that rings;
     ◦ has no samples after ◦ s in which""",
-    "to who calls flexlab from Python": """changes = ◦ is not usable; own/files.py: The; ◦ is no scenario: give a Scenario;
+    "to who calls flexlab from Python": """changes = ◦ is not usable; own/files.py: The; ◦ is not a scenario: give a Scenario;
     control/law.py; control/path.py; samples have no signal""",
     "in files": "presets.py: Where; presets.py: Format; presets.py: Place; own/unit.py: ◦: computed by the unit",
 }

@@ -63,5 +63,5 @@ def test_a_file_takes_the_place_of_no_pipe(flexlab_command: Command, pipe: Calla
     """Nor of a device: where /dev/null is written to by root, that is at stake."""
     pipe("unit.fmu")
     said = refused(flexlab_command("export", "paper", "--to", "unit.fmu"))
-    assert "unit.fmu cannot be written (it is no ordinary file)" in said
+    assert "unit.fmu cannot be written (it is not an ordinary file)" in said
     assert (tmp_path / "unit.fmu").is_fifo()

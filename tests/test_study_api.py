@@ -64,7 +64,7 @@ def test_a_number_has_one_name_in_si_and_older_names_still_read(tmp_path: Path):
     assert numbers_of(run.metrics)["peak_torque"] == run.metrics.peak_torque
     with pytest.raises(StudyError, match=r"rms_error has several numbers: choose one of rms_error\.x, rms_error\.y"):
         named("rms_error")
-    with pytest.raises(StudyError, match="'energy' is no metric: choose one of duration"):
+    with pytest.raises(StudyError, match="'energy' is not a metric: choose one of duration"):
         run.metrics["energy"]
 
 
@@ -121,7 +121,7 @@ def test_a_metric_that_is_declared_or_changed_later_counts_in_a_run_whose_metric
     with pytest.raises(StudyError, match="last_place was declared after these numbers were computed"):
         before["last_place"]
     forget("last_place")
-    with pytest.raises(StudyError, match="'last_place' is no metric"):
+    with pytest.raises(StudyError, match="'last_place' is not a metric"):
         run.metrics["last_place"]
     assert run.metrics.own == []
 
@@ -313,15 +313,15 @@ def test_bad_arguments_are_one_sentence(tmp_path: Path):
 def test_what_no_argument_can_be_is_one_sentence(given: Any):
     run = flexlab.simulate("paper", 0.01)
     asked: dict[str, Callable[[], object]] = {
-        "is no path": lambda: run.save(given),
+        "is not a path": lambda: run.save(given),
         "to = ": lambda: flexlab.export(run, given),
         "file = ": lambda: flexlab.export_fmu("paper", given),
         "logs = ": lambda: flexlab.read("newest", given),
         "inputs": lambda: flexlab.linearize("paper", inputs=given),
         "outputs": lambda: flexlab.linearize("paper", outputs=given),
         "cost": lambda: flexlab.tune("paper", {EI: "50:60"}, cost=given),
-        "is no run": lambda: flexlab.explain(given),
-        "is no run: ": lambda: flexlab.internal_force_eq_26(given),
+        "is not a run": lambda: flexlab.explain(given),
+        "is not a run: ": lambda: flexlab.internal_force_eq_26(given),
         "no signal": lambda: run.plot([given]),  # type: ignore[arg-type]
     }
     for says, ask in asked.items():
@@ -333,5 +333,5 @@ def test_what_no_argument_can_be_is_one_sentence(given: Any):
 
 @pytest.mark.parametrize("given", [None, 5, "paper", b"paper", {"gravity": 9.81}])
 def test_scenarios_are_a_list(given: Any):
-    with pytest.raises(StudyError, match=r"scenarios = .* is no list: give scenarios, as in"):
+    with pytest.raises(StudyError, match=r"scenarios = .* is not a list: give scenarios, as in"):
         flexlab.simulate_many(given, 0.01)

@@ -245,7 +245,7 @@ def draw_signals(run: Run, names: Sequence[str] = ()) -> "Figure":
     for name in names:
         if not isinstance(name, str) or name not in known or (name in run.absent and name not in DERIVED):
             there = [name for name in known if name in DERIVED or name in run.signals()]
-            raise StudyError(f"{name!r:.60} is no signal of this run: choose from {', '.join(there)}.")
+            raise StudyError(f"{name!r:.60} is not a signal of this run: choose from {', '.join(there)}.")
     if len(run) == 0:
         raise StudyError("There is nothing to draw: the run has no samples.")
     seen = [plot for view in views(run.scenario)[:MOST_LOOKED_AT] for plot in _of_view(run, view)]

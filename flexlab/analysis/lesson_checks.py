@@ -91,9 +91,7 @@ class Check:
                 when = expression(condition, known, truth=True) if condition else None
                 self._rules.append(_Rule(when, kind.startswith("done"), _sentence(sentence, known)))
             else:
-                return (
-                    f"{line[:60]!r} is no rule: write name = …, if …: sentence, done if …: sentence, or else: sentence."
-                )
+                return f"{line[:60]!r} is not a rule: write name = …, if …: sentence, done if …: sentence, or else: sentence."
         except ExpressionError as error:
             return str(error)
         return ""

@@ -110,7 +110,7 @@ def expression(text: str, known: Collection[str] = (), truth: bool = False) -> V
     value = _compiled(tree, known)
     is_truth = isinstance(tree, (ast.Compare, ast.BoolOp)) or isinstance(getattr(tree, "op", None), ast.Not)
     if truth and not is_truth and not (isinstance(tree, ast.Name) and tree.id in (*known, *TRUTHS)):
-        raise ExpressionError(f"the check {text[:60]!r} is no comparison: write for example settling_time < 0.2.")
+        raise ExpressionError(f"the check {text[:60]!r} is not a comparison: write for example settling_time < 0.2.")
     return value
 
 
@@ -121,7 +121,7 @@ def _compiled(node: ast.AST, known: Collection[str]) -> Value:
     if isinstance(node, ast.Name):
         if node.id not in (*known, *VALUES, *METRICS):
             hint = f": use {', '.join(FUNCTIONS)} of it" if node.id in TABLE or node.id in DERIVED else ""
-            raise ExpressionError(f"{node.id} is no metric{hint}. There are {', '.join((*METRICS, *VALUES))}.")
+            raise ExpressionError(f"{node.id} is not a metric{hint}. There are {', '.join((*METRICS, *VALUES))}.")
         return lambda run: run.value(node.id)
     if isinstance(node, ast.Attribute):
         return _attribute(node)
@@ -170,7 +170,7 @@ def _attribute(node: ast.Attribute) -> Value:
     if path:
         return lambda run: value[0] if isinstance(value := _field(path, run), tuple) and len(set(value)) == 1 else value
     if name not in number_names():
-        raise ExpressionError(f"{name[:60]} is no field: write scenario.payload.length, for example.")
+        raise ExpressionError(f"{name[:60]} is not a field: write scenario.payload.length, for example.")
     return lambda run: run.value(name)
 
 
@@ -183,7 +183,7 @@ def _call(node: ast.Call, known: Collection[str]) -> Value:
     if name in FUNCTIONS and len(given) in (1, 3):
         signal, index = _signal(given.pop(0))
         if signal not in TABLE and signal not in DERIVED:
-            raise ExpressionError(f"{signal[:40]} is no signal: there are {', '.join((*TABLE, *DERIVED))}.")
+            raise ExpressionError(f"{signal[:40]} is not a signal: there are {', '.join((*TABLE, *DERIVED))}.")
     elif name not in OF_A_PART or len(given) != 2:
         raise ExpressionError(
             f"{ast.unparse(node)[:60]}: functions are {', '.join(FUNCTIONS)}, each of one signal (and two instants), "
@@ -212,7 +212,7 @@ def _signal(node: ast.AST) -> tuple[str, Any]:
                 f"{ast.unparse(node)[:60]}: components are whole numbers, or ranges of them."
             ) from None
         return node.value.id, (slice(None), *(index if isinstance(index, tuple) else (index,)))
-    raise ExpressionError(f"{ast.unparse(node)[:60]} is no signal.")
+    raise ExpressionError(f"{ast.unparse(node)[:60]} is not a signal.")
 
 
 def eval_index(node: ast.AST) -> Any:

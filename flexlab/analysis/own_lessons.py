@@ -83,7 +83,7 @@ def lesson_files(folder: Path = OWN_LESSONS) -> dict[str, int]:
 def _read(file: Path) -> OwnLesson:
     try:
         if not file.is_file():  # A pipe would hang.
-            raise LessonError(file, [(1, "it is no ordinary file.")])
+            raise LessonError(file, [(1, "it is not an ordinary file.")])
         if file.stat().st_size > LARGEST:
             raise LessonError(file, [(1, f"over {LARGEST} bytes are no lesson.")])
         return OwnLesson(file.stem, read_lesson(file, further=_mistakes), "")

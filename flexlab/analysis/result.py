@@ -64,7 +64,7 @@ def number_column(table: Any, name: str) -> np.ndarray:
 def named_column(table: Any, name: str) -> Any:
     """A column of a pyarrow table. Raises `StudyError` for an unknown name."""
     if not isinstance(name, str) or name not in table.column_names:
-        raise StudyError(f"{name!r:.60} is no column: there are {', '.join(table.column_names)}.")
+        raise StudyError(f"{name!r:.60} is not a column: there are {', '.join(table.column_names)}.")
     return table.column(name)
 
 

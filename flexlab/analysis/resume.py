@@ -22,7 +22,7 @@ BLOCK_TICKS = 1000
 def resume(recording: Recording, time: float | None = None) -> tuple[Scenario, Origin]:
     """Scenario and origin with which a lab continues a run at simulation time `time`, s; None: at its end.
 
-    Raises `StudyError` for a time that was not recorded, or that is no sample instant of a lab.
+    Raises `StudyError` for a time that was not recorded, or that is not a sample instant of a lab.
     """
     scenario, state = state_at(recording, recording.span[1] if time is None else time)
     # The sample period of a headless run may differ from a lab's.
@@ -30,7 +30,7 @@ def resume(recording: Recording, time: float | None = None) -> tuple[Scenario, O
     tick = round(exact / TICK)
     if abs(tick * TICK - exact) > 1e-9 * max(exact, 1.0):
         raise StudyError(
-            f"t = {exact:.10g} s is no instant of a lab, which takes a sample every {MILLI * TICK:g} ms: choose a multiple."
+            f"t = {exact:.10g} s is not an instant of a lab, which takes a sample every {MILLI * TICK:g} ms: choose a multiple."
         )
     return scenario, Origin(recording.path.stem, tick * TICK, replace(state, tick=tick))
 

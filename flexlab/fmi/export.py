@@ -59,7 +59,7 @@ def write_fmu(
     `version` of FMI: 2 or 3. `tick_period`: time between two instants at which importers may read outputs, s.
     """
     if type(version) is not int or version not in VERSIONS:
-        raise StudyError(f"fmi = {version!r:.60} is no version that can be written: choose 2 or 3.")
+        raise StudyError(f"fmi = {version!r:.60} is not a version that can be written: choose 2 or 3.")
     place = PLATFORMS.get((platform.system(), platform.machine()))
     if place is None or PLAIN_PYTHON:
         what = "the kernels are not compiled (NUMBA_DISABLE_JIT)" if PLAIN_PYTHON else "this is neither Linux nor macOS"

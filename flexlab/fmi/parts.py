@@ -86,7 +86,7 @@ class Part:
 def make_part(scenario: Scenario, part: str, tick_period: float) -> Part:
     """Make a part of a scenario in its initial state. Raises `StudyError` or `ScenarioError`."""
     if not isinstance(part, str) or part not in PARTS:
-        raise StudyError(f"part = {part!r:.60} is no part of a scenario: choose {', '.join(PARTS)}.")
+        raise StudyError(f"part = {part!r:.60} is not a part of a scenario: choose {', '.join(PARTS)}.")
     if part != "plant" and hasattr(scenario.controller, "source"):
         raise StudyError(
             f"The control law {scenario.controller.kind} runs in Python, which a unit cannot hold: export --part plant."

@@ -95,7 +95,7 @@ class Settings(Part):
     @classmethod
     def _rises(cls, value: Any) -> Any:
         if value is not None and value[0] > value[1]:
-            raise PydanticCustomError("order", "it is no range, so write the smaller limit first")
+            raise PydanticCustomError("order", "it is not a range, so write the smaller limit first")
         return value
 
     @field_validator("duration")

@@ -150,7 +150,7 @@ class _GuardedConnection(ServerConnection):
             if verdict == "pass":
                 return raw
             if verdict == "hang up":
-                await self.close(UNREADABLE, "This is no message of the lab's page.")
+                await self.close(UNREADABLE, "This is not a message of the lab's page.")
 
 
 @contextmanager

@@ -204,7 +204,7 @@ class OwnFolder(Generic[K]):
             return self.kinds.add(self._text_of(given), inspect.getsourcefile(given) or given.__name__).kind
         if not isinstance(given, str):
             advice = f"give a name such as {self.example}, a file, or a class of {base.__name__}"
-            raise self._problem("kind", f"{word} = {given!r:.60} is no {what}: {advice}.")
+            raise self._problem("kind", f"{word} = {given!r:.60} is not a {what}: {advice}.")
         if given not in self.kinds.registry.all():
             for file in self.files():
                 if self._declares(file, given):

@@ -167,7 +167,7 @@ def _slider_problem(settings: Sequence[tuple[str, Setting]]) -> str:
             ends = one.slider if isinstance(one.slider, tuple) else ()
             if len(ends) != 2 or not all(map(is_finite, ends)) or not one.low <= ends[0] < ends[1] <= one.high:
                 within = f"{number_text(one.low)} to {number_text(one.high)}"
-                return f"{name}: {about} is no part of its range: give two numbers within {within}"
+                return f"{name}: {about} is not a part of its range: give two numbers within {within}"
         if not isinstance(one.logarithmic, bool):
             return f"{name}: logarithmic = {one.logarithmic!r:.60} is not usable: give True or False"
         if one.logarithmic and (one.slider or (one.low,))[0] <= 0:

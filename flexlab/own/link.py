@@ -60,7 +60,9 @@ def host_and_port(address: str) -> tuple[str, int]:
     """Host and port of an address tcp://HOST:PORT. Raises `ScenarioError` for anything else."""
     found = _ADDRESS.fullmatch(address.lower())
     if found is None or not 1 <= int(found[2]) <= 65535:
-        text = f"law = {address!r:.80} is no address of a program: write tcp://HOST:PORT, as in tcp://localhost:9000."
+        text = (
+            f"law = {address!r:.80} is not an address of a program: write tcp://HOST:PORT, as in tcp://localhost:9000."
+        )
         raise ScenarioError([("controller.source", text)])
     return found[1].strip("[]"), int(found[2])
 

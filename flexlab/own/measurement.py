@@ -37,7 +37,7 @@ BELIEVED_SIZE = BELIEVED.itemsize // 8
 
 
 def real_numbers(given: Any) -> np.ndarray:
-    """`given` as an array of floats. Raises TypeError for what NumPy would convert silently, and ValueError for what is no array.
+    """`given` as an array of floats. Raises TypeError for what NumPy would convert silently, ValueError for what is not an array.
 
     NumPy drops the imaginary part of complex numbers and the mask of masked arrays, and reads texts as numbers.
     """

@@ -245,7 +245,7 @@ class Scenario(Part):
         return describe(type(owner), name)
 
     def _unknown(self, path: str) -> ScenarioError:
-        """The error for a path that is no field of this scenario."""
+        """The error for a path that is not a field of this scenario."""
         shown = visible(path, LONGEST)
         return ScenarioError([(str(path), unknown_field(shown, value_paths(self), field_paths(type(self))))])
 

@@ -35,7 +35,12 @@ def parse_setting(text: str) -> tuple[str, Any]:
     path, equals, value = (part.strip() for part in text.partition("="))
     if not equals or not path:
         raise ScenarioError(
-            [("", f"{visible(text, LONGEST)!r} is no setting: write PATH=VALUE, as in controller.feedback_gain=400.")]
+            [
+                (
+                    "",
+                    f"{visible(text, LONGEST)!r} is not a setting: write PATH=VALUE, as in controller.feedback_gain=400.",
+                )
+            ]
         )
     return path, parse_value(value)
 

@@ -87,7 +87,7 @@ def locate(model: type[Part], location: Sequence[Any]) -> tuple[str, Quantity | 
 
 
 def unknown_field(path: str, here: Iterable[str], anywhere: Iterable[str] = ()) -> str:
-    """The sentence about a path that is no field; `here`: fields at its place, `anywhere`: all fields."""
+    """The sentence about a path that is not a field; `here`: fields at its place, `anywhere`: all fields."""
     elsewhere = set(anywhere)
     if path in elsewhere:
         return f"{path} is not a scenario field here but one of another kind: choose that kind first, or remove it."

@@ -89,7 +89,7 @@ class Settings:
         settle("resumes_class", self.teacher_token is not None)
         if not BASE_URL.fullmatch(self.base_url):
             raise LabError(
-                f"base-url = {self.base_url!r:.80} is no valid prefix of an address: write one like /user/ann/flexlab."
+                f"base-url = {self.base_url!r:.80} is not a valid prefix of an address: write one like /user/ann/flexlab."
             )
         if self.host.startswith(UNIX) and self.private:
             raise LabError("A Unix socket serves one person behind a proxy: leave out --private.")
@@ -104,7 +104,7 @@ class Settings:
         limits = ("max-size", self.max_size, "GB"), ("max-age", self.max_age, "days"), ("quota", self.quota, "MB")
         for name, limit, unit in limits:
             if limit is not None and not 0 < limit < math.inf:
-                raise LabError(f"{name} = {limit:g} {unit} is no limit: give a number above 0, or leave it out.")
+                raise LabError(f"{name} = {limit:g} {unit} is not a limit: give a number above 0, or leave it out.")
         for name, token in (("--token", self.token), ("--teacher-token", self.teacher_token)):
             if token is not None:
                 _check_token(token, name)

@@ -156,7 +156,7 @@ def read_study(form: Form, scenario: Scenario) -> Study:
     except KeyError:
         known = ", ".join(known_studies())
         raise StudyError(
-            f"{visible(form.get('kind', ''), LONGEST_SHOWN)!r} is no study: choose one of {known}."
+            f"{visible(form.get('kind', ''), LONGEST_SHOWN)!r} is not a study: choose one of {known}."
         ) from None
     duration = number_of(form, "duration", "Simulated time")
     if not 0 < duration <= LONGEST_RUN:
@@ -250,7 +250,7 @@ def number_of(form: Form, name: str, what: str) -> float:
     text = text_of(form, name)
     number = typed_number(text)
     if math.isnan(number):
-        raise StudyError(f"{what} {text[:LONGEST_SHOWN]!r} is no number: write one such as 0.5 or 1e3.")
+        raise StudyError(f"{what} {text[:LONGEST_SHOWN]!r} is not a number: write one such as 0.5 or 1e3.")
     return number
 
 
@@ -258,5 +258,5 @@ def whole_of(form: Form, name: str, what: str) -> int:
     """A whole number of a form. Raises `StudyError`."""
     number = number_of(form, name, what)
     if number != int(number):
-        raise StudyError(f"{what} = {number_text(number)} is no whole number: write one such as 12.")
+        raise StudyError(f"{what} = {number_text(number)} is not a whole number: write one such as 12.")
     return int(number)

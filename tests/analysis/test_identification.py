@@ -374,7 +374,7 @@ def test_what_is_no_deflection_is_fitted_and_not_kept(flexlab_command: Command, 
     (tmp_path / "gauge.csv").write_text("t [s],bridge [V]\n" + "\n".join(rows) + "\n")
     done = flexlab_command("fit", "gauge.csv")
     assert (done.returncode, "f1   50 Hz" in done.stdout) == (0, True)
-    assert "gauge.csv is not kept as a run: V is no deflection." in done.stderr
+    assert "gauge.csv is not kept as a run: V is not a deflection." in done.stderr
     assert not (tmp_path / "logs").exists()
 
 
@@ -383,7 +383,7 @@ def test_what_is_no_deflection_is_fitted_and_not_kept(flexlab_command: Command, 
     [
         (("none.csv",), "There is no file none.csv"),
         (("mine.csv", "--signal", "lasr"), "has no column 'lasr': it has t [ms], laser [mm], note"),
-        (("mine.csv", "--time", "t [years]"), "years is no unit of time: choose one of s, ms"),
+        (("mine.csv", "--time", "t [years]"), "years is not a unit of time: choose one of s, ms"),
         (("mine.csv", "--time", "laser"), "cannot be both time and signal"),
         (("mine.csv", "--start", "9"), "There are no samples from 9 to "),
         (("mine.csv", "--start", "nan"), "start = nan s is not usable: give a finite number"),
@@ -397,7 +397,7 @@ def test_what_is_no_deflection_is_fitted_and_not_kept(flexlab_command: Command, 
         (("nothing",), "no recording nothing"),
         (
             ("old.mat",),
-            "old.mat is no recording (.rrd) and no table (.csv, .tsv, .txt, .dat): save its columns as CSV.",
+            "old.mat is neither a recording (.rrd) nor a table (.csv, .tsv, .txt, .dat): save its columns as CSV.",
         ),
     ],
 )

@@ -212,10 +212,10 @@ def test_the_files_hold_every_score_with_formula_unit_and_hashes(board: Leaderbo
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        ({"cases": ["B9"]}, "'B9' is no case: choose from B1, B2"),
-        ({"cases": "B1"}, "cases = 'B1' is no list"),
-        ({"laws": "pd"}, "laws = 'pd' is no list"),
-        ({"laws": ["pdd"]}, "'pdd' is no control law: choose from adaptive-sliding-mode"),
+        ({"cases": ["B9"]}, "'B9' is not a case: choose from B1, B2"),
+        ({"cases": "B1"}, "cases = 'B1' is not a list"),
+        ({"laws": "pd"}, "laws = 'pd' is not a list"),
+        ({"laws": ["pdd"]}, "'pdd' is not a control law: choose from adaptive-sliding-mode"),
         ({"laws": ["pd"], "cases": [QUICK], "workers": 0}, "workers = 0 is not usable"),
     ],
 )

@@ -75,10 +75,10 @@ def test_a_beam_that_comes_again_gives_the_same_rows_whatever_else_came():
         ([f"{EI}=1:5:0"], StudyError, "asks for 0 values"),
         ([f"{EI}=-1:5:3"], StudyError, "−1 N·m² is outside the allowed range 0.001 to 10¹² N·m²"),
         (["gravity=0:5:log:3"], StudyError, "is logarithmic and begins at 0"),
-        ([f"{EI}=1:nan"], StudyError, "is no range"),
+        ([f"{EI}=1:nan"], StudyError, "is not a range"),
         (["gravity=-1e308:1e308:5"], StudyError, "is too wide"),
         (["payload.element_count=-1e308:1e308"], StudyError, "is too wide"),
-        ([f"{EI}=1:5:cubic:3"], StudyError, "is no range"),
+        ([f"{EI}=1:5:cubic:3"], StudyError, "is not a range"),
         ([EI], StudyError, "does not say what to vary"),
         ([f"{EI}="], StudyError, "does not say what to vary"),
         ([f"{EI}=1:2", f"{EI}=2:3"], StudyError, "is varied twice"),
@@ -345,7 +345,7 @@ def test_figures_say_units_and_mark_what_failed(tmp_path: Path):
         "paper", [f"{EI}=1:10", f"{K}=1:10"], 0.1, design="sobol", samples=4, folder=tmp_path / "sobol"
     )
     assert len(drawn_cells.plot("force").axes) == 2
-    with pytest.raises(StudyError, match=r"'forc' is no metric: choose one of duration, rms_error\.x"):
+    with pytest.raises(StudyError, match=r"'forc' is not a metric: choose one of duration, rms_error\.x"):
         sweep.plot("forc")
     trade_off = drawn_cells.plot_pareto("rms_error.y", "peak_torque").axes[0]
     assert [trade_off.get_xlabel(), trade_off.get_ylabel()] == ["RMS error y (mm)", "Peak joint torque (N·m)"]

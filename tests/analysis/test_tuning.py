@@ -124,7 +124,7 @@ def test_a_field_of_several_numbers_is_tuned_and_one_that_takes_none_is_told():
     [
         ((), "Nothing is varied"),
         (("--change", "gravty=0:1"), "did you mean gravity?"),
-        (("--change", "gravity=0:1", "--cost", "rms"), "cost: 'rms' is no metric: choose one of duration, rms_error.x"),
+        (("--change", "gravity=0:1", "--cost", "rms"), "cost: 'rms' is not a metric: choose one of duration, rms_error.x"),
         (("--change", "gravity=0:1", "--cost", "rms-x=-1"), "give a number above 0"),
         (("--change", "gravity=0:1", "--cost", "rms-x,rms-x"), "is named twice"),
         (("--change", "gravity=0:1", "--cost", ""), "names no metric"),

@@ -153,7 +153,7 @@ def test_who_is_silent_or_slow_is_given_up(program: Callable[..., Program], monk
 )  # fmt: skip
 def test_what_is_no_address_is_said(address: str):
     with pytest.raises(
-        ScenarioError, match=r"is no address of a program: write tcp://HOST:PORT, as in tcp://localhost"
+        ScenarioError, match=r"is not an address of a program: write tcp://HOST:PORT, as in tcp://localhost"
     ):
         law_kind(address)
 

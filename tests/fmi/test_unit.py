@@ -391,10 +391,10 @@ def test_a_thousand_instances_and_their_states_leave_no_memory_behind(export: Ex
 @pytest.mark.parametrize(
     ("time", "step", "says"),
     [
-        (0.0, 0.0015, "The communication step 0.0015 s is no whole number of this unit's ticks of 0.001 s"),
-        (0.0, 0.0, "The communication step 0 s is no whole number"),
-        (0.0, math.inf, "The communication step inf s is no whole number"),
-        (0.0, 1e20, "The communication step 1e+20 s is no whole number"),
+        (0.0, 0.0015, "The communication step 0.0015 s is not a whole number of this unit's ticks of 0.001 s"),
+        (0.0, 0.0, "The communication step 0 s is not a whole number"),
+        (0.0, math.inf, "The communication step inf s is not a whole number"),
+        (0.0, 1e20, "The communication step 1e+20 s is not a whole number"),
         (math.nan, 0.001, "The communication point t = nan s is not this unit's present time, t = 0 s."),
         (0.5, 0.001, "The communication point t = 0.5 s is not this unit's present time, t = 0 s."),
     ],
@@ -470,8 +470,8 @@ def test_the_same_scenario_gives_the_same_bytes(tmp_path: Path):
 @pytest.mark.parametrize(
     ("given", "says"),
     [
-        ({"part": "arms"}, "part = 'arms' is no part of a scenario: choose plant, law, loop, follower."),
-        ({"version": 1}, "fmi = 1 is no version that can be written: choose 2 or 3."),
+        ({"part": "arms"}, "part = 'arms' is not a part of a scenario: choose plant, law, loop, follower."),
+        ({"version": 1}, "fmi = 1 is not a version that can be written: choose 2 or 3."),
     ],
 )
 def test_what_cannot_be_written_is_said(tmp_path: Path, given: dict[str, Any], says: str):

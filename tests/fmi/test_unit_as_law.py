@@ -204,7 +204,7 @@ def test_a_unit_that_fails_stops_the_run_with_its_own_sentence(exported: Exporte
     world.advance(5)
     assert world.apply(ChangeScenario({"controller.control_period": 0.0015})) is False
     world.advance(20)
-    assert "The communication step 0.0015 s is no whole number of this unit's ticks of 0.001 s" in world.status.text
+    assert "The communication step 0.0015 s is not a whole number of this unit's ticks of 0.001 s" in world.status.text
 
 
 def test_a_recording_names_the_file_and_a_replay_needs_it(

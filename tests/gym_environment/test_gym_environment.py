@@ -125,7 +125,7 @@ def test_what_cannot_go_on_terminates_and_costs_the_rest():
     ("options", "says"),
     [
         ({"action": "force"}, "is not one of 'wrench' or 'torques'"),
-        ({"stiffness": (200, 50)}, "is no range"),
+        ({"stiffness": (200, 50)}, "is not a range"),
         ({"stiffness": (-1, 50)}, r"stiffness = \(-1, 50\) N·m² is outside the allowed range"),
         ({"delay": (0, 500)}, r"delay = \(0, 500\) control periods is outside the allowed range 0 to"),
         ({"control_period": float("nan")}, "control_period = nan needs a finite number"),

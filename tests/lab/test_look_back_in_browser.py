@@ -41,7 +41,7 @@ def test_scene_and_plots_show_an_instant_of_the_past_and_the_run_goes_on_from_th
     for _ in range(20):
         page.page.keyboard.press("ArrowLeft")
     wait_until(lambda: page.page.evaluate(MID_VERTEX) != there, "the keys go further back, and the scene with them")
-    assert page.snapshot.latest.time[0] == now, "an arrow on the bar is no step of the run"
+    assert page.snapshot.latest.time[0] == now, "an arrow on the bar is not a step of the run"
     run, since = page.snapshot.run_number, shown_time(page)
     page.press("Continue from here")
     wait_until(lambda: page.snapshot.run_number == run + 1 and page.snapshot.playing, "a run goes on")

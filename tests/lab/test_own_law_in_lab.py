@@ -74,7 +74,7 @@ def big(file: Path) -> None:
 
 ODD_FILES = {
     "no ordinary file": os.mkfifo,
-    "is no ordinary file": lambda file: file.symlink_to("/dev/zero"),
+    "is not an ordinary file": lambda file: file.symlink_to("/dev/zero"),
     "larger than 0.8 MB": big,
 }
 

@@ -73,15 +73,15 @@ def test_html_in_a_lesson_is_text(tmp_path: Path) -> None:
         ("---\ntitle", "title", "line 1: a lesson begins with a line ---"),
         ("preset: paper", "preset: papper", "line 3: there is no preset 'papper'"),
         ("preset: paper\n", "", "the head has no preset"),
-        ("preset: paper", "colour: blue", "line 3: 'colour: blue' is no field"),
+        ("preset: paper", "colour: blue", "line 3: 'colour: blue' is not a field"),
         ("## Observe", "## Look", "there is no line ## Observe"),
         ("- [x]", "- [ ]", "one line - [x] with what is right"),
-        ("bending_stiffness > 500 and t > 1", "bending_stiffness > 500 and zeit > 1", "line 4: zeit is no metric"),
+        ("bending_stiffness > 500 and t > 1", "bending_stiffness > 500 and zeit > 1", "line 4: zeit is not a metric"),
         ("scenario.payload.bending_stiffness > 500 and t > 1", "t +", "line 4: the check 't +' cannot be read"),
-        ("scenario.payload.bending_stiffness > 500 and t > 1", "ring", "line 4: ring is no metric"),
-        ("scenario.payload.bending_stiffness > 500 and t > 1", "largest(vibration)", "is no comparison"),
+        ("scenario.payload.bending_stiffness > 500 and t > 1", "ring", "line 4: ring is not a metric"),
+        ("scenario.payload.bending_stiffness > 500 and t > 1", "largest(vibration)", "is not a comparison"),
         ("scenario.payload.bending_stiffness > 500 and t > 1", "vibration < 1", "use largest, rms"),
-        ("scenario.payload.bending_stiffness > 500 and t > 1", "largest(sound) < 1", "sound is no signal"),
+        ("scenario.payload.bending_stiffness > 500 and t > 1", "largest(sound) < 1", "sound is not a signal"),
     ],
 )
 def test_a_bad_lesson_says_line_and_reason(tmp_path: Path, old: str, new: str, said: str) -> None:
@@ -98,8 +98,8 @@ def test_all_mistakes_of_a_lesson_are_said_at_once(tmp_path: Path) -> None:
     bad = bad.replace("- [x]", "- [ ]").replace("and t > 1", "and zeit > 1")
     said = write(tmp_path, bad).problem
     for part in (
-        "line 2: 'titel: Stiffer' is no field", "the head has no title", "line 3: there is no preset 'papper'",
-        "line 4: zeit is no metric", "one line - [x] with what is right",
+        "line 2: 'titel: Stiffer' is not a field", "the head has no title", "line 3: there is no preset 'papper'",
+        "line 4: zeit is not a metric", "one line - [x] with what is right",
     ):  # fmt: skip
         assert part in said
 
@@ -111,7 +111,7 @@ def test_a_missing_part_hides_no_other_mistake(tmp_path: Path, titles: list[str]
         bad = bad.replace(f"{title}\n", "")
     said = write(tmp_path, bad + "\n## Check\nif zeit < 1: Wait.\ndone: It is done.\n").problem
     wrong = [f"there is no line {title}: a lesson has" for title in titles]
-    wrong += ["no preset 'papper'", "one line - [x] with what is right", "zeit is no metric"]
+    wrong += ["no preset 'papper'", "one line - [x] with what is right", "zeit is not a metric"]
     assert [part for part in wrong if part not in said] == []
     assert "no check" not in said
 
@@ -139,9 +139,9 @@ def test_all_mistakes_of_a_lesson_s_rules_are_said_at_once(tmp_path: Path) -> No
     head = re.sub("check: .*\n", "", EXAMPLE)
     said = write(tmp_path, head + rules).problem
     for part in (
-        "sound is no signal",
-        "zeit is no metric",
-        "'perhaps' is no rule",
+        "sound is not a signal",
+        "zeit is not a metric",
+        "'perhaps' is not a rule",
         "the last rule must be done: or else:",
     ):
         assert part in said

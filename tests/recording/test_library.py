@@ -174,7 +174,7 @@ def test_a_run_being_written_never_goes(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("limit", [0, -1, float("nan")])
 def test_a_limit_that_is_none_is_said(tmp_path: Path, limit: float) -> None:
-    with pytest.raises(RecordingError, match=r"most_bytes = .* is no limit"):
+    with pytest.raises(RecordingError, match=r"most_bytes = .* is not a limit"):
         removable_runs(tmp_path, most_bytes=limit)
 
 

@@ -64,9 +64,9 @@ def test_a_finished_run_says_where_it_cannot_go(blocked: Path, run: Run) -> None
 def test_a_file_where_the_folder_should_be_is_told_as_such(tmp_path: Path) -> None:
     (tmp_path / "logs").write_text("in the way")
     for place in (tmp_path / "logs", tmp_path / "logs" / "deeper"):
-        with pytest.raises(RecordingError, match=r"cannot be written \(it is no folder\): the run is not recorded"):
+        with pytest.raises(RecordingError, match=r"cannot be written \(it is not a folder\): the run is not recorded"):
             claim_run_file(place, "paper", datetime.now().astimezone())
-        with pytest.raises(RecordingError, match=r"cannot be written \(it is no folder\)"):
+        with pytest.raises(RecordingError, match=r"cannot be written \(it is not a folder\)"):
             claim_named_file(place / "run.rrd")
 
 

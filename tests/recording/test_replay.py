@@ -223,7 +223,7 @@ def test_going_on_keeps_to_the_instants_of_a_lab(tmp_path: Path) -> None:
     recording = read_recording(write_run(run, tmp_path, "paper"))
     _, origin = resume(recording, 0.02)
     assert origin.state.tick == 20
-    with pytest.raises(StudyError, match=r"t = 0.0204 s is no instant of a lab, .* every 1 ms"):
+    with pytest.raises(StudyError, match=r"t = 0.0204 s is not an instant of a lab, .* every 1 ms"):
         resume(recording, 0.0204)
 
 

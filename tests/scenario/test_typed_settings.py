@@ -1,4 +1,4 @@
-"""Settings as typed: values, kinds in any order, and a sentence with close names for what is no field."""
+"""Settings as typed: values, kinds in any order, and a sentence with close names for what is not a field."""
 
 import pytest
 
@@ -55,8 +55,8 @@ def test_settings_change_fields_by_path_and_kinds_come_first():
         (("payload.bending_stiffness=soft",), "payload.bending_stiffness = 'soft' needs a finite number"),
         (("controller.kind=pdd",), "is not one of 'adaptive-sliding-mode'"),
         (("gravity=NaN",), "gravity = nan needs a finite number"),
-        (("gravity",), "'gravity' is no setting: write PATH=VALUE, as in controller.feedback_gain=400."),
-        (("=3",), "'=3' is no setting"),
+        (("gravity",), "'gravity' is not a setting: write PATH=VALUE, as in controller.feedback_gain=400."),
+        (("=3",), "'=3' is not a setting"),
         (("gravity=1", "gravity=2"), "gravity is set twice: give it one value."),
         (("simulation.step.a=1",), "did you mean simulation.step?"),
         (("\x1b[31m.b=1",), "is not a scenario field"),

@@ -117,7 +117,7 @@ def test_play_screen_and_lab_have_no_grave_findings_and_are_used_by_keyboard(pag
         page.keyboard.press("ArrowLeft")
     wait_until(lambda: slider.get_attribute("aria-valuetext") == "70.79 N·m²", "it says its value in its unit")
     assert page.locator(".mantine-Slider-label:visible").count() == 0, "no place on the slider is shown as a value"
-    assert page.get_by_role("button", name="Pause").count() == 1, "an arrow on a slider is no step of the run"
+    assert page.get_by_role("button", name="Pause").count() == 1, "an arrow on a slider is not a step of the run"
     page.get_by_role("button", name="Bending stiffness EI: back to its usual value").focus()
     page.keyboard.press("Enter")
     wait_until(lambda: slider.get_attribute("aria-valuetext") == "100 N·m²", "and goes back")

@@ -128,7 +128,7 @@ async def look_around(proxy: web.Application, run: str) -> None:
 
 @pytest.mark.parametrize("base", ["user", "/a b", "//evil", "/a/../b", '/"onload="', "/a?b", "/é", "http://x"])
 def test_a_base_that_is_none_is_refused(base: str):
-    with pytest.raises(LabError, match="is no valid prefix of an address: write one like /user/ann/flexlab"):
+    with pytest.raises(LabError, match="is not a valid prefix of an address: write one like /user/ann/flexlab"):
         Settings(base_url=base)
 
 

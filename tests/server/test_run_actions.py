@@ -235,8 +235,8 @@ def test_a_run_that_is_being_recorded_is_replayed_as_far_as_it_is(library: Front
     [
         ("0.6", "t = 0.6 s was not recorded: choose 0 to 0.5 s."),
         ("-1", "t = −1 s was not recorded"),
-        ("soon", "time = &#x27;soon&#x27; is no time: give a number of seconds"),
-        ("nan", "is no time"),
+        ("soon", "time = &#x27;soon&#x27; is not a time: give a number of seconds"),
+        ("nan", "is not a time"),
     ],
 )
 def test_a_time_to_go_on_from_outside_the_run_is_refused(
@@ -259,7 +259,7 @@ def test_an_export_imported_again_is_the_run_bit_for_bit(library: FrontServer, s
     for name in vars(original.samples):
         assert getattr(found.samples, name).tobytes() == getattr(original.samples, name).tobytes(), name
     assert (found.scenario, found.name, found.started) == (original.scenario, original.name, original.started)
-    assert "payload.bending_stiffness: 100 → 50" not in ask(library.url, "/runs").text, "softer is no preset"
+    assert "payload.bending_stiffness: 100 → 50" not in ask(library.url, "/runs").text, "softer is not a preset"
     assert "metrics" in read_notes(found.path)
     # A range of time.
     part = ask(library.url, f"/runs/{softer.stem}/export?format=csv&start=0.1&end=0.2")
@@ -286,7 +286,7 @@ def test_figures_come_in_one_file(library: FrontServer, softer: Path) -> None:
             "format = &#x27;xlsx&#x27; is not known: choose one of html, zip, csv, parquet, npz, png, svg.",
         ),
         ("format=csv&start=2", "From 2 to 0.5 s there is no sample: choose times within 0 to 0.5 s"),
-        ("format=csv&end=inf", "end = &#x27;inf&#x27; is no time"),
+        ("format=csv&end=inf", "end = &#x27;inf&#x27; is not a time"),
     ],
 )
 def test_what_cannot_be_exported_is_said(front_server: FrontServer, recorded: Path, query: str, says: str) -> None:

@@ -277,7 +277,7 @@ def test_what_cannot_be_studied_is_said_beside_the_form_which_keeps_what_was_typ
         values.fill("7")
         start.click()
         problem = form.get_by_role("alert")
-        problem.get_by_text("'1O0' is no number").wait_for()
+        problem.get_by_text("'1O0' is not a number").wait_for()
         assert (lower.input_value(), values.input_value()) == ("1O0", "7")
         assert page.url == f"{front_server.url}studies"
         lower.fill("100")

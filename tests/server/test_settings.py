@@ -27,8 +27,8 @@ from flexlab.server.settings import Settings
         ("token", "with spaces in the middle", "--token has ' ', which an address cannot hold as it stands"),
         ("token", "hash#hash#hash#hash", "--token has '#'"),
         ("token", "ümlautümlautümlaut", "--token has '.xfc'"),
-        ("max_size", -2.0, "max-size = -2 GB is no limit: give a number above 0, or leave it out."),
-        ("max_age", 0.0, "max-age = 0 days is no limit"),
+        ("max_size", -2.0, "max-size = -2 GB is not a limit: give a number above 0, or leave it out."),
+        ("max_age", 0.0, "max-age = 0 days is not a limit"),
     ],
 )
 def test_a_setting_out_of_range_is_refused_in_a_sentence(field: str, value: object, says: str) -> None:

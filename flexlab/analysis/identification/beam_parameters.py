@@ -60,7 +60,7 @@ def read_measured(path: Path, time: str | None = None, signal: str | None = None
         raise StudyError(f"{path}: {both} cannot be both time and signal: name two columns.")
     if t_unit and t_unit not in TIME_UNITS:
         known = ", ".join(dict.fromkeys(TIME_UNITS))
-        raise StudyError(f"{path}: {visible(t_unit, LONGEST_NAME)} is no unit of time: choose one of {known}.")
+        raise StudyError(f"{path}: {visible(t_unit, LONGEST_NAME)} is not a unit of time: choose one of {known}.")
     if not t_unit:
         raise StudyError(
             f"{path}: the unit of time is not known: say it, as in --time '{visible(names[t_place], LONGEST_NAME)} [ms]'."
@@ -82,7 +82,7 @@ def read_measured(path: Path, time: str | None = None, signal: str | None = None
     steps = np.diff(t)
     if not SHORTEST_STEP <= np.median(steps) <= LONGEST_STEP or np.abs(t).max() > LATEST:
         usual = f"{np.median(steps):.3g} s apart, up to t = {t[np.abs(t).argmax()]:.3g} s"
-        raise StudyError(f"{path}: samples are {usual}, which is no vibration of a beam: check the unit of time.")
+        raise StudyError(f"{path}: samples are {usual}, which is not a vibration of a beam: check the unit of time.")
     if np.abs(y).max() > LARGEST_SIGNAL:
         raise StudyError(f"{path}: the signal reaches {np.abs(y).max():.3g}, over {LARGEST_SIGNAL:g}: check its unit.")
     gaps = steps > GAP * np.median(steps)

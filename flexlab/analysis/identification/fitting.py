@@ -121,7 +121,7 @@ def is_measurement(source: str) -> bool:
     if path.suffix.lower() not in ("", SUFFIX) and path.is_file():
         known = ", ".join(TABLES)
         raise StudyError(
-            f"{visible(path.name, 60)} is no recording (.rrd) and no table ({known}): save its columns as CSV."
+            f"{visible(path.name, 60)} is neither a recording (.rrd) nor a table ({known}): save its columns as CSV."
         )
     return False
 
@@ -207,7 +207,7 @@ def _poses(path: np.ndarray, ring: np.ndarray) -> list[tuple[float, float, float
 def keep_measurement(fit: Fit, source: Path, scenario: Scenario | None, against: str | None, logs: Path) -> Path:
     """Record a measured deflection in `logs`, to compare with a scenario called `against`. Raises `RecordingError`."""
     if fit.unit != "m":
-        raise RecordingError(f"{fit.unit or 'a number without a unit'} is no deflection.")
+        raise RecordingError(f"{fit.unit or 'a number without a unit'} is not a deflection.")
     held = scenario or load_preset(UNTOLD)
     what = f"{len(fit.time)} deflections from {source.name}, held against {against or UNTOLD}"
     path = take_measurement(source, held, fit.time, fit.signal, fit.ring.background, what, logs)

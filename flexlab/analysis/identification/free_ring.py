@@ -27,7 +27,7 @@ def ring_of_run(
     about = {**TABLE, **DERIVED}.get(name)
     if about is None or about.axes:
         usable = [other for other, signal in {**TABLE, **DERIVED}.items() if not signal.axes and other != "time"]
-        raise StudyError(f"{name!r:.60} is no signal that rings: choose one of {', '.join(usable)}.")
+        raise StudyError(f"{name!r:.60} is not a signal that rings: choose one of {', '.join(usable)}.")
     samples = recording.samples
     if len(samples) == 0:
         raise StudyError(f"{recording.path.stem} has no samples.")

@@ -82,7 +82,7 @@ class Leaderboard(Result):
 
         known = {each.name: each for each in self.cases}
         if case and case not in known:
-            raise StudyError(f"{case!r:.40} is no case here: choose one of {', '.join(known)}.")
+            raise StudyError(f"{case!r:.40} is not a case here: choose one of {', '.join(known)}.")
         found = known[case] if case else self.cases[0]
         laws = [law for law in self.laws if any(row.law == law and row.case == found.name for row in self.rows)]
         values = [[self._shown(found, variant, law) for variant in found.variants] for law in laws]

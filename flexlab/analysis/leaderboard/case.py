@@ -165,7 +165,7 @@ def chosen_cases(wanted: Sequence[str | Case] | None, long: bool) -> tuple[Case,
     if wanted is None:
         return tuple(case for case in cases().values() if long or not case.long)
     if isinstance(wanted, str) or not isinstance(wanted, Sequence):
-        raise StudyError(f"cases = {wanted!r:.60} is no list: give names, as in ['B1', 'B2'].")
+        raise StudyError(f"cases = {wanted!r:.60} is not a list: give names, as in ['B1', 'B2'].")
     if not wanted:
         raise StudyError("cases is empty: name one case or more, as in ['B1', 'B2'], or leave it out for all.")
     return tuple(dict.fromkeys(map(_case, wanted)))
@@ -176,5 +176,5 @@ def _case(wanted: str | Case) -> Case:
         return wanted
     found = cases().get(wanted.upper() if isinstance(wanted, str) else "")
     if found is None:
-        raise StudyError(f"{wanted!r:.60} is no case: choose from {', '.join(cases())}.")
+        raise StudyError(f"{wanted!r:.60} is not a case: choose from {', '.join(cases())}.")
     return found

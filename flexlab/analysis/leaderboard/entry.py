@@ -88,7 +88,7 @@ def chosen_entrants(wanted: Sequence[AnyEntrant] | None, more: Sequence[AnyEntra
     known = entrants()
     for name, given in (("laws", wanted), ("more_laws", more)):
         if isinstance(given, str) or not (given is None or isinstance(given, Sequence)):
-            raise StudyError(f"{name} = {given!r:.60} is no list: give names or files, as in ['pd', 'my_law.py'].")
+            raise StudyError(f"{name} = {given!r:.60} is not a list: give names or files, as in ['pd', 'my_law.py'].")
     first = list(known.values()) if wanted is None else [_entrant(law, known) for law in wanted]
     found = {entrant.name: entrant for entrant in [*first, *(_entrant(law, known) for law in more or ())]}
     if not found:
@@ -102,7 +102,7 @@ def _entrant(wanted: AnyEntrant, known: Mapping[str, Entrant]) -> Entrant:
     kind = law_kind(wanted)
     law = laws().get(kind)
     if law is None:
-        raise StudyError(f"{kind!r:.60} is no control law: choose from {', '.join(known)}, or give a Python file.")
+        raise StudyError(f"{kind!r:.60} is not a control law: choose from {', '.join(known)}, or give a Python file.")
     return Entrant(kind, law.chosen())
 
 

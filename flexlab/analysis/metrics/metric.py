@@ -213,4 +213,4 @@ def named(word: str) -> Named:
     parts = [name for name in number_names() if name.startswith(f"{word}.")]
     if parts:
         raise StudyError(f"{word} has several numbers: choose one of {', '.join(parts)}.")
-    raise StudyError(f"{word!r:.60} is no metric: choose one of {', '.join(number_names())}.")
+    raise StudyError(f"{word!r:.60} is not a metric: choose one of {', '.join(number_names())}.")

@@ -68,7 +68,9 @@ def metric(unit: str, title: str = "", of: Kind = "run") -> Callable[[Function],
     Raises `StudyError` for a name that is taken.
     """
     if not isinstance(unit, str) or not unit:
-        raise StudyError(f'unit = {unit!r:.60} is no unit: give it as text, as in @flexlab.metric("J"), "1" for none.')
+        raise StudyError(
+            f'unit = {unit!r:.60} is not a unit: give it as text, as in @flexlab.metric("J"), "1" for none.'
+        )
     if not isinstance(title, str):
         raise StudyError(f"title = {title!r:.60} is not usable: give a text.")
     if not isinstance(of, str) or of not in ("run", "peak", "rms"):

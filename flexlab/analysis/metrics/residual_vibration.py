@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 LATER = 0.2
 """Time after the stop from which the second number counts, s, as if the next move waited that long."""
 STOPPED = 0.01
-"""Time for which the target must stand still at the end of the samples, s, so that a turning point is no stop."""
+"""Time for which the target must stand still at the end of the samples, s, so that a turning point is not a stop."""
 
 
 @register
@@ -37,7 +37,7 @@ class ResidualVibration(Metric):
     )
 
     # A sample that is followed by a louder one can never be the loudest after the stop, so few have to be kept.
-    # The target stands still from the sample after its last motion on: one still sample alone is no stop.
+    # The target stands still from the sample after its last motion on: one still sample alone is not a stop.
 
     def __init__(self) -> None:
         self._last, self._pose = -np.inf, np.full(3, np.nan)

@@ -109,7 +109,7 @@ def _axis(path: str, given: Any, scenario: Scenario) -> Axis:
 
 def _range(path: str, text: str, whole: bool) -> Axis:
     words = [word.strip() for word in text.split(":")]
-    wrong = StudyError(f"{path}={_shown(text)} is no range: write LOW:HIGH, LOW:HIGH:COUNT or LOW:HIGH:log:COUNT.")
+    wrong = StudyError(f"{path}={_shown(text)} is not a range: write LOW:HIGH, LOW:HIGH:COUNT or LOW:HIGH:log:COUNT.")
     logarithmic = words[2:3] == [LOGARITHMIC]
     if words[2:3] in ([LINEAR], [LOGARITHMIC]):
         del words[2]

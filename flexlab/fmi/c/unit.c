@@ -131,7 +131,7 @@ int unit_step(Unit *unit, double time, double step, double *reached) {
         return unit_refuse(unit, "This unit is not initialized: enter and exit initialization mode before the first step.");
     /* Importers that add up their steps may end with one as short as the rounding error, in which there is nothing to do. */
     if (!(step > 0 && step <= LONGEST) || fabs(step - ticks * TICK_PERIOD) > 1e-6 * TICK_PERIOD) {
-        snprintf(text, sizeof text, "The communication step %.12g s is no whole number of this unit's ticks of %.12g s: "
+        snprintf(text, sizeof text, "The communication step %.12g s is not a whole number of this unit's ticks of %.12g s: "
                  "choose a multiple of it, up to %g s.", step, (double)TICK_PERIOD, (double)LONGEST);
         return unit_refuse(unit, text);
     }

@@ -70,7 +70,7 @@ def _make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        reason = "it is no folder" if isinstance(error, FileExistsError | NotADirectoryError) else error.strerror
+        reason = "it is not a folder" if isinstance(error, FileExistsError | NotADirectoryError) else error.strerror
         raise RecordingError(f"{folder} cannot be written ({reason}): the run is not recorded.") from None
 
 
@@ -270,7 +270,7 @@ def removable_runs(
     """
     for name, limit in (("most_bytes", most_bytes), ("most_days", most_days)):
         if limit is not None and not limit > 0:
-            raise RecordingError(f"{name} = {limit:g} is no limit: give a number above 0, or leave it out.")
+            raise RecordingError(f"{name} = {limit:g} is not a limit: give a number above 0, or leave it out.")
     oldest_first = []
     for path in reversed(list_runs(logs)):
         with contextlib.suppress(OSError):  # It vanished meanwhile.

@@ -148,7 +148,7 @@ async def take_name(request: web.Request) -> web.StreamResponse:
     try:
         named = replace(visitor, name=checked_name(str(form.get("name", ""))))
     except LabError as error:
-        return message("This is no name", str(error), 400)
+        return message("This is not a name", str(error), 400)
     context_of(request).places.call(named.id, named.name)
     where = "/lab/?play" if "play" in form else "/lab/" if "enter" in form else "/"
     answer = web.Response(status=303, headers={hdrs.LOCATION: where})

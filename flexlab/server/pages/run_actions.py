@@ -59,7 +59,7 @@ async def row_of(request: web.Request) -> RunRow:
 
 
 async def recorded_row_of(request: web.Request) -> RunRow:
-    """The run that the address names. Raises `RecordingError` if there is none or the file is no recording."""
+    """The run that the address names. Raises `RecordingError` if there is none or the file is not a recording."""
     row = await row_of(request)
     if row.problem:
         raise RecordingError(row.problem)
@@ -210,7 +210,7 @@ def read_time(name: str, text: object) -> float | None:
         return None
     time = typed_number(text)
     if math.isnan(time):
-        raise RecordingError(f"{name} = {shown(text.strip())} is no time: give a number of seconds, such as 1.5.")
+        raise RecordingError(f"{name} = {shown(text.strip())} is not a time: give a number of seconds, such as 1.5.")
     return time
 
 

@@ -157,7 +157,7 @@ async def rule(request: web.Request) -> web.StreamResponse:
     if lesson and lesson not in await asyncio.to_thread(_lessons):
         raise LabError(f"There is no lesson {lesson[:60]!r}: choose one from the list.")
     if step not in map(str, range(1, len(STEPS) + 1)):
-        raise LabError(f"step = {step[:20]!r} is no step of a lesson: choose 1 to {len(STEPS)}.")
+        raise LabError(f"step = {step[:20]!r} is not a step of a lesson: choose 1 to {len(STEPS)}.")
     rules = ClassRules(lesson, int(step), "lock" in form, "hide" in form)
     context = context_of(request)
     await context.places.rule(rules)

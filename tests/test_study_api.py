@@ -322,7 +322,7 @@ def test_what_no_argument_can_be_is_one_sentence(given: Any):
         "cost": lambda: flexlab.tune("paper", {EI: "50:60"}, cost=given),
         "is not a run": lambda: flexlab.explain(given),
         "is not a run: ": lambda: flexlab.internal_force_eq_26(given),
-        "no signal": lambda: run.plot([given]),  # type: ignore[arg-type]
+        "is not a signal": lambda: run.plot([given]),  # type: ignore[arg-type]
     }
     for says, ask in asked.items():
         with pytest.raises(StudyError) as caught:

@@ -112,32 +112,26 @@ class _OfSignal(Metric):
 
 
 class RootMeanSquare(_OfSignal):
-    """Base of metrics √(mean of signal² over time), where signal² is a straight line between samples.
+    """Base of metrics √(mean of signal²) over all samples.
 
-    The mean of the samples would count a peak at the first instant, as of the paper's run, for a whole sample period.
+    A peak in the first sample counts for a whole period: the internal force of the paper's run is 3.6 % larger with samples
+    every 1 ms than over time, and 7 % every 2 ms. Compare runs that have the same sample period.
     """
 
     def __init__(self) -> None:
-        self._begin = np.nan
-        self._time, self._square = np.empty(0), np.empty((0, len(self.columns)))
-        """Of the last sample so far: (1,), s, and (1, columns)."""
-        self._integral = np.zeros(len(self.columns))
+        self._count = 0
+        self._squares = np.zeros(len(self.columns))
 
     def update(self, samples: "Samples") -> None:
         """Take in the next piece of a run."""
-        time = np.concatenate([self._time, samples.time])
-        square = np.concatenate([self._square, self.signal(samples) ** 2])
-        if np.isnan(self._begin):
-            self._begin = float(time[0])
-        self._integral += np.sum(np.diff(time)[:, None] * (square[1:] + square[:-1]), axis=0) / 2
-        self._time, self._square = time[-1:], square[-1:]
+        self._count += len(samples)
+        self._squares += np.sum(self.signal(samples) ** 2, axis=0)
 
     def compute(self) -> tuple[float, ...]:
-        """The root of the mean square, a number per column; of a single sample, its magnitude."""
-        if np.isnan(self._begin):
+        """The root of the mean square, a number per column."""
+        if self._count == 0:
             return (np.nan,) * len(self.columns)
-        span = float(self._time[0]) - self._begin
-        return tuple(map(float, np.sqrt(self._integral / span if span > 0 else self._square[0])))
+        return tuple(map(float, np.sqrt(self._squares / self._count)))
 
 
 def outlasting(time: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

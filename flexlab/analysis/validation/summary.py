@@ -17,11 +17,6 @@ BEFORE = 0.02
 """Time of a change, s, at which the beam still rings."""
 
 
-def _root_mean_square(time: np.ndarray, signal: np.ndarray) -> np.ndarray:
-    """√(mean over time of signal²) of each column of (N, columns), by the trapezoidal rule."""
-    return np.sqrt(np.trapezoid(signal**2, time, axis=0) / (time[-1] - time[0]))
-
-
 @subject("Numbers that sum up a run", 15)
 def summary(runs: Runs) -> Iterator[Check]:
     """Metrics of the paper's run and of one that stops; a change to a finer mesh during a run."""
@@ -30,13 +25,13 @@ def summary(runs: Runs) -> Iterator[Check]:
     force, moment = run.internal_force[:, 0, :2], run.internal_force[:, 0, 2]
     wanted = {
         "duration": [run.time[-1] - run.time[0]],
-        "rms_error": _root_mean_square(run.time, e),
+        "rms_error": np.sqrt((e**2).mean(axis=0)),
         "peak_error": np.abs(e).max(axis=0),
         "peak_vibration": [np.abs(run.midspan_deflection - run.quasi_static_deflection).max()],
         "peak_torque": [np.abs(run.joint_torque).max()],
         "peak_axial_load": [np.max(run.axial_load_share)],
-        "rms_internal_force": _root_mean_square(run.time, np.linalg.norm(force, axis=1)[:, None]),
-        "rms_internal_moment": _root_mean_square(run.time, moment[:, None]),
+        "rms_internal_force": [np.sqrt((force**2).sum(axis=1).mean())],
+        "rms_internal_moment": [np.sqrt((moment**2).mean())],
     }
     for name, exact in wanted.items():
         yield alike(f"{name.replace('_', ' ')}, from all samples: relative error", 1e-12, getattr(found, name), exact)

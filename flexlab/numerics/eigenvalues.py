@@ -8,16 +8,16 @@ from flexlab.numerics.linear_algebra import MOST_SWEEPS, NoSolution, product, so
 
 EPSILON = 2.0**-52
 MOST_ROUNDS = 90
-"""Most QR steps for one eigenvalue: two or three are usual."""
+"""Largest number of QR steps for one eigenvalue; two or three are usual."""
 STUCK = 10
-"""Rounds after which an exceptional shift is used once."""
+"""Number of QR steps for one eigenvalue after which an exceptional shift is made."""
 LN_2 = 0.6931471805599453
 SQUARINGS = 16
-"""Squarings for the largest eigenvalue: constants of the powers then count for 1e-4."""
+"""Squarings of a matrix for its spectral radius: enough for a relative accuracy of 1e-4."""
 
 
 def eigenvalues(A: np.ndarray) -> np.ndarray:
-    """Eigenvalues of A (n, n), (n,) complex, conjugates exactly so. Raises `NoSolution`."""
+    """Return the complex eigenvalues (n,) of A (n, n); conjugate pairs are exactly conjugate. Raises `NoSolution`."""
     H, n = balanced(A)[0], len(A)
     real, imaginary = np.empty(n), np.empty(n)
     if francis(H, real, imaginary, np.empty((2, n))) != 0:
@@ -26,7 +26,7 @@ def eigenvalues(A: np.ndarray) -> np.ndarray:
 
 
 def eigenvector(A: np.ndarray, value: complex) -> np.ndarray:
-    """The right eigenvector (n,), complex, of length 1, of A (n, n) for one of its `eigenvalues`: by inverse iteration."""
+    """Return the complex right eigenvector (n,), of length 1, of A (n, n) for one of its `eigenvalues`, by inverse iteration."""
     n = len(A)
     # A little off the eigenvalue, so that the equations have a solution.
     near = value * (1 + 1e-10) if value != 0 else complex(1e-10 * np.abs(A).max(initial=1e-300))
@@ -41,7 +41,7 @@ def eigenvector(A: np.ndarray, value: complex) -> np.ndarray:
 
 
 def power_sizes(A: np.ndarray, doublings: int) -> tuple[float, float]:
-    """ln ‖Aᵏ‖ of A (n, n) for k = 2ᵈ/2 and 2ᵈ with d ≥ 1 doublings. Their difference over 2ᵈ/2 is the ln of its growth."""
+    """Return ln ‖Aᵏ‖ of A (n, n) for k = 2ᵈ/2 and 2ᵈ, d ≥ 1 doublings; the difference over 2ᵈ/2 is ln of the growth rate."""
     sizes, twos = [0.0, 0.0], 0
     for k in range(doublings):
         A = product(A, A)
@@ -53,7 +53,7 @@ def power_sizes(A: np.ndarray, doublings: int) -> tuple[float, float]:
 
 
 def spectral_radius(A: np.ndarray) -> float:
-    """The largest |eigenvalue| of A (n, n), to a relative accuracy of 1e-4: from a power of it."""
+    """Return the largest |eigenvalue| of A (n, n) from a power of A, to a relative accuracy of 1e-4."""
     norm = float(np.abs(A).max(initial=0.0))
     if norm == 0:
         return 0.0
@@ -62,7 +62,7 @@ def spectral_radius(A: np.ndarray) -> float:
 
 
 def balanced(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """S⁻¹ A S (n, n) with rows and columns of equal size, and S's diagonal (n,), powers of two, so that nothing is rounded."""
+    """Return S⁻¹ A S (n, n), with rows and columns of similar size, and the diagonal of S (n,): powers of two, so it is exact."""
     A, scale = np.array(A, dtype=float, order="C"), np.ones(len(A))
     for _ in range(MOST_SWEEPS):
         done = True
@@ -83,9 +83,9 @@ def balanced(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @compiled
 def francis(H, real, imaginary, scratch):
-    """Eigenvalues of H (n, n), which is overwritten: Householder's and Francis's steps, as EISPACK's `orthes` and `hqr`.
+    """Find the eigenvalues of H (n, n), which is overwritten, by Householder and Francis steps as EISPACK's `orthes` and `hqr`.
 
-    scratch (2, n). Returns 0, or 1 if they are not found.
+    Fills `real` and `imaginary` (n,); scratch (2, n). Returns 0, or 1 if the eigenvalues are not found.
     """
     n, v, w = len(H), scratch[0], scratch[1]
     for m in range(1, n - 1):

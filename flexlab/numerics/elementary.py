@@ -1,8 +1,8 @@
 """Sine, cosine, angle, exponential and logarithm with the same bits on every machine, each at most 1 ulp off.
 
-The C library's differ between its versions, and between processors with and without fused multiplication. These are made of
-+ - × ÷ alone, as kernels and as plain Python. The polynomials are those of fdlibm (Sun Microsystems, 1993; `k_sin.c`,
-`k_cos.c`, `s_atan.c`, `e_exp.c`, `e_log.c`). √ is exact everywhere, and so is hypot written as √(x² + y²).
+The C library's functions differ between its versions, and between processors with and without fused multiply-add. These use
++ - × ÷ alone, in kernels as in plain Python. The polynomials are those of fdlibm (Sun Microsystems, 1993; `k_sin.c`,
+`k_cos.c`, `s_atan.c`, `e_exp.c`, `e_log.c`). √ has the same bits everywhere, and so has hypot written as √(x² + y²).
 """
 
 from collections.abc import Callable
@@ -14,24 +14,24 @@ from numpy.typing import ArrayLike
 from flexlab.compiled import compiled, inlined
 
 ROUND = 1.5 * 2.0**52
-"""Added to a number below 2⁵¹ and taken away again, it leaves the nearest whole number."""
+"""Adding it to a number below 2⁵¹ and subtracting it again leaves the nearest whole number."""
 SPLIT = 2.0**27 + 1
-"""Cuts a number into halves of 26 bits (Dekker, Numer. Math. 18 (1971) 224)."""
+"""Splits a number into halves of 26 bits (Dekker, Numer. Math. 18 (1971) 224)."""
 
 TURNED = 0.6366197723675814
 """2/π."""
 QUARTER = (1.5707963267341256, 6.077094383272197e-11, 6.12323399409214e-17, 1.6446256936324258e-26)
-"""π/2 in parts of 33, 21, 32 and 53 bits: multiplied by whole numbers of 20 bits, the first three are exact."""
+"""π/2 in parts of 33, 21, 32 and 53 bits: products of the first three with whole numbers of 20 bits are exact."""
 QUARTER_1, QUARTER_2, QUARTER_3, QUARTER_4 = QUARTER
 STRAIGHT_AHEAD = 0.785
 """Angle, rad, a little below π/4, up to which no multiple of π/2 is subtracted."""
 NEAR = 2.0**20
-"""Angle, rad, up to which these parts suffice."""
+"""Largest angle, rad, for which the parts of `QUARTER` suffice."""
 
 DIGIT, MASK = 26, 2**26 - 1
-"""Bits of one digit of 2/π, so that products of two digits fit into a whole number."""
+"""Bits of one digit of 2/π, and their mask: products of two digits fit into an integer."""
 LEADING = 2 * DIGIT
-"""Zeros before 2/π, as many as numbers above `NEAR` reach back."""
+"""Zero bits before 2/π: numbers above `NEAR` reach no further back."""
 _BITS = int(
     "a2f9836e4e441529fc2757d1f534ddc0db6295993c439041fe5163abdebbc561b7246e3a424dd2e006492eea09d1921cfe1deb1cb129a73ee88235"
     "f52ebb4484e99c7026b45f7e413991d639835339f49c845f8bbdf9283b1ff897ffde05980fef2f118b5a0a6d1f6d367ecf27cb09b74f463f669e5f"
@@ -39,7 +39,7 @@ _BITS = int(
     16,
 )
 DIGITS = np.array([_BITS >> DIGIT * (49 - k) & MASK for k in range(50)])
-"""2/π after `LEADING` zeros, with enough digits for the largest number."""
+"""2/π after `LEADING` zero bits, with enough digits for the largest number."""
 
 ANGLE_HALF, ANGLE_HALF_REST = 0.4636476090008061, 2.2698777452961687e-17
 ANGLE_ONE, ANGLE_ONE_REST = 0.7853981633974483, 3.061616997868383e-17
@@ -58,7 +58,7 @@ LARGEST_EXPONENT, SMALLEST_EXPONENT = 709.782712893384, -745.1332191019412
 """Beyond them, exp is infinite or zero."""
 ROOT_HALF = 0.7071067811865476
 FRACTION, ONE = 2**52 - 1, 1023 << 52
-"""Bits of a number behind its exponent; those of 1.0."""
+"""Mask of a number's fraction bits; the bits of 1.0."""
 
 
 @inlined
@@ -111,12 +111,12 @@ def _two_over_pi(place):
 
 @compiled
 def reduced(x):
-    """Quadrant q, r and rest with x - q π/2 = r + rest, |r| ≤ π/4, for |x| above `NEAR` (Payne & Hanek, 1983)."""
+    """Return quadrant q, r and rest with x - q π/2 = r + rest, |r| ≤ π/4, for |x| above `NEAR` (Payne & Hanek, 1983)."""
     if not abs(x) < np.inf:
         return 0, np.nan, np.nan
     bits = int(np.float64(abs(x)).view(np.int64))
     mantissa, place = (bits & FRACTION) | (FRACTION + 1), (bits >> 52) - 1075 + LEADING - 2
-    # |x| · 2/π modulo 4, as six digits behind the point: those before it are whole turns.
+    # |x| · 2/π modulo 4, as six digits after the point; the digits before it are whole turns.
     upper, lower = mantissa >> DIGIT, mantissa & MASK
     carry = 0
     first = second = third = 0
@@ -145,7 +145,7 @@ def reduced(x):
 
 @inlined
 def product_rest(a, b, product):
-    """a b - product, exactly, for the rounded `product` of a and b."""
+    """Return a b - product exactly: the rounding error of the `product` of a and b."""
     wide = SPLIT * a
     a1 = wide - (wide - a)
     wide = SPLIT * b
@@ -230,7 +230,7 @@ def exp(x):
     c = 6.61375632143793436117e-05 + z * (-1.65339022054652515390e-06 + z * 4.13813679705723846039e-08)
     c = r - z * (1.66666666666666019037e-01 + z * (-2.77777777770155933842e-03 + z * c))
     value = 1.0 - ((low - (r * c) / (2.0 - c)) - high)
-    # In two factors: 2¹⁰²⁴ overflows, and a subnormal result is rounded only once.
+    # Two factors, as 2¹⁰²⁴ overflows; a subnormal result is still rounded only once.
     first = int(doublings) >> 1
     return value * _power_of_two(first) * _power_of_two(int(doublings) - first)
 
@@ -280,6 +280,6 @@ def exponentials(x: np.ndarray) -> np.ndarray:
 
 
 def each(function: Callable[[Any], float], values: ArrayLike) -> np.ndarray:
-    """A function of this module applied to every number of an array; for computations before a run."""
+    """Apply a function of this module to every number of an array; for computations before a run."""
     numbers = np.asarray(values, dtype=float)
     return np.array([function(value) for value in numbers.ravel().tolist()]).reshape(numbers.shape)

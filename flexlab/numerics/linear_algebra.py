@@ -1,6 +1,6 @@
 """Matrices with the same bits on every machine: products, equations and singular values in a fixed order.
 
-BLAS and LAPACK choose their kernels by the processor, and these round differently. Matrices before a run are small, up to 260
+BLAS and LAPACK choose kernels by the processor, and these round differently. Matrices needed before a run are small: up to 260
 rows. Sums run over the inner index from first to last, and vector units work on neighbouring columns.
 """
 
@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 from flexlab.compiled import compiled, inlined
 
 SAME_DIRECTION = 2e-15
-"""Cosine between two rows below which they count as orthogonal: a few times what rounding leaves of a sum of a hundred."""
+"""Cosine between two rows below which they count as orthogonal: a few times the rounding error of a sum of a hundred terms."""
 MOST_SWEEPS = 60
-"""Most rounds of rotations: six to ten are usual."""
+"""Largest number of rounds of rotations; six to ten are usual."""
 
 
 class NoSolution(ValueError):
@@ -35,7 +35,7 @@ def solve_symmetric(S, b):
 
 
 def product(A: ArrayLike, B: ArrayLike) -> np.ndarray:
-    """A B of matrices (..., m, k) and (..., k, n), or of a vector in place of either, as `A @ B`."""
+    """Return A B for matrices (..., m, k) and (..., k, n), or a vector in place of either, as `A @ B` does."""
     left, right = np.ascontiguousarray(A, dtype=float), np.ascontiguousarray(B, dtype=float)
     if left.ndim == 1:
         return product(left[None], right)[..., 0, :] if right.ndim > 1 else product(left[None], right)[0]
@@ -59,7 +59,7 @@ def _stacked(A: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def solve(A: ArrayLike, B: ArrayLike) -> np.ndarray:
-    """X (n, k) or (n,) of A X = B, A (n, n), by elimination with pivots. Raises `NoSolution`."""
+    """Solve A X = B for X (n, k) or (n,), A (n, n), by Gaussian elimination with partial pivoting. Raises `NoSolution`."""
     matrix, right = np.array(A, dtype=float, order="C"), np.array(B, dtype=float, order="C")
     found = right.reshape(len(right), -1)
     if eliminate(matrix, found) != 0 or not np.isfinite(found).all():
@@ -86,7 +86,7 @@ def cholesky(A: np.ndarray) -> np.ndarray:
 def singular_vectors(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Singular values of A (m, n) with n ≤ m, (n,), ascending, and its right singular vectors as columns, (n, n).
 
-    By one-sided Jacobi rotations, which find small singular values to relative accuracy (Demmel and Veselić, SIAM J. Matrix
+    Uses one-sided Jacobi rotations, which find small singular values to relative accuracy (Demmel and Veselić, SIAM J. Matrix
     Anal. Appl. 13(4), 1992, 1204).
     """
     rows, W = np.array(A.T, dtype=float, order="C"), np.eye(A.shape[1])
@@ -98,7 +98,7 @@ def singular_vectors(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @compiled
 def multiply(A, B, C):
-    """C = A B of stacks (s, m, k), (s, k, n) and (s, m, n). Sums take four terms at a time, in their order."""
+    """Fill C (s, m, n) with A B of stacks (s, m, k) and (s, k, n). Sums take four terms at a time, in order."""
     inner, columns = B.shape[1], B.shape[2]
     for stack in range(len(C)):
         for i in range(C.shape[1]):

@@ -11,19 +11,19 @@ from flexlab.numerics.linear_algebra import NoSolution, inverse, product, solve
 TAYLOR_NORM, TAYLOR_TERMS = 2.0, 22
 """Largest norm, and number of terms, for Taylor series of exponential and φ functions to double precision."""
 MOST_DOUBLINGS = 60
-"""Most doublings of a Riccati equation's horizon: eight to twenty are usual."""
+"""Largest number of doublings of a Riccati equation's horizon; eight to twenty are usual."""
 NEWTON_STEPS = 2
-"""Newton steps that follow; each squares the remaining error."""
+"""Newton steps after the doublings; each squares the remaining error."""
 CONVERGED = 1e-15
-"""Change of its solution in one doubling, over the solution, at which it has converged."""
+"""Relative change of a solution in one doubling at which it counts as converged."""
 
 Functions = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 def phi_functions(z: np.ndarray) -> list[Functions]:
-    """φ0 = exp, φ1, φ2, φ3 of square matrices z (..., k, k), then of z/2, z/4, … as found on the way.
+    """Return φ0 = exp, φ1, φ2, φ3 of square matrices z (..., k, k), then those of z/2, z/4, … found on the way.
 
-    By Taylor series and doubling: φ_k(z) = Σ_j z^j/(j + k)!;  φ_k(2z) = 2^-k (φ0 φ_k + Σ_{j=1..k} φ_j/(k - j)!).
+    Uses Taylor series and doubling: φ_k(z) = Σ_j z^j/(j + k)!;  φ_k(2z) = 2^-k (φ0 φ_k + Σ_{j=1..k} φ_j/(k - j)!).
     """
     halves = doublings_to(float(np.max(np.abs(z).sum(axis=-1), initial=0.0)), TAYLOR_NORM)
     z = z / 2.0**halves
@@ -65,13 +65,13 @@ def _factorial(k: int) -> float:
 
 
 def exponential(A: np.ndarray) -> np.ndarray:
-    """exp A of a matrix (n, n): Taylor series and doubling, after scaling by powers of two. Raises `NoSolution`."""
+    """Return exp A of a matrix (n, n), by Taylor series and doubling after balancing. Raises `NoSolution`."""
     even, scale = balanced(A)
     if not np.isfinite(even).all():
         raise NoSolution("the matrix is not finite")
     halves = doublings_to(float(np.max(np.abs(even).sum(axis=-1), initial=0.0)), TAYLOR_NORM)
     z = even / 2.0**halves
-    # e^z - 1, which keeps the digits of slow parts beside fast ones: (1 + E)² - 1 = 2 E + E².
+    # E = e^z - 1 keeps the digits of slow parts beside fast ones; it doubles by (1 + E)² - 1 = 2 E + E².
     E = np.zeros_like(z)
     for j in range(TAYLOR_TERMS, 0, -1):
         E = product(z / j, E + np.eye(len(z)))
@@ -81,10 +81,10 @@ def exponential(A: np.ndarray) -> np.ndarray:
 
 
 def discrete_riccati(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """The stabilising P (n, n) of P = AᵀPA - AᵀPB (R + BᵀPB)⁻¹BᵀPA + Q. Raises `NoSolution`.
+    """Return the stabilising solution P (n, n) of P = AᵀPA - AᵀPB (R + BᵀPB)⁻¹BᵀPA + Q. Raises `NoSolution`.
 
-    By doubling the horizon (SDA: Chu, Fan, Lin, Wang, Int. J. Control 77(8), 2004, 767), which loses digits if weights are far
-    apart, and Newton steps that restore them. Shapes: A, Q (n, n), B (n, m), R (m, m).
+    Doubles the horizon (SDA: Chu, Fan, Lin, Wang, Int. J. Control 77(8), 2004, 767), which loses digits if the weights differ
+    widely, and restores them by Newton steps. Shapes: A, Q (n, n), B (n, m), R (m, m).
     """
     G, H = product(product(B, inverse(R)), B.T), np.array(Q, dtype=float)
     # Scale the states to one size, by powers of two.
@@ -107,7 +107,7 @@ def discrete_riccati(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray)
 
 
 def _doubled_horizon(A: np.ndarray, G: np.ndarray, H: np.ndarray) -> np.ndarray:
-    """P of P = Aᵀ P (1 + G P)⁻¹ A + H, (n, n) each."""
+    """Solve P = Aᵀ P (1 + G P)⁻¹ A + H for P; all are (n, n)."""
     n, one = len(A), np.eye(len(A))
     for _ in range(MOST_DOUBLINGS):
         both = solve(one + product(G, H), np.concatenate([A, G], axis=1))
@@ -124,7 +124,7 @@ def _doubled_horizon(A: np.ndarray, G: np.ndarray, H: np.ndarray) -> np.ndarray:
 
 
 def _sum_of_powers(F: np.ndarray, X: np.ndarray) -> np.ndarray:
-    """Σ (Fᵀ)ᵏ X Fᵏ over all k ≥ 0, of F (n, n) whose powers fade and a symmetric X. Raises `NoSolution` if they do not."""
+    """Return Σ (Fᵀ)ᵏ X Fᵏ over all k ≥ 0 for a stable F (n, n) and a symmetric X. Raises `NoSolution` for an unstable F."""
     for _ in range(MOST_DOUBLINGS):
         more = product(product(F.T, X), F)
         X, F = X + (more + more.T) / 2, product(F, F)

@@ -1,9 +1,9 @@
-"""Whether a run's results are still accurate: now and then a tick is repeated with a quarter of the step, on copies.
+"""The estimate of a run's accuracy: now and then a tick is repeated, on copies of the state, with a quarter of the step.
 
-The difference is the error of that one tick. Each mode accumulates those of its ticks while it rings and loses them as it decays;
-errors of the pose decay as the law leads it back. Checks are frequent after a start, a tap, a change or a jump of the torques
-larger than any in a checked tick, where errors are largest and decay fastest. The estimate depends on states at ticks chosen by
-their numbers, the commands and the samples, so that it is the same live, headless and replayed; it changes no bit of the run.
+The difference is the error of that tick. Each mode accumulates the errors of its ticks while it rings and loses them as it
+decays; errors of the pose decay as the law corrects them. Checks are frequent where errors are largest and decay fastest: after
+a start, a tap, a change, or a jump of the torques larger than any in a checked tick. The estimate depends only on states at ticks
+chosen by number, commands and samples: it is the same live, headless and replayed, and it changes no bit of the run.
 """
 
 import math
@@ -28,43 +28,43 @@ from flexlab.sim.signals import ARMS, INTERNAL, MOVING, PER_ARM, POSE, SATURATED
 from flexlab.sim.step_rates import ring_decay
 
 CHECKED_TICKS = (0, 1, 2, 5, 8, 17, 32, 65)
-"""Ticks after a disturbance that are checked: even and odd ones, as control instants may lie on either; fast modes ring for a few
-of them only."""
+"""Ticks after a disturbance that are checked: even and odd ones, as control instants may lie on either. Fast modes ring for a
+few ticks only."""
 
 INTERVAL = 1021
-"""Ticks from one check to the next later on: at 128, the copies cost a small beam as much as its motion. It is prime, so that
+"""Ticks between later checks: at 128, the copies would cost as much as the motion of a small beam. It is prime, so that
 checks fall on all phases of path and control."""
 
 SHORT_INTERVAL, SHORTEST_INTERVAL = 67, 13
-"""The same where errors as large as the newest would exceed their bounds within `INTERVAL`, and within `SHORT_INTERVAL`: most
-decay. They also apply while a torque is at its limit, when nothing leads errors back and a law that reaches and leaves its limit
-many times in a tick makes errors that no earlier check has shown. Prime as well."""
+"""Ticks between checks if errors as large as the newest would exceed their bounds within `INTERVAL`, and `SHORT_INTERVAL`: most
+decay before. The shortest also applies while a torque is at its limit: nothing corrects errors then, and a law that reaches
+and leaves its limit many times in a tick makes errors that no earlier check has shown. Both are prime."""
 
 FIRST_VERDICT, STEADY = 8, 1.1
-"""Nothing is judged in the first ticks after a disturbance. Up to the last of `CHECKED_TICKS` a run is judged only if its largest
-force has grown by no more than this factor since the check before: the peak of a run that starts at rest is still to come."""
+"""Ticks after a disturbance in which nothing is judged; and the most by which a run's largest force may grow between two of the
+`CHECKED_TICKS` if it is to be judged, a factor: the peak of a run that starts at rest is still to come."""
 
 FINER = 2
-"""Levels between a tick and its repetition: for modes faster than the step, half the step tells little."""
+"""Levels by which a repetition is finer than its tick: for modes faster than the step, half the step tells little."""
 
 GROWN = 2.0
-"""Factor by which errors outgrow what was reported of them before they are reported anew."""
+"""Factor by which errors must exceed the reported ones to be reported again."""
 
 AMPLIFIED = 1e-12
-"""Error of the pose, m or rad, from which on a loop that amplifies errors is reported."""
+"""Smallest error of the pose, m or rad, with which a loop that amplifies errors is reported."""
 
 RINGING_SHARE = 0.5
-"""Largest share of a mode's force on both grips in the internal force: half of the difference between the grips."""
+"""Largest share of a mode's force on both grips that is internal: half of the difference between the grips."""
 
 LOOP_DECAY = 5.0
-"""Rate at which a law leads pose errors back, 1/s: about the slowest that the documented gains give."""
+"""Rate at which a law corrects pose errors, 1/s: about the slowest with the documented gains."""
 
 
 def _parts(errors: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Views of errors (3 + 2 n_m,), those of one tick or those accumulated.
+    """Views of the parts of errors (3 + 2 n_m,), of one tick or accumulated.
 
-    The pose's (3,), m and rad; the force's as a sample shows it, by the mode that makes it, (n_m,), N or N·m; and the same by the
-    amplitudes of the modes, whatever their phases: where nothing decays, all of them coincide some time.
+    Errors of the pose, (3,), m and rad; of the force in a sample, by the mode that causes them, (n_m,), N or N·m; and of the
+    force by the modes' amplitudes, whatever their phases: without decay, all phases coincide at some time.
     """
     n = len(errors) // 2 - 1
     return errors[:3], errors[3 : 3 + n], errors[3 + n :]
@@ -75,7 +75,7 @@ def _no_errors(assembly: Assembly) -> np.ndarray:
 
 
 def _sizes(errors: np.ndarray) -> tuple[float, float]:
-    """Errors of the pose, m or rad, and of the force, N or N·m: amplitudes of unrelated phases add up as squares do."""
+    """Return errors of the pose, m or rad, and the force, N or N·m; amplitudes of unrelated phases add in quadrature."""
     pose, force, ringing = _parts(errors)
     return float(np.abs(pose).max()), max(float(force.sum()), math.sqrt(product(ringing, ringing)))
 
@@ -88,21 +88,21 @@ class Estimate(NamedTuple):
     newest: np.ndarray
     """Errors of that tick alone."""
     checked: int
-    """Its number."""
+    """Number of that tick."""
     disturbed: int
-    """Number of the tick from which `CHECKED_TICKS` count."""
+    """Number of the tick from which `CHECKED_TICKS` are counted."""
     pose: float = 0.0
     """Largest error of the pose so far, m or rad."""
     force: float = 0.0
     """Largest error of the force so far, N or N·m."""
     peaks: Peaks = Peaks()
-    """Of all samples so far."""
+    """Peaks of all samples so far."""
     peak_before: float = 0.0
     """Largest force up to the check before, N or N·m."""
     warning: str = ""
-    """Since when and why results are no longer accurate, a sentence; empty: they are."""
+    """A sentence on since when and why results are no longer accurate; empty while they are."""
     interval: int = INTERVAL
-    """Ticks from one check to the next after `CHECKED_TICKS`, at most."""
+    """Largest number of ticks between two checks after `CHECKED_TICKS`."""
     torque_change: float = 0.0
     """Largest change of a torque in a checked tick, N·m."""
     reported: tuple[float, float, float] | None = None
@@ -110,7 +110,7 @@ class Estimate(NamedTuple):
 
 
 def _ticks_kept(decay: np.ndarray, ticks: int, tick_period: float) -> np.ndarray:
-    """Sum over `ticks` ticks of what is left of each one's error by the last, for these decay rates, 1/s; 1 for the last."""
+    """Sum over `ticks` ticks of the share of each one's error left at the last, for decay rates, 1/s; 1 for the last."""
     span = max(ticks, 0) * tick_period
     # Slower rates leave the same to six digits.
     rate = np.maximum(decay, 1e-6 / max(span, tick_period))
@@ -124,21 +124,21 @@ def nothing_yet(assembly: Assembly, tick: int) -> Estimate:
 
 
 def disturbed(estimate: Estimate, assembly: Assembly, tick: int) -> Estimate:
-    """The estimate after a tap or a change at `tick`: checks start over, but not before those of the last one have ended."""
+    """The estimate after a tap or a change at `tick`: checks start over, unless those after the last one still go on."""
     fresh = nothing_yet(assembly, tick)
     if len(fresh.accumulated) != len(estimate.accumulated):
-        # The modes are others. The peak is the run's.
+        # The modes are others, and their errors unknown. The peak remains that of the run.
         estimate = estimate._replace(accumulated=fresh.accumulated, newest=fresh.newest, checked=fresh.checked)
     return jumped(estimate, tick) if tick - estimate.disturbed > CHECKED_TICKS[-1] else estimate
 
 
 def jumped(estimate: Estimate, tick: int) -> Estimate:
-    """The estimate before a jump in the tick from number `tick` on: checks start over."""
+    """The estimate before the tick from number `tick` on, in which a torque jumps: checks start over."""
     return estimate._replace(disturbed=tick)
 
 
 def ticks_until_check(estimate: Estimate, tick: int) -> int:
-    """Ticks from number `tick` on to the next one that is checked; 0: this one is."""
+    """Number of ticks from number `tick` to the next that is checked; 0 if this one is."""
     since = tick - estimate.disturbed
     if since > CHECKED_TICKS[-1]:
         return (CHECKED_TICKS[-1] - since) % estimate.interval
@@ -146,10 +146,10 @@ def ticks_until_check(estimate: Estimate, tick: int) -> int:
 
 
 def finer_level(estimate: Estimate, assembly: Assembly, tick: int, level: int) -> int:
-    """The level with which the tick from number `tick` on, gone with `level`, is repeated; it may be finer than any in use.
+    """The level at which the tick from number `tick` on, simulated at `level`, is repeated; it may be finer than any in use.
 
-    For modes that are damped faster than the step, half the step tells little more than all of it. Just after a jump the
-    repetition is therefore as fine as steps after a start are, or would be if no longer one were given.
+    For modes that are damped faster than the step, half the step tells little more than the whole. Just after a jump, the
+    repetition is therefore as fine as steps after a start are, or would be if no step were given.
     """
     watch = assembly.watch
     if tick - estimate.disturbed not in CHECKED_TICKS[:3]:
@@ -160,20 +160,20 @@ def finer_level(estimate: Estimate, assembly: Assembly, tick: int, level: int) -
 def note(
     old: Estimate, assembly: Assembly, tick: int, row: np.ndarray, y: np.ndarray, again: np.ndarray, y_again: np.ndarray
 ) -> Estimate:
-    """The estimate after the tick from number `tick` on, with its sample `row` and the state y after it.
+    """The estimate after a check of the tick from number `tick` on, with the sample `row` and the state y at its end.
 
-    `again`, `y_again`: the same of its repetition in finer steps.
+    `again`, `y_again`: sample and state at the end of its repetition in finer steps.
     """
     now, limited = _tick_errors(assembly, row, y, again, y_again), row[SATURATED] > 0
     scenario, tick_period = assembly.scenario, assembly.tick_period
     led = not limited and scenario.controller.kind != "none"
     fades = ring_decay(assembly.beam)
     decay = np.concatenate([np.full(3, LOOP_DECAY if led else 0.0), fades, fades])
-    # The sample shows what the tick has done itself; in later ticks, its phase is unknown.
+    # The sample shows the tick's own error; in later ticks, the phase of that error is unknown.
     ringing = _parts(now)[2]
     ringing *= exponentials(-fades * tick_period)
     since, ticks = tick - old.disturbed, tick - old.checked
-    # Ticks between two checks are taken to err as the mean of the two; but what a disturbance does, none before it did.
+    # Errors of ticks between two checks are taken as the mean of the two; those before a disturbance do not have its error.
     between = old.newest if since == 0 else (old.newest + now) / 2
     errors = old.accumulated * exponentials(-decay * (ticks * tick_period)) + now
     if ticks > 1:
@@ -186,12 +186,12 @@ def note(
     if old.warning or since < FIRST_VERDICT:
         return new
     time = (tick + 1) * tick_period
-    # Whatever moves is rounded, and such a loop makes 10⁻¹⁶ m millimetres within a hundred control periods.
+    # Every motion is rounded, and such a loop turns 10⁻¹⁶ m into millimetres within a hundred control periods.
     if assembly.amplifies and (new.pose > AMPLIFIED or old.torque_change > 0):
         return new._replace(warning=amplified(scenario))
     if scenario.joints.encoders.active and new.pose > AMPLIFIED:
         return new._replace(warning=COUNTED)
-    # Motors that were overloaded at the check before as well are so for longer than a moment.
+    # Motors that were overloaded at the previous check too are so for more than a moment.
     if limited and old.interval == SHORTEST_INTERVAL and any(scenario.joints.motor.stall_torque):
         return new._replace(warning=saturated(time, "stronger motors (joints.motor)"))
     said, coming = "", found
@@ -212,7 +212,7 @@ def note(
 
 
 def _reported_anew(estimate: Estimate, scenario: Scenario, reported: tuple[float, float, float]) -> Estimate:
-    """The estimate with a new warning if its errors have outgrown by `GROWN` those that the old one gives."""
+    """The estimate, with a new warning if its errors exceed those that the old one gives by the factor `GROWN`."""
     (time, *sizes), found = reported, (estimate.pose, estimate.force)
     least = bounds(scenario, estimate.peaks.peak)
     if all(now <= GROWN * max(said, bound) for now, said, bound in zip(found, sizes, least, strict=True)):
@@ -234,7 +234,7 @@ def _tick_errors(
         weights = mode_forces(assembly, y - y_again)
         # Overdamped modes do not ring: only what the sample shows of them counts.
         ringing[:] = np.where(oscillates(assembly), weights, 0.0)
-        # The force's difference is shared among the modes by the weights of their amplitudes' differences.
+        # The force's difference is shared among the modes in proportion to their weights.
         force[:] = difference / (float(weights.sum()) or 1.0) * weights
     return errors
 
@@ -245,7 +245,7 @@ def _length(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def mode_forces(assembly: Assembly, difference: np.ndarray) -> np.ndarray:
-    """Force on the grips of each mode's amplitude in a difference of two states, (n_m,), N or N·m."""
+    """Force on the grips by each mode's amplitude in a difference of two states, (n_m,), N or N·m."""
     omega, modal = assembly.beam.modes.omega, assembly.system.plant.modal
     n = len(omega)
     # In free vibration ω η turns into η̇ and back.

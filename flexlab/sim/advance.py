@@ -21,10 +21,10 @@ DIVERGED, BENT = NOT_A_NUMBER, 4
 """Fault codes of the loop besides those of `physics.arm`: a state diverged; the deflection is as large as the beam."""
 
 INTERRUPTED = 5
-"""Code of no fault: the loop returned early, somewhere within a tick, because `Workspace.interrupt` was set."""
+"""Not a fault: the loop returned early, somewhere within a tick, because `Workspace.interrupt` was set."""
 
 OTHER_STEP = 100
-"""Code of no fault: the next tick wants the step of level code - OTHER_STEP."""
+"""Not a fault: the next tick wants the step of level code - OTHER_STEP."""
 
 RUNAWAY = 1e9
 """A state beyond this, in its SI unit, has diverged."""
@@ -45,7 +45,7 @@ def diverged(system, y):
 
 @inlined
 def energy_beyond_work(plant, y, ws):
-    """Energy of arms and payload less the work done on them, J, after `find_state` of y: its decrease is what was dissipated."""
+    """Energy of arms and payload less the work done on them, J, after `find_state` of y: its decrease was dissipated."""
     factor = mass_factor(plant.mass_change, ws)
     stored = kinetic_energy(y, ws.velocity, ws.eta_dot, factor) + elastic_energy(plant, y)
     return stored + gravity_energy(plant, y, ws.w_bar[0], factor, ws) - y[WORK] - y[AXIAL_WORK]
@@ -91,8 +91,8 @@ def advance(
 
     Tick 0 is at `origin`, s: the run's start, or the beginning of a part of a split tick (`sim.stepping`). With
     `first_is_present` the first row is the present instant. Control instants lie on steps. Returns the ticks done and a code:
-    of a fault, or `OTHER_STEP` plus the level of step that the next tick wants if that is not `level`. On a fault y is set back
-    to the last good tick; `good` is scratch like y.
+    0, `INTERRUPTED`, a fault, or `OTHER_STEP` plus the level that the next tick wants if that is not `level`. On a fault y is set
+    back to the last good tick; `good` is scratch like y.
     """
     # The rates at a tick serve its sample and the step that follows. They are computed in one place for all stages: the same
     # machine code gives the same bits whatever the block sizes, and there is less of it to compile.
@@ -130,7 +130,7 @@ def advance(
                     if j == 0:
                         since = ETA + 2 * n + TICKS
                         y[since] = y[since] + 1 if y[since] >= 1 else 1.0
-                    # Where a sample is taken, and where the step that leads to it begins.
+                    # At a sample, and at the beginning of the step that leads to it.
                     if j == 0 or last:
                         jumps = system.control.sampled or system.trajectory.inside > 0
                         meet_acceleration(system.plant, etdrk4.flow, ws.u_before if jumps else ws.u, y, ws)

@@ -28,25 +28,25 @@ from flexlab.sim.step_size import Count, choose_step, steps_per_tick
 from flexlab.sim.target import build_system, build_trajectory, same_target
 
 LIGHT_ELEMENTS = 8
-"""Elements up to which modes and matrix functions are derived in a millisecond or two."""
+"""Largest number of elements whose modes and matrix functions are derived in a millisecond or two."""
 
 
 FORCED = 0.4
-"""Step taken over step chosen below which the sample and control periods are said to bound it: dividing a tick into whole steps
-alone leaves more than half."""
+"""Ratio of the step taken to the step chosen below which the sample and control periods are said to bound it: dividing a tick
+into whole steps alone leaves more than half."""
 
 
 MUCH_SHORTER = 1.25
-"""Step asked for over step taken from which on parametric resonance is said to bound it."""
+"""Ratio of the step asked for to the step taken above which parametric resonance is said to bound the step."""
 
 
 AMPLIFYING = 1.5
-"""`Assembly.instability` from which on differences in the last digit become visible: of 60 random loops those beyond diverge or
-depend on rounding, and none below does."""
+"""`Assembly.instability` above which differences in the last digit become visible: of 60 random loops, those above it diverge or
+depend on rounding, and none below it does."""
 
 
 class Unprepared(Exception):
-    """A world was asked to change at once, but has to derive what takes long, for `scenario`."""
+    """Raised if a world is to change at once but the derivation for `scenario` takes long."""
 
     def __init__(self, scenario: Scenario):
         super().__init__("to be derived beside the running world")
@@ -66,15 +66,15 @@ class Assembly(NamedTuple):
     levels: StepLevels
     watch: StepWatch
     steps: Count
-    """At level 0."""
+    """Steps at level 0."""
     asked: Count
-    """The same before they were made shorter to avoid parametric resonance."""
+    """Steps at level 0 before they were made shorter to avoid parametric resonance."""
     bound: str
     """What bounds the step, as `step_size.Choice.bound`, or "accuracy" (`step_trial`)."""
     instability: float = 0.0
     """As `step_rates.instability`: beyond 1 a sampled loop is unstable."""
     unrefined: "Assembly | None" = None
-    """The same before its step was halved so that the run's beginning is accurate; None: it was not halved."""
+    """The assembly before its step was halved to make the run's beginning accurate; None if it was not halved."""
 
     @property
     def step_count(self) -> int:
@@ -90,7 +90,7 @@ class Assembly(NamedTuple):
 def derive_assembly(
     scenario: Scenario, tick_period: float, known: Sequence[Assembly] = (), at_once: bool = False
 ) -> Assembly:
-    """Derive everything from a scenario, its step untried; raises `ScenarioError`.
+    """Derive everything from a scenario without a trial of its step; raises `ScenarioError`.
 
     `known` and `at_once` as for `step_trial.build_assembly`.
     """
@@ -122,7 +122,7 @@ def derive_assembly(
         raise Unprepared(scenario)
     levels = fitting[0] if fitting else StepLevels(integrator, beam, dt)
     watch = levels.watch(scenario.simulation.step is not None, scenario.simulation.accuracy)
-    for level in range(watch.disturbed + 3):  # and the quarter of a step of `accuracy`
+    for level in range(watch.disturbed + 3):  # and the quarter step of `accuracy`
         levels.scheme(level)
     sampling = _build_sampling(scenario, beam, steps.per_control)
     if system.control.sampled:
@@ -173,14 +173,14 @@ def knows_kernels(scenario: Scenario) -> bool:
 def load_loop(
     system: System, sampling: Sampling, scheme: Scheme, watch: StepWatch, tick_period: float, step_count: int
 ) -> None:
-    """Compile the loop with an integrator, or load it, by moving no tick."""
+    """Compile the loop with an integrator, or load it, by a call that advances no tick."""
     y = np.zeros(state_length(system))
     rows, ws = np.zeros((0, 1)), new_workspace(system)
     advance(system, sampling, *scheme, watch, 0, np.inf, 0.0, 0, tick_period, step_count, y, y.copy(), ws, rows, False)
 
 
 def _close_loop(scenario: Scenario, beam: Beam, old: Assembly | None) -> tuple[System, Rates]:
-    """Plant, law and path, with parts of a known assembly; motors are off until a sampled controller first acts."""
+    """Build plant, law and path, sharing parts of a known assembly; motors are off until a sampled controller first acts."""
     if old is None:
         system = build_system(scenario, beam)
         return system, find_rates(beam, system, scenario.trajectory)

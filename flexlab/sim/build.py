@@ -39,7 +39,7 @@ class Beam(NamedTuple):
 
 
 KNOWN_BEAMS = 8
-"""Beams that are kept: a scenario's beam is needed in many places."""
+"""Number of beams that are cached: a scenario's beam is needed in many places."""
 
 
 @lru_cache(KNOWN_BEAMS)
@@ -119,7 +119,7 @@ def build_plant(scenario: Scenario, beam: Beam, arms: np.ndarray | None = None) 
 
 
 def extended(plant: Plant, scenario: Scenario, beam: Beam) -> Plant:
-    """A plant with what a scenario of the same beam and arms adds to the paper's."""
+    """A plant with the extensions that a scenario of the same beam and arms adds to the paper's plant."""
     extensions = {
         "joints": build_joints(scenario.joints, scenario.controller.model, len(scenario.arms)),
         "mass_change": build_mass_change(scenario.payload.mass_change),

@@ -1,4 +1,4 @@
-"""A change of the scenario in mid-run: the run goes on with other constants and no jump in state or torques, or begins anew."""
+"""Changes of the scenario in mid-run: the run goes on with other constants and no jump in state or torques, or begins anew."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -42,8 +42,8 @@ from flexlab.sim.termination import check_trajectory, same_reach
 def project_beam(old: Payload, new: Payload, M_q: np.ndarray, q: np.ndarray) -> np.ndarray:
     """The new mesh's coordinates closest to the old shape in ∫ρ(w' - w)²ds, with the same mid-span value, (n_q',).
 
-    M_q: mass matrix of the new mesh. A mesh of one pinned element cannot always meet that condition: it
-    meets it if its mid-span can move at all.
+    M_q: mass matrix of the new mesh. A mesh of one pinned element meets that condition only
+    if its mid-span can move at all.
     """
     cells = np.union1d(*(np.linspace(-p.length / 2, p.length / 2, p.element_count + 1) for p in (old, new)))
     points, weights = gauss_rule(GAUSS_POINTS)
@@ -64,7 +64,7 @@ def change_in_motion(
 ) -> tuple[Motion, bool]:
     """The motion after a change, and whether a new run begins.
 
-    Raises `ScenarioError`, or `Unprepared` as `build_assembly` does. The given motion stays as it is, except for its scratch.
+    Raises `ScenarioError`, or `Unprepared` as `build_assembly` does. The given motion is not changed, except for its scratch.
     """
     scenario = change_path(motion.scenario, command.changes, motion.time)
     fault = None if same_reach(motion.scenario, scenario) else check_trajectory(scenario)
@@ -133,7 +133,7 @@ def _transferred(motion: Motion, assembly: Assembly) -> Motion:
 
 
 def _with_hand(assembly: Assembly, old: Assembly) -> Assembly:
-    """The assembly with the hand of an old one, in arrays of its own if it does not share them: other assemblies may."""
+    """The assembly with the hand of an old one, copied unless the two share it already: other assemblies may share the arrays."""
     pull = old.system.plant.pull
     if assembly.system.plant.pull is pull:
         return assembly
@@ -161,14 +161,14 @@ def _coordinates_in(motion: Motion, assembly: Assembly) -> tuple[np.ndarray, np.
 
 
 def _present_torques(motion: Motion) -> np.ndarray:
-    """What the motors give at the present instant, N·m, (arms, 3)."""
+    """Motor torques at the present instant, N·m, (arms, 3)."""
     row = np.zeros((1, motion.row_length))
     observe(motion, row[0])
     return samples.rows_to_samples(row, len(motion.scenario.arms), own_signals(motion.scenario)).joint_torque[0]
 
 
 def _keep_torques(motion: Motion, assembly: Assembly, started: np.ndarray | None) -> None:
-    """Let a sampled controller keep the torques that it holds and those under way; `started`: those that it begins with."""
+    """Let a sampled controller keep the torques that it holds and those under way; `started`: its first ones if it begins."""
     held, old_line = motion.assembly.system.held_torque, motion.assembly.sampling.line
     assembly.system.held_torque[:] = assembly.sampling.line[:] = held if started is None else started
     if started is None:
@@ -192,7 +192,7 @@ def _same_mesh(one: Scenario, other: Scenario) -> bool:
 
 
 def same_law(one: Scenario, other: Scenario) -> bool:
-    """Whether two scenarios have the same law, and its memory and own signals mean the same."""
+    """Whether two scenarios have the same law, whose memory and own signals mean the same in both."""
     if one.controller is other.controller and len(one.arms) == len(other.arms):
         return True
     laws = law_of(one.controller), law_of(other.controller)
@@ -211,7 +211,7 @@ def _kinds(part: Part) -> list[str]:
 def copy_states(
     old: Scenario, old_system: System, old_y: np.ndarray, new: Scenario, system: System, y: np.ndarray
 ) -> tuple[str, ...]:
-    """Copy the parts of the controller's state that both laws have by name and length, and name them; others stay zero."""
+    """Copy the parts of the controller's state that agree in name and length, and return their names; others stay zero."""
     before, kept = controller_states(old, old_system, old_y), []
     for name, part in controller_states(new, system, y).items():
         if name in before and len(before[name]) == len(part):

@@ -72,7 +72,7 @@ def memory_slice(system: System) -> slice:
 
 
 def own_parts(plant: Plant) -> dict[str, slice]:
-    """The place of each part of the joints', the material's and the grips' states among them, by name."""
+    """The slices of the joints', the material's and the grips' states among the plant's own states, by name."""
     parts, end = joint_parts(plant.joints), plant.joint_size
     if plant.mass_change is not None:
         parts, end = {**parts, "material": slice(end, end + 1)}, end + 1
@@ -89,7 +89,7 @@ def own_states_of(system: System, y: np.ndarray) -> dict[str, np.ndarray]:
 def law_input_at(system: System, x: np.ndarray, v: np.ndarray, desired: np.ndarray, ws: Workspace) -> Any:
     """Fill the `LAW_INPUT` record of `ws`, all but q̇, for a pose x (3,) and its rate v (3,); desired (3, 3).
 
-    After `configure_arms` at that pose and `find_mass_at`.
+    Call `configure_arms` at that pose and `find_mass_at` before.
     """
     plant, payload, now = system.plant, system.control.payload, ws.truth[0]
     c, s = ws.arm.trig
@@ -129,7 +129,7 @@ def find_inputs(system, t, y, ws):
 
 @inlined
 def find_commanded_inputs(system, t, y, ws):
-    """As `find_inputs`, but with the inputs that are asked of the motors."""
+    """As `find_inputs`, but with the inputs that the motors are asked for."""
     plant, control = system.plant, system.control
     for i in range(len(plant.arms)):
         c, s = own_trig(plant.grips, ws, i)
@@ -149,7 +149,7 @@ def find_commanded_inputs(system, t, y, ws):
 
 @inlined
 def _run_law(grips, system, t, y, ws):
-    """Let the law fill u. It takes compliant grips to be rigid."""
+    """Let the law fill u; it assumes rigid grips."""
     if grips is None:
         _run_law_at(system, t, y, y[0:3], ws.velocity, ws.truth[0], ws.arm, ws.u, ws)
     else:
@@ -184,7 +184,7 @@ def _run_law_at(system, t, y, x, v, now, terms, u, ws):
 
 @inlined
 def _see(grips, system, ws):
-    """Fill ws.measured_arm for a continuous law, which takes compliant grips to be rigid. Returns a fault code."""
+    """Fill ws.measured_arm for a continuous law, which assumes rigid grips; returns a fault code."""
     if grips is None:
         return 0
     if system.control.sampled:

@@ -1,7 +1,7 @@
-"""Commands on their way to the runner: bounded, merged where a later one makes an earlier one pointless, and prepared.
+"""Commands on their way to the runner: bounded, without those that a later one makes pointless, and prepared.
 
-A slider sends twenty values a second, a held key thirty resets: what nobody would see is dropped before it is carried out.
-What is left is carried out, and recorded, exactly as it stands. Slow derivations for it (modes and matrix functions of fine
+A slider sends twenty values a second, a held key thirty resets: commands whose effect nobody would see are dropped.
+The others are carried out and recorded exactly as they are. Slow derivations for them (modes and matrix functions of fine
 meshes) run beside the world, on a thread of their own.
 """
 
@@ -32,10 +32,10 @@ from flexlab.sim.snapshot import TICK
 from flexlab.sim.step_trial import build_assembly
 
 MOST_WAITING = 256
-"""Most commands that may wait: more than the fields of a scenario, so that only a flood of taps or odd names reaches it."""
+"""Largest number of waiting commands: more than a scenario has fields, so that only a flood of taps or odd names reaches it."""
 
 MOST_STEPS = 100_000
-"""Most ticks that one `StepOnce` may ask for (100 s)."""
+"""Largest number of ticks of one `StepOnce` (100 s)."""
 
 ON_A_RUN = (ChangeScenario, Pull, Tap, Reset, StepOnce)
 """Commands that a new run makes pointless, or includes."""
@@ -68,7 +68,7 @@ class CommandQueue:
             return self._count
 
     def take(self, new_runs: bool = True) -> list[tuple[Command, ...]]:
-        """Take all that waits, as `grouped`; with `new_runs` False only what comes before the first new run."""
+        """Take all waiting commands, `grouped`; with `new_runs` False only those before the first that begins a run."""
         with self._lock:
             count = 0
             while count < len(self._waiting) and (new_runs or not begins_run(self._waiting[count])):
@@ -77,7 +77,7 @@ class CommandQueue:
         return grouped(taken)
 
     def put_back(self, groups: list[tuple[Command, ...]]) -> None:
-        """Put groups that were taken back, before all that came since."""
+        """Return groups that were taken to the queue, before all commands that came since."""
         with self._lock:
             waiting = [command for group in groups for command in group]
             for command in self._waiting:
@@ -179,7 +179,7 @@ def merged_changes(changes: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def grouped(commands: Iterable[Command]) -> list[tuple[Command, ...]]:
-    """Commands of one frame in groups: all changes between two new runs or steps form one, at the place of the first."""
+    """Group commands of one frame: all changes between two new runs or steps form one group, at the place of the first."""
     groups: list[tuple[Command, ...]] = []
     place = -1
     for command in commands:
@@ -195,7 +195,7 @@ def grouped(commands: Iterable[Command]) -> list[tuple[Command, ...]]:
 
 
 ATTEMPTS = 2
-"""Times that a change is prepared before it is applied unprepared: gains may move the step meanwhile, but not for ever."""
+"""How often a change is prepared before it is applied unprepared: other changes may require another step meanwhile."""
 
 
 @dataclass(frozen=True)
@@ -216,7 +216,7 @@ class Preparation:
     """One derivation at a time, its commands, and later changes that need another one."""
 
     def __init__(self, executor: Executor | None = None):
-        """Derivations run in `executor`, or on a thread of its own."""
+        """`executor` runs the derivations; without one, a thread of its own does."""
         self._executor = executor or ThreadPoolExecutor(1, thread_name_prefix="flexlab-preparation")
         self._current: Prepared | None = None
         self._stopped = False

@@ -1,4 +1,4 @@
-"""The commands of a person (or a replay) to a running lab: frozen data with complete values; and in words, for logs."""
+"""The commands of a person (or a replay) to a running lab, as frozen data with complete values, and as text for logs."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -75,14 +75,14 @@ class Pause:
 
 @dataclass(frozen=True)
 class StepOnce:
-    """While paused: advance by `ticks` samples."""
+    """Pause and advance by `ticks` samples."""
 
     ticks: int = 1
 
 
 @dataclass(frozen=True)
 class SetSpeed:
-    """Target of simulated seconds per wall second, 1/256 to 4."""
+    """Set the target of simulated seconds per wall second, 1/256 to 4."""
 
     speed: float
 

@@ -1,7 +1,7 @@
 """Compile, once per machine, what the first picture does not need: other integrators, laws, paths, sampled control, joints.
 
-`python -m flexlab.sim.compile_all` does it in processes of its own, one per core. The lab starts one beside itself, so that it
-finds on disk what somebody chooses later.
+`python -m flexlab.sim.compile_all` does so in one process per core. The lab starts a single process beside itself, so that what
+somebody chooses later is already on disk.
 """
 
 import multiprocessing
@@ -26,28 +26,28 @@ DONE = "everything"
 """Name of the file in the cache folder that says that everything is compiled."""
 
 WHILE_OPEN = "--while-open"
-"""Argument of a process that must end when its standard input does, finished or not."""
+"""Argument of a process that must end when its standard input ends, finished or not."""
 
 JOINTS = {"joints.friction.viscous": (1.0, 1.0, 1.0)}
 AXIAL = {"payload.axial_load": "first-order"}
 SHAPED = {"trajectory.shaper": "zvd"}
-"""The first mode of a shaped path asks for the rates alone, as the rest point that every lab looks for does."""
+"""A shaped path needs the rates by themselves for its first mode, as does the rest point that every lab looks for."""
 FURTHER = {"payload.mass_change.factor": 2.0}, {"grips.model": "compliant"}, JOINTS
-"""Extensions of the paper's plant: the loop is compiled for each combination, and contains no other extension but axial load."""
+"""Extensions of the paper's plant: the loop is compiled for each combination of them, always with the axial load."""
 
 CHANGE = ChangeScenario({"controller.feedback_gain": 201.0})
 
 PATIENCE = 15
-"""How far everything else on the machine takes precedence (`nice`)."""
+"""Niceness of the process: everything else on the machine takes precedence (`nice`)."""
 
 
 def is_everything_compiled() -> bool:
-    """Whether nothing is left to do for these sources."""
+    """Whether everything is compiled for the present sources."""
     return PLAIN_PYTHON or (cache_folder() / DONE).exists()
 
 
 def compile_everything(processes: int = 1) -> None:
-    """Compile what is not yet on disk: in the order in which it is likely to be wanted, or by several processes at once.
+    """Compile what is not yet on disk, in the order in which it is likely to be needed, or in several processes at once.
 
     Numba compiles one kernel at a time in a process. Raises what compiling raises.
     """
@@ -98,7 +98,7 @@ PARTS: tuple[Callable[[], None], ...] = (
         for parts in combinations(FURTHER, count)
     ),
 )
-"""What can be compiled apart."""
+"""The parts that can be compiled independently."""
 
 
 def _compile_loops(scenario: Scenario) -> None:

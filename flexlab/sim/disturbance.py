@@ -16,13 +16,13 @@ from flexlab.sim.commands import Pull, Tap
 from flexlab.text import number_text
 
 MAX_PULL_STIFFNESS = 1e5
-"""N/m: stiffer pulls would outdo the controller and need shorter steps."""
+"""Largest stiffness of a pull, N/m: a stiffer one would overpower the controller and need shorter steps."""
 
 MAX_DISTANCE = 100.0
-"""m: a target farther away is a mistake."""
+"""Largest coordinate of a target, m: one farther away is a mistake."""
 
 MAX_IMPULSE = 100.0
-"""N·s: a hammer blow; more than that only destroys the run."""
+"""Largest impulse of a tap, N·s: a hammer blow; a larger one only destroys the run."""
 
 LINKS = (1, 2, 3)
 """Numbers of an arm's links, from its base."""
@@ -39,7 +39,7 @@ def _refuse(name: str, value: Any, unit: str, low: float, high: float) -> None:
 
 
 def _axes(name: str, pair: Any) -> list[tuple[str, Any]]:
-    """(axis, number) of two numbers. Raises `ScenarioError` for anything else."""
+    """Return (axis, number) for each of two numbers. Raises `ScenarioError` for anything else."""
     values = pair.tolist() if isinstance(pair, np.ndarray) else pair
     if not isinstance(values, (tuple, list)) or len(values) != 2:
         raise ScenarioError([(name, f"{name} = {pair!r:.60} is not usable: give two numbers, (x, y).")])

@@ -32,7 +32,7 @@ class History:
         self._lock = threading.Lock()
 
     def append(self, rows: np.ndarray, own: Sequence[Signal] = ()) -> None:
-        """Add rows (N, row length), of which the newest count. `own`: the own signals of the law now in force."""
+        """Add rows (N, row length); the newest are kept if not all fit. `own`: the own signals of the law now in force."""
         size = len(self._rows)
         rows = rows[-size:]
         with self._lock:
@@ -45,7 +45,7 @@ class History:
             self._written += len(rows)
 
     def _follow(self, row_length: int, own: tuple[Signal, ...]) -> None:
-        """Another law has taken over: its own signals have no past."""
+        """Widen or narrow the rows for another law, whose own signals are NaN in the past."""
         shared = row_length - sum(signal.fixed_size for signal in own)
         rows = np.full((len(self._rows), row_length), np.nan)
         rows[:, :shared] = self._rows[:, :shared]
@@ -66,14 +66,14 @@ class History:
 
 
 PERIOD_TICKS = 250
-"""Ticks from one state to the next if no command comes between: a law in Python takes a moment to compute as many."""
+"""Ticks between two states if no command comes: few enough that even a law in Python computes them in a moment."""
 MOST = 1000
-"""Most states that are kept: a slider dragged for a minute leaves no more."""
+"""Largest number of states that are kept: dragging a slider for a minute makes no more."""
 
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """A state of the run; until the next one no command took effect."""
+    """A state of the run; no command took effect between it and the next one."""
 
     assembly: Assembly
     first_frequency: float
@@ -82,7 +82,7 @@ class Checkpoint:
 
     @property
     def scenario(self) -> Scenario:
-        """What was in motion."""
+        """The scenario that was in motion."""
         return self.assembly.scenario
 
 
@@ -96,7 +96,7 @@ class Checkpoints:
         self.note(world)
 
     def note(self, world: World) -> None:
-        """Keep the world's state after a command; of several at one instant the last."""
+        """Keep the world's state after a command; if several commands come at one instant, after the last."""
         here = Checkpoint(world.assembly, world.first_frequency, world.state())
         with self._lock:
             if self._kept and self._kept[-1].state.tick == here.state.tick:
@@ -118,7 +118,7 @@ class Checkpoints:
 
 
 def state_from(checkpoint: Checkpoint, tick: int) -> WorldState:
-    """The state at `tick`, at most `PERIOD_TICKS` later. Raises `StudyError` if the run does not reach it."""
+    """The state at `tick`, at most `PERIOD_TICKS` after the checkpoint. Raises `StudyError` if the run does not reach it."""
     world = World(checkpoint.scenario, TICK, (checkpoint.assembly,))
     world.restore(checkpoint.state)
     world.advance_rows(tick - world.tick)

@@ -28,8 +28,8 @@ FRAME_BUDGET = 0.03
 """Wall seconds after which a frame publishes what there is and leaves the rest to the next: a picture every 50 ms."""
 
 BLOCK_TIME, LARGEST_BLOCK, GROWTH = 0.01, 64, 4
-"""Wall seconds that a block of ticks may take, so that commands wait no longer; its most ticks; and how much longer than the one
-before it may be: the cost of a tick is unknown before one is done."""
+"""Wall seconds that a block of ticks may take, so that commands wait no longer; its largest number of ticks; and the factor by
+which it may exceed the block before it: the cost of a tick is unknown before one is done."""
 
 DRAG_PAUSE = 0.5
 """Wall seconds within which a second change that begins a run counts as the next value of a dragged slider: its run does not wait
@@ -81,7 +81,7 @@ class LiveRun:
         self._changed_at = float("-inf")
 
     def open_frame(self) -> None:
-        """Begin a frame."""
+        """Begin a frame and its time budget."""
         self._frame_end = self._clock() + FRAME_BUDGET
 
     @property
@@ -100,7 +100,7 @@ class LiveRun:
         return self._runs.allowed(self._clock())
 
     def begin(self, world: World, name: str, time_before: float | None = None) -> None:
-        """Make `world` the current run and tell the consumers, its present sample included.
+        """Make `world` the current run, and send its start and present sample to the consumers.
 
         `time_before`: time of the run that a change replaces; the pace then stays, and only the first of several such runs waits
         to be released.
@@ -147,7 +147,7 @@ class LiveRun:
         self.pacing.restart(self._clock(), self.world.time)
 
     def take_on_change(self) -> None:
-        """Follow a change of the world at this instant: what is drawn and the cost of a tick change, no sample is added."""
+        """Follow a change of the world at this instant: the drawn state and the cost of a tick change, no sample is added."""
         self._block = 1
         self.latest = self.world.observe()
         self.checkpoints.note(self.world)
@@ -170,7 +170,7 @@ class LiveRun:
         self.restart()
 
     def set_speed(self, speed: float) -> None:
-        """Set simulated over wall time. Raises `FlexlabError` outside the allowed range."""
+        """Set the ratio of simulated to wall time. Raises `FlexlabError` outside the allowed range."""
         if not SLOWEST <= speed <= FASTEST:
             raise FlexlabError(
                 f"Speed = {number_text(speed)} is outside 1/256 to {number_text(FASTEST)} times real time: choose within it."
@@ -181,7 +181,7 @@ class LiveRun:
         self.pacing.restart(wall, time_now)
 
     def ask_for_steps(self, ticks: int) -> None:
-        """Pause, and do so many single steps. Raises `FlexlabError` for too many."""
+        """Pause, and request a number of single steps. Raises `FlexlabError` for too many."""
         if not 1 <= ticks <= MOST_STEPS:
             raise FlexlabError(f"Steps = {ticks} is outside 1 to {MOST_STEPS}: choose within it.")
         self.pacing.playing = self.pacing.waiting = False
@@ -233,7 +233,7 @@ class LiveRun:
     def snapshot(self, wall: float, answered: int) -> Snapshot:
         """The snapshot at `wall`, s; `answered` as in a `Snapshot`."""
         world, latest = self.world, self.latest
-        # One tick late, so that in slow motion there is always a sample on either side.
+        # The picture is one tick late, so that in slow motion there is always a sample on either side.
         fraction = (self.pacing.target(wall) - float(latest.time[0])) / TICK if self.pacing.runs else 1.0
         return Snapshot(
             run_number=self.number,

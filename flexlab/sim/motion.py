@@ -31,7 +31,7 @@ from flexlab.sim.target import desired_at
 from flexlab.sim.termination import check_trajectory, pose_fault
 
 LATE = 1e-9
-"""Rounding of an instant, as a share of a control period."""
+"""Rounding error of an instant, as a share of a control period."""
 
 
 @dataclass
@@ -50,14 +50,14 @@ class Motion:
     tick: int = 0
     """Number of the present instant."""
     level: int = 0
-    """How often the step is halved."""
+    """Number of times the step is halved."""
     status: Status = field(default_factory=lambda: Status("running", "Running."))
     move: Callable[..., Any] | None = None
     """The compiled entry point of `advance` for these constants' types, once there is one."""
 
     @property
     def scenario(self) -> Scenario:
-        """What is in motion."""
+        """The scenario in motion."""
         return self.assembly.scenario
 
     @property
@@ -151,7 +151,7 @@ def controller_states(scenario: Scenario, system: System, y: np.ndarray) -> dict
 def law_start(
     scenario: Scenario, system: System, time: float, y: np.ndarray, ws: Workspace, acts_now: bool
 ) -> Start | None:
-    """What the law sees at the state y; None: it does not use it. `acts_now`: whether a sampled law acts at this instant."""
+    """What the law sees at the state y; None if it does not use it. `acts_now`: whether a sampled law acts at this instant."""
     law = law_of(scenario.controller)
     if law.start is None and law.bumpless_transfer is None:
         return None
@@ -175,7 +175,7 @@ def law_start(
 def start_controller(
     scenario: Scenario, system: System, begin: Start | None, y: np.ndarray, kept: tuple[str, ...] = ()
 ) -> None:
-    """Set the controller's state in y to that with which the law begins, where it is not zero; not the parts in `kept`."""
+    """Set the controller's state in y to the values with which the law begins, except for the parts in `kept`."""
     law = law_of(scenario.controller)
     if law.start is None or begin is None:
         return

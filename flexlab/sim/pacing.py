@@ -15,7 +15,7 @@ from flexlab.sim.snapshot import TICK
 def interpolate(before: Samples, after: Samples, fraction: float) -> Samples:
     """The state at `fraction` in [0, 1] of the way between two samples (N = 1 each).
 
-    Pose and beam follow cubic Hermite curves through positions and rates, the rest straight lines.
+    Pose and beam follow cubic Hermite curves through positions and rates, all else straight lines.
     """
     if fraction >= 1 or len(before) == 0 or before.beam_coordinates.shape != after.beam_coordinates.shape:
         return after
@@ -61,7 +61,7 @@ class Pacing:
         self.speed = speed
         self.playing = False
         self.waiting = False
-        """Whether time stands until the run is released, although it is to run."""
+        """Whether time stands still until the run is released, although it is set to play."""
         self._wall = 0.0
         self._origin = 0.0
         self._history: deque[tuple[float, float]] = deque()
@@ -96,7 +96,7 @@ class Pacing:
             return 0
         target = self.target(wall)
         due = max(0, int(target / TICK + 1e-6) - tick)
-        # Whole ticks only: in slow motion the line runs ahead of the last tick for long without anything being late.
+        # Count whole ticks only: in slow motion, the target is ahead of the last tick for long without anything being late.
         affordable = max(1, int(BACKLOG_LIMIT * self.speed / TICK))
         if due > affordable:
             due = affordable
@@ -118,12 +118,12 @@ class Pacing:
         return (last_time - first_time) / (last_wall - first_wall) if last_wall > first_wall else 0.0
 
     def too_slow(self, wall: float) -> bool:
-        """Whether it plays, and backlog was dropped within the last second."""
+        """Whether time passes, and a backlog was dropped within the last second."""
         return self.runs and wall - self._dropped_at < SPEED_WINDOW
 
 
 class RunRate:
-    """How often a new run may begin: a bucket of `RUNS_AT_ONCE` that gains one every `RUN_PERIOD`."""
+    """The limit on new runs: a token bucket of `RUNS_AT_ONCE` that gains one every `RUN_PERIOD`."""
 
     def __init__(self) -> None:
         self._left, self._at = float(RUNS_AT_ONCE), 0.0

@@ -1,8 +1,8 @@
 """Parametric resonance of etdrk4's steps with a nearly undamped beam in arms that give way: how fast it makes errors grow.
 
-The beam is propagated exactly, what its grips do is not. Where step times frequency of two modes add up to a multiple of 2π, or
-differ by one, each step excites them in phase and they grow without end. Strong resonances are narrow: a step a few per cent
-shorter avoids them. To avoid all of them takes half the step, or a third.
+The beam is propagated exactly, the motion of its grips is not. If step times frequency of two modes add up to a multiple of 2π,
+or differ by one, each step excites both in phase and they grow without bound. Strong resonances are narrow: a step a few per
+cent shorter avoids them. Avoiding all of them takes half the step, or a third.
 """
 
 import math
@@ -24,10 +24,10 @@ STEADY_GROWTH = 0.1
 """Growth rate that counts as none, 1/s: in a minute, errors of 1e-10 stay below 1e-7."""
 
 SPAN = 32.0
-"""s over which growth is measured, so that beats of modes count for no more than 0.02 1/s."""
+"""Time over which growth is measured, s: beats between modes then count for no more than 0.02 1/s."""
 
 RESOLVING = 2.0
-"""Step times fastest rate of the beam below which no two modes can resonate."""
+"""Step times the fastest rate of the beam below which no two modes can resonate."""
 
 UNRESOLVED, BARELY_DAMPED = 1.0, 100.0
 """A mode may grow if step times frequency exceeds the first number and its decay rate, 1/s, is below the second: resonances
@@ -42,7 +42,7 @@ a slider waits for them."""
 
 
 def may_resonate(beam: Beam, rates: Rates, dt: float) -> bool:
-    """Whether errors of steps dt can grow at all, so that `growth_rate` has to tell."""
+    """Whether errors of steps dt, s, can grow at all; `growth_rate` tells whether they do."""
     if dt * rates.beam < RESOLVING:
         return False
     barely = beam.modes.D.diagonal() < 2 * BARELY_DAMPED
@@ -67,16 +67,16 @@ def steadiest(
 
 
 def growth_rate(system: System, beam: Beam, rates: Rates, pose: np.ndarray, dt: float) -> float:
-    """Rate at which errors of steps dt grow at rest at a pose (3,), 1/s; -inf at one that the arms cannot take."""
+    """Rate at which errors of steps dt grow at rest at a pose (3,), 1/s; -inf at a pose that the arms cannot take."""
     ws, taken = scratch_workspace(system), np.zeros(1)
-    largest_ratios_at(system.plant, pose[None], rates.forms[:1], ws, taken)  # It leaves the inertia S there.
+    largest_ratios_at(system.plant, pose[None], rates.forms[:1], ws, taken)  # This leaves the inertia S in ws.
     if taken[0] <= 0:
         return -math.inf
     return _growth(beam, _loads(system, float(pose[2])), ws.S, dt)
 
 
 def _loads(system: System, theta: float) -> np.ndarray:
-    """Force of unit accelerations of the modes on the pose, (3, n_m)."""
+    """Force on the pose by unit accelerations of the modes, (3, n_m)."""
     h, g = system.plant.modal[: G + 1]
     sine, cosine = sin_cos(theta)
     return np.stack([-sine * h, cosine * h, g])

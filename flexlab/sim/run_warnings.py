@@ -21,21 +21,21 @@ class Peaks(NamedTuple):
     """The largest values of a run so far."""
 
     peak: float = 0.0
-    """Largest internal force, N or N·m; of one arm alone, which has none, the moving force."""
+    """Largest internal force, N or N·m; for a single arm, which has none, largest moving force."""
     strongest: float = 0.0
     """Largest torque, N·m."""
     torque: np.ndarray | None = None
-    """Joint torques of the newest sample, N·m, (3 arms,); None: of none yet."""
+    """Joint torques of the newest sample, N·m, (3 arms,); None before the first."""
     load_share: float = 0.0
     """Largest compression of the beam over its buckling load, 1."""
     spin_share: float = 0.0
-    """Largest share of the linear beam's stiffness that the spin took, 1."""
+    """Largest share of the linear beam's stiffness that the spin took away, 1."""
     bending: float = 0.0
     """Largest deflection over the beam's length, 1."""
 
 
 def with_model_shares(before: Peaks, scenario: Scenario, rows: np.ndarray) -> Peaks:
-    """The peaks after `rows` (N ≥ 1, row length) of what counts for `model_warning`. w is taken at mid-span and the nodes."""
+    """Update the peaks that `model_warning` needs with `rows` (N ≥ 1, row length). w is taken at mid-span and at the nodes."""
     payload = scenario.payload
     free = free_coordinates(payload.element_count, payload.boundary)
     columns = [MIDSPAN, *(ARMS + PER_ARM * len(scenario.arms) + np.flatnonzero(free % 2 == 0))]
@@ -65,7 +65,7 @@ def peaks_of(before: Peaks, scenario: Scenario, rows: np.ndarray, checked: float
 
 @compiled
 def _find_peaks(rows, arm_count, follows, torque, peak, strongest, checked):
-    """(peak, strongest, change, jump); `torque`, that of the sample before if it `follows` one, becomes the newest."""
+    """Return (peak, strongest, change, jump), and set `torque` to the newest; `follows`: it holds that of the sample before."""
     largest, jump = 0.0, -1
     for k in range(len(rows)):
         row, change = rows[k], 0.0
@@ -121,7 +121,7 @@ def seconds_per_second(integrator: str, beam: Beam, step: float) -> float:
 
 
 def pace_warning(integrator: str, beam: Beam, step: float, bound: str, others: str = "") -> str:
-    """A sentence on why a run is estimated to be slower than real time, and what to change; empty: it is not.
+    """A sentence on why a run is estimated to be slower than real time, and what to change; empty if it is not.
 
     bound: what bounds the step, as `step_size.Choice.bound`; others: as of `step_size.other_integrators`.
     """
@@ -178,10 +178,10 @@ POSE_BOUND = 1e-8
 """Estimated error of the pose, m or rad, up to which a run counts as accurate, unless a coarser accuracy was asked for."""
 
 FORCE_BOUND = 1e-4
-"""The same for the internal force over its peak so far; for a single arm, for the force that moves the beam."""
+"""Largest error of the internal force, over its peak so far, of an accurate run; for a single arm, of the moving force."""
 
 LEAST_PEAK = 0.5
-"""N or N·m: errors are judged against at least this force, so that tiny forces are not."""
+"""Smallest peak against which errors of the force are judged, N or N·m: errors of tiny forces do not matter."""
 
 Sizes = tuple[float, float]
 """Errors of the pose, m or rad, and of the force, N or N·m."""
@@ -215,7 +215,7 @@ class ModelWarning(NamedTuple):
 def model_warning(payload: Payload, seen: Peaks) -> ModelWarning:
     """The warning for all samples so far.
 
-    Of axial load and spin at `NOTABLE` and `WHOLE` for the paper's beam, else at `WHOLE` alone; of bending at `LARGE_DEFLECTION`.
+    Limits are `NOTABLE` and `WHOLE` for axial load and spin of the paper's beam, `WHOLE` else, `LARGE_DEFLECTION` for bending.
     """
     critical = buckling_load(payload.length, payload.bending_stiffness, payload.boundary)
     share, spin, felt = seen.load_share, seen.spin_share, payload.axial_load != "none"
@@ -275,7 +275,7 @@ def saturated(time: float, cure: str) -> str:
 
 
 def inaccurate(scenario: Scenario, time: float, coming: Sizes, found: Sizes, peak: float) -> str:
-    """The warning for errors beyond their bounds at `time`, s; empty: they are not.
+    """The warning for errors beyond their bounds at `time`, s; empty if they are not.
 
     `coming`: expected errors of the pose, m or rad, and of the force, N or N·m; `found`: those so far; `peak`: the largest
     force so far, N or N·m.

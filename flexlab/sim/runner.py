@@ -38,8 +38,8 @@ IDLE_PERIOD = 0.25
 """Wall seconds between two frames while nothing happens: an idle lab costs next to nothing."""
 
 SWITCH_INTERVAL = 1e-3
-"""Seconds after which Python takes its lock from a thread that keeps it. The simulation may wait as long after every block of
-ticks, and a frame has room for only three of Python's usual 5 ms."""
+"""Seconds after which Python takes its global lock from a thread that holds it. The simulation may wait that long after every
+block of ticks, and only three of Python's usual 5 ms fit into a frame."""
 
 STOP_PERIOD = 0.02
 """Wall seconds between two reminders that the thread is to stop."""
@@ -143,12 +143,12 @@ class Runner:
         return self._run.checkpoints.before(round(time / TICK))
 
     def frame(self) -> None:
-        """One frame: commands, then the ticks that are due, then a snapshot. The thread's body; tests call it alone."""
+        """Carry out commands, then the ticks that are due, then publish a snapshot. The thread calls it; tests call it alone."""
         run = self._run
         run.open_frame()
         stepping = run.steps_left > 0
         self._drain()
-        run.open_frame()  # Whatever the commands cost, time goes on.
+        run.open_frame()  # Whatever the commands cost, simulation time goes on.
         if stepping and run.steps_left:
             run.work_off_steps()
         if self._released == run.number:

@@ -1,4 +1,4 @@
-"""A controller that acts at fixed instants: it measures with noise, computes, and its joint torques are held.
+"""A controller that acts at fixed instants: it measures with noise, computes joint torques and holds them.
 
 The torques computed at one instant take effect `delay` instants later. Until the first ones do, the motors are off, or hold
 what a continuous controller asked for last. The controller's state (b̂) advances by explicit Euler, as in a digital controller.
@@ -24,13 +24,13 @@ from flexlab.sim.closed_loop import System, find_state, law_places, limit_torque
 
 
 class LoopVariant(NamedTuple):
-    """The kinds of plant for which kernels are compiled apart."""
+    """The kinds of plant for which kernels are compiled separately."""
 
     ideal_joints: bool = True
     mass_stays: bool = True
     rigid_grips: bool = True
     no_axial_load: bool = True
-    """False also for a plant with one of the others, which then has the axial load in its loop: that halves the variants."""
+    """Also False for a plant with any other extension, whose loop then has the axial load too: that halves the variants."""
 
 
 BEAM_CHANNEL, GAUGE_CHANNEL = 6, 8
@@ -63,11 +63,11 @@ class Sampling(NamedTuple):
     line: np.ndarray
     """Torques on their way, oldest first, N·m, (delay + 1, arms, 3)."""
     kernel: int = 0
-    """Address of `control_instant`; 0: control is continuous, which then starts without compiling it."""
+    """Address of `control_instant`; 0 for continuous control, which starts without compiling it."""
 
 
 def with_kernel(sampling: Sampling, system: System) -> Sampling:
-    """The same with the kernel's address."""
+    """The sampling with the address of its kernel."""
 
     def arguments():
         return system, sampling, 0, 0.0, np.zeros(state_length(system)), new_workspace(system)
@@ -214,7 +214,7 @@ def answer(system, sampling, t, y, ws):
 
 @inlined
 def _measure(grips, plant, sampling, instant, y, ws, now):
-    """`measure_pose` where the controller measures it."""
+    """`measure_pose` of the pose that the controller measures, which compliant grips may shift."""
     if grips is None:
         measure_pose(plant, sampling, instant, y, ws.velocity, y, ws, now)
     else:
@@ -236,7 +236,7 @@ def control_instant(system, sampling, instant, t, y, ws):
 
 @compiled
 def answer_sensors(system, sampling, instant, t, sensors, y, ws):
-    """As `control_instant`, for a plant outside; `sensors`: pose, pose rate, hᵀq̇, gᵀq̇ and strains, (8 + gauges,).
+    """As `control_instant`, for a plant simulated elsewhere; `sensors`: pose, pose rate, hᵀq̇, gᵀq̇ and strains, (8 + gauges,).
 
     Of y, only the controller's state, the law's signals and the last encoder reading are used.
     """

@@ -28,7 +28,7 @@ class ChangeScenario:
 class Pull:
     """A spring from a point of the beam, or of a link, to a point of the plane; stiffness 0 releases it.
 
-    `link`: (arm, link), both counted from 1; None: the beam. `position`: material coordinate s of the beam, or distance
+    `link`: (arm, link), both counted from 1; None for the beam. `position`: material coordinate s of the beam, or distance
     from the link's inner joint, m. `target` (x, y), m; `stiffness` N/m.
     """
 

@@ -50,7 +50,7 @@ def with_model_shares(before: Peaks, scenario: Scenario, rows: np.ndarray) -> Pe
 def peaks_of(before: Peaks, scenario: Scenario, rows: np.ndarray, checked: float) -> tuple[Peaks, float, int]:
     """The peaks after `rows` (N ≥ 1, row length), the largest change of a torque in one of them, N·m, and the first `JUMP`.
 
-    `checked`: the largest change in a checked tick so far, N·m. The jump is the index of its row; -1: there is none.
+    `checked`: the largest change in a checked tick so far, N·m. The jump is the index of its row, or -1 if there is none.
     """
     arm_count = len(scenario.arms)
     torque = np.empty(3 * arm_count)
@@ -209,7 +209,7 @@ class ModelWarning(NamedTuple):
     level: int = 0
     """Number of limits exceeded."""
     text: str = ""
-    """One or two sentences; empty: no limit was exceeded."""
+    """One or two sentences; empty if no limit was exceeded."""
 
 
 def model_warning(payload: Payload, seen: Peaks) -> ModelWarning:

@@ -54,7 +54,7 @@ class Samples(Signals):
             return np.broadcast_to(np.nan, (len(self), *shape))
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """A signal by its name. Raises TypeError for anything else, as a number of a row."""
+        """Return a signal by its name. Raises TypeError for anything else, such as a row number."""
         if not isinstance(name, str):
             raise TypeError(
                 f"[{name!r:.60}] names no signal: give a name, as in ['pose'], or take rows by take([0, 1])."
@@ -62,7 +62,7 @@ class Samples(Signals):
         return getattr(self, name)
 
     def _sizes(self) -> tuple[int, int]:
-        """Numbers of arms and beam coordinates, by the signals that are present."""
+        """Numbers of arms and beam coordinates, from the signals that are present."""
         shapes = {
             axis: array.shape[1 + place]
             for name, array in self.signals().items()
@@ -78,12 +78,12 @@ class Samples(Signals):
 
     @property
     def own(self) -> dict[str, np.ndarray]:
-        """The signals that no row of the table has."""
+        """The signals that are not in the table."""
         return {n: array for n, array in vars(self).items() if n not in TABLE and isinstance(array, np.ndarray)}
 
     @property
     def absent(self) -> frozenset[str]:
-        """The rows of the table that were not recorded."""
+        """Names of the signals in the table that were not recorded."""
         return frozenset(name for name in TABLE if name not in vars(self))
 
     def having(self, **signals: np.ndarray) -> "Samples":
@@ -91,18 +91,18 @@ class Samples(Signals):
         return Samples(**{**self.signals(), **signals})
 
     def take(self, rows: Any) -> "Samples":
-        """The samples of an index of the first axis: a slice, or an array of numbers or of booleans."""
+        """Return the samples at an index of the first axis: a slice, or an array of integers or booleans."""
         return Samples(**{name: array[rows] for name, array in self.signals().items()})
 
     def slice(self, start: int, stop: int) -> "Samples":
-        """Rows start..stop as a block of its own (views, read-only like their source)."""
+        """Return rows start..stop as a separate block (views, read-only like their source)."""
         return self.take(slice(start, stop))
 
 
 def join_blocks(blocks: list[Samples]) -> Samples:
-    """Blocks end to end. Beam coordinates of coarser meshes are padded with NaN to the width of the finest.
+    """Join blocks end to end. Beam coordinates of coarser meshes are padded with NaN to the width of the finest.
 
-    So are signals that some blocks lack, as those of a law that was not always in force.
+    Signals that some blocks lack are NaN there, such as those of a law that was not always in force.
     """
     joined: dict[str, np.ndarray] = {}
     rows = sum(map(len, blocks))
@@ -126,9 +126,9 @@ MEASURED = "measured"
 
 
 class Status(str):
-    """How a run stands or ended, as a value: "running", "finished", "measured", "diverged", "unreachable", "singular".
+    """The status of a run, as a string: "running", "finished", "measured", "diverged", "unreachable", "singular".
 
-    "measured": it is no simulation but somebody's own data, see `recording.measurement`. Compares as its name; `text` is the
+    "measured" is no simulation but somebody's own data, see `recording.measurement`. Compares as its name; `text` is the
     sentence that the user reads, `time` the simulation time in s.
     """
 
@@ -178,7 +178,7 @@ for _sort in (Samples, Run):
 OF_THE_INTERFACE = (
     "name", "metrics", "explanations", "result_hash", "save", "plot", "show", "to_arrow", "to_pandas", "to_xarray",
 )  # fmt: skip
-"""What `flexlab.Run` has besides."""
+"""Further attributes of `flexlab.Run`."""
 TAKEN = {*TABLE, *DERIVED, *dir(Run), *vars(Run)["__annotations__"], *OF_THE_INTERFACE}
 """Names that every run has."""
 
@@ -219,7 +219,7 @@ def rows_to_samples(rows: np.ndarray, arm_count: int, own: Sequence[Signal] = ()
 
 
 def _place(signal: Signal, first: int) -> tuple[int, int, tuple[int, ...]]:
-    """Where a signal that begins at column `first` begins and ends, and its shape but for arms."""
+    """First and end column of a signal that begins at column `first`, and its shape without the axis of arms."""
     return first, first + signal.fixed_size, tuple(len(axis.labels) for axis in signal.axes if axis != ARM)
 
 

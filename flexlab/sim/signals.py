@@ -120,10 +120,10 @@ class Signals:
 
 
 TABLE: Mapping[str, Signal] = {f.name: f.metadata["signal"](f.name) for f in fields(Signals)}
-"""What is simulated and recorded, by name, in the order of rows and files."""
+"""The signals that are simulated and recorded, by name, in the order of rows and files."""
 
 DERIVED: Mapping[str, Signal] = {name: part.signal for name, part in vars(Signals).items() if isinstance(part, derived)}
-"""What follows from them, by name."""
+"""The signals that follow from those, by name."""
 
 
 def own_signals(scenario: Scenario) -> tuple[Signal, ...]:
@@ -181,7 +181,7 @@ PLACES = (
 """s/L at which the axial load is given: `sensors.gauge_places`, to the last bit on every machine."""
 
 AT_LIMIT = 1e-9
-"""Relative distance from its limit at which a torque counts as saturated: the rounding of turning τ into u and back."""
+"""Relative distance from its limit at which a torque counts as saturated: the rounding error of turning τ into u and back."""
 
 
 @inlined

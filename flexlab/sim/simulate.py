@@ -15,7 +15,7 @@ from flexlab.sim.world import World
 from flexlab.text import number_text
 
 LONGEST_RUN = 50_000_000
-"""Most samples of one run: beyond that its arrays would fill the memory of an ordinary machine."""
+"""Largest number of samples of one run: more would fill the memory of an ordinary machine."""
 
 
 def simulate(
@@ -28,9 +28,9 @@ def simulate(
 
     `commands`: (time in s, command) pairs, as a person in the live lab would give them; each takes effect on the first
     sample instant that is not before its time. A run that cannot start or go on ends early: `run.status` says why, and
-    the good samples are kept. Signals of a law that was not always at work are NaN where it was not. Raises `ScenarioError`
-    for a scenario or command that is not valid and `StudyError` for a duration or period that is not, or a command that
-    changes the beam's mesh or starts the run anew.
+    the good samples are kept. Signals of a law are NaN while it is not in force. Raises `ScenarioError` for an invalid
+    scenario or command, and `StudyError` for an invalid duration or period, or a command that changes the beam's mesh or
+    starts the run anew.
     """
     count, sample_period = sample_count(duration, sample_period), float(sample_period)
     world = World(scenario.anew(), sample_period)

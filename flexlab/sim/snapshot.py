@@ -54,13 +54,13 @@ class Snapshot:
     waiting: bool = False
     """Whether the run waits at its first instant until somebody can see it."""
     accuracy_warning: str = ""
-    """Since when and why the run's results are no longer accurate, a sentence; empty: they are."""
+    """A sentence on since when and why the run's results are no longer accurate; empty while they are."""
     model_warning: str = ""
     """As `World.model_warning`: sentences on what the beam's model neglects."""
     pace_warning: str = ""
     """As `World.pace_warning`: what makes the run slower than real time, and what to change."""
     answered: int = 0
-    """Number, as `Runner.submit` returned it, up to which all commands have been carried out or refused."""
+    """All commands up to this number, as `Runner.submit` returned it, have been carried out or refused."""
 
 
 class Consumer(Protocol):

@@ -22,8 +22,8 @@ from flexlab.sim.integrators.scheme import Scheme
 from flexlab.sim.step_size import CONTROLLED_STEP, SHORTEST_CHOSEN, build_scheme, control_limits
 
 DISTURBED_LEVELS, DISTURBED_TICKS = 4, 6
-"""Where damping is notable, the steps of the first ticks after a start, a tap or a change are so many levels finer, and each of
-these levels lasts so many ticks."""
+"""If damping is notable, the first steps after a start, a tap or a change are finer by the first number of levels, and each of
+these levels lasts for the second number of ticks."""
 
 NOTABLE_DAMPING = 0.3
 """Step times D of the most damped mode from which on ticks after a disturbance get finer steps."""
@@ -42,13 +42,13 @@ class StepWatch(NamedTuple):
     step: float
     """Longest step, s: that of level 0."""
     most: int
-    """Finest level; 0: the step is given."""
+    """Finest level; 0 if the step is given."""
     wished: float
-    """Step times fastest rate of the controlled pose for the accuracy, 1."""
+    """Largest step times the fastest rate of the controlled pose for the accuracy, 1."""
     coarsest: float
-    """The same for stability."""
+    """Largest step times this rate for stability, 1."""
     disturbed: int
-    """Levels finer after a disturbance."""
+    """Number of levels by which the first steps after a disturbance are finer."""
 
 
 @inlined
@@ -115,7 +115,7 @@ class StepLevels:
         """The beam's matrix functions for the first steps, block by block."""
         self._schemes: dict[int, Scheme] = {}
         self._halvings = 0
-        """Number of the first level among the schemes."""
+        """Place of level 0 among the schemes."""
 
     def scheme(self, level: int) -> Scheme:
         """The integrator's constants for a level."""
@@ -133,7 +133,7 @@ class StepLevels:
         return finer
 
     def watch(self, fixed: bool, accuracy: float) -> StepWatch:
-        """What the kernel needs to choose among them; `fixed`: the step is given, and it does not."""
+        """What the kernel needs to choose a level; with `fixed`, a given step, it chooses none."""
         wished, coarsest = control_limits(self.integrator, accuracy)
         most = 0 if fixed else max(0, math.frexp(self.step / SHORTEST_CHOSEN)[1] - 1)
         damped = self.step * self._beam.modes.D.diagonal().max() > NOTABLE_DAMPING

@@ -26,11 +26,11 @@ POSES_TRIED = 16
 """Instants of the first period at which the rates are evaluated."""
 
 FADED = 2.5e-4
-"""s: a mode that decays within this time counts exp(-1) of one that rings for ever."""
+"""Decay time of a mode, s, that counts exp(-1) times as much as one that rings for ever."""
 
 STABLE_CREEP = 1.0
-"""Most that the grips may add to the inverse mass of modes that are damped faster than the step. Such a mode follows at once what
-the grips did in the stage before, so that from about 1.3 on each stage amplifies the last one."""
+"""Largest number that the grips may add to the inverse mass of modes that are damped faster than the step. Such a mode follows at
+once the grips' motion in the stage before, so that above about 1.3 each stage amplifies the last one."""
 
 STEPS_TRIED = np.outer(2e-3 * np.ldexp(1.0, -np.arange(16)), [1.0, math.sqrt(0.5)]).ravel()
 """Steps that are tried for `STABLE_CREEP`, from the longest to less than the shortest in use, s."""
@@ -44,11 +44,11 @@ class Rates(NamedTuple):
     held: float
     """Rate of the beam's fastest mode with its grips held, 1/s."""
     beam: float
-    """The same in the arms, 1/s."""
+    """Rate of its fastest mode in the arms, 1/s."""
     coupling: float
     """Norm of the modes' coupling through the motion of the beam's ends, 1/s."""
     lasting: float
-    """The same of modes that ring on, 1/s."""
+    """As `coupling`, of modes that ring on, 1/s."""
     overdamped: float
     """Longest step with which overdamped modes are stable although the beam's ends move, s."""
     forms: np.ndarray
@@ -56,12 +56,12 @@ class Rates(NamedTuple):
 
 
 class GripRates(NamedTuple):
-    """Bounds of the rates of compliant grips with the arms and the payload that they hold; rigid ones: 0."""
+    """Bounds of the rates of compliant grips with the arms and the payload that they hold; 0 for rigid grips."""
 
     ringing: float = 0.0
     """Fastest vibration of the springs between the arms and the payload's ends, 1/s."""
     slow: float = 0.0
-    """The same with a rigid beam, 1/s."""
+    """Fastest vibration of these springs with a rigid beam, 1/s."""
     fading: float = 0.0
     """Fastest decay by the dampers, 1/s."""
 
@@ -108,7 +108,7 @@ def joint_rate(system: System, desired: np.ndarray) -> float:
 
 
 def motor_rate(system: System) -> float:
-    """Rate at which motors follow what they are asked for, 1/s; 0: they follow at once."""
+    """Rate at which motors follow what they are asked for, 1/s; 0 if they follow at once."""
     return 0.0 if system.plant.joints is None else system.plant.joints.lag_rate
 
 
@@ -120,7 +120,7 @@ def _straight_inertia(plant, arm_count, ws):
 
 
 def grip_rates(system: System, desired: np.ndarray) -> GripRates:
-    """How fast grips are at desired poses (k, 3)."""
+    """Rates of the grips at desired poses (k, 3)."""
     if system.plant.grips is None:
         return GripRates()
     found = np.zeros((3, 2))
@@ -173,7 +173,7 @@ def fastest_joint_rate_at(plant, desired, ws):
 def instability(system: System, desired: np.ndarray, period: float, delay: int) -> float:
     """Fastest rate of a loop sampled every `period`, s, over its limit of stability with so many periods of delay, 1.
 
-    0: the law is continuous (period 0), or the motors are off.
+    0 if the law is continuous (period 0) or the motors are off.
     """
     return control_rate(system, desired) * period / stability_limit(delay) if period > 0 else 0.0
 

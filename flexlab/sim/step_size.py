@@ -29,20 +29,20 @@ SHORTEST_STEP = 1e-5
 """Shortest automatic step for accuracy, s: a second-order method that needs a shorter one would never finish."""
 
 LONGEST_STEP = 2e-3
-"""s: with a longer one, the 1 kHz samples of the live lab would lie within steps."""
+"""Longest automatic step, s: with a longer one, the 1 kHz samples of the live lab would lie within steps."""
 
 DEFAULT_ACCURACY = 1e-10
 """Pose accuracy, m, for which the limits below are given."""
 
 CONTROL_LIMIT, COARSEST_CONTROL_LIMIT = 0.2, 0.4
-"""Longest step times fastest closed-loop rate: for the default accuracy, so that start-up transients are exact to a few 1e-6; and
+"""Largest step times fastest closed-loop rate: for the default accuracy, so that start-up transients are exact to a few 1e-6; and
 for any accuracy, well inside the methods' stability (2.8)."""
 
 CONTROLLED_STEP = 2e-5
-"""s: only stability asks for a shorter step, as no arm follows what a loop does in less."""
+"""Step, s, below which only stability counts: no arm follows what a law does in less time."""
 
 COUPLING_LIMIT, COUPLED_STEP = 0.1, 1e-5
-"""Longest step times `Rates.coupling`, of the part of the beam that etdrk4 does not propagate exactly, for the default accuracy;
+"""Largest step times `Rates.coupling`, of the part of the beam that etdrk4 does not propagate exactly, for the default accuracy;
 a step below the second number, s, is never asked for: only the highest modes would gain."""
 
 FADING_LIMIT = 0.3
@@ -50,7 +50,7 @@ FADING_LIMIT = 0.3
 and steps after a start or a change are shorter (`step_levels`)."""
 
 STABLE_COUPLING = 1.0
-"""Longest step times `Rates.coupling` with which etdrk4 is stable, with a margin of two."""
+"""Largest step times `Rates.coupling` with which etdrk4 is stable, with a margin of two."""
 
 SHORTEST_CHOSEN = SMALLEST_STEP
 """Shortest step that is taken, at the start or in a run, s."""
@@ -59,14 +59,14 @@ RINGING_LIMIT, RINGING_DECAY = 0.01, 1.0
 """`COUPLING_LIMIT` where errors of the modes add up, as no mode decays faster than the second number, 1/s."""
 
 RESOLVED, RESOLVED_MODES, RESOLVED_ANGLE = 0.5, 3, 0.05
-"""Share of its stability limit, and step times frequency of the third mode, at which rk4 runs by itself. rk4 takes (ωΔt)⁶/72 of a
-mode's energy per step: with these, the modes that a motion excites keep theirs to 1e-6 over 10 s."""
+"""Share of its stability limit, number of a mode, and step times its frequency, that bound automatic steps of rk4. rk4 takes
+(ωΔt)⁶/72 of a mode's energy per step: with these bounds, the modes that a motion excites keep theirs to 1e-6 over 10 s."""
 
 SOFT_BEAM = 0.03
 """Step times the beam's fastest rate below which rk4's error in its stiffest mode is under 1e-9 of its amplitude a step."""
 
 GRIPPED_ANGLE = 0.1
-"""Longest step of rk4 times frequency of the grips' springs with a rigid beam: it takes 1e-8 of a vibration per step."""
+"""Largest step of rk4 times frequency of the grips' springs with a rigid beam: rk4 then takes 1e-8 of a vibration per step."""
 
 SMALLEST_COMMON_STEP = 1e-6
 """Shortest step that aligning samples with control instants may force, s."""
@@ -77,7 +77,7 @@ class Choice(NamedTuple):
 
     integrator: str
     step: float
-    """The longest, s."""
+    """The longest step, s."""
     bound: str
     """What bounds the step: "beam", "creep" (`Rates.overdamped`), "law", "joints", "motors", "grips" or "given"; once it
     divides the periods also "period" or "resonance" (`parametric_resonance`)."""
@@ -100,7 +100,7 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
         # Other integrators need a constant mass and rigid grips to propagate the modes.
         integrator = "rk4"
     elif integrator == "auto":
-        # Only a beam so slow that rk4 resolves all its modes saves by not propagating them exactly.
+        # Exact propagation of the modes is not worth its cost only if the beam is so slow that rk4 resolves all of them.
         step = simulation.step or _accurate_step("rk4", simulation.accuracy, control_speed)
         integrator = "rk4" if step * beam_speed < SOFT_BEAM else "etdrk4"
     fastest, hard = beam_speed, grips.ringing + grips.fading > beam_speed
@@ -127,7 +127,7 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
     if integrator == "rk4":
         third = float(np.sort(beam.modes.omega)[:RESOLVED_MODES][-1]) / math.sqrt(scenario.payload.mass_change.lightest)
         stable = min(RESOLVED * stable, RESOLVED_ANGLE / third)
-    gripped = GRIPPED_ANGLE / grips.slow if grips.slow > 0 else math.inf  # It is 0, too, if no pose can be taken.
+    gripped = GRIPPED_ANGLE / grips.slow if grips.slow > 0 else math.inf  # 0 also if the arms can take no pose.
     hard, stable = hard or gripped < stable, min(stable, gripped)
     creeping = rates.overdamped if integrator == "etdrk4" else math.inf
     longest = {
@@ -141,7 +141,7 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
 
 
 def other_integrators(scenario: Scenario) -> str:
-    """What a scenario must change so that other integrators than rk4 can be used; empty: they can."""
+    """What a scenario must change so that other integrators than rk4 can be used; empty if they can."""
     mass = "a mass that stays (payload.mass_change.factor = 1)" if scenario.payload.mass_change.active else ""
     grips = "rigid grips (grips.model = rigid)" if scenario.grips.active else ""
     return " and ".join(filter(None, (mass, grips)))
@@ -154,7 +154,7 @@ def _refuse_tiny(step: float, integrator: str, bound: str, others: str) -> None:
     least = number_text(SHORTEST_CHOSEN)
     need = f"would need a step of {number_text(step, 2)} s with {integrator}, below the {least} s that is allowed"
     if bound == "creep":
-        # How short it would have to be is unknown, and nobody can set one.
+        # How short the step would have to be is unknown, and nobody can set it.
         need = f"would need steps below the {least} s that are allowed with {integrator}"
     auto = f"or {others}, " if others else "" if integrator == "etdrk4" else "or the integrator auto, "
     own_step = f"{auto}or set the step yourself (simulation.step)"
@@ -198,7 +198,7 @@ class Count(NamedTuple):
 
     per_tick: int
     per_control: int
-    """0: control is continuous."""
+    """0 for continuous control."""
     step: float
     """s."""
 

@@ -1,9 +1,9 @@
-"""The automatic step: halved until a run's beginning, and what follows a discontinuity of its path, is accurate.
+"""The automatic step: halved until a run's beginning, and what follows discontinuities of its path, are accurate.
 
 A start with a wrong velocity, a discontinuity and each instant of a sampled law excite modes that are faster than the step. How
-well a step follows them depends on beam, arms and law together, so it is tried: the first ticks are gone with the step and with
+well a step follows them depends on beam, arms and law together, so it is tried: the first ticks are run with the step and with
 half of it. The difference is the error, and modes that ring on accumulate it until they decay. The trial depends on the scenario
-alone, so that a run that goes on from somewhere takes the same steps.
+alone, so that a run that goes on from a later state takes the same steps.
 """
 
 import math
@@ -32,17 +32,17 @@ from flexlab.sim.step_size import SHORTEST_CHOSEN, Count
 from flexlab.sim.stepping import move_on
 
 TRIED, TRIED_LONGER = 12, 80
-"""Ticks of each trial, after those whose steps are shorter as they follow a start. Some errors come from the path and from slow
-modes and add up from tick to tick, so that only the longer trial shows them."""
+"""Ticks of the short and of the long trial, after the ticks with shorter steps that follow a start. Some errors come from path
+and from slow modes and add up from tick to tick, so that only the long trial shows them."""
 
 CLEAR = 0.1
-"""Share of what is allowed below which errors of the first ticks need no longer trial."""
+"""Share of the allowed errors below which those of the short trial make the long one needless."""
 
 APART = 6
-"""Ticks from one tried instant to the next, at least."""
+"""Smallest number of ticks between two tried instants."""
 
 HORIZON = 1.0
-"""s after which modes that ring on are to be accurate still."""
+"""Time after which modes that ring on must still be accurate, s."""
 
 ALLOWED_SHARE = 0.3
 """Share of the bounds of pose and force in `accuracy` that a trial's errors may reach."""
@@ -52,32 +52,32 @@ SLOWEST_TRIED = 8.0
 where even that is not enough, the step is as short as real time allows."""
 
 RATE_DECAY = 20.0
-"""Rate at which a law leads errors of the pose's rate back, 1/s, about; until then they move the pose."""
+"""Approximate rate at which a law corrects errors of the pose rate, 1/s; until then they move the pose."""
 
 MOST_ORDER = 4.5
-"""A halving leaves no less than 2 to the minus this of an error."""
+"""Highest order of an error: a halving leaves at least 2 to the minus this of it."""
 
 DISCONTINUITIES_TRIED = 2
 """Discontinuities of the path that are tried besides the start."""
 
 
 class Trial(NamedTuple):
-    """The ticks of one step that was tried."""
+    """The ticks that were simulated with one step."""
 
     motion: Motion
-    """After the last one."""
+    """The motion after the last tick."""
     rows: np.ndarray
-    """Their samples."""
+    """Samples of the ticks."""
     finer_ticks: int
-    """How many of them have shorter steps, as they follow a start."""
+    """Number of the ticks with shorter steps, which follow a start."""
     ended: bool = False
-    """Whether the motion cannot go on after them."""
+    """Whether the motion cannot go on after the last tick."""
 
 
 def build_assembly(
     scenario: Scenario, tick_period: float, known: Sequence[Assembly] = (), at_once: bool = False
 ) -> Assembly:
-    """Everything that is derived from a scenario, its automatic step tried; raises `ScenarioError`.
+    """Derive everything from a scenario and try its automatic step; raises `ScenarioError`.
 
     Parts of `known` assemblies are shared where they fit. `at_once`: raise `Unprepared` instead of deriving what takes long.
     """
@@ -132,7 +132,7 @@ def _instants(assembly: Assembly) -> list[int]:
 
 
 def _needed(assembly: Assembly, tick: int, least: int, most: int, at_once: bool) -> int:
-    """As `halvings` for the trial from number `tick` on, at least `least`; more than `most`: that is not enough."""
+    """As `halvings` for the trial from number `tick` on, at least `least`; a result above `most`: `most` is not enough."""
     found: dict[int, Trial | None] = {}
     level, ticks = least, TRIED
     while level <= most:
@@ -155,7 +155,7 @@ def _needed(assembly: Assembly, tick: int, least: int, most: int, at_once: bool)
 
 
 def _begun(assembly: Assembly, tick: int, times: int) -> Trial | None:
-    """Trial from number `tick` on with a step that is halved so many times, before its first tick; None: it cannot begin."""
+    """The trial from number `tick` on with a step halved so many times, before its first tick; None if it cannot begin."""
     motion = begin_motion(halved(_without_counts(assembly), times), tick)
     if motion.status.failed:
         return None
@@ -167,7 +167,7 @@ def _begun(assembly: Assembly, tick: int, times: int) -> Trial | None:
 
 
 def _moved(trial: Trial, ticks: int) -> Trial:
-    """A trial of so many ticks with long steps, if it has less and does not end."""
+    """The trial continued to so many ticks with long steps, unless it ends before."""
     if trial.ended:
         return trial
     rows = np.zeros((trial.finer_ticks + ticks - len(trial.rows), trial.rows.shape[1]))
@@ -212,7 +212,7 @@ def _rate_error(assembly: Assembly, coarse: Trial, fine: Trial) -> np.ndarray:
 
 
 def _excess(assembly: Assembly, coarse: Trial, fine: Trial) -> float:
-    """Difference of two trials over what is allowed, 1. If the finer one ends, of the ticks that both have."""
+    """Difference of two trials over what is allowed, 1; if the finer one ends, only of the ticks that both have."""
     if coarse.ended and not (fine.ended and len(fine.rows) <= len(coarse.rows)):
         return math.inf
     common = min(len(coarse.rows), len(fine.rows))
@@ -230,7 +230,7 @@ def _excess(assembly: Assembly, coarse: Trial, fine: Trial) -> float:
     ringing = np.where(
         accuracy.oscillates(assembly), accuracy.mode_forces(assembly, coarse.motion.y - fine.motion.y), 0.0
     )
-    # A mode that rings on accumulates as much in each such span.
+    # A mode that rings on accumulates the same error in each span as long as the trial.
     decay = np.maximum(ring_decay(assembly.beam), 1e-6 / HORIZON)
     faded, faded_here = (1 - exponentials(-decay * span) for span in (HORIZON, len(coarse.rows) * assembly.tick_period))
     coming = math.sqrt(math.fsum((ringing * faded / faded_here) ** 2))

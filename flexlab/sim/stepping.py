@@ -1,4 +1,4 @@
-"""Moving a `Motion` from tick to tick with the step that each wants, and checking how accurate it is.
+"""Moving a `Motion` from tick to tick with the step that each tick wants, and checks of its accuracy.
 
 Whatever the integrator, a step across a jump of the desired velocity, acceleration or jerk is of first order: these
 discontinuities have to lie on steps. Those on whole ticks do; a tick with one elsewhere is split there, and each part gets
@@ -30,8 +30,8 @@ from flexlab.sim.step_size import build_scheme
 from flexlab.sim.termination import DEFLECTION_LIMIT, runtime_fault
 
 SAME_INSTANT = 1e-11
-"""s. A discontinuity this close to the end of a step or to another one is taken to be there: nothing moves in that time, and
-steps stay so long that differences over them are not lost in rounding."""
+"""Time, s: a discontinuity this close to the end of a step or to another one is taken to be there. Nothing moves in that time,
+and no step gets so short that differences over it are lost in rounding."""
 
 
 class SplitTick(NamedTuple):
@@ -43,7 +43,7 @@ class SplitTick(NamedTuple):
 
 
 def next_split_tick(assembly: Assembly, level: int, tick: int) -> SplitTick | None:
-    """The first tick from number `tick` on with a discontinuity that lies on no step of this level; None: there is none."""
+    """The first tick from number `tick` on with a discontinuity that lies on no step of this level; None if there is none."""
     instants, tick_period = assembly.system.trajectory.discontinuities, assembly.tick_period
     if assembly.system.control.sampled or not len(instants) or instants[-1] <= tick * tick_period:
         return None
@@ -67,7 +67,7 @@ def steps_in(length: float, dt: float) -> int:
 
 
 def observe(motion: Motion, row: np.ndarray) -> None:
-    """Write the sample of the present instant, zeros before; of a failed start the pose alone, the rest zero."""
+    """Write the sample of the present instant to `row`, which holds zeros; after a failed start, the pose alone."""
     move_on(motion, row[None], first_is_present=True)
     row[TIME] = motion.time
     row[POSE : POSE + 3] = motion.y[:3]
@@ -136,9 +136,9 @@ def _check(motion: Motion, row: np.ndarray, start: WorldState) -> None:
 
 
 def repeat_tick(motion: Motion, start: WorldState, level: int) -> tuple[np.ndarray, np.ndarray] | None:
-    """Sample and state at the end of the tick from `start` on, gone with the steps of `level`; None: it fails.
+    """Sample and state at the end of the tick from `start` on, simulated with the steps of `level`; None if it fails.
 
-    `motion` stays as it is; `start` is used up.
+    `motion` is not changed; the arrays of `start` are overwritten.
     """
     system = motion.assembly.system._replace(held_torque=start.held_torque)
     sampling, watch = motion.assembly.sampling._replace(line=start.torque_line), motion.assembly.watch._replace(most=0)
@@ -155,7 +155,7 @@ def move_on(
 ) -> tuple[int, int]:
     """Move by one tick per row with the step that each wants; returns the ticks done and the code of `advance`.
 
-    `limit`: deflection at which the motion stops, m; None: `DEFLECTION_LIMIT`. Nothing is checked, and motion.tick stays.
+    `limit`: deflection at which the motion stops, m; None for `DEFLECTION_LIMIT`. Nothing is checked, and motion.tick stays.
     """
     assembly, done = motion.assembly, 0
     if limit is None:
@@ -203,7 +203,7 @@ def _run(
     motion: Motion, scheme: Scheme, watch: StepWatch, limit: float, origin: float, tick: int, period: float, steps: int,
     rows: np.ndarray, first_is_present: bool,
 ) -> tuple[int, int]:  # fmt: skip
-    """`advance` of a motion; with a watch that chooses no level, that of the step is 0 for it."""
+    """Call `advance` for a motion; for a watch that chooses no level, the level given to it is 0."""
     sampling = motion.assembly.sampling
     arguments = (
         motion.assembly.system,

@@ -39,9 +39,9 @@ class Mode(NamedTuple):
 
 
 def first_mode(scenario: Scenario) -> Mode:
-    """The closed loop's slowest oscillation that is the beam's, with the payload held in the middle of its path.
+    """The closed loop's slowest oscillation that belongs to the beam, with the payload held in the middle of its path.
 
-    Control is continuous, with the controller's state of the start; with a law that only runs sampled, the arms are free. Raises
+    Control is continuous, with the controller's state at the start; if the law runs sampled only, the arms are free. Raises
     `ScenarioError` if there is none, as with fast-acting damping.
     """
     still = {"title": "", "watch": "", "trajectory": {"kind": "hold", "pose": scenario.trajectory.middle}}
@@ -152,7 +152,7 @@ def with_transition(motion: DesiredMotion, left: Transition | None) -> DesiredMo
 
 
 def shaper_impulses(scenario: Scenario) -> np.ndarray:
-    """A_j, 1, and t_j, s, of a scenario's input shaper, (impulses, 2); none without one."""
+    """A_j, 1, and t_j, s, of a scenario's input shaper, (impulses, 2); (0, 2) without a shaper."""
     path = scenario.trajectory
     if path.shaper == "none":
         return impulses("none", 1.0, 0.0)

@@ -28,10 +28,10 @@ long before."""
 
 
 FASTEST_WRIST = 100.0
-"""m/s: ten times what the fastest robot arms reach; beyond it the computation has diverged, whatever the pose."""
+"""Speed of a wrist, m/s, ten times what the fastest robot arms reach: beyond it the computation has diverged."""
 
 UNSTABLE_COUPLING = 2 * STABLE_COUPLING
-"""Step times `Rates.coupling` from which on etdrk4 is unstable, about."""
+"""Approximate step times `Rates.coupling` above which etdrk4 is unstable."""
 
 LOUDER = 10.0
 """Growth rate times time from which on growing errors explain a divergence: 1e-10 of the motion has become 1e-6 of it."""
@@ -97,7 +97,7 @@ def pose_fault(scenario: Scenario, pose: np.ndarray, time: float, what: str) -> 
 
 
 def measurement_fault(assembly: Assembly, pose: np.ndarray, pose_rate: np.ndarray, time: float) -> str:
-    """How encoders and noise took the pose measured within a tick after `time` out of the workspace; empty: they did not."""
+    """How encoders and noise moved a pose measured within a tick after `time` out of the workspace; empty if they did not."""
     scenario, sampling, encoders = assembly.scenario, assembly.sampling, assembly.scenario.joints.encoders
     if not (sampling.noise[:3].any() or encoders.active):
         return ""

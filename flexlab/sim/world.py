@@ -44,7 +44,7 @@ class World:
 
     @property
     def scenario(self) -> Scenario:
-        """What is in motion."""
+        """The scenario in motion."""
         return self._motion.scenario
 
     @property
@@ -74,7 +74,7 @@ class World:
 
     @property
     def accuracy_warning(self) -> str:
-        """Since when and why results are no longer accurate, a sentence; empty: they are."""
+        """A sentence on since when and why results are no longer accurate; empty while they are."""
         return self._motion.estimate.warning
 
     @property
@@ -84,12 +84,12 @@ class World:
 
     @property
     def warnings(self) -> str:
-        """All warnings about the accuracy and validity of the results, as sentences; empty: none."""
+        """All warnings about the accuracy and validity of the results, as sentences; empty if there are none."""
         return f"{self.accuracy_warning} {self.model_warning.text}".strip()
 
     @property
     def pace_warning(self) -> str:
-        """What is estimated to make the run slower than real time, and what to change, a sentence; empty: nothing."""
+        """A sentence on what is estimated to make the run slower than real time, and what to change; empty if nothing does."""
         assembly = self.assembly
         n, watch = len(assembly.beam.modes.omega), assembly.watch
         settled = not self._motion.y[ETA + 2 * n + TICKS] < DISTURBED_TICKS * watch.disturbed
@@ -141,7 +141,7 @@ class World:
         return samples.rows_to_samples(rows, len(self.scenario.arms), own_signals(self.scenario))
 
     def observe(self) -> Samples:
-        """The sample of the present instant (N = 1); of a failed start: the pose alone, the rest zero."""
+        """The sample of the present instant (N = 1); after a failed start, the pose alone, the rest zero."""
         return self.to_samples(self.observe_rows())
 
     def observe_rows(self) -> np.ndarray:
@@ -151,7 +151,7 @@ class World:
         return rows
 
     def advance(self, ticks: int) -> Samples:
-        """Move by up to `ticks` sample periods; the samples of the instants reached, the present one not included.
+        """Move by up to `ticks` sample periods; returns the samples of the instants reached, without the present one.
 
         Fewer than `ticks` rows mean that the world stopped: `status` says why, and the state is the last good one.
         """

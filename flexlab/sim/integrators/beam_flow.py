@@ -40,7 +40,7 @@ from flexlab.physics.hand import beam_is_held
 from flexlab.physics.plant import DG, DH, DISSIPATED, ETA, OMEGA2, G, H
 
 FEWEST_COUPLED = 16
-"""Number of coupled modes from which on this pays: with fewer, dense matrices are as fast."""
+"""Smallest number of coupled modes for which this pays: with fewer, dense matrices are as fast."""
 
 
 COMMON = 3
@@ -142,7 +142,7 @@ FAST_DAMPING = 3.0
 """Step times D of a mode from which on the flow gives a better η̇ than the integrator, although of lower order."""
 
 TICKS = 2
-"""Index behind η and π of the number of ticks since a start, a tap or a change set the state; NaN: none."""
+"""Index behind η and π of the number of ticks since a start, a tap or a change set the state; NaN before the first."""
 
 SAVED = 9
 """Row of `Workspace.stage` that keeps η, η̇ and f of a step's beginning; its last entries keep the grips' motion."""

@@ -257,7 +257,7 @@ def etdrk4_stage(system, etdrk4, stage, dt, y, ws):
 
 @inlined
 def bend_flow(plant, etdrk4, ws):
-    """Make the axial load's force in ws.stage[FREE], constant over the step, linear in time."""
+    """Make the axial load's force in ws.stage[FREE] linear in time, instead of constant over the step."""
     if not has_axial_load(plant.axial):
         return
     n = plant.modal.shape[1]

@@ -1,7 +1,7 @@
 """The constants that an integrator computes once per step size.
 
-Kernels get the members of a `Scheme` one by one. The one that is not None tells the integrator: numba drops the branches of the
-others, and so compiles each integrator alone, when it is first used.
+Kernels get the members of a `Scheme` one by one. The one that is not None selects the integrator: numba drops the branches of
+the others, and so compiles each integrator separately, when it is first used.
 """
 
 from typing import NamedTuple

@@ -41,8 +41,8 @@ decay before. The shortest also applies while a torque is at its limit: nothing 
 and leaves its limit many times in a tick makes errors that no earlier check has shown. Both are prime."""
 
 FIRST_VERDICT, STEADY = 8, 1.1
-"""Ticks after a disturbance in which nothing is judged; and the most by which a run's largest force may grow between two of the
-`CHECKED_TICKS` if it is to be judged, a factor: the peak of a run that starts at rest is still to come."""
+"""Ticks after a disturbance in which nothing is judged; and the factor by which the largest force may grow between two of the
+`CHECKED_TICKS` of a run that is judged: the peak of a run that starts at rest is still to come."""
 
 FINER = 2
 """Levels by which a repetition is finer than its tick: for modes faster than the step, half the step tells little."""
@@ -100,7 +100,7 @@ class Estimate(NamedTuple):
     peak_before: float = 0.0
     """Largest force up to the check before, N or N·m."""
     warning: str = ""
-    """A sentence on since when and why results are no longer accurate; empty while they are."""
+    """A sentence that says since when and why results are no longer accurate; empty while they are."""
     interval: int = INTERVAL
     """Largest number of ticks between two checks after `CHECKED_TICKS`."""
     torque_change: float = 0.0
@@ -191,7 +191,7 @@ def note(
         return new._replace(warning=amplified(scenario))
     if scenario.joints.encoders.active and new.pose > AMPLIFIED:
         return new._replace(warning=COUNTED)
-    # Motors that were overloaded at the previous check too are so for more than a moment.
+    # Motors that were overloaded at the previous check too are overloaded for more than a moment.
     if limited and old.interval == SHORTEST_INTERVAL and any(scenario.joints.motor.stall_torque):
         return new._replace(warning=saturated(time, "stronger motors (joints.motor)"))
     said, coming = "", found

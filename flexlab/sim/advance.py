@@ -45,7 +45,7 @@ def diverged(system, y):
 
 @inlined
 def energy_beyond_work(plant, y, ws):
-    """Energy of arms and payload less the work done on them, J, after `find_state` of y: its decrease was dissipated."""
+    """Energy of arms and payload less the work done on them, J, after `find_state` of y: what it loses is dissipated."""
     factor = mass_factor(plant.mass_change, ws)
     stored = kinetic_energy(y, ws.velocity, ws.eta_dot, factor) + elastic_energy(plant, y)
     return stored + gravity_energy(plant, y, ws.w_bar[0], factor, ws) - y[WORK] - y[AXIAL_WORK]

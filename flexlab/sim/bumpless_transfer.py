@@ -168,7 +168,7 @@ def _present_torques(motion: Motion) -> np.ndarray:
 
 
 def _keep_torques(motion: Motion, assembly: Assembly, started: np.ndarray | None) -> None:
-    """Let a sampled controller keep the torques that it holds and those under way; `started`: its first ones if it begins."""
+    """Let a sampled controller keep the torques that it holds and those under way; `started`: the first of one that begins."""
     held, old_line = motion.assembly.system.held_torque, motion.assembly.sampling.line
     assembly.system.held_torque[:] = assembly.sampling.line[:] = held if started is None else started
     if started is None:

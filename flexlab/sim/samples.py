@@ -27,7 +27,7 @@ from flexlab.text import number_text
 
 @table
 class Samples(Signals):
-    """Read-only arrays of the instants `time` (N,): the signals that they were given, by name.
+    """Read-only arrays of signals at the instants `time` (N,), by name.
 
     A signal that was not recorded is absent: it reads as NaN, and `absent` names it. Signals that no row of the table has
     (a law's own, or a newer version's) are attributes like the others, and `own` holds them.
@@ -150,7 +150,7 @@ class Status(str):
 
 @table
 class Run(Samples):
-    """A finished simulation: all samples, the `scenario` it started from, and as `status` how it ended.
+    """A finished simulation: all samples, the `scenario` it started from, and the `status` with which it ended.
 
     A failed run holds the good samples up to the failure.
     """

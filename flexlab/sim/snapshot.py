@@ -54,7 +54,7 @@ class Snapshot:
     waiting: bool = False
     """Whether the run waits at its first instant until somebody can see it."""
     accuracy_warning: str = ""
-    """A sentence on since when and why the run's results are no longer accurate; empty while they are."""
+    """A sentence that says since when and why the run's results are no longer accurate; empty while they are."""
     model_warning: str = ""
     """As `World.model_warning`: sentences on what the beam's model neglects."""
     pace_warning: str = ""

@@ -74,7 +74,7 @@ class World:
 
     @property
     def accuracy_warning(self) -> str:
-        """A sentence on since when and why results are no longer accurate; empty while they are."""
+        """A sentence that says since when and why results are no longer accurate; empty while they are."""
         return self._motion.estimate.warning
 
     @property

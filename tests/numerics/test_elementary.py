@@ -15,7 +15,7 @@ ODD = (0.0, -0.0, 1.0, -1.0, math.inf, -math.inf, math.nan, 5e-324, -5e-324, 1e3
 
 
 def off(value: float, exact: mpmath.mpf) -> float:
-    """How far a value is from the exact one, in units of the last place of that."""
+    """Distance of a value from the exact one, in units in the last place of the exact one."""
     return float(abs(mpmath.mpf(float(value)) - exact) / mpmath.mpf(math.ulp(float(exact))))
 
 
@@ -27,7 +27,7 @@ def worst(values: np.ndarray, exact: Callable[..., mpmath.mpf], *arguments: np.n
 
 @pytest.fixture
 def angles() -> np.ndarray:
-    """Small, usual, large and largest ones, and those closest to multiples of a right angle."""
+    """Small, usual and large angles, the largest ones, and those closest to multiples of a right angle."""
     random = np.random.default_rng(1)
     turns = np.concatenate(
         [np.arange(-COUNT, COUNT), random.integers(1, 2**20, COUNT), random.integers(1, 2**50, COUNT)]
@@ -36,7 +36,7 @@ def angles() -> np.ndarray:
         right = [float(int(k) * mpmath.pi / 2) for k in turns]
     usual = random.uniform(-20, 20, COUNT)
     every = random.choice([-1, 1], COUNT) * 10.0 ** random.uniform(-308, 308.2, COUNT)
-    closest = math.ldexp(6381956970095103, 797)  # of all doubles the closest to a multiple of π/2
+    closest = math.ldexp(6381956970095103, 797)  # the double closest to a multiple of π/2
     return np.array([*right, *usual, *every, closest, 2.0**20, np.nextafter(2.0**20, math.inf)])
 
 

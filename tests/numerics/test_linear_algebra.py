@@ -104,7 +104,7 @@ def test_eigenvalues_in_closed_form() -> None:
     chain = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
     known = 2 - 2 * np.cos(np.arange(1, n + 1) * np.pi / (n + 1))
     np.testing.assert_allclose(np.sort(eigenvalues(chain).real), known, rtol=0, atol=1e-13)
-    cycle = np.roll(np.eye(7), 1, axis=0)  # Francis's steps stand still on it without an odd shift.
+    cycle = np.roll(np.eye(7), 1, axis=0)  # Francis's steps make no progress on it without an exceptional shift.
     np.testing.assert_allclose(np.abs(eigenvalues(cycle)), np.ones(7), rtol=1e-14)
 
 

@@ -1,4 +1,4 @@
-"""A live runner without thread and wall time: a clock to set by hand and a consumer that keeps everything."""
+"""A live runner without thread and wall time, with a clock set by hand and a consumer that keeps everything."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
@@ -16,7 +16,7 @@ from flexlab.sim.snapshot import Event, Snapshot
 
 @dataclass
 class Keeper:
-    """A consumer that keeps what it is told; `drop` rows of every block are said to be lost."""
+    """A consumer that keeps all it gets; it reports `drop` rows of every block as lost."""
 
     runs: list[tuple[int, str, Scenario, WorldState]] = field(default_factory=list)
     blocks: list[tuple[int, Samples]] = field(default_factory=list)
@@ -62,7 +62,7 @@ class Live:
         return self.runner.snapshot
 
     def play(self, seconds: float) -> Snapshot:
-        """Frames of 1/60 s over `seconds` of wall time."""
+        """Do frames of 1/60 s for `seconds` of wall time."""
         for _ in range(round(seconds * 60)):
             self.frame()
         return self.runner.snapshot
@@ -70,7 +70,7 @@ class Live:
 
 @pytest.fixture
 def live() -> Callable[..., Live]:
-    """Makes live runners; the paper's scenario unless another is given."""
+    """Return a maker of live runners, with the paper's scenario unless another is given."""
 
     def make(scenario: Scenario | None = None, **options) -> Live:
         return Live(load_preset("paper") if scenario is None else scenario, **options)
@@ -87,5 +87,5 @@ def _same_bits(a: Samples, b: Samples) -> None:
 
 @pytest.fixture
 def same_bits() -> Callable[[Samples, Samples], None]:
-    """Asserts that two blocks agree in every bit of every signal."""
+    """Return an assertion that two blocks agree in every bit of every signal."""
     return _same_bits

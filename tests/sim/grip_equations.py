@@ -1,8 +1,8 @@
-"""Two arms, a flexible beam and grips that give way once more: Newton and Euler, nodal matrices, joint angles, plain numpy.
+"""Other equations of two arms, a flexible beam and compliant grips: Newton-Euler, nodal matrices, joint angles, plain numpy.
 
-Nothing of `flexlab.physics` is in it but the beam's matrices M_q, K_F, h and g, which have tests of their own. Each arm has its
-joints' absolute link angles for coordinates, the payload its pose and nodal coordinates, and springs and dampers act between
-points in the plane.
+They use nothing of `flexlab.physics` but the beam's matrices M_q, K_F, h and g, which have tests of their own. Coordinates are
+the absolute link angles of each arm and the payload's pose and nodal coordinates; springs and dampers act between points in the
+plane.
 """
 
 import numpy as np
@@ -25,7 +25,7 @@ class Machine:
         self.k, self.c = np.array(scenario.grips.stiffness), np.array(scenario.grips.damping)
 
     def arm_start(self, i: int, pose: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Absolute link angles and their rates where the grip is at the beam's end, by the law of cosines."""
+        """Absolute link angles and their rates with the grip at the beam's end, by the law of cosines."""
         arm, side = self.scenario.arms[i], (-0.5, 0.5)[i] * self.L
         a, b, last = arm.link_length
         phi = pose[2] + (0.0, np.pi)[i]
@@ -43,14 +43,14 @@ class Machine:
         return angles, np.array([*np.linalg.solve(columns, wrist_rate), rate[2]])
 
     def arm_acceleration(self, i, angles, rates, force, moment, tau):
-        """Of the links' angles: `force` and `moment` act at the grip, tau (3,) in the joints. From each link's own balance."""
+        """Accelerations of the link angles, by balances of the links; `force`, `moment`: at the grip; tau (3,): in the joints."""
         arm = self.scenario.arms[i]
         across = np.stack([-np.sin(angles), np.cos(angles)], axis=1)
         inward = -np.stack([np.cos(angles), np.sin(angles)], axis=1)
         mass, reach = np.diag(arm.inertia), np.array(arm.link_length)
         right = reach * (across @ force) + np.array([tau[0] - tau[1], tau[1] - tau[2], tau[2] + moment])
         for link, m in enumerate(arm.link_mass):
-            # The centre of `link` moves by d(centre)/d(angle j) = arms[j]; the virtual power of what acts there.
+            # The centre of `link` moves by d(centre)/d(angle j) = arms[j]: virtual power of the forces at it.
             lengths, moved = np.array([*reach[:link], arm.link_center[link]]), slice(link + 1)
             arms = lengths[:, None] * across[moved]
             bent = (lengths * rates[moved] ** 2) @ inward[moved]
@@ -74,7 +74,7 @@ class Machine:
         return f[0] * e1 + f[1] * e2, f[2], point, delta
 
     def payload_acceleration(self, x, q, v, q_dot, force, moment):
-        """Of pose and nodal coordinates; force (2,) and moment about the origin, of all grips."""
+        """Accelerations of pose and nodal coordinates; force (2,) and moment about the origin are those of all grips."""
         beam, w = self.beam, v[2]
         c, s = np.cos(x[2]), np.sin(x[2])
         e1, e2 = np.array([c, s]), np.array([-s, c])

@@ -1,8 +1,8 @@
-"""Random scenarios over the ranges of the sliders, each run again with steps that are finer by far.
+"""Random scenarios over the ranges of the sliders, each run again with much finer steps.
 
 `python tests/sim/random_scenarios.py 300` judges the first 300 (a quarter of an hour), with `--wide` those with other paths,
 limits and integrators, with `--axial` beams that feel the force along them; a few of them are in the suite. `--seconds 2`
-gives each finer run so much processor time.
+limits the processor time of each finer run.
 """
 
 import argparse
@@ -25,28 +25,28 @@ from flexlab.sim.step_levels import LIMITED_STEP
 from flexlab.sim.world import World
 
 DURATION = 0.3
-"""s: the start's jerk and what it leaves."""
+"""Simulated time, s: the start's jerk and what it leaves."""
 
 LONGEST_REFERENCE = 8.0
-"""s of estimated processor time for the finer run; a longer one is cut short."""
+"""Estimated processor time, s, after which the finer run is cut short."""
 
 REFERENCES = (1.0, 1.09, 1.16)
-"""By how much steps of the finer run are shorter than a fourth or sixteenth, where those before were inaccurate."""
+"""Factors by which steps of the finer run are shorter than a fourth or sixteenth, tried until it is accurate."""
 
 SHORTEST_STEP = 1e-7
-"""s that a scenario may give."""
+"""Shortest step that a scenario may give, s."""
 
 SHORT_STEPS, TIMED = 30, 30
-"""Ticks after a start in which steps are shorter, and ticks then timed."""
+"""Ticks with shorter steps after a start, and number of ticks timed after them."""
 
 FORCE_BOUND = 1e-4
-"""Of the force's peak: what a run that is called accurate keeps."""
+"""Largest error of the force, over its peak, of a run that is called accurate."""
 
 POSE_BOUND = 1e-8
-"""The same of the pose, m or rad."""
+"""Largest error of the pose, m or rad, of such a run."""
 
 EXCEEDED = 3.0
-"""By how much an error may be larger than what is said of it."""
+"""Factor by which an error may exceed the one stated."""
 
 DAMPINGS = (
     lambda rng: {"kind": "nodal", "coefficient": float(rng.uniform(0, 1))},
@@ -57,13 +57,13 @@ DAMPINGS = (
 
 @dataclass(frozen=True)
 class Judgement:
-    """What became of a scenario."""
+    """The judgement of a scenario."""
 
     text: str
     complaints: tuple[str, ...]
-    """Of its results."""
+    """Complaints about its results."""
     crawls: bool
-    """Whether it was slower than real time here without having said so."""
+    """Whether it was slower than real time on this machine without a warning."""
 
 
 def slider(rng: np.random.Generator, model: type, name: str) -> float:
@@ -137,7 +137,7 @@ def wide_scenario(seed: int) -> Scenario:
 
 
 def stated_size(what: str, warning: str) -> float:
-    """The size that a warning gives of the error of the "pose" or "force", m or parts of its peak; not finite: none."""
+    """The error of the "pose" or "force" that a warning states, m or rad, or over its peak; infinite if it states none."""
     said = re.search(
         rf"{what} may be off by (?:([\d.]+) · )?([\d.]+)([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]*) (% of its peak|m or rad)", warning
     )
@@ -184,7 +184,7 @@ def with_mass_change(scenario: Scenario, seed: int) -> Scenario:
     filled = scenario.replace({"simulation.integrator": "auto"}).replace(changes)
     try:
         World(filled)
-    except ScenarioError:  # Too fine and stiff for rk4, the one integrator that goes it.
+    except ScenarioError:  # Too fine and stiff for rk4, the only integrator for it.
         changes = {"payload.element_count": 2, "payload.mode_count": None, "payload.bending_stiffness": 100.0}
         filled = filled.replace({**changes, "payload.damping": {"kind": "nodal", "coefficient": 0.1}})
     return filled
@@ -219,7 +219,7 @@ def judge(
     mass: bool = False,
     grips: bool = False,
 ) -> Judgement:
-    """Run a scenario as it is and with finer steps; `axial`: its beam feels the force along it.
+    """Run a scenario as it is and with finer steps; `axial`: its beam feels the force along itself.
 
     `joints`, `mass`, `grips`: as `with_joints`, `with_mass_change`, `with_grips`.
     """
@@ -242,7 +242,7 @@ def judge(
     run = world.run(ticks)
     took, warned = pace_after_the_start(world)
     for shorter in REFERENCES:
-        # A step that is given is not looked at beforehand: errors of it may grow, which another one does not share.
+        # A given step is not checked beforehand: its errors may grow, where those of another step do not.
         reference = World(scenario.replace({"simulation.step": max(step / shorter, SHORTEST_STEP * shorter)}))
         exact = reference.run(ticks)
         if not reference.accuracy_warning:
@@ -274,12 +274,12 @@ def judge(
 
 
 def force_of(scenario: Scenario, samples: Samples) -> np.ndarray:
-    """The internal forces, (N, arms, 3), or of one arm, which has none, the moving force (N, 3)."""
+    """The internal forces, (N, arms, 3), or the moving force, (N, 3), of a single arm, which has none."""
     return samples.moving_force if len(scenario.arms) == 1 else samples.internal_force
 
 
 def pace_after_the_start(world: World) -> tuple[float, str]:
-    """Processor time per simulated time of a copy that has left its start behind, with its finer steps, and what it says."""
+    """Processor time per simulated time of a copy after the finer steps of its start, and its pace warning."""
     later = World(world.scenario)
     later.advance_rows(SHORT_STEPS)
     begun = time.thread_time()
@@ -288,7 +288,7 @@ def pace_after_the_start(world: World) -> tuple[float, str]:
 
 
 def main() -> None:
-    """Judge scenarios `first` to `last` (one number: from 0 on) and print those with complaints."""
+    """Judge scenarios `first` to `last` (from 0 on if one number is given) and print the judgements."""
     asked = argparse.ArgumentParser()
     asked.add_argument("numbers", type=int, nargs="*", default=[20])
     asked.add_argument("--wide", action="store_true")

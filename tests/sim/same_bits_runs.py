@@ -1,4 +1,4 @@
-"""Prints the result hash of runs of every preset, law, path, integrator and change, as JSON: of this process's environment."""
+"""Print as JSON the result hash of runs of every preset, law, path, integrator and change, in this process's environment."""
 
 import json
 import sys
@@ -14,7 +14,7 @@ from flexlab.sim.commands import ChangeScenario, Pull, Tap
 from flexlab.sim.simulate import simulate
 
 DURATION = 0.1
-"""s: what differs in one bit differs from its first step on, or where something changes."""
+"""Duration, s: a run that differs in one bit differs from its first step on, or from a change on."""
 SOONER, LATER = 0.03, 0.06
 
 TABLE = tuple((t, 0.1 * t, 0.65 + 0.3 * t * t, 0.2 * t) for t in np.linspace(0.0, 1.0, 12).tolist())

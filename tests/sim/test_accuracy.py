@@ -1,4 +1,4 @@
-"""The error monitor: what is no longer accurate is called so, what is accurate is not, and no bit of the run changes."""
+"""The error monitor calls runs inaccurate if and only if they are, and changes no bit of them."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ from flexlab.sim.world import World
 
 
 def undamped() -> Scenario:
-    """Fine modes that ring on: the steps' errors add up in them."""
+    """A beam whose modes ring on, so that errors of the steps add up in them."""
     still = {"kind": "nodal", "coefficient": 0.0}
     return load_preset("paper").replace({"payload.element_count": 8, "payload.damping": still})
 
@@ -30,7 +30,7 @@ def test_an_undamped_stiff_beam_is_called_inaccurate():
 
 
 def stiff(**changes: object) -> Scenario:
-    """Few fast modes that fade at once."""
+    """A beam with a few fast modes that fade at once."""
     still = {"kind": "nodal", "coefficient": 0.6}
     beam = {"payload.element_count": 4, "payload.bending_stiffness": 1e6, "payload.damping": still}
     return load_preset("paper").replace({**beam, **changes})
@@ -83,7 +83,7 @@ def test_what_fades_within_a_tick_is_not_added_up():
 
 
 def test_torques_that_stand_at_their_limits_lead_no_errors_back():
-    """A law that begins to be limited many times in a tick, 0.2 s after the start, is off by 1e-7 m, and was in silence."""
+    """A law that reaches its limit many times in a tick, 0.2 s after the start, is off by 1e-7 m: no warning said so."""
     gains = {"feedback_gain": 840.0, "sliding_slope": 200.0, "load_share": 0.67, "torque_limit": (730.0, 365.0, 146.0)}
     beam = {"payload.bending_stiffness": 1.7, "payload.linear_density": 2.9, "gravity": 9.81}
     world = World(load_preset("paper").replace({**beam, "controller": {"kind": "regressor-adaptive", **gains}}))
@@ -102,7 +102,7 @@ def test_of_one_arm_the_moving_force_counts():
 @pytest.mark.parametrize("name", preset_names())
 def test_presets_are_called_accurate(name: str):
     text = simulate(load_preset(name), 1.0).status.text
-    # A start that presses the beam is said, and is another thing.
+    # A warning that the start presses the beam is another matter.
     assert text.startswith("Finished at t = 1 s.")
     assert "accurate" not in text
 
@@ -121,7 +121,7 @@ def test_the_runner_says_it_once_and_the_snapshot_keeps_it():
 
 
 def test_the_monitor_changes_no_bit_and_block_sizes_change_no_warning(monkeypatch: pytest.MonkeyPatch):
-    """Also with a sampled law, whose held torques and delay line the repeated tick must leave alone."""
+    """Also with a sampled law, whose held torques and delay line a repeated tick must not change."""
     sampled = {"controller.control_period": 0.002, "controller.input_delay": 1}
     scenario = undamped().replace(sampled)
     whole = World(scenario)

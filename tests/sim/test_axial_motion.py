@@ -24,7 +24,7 @@ def soft(changes: dict) -> Scenario:
 
 
 def imbalance(run: Run) -> float:
-    """Share of what moved by which the balance does not close."""
+    """Error of the energy balance over the energy moved."""
     gained = run.total_energy - run.total_energy[0]
     work = run.input_work + run.axial_work - run.dissipated_energy
     moved = (
@@ -51,7 +51,7 @@ def test_integrators_agree_on_a_squeezed_beam() -> None:
 
 
 def test_the_end_of_one_arm_bears_nothing_and_each_place_what_is_beyond_it() -> None:
-    """N'(s) = -ρ a(s): the force at a place is the mass beyond it times its acceleration."""
+    """N'(s) = -ρ a(s): the force at a place is the mass beyond that place times its acceleration."""
     run = simulate(load_preset("single-arm").replace(FELT), 0.3)
     payload = run.scenario.payload
     place = payload.length / 4 * (1 + 3**-0.5)
@@ -70,7 +70,7 @@ def test_a_steady_squeeze_is_what_the_signal_says() -> None:
 
 @pytest.mark.parametrize("force", [-40.0, 20.0, 40.0])
 def test_the_free_ring_of_a_squeezed_beam_is_as_slow_as_its_pole_says(force: float) -> None:
-    """And as √(1 - P/P_cr) says, but for heavy grips that give way a little."""
+    """Its frequency also follows √(1 - P/P_cr), but for heavy grips that give way a little."""
     heavy = {"left_arm.link_mass": (80, 80, 40), "right_arm.link_mass": (80, 80, 40), "payload.element_count": 4}
     damped = {"controller.feedback_gain": 5e3, "payload.damping.coefficient": 0.01}
     scenario = soft({**SQUEEZED, **heavy, **damped, "controller.wanted_internal_force": force})
@@ -100,7 +100,7 @@ def test_a_tap_along_the_beam_and_a_pull_at_it_count_from_where_they_act() -> No
 
 
 def test_a_tap_is_the_limit_of_a_short_strong_pull() -> None:
-    """A bent beam that is hit along itself turns by what it feels during the blow."""
+    """A bent beam that is hit along its axis turns by the force that it feels during the blow."""
     bent = {"initial.beam_coordinates": (0.02, 0.003, 0.0, -0.02), "payload.damping.coefficient": 0.0}
     changes = {**SQUEEZED, **bent, "controller.kind": "none"}
     hit = World(soft(changes))

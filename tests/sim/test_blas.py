@@ -29,9 +29,9 @@ print(found)
 
 
 def test_any_thread_can_hold_blas_to_one_thread():
-    """Also after another one, which lives on, has: threadpoolctl lets only the first thread that asked.
+    """Also after another thread, which lives on, has done so: threadpoolctl allows it to the first thread only.
 
-    In a process of its own, where no lab that another test keeps open holds it.
+    Runs in a process of its own, as a lab that another test keeps open may hold BLAS here.
     """
     found = subprocess.run([sys.executable, "-c", PROGRAM], check=True, capture_output=True, text=True).stdout
     assert found.strip() == str([{2}, {1}, {2}] * 2)

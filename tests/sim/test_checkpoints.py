@@ -1,4 +1,4 @@
-"""Any instant of the last minute can be gone on from, with exactly the state that the run had."""
+"""A run can be continued from any instant of the last minute, with exactly the state that it had."""
 
 import numpy as np
 import pytest
@@ -29,12 +29,12 @@ def test_an_instant_is_computed_again_bit_for_bit_and_goes_on_the_same_way(live,
     assert float(seen.time[0]) == pytest.approx(time)
     same_bits(world.observe(), seen)
     following = runner.checkpoint(time + 0.01)
-    if following.state.tick <= checkpoint.state.tick:  # No command in between.
+    if following.state.tick <= checkpoint.state.tick:  # No command comes in between.
         same_bits(world.advance(10), runner.recent(0.009, now - time - 0.01))
 
 
 def test_what_is_kept_is_bounded(live):
-    """In time, and however much a person drags."""
+    """Checkpoints are limited in time, and in number however much a person drags."""
     stage = live()
     for number in range(MOST + 100):
         stage.frame(1 / 60, ChangeScenario({"controller.feedback_gain": 200.0 + number % 7}))

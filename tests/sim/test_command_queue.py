@@ -1,4 +1,4 @@
-"""What is left of many commands: as much as a person would see."""
+"""Of many commands, those remain whose effect a person would see."""
 
 from flexlab.presets import load_preset
 from flexlab.sim.command_queue import MOST_STEPS, MOST_WAITING, CommandQueue, merged_changes
@@ -13,7 +13,7 @@ def change(**values) -> ChangeScenario:
 
 
 def left_of(*commands) -> list:
-    """What the runner would take, group by group."""
+    """The groups that the runner would take."""
     queue = CommandQueue()
     for command in commands:
         queue.put(command)
@@ -21,7 +21,7 @@ def left_of(*commands) -> list:
 
 
 def test_the_last_value_of_a_field_counts():
-    """Two people drag two sliders: one change with both last values."""
+    """Two people drag two sliders: one change with the last values of both remains."""
     drag = [change(gravity=float(k)) for k in range(500)]
     other = [change(payload__bending_stiffness=100.0 + k) for k in range(500)]
     (group,) = left_of(*(one for pair in zip(drag, other, strict=True) for one in pair))
@@ -36,14 +36,14 @@ def test_a_whole_part_supersedes_its_fields_but_not_the_other_way_round():
 
 
 def test_merged_changes_are_in_the_order_of_their_last_values():
-    """A kind that comes after a gain resets it; a gain that comes after the kind holds."""
+    """A change of kind resets an earlier gain; a later gain stays."""
     first, second = {"controller.kind": "pd", "controller.position_gain": 5.0}, {"controller.kind": "computed-torque"}
     assert list(merged_changes([first, second])) == ["controller.position_gain", "controller.kind"]
     assert list(merged_changes([second, first])) == ["controller.kind", "controller.position_gain"]
 
 
 def test_of_many_presets_the_last_one_is_loaded():
-    """Whatever was asked of the runs that never began goes with them; the clock's commands stay."""
+    """Commands to the runs that never began are dropped with them; commands to the clock stay."""
     storm = [command for k in range(300) for command in (PAPER, change(gravity=float(k)), TAP, StepOnce(5), SOFT)]
     assert left_of(SetSpeed(0.5), *storm, Play()) == [(SetSpeed(0.5),), (SOFT,), (Play(),)]
 
@@ -59,7 +59,7 @@ def test_a_run_that_has_not_begun_begins_changed_instead_of_being_reset():
 
 
 def test_clock_and_hand():
-    """Play and pause, speeds, pulls: the last of each; steps add up to what one command may ask for."""
+    """The last of play and pause, of speeds and of pulls remains; steps add up to the most that one command may ask for."""
     pulls = [Pull(0.0, (0.0, k / 100), 100.0) for k in range(50)]
     assert left_of(Play(), Pause(), SetSpeed(1.0), *pulls, SetSpeed(0.5), Play()) == [
         (pulls[-1],),
@@ -91,7 +91,7 @@ def test_the_queue_is_bounded_and_counts_what_it_refused():
 
 
 def test_what_begins_a_run_can_be_left_waiting():
-    """And what comes after it waits with it."""
+    """Commands after it wait with it."""
     queue = CommandQueue()
     for command in (TAP, change(payload__element_count=4), change(gravity=1.0)):
         queue.put(command)

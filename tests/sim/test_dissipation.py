@@ -22,13 +22,13 @@ def damped(boundary: str, element_count: int, damping: dict, **changes) -> Scena
 
 
 def unaccounted(samples: Samples) -> float:
-    """Largest error of the energy balance over the loss."""
+    """Largest error of the energy balance, over the loss."""
     gained = samples.total_energy - samples.total_energy[0]
     return float(np.abs(gained - samples.input_work + samples.dissipated_energy).max() / samples.dissipated_energy[-1])
 
 
 def test_the_loss_is_what_damping_takes_from_the_rates():
-    """∫q̇ᵀDq̇ from samples that resolve everything, without any balance of energies."""
+    """The loss is ∫q̇ᵀDq̇ of samples that resolve everything, without any balance of energies."""
     scenario = damped("pinned-pinned", 2, {"kind": "stiffness", "coefficient": 2e-3})
     step = 5e-7
     world = World(scenario.replace({"simulation.step": step}), step)
@@ -43,7 +43,7 @@ def test_the_loss_is_what_damping_takes_from_the_rates():
 
 @pytest.mark.parametrize("element_count", [8, 64])
 def test_the_force_of_modes_that_are_damped_faster_than_the_step(element_count: int):
-    """Stiffness damping up to 10¹² 1/s: internal force within 1e-4 of its peak, pose within 1e-8 m, at every sample."""
+    """With damping up to 10¹² 1/s, force within 1e-4 of its peak and pose within 1e-8 m at every sample."""
     damping = {"kind": "stiffness", "coefficient": 2e-3}
     scenario = damped("pinned-pinned", element_count, damping, **{"payload.bending_stiffness": 1000.0})
     run = simulate(scenario, DURATION)
@@ -56,7 +56,7 @@ def test_the_force_of_modes_that_are_damped_faster_than_the_step(element_count: 
 
 @pytest.mark.parametrize("smooth_start", [0.3, 1.0])
 def test_the_small_loss_of_a_smooth_start(smooth_start: float):
-    """Some 10⁻⁷ J of several J that the arms exchange: what the balance of energies leaves is off by half of it and more."""
+    """It is about 10⁻⁷ J of several J that the arms exchange: the balance of energies misses it by half of it and more."""
     changes = {"payload.bending_stiffness": 1000.0, "trajectory.smooth_start": smooth_start}
     scenario = damped("pinned-pinned", 8, {"kind": "stiffness", "coefficient": 2e-3}, **changes)
     run, exact = (simulate(one, 0.6) for one in (scenario, scenario.replace({"simulation.step": 2e-5})))
@@ -80,7 +80,7 @@ def test_an_undamped_beam_loses_nothing():
 def test_force_of_modes_damped_faster_than_the_step_follows_the_slope_of_the_motion(
     elements, stiffness, damping, bound
 ):
-    """Samples of the start-up, of which it was off by 2e-5, 3e-6, 1e-5 and 1e-4 of its peak."""
+    """In samples of the start-up, it was off by 2e-5, 3e-6, 1e-5 and 1e-4 of its peak."""
     changes = {"payload.element_count": elements, "payload.bending_stiffness": stiffness, "payload.damping": damping}
     scenario = load_preset("paper").replace(changes)
     found = World(scenario).run(60).internal_force
@@ -106,7 +106,7 @@ def pulled(scenario: Scenario) -> Samples:
     ],
 )
 def test_loss_is_right_while_a_hand_holds_the_beam(elements: int, damping: dict):
-    """It was off by up to its own size: of fast damped modes a sum over stages tells nothing."""
+    """It was off by up to its own size: a sum over stages tells nothing about modes damped faster than the step."""
     scenario = damped("pinned-pinned", elements, damping)
     found, right = pulled(scenario), pulled(scenario.replace({"simulation.step": 1e-5}))
     lost = right.dissipated_energy[-1] - right.dissipated_energy[0]
@@ -114,7 +114,7 @@ def test_loss_is_right_while_a_hand_holds_the_beam(elements: int, damping: dict)
 
 
 def test_loss_while_a_hand_holds_the_beam_is_that_of_a_direct_integration():
-    """rk4 with steps that resolve every mode sums the damping's power itself."""
+    """rk4, with steps that resolve every mode, integrates the power of the damping."""
     scenario = damped("pinned-pinned", 3, {"kind": "nodal", "coefficient": 0.1})
     found = pulled(scenario)
     right = pulled(scenario.replace({"simulation.integrator": "rk4", "simulation.step": 1e-5}))

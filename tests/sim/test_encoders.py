@@ -1,4 +1,4 @@
-"""Encoders that count: the limit of many counts, a coarse one, live changes, repetition, what is refused."""
+"""Encoders: the limit of many counts, few counts, live changes, repetition, what is refused."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def test_many_counts_are_no_counts_but_for_the_lag_of_the_rate():
     finest, fine = (simulate(with_counts(number), 0.5) for number in (1e9, 1e7))
     np.testing.assert_allclose(fine.pose, finest.pose, rtol=0, atol=2e-6)
     exact = simulate(load_preset("paper").replace(CLOCKED), 0.5)
-    assert np.abs(exact.pose - finest.pose).max() > 1e-5  # half a period's lag
+    assert np.abs(exact.pose - finest.pose).max() > 1e-5  # the lag of half a period
 
 
 def test_torques_jump_by_what_a_count_is():
@@ -65,7 +65,7 @@ def test_counts_change_in_motion():
     world.apply(ChangeScenario({"controller.control_period": 0.0005}))
     first = np.abs(np.diff(world.advance(20).joint_torque, axis=0)).max()
     later = np.abs(np.diff(world.advance(200).joint_torque, axis=0)).max()
-    assert first < 1.5 * later  # No reading of another period passes for a rate.
+    assert first < 1.5 * later  # A reading of another period is not taken for a rate.
     world.apply(ChangeScenario({COUNTS: (0.0,) * 3}))
     world.advance(100)
     assert not world.status.failed

@@ -1,4 +1,4 @@
-"""Energy: what the motors and pulls put in, less what the beam's damping takes out, is what arms and beam gain."""
+"""Energy: arms and beam gain what the motors and pulls put in, less what the beam's damping takes out."""
 
 import numpy as np
 import pytest
@@ -23,12 +23,12 @@ def imbalance(samples: Samples) -> float:
 
 
 def moved(samples: Samples) -> float:
-    """Energy moved: all that went in or out through motors and pulls and damping, J."""
+    """Energy moved in or out through motors, pulls and damping, J."""
     return float(np.abs(np.diff(samples.input_work)).sum() + np.ptp(samples.dissipated_energy))
 
 
 def bent(scenario: Scenario, force: float, at: float = 0.0) -> np.ndarray:
-    """q under a lateral force (N) at s = `at` (m), at rest."""
+    """q at rest under a lateral force, N, at s = `at`, m."""
     matrices = build_beam(scenario.payload).matrices
     return np.linalg.solve(matrices.K_F, force * payload_row(scenario.payload, at))
 
@@ -36,7 +36,7 @@ def bent(scenario: Scenario, force: float, at: float = 0.0) -> np.ndarray:
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 @pytest.mark.parametrize("preset", ["paper", "gravity", "single-arm", "soft-beam", "stiff-beam", "large-swing"])
 def test_energy_is_balanced_with_control(preset: str, integrator: str):
-    """Under 1e-6 of the energy moved in one second, at the automatic step."""
+    """The error is under 1e-6 of the energy moved in one second, at the automatic step."""
     run = simulate(load_preset(preset).replace({"simulation.integrator": integrator}), 1.0)
     assert run.status == "finished"
     assert imbalance(run) < 1e-6 * moved(run)
@@ -44,7 +44,7 @@ def test_energy_is_balanced_with_control(preset: str, integrator: str):
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_energy_is_balanced_when_the_arms_fall(integrator: str):
-    """Motors off, gravity on: under 1e-6 of the weights' energy that turns into motion."""
+    """With motors off and gravity on, the error is under 1e-6 of the gravity energy that turns into motion."""
     changes = {"controller.kind": "none", "gravity": 9.81, "initial.pose": (0.03, 0.9, 0.05)}
     run = simulate(load_preset("paper").replace({**changes, "simulation.integrator": integrator}), 0.2)
     assert run.status == "finished"
@@ -64,7 +64,7 @@ def test_energy_is_balanced_when_a_bent_beam_is_let_go_without_control(integrato
 
 @pytest.mark.parametrize("integrator", ["rk4", "etdrk4"])
 def test_energy_stays_for_ten_seconds_without_control_and_damping(integrator: str):
-    """Relative drift at most 1e-6 at the default step: arms moving slowly, beam ringing from a static shape."""
+    """The relative drift is at most 1e-6 at the default step, with arms moving slowly and the beam ringing."""
     paper = load_preset("paper")
     changes = {
         "controller.kind": "none",

@@ -110,7 +110,7 @@ def test_momenta_change_by_the_lagrangians_slope_damping_and_pull(derivative: De
 
 
 def test_the_part_for_exponential_integrators_leaves_out_exactly_the_linear_beam(derivative: Derivative):
-    """(η̇, π̇)_whole = (π, -Ω²η - Dπ) + (η̇, π̇)_rest; all other rates are the same, but for the loss, which is not told."""
+    """(η̇, π̇)_whole = (π, -Ω²η - Dπ) + (η̇, π̇)_rest; all other rates are the same, but for the loss, which is left out."""
     modes = derivative.world.beam.modes
     n = len(modes.omega)
     eta, pi = derivative.y[ETA : ETA + n], derivative.y[ETA + n : ETA + 2 * n]

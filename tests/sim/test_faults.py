@@ -1,4 +1,4 @@
-"""Runs that cannot start or go on: a status with a sentence, the last good state, never a number that is none."""
+"""Runs that cannot start or go on have a status with a sentence and the last good state, and never show NaN."""
 
 from dataclasses import fields
 
@@ -22,7 +22,7 @@ def all_finite(samples: Samples) -> bool:
 
 
 def test_an_unreachable_trajectory_is_found_before_the_run():
-    """Which arm, where, when, by how much, what to do. (0.9, 0.9): only the left arm's wrist comes too far."""
+    """The sentence says which arm, where, when, by how much, and what to do. At (0.9, 0.9) only the left wrist is too far."""
     run = simulate(paper(**{"trajectory.center": (0.5, 1.0, 0.0), "trajectory.amplitude": (0.3, 0.0, 0.0)}), 1.0)
     assert run.status == "unreachable"
     assert len(run) == 1
@@ -60,7 +60,7 @@ def test_a_stretched_arm_is_singular():
 
 
 def test_an_unreachable_start_pose_is_named():
-    """The trajectory is fine, the start pose is not."""
+    """The trajectory can be reached, the start pose cannot."""
     world = World(paper(**{"initial.pose": (0.9, 1.2, 0.0)}))
     assert world.status == "unreachable"
     assert "the start pose" in world.status.text
@@ -100,7 +100,7 @@ def test_motors_that_are_off_are_named():
 
 
 def test_noise_that_throws_the_measured_pose_out_of_reach_is_named():
-    """The arms are well within their workspace; what the controller is told of them is not."""
+    """The arms are well within their workspace; the pose that the controller measures is not."""
     noise = {"controller.control_period": 0.001, "controller.sensor_noise.pose": (0.1, 0.1, 0.0)}
     world = World(paper(**noise))
     world.run(3000)
@@ -175,7 +175,7 @@ def test_divergence_keeps_the_last_good_state(changes: dict):
 
 
 def test_bending_without_meaning_stops_the_run():
-    """A beam bent by more than its length: the linear model says nothing any more."""
+    """A beam is bent by more than its length, where the linear model means nothing."""
     world = World(paper(**{"payload.bending_stiffness": 0.01, "trajectory.frequency": (3.0, 3.0, 3.0)}))
     samples = world.run(2000)
     assert world.status == "diverged"

@@ -1,4 +1,4 @@
-"""A beam whose damping couples many modes is moved by a few numbers: the same motion as by whole matrices."""
+"""A beam whose damping couples many modes: responses to a few numbers give the same motion as whole matrices."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def operators_of(assembly, dt: float):
 @pytest.mark.parametrize("hand_pulls", [False, True])
 @pytest.mark.parametrize(("preset", "elements"), [("paper", 24), ("paper", 40), ("single-arm", 20)])
 def test_few_numbers_say_what_the_whole_matrices_say(preset, elements, hand_pulls, monkeypatch):
-    """Every matrix function of the rates that the equations of motion give, with rotation at 10 rad/s."""
+    """All matrix functions agree, for rates of the equations of motion with rotation at 10 rad/s."""
     scenario = load_preset(preset).replace({"payload.element_count": elements})
     scenario = scenario.replace({"gravity": 9.81})
     assembly, dt, rng = build_assembly(scenario, 1e-3), 1e-4, np.random.default_rng(3)
@@ -50,7 +50,7 @@ def test_few_numbers_say_what_the_whole_matrices_say(preset, elements, hand_pull
     ws, y = new_workspace(assembly.system), np.zeros(state_length(assembly.system))
     ws.arm.trig[:] = np.cos(0.4), np.sin(0.4)
     ws.velocity[:] = 0.7, -1.1, 10.0
-    # A bent beam: what a mode shows of a load fades with its stiffness.
+    # A bent beam: the response of a mode to a load falls with its stiffness.
     eta = 1e-2 * rng.normal(size=n) * (np.min(assembly.beam.modes.omega) / assembly.beam.modes.omega) ** 2
     c, s = ws.arm.trig
     v1, v2, w = c * 0.7 - s * 1.1, -c * 1.1 - s * 0.7, 10.0

@@ -1,4 +1,4 @@
-"""A run that goes on from an earlier one: its state, its time, its name, and what is said about it."""
+"""A run that goes on from an earlier one: its state, its time, its name, and its texts."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from flexlab.sim.world import World
 
 @pytest.fixture(params=["paper", "fast-adaptation"])
 def earlier(request) -> World:
-    """A world at t = 0.25 s; one of the two with sampled control, which has torques on their way."""
+    """A world at t = 0.25 s, with continuous control or with sampled control that has torques on their way."""
     world = World(load_preset(request.param))
     world.advance(250)
     return world

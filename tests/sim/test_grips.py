@@ -1,4 +1,4 @@
-"""Grips that give way: bits without, the paper's limit, other equations, closed forms, energy, replays, what is refused."""
+"""Compliant grips: no bit without them, the paper's limit, other equations, closed forms, energy, replays, refusals."""
 
 import json
 
@@ -35,7 +35,7 @@ SAMPLED = {
         "sensor_noise": {"pose": (1e-5, 1e-5, 1e-5), "seed": 3},
     }
 }
-"""Soft enough for its clock: last links that springs hold are light."""
+"""A sampled law, soft enough for its period: last links that springs hold are light."""
 WEIGHT, AXIAL = {"gravity": 9.81}, {"payload.axial_load": "first-order"}
 JOINTS = {"joints.friction.viscous": (5.0, 5.0, 2.0), "joints.motor.time_constant": 0.004}
 FILLED = {"payload.mass_change.factor": 3.0, "payload.mass_change.begin": 0.02, "payload.mass_change.duration": 0.1}
@@ -48,7 +48,7 @@ def grips(stiffness, damping=(0.0, 0.0, 0.0)) -> dict:
 
 
 def imbalance(run: Samples) -> float:
-    """Energy that came from nowhere, as a part of what moved."""
+    """Error of the energy balance over the energy moved."""
     put_in = run.input_work + run.axial_work + run.own.get("material_energy", 0.0)
     lost = run.dissipated_energy + run.own.get("friction_loss", 0.0) + run.own["grip_loss"]
     gained = run.total_energy - put_in + lost
@@ -67,7 +67,7 @@ def test_rigid_grips_change_no_bit(control, same_bits):
 def test_stiff_grips_are_the_papers_at_first_order(measured_at):
     plain = load_preset("paper").replace({"initial.pose_rate": None})
     exact = simulate(plain.replace({"simulation.integrator": "rk4", "simulation.step": 5e-6}), 0.2)
-    after = slice(40, None)  # The start's own ring has faded by then.
+    after = slice(40, None)  # The ring of the start has faded by then.
     errors = []
     for stiffness in (4e6, 1.6e7, 6.4e7):
         firm = grips([stiffness] * 3, [stiffness**0.5] * 3)
@@ -132,7 +132,7 @@ def test_other_equations_of_the_same_machine_move_alike(preset, further, element
 
 
 def test_the_ring_is_that_of_nodal_matrices_between_mass_points():
-    """Frequencies and damping of all modes at once: the linear motion after a tap, by a matrix exponential."""
+    """The linear motion after a tap, by a matrix exponential, shows frequencies and damping of all modes at once."""
     k, c = np.array((5e3, 8e3, 400.0)), np.array((3.0, 4.0, 0.2))
     still = {"controller.kind": "none", "initial.pose": (0.0, 0.75, 0.0), "payload.bending_stiffness": 20.0}
     scenario = load_preset("paper").replace({**grips(k, c), **still, "simulation.step": 1e-5})
@@ -170,7 +170,7 @@ def test_the_ring_is_that_of_nodal_matrices_between_mass_points():
 
 
 def test_a_payload_between_heavy_arms_rings_with_the_root_of_2k_over_m():
-    """Along itself the beam does not bend: one mass on two springs and two dampers, in closed form."""
+    """Along its axis the beam is rigid: one mass on two springs and two dampers, in closed form."""
     heavy = {f"{side}_arm.link_mass": (1e4,) * 3 for side in ("left", "right")}
     still = {"controller.kind": "none", "initial.pose": (0.0, 0.75, 0.0), "simulation.step": 1e-5}
     world = World(load_preset("paper").replace({**grips((5e3, 8e3, 400.0), (3.0, 4.0, 0.2)), **heavy, **still}))
@@ -182,7 +182,7 @@ def test_a_payload_between_heavy_arms_rings_with_the_root_of_2k_over_m():
 
 
 def test_a_payload_sags_by_its_weight_over_the_stiffness():
-    """The law asks for no moment about the middle: the grips' turn bears that of their own forces."""
+    """The law asks for no moment about the middle: the moments of the grips balance that of their forces."""
     hold = {"trajectory": {"kind": "hold", "pose": (0.0, 0.75, 0.0)}, **WEIGHT}
     run = simulate(load_preset("paper").replace({**grips((1e5, 4e4, 5e3), (200.0, 200.0, 20.0)), **hold}), 2.0)
     for side, turn in (("left", 1), ("right", -1)):
@@ -230,7 +230,7 @@ def test_the_force_along_the_beam_is_the_grips():
     left, right = (
         np.einsum("ni,ni->n", run.internal_force[:, i, :2] + run.moving_force[:, :2], along) for i in range(2)
     )
-    # N is a curve of second degree: from its four places to the ends.
+    # N is a parabola: extrapolate it from its four places to the ends.
     places = 0.5 * np.array([-0.25 * (1 + 3**-0.5), -0.25 * (1 - 3**-0.5), 0.25 * (1 - 3**-0.5), 0.25 * (1 + 3**-0.5)])
     at_ends = np.array([np.polyval(np.polyfit(places, load, 2), (-0.25, 0.25)) for load in run.axial_load])
     np.testing.assert_allclose(at_ends[:, 0], -left, rtol=0, atol=1e-6 * np.abs(left).max())
@@ -268,7 +268,7 @@ def arms_motion(world: World) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("measured_at", ["arms", "payload"])
 def test_a_controller_measures_by_the_arms_or_at_the_payload(measured_at):
-    """It asks for the torques that it would ask for with rigid grips, at the pose that it measures."""
+    """At the pose that it measures, it asks for the same torques as with rigid grips."""
     law = {"trajectory": {"kind": "hold", "pose": (0.1, 0.7, 0.1)}, "controller": {"kind": "pd"}, **WEIGHT}
     start = {"initial.pose": (0.05, 0.72, 0.0), "initial.pose_rate": (0.5, 0.3, -0.4)}
     rigid = load_preset("paper").replace({**law, **start})
@@ -299,7 +299,7 @@ def test_grips_change_in_motion():
     world = World(plain)
     world.advance(100)
     before = world.observe()
-    assert world.apply(ChangeScenario(COMPLIANT))  # Rows have other columns: another run, and one motion.
+    assert world.apply(ChangeScenario(COMPLIANT))  # Rows have other columns: a new run, but one motion.
     after = world.observe()
     np.testing.assert_allclose(after.pose_rate, before.pose_rate, rtol=0, atol=1e-12)
     np.testing.assert_allclose(after.beam_rates, before.beam_rates, rtol=0, atol=1e-9)

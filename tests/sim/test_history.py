@@ -30,14 +30,14 @@ def filled(total: int, block: int = 777) -> History:
 @pytest.mark.parametrize("total", [1, 500, SIZE - 1, SIZE, SIZE + 1, 2 * SIZE + 123])
 @pytest.mark.parametrize("seconds", [0.001, 0.3, 0.7, 10.0, 29.9, 60.0])
 def test_the_last_seconds_come_oldest_first_across_the_wrap(total: int, seconds: float):
-    """Both ends of the window included, as far as there are samples."""
+    """Both ends of the window are included, as far as there are samples."""
     found = np.rint(filled(total).recent(seconds).kinetic_energy).astype(int)
     count = min(round(seconds / 0.001) + 1, total, SIZE)
     assert np.array_equal(found, np.arange(total - count, total))
 
 
 def test_all_signals_of_a_row_belong_together():
-    """Across the wrap too."""
+    """Also across the wrap."""
     recent = filled(SIZE + 5000).recent(20.0)
     numbers = np.rint(recent.time / 0.001)
     for signal in (recent.kinetic_energy, recent.pose[:, 1], recent.joint_torque[:, 0, 2], recent.beam_rates[:, 0]):
@@ -45,7 +45,7 @@ def test_all_signals_of_a_row_belong_together():
 
 
 def test_a_block_longer_than_the_ring_leaves_its_end():
-    """100 s of single stepping at once."""
+    """A block of 100 s, as by single steps at once."""
     history = filled(100)
     history.append(rows(100, 3 * SIZE))
     found = np.rint(history.recent(HISTORY_SECONDS).kinetic_energy).astype(int)
@@ -53,12 +53,12 @@ def test_a_block_longer_than_the_ring_leaves_its_end():
 
 
 def test_an_empty_history_has_no_samples():
-    """Of a run that could not start."""
+    """This is the history of a run that could not start."""
     assert len(History(samples.row_length(1, 1), 1).recent(5.0)) == 0
 
 
 def test_what_is_handed_out_is_a_copy():
-    """Later samples do not show through."""
+    """Later samples do not change it."""
     history = filled(1000)
     before = history.recent(0.5)
     kept = before.kinetic_energy.copy()
@@ -67,7 +67,7 @@ def test_what_is_handed_out_is_a_copy():
 
 
 def test_readers_see_whole_blocks_while_the_runner_writes():
-    """One thread appends, another reads: always contiguous numbers."""
+    """One thread appends while another reads, and always finds contiguous numbers."""
     history = filled(SIZE)
     stop = threading.Event()
 
@@ -91,7 +91,7 @@ def test_readers_see_whole_blocks_while_the_runner_writes():
 @pytest.mark.parametrize("total", [1, 500, SIZE, 2 * SIZE + 123])
 @pytest.mark.parametrize("ago", [0, 1, 400, 30_000, 10 * SIZE])
 def test_the_past_comes_as_it_was_then(total: int, ago: int):
-    """As far as it is remembered: the oldest sample stands for all before."""
+    """Beyond what is remembered, the oldest sample stands for all before it."""
     found = np.rint(filled(total).recent(0.3, ago).kinetic_energy).astype(int)
     kept = min(total, SIZE)
     end = total - min(ago, kept - 1)

@@ -1,4 +1,4 @@
-"""Observed order of each integrator: slope of the error against the step, over halvings, to a much finer run."""
+"""Observed order of each integrator: the slope over halvings of the step of the error against a much finer run."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ STEPS = {
 
 
 def sample(scenario: Scenario, integrator: str, step: float) -> Samples:
-    """0.2 s with a given step."""
+    """A run of 0.2 s with a given step."""
     changes = {"simulation.integrator": integrator, "simulation.step": step}
     world = World(scenario.replace(changes), TICK)
     assert world.step == pytest.approx(step)
@@ -33,7 +33,7 @@ def sample(scenario: Scenario, integrator: str, step: float) -> Samples:
 
 
 def slopes(scenario: Scenario, integrator: str, reference_step: float) -> dict[str, np.ndarray]:
-    """log2 of the error's ratio per halving, for each signal."""
+    """log2 of the ratio of errors for each halving and signal."""
     exact = sample(scenario, "etdrk4", reference_step)
     runs = [sample(scenario, integrator, step) for step in STEPS[integrator]]
     errors = {name: [np.abs(getattr(run, name) - getattr(exact, name)).max() for run in runs] for name in SIGNALS}
@@ -54,7 +54,7 @@ SCENARIOS = {
 @pytest.mark.parametrize("name", SCENARIOS)
 @pytest.mark.parametrize("integrator", STEPS)
 def test_observed_order_is_the_declared_one(integrator: str, name: str):
-    """rk4 4, etdrk4 4, generalized-alpha 2: every signal, beam and controller memory included, over three halvings."""
+    """Order 4 for rk4 and etdrk4, 2 for generalized-alpha, in all signals, beam and controller memory included."""
     assert {"rk4": 4, "etdrk4": 4, "generalized-alpha": 2} == ORDER
     found = slopes(load_preset("paper").replace(SCENARIOS[name]), integrator, TICK / 256)
     for signal, values in found.items():
@@ -62,7 +62,7 @@ def test_observed_order_is_the_declared_one(integrator: str, name: str):
 
 
 def test_pose_converges_with_order_four_from_a_smooth_start():
-    """The start on the trajectory: almost no vibration, and the boundary layer is never left."""
+    """A start on the trajectory excites almost no vibration and never leaves the boundary layer."""
     changes = {"initial.pose_rate": None, "payload.bending_stiffness": 10.0}
     found = slopes(load_preset("paper").replace(changes), "etdrk4", TICK / 256)
     for signal in ("pose", "beam_coordinates", "pose_rate"):
@@ -83,7 +83,7 @@ def test_etdrk4_loses_order_where_modes_beyond_the_step_are_driven():
 
 @pytest.mark.parametrize("integrator", ["etdrk4", "rk4"])
 def test_a_jump_of_the_acceleration_on_a_step_costs_no_order(integrator: str) -> None:
-    """A step that ends at the jump must not see past it: else halving the steps only halves the error."""
+    """A step that ends at the jump must not see past it, or else halving the steps only halves the error."""
     scenario = load_preset("soft-beam").replace({"trajectory.kind": "bang-bang", "simulation.integrator": integrator})
     coarse, fine, finest = (
         simulate(scenario.replace({"simulation.step": step}), 0.6).internal_force for step in (2e-4, 1e-4, 2.5e-5)

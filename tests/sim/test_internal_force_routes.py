@@ -1,4 +1,4 @@
-"""Internal force by Eqs. (13)-(15), as sampled, and by Eq. (26) in nodal coordinates."""
+"""The internal force by Eqs. (13)-(15), as sampled, and by Eq. (26) in nodal coordinates."""
 
 from pathlib import Path
 
@@ -19,7 +19,7 @@ TWO_ARMS = [case for case in CASES if len(case.scenario.arms) == 2]
 
 @pytest.mark.parametrize("case", [PAPER, *TWO_ARMS[1:]], ids=lambda case: case.name)
 def test_both_routes_agree(case: Solution):
-    """To 1e-9 of the forces they are differences of, at samples spread over half a second.
+    """They agree to 1e-9 of the forces of which they are differences, at samples spread over half a second.
 
     Eq. (26) finds ẍ anew from dense matrices in (x, q); its terms M̄_i ẍ, u_i cancel down to the internal force.
     """
@@ -48,7 +48,7 @@ def test_both_routes_agree(case: Solution):
 
 
 def test_a_user_gets_the_other_route_too():
-    """`flexlab.internal_force_eq_26` of a run, at the samples asked for; in a sentence, where it makes no sense."""
+    """`flexlab.internal_force_eq_26` returns it at given samples of a run, or refuses in a sentence where it makes no sense."""
     run = flexlab.simulate("paper", 0.3)
     found = flexlab.internal_force_eq_26(run, every=10)
     assert found.shape == (31, 2, 3)
@@ -61,7 +61,7 @@ def test_a_user_gets_the_other_route_too():
 
 
 def test_eq_26_is_refused_where_it_is_not_that_of_the_run(tmp_path: Path):
-    """It was off by newtons: without the force along the beam, and with the first scenario after a change."""
+    """It was off by newtons: it left out the axial load, and after a change it used the first scenario."""
     with pytest.raises(StudyError, match=r"feels no force along it \(payload\.axial_load\)"):
         flexlab.internal_force_eq_26(flexlab.simulate("squeeze-until-it-buckles", 0.01))
     for command in (ChangeScenario({"payload.bending_stiffness": 50.0}), Pull(0.0, (0.0, 1.0), 100.0)):

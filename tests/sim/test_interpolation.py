@@ -16,7 +16,7 @@ def ends():
 
 
 def test_ends_are_the_samples_themselves():
-    """0 is the earlier, 1 the later one."""
+    """Fraction 0 gives the earlier sample, 1 the later one."""
     before, after = ends()
     assert interpolate(before, after, 1.0) is after
     for name in ("pose", "beam_coordinates", "time", "joint_torque"):
@@ -24,7 +24,7 @@ def test_ends_are_the_samples_themselves():
 
 
 def test_in_between_lies_the_motion_that_finer_samples_show():
-    """Cubic in time: pose to 1e-9 m, beam to 1e-6 m of states computed every 0.1 ms."""
+    """Cubic in time: pose within 1e-9 m and beam within 1e-6 m of states computed every 0.1 ms."""
     before, after = ends()
     fine = World(load_preset("paper"), 1e-4)
     fine.advance(200)
@@ -37,14 +37,14 @@ def test_in_between_lies_the_motion_that_finer_samples_show():
 
 
 def test_states_of_different_meshes_are_not_mixed():
-    """The later one is taken as it is."""
+    """The later sample is taken as it is."""
     before, _ = ends()
     other = World(load_preset("paper").replace({"payload.element_count": 5})).observe()
     assert interpolate(before, other, 0.3) is other
 
 
 def test_the_result_is_read_only():
-    """Like every sample."""
+    """It is so like every sample."""
     state = interpolate(*ends(), 0.5)
     for name in ("pose", "beam_coordinates", "time", "saturated"):
         assert not getattr(state, name).flags.writeable

@@ -48,7 +48,7 @@ def sticking(smoothing: float) -> Scenario:
 
 
 class ExactArm:
-    """Three links and a rigid payload with Coulomb friction that is a jump: joints stick or slip, events tell when."""
+    """Three links and a rigid payload with discontinuous Coulomb friction: joints stick or slip, with events at the changes."""
 
     def __init__(self, scenario: Scenario):
         arm, payload = scenario.left_arm, scenario.payload
@@ -87,11 +87,11 @@ class ExactArm:
         return mass, self.motors(t, q, v) - chain.T @ ((self.inertia * np.sin(between)) @ rate**2)
 
     def sliding(self, v: np.ndarray) -> np.ndarray:
-        """Size of dry friction at these speeds, N·m."""
+        """Magnitude of dry friction at these speeds, N·m."""
         return COULOMB * (1 + (STATIC - 1) / (1 + (v / SPEED) ** 2))
 
     def accelerations(self, t: float, q: np.ndarray, v: np.ndarray, way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Of the joints, and what holds those that stick, N·m; way: of each joint -1, 1, or 0 if it sticks."""
+        """Accelerations of the joints, and friction in those that stick, N·m; way: -1, 1, or 0 for a joint that sticks."""
         mass, force = self.dynamics(t, q, v)
         force = force - VISCOUS * v - way * self.sliding(v)
         free, a = way != 0, np.zeros(3)
@@ -99,7 +99,7 @@ class ExactArm:
         return a, np.where(free, 0.0, force - mass @ a)
 
     def run(self, q: np.ndarray, v: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, int]:
-        """Joint angles at `times`, and how often a joint begins or ends to stick."""
+        """Joint angles at `times`, and how often a joint begins or ceases to stick."""
         way, t, angles, changes = np.sign(v), 0.0, np.empty((len(times), 3)), 0
         while True:
 
@@ -138,7 +138,7 @@ class ExactArm:
 
 @pytest.fixture(scope="module")
 def exact() -> tuple[np.ndarray, int]:
-    """Joint angles (N, 3) of the arm whose friction jumps, and its changes."""
+    """Joint angles (N, 3) of the arm with discontinuous friction, and its number of changes."""
     scenario = sticking(0.01)
     arm, start = ExactArm(scenario), simulate(scenario, 0.001)
     v = (arm.desired(1e-6) - arm.desired(-1e-6)) / 2e-6
@@ -157,7 +157,7 @@ def test_stick_slip_comes_to_that_of_friction_that_jumps(exact):
         errors.append(np.abs(run.joint_angle[:, 0] - angles).max())
         turned = np.count_nonzero(np.diff(np.sign(run.own["left_joint_friction"]), axis=0))
         assert turned <= changes  # it does not chatter
-    # What is left is the creep, in proportion to the speed of the smooth curve.
+    # The rest is creep, in proportion to the speed of the smooth curve.
     assert errors[1] < 0.01 * moved.max()
     assert errors[1] < 0.45 * errors[0]
 
@@ -171,7 +171,7 @@ def test_energy_is_balanced(integrator, control):
     gained = np.abs(run.total_energy - run.total_energy[0] - run.input_work + run.dissipated_energy + lost).max()
     assert (np.diff(lost) >= 0).all()
     assert lost[-1] > 10
-    # Torques that jump at control instants leave generalized-alpha of first order, with friction or without.
+    # Torques that jump at control instants reduce generalized-alpha to first order, with friction or without.
     assert gained < (2e-3 if control and integrator == "generalized-alpha" else 2e-7) * run.input_work.max()
 
 
@@ -224,7 +224,7 @@ def test_friction_begins_and_ends_in_motion():
     plain, world = load_preset("paper"), World(load_preset("paper"))
     world.advance(100)
     before = world.observe()
-    assert world.apply(ChangeScenario(FRICTION))  # Rows have other columns: another run, and one motion.
+    assert world.apply(ChangeScenario(FRICTION))  # Rows have other columns: a new run, but one motion.
     after = world.observe()
     np.testing.assert_allclose(after.pose_rate, before.pose_rate, rtol=0, atol=1e-12)
     assert after.own["friction_loss"][0] == 0

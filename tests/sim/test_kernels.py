@@ -1,4 +1,4 @@
-"""What the compiled code promises: no global lock, no allocation, nothing to compile on a warm start."""
+"""The compiled code holds no global lock, allocates nothing, and needs no compilation on a warm start."""
 
 import json
 import os
@@ -61,7 +61,7 @@ def test_a_warm_start_compiles_nothing():
 
 
 def test_kernels_run_without_the_global_lock():
-    """While one thread is inside a single long kernel call, another thread's Python goes on.
+    """While one thread is inside a single long kernel call, Python in another thread goes on.
 
     With the lock held, the counting thread could not take a single step between the kernel's start and its end.
     """
@@ -87,7 +87,7 @@ def test_kernels_run_without_the_global_lock():
 
 
 def test_a_kernel_that_allocates_does_not_compile():
-    """Reference counting is off: memory cannot be asked for inside the engine's loops."""
+    """Reference counting is off, so that nothing can be allocated inside the engine's loops."""
 
     def greedy(n):
         return np.zeros(n)

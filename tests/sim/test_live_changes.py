@@ -1,4 +1,4 @@
-"""Changes that take long are derived beside the running world; storms of them are merged; all of it can be replayed."""
+"""Slow changes are derived beside the running world, and storms of them are merged; all of it can be replayed."""
 
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
@@ -12,11 +12,11 @@ from flexlab.sim.pacing import RUNS_AT_ONCE
 from flexlab.sim.world import World
 
 FINE = 12
-"""Elements: more than are derived at once."""
+"""Number of elements: more than are derived at once."""
 
 
 class ByHand(Executor):
-    """Works when it is told to."""
+    """An executor that works when it is told to."""
 
     def __init__(self) -> None:
         self.waiting: list[tuple[Future, Callable]] = []
@@ -27,7 +27,7 @@ class ByHand(Executor):
         return future
 
     def finish(self) -> None:
-        """Do all that waits."""
+        """Do all work that waits."""
         for future, work in self.waiting:
             future.set_result(work())
         self.waiting.clear()
@@ -47,7 +47,7 @@ def stiffness(snapshot) -> float:
 
 
 def assert_replays(stage) -> None:
-    """Every run of a stage, simulated again from its start with its commands at their ticks, has the same bits."""
+    """Assert that every run of a stage has the same bits when simulated again with its commands at their ticks."""
     for number, _, scenario, start in stage.keeper.runs:
         world = World(scenario)
         world.restore(start)
@@ -68,7 +68,7 @@ def assert_replays(stage) -> None:
 
 
 def test_a_slow_change_is_taken_on_when_it_is_ready(fine):
-    """Until then the world goes on as it was, and what costs little acts at once."""
+    """Until then the world goes on as it was, and cheap changes act at once."""
     stage, executor = fine
     snapshot = stage.frame(0.02, ChangeScenario({"payload.bending_stiffness": 50.0}))
     assert stiffness(snapshot) == 100.0
@@ -87,7 +87,7 @@ def test_a_slow_change_is_taken_on_when_it_is_ready(fine):
 
 
 def test_values_that_come_meanwhile_are_merged_and_the_last_one_counts(fine):
-    """One derivation for what was asked first, one for all that came while it ran."""
+    """There is one derivation for the first value and one for all that came while it ran."""
     stage, executor = fine
     for value in (90.0, 80.0, 70.0, 60.0):
         stage.frame(0.02, ChangeScenario({"payload.bending_stiffness": value}))
@@ -103,7 +103,7 @@ def test_values_that_come_meanwhile_are_merged_and_the_last_one_counts(fine):
 
 
 def test_another_preset_supersedes_what_is_being_prepared(fine):
-    """A preset that takes long waits beside the old run, what is meant for it waits with it, the next preset ends both."""
+    """A slow preset waits beside the old run, commands to it wait with it, and the next preset ends both."""
     stage, executor = fine
     other = load_preset("soft-beam").replace({"payload.element_count": FINE})
     stage.frame(0.02, ChangeScenario({"payload.bending_stiffness": 50.0}))
@@ -122,7 +122,7 @@ def test_another_preset_supersedes_what_is_being_prepared(fine):
 
 
 def test_a_change_whose_derivation_fails_is_an_event(fine):
-    """And the run goes on."""
+    """The run goes on."""
     stage, executor = fine
     stage.frame(0.02, ChangeScenario({"payload.bending_stiffness": 50.0}))
     executor.waiting.pop()[0].set_exception(MemoryError("no room"))
@@ -137,7 +137,7 @@ def test_a_change_whose_derivation_fails_is_an_event(fine):
     "command", [Reset(), LoadScenario(load_preset("soft-beam"), "soft-beam")], ids=["reset", "load"]
 )
 def test_a_burst_of_new_runs_is_one(live, command):
-    """1000 at once: the run between two of them never begins."""
+    """With 1000 at once, the runs in between never begin."""
     stage = live()
     stage.play(0.05)
     assert stage.frame(0.02, *[command] * 1000).run_number == 2
@@ -145,7 +145,7 @@ def test_a_burst_of_new_runs_is_one(live, command):
 
 
 def test_a_lasting_storm_of_new_runs_is_slowed(live):
-    """One every frame: a handful at once, then one a second; the last one asked for is the one that stays."""
+    """With one every frame, a number begin at once, then one a second; the last one asked for stays."""
     stage = live()
     for k in range(4 * RUNS_AT_ONCE):
         stage.frame(1 / 60, ChangeScenario({"gravity": k / 100}), Reset())
@@ -155,7 +155,7 @@ def test_a_lasting_storm_of_new_runs_is_slowed(live):
 
 
 def test_a_storm_of_everything_can_be_replayed(live):
-    """Eight people at whatever they find, derivations that finish whenever they do: each run again, bit for bit."""
+    """Eight people send any commands and derivations finish at any time: each run can be repeated bit for bit."""
     rng, executor = np.random.default_rng(3), ByHand()
     stage = live(executor=executor)
     slow = ({"payload.element_count": n} for n in (FINE, FINE + 1, 3, FINE))
@@ -181,7 +181,7 @@ def test_a_storm_of_everything_can_be_replayed(live):
 
 
 def test_an_interrupted_tick_leaves_no_trace(same_bits):
-    """The world stands where it stood before the block, held torques and delay line included."""
+    """The world is as it was before the block, held torques and delay line included."""
     scenario = load_preset("paper").replace({"controller.control_period": 2e-4, "controller.input_delay": 2})
     world, quiet = World(scenario), World(scenario)
     for one in (world, quiet):
@@ -193,7 +193,7 @@ def test_an_interrupted_tick_leaves_no_trace(same_bits):
 
 
 def test_long_steps_are_done_in_rounds(live):
-    """A clock that moves while the engine works: each round does its share, and all ticks are done exactly once."""
+    """With a clock that moves while the engine works, each round does its share, and all ticks are done exactly once."""
     stage = live(playing=False)
     fill = stage.runner._run.world.fill
 

@@ -1,4 +1,4 @@
-"""What has not been compiled yet is compiled beside the running world, and everything can be compiled beforehand."""
+"""Kernels not yet compiled are compiled beside the running world, and all can be compiled beforehand."""
 
 import os
 import subprocess
@@ -24,7 +24,7 @@ from flexlab.sim.world import World
     "changes", [{"controller.kind": "computed-torque"}, {"simulation.integrator": "rk4", "simulation.step": 1e-4}]
 )
 def test_the_simulation_thread_never_compiles(changes: dict, monkeypatch: pytest.MonkeyPatch, same_bits):
-    """It says that there is something to prepare; once prepared, the change is taken on as always."""
+    """It raises `Unprepared`; once prepared, the change is applied as always."""
     expected = World(load_preset("paper"))
     expected.apply(ChangeScenario(changes))
     world = World(load_preset("paper"))
@@ -82,14 +82,14 @@ print(*sorted(name for name in opened - compiled if name.endswith(".nbc")))
 
 @pytest.mark.skipif(PLAIN_PYTHON, reason="nothing is compiled")
 def test_a_lab_with_any_preset_needs_no_more_than_that(tmp_path: Path):
-    """The lab shows the modes of what it runs: that was compiled within it, once on each machine."""
+    """The lab shows the modes of its scenario: their kernels were compiled in the lab, once on each machine."""
     done = subprocess.run([sys.executable, "-c", LATER], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert done.stdout.split() == []
 
 
 @pytest.mark.skipif(PLAIN_PYTHON, reason="nothing is compiled")
 def test_machine_code_of_another_python_or_processor_does_not_count(monkeypatch: pytest.MonkeyPatch):
-    """Homes are shared among machines, and outlive a Python. Results are the same everywhere, and so is the engine's name."""
+    """Home folders are shared among machines and outlive a Python. Results, and the engine's name, are the same everywhere."""
     World(load_preset("paper"))
     name = engine()
     assert is_warm()
@@ -104,7 +104,7 @@ def test_machine_code_of_another_python_or_processor_does_not_count(monkeypatch:
 
 
 def test_compiling_for_a_lab_ends_with_the_lab_however_that_ends(tmp_path: Path):
-    """What is killed cannot say so, but the system closes its end of the pipe."""
+    """A killed lab cannot say so, but the system closes its end of the pipe."""
     program = [sys.executable, "-m", "flexlab.sim.compile_all", WHILE_OPEN]
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     done = subprocess.run(program, stdin=subprocess.DEVNULL, env=environment, check=False)

@@ -1,4 +1,4 @@
-"""A payload that is filled or emptied: bits, energy, closed forms, what is left of the change, live changes, what is refused."""
+"""A payload that is filled or emptied: bits, energy, closed forms, the motion afterwards, live changes, what is refused."""
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ def change(factor: float, begin: float = 0.05, duration: float = 0.1) -> dict:
 
 
 def imbalance(run: Samples) -> float:
-    """Energy that came from nowhere, as a part of what moved."""
+    """Error of the energy balance over the energy moved."""
     put_in = run.input_work + run.axial_work + run.own["material_energy"]
     lost = run.dissipated_energy + run.own.get("friction_loss", 0.0)
     gained = run.total_energy - put_in + lost
@@ -79,10 +79,10 @@ def test_energy_is_balanced_with_one_arm():
 @pytest.mark.parametrize("factor", [0.4, 3.0])
 @pytest.mark.parametrize("control", [{}, SAMPLED, {**WEIGHT, **AXIAL, "payload.bending_stiffness": 5.0}])
 def test_afterwards_a_payload_of_that_density_moves_alike_in_all_signals(preset, factor, control):
-    """Whatever is shown of it: weights, forces along and across, deflection, energies."""
+    """Weights, forces along and across, deflection and energies agree."""
     still = {"simulation.integrator": "rk4", "simulation.step": 5e-6, "payload.damping": NodalDamping(coefficient=0.01)}
-    still |= {"payload.element_count": 2}  # None so fast that the axial load takes it as moving with the link.
-    # It is told of no beam rates, and soft enough for any clock.
+    still |= {"payload.element_count": 2}  # No mode is so fast that the axial load takes it as moving with the link.
+    # This law uses no beam rates and is soft enough for any control period.
     law = ProportionalDerivative(position_gain=(500.0, 500.0, 20.0), velocity_gain=(50.0, 50.0, 1.0))
     scenario = load_preset(preset).replace({"controller": law})
     worlds = [World(scenario.replace({**change(factor), **still, **control})) for _ in range(2)]
@@ -129,7 +129,7 @@ def test_a_payload_hangs_by_the_weight_that_its_law_does_not_know(part):
 
 
 def test_an_observer_that_knows_the_change_takes_what_material_brings_for_no_disturbance():
-    """Along itself the beam does not bend: without material the observer has nothing to see there."""
+    """Along its axis the beam is rigid: without material, the observer sees no disturbance there."""
     along = {"controller.kind": "disturbance-observer", "trajectory.amplitude": (0.2, 0.0, 0.0)}
     scenario = load_preset("paper").replace(along).replace(change(3.0, 0.4, 0.2))
     unknown, known = (
@@ -217,7 +217,7 @@ def test_the_mass_changes_in_motion_without_a_jump_of_the_motion():
     world = World(plain)
     world.advance(100)
     before = world.observe()
-    assert world.apply(ChangeScenario(change(2.0, 0.15)))  # Rows have other columns: another run, and one motion.
+    assert world.apply(ChangeScenario(change(2.0, 0.15)))  # Rows have other columns: a new run, but one motion.
     after = world.observe()
     np.testing.assert_allclose(after.pose_rate, before.pose_rate, rtol=0, atol=1e-12)
     np.testing.assert_allclose(after.beam_rates, before.beam_rates, rtol=0, atol=1e-9)
@@ -228,7 +228,7 @@ def test_the_mass_changes_in_motion_without_a_jump_of_the_motion():
     after = world.observe()
     assert after.own["material_energy"][0] == brought != 0
     np.testing.assert_allclose(after.kinetic_energy, before.kinetic_energy, rtol=1e-12)
-    world.apply(ChangeScenario({"payload.mass_change.factor": 0.5}))  # At once as light as it would be.
+    world.apply(ChangeScenario({"payload.mass_change.factor": 0.5}))  # At once it is as light as it would have become.
     np.testing.assert_allclose(world.observe().pose_rate, before.pose_rate, rtol=0, atol=1e-12)
     world.advance(100)
     world.apply(ChangeScenario({"payload.mass_change": plain.payload.mass_change}))

@@ -1,4 +1,4 @@
-"""Memory: a live engine's stays flat, a headless run's is its samples."""
+"""The memory of a live engine stays constant, that of a headless run is its samples."""
 
 import gc
 import tracemalloc
@@ -12,7 +12,7 @@ from flexlab.sim.world import World
 
 
 def test_a_live_runners_memory_stays_flat(live):
-    """After the history ring is full, ten more simulated seconds with slider moves add nothing that stays."""
+    """Once the history ring is full, ten more simulated seconds with slider moves leave no memory allocated."""
     stage = live()
     stage.keeper.blocks = Forgetful()
     stage.play(1.0)
@@ -23,7 +23,7 @@ def test_a_live_runners_memory_stays_flat(live):
             for k in range(300):
                 stage.frame(1 / 60, *([ChangeScenario({"controller.feedback_gain": 200.0 + k})] if k % 30 == 0 else []))
             stage.keeper.events.clear()
-            gc.collect()  # What only refers to itself goes later, at a moment that depends on all tests before.
+            gc.collect()  # Cycles of references are freed later, at a moment that depends on all tests before.
             levels.append(tracemalloc.get_traced_memory()[0])
     finally:
         tracemalloc.stop()
@@ -38,7 +38,7 @@ class Forgetful(list):
 
 
 def test_a_runs_peak_is_its_samples():
-    """Twice the samples, twice the memory: the peak stays within a few per cent and a constant of the rows kept."""
+    """Twice the samples take twice the memory: the peak is that of the rows kept, within a few per cent and a constant."""
     world = World(load_preset("paper"))
     row_bytes = 8 * world.row_length
     simulate(load_preset("paper"), 0.1)

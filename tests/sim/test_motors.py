@@ -1,4 +1,4 @@
-"""Motors that are late and have a speed: integrators, steps, live changes, poles, what is refused."""
+"""Motors with a time constant and a no-load speed: integrators, steps, live changes, poles, what is refused."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""How much energy generalized-alpha takes out of each mode on its own account."""
+"""The energy that generalized-alpha itself takes out of each mode."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from flexlab.sim.simulate import simulate
 
 
 def ringing(mode: int, **changes) -> Scenario:
-    """Only one mode (0: lowest) rings, without control and damping, on a mesh of four elements."""
+    """A run in which one mode (0: lowest) rings, without control and damping, on a mesh of four elements."""
     plain = load_preset("paper").replace(
         {"controller.kind": "none", "payload.element_count": 4, "payload.damping.coefficient": 0.0}
     )
@@ -30,14 +30,14 @@ def decay_rate(run) -> float:
 
 @pytest.mark.parametrize("mode", [0, 1, 2])
 def test_the_lowest_three_modes_lose_under_one_per_cent_in_ten_seconds(mode: int):
-    """At the default step; measured over half a second of free ringing."""
+    """The loss at the default step is measured over half a second of free ringing."""
     rate = decay_rate(simulate(ringing(mode), 0.5))
     loss = 1 - np.exp(-10 * rate)
     assert -1e-6 < loss < 0.01
 
 
 def spectral_radius(frequency_times_step: float) -> float:
-    """Of one generalized-alpha step of ü + ω²u = 0."""
+    """Spectral radius of one generalized-alpha step of ü + ω²u = 0."""
     z = frequency_times_step**2
     # Unknowns (u, h u̇, h² ü): two update rules and the balance at the shifted instant.
     left = np.array([[1, 0, -BETA], [0, 1, -GAMMA], [(1 - ALPHA_F) * z, 0, 1 - ALPHA_M]])
@@ -57,6 +57,6 @@ def test_each_mode_loses_what_the_methods_theory_says(mode: int):
 
 
 def test_modes_far_beyond_the_step_lose_a_fifth_of_their_amplitude_per_step():
-    """ρ∞ = 0.8: the method's promise for what the step cannot resolve."""
+    """ρ∞ = 0.8 is what the method promises for modes that the step cannot resolve."""
     assert pytest.approx(0.8) == RHO
     assert spectral_radius(1e6) == pytest.approx(RHO, rel=1e-4)

@@ -1,4 +1,4 @@
-"""A beam whose modes creep back, in an arm that is lighter than what they move: each step must not outdo the one before."""
+"""A beam with overdamped modes, in an arm lighter than the mass that they move: no step may amplify the one before."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from flexlab.sim.step_size import SHORTEST_CHOSEN
 from flexlab.sim.world import World
 
 TICKS = 40
-"""Beyond those in which a start has shorter steps."""
+"""Ticks of a run: more than those with shorter steps after a start."""
 
 
 def stiff_beam(n: int, stiffness: float, damping: float, density: float) -> Scenario:

@@ -15,7 +15,7 @@ def playing(speed: float = 1.0) -> Pacing:
 
 @pytest.mark.parametrize("speed", [SLOWEST, 0.1, 1.0, FASTEST])
 def test_ticks_fall_due_in_proportion_to_wall_time(speed: float):
-    """After t seconds in small frames, t · speed / TICK ticks have been due, no more and no fewer."""
+    """After t seconds in small frames, exactly t · speed / TICK ticks have been due."""
     pacing, tick = playing(speed), 0
     for k in range(1, 601):
         tick += pacing.due_ticks(10.0 + k / 60, tick)
@@ -23,7 +23,7 @@ def test_ticks_fall_due_in_proportion_to_wall_time(speed: float):
 
 
 def test_nothing_is_due_while_paused():
-    """And the target stands still."""
+    """The target stands still."""
     pacing = playing()
     pacing.playing = False
     assert pacing.due_ticks(50.0, 0) == 0
@@ -31,7 +31,7 @@ def test_nothing_is_due_while_paused():
 
 
 def test_a_short_lag_is_caught_up():
-    """Below the limit every tick is made good."""
+    """Below the limit, every tick is made up for."""
     pacing = playing()
     lag = 0.9 * BACKLOG_LIMIT
     assert pacing.due_ticks(10.0 + lag, 0) == int(lag / TICK + 1e-6)
@@ -53,7 +53,7 @@ def test_a_long_lag_is_dropped_and_flagged_for_a_second(speed: float):
 
 
 def test_the_actual_speed_is_measured_over_the_last_second():
-    """Half speed shows as a half, and a change shows after a second."""
+    """Half speed is measured as a half, and a change is seen after a second."""
     pacing = playing()
     for k in range(240):
         pacing.note(10.0 + k / 60, 0.5 * k / 60)
@@ -64,7 +64,7 @@ def test_the_actual_speed_is_measured_over_the_last_second():
 
 
 def test_the_actual_speed_is_zero_while_paused_or_unknown():
-    """Nothing measured, nothing claimed."""
+    """Without a measurement, it is not stated."""
     pacing = playing()
     assert pacing.actual_speed() == 0.0
     pacing.note(10.0, 0.0)

@@ -26,12 +26,12 @@ TOLERANCE = {
 
 @pytest.fixture(scope="module")
 def paper() -> Run:
-    """Three seconds, as in the README."""
+    """A run of three seconds, as in the README."""
     return simulate(load_preset("paper"), duration=3.0, sample_period=SAMPLE_PERIOD)
 
 
 def span(run: Run, start: float, stop: float) -> slice:
-    """Rows of a span of time, ends included."""
+    """Rows in a span of time, ends included."""
     return slice(round(start / SAMPLE_PERIOD), round(stop / SAMPLE_PERIOD) + 1)
 
 

@@ -12,7 +12,7 @@ PERIOD = 0.001
 
 @pytest.fixture(scope="module")
 def paper() -> Run:
-    """Six seconds: four periods are left for spectra after the second."""
+    """A run of six seconds: the last four periods serve for spectra."""
     return simulate(load_preset("paper"), 6.0, PERIOD)
 
 
@@ -27,7 +27,7 @@ def spectrum(signal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_it_tracks_the_planned_trajectory_quickly(paper: Run):
-    """From more than 1.6 cm at the start to under a millimetre (and a tenth of a milliradian) within 1 s, for good."""
+    """The error falls from over 1.6 cm to under a millimetre (and a tenth of a milliradian) within 1 s, and stays there."""
     early, late = np.abs(paper.tracking_error[rows(0, 0.1)]), np.abs(paper.tracking_error[rows(1, 6)])
     assert early.max() > 0.016
     assert late[:, :2].max() < 1e-3
@@ -47,7 +47,7 @@ def test_the_original_vibration_is_gone_at_half_a_second(paper: Run):
 
 
 def test_afterwards_the_rigid_motion_compels_it_at_one_hertz(paper: Run):
-    """2 s to 6 s: the strongest line of every beam coordinate that bends is 1 Hz, nothing is left beyond 10 Hz."""
+    """From 2 s to 6 s, the strongest line of every beam coordinate that bends is 1 Hz, with nothing beyond 10 Hz."""
     frequency, amplitude = spectrum(paper.beam_coordinates[rows(2, 6)][:, [0, 1, 3]])
     assert np.all(frequency[1 + np.argmax(amplitude[1:], axis=0)] == 1.0)
     assert np.all(amplitude[frequency > 10].max(axis=0) < 1e-5 * amplitude.max(axis=0))
@@ -56,7 +56,7 @@ def test_afterwards_the_rigid_motion_compels_it_at_one_hertz(paper: Run):
 def test_the_bending_is_then_quasi_static(paper: Run):
     """q follows K_F⁻¹ times the inertial load: what is left of the vibration is under half a per cent of the deflection.
 
-    The desired motion's load, that is: what is left comes from the difference between the actual motion and the desired one.
+    The load is that of the desired motion: the rest comes from the difference between the actual motion and the desired one.
     """
     left = np.abs(paper.vibration[rows(1, 6)]).max()
     assert left < 5e-3 * np.abs(paper.midspan_deflection[rows(1, 6)]).max()
@@ -71,7 +71,7 @@ def test_vibration_states_are_bounded(paper: Run):
 
 
 def test_the_internal_force_feels_the_vibration_more_than_the_position(paper: Run):
-    """The part above 20 Hz, as a fraction of the whole: large in the internal force, negligible in the pose."""
+    """The part above 20 Hz is a large share of the internal force and a negligible share of the pose."""
     window = np.hanning(300)[:, None]
 
     def fast_part(signal: np.ndarray) -> float:

@@ -1,4 +1,4 @@
-"""A beam that nothing damps, in arms that give way: which steps make its modes ring louder without end."""
+"""Steps that make the modes of an undamped beam, in arms that give way, ring louder without bound."""
 
 import math
 
@@ -13,7 +13,7 @@ from flexlab.sim.step_size import Count
 from flexlab.sim.world import World
 
 LOUD = 1e-3 / 90
-"""s: a step with which two modes of the beam below push one another."""
+"""Step, s, with which two modes of the beam below excite one another."""
 
 
 def undamped(stiffness: float, step: float | None = None) -> Scenario:
@@ -53,7 +53,7 @@ def test_a_steady_step_does_not_grow():
 
 @pytest.mark.parametrize(("stiffness", "ratio"), [(2721.0, 0.0), (30079.0, 0.0), (2721.0, 1e-5), (2721.0, 1e-4)])
 def test_a_step_that_nobody_gave_is_a_steady_one(stiffness: float, ratio: float):
-    """The step that accuracy asks for makes errors grow a hundred million times in half a second: a shorter one is taken."""
+    """The step that accuracy asks for makes errors grow 10⁸ times in half a second: a shorter one is taken."""
     world = World(undamped(stiffness).replace({"payload.damping.ratio": ratio}))
     asked, taken = world.assembly.asked, (world.assembly.unrefined or world.assembly).steps
     assert growth(world, world.step) <= STEADY_GROWTH
@@ -94,7 +94,7 @@ def test_steps_that_were_given_or_another_integrator_s_are_not_taken_for_steady_
 
 def test_what_does_not_count_is_not_looked_at_again():
     def steady(world: World) -> Count:
-        """Steps that were looked at, before they are halved for the run's beginning."""
+        """The steps that were tested, before they are halved for the run's beginning."""
         return (world.assembly.unrefined or world.assembly).steps
 
     world = World(undamped(2721.0))

@@ -1,4 +1,4 @@
-"""The debug path: with NUMBA_DISABLE_JIT=1 every kernel is the Python function that it is written as."""
+"""The debug path: with NUMBA_DISABLE_JIT=1, every kernel is its plain Python function."""
 
 import json
 import os
@@ -41,7 +41,7 @@ def test_two_ticks_of_every_law_path_and_integrator_are_those_of_the_machine_cod
         for integrator, step in STEPS.items()
         for period in ((None, 0.001) if kind != "lqr" else (0.001,))
     ]
-    # The step of the first is chosen: for some of the others, plain Python takes seconds to choose it.
+    # Only the first has an automatic step: for some of the others, plain Python takes seconds to choose it.
     cases += [
         {"trajectory": {"kind": kind}, **({"simulation.step": STEPS["etdrk4"]} if number else {})}
         for number, (kind, path) in enumerate(paths().items())
@@ -163,7 +163,7 @@ def test_a_recording_of_the_first_format_opens(root: Path):
 
 @pytest.mark.parametrize("name", ["find_state", "rates"])
 def test_an_inlined_kernel_is_no_machine_code_of_its_own(name: str):
-    """`numba_internals` still does what it is there for: inner kernels have been typed, but have nothing to call."""
+    """`numba_internals` does its task: inner kernels are typed, but have no machine code to call."""
     from flexlab.numba_internals import NOWHERE, BitcodeLibrary
     from flexlab.sim import closed_loop
 

@@ -83,7 +83,7 @@ def test_a_tap_does_the_work_of_an_impulse(at: float):
 
 
 def test_a_tap_sets_free_beam_and_arms_in_motion_with_every_integrator():
-    """From rest, without control: all integrators agree on the next 20 ms, with 10 µs for the highest modes."""
+    """From rest and without control, all integrators agree on the next 20 ms, with steps of 10 µs for the highest modes."""
     runs = []
     for integrator in ("rk4", "etdrk4", "generalized-alpha"):
         changes = {**FREE, "simulation.integrator": integrator, "simulation.step": 1e-5}
@@ -113,7 +113,7 @@ def test_a_pull_is_a_spring_from_the_point_to_the_target():
 
 
 def test_letting_go_ends_the_force():
-    """Stiffness 0: no more work is done, and acceleration is that of a world never pulled in the same state."""
+    """At stiffness 0 no more work is done, and the acceleration is that of a world in the same state that was never pulled."""
     world = World(load_preset("paper").replace(FREE))
     world.apply(Pull(0.1, (0.2, 0.9), 500.0))
     world.advance(50)
@@ -126,7 +126,7 @@ def test_letting_go_ends_the_force():
 
 
 def test_a_pull_stays_on_its_point_across_a_new_mesh():
-    """n = 2 → 6 while pulled: the force goes on at the same place."""
+    """From 2 to 6 elements while pulled, the force goes on at the same place."""
     world = moving_world(**FREE)
     world.apply(Pull(0.11, (0.1, 1.0), 700.0))
     world.advance(5)

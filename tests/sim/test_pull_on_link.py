@@ -39,7 +39,7 @@ def spring_energy(scenario: Scenario, samples: Samples, pull: Pull) -> np.ndarra
 
 @pytest.mark.parametrize("pull", PULLS, ids=str)
 def test_the_pulls_work_is_what_its_spring_gives(pull: Pull) -> None:
-    """With motors off and no damping: work done = energy that the spring has given up = energy that the machine has won."""
+    """With motors off and no damping: work done = energy that the spring has given up = energy that the machine has gained."""
     world = World(load_preset("paper").replace({**FREE, "simulation.step": 5e-5}))
     world.apply(pull)
     samples = world.run(250)
@@ -112,7 +112,7 @@ def test_letting_go_ends_the_force() -> None:
 
 
 def test_the_hand_may_move_from_a_link_to_the_beam() -> None:
-    """One hand: what it holds now is what is pulled, as in a world that was never pulled elsewhere."""
+    """There is one hand: only what it holds now is pulled, as in a world that was never pulled elsewhere."""
     one, other = (World(load_preset("paper").replace(FREE)) for _ in range(2))
     one.apply(PULLS[0])
     for world in (one, other):

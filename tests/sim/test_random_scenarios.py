@@ -1,4 +1,4 @@
-"""A few of the random scenarios; `random_scenarios` itself judges as many as one has time for."""
+"""A few of the random scenarios; `random_scenarios.py` itself judges any number of them."""
 
 import math
 
@@ -8,11 +8,11 @@ from random_scenarios import judge, stated_size
 from flexlab.text import number_text
 
 LONGEST_REFERENCE = 2.0
-"""s of processor time: the start's jerk, where errors are largest."""
+"""Processor time, s: enough for the start's jerk, where errors are largest."""
 
 
-# Errors of 29 outgrow what was said first, a sampled torque of 90 jumps at tick 75, the paths of 117 and 181 are fast, 148 and
-# 241 were off by 1e-4, and the rate of 204 at first, by which its pose was off by 4e-8 m later. Errors of 1047 add up for 0.2 s.
+# Errors of 29 outgrow those stated first, a sampled torque of 90 jumps at tick 75, the paths of 117 and 181 are fast, 148 and 241
+# were off by 1e-4, the rate of 204 was off at first and its pose later by 4e-8 m, and errors of 1047 add up for 0.2 s.
 @pytest.mark.parametrize("seed", [1, 3, 5, 7, 29, 90, 117, 148, 181, 204, 241, 1047])
 def test_a_random_scenario_is_right_or_called_inaccurate(seed: int):
     judged = judge(seed, LONGEST_REFERENCE)
@@ -26,7 +26,7 @@ def test_so_is_one_with_another_path_limits_or_integrator(seed: int):
 
 
 def test_a_law_whose_slope_jumps_at_its_layer_is_followed_across_it():
-    """Super-twisting leads errors beyond its boundary layer back slowly: the pose was off by 3e-8 m, without a word."""
+    """Super-twisting corrects errors beyond its boundary layer slowly: the pose was off by 3e-8 m, without a warning."""
     judged = judge(30, axial=True)
     assert not judged.complaints, judged.text
 

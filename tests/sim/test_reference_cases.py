@@ -10,7 +10,7 @@ from flexlab.sim.world import World
 
 @pytest.fixture(scope="module", params=CASES, ids=lambda case: case.name)
 def compared(request) -> tuple[Solution, Samples]:
-    """A case and the engine's run of it, with automatic integrator and step."""
+    """A case and the engine's run of it, with the automatic integrator and step."""
     case: Solution = request.param
     world = World(case.scenario, SAMPLE_PERIOD)
     samples = world.run(int(case.rows[-1]))
@@ -20,7 +20,7 @@ def compared(request) -> tuple[Solution, Samples]:
 
 @pytest.mark.parametrize("signal", ["pose", "beam_coordinates", "bound_estimates", "joint_angle"])
 def test_configuration(compared: tuple[Solution, Samples], signal: str):
-    """Pose, beam coordinates, bound estimates and joint angles within 1e-6."""
+    """Pose, beam coordinates, bound estimates and joint angles agree within 1e-6."""
     case, samples = compared
     assert case.difference(samples, signal) < 1e-6
 
@@ -36,13 +36,13 @@ def test_configuration(compared: tuple[Solution, Samples], signal: str):
     ],
 )
 def test_rates_and_forces(compared: tuple[Solution, Samples], signal: str, relative: float):
-    """Rates, accelerations and inputs, in parts of their largest value: beam rates are q times frequencies of 10² to 10⁴."""
+    """Rates, accelerations and inputs agree relative to their largest value: beam rates are q times frequencies of 10² to 10⁴."""
     case, samples = compared
     scale = max(1.0, float(np.abs(case.signals[signal]).max()))
     assert case.difference(samples, signal) < relative * scale
 
 
 def test_internal_force(compared: tuple[Solution, Samples]):
-    """Within 1e-3 N and N·m."""
+    """It agrees within 1e-3 N and N·m."""
     case, samples = compared
     assert case.difference(samples, "internal_force") < 1e-3

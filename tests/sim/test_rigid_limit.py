@@ -11,7 +11,7 @@ from flexlab.sim.samples import Samples
 from flexlab.sim.world import World
 
 DURATION = 500
-"""Samples of 1 ms: the whole start-up and a passage into the boundary layer."""
+"""Number of samples of 1 ms: the whole start-up and an entry into the boundary layer."""
 
 
 def flexible(stiffness: float, **changes) -> tuple[Scenario, Samples]:
@@ -31,7 +31,7 @@ def rigid() -> RigidRun:
 
 @pytest.mark.parametrize("stiffness", [1e8, 1e10])
 def test_a_stiff_beam_equals_the_rigid_two_arm_system(rigid: RigidRun, stiffness: float):
-    """EI → large: pose within 5e-9 of an independent rigid integration, jerk included; the ring dies as 1/√EI."""
+    """For large EI the pose is within 5e-9 of an independent rigid integration, jerk included; the ring falls as 1/√EI."""
     _, samples = flexible(stiffness)
     assert np.abs(samples.pose - rigid.pose).max() < 5e-9
     assert np.abs(samples.bound_estimates - rigid.bound_estimates).max() < 5e-9

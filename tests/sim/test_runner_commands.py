@@ -1,4 +1,4 @@
-"""Commands to a running lab: taken in order, refused in sentences, never the end of the simulation thread."""
+"""Commands to a running lab are taken in order, refused in sentences, and never end the simulation thread."""
 
 import threading
 
@@ -41,7 +41,7 @@ REFUSED = [
 
 @pytest.mark.parametrize("command", REFUSED, ids=lambda command: str(command)[:80])
 def test_a_refused_command_is_an_event_and_the_run_goes_on(live, same_bits, command):
-    """One sentence at level error; every later sample is as if nothing had been asked."""
+    """The event is one sentence at level error; later samples are as if nothing had been asked."""
     asked, quiet = live(), live()
     for stage in (asked, quiet):
         stage.play(0.1)
@@ -61,7 +61,7 @@ def test_a_refused_command_is_an_event_and_the_run_goes_on(live, same_bits, comm
 
 
 def test_values_of_one_round_are_one_change(live):
-    """Ten changes of one field in one round: the last one stands, and it alone is recorded, as nothing else was applied."""
+    """Of ten changes of one field in one round, only the last one is applied and recorded."""
     stage = live()
     values = [100.0 + k for k in range(10)]
     snapshot = stage.frame(0.01, *[ChangeScenario({"controller.feedback_gain": v}) for v in values])
@@ -79,7 +79,7 @@ def test_a_bad_value_does_not_take_the_good_ones_of_its_round_with_it(live):
 
 
 def test_an_event_carries_time_words_and_the_command(live):
-    """What the recording and the event list need: simulation time, a text with value and unit, the command itself."""
+    """The recording and the event list need simulation time, a text with value and unit, and the command itself."""
     stage = live()
     stage.play(0.1)
     command = ChangeScenario({"payload.bending_stiffness": 50.0})
@@ -91,7 +91,7 @@ def test_an_event_carries_time_words_and_the_command(live):
 
 
 def test_reset_starts_a_new_run_from_the_present_scenario(live):
-    """A new number, t = 0, the changed scenario kept."""
+    """The run has a new number and starts at t = 0; the changed scenario is kept."""
     stage = live()
     stage.play(0.1)
     stage.frame(0.0, ChangeScenario({"payload.bending_stiffness": 50.0}))
@@ -102,7 +102,7 @@ def test_reset_starts_a_new_run_from_the_present_scenario(live):
 
 
 def test_an_unreachable_scenario_is_a_run_that_has_failed_and_the_lab_lives_on(live):
-    """Load it: a failed status with its sentence, paused, Play refused in words; load a good one and play."""
+    """Loading it gives a failed status with a sentence and pauses; Play is refused in words; a good scenario plays again."""
     stage = live()
     stage.play(0.1)
     far = load_preset("paper").replace({"trajectory.center": (9.0, 9.0, 0.0)})
@@ -120,7 +120,7 @@ def test_an_unreachable_scenario_is_a_run_that_has_failed_and_the_lab_lives_on(l
 
 
 def test_divergence_pauses_with_a_sentence_and_a_reset_helps(live):
-    """The last good sample stays; a reset with sane gains runs again."""
+    """The last good sample stays; a reset with sensible gains runs again."""
     stage = live()
     stage.play(0.1)
     stage.frame(0.0, ChangeScenario({"controller.feedback_gain": 1e6, "simulation.step": 1e-3}))
@@ -136,7 +136,7 @@ def test_divergence_pauses_with_a_sentence_and_a_reset_helps(live):
 
 
 def test_switching_laws_compiles_nothing(live):
-    """All laws are in the same machine code: no new signature of the main kernel appears."""
+    """All laws share the same machine code: no new signature of the main kernel appears."""
     from flexlab.sim.advance import advance
 
     stage = live()
@@ -151,7 +151,7 @@ def test_switching_laws_compiles_nothing(live):
 
 
 def test_the_thread_survives_a_command_that_nobody_foresaw():
-    """Whatever is submitted, the simulation thread goes on: an error event, not silence."""
+    """Whatever is submitted, the simulation thread goes on and reports an error event."""
     now, frames = [0.0], threading.Semaphore(0)
 
     def sleep(_: float) -> None:
@@ -164,7 +164,7 @@ def test_the_thread_survives_a_command_that_nobody_foresaw():
         for _ in range(3):
             assert frames.acquire(timeout=20)
         runner.submit(Tap(0.0, ("hard", "left")))  # type: ignore[arg-type]
-        # The fake clock lets frames pass faster than this thread counts them: look until the answer is there.
+        # With the fake clock, frames pass faster than this thread counts them: wait for the answer.
         while not any(event.level == "error" for event in runner.snapshot.events):
             assert frames.acquire(timeout=20)
             assert runner.snapshot.latest.time[0] < 600, "ten simulated minutes without an answer"

@@ -12,7 +12,7 @@ def ticks(keeper, run_number: int) -> np.ndarray:
 
 
 def test_every_sample_comes_exactly_once_and_contiguously(live):
-    """Jittery frames, dropped backlog, pause, steps, speed changes: 0, 1, 2, … without gap or repetition."""
+    """With jittery frames, dropped backlog, pause, steps and speed changes, samples are 0, 1, 2, … without gap or repetition."""
     stage, rng = live(), np.random.default_rng(1)
     for k in range(150):
         extra = {20: [SetSpeed(4.0)], 50: [Pause()], 60: [StepOnce(7)], 70: [Play()], 90: [SetSpeed(0.01)]}.get(k, [])
@@ -24,7 +24,7 @@ def test_every_sample_comes_exactly_once_and_contiguously(live):
 
 
 def test_blocks_are_what_a_headless_world_computes(live):
-    """The runner hands out the world's samples as they are."""
+    """The runner hands out the world's samples unchanged."""
     stage = live()
     stage.play(0.5)
     pose = stage.keeper.signal("pose")
@@ -32,7 +32,7 @@ def test_blocks_are_what_a_headless_world_computes(live):
 
 
 def test_each_run_begins_ends_and_starts_with_its_first_sample(live):
-    """Reset, preset, structure: begin, samples from the run's first instant, end with a status; numbers count up."""
+    """After reset, preset or new structure: begin, samples from the first instant, end with a status; run numbers count up."""
     stage = live()
     stage.play(0.1)
     stage.frame(0.01, Reset())
@@ -50,7 +50,7 @@ def test_each_run_begins_ends_and_starts_with_its_first_sample(live):
     for number in (1, 2, 3):
         found = ticks(keeper, number)
         assert np.array_equal(found, np.arange(len(found)))
-    # The new mesh goes on in time: its first sample is the instant at which the old run ended, on the new coordinates.
+    # Time goes on with the new mesh: its first sample is at the instant at which the old run ended, in the new coordinates.
     assert ticks(keeper, 4)[0] == ticks(keeper, 3)[-1]
     assert np.array_equal(np.diff(ticks(keeper, 4)), np.ones(len(ticks(keeper, 4)) - 1))
     assert keeper.signal("beam_coordinates", 4).shape[1] == 10
@@ -58,7 +58,7 @@ def test_each_run_begins_ends_and_starts_with_its_first_sample(live):
 
 
 def test_a_run_can_be_replayed_from_the_state_that_its_consumer_was_given(live):
-    """`begin_run` hands over scenario and state: restoring them gives the same bits, also for a run that goes on."""
+    """`begin_run` passes scenario and state: restoring them gives the same bits, also for a run that goes on."""
     stage = live()
     stage.play(0.2)
     stage.frame(0.01, ChangeScenario({"payload.element_count": 4}))
@@ -71,7 +71,7 @@ def test_a_run_can_be_replayed_from_the_state_that_its_consumer_was_given(live):
 
 
 def test_coordinates_with_another_meaning_make_a_new_run(live):
-    """clamped-pinned → pinned-clamped: as many coordinates, but others. A recording may not go on under the old names."""
+    """clamped-pinned → pinned-clamped has as many coordinates, but others: a recording may not go on under the old names."""
     stage = live(load_preset("paper").replace({"payload.element_count": 3, "payload.boundary": "clamped-pinned"}))
     stage.play(0.1)
     snapshot = stage.frame(0.01, ChangeScenario({"payload.boundary": "pinned-clamped"}))
@@ -79,7 +79,7 @@ def test_coordinates_with_another_meaning_make_a_new_run(live):
 
 
 def test_dropped_samples_are_counted_until_the_next_run(live):
-    """What a consumer says it lost is shown."""
+    """The number of samples that a consumer reports as lost is shown."""
     stage = live()
     stage.play(0.1)
     assert stage.runner.snapshot.dropped_samples == 0
@@ -104,7 +104,7 @@ def test_a_failed_run_ends_with_its_status(live):
 
 
 def test_stopping_twice_ends_once(live):
-    """`stop` may be called again."""
+    """`stop` may be called twice."""
     stage = live()
     stage.play(0.05)
     stage.runner.stop()

@@ -1,4 +1,4 @@
-"""The runner's clockwork with a clock set by hand: every round does what is due, and says what it could not."""
+"""The runner's pace with a clock set by hand: every round does what is due, and reports what it could not do."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ def time_of(snapshot) -> float:
 
 @pytest.mark.parametrize("speed", [1 / 256, 1 / 16, 1.0, 4.0])
 def test_simulation_time_follows_wall_time(live, speed: float):
-    """Two wall seconds at a speed give two seconds times it, to a tick; the actual speed says so."""
+    """Two wall seconds give two seconds times the speed, within a tick; the actual speed agrees."""
     stage = live()
     stage.frame(0.0, SetSpeed(speed))
     snapshot = stage.play(2.0)
@@ -25,7 +25,7 @@ def test_simulation_time_follows_wall_time(live, speed: float):
 
 
 def test_backlog_is_dropped_and_flagged(live):
-    """A frame that comes 5 s late: only the limit is made good, the flag is up for a second, then all is well again."""
+    """After a frame 5 s late, only the limit is made up for, and the flag is set for a second."""
     stage = live()
     stage.play(0.5)
     before = time_of(stage.runner.snapshot)
@@ -39,7 +39,7 @@ def test_backlog_is_dropped_and_flagged(live):
 
 
 def test_a_change_of_speed_does_not_jump(live):
-    """Time goes on from where it is: no tick is skipped or repeated, slower or faster."""
+    """Slower or faster, time goes on from where it is: no tick is skipped or repeated."""
     stage = live()
     last = time_of(stage.play(0.5))
     for speed in (0.1, 4.0, 1 / 256, 1.0):
@@ -65,7 +65,7 @@ def test_a_senseless_speed_is_refused_in_a_sentence(live, speed: float):
 
 
 def test_pause_holds_time_and_play_goes_on_without_a_jump(live):
-    """However long the pause."""
+    """This holds however long the pause is."""
     stage = live()
     stage.play(0.3)
     snapshot = stage.frame(0.0, Pause())
@@ -82,7 +82,7 @@ def test_pause_holds_time_and_play_goes_on_without_a_jump(live):
 
 
 def test_single_steps_while_paused(live):
-    """Exactly the ticks asked for, drawn where they are, and play goes on from there."""
+    """Exactly the ticks asked for are done, the newest is drawn, and play goes on from there."""
     stage = live(playing=False)
     for ticks, expected in ((1, 0.001), (1, 0.002), (10, 0.012)):
         snapshot = stage.frame(0.5, StepOnce(ticks))
@@ -93,7 +93,7 @@ def test_single_steps_while_paused(live):
 
 
 def test_a_step_while_playing_pauses(live):
-    """Stepping is for looking closely."""
+    """A person steps to look closely."""
     stage = live()
     stage.play(0.1)
     snapshot = stage.frame(0.0, StepOnce(5))
@@ -103,7 +103,7 @@ def test_a_step_while_playing_pauses(live):
 
 @pytest.mark.parametrize("ticks", [0, -3, 10**9])
 def test_senseless_steps_are_refused(live, ticks: int):
-    """A sentence, and nothing moves."""
+    """There is a sentence, and nothing moves."""
     stage = live(playing=False)
     snapshot = stage.frame(0.1, StepOnce(ticks))
     assert snapshot.events[-1].level == "error"
@@ -113,7 +113,7 @@ def test_senseless_steps_are_refused(live, ticks: int):
 
 @pytest.mark.parametrize("speed", [1 / 256, 1 / 16, 1.0, 4.0])
 def test_what_is_drawn_is_never_ahead_of_the_newest_sample(live, speed: float):
-    """And it moves forward smoothly: no step backwards, none longer than a frame's share and a tick."""
+    """It moves forward smoothly: no step backwards, and none longer than a frame's share and a tick."""
     stage = live()
     stage.frame(0.0, SetSpeed(speed))
     rng = np.random.default_rng(0)
@@ -129,7 +129,7 @@ def test_what_is_drawn_is_never_ahead_of_the_newest_sample(live, speed: float):
 
 
 def test_slow_motion_moves_between_samples(live):
-    """At 1/256 a sample comes every quarter second: frames in between show states in between, on a smooth curve."""
+    """At 1/256 a sample comes every quarter second: the frames between show interpolated states on a smooth curve."""
     stage = live()
     stage.frame(0.0, SetSpeed(1 / 256))
     stage.play(0.6)
@@ -140,7 +140,7 @@ def test_slow_motion_moves_between_samples(live):
         times.append(snapshot.display.time[0])
     assert len(np.unique(times)) > 50
     acceleration = np.abs(np.diff(poses, n=2, axis=0)).max()
-    assert acceleration < 200 * (1 / 60 / 256) ** 2  # the jerk's 163 rad/s² and less
+    assert acceleration < 200 * (1 / 60 / 256) ** 2  # at most the 163 rad/s² of the jerk
 
 
 @pytest.mark.parametrize("speed", [1.0, 4.0])
@@ -148,7 +148,7 @@ def test_slow_motion_moves_between_samples(live):
     "command", [Reset(), LoadScenario(load_preset("soft-beam"), "soft-beam")], ids=["reset", "load"]
 )
 def test_a_new_run_in_the_middle_of_a_round_starts_at_its_own_pace(live, speed: float, command):
-    """A reset that arrives while a late frame is being made good does not hurry the new run along."""
+    """A reset that arrives while a late frame is being made up for does not speed up the new run."""
     stage = live()
     stage.frame(0.0, SetSpeed(speed))
     stage.play(0.2)
@@ -163,12 +163,12 @@ def test_a_new_run_in_the_middle_of_a_round_starts_at_its_own_pace(live, speed: 
     for _ in range(6):
         assert time_of(snapshot) <= stage.now * speed  # finite
         snapshot = stage.frame()
-    # Six frames of 1/60 s later: a tenth of a second, not that and the old frame's leftover.
+    # Six frames of 1/60 s later: a tenth of a second, without the rest of the old frame.
     assert time_of(snapshot) == pytest.approx(0.1 * speed, abs=0.003)
 
 
 def test_every_run_waits_at_its_start_until_it_is_released(live):
-    """New labs, presets and resets hold at t = 0, say so, and go on from there: nothing was missed, nothing is caught up."""
+    """New labs, presets and resets wait at t = 0, say so, and go on from there without catching up."""
     stage = live(hold_starts=True)
     for run, command in ((1, None), (2, Reset()), (3, LoadScenario(load_preset("soft-beam"), "soft-beam"))):
         snapshot = stage.play(1.0) if command is None else stage.frame(0.01, command)
@@ -199,7 +199,7 @@ def test_a_person_need_not_wait(live, command, plays: bool):
 
 
 def test_dragging_the_mesh_loses_no_time(live):
-    """Every value begins a run in which time goes on: after a second of them a second has passed."""
+    """Every value begins a run in which time goes on: after dragging for a second, a second has been simulated."""
     stage = live()
     stage.play(0.5)
     before = time_of(stage.runner.snapshot)
@@ -212,7 +212,7 @@ def test_dragging_the_mesh_loses_no_time(live):
 
 
 def test_dragging_the_length_waits_for_its_first_value_only(live):
-    """Every value begins a run at t = 0. The first is looked at before it goes on; of the others each goes on at once."""
+    """Every value begins a run at t = 0. The first run waits to be seen; each of the others goes on at once."""
     stage = live(hold_starts=True)
     stage.runner.release(1)
     stage.play(1.0)
@@ -232,7 +232,7 @@ def test_dragging_the_length_waits_for_its_first_value_only(live):
 
 
 def test_a_change_right_after_a_reset_still_waits(live):
-    """Nobody has seen that run: only among values of one drag does one wait for the others."""
+    """Nobody has seen that run: only values of one drag share a single wait."""
     stage = live(hold_starts=True)
     stage.runner.release(1)
     stage.play(1.0)
@@ -242,7 +242,7 @@ def test_a_change_right_after_a_reset_still_waits(live):
 
 
 def test_a_consumer_that_takes_its_time_does_not_slow_the_run(live):
-    """6 ms for every block of samples, as where a lock is waited for: blocks grow, and real time is kept."""
+    """It takes 6 ms for every block of samples, as if it waited for a lock: blocks grow, and the run keeps real time."""
     stage = live()
 
     def slow(samples) -> None:

@@ -23,7 +23,7 @@ from flexlab.sockets import free_ports
 
 RUNS = Path(__file__).with_name("same_bits_runs.py")
 PATIENCE = 1200
-"""s for all runs of one environment; to compile for another processor takes minutes of one that others want, too."""
+"""Time limit, s, for all runs of one environment: compiling for another processor takes minutes on a busy one."""
 pytestmark = pytest.mark.timeout(PATIENCE + 60)
 
 ON_X86 = platform.machine() in ("x86_64", "AMD64")
@@ -35,11 +35,11 @@ ENVIRONMENTS = {
     "Haswell": {"OPENBLAS_CORETYPE": "Haswell"},
     "SkylakeX": {"OPENBLAS_CORETYPE": "SkylakeX"},
 }
-"""Environments that compile nothing anew."""
+"""Environments for which nothing is compiled anew."""
 
 
 def features() -> set[str]:
-    """What this processor can do, as numpy finds it."""
+    """Features of this processor that numpy finds."""
     from numpy._core._multiarray_umath import __cpu_features__ as known
 
     return {name for name, there in known.items() if there}
@@ -48,13 +48,13 @@ def features() -> set[str]:
 SIMULATE = "import flexlab; flexlab.simulate('paper', 0.01)"
 COMPILE_PATHS = "from flexlab.control.path import paths; [each.address for each in paths().values()]"
 AT_ONCE = "import flexlab.compiled as compiled; compiled.A_MOMENT = 0.0; "
-"""What would be told for the shortest compilation, so that no load of a machine decides."""
+"""Announce even the shortest compilation, so that the load of the machine does not matter."""
 
 
 def made_for(processor: str) -> dict[str, str]:
-    """The environment of another processor's machine code, which is kept from one run of the tests to the next.
+    """The environment of another processor's machine code, which is kept between runs of the tests.
 
-    As this processor's is, once for each version of the kernels: to compile it takes a minute.
+    It is compiled once for each version of the kernels, as this processor's is: that takes a minute.
     """
     folder = user_cache() / "flexlab" / f"tests-{processor}"
     remove_unused(folder / "flexlab" / cache_folder().name)
@@ -104,7 +104,7 @@ def test_machine_code_for_another_processor_changes_no_bit(here: dict[str, str])
 
 @pytest.mark.skipif(PLAIN_PYTHON, reason="nothing is compiled")
 def test_compiling_is_announced_once(tmp_path: Path) -> None:
-    """However many kernels it is, and not at all where they are compiled already."""
+    """It is announced once for any number of kernels, and not at all if they are compiled already."""
     other = {"NUMBA_CPU_NAME": "generic", "NUMBA_CACHE_DIR": str(tmp_path)}
     said = complete("-c", AT_ONCE + COMPILE_PATHS, **other).stderr
     assert said.count("compiling the equations of motion") == said.count("\n") == 1
@@ -113,7 +113,7 @@ def test_compiling_is_announced_once(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(PLAIN_PYTHON, reason="nothing is compiled")
 def test_a_cold_start_says_that_it_compiles(start_lab: Callable[..., Lab], tmp_path: Path) -> None:
-    """What the lab has compiled is not compiled once more for the runs."""
+    """What the lab has compiled is not compiled again for the runs."""
     other = {"NUMBA_CPU_NAME": "generic", "NUMBA_CACHE_DIR": str(tmp_path / "cold")}
     (port,) = free_ports(1)
     lab = start_lab(port=port, **other)
@@ -126,7 +126,7 @@ def test_a_cold_start_says_that_it_compiles(start_lab: Callable[..., Lab], tmp_p
     assert complete("-c", AT_ONCE + SIMULATE, **other).stderr == ""
     (made,) = (tmp_path / "cold" / "flexlab").glob("kernels-*")
     kept = Path(made_for("generic")["NUMBA_CACHE_DIR"], "flexlab", made.name)
-    if not kept.exists():  # What the lab has compiled is not compiled once more for the next test, either.
+    if not kept.exists():  # What the lab has compiled is not compiled again for the next test, either.
         shutil.copytree(made, kept)
 
 

@@ -22,7 +22,7 @@ def run(ticks: int, **changes) -> Samples:
 @pytest.mark.parametrize("start", ["jerk", "smooth"])
 @pytest.mark.parametrize("kind", ["adaptive-sliding-mode", "vibration-damping", "computed-torque", "pd"])
 def test_short_periods_converge_to_the_continuous_law(kind: str, start: str):
-    """The difference in pose falls in proportion to the period (a hold lags by half of it)."""
+    """The difference in pose is proportional to the period, as a hold lags by half of it."""
     changes = {"controller.kind": kind, "initial.pose_rate": (0.0, 0.0, 0.0) if start == "jerk" else None}
     scenario = load_preset("paper").replace(changes)
     continuous = simulate(scenario, 0.3)
@@ -37,7 +37,7 @@ def test_short_periods_converge_to_the_continuous_law(kind: str, start: str):
 
 @pytest.mark.parametrize("period", [0.002, 0.005])
 def test_torques_are_constant_between_instants(period: float):
-    """Zero-order hold on the joints: equal within a period, new at each instant; 𝒥ᵀτ changes with the pose meanwhile."""
+    """Joint torques are held within a period and new at each instant; 𝒥ᵀτ changes with the pose meanwhile."""
     samples = run(60, **{"controller.control_period": period, "initial.pose_rate": None})
     per_period = round(period / 0.001)
     held = samples.joint_torque[: 60 - 60 % per_period].reshape(-1, per_period, 2, 3)
@@ -56,7 +56,7 @@ def test_the_first_instant_is_the_start():
 
 @pytest.mark.parametrize("delay", [1, 3, 8])
 def test_torques_take_effect_after_the_delay(delay: int):
-    """Motors are off for `delay` periods; then come the torques of instant 0, and those of instant k at k + delay."""
+    """Motors are off for `delay` periods; then those of instant k act at instant k + delay."""
     period = 0.002
     changes = {"controller.control_period": period, "initial.pose_rate": None}
     prompt = run(4, **changes)
@@ -69,7 +69,7 @@ def test_torques_take_effect_after_the_delay(delay: int):
 
 @pytest.mark.parametrize(("sample_period", "common"), [(0.001, 0.002), (0.003, 0.006)])
 def test_control_instants_do_not_depend_on_the_sample_period(sample_period: float, common: float):
-    """The same controller (1.2 ms) sampled every 0.4 ms, 1 ms or 3 ms: the same motion, to the steps' 1e-9 m."""
+    """A controller with a period of 1.2 ms gives the same motion, within 1e-9 m, sampled every 0.4 ms, 1 ms or 3 ms."""
     scenario = load_preset("paper").replace({"controller.control_period": 0.0012})
     fine, other = simulate(scenario, 0.24, 0.0004), simulate(scenario, 0.24, sample_period)
     a, b = fine.pose[:: round(common / 0.0004)], other.pose[:: round(common / sample_period)]
@@ -78,7 +78,7 @@ def test_control_instants_do_not_depend_on_the_sample_period(sample_period: floa
 
 @pytest.mark.parametrize("period", [0.0001234567, np.pi * 1e-3, 0.00100001])
 def test_incommensurable_periods_are_refused_in_a_sentence(period: float):
-    """Names the field, both periods with unit, and what to choose."""
+    """The sentence names the field, both periods with their unit, and what to choose."""
     with pytest.raises(ScenarioError) as refusal:
         World(load_preset("paper").replace({"controller.control_period": float(period)}))
     text = str(refusal.value)
@@ -88,7 +88,7 @@ def test_incommensurable_periods_are_refused_in_a_sentence(period: float):
 
 
 def test_delay_and_noise_without_a_period_are_refused():
-    """They belong to sampled control."""
+    """Both belong to sampled control."""
     for change in ({"controller.input_delay": 2}, {"controller.sensor_noise.pose": (1e-3, 0.0, 0.0)}):
         with pytest.raises(ScenarioError, match="control_period"):
             load_preset("paper").replace(change)
@@ -149,5 +149,5 @@ def test_motors_go_on_when_a_delayed_controller_takes_over(delay: int):
 
 @pytest.mark.parametrize("law", ["composite", "lqr"])
 def test_a_prediction_beyond_the_delay_depends_on_the_state_alone(law: str):
-    """A run that goes on from a state has the same bits: lqr used its input of the instant before, which no state holds."""
+    """A run that goes on from a state has the same bits: lqr used its previous input, which no state holds."""
     whole_run_as_in_blocks(load_preset(law).replace({"controller.observer.horizon": 2.5}), equal_nan=True)

@@ -30,7 +30,7 @@ def numbers() -> np.ndarray:
 
 
 def test_numbers_are_standard_normal(numbers: np.ndarray):
-    """Mean 0, variance 1, skewness 0, kurtosis 3, each within five standard errors; tails as they should be."""
+    """Mean 0, variance 1, skewness 0, kurtosis 3, each within five standard errors, and the right tails."""
     for values in numbers:
         assert abs(values.mean()) < 5 / np.sqrt(COUNT)
         assert abs(values.var() - 1) < 5 * np.sqrt(2 / COUNT)
@@ -41,7 +41,7 @@ def test_numbers_are_standard_normal(numbers: np.ndarray):
 
 
 def test_channels_instants_and_seeds_are_independent(numbers: np.ndarray):
-    """No correlation between channels, between neighbouring instants, or between seeds (five standard errors)."""
+    """There is no correlation between channels, neighbouring instants or seeds (five standard errors)."""
     limit = 5 / np.sqrt(COUNT)
     correlation = np.corrcoef(numbers) - np.eye(8)
     assert np.abs(correlation).max() < limit
@@ -65,7 +65,7 @@ def test_the_same_seed_gives_the_same_bits(same_bits):
 
 
 def test_another_seed_gives_another_run():
-    """And no noise a third one."""
+    """No noise gives a third one."""
     quiet = simulate(noisy().replace({"controller.sensor_noise": {}}), 0.2)
     first, second = simulate(noisy(1), 0.2), simulate(noisy(2), 0.2)
     assert np.abs(first.joint_torque - second.joint_torque).max() > 0.1
@@ -73,13 +73,13 @@ def test_another_seed_gives_another_run():
 
 
 def measured_error(run, gain: np.ndarray) -> np.ndarray:
-    """What a PD law without rate gain must have seen, less the truth, from its inputs u = -P (e + noise)."""
+    """The measurement of a PD law without rate gain, less the truth, from its inputs u = -P (e + noise)."""
     return -run.arm_input.sum(axis=1) / gain - run.tracking_error
 
 
 @pytest.mark.parametrize("sigma", [(1e-6, 2e-6, 4e-6), (3e-6, 0.0, 0.0)])
 def test_noise_on_the_pose_has_the_size_asked_for(sigma: tuple[float, ...]):
-    """The inputs show what the controller saw: e plus noise of the given standard deviation, per component."""
+    """The inputs show what the controller measured: e plus noise of the given standard deviation, per component."""
     gain = np.array([2000.0, 2000.0, 500.0])
     changes = {
         "controller.kind": "pd",
@@ -99,7 +99,7 @@ def test_noise_on_the_pose_has_the_size_asked_for(sigma: tuple[float, ...]):
 
 
 def test_noise_on_the_rate_has_the_size_asked_for():
-    """As above, through the rate gain."""
+    """As for the pose, through the rate gain."""
     gain, sigma = np.array([400.0, 400.0, 100.0]), np.array([1e-4, 2e-4, 3e-4])
     changes = {
         "controller.kind": "pd",
@@ -162,7 +162,7 @@ def test_strain_noise_is_that_of_differenced_readings():
     s = np.array([-1, -1, 1, 1]) * 0.125 + np.array([-1, 1, -1, 1]) * 0.125 / np.sqrt(3)
     moments = np.array([0.5 * 2 * (s**2 - 0.0625), 2 * (s**3 / 6 - s * 0.25 / 24)])
     expected = np.sqrt(2) * sigma / period * np.linalg.norm(2 / t * 0.125 * moments, axis=1)
-    # Two elements know the bending moment of a load to within its share that a broken line misses.
+    # Two elements give the bending moment of a load but for the part that a piecewise linear curve misses.
     np.testing.assert_allclose(seen.std(axis=0), expected, rtol=0.12)
     correlation = (seen[1:] * seen[:-1]).mean(axis=0) / seen.var(axis=0)
     np.testing.assert_allclose(correlation, -0.5, atol=0.05)
@@ -170,7 +170,7 @@ def test_strain_noise_is_that_of_differenced_readings():
 
 
 def test_strain_noise_goes_with_the_strain_not_with_the_mesh():
-    """Twice the thickness, half the noise; eight elements, the same noise as thirty-two."""
+    """Twice the thickness gives half the noise; eight elements give the same noise as thirty-two."""
     base = {
         "controller.kind": "vibration-damping",
         "controller.control_period": 0.001,

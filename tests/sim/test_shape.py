@@ -19,7 +19,7 @@ from flexlab.sim.samples import Samples
 
 
 def block(**given: np.ndarray) -> Samples:
-    """Samples of which only the `given` signals matter."""
+    """Samples in which only the `given` signals matter."""
     count = len(next(iter(given.values())))
     return Samples(**{field.name: given.get(field.name, np.zeros(count)) for field in fields(Samples)})
 

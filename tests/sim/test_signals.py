@@ -51,7 +51,7 @@ def test_units_are_one_or_one_for_each_entry():
 
 
 def test_a_missing_signal_is_absent_and_not_an_error(run: Run, tmp_path: Path):
-    """As of a version that did not have it yet: opened, joined, exported, plotted, recorded and replayed."""
+    """Samples as of an older version without it can be opened, joined, exported, plotted, recorded and replayed."""
     lost = {"saturated", "moving_force", "quasi_static_deflection", "joint_torque", "beam_rates"}
     older = Samples(**{name: signal for name, signal in run.signals().items() if name not in lost})
     found = decode_block(encode_block(older))[0]

@@ -15,14 +15,14 @@ from flexlab.sim.world import World
     [(3.0, 0.001, 3001), (0.3, 0.1, 4), (0.0, 0.001, 1), (0.0105, 0.001, 11), (0.7, 0.07, 11), (0.0009, 0.001, 1)],
 )
 def test_samples_lie_on_every_multiple_of_the_period_up_to_the_duration(duration: float, period: float, count: int):
-    """Both ends included where they are multiples, whatever binary fractions make of them."""
+    """Both ends are included if they are multiples, however they are rounded in binary."""
     run = simulate(load_preset("smooth-start"), duration, period)
     assert np.array_equal(run.time, np.arange(count) * period)
     assert run.status == "finished"
 
 
 def test_the_motion_does_not_depend_on_the_sample_period():
-    """Samples every 0.1 ms, 1 ms and 20 ms show one motion, to the steps' accuracy."""
+    """Samples every 0.1 ms, 1 ms and 20 ms show one motion, to the accuracy of the steps."""
     fine = simulate(load_preset("paper"), 0.2, 0.0001)
     for period, every in ((0.001, 10), (0.02, 200)):
         run = simulate(load_preset("paper"), 0.2, period)
@@ -44,7 +44,7 @@ def test_shapes_are_those_of_the_readme():
 
 
 def test_commands_take_effect_as_in_a_live_world(same_bits):
-    """In order of their times, on the first sample not before; given unsorted."""
+    """They act in order of their times, on the first sample not before; they are given unsorted."""
     commands = [
         (0.06, Pull(0.1, (0.1, 0.9), 200.0)),
         (0.0205, ChangeScenario({"payload.bending_stiffness": 40.0})),
@@ -62,7 +62,7 @@ def test_commands_take_effect_as_in_a_live_world(same_bits):
 
 
 def test_a_command_at_the_start_and_one_after_the_end():
-    """t = 0 acts on the first sample's motion; what lies beyond the run does nothing."""
+    """A command at t = 0 acts on the motion of the first sample; one beyond the end does nothing."""
     late = simulate(load_preset("paper"), 0.05, commands=[(0.2, Tap(0.0, (1.0, 1.0)))])
     plain = simulate(load_preset("paper"), 0.05)
     assert np.array_equal(late.pose, plain.pose)
@@ -76,7 +76,7 @@ def test_a_command_at_the_start_and_one_after_the_end():
     ids=["mesh", "restart"],
 )
 def test_a_command_that_breaks_the_run_in_two_is_refused(command):
-    """A study is one run: another mesh or a restart does not fit in its arrays."""
+    """The result is one run: another mesh or a restart does not fit in its arrays."""
     with pytest.raises(StudyError, match=r"t = 0\.01 s"):
         simulate(load_preset("paper"), 0.05, commands=[(0.01, command)])
 
@@ -100,7 +100,7 @@ def test_a_command_that_breaks_the_run_in_two_is_refused(command):
     ],
 )
 def test_a_senseless_time_is_refused_by_name(name: str, value):
-    """One sentence with the name, the value and what to give."""
+    """One sentence says the name, the value and what to give."""
     with pytest.raises(StudyError) as refusal:
         simulate(load_preset("paper"), **{name: value})
     assert name in str(refusal.value)
@@ -113,14 +113,14 @@ def test_numpy_numbers_are_numbers():
 
 
 def test_the_run_knows_the_scenario_it_started_from():
-    """Also after commands."""
+    """It does so also after commands."""
     paper = load_preset("paper")
     run = simulate(paper, 0.02, commands=[(0.01, ChangeScenario({"gravity": 5.0}))])
     assert run.scenario == paper
 
 
 def test_a_run_that_fails_in_the_middle_keeps_its_good_samples():
-    """Status with a sentence and a time; as many rows as were good."""
+    """The status has a sentence and a time, and the good rows are kept."""
     scenario = load_preset("paper").replace(
         {"controller.kind": "none", "gravity": 9.81, "initial.pose": (0.05, 0.9, 0)}
     )

@@ -1,4 +1,4 @@
-"""The automatic step follows the run, by the state at a tick alone."""
+"""The automatic step follows the run by the state at a tick alone."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ FAST_ADAPTATION = {
     "trajectory.frequency": (3.0, 3.0, 3.0),
     "controller.adaptation": (0.03, 0.03, 0.03),
 }
-"""The growth of b̂ that takes the paper's law minutes, in hundredths of a second."""
+"""b̂ grows in hundredths of a second as it would in minutes with the paper's law."""
 
 
 def test_the_step_shrinks_as_the_bound_estimates_grow():
@@ -62,7 +62,7 @@ def test_a_step_far_below_real_time_is_refused(integrator: str):
     ],
 )
 def test_however_coarse_the_accuracy_the_step_stays_stable(preset, elements, stiffness, damping, accuracy):
-    """Modes that fade at once were given up to six times the step that is known to be stable, and then were inaccurate."""
+    """Modes that fade at once were given up to six times the longest stable step, and then were inaccurate."""
     changes = {"payload.element_count": elements, "payload.bending_stiffness": stiffness, "payload.damping": damping}
     world = World(load_preset(preset).replace({**changes, "simulation.accuracy": accuracy}))
     assert world.assembly.levels.step * world.assembly.rates.coupling <= STABLE_COUPLING

@@ -1,4 +1,4 @@
-"""The automatic step of a stiff beam is as short as the run's beginning asks for, and says what it cannot do."""
+"""The automatic step of a stiff beam is as short as the run's beginning requires, with a warning if that is not possible."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ DISCONTINUOUS = {"trajectory": {"kind": "bang-bang", "start": 0.1}, "payload.ben
 
 
 def errors(scenario: Scenario, step: float, ticks: int) -> tuple[Samples, float, float]:
-    """A run, and how far its pose and, over its peak, its internal force are from those with a step, s."""
+    """A run, and the distances of its pose and, over its peak, its internal force from those with a given step, s."""
     run, exact = (World(one).run(ticks) for one in (scenario, scenario.replace({"simulation.step": step})))
     peak = np.abs(exact.internal_force).max()
     return (
@@ -39,7 +39,7 @@ def test_a_stiff_beam_is_right_at_the_automatic_step(changes: dict):
 
 
 def test_torques_at_their_limits_keep_the_accuracy():
-    """Within a step in which a torque begins or ends to be limited, every method is of second order."""
+    """In a step in which a torque reaches or leaves its limit, every method is of second order."""
     scenario = load_preset("paper").replace({"controller.torque_limit": (300.0, 150.0, 60.0)})
     run, pose, force = errors(scenario, 2e-6, 500)
     assert run.saturated.any()
@@ -49,7 +49,7 @@ def test_torques_at_their_limits_keep_the_accuracy():
 
 @pytest.mark.parametrize("sample_period", [0.001, 0.004])
 def test_a_run_that_soon_ends_is_right_until_then(sample_period: float):
-    """This loop runs away at 40 ms. Its step was taken untried, as the trial does not end: 7 µm and 25 N off, without a word."""
+    """This loop runs away at 40 ms. Its step was taken without a trial, which could not end, and was off by 7 µm and 25 N."""
     law = {"kind": "pd", "control_period": 0.004, "velocity_gain": (2000.0, 2000.0, 2000.0)}
     scenario = load_preset("paper").replace({"controller": law})
     runs = [simulate(one, 0.04, sample_period) for one in (scenario, scenario.replace({"simulation.step": 2e-6}))]
@@ -86,7 +86,7 @@ def test_a_loop_that_its_clock_cannot_hold_is_said_to_depend_on_rounding():
 
 
 def test_a_smooth_start_does_not_hide_that_a_loop_depends_on_rounding():
-    """Its steps err by less than 10⁻¹² m at every check; runs with two step sizes are 2 mm apart after 0.15 s."""
+    """Errors of its steps are below 10⁻¹² m at every check, but runs with two step sizes are 2 mm apart after 0.15 s."""
     late = {"controller.kind": "regressor-adaptive", "controller.control_period": 0.001, "controller.input_delay": 1}
     light = {"payload.bending_stiffness": 2.0, "controller.torque_limit": (380.0, 190.0, 75.0)}
     world = World(load_preset("single-arm").replace({**late, **light, "trajectory.smooth_start": 0.17}))
@@ -96,7 +96,7 @@ def test_a_smooth_start_does_not_hide_that_a_loop_depends_on_rounding():
 
 
 def test_what_is_next_to_nothing_is_not_called_inaccurate():
-    """An error of 10⁻¹³ N is not one of 4e-4, though the force of a slow beginning is no larger either."""
+    """An error of 10⁻¹³ N does not count as 4e-4 of the peak only because the force of a slow start is tiny too."""
     sampled = {"controller.kind": "lqr", "controller.control_period": 0.005, "payload.bending_stiffness": 1e4}
     world = World(load_preset("paper").replace({**sampled, "trajectory": {"kind": "waypoints", "smooth_start": 0.4}}))
     world.advance(30)
@@ -105,7 +105,7 @@ def test_what_is_next_to_nothing_is_not_called_inaccurate():
 
 @pytest.mark.parametrize(("preset", "elements"), [("smooth-start", 16), ("stiff-beam", 2)])
 def test_metrics_of_a_sweeps_cell_are_exact_to_what_is_said(preset: str, elements: int):
-    """They were off by 2e-4 and 3e-4."""
+    """These metrics were off by 2e-4 and 3e-4."""
     cell = load_preset(preset).replace({"payload.element_count": elements, "simulation.accuracy": DEFAULT_ACCURACY})
     found, exact = (run_metrics(simulate(one, 1.5)) for one in (cell, cell.replace({"simulation.step": 2e-5})))
     for name in ("rms_internal_moment", "rms_internal_force", "peak_vibration", "settling_time"):

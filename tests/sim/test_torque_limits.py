@@ -1,4 +1,4 @@
-"""Motors that can only do so much."""
+"""Motors with limited torques."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ CONTROL = {
 
 @pytest.mark.parametrize("changes", CONTROL.values(), ids=CONTROL)
 def test_no_torque_passes_its_limit(changes: dict):
-    """|τ_j| ≤ τ_max,j on every joint at every sample; the jerk drives them all the way there."""
+    """|τ_j| ≤ τ_max,j on every joint at every sample; the jerk drives torques to their limits."""
     torque = np.abs(run(**changes).joint_torque)
     assert np.all(torque <= LIMIT * (1 + 1e-12))
     assert np.any(np.isclose(torque, LIMIT, rtol=1e-12))
@@ -45,7 +45,7 @@ def test_saturation_is_reported_where_a_torque_stands_at_its_limit(changes: dict
 
 
 def test_wide_limits_change_nothing():
-    """A limit that is never reached: the same run to rounding, never saturated."""
+    """With a limit that is never reached, the run is the same to rounding and never saturated."""
     free = World(load_preset("paper")).run(100)
     wide = World(load_preset("paper").replace({"controller.torque_limit": (1e5, 1e5, 1e5)})).run(100)
     np.testing.assert_allclose(wide.pose, free.pose, rtol=0, atol=1e-12)
@@ -54,7 +54,7 @@ def test_wide_limits_change_nothing():
 
 
 def test_limited_motors_still_bring_the_payload_to_its_path():
-    """Half the torque that the start asks for: it takes longer, and then it tracks."""
+    """With half the torque that the start asks for, it takes longer, and then tracks."""
     world = World(load_preset("paper").replace({"controller.torque_limit": (350.0, 250.0, 100.0)}))
     samples = world.run(2000)
     assert samples.saturated[:10].any()

@@ -1,4 +1,4 @@
-"""Keeping only the lowest modes of a fine mesh."""
+"""Fine meshes of which only the lowest modes are kept."""
 
 import numpy as np
 import pytest
@@ -39,7 +39,7 @@ def test_more_modes_come_closer():
 
 
 def test_the_controller_knows_the_whole_beam_whatever_the_plant_keeps():
-    """hᵀM_q⁻¹h of the law is that of all modes; that of the plant is less."""
+    """hᵀM_q⁻¹h of the law is that of all modes; that of the plant is smaller."""
     whole, kept = World(fine("modal")).system, World(fine("modal", **{"payload.mode_count": 1})).system
     np.testing.assert_allclose(kept.control.payload.kappa, whole.control.payload.kappa, rtol=1e-12)
     assert kept.plant.kappa[0] < 0.9 * whole.plant.kappa[0]

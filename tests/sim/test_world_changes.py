@@ -1,4 +1,4 @@
-"""What a live change leaves as it is, and what it changes."""
+"""What a live change keeps, and what it changes."""
 
 import numpy as np
 import pytest
@@ -52,7 +52,7 @@ def motion(samples: Samples) -> np.ndarray:
 @pytest.mark.parametrize("changes", CONTINUOUS, ids=str)
 @pytest.mark.parametrize("integrator", ["etdrk4", "generalized-alpha"])
 def test_motion_is_continuous_across_a_live_change(changes: dict, integrator: str):
-    """Pose, rate, q and q̇ are the same before and after to 1e-12, b̂ too; time goes on; the change is in force.
+    """Pose, rate, q, q̇ and b̂ are the same before and after to 1e-12; time goes on, and the change is in force.
 
     Only a controller that becomes a sampled one acts at that instant, and its b̂ makes a step of its own.
     """
@@ -71,7 +71,7 @@ def test_motion_is_continuous_across_a_live_change(changes: dict, integrator: st
 
 
 def test_a_change_acts_at_once():
-    """Half the stiffness: half the elastic energy in the same shape, and another motion three samples later."""
+    """Half the stiffness gives half the elastic energy in the same shape, and another motion three samples later."""
     plain, changed = ringing_world(), ringing_world()
     changed.apply(ChangeScenario({"payload.bending_stiffness": 50.0}))
     assert changed.first_frequency == pytest.approx(plain.first_frequency / np.sqrt(2))
@@ -92,7 +92,7 @@ def test_a_changed_frequency_does_not_jump_the_target():
 
 
 def test_a_phase_given_together_with_a_frequency_is_taken_as_given():
-    """Only a frequency on its own moves the phase; a replay that gives both means both."""
+    """Only a change of the frequency alone shifts the phase; a replay that gives both means both."""
     world = World(load_preset("paper"))
     world.advance(333)
     whole = {
@@ -118,7 +118,7 @@ STRUCTURES = [
 @pytest.mark.parametrize("steps", STRUCTURES, ids=["meshes", "boundaries", "both"])
 @pytest.mark.parametrize("integrator", ["etdrk4", "generalized-alpha"])
 def test_mid_span_deflection_is_continuous_across_a_new_mesh(steps: list[dict], integrator: str):
-    """n ≥ 2: w(0) to 1e-6 m (and its rate as well); pose, rate and b̂ to 1e-12; the run goes on."""
+    """For n ≥ 2, w(0) and its rate agree to 1e-6, pose, rate and b̂ to 1e-12; the run goes on."""
     world = ringing_world(**{"simulation.integrator": integrator})
     if steps is STRUCTURES[0]:
         world.apply(ChangeScenario({"simulation.step": 2.5e-4}))  # 64 elements at 10 µs would only cost time
@@ -161,7 +161,7 @@ RESTARTS = [
 
 @pytest.mark.parametrize("changes", RESTARTS, ids=str)
 def test_what_cannot_go_on_starts_anew_and_says_so(changes: dict):
-    """Length, arms and start state: a new run begins, and the world stands at t = 0 in its new scenario."""
+    """A change of length, arms or start state begins a new run at t = 0."""
     world = ringing_world()
     assert world.apply(ChangeScenario(changes)) is True
     assert (world.tick, world.time, world.status) == (0, 0.0, "running")
@@ -188,7 +188,7 @@ REFUSED = [
 
 @pytest.mark.parametrize("changes", REFUSED, ids=str)
 def test_a_refused_change_leaves_the_world_as_it_was(changes: dict, same_bits):
-    """One clear sentence, and the run goes on bit for bit as if nothing had been asked."""
+    """It gives one clear sentence, and the run goes on bit for bit as if nothing had been asked."""
     world, untouched = ringing_world(), ringing_world()
     scenario = world.scenario
     with pytest.raises(ScenarioError) as refusal:
@@ -204,7 +204,7 @@ def test_a_refused_change_leaves_the_world_as_it_was(changes: dict, same_bits):
 @pytest.mark.parametrize("kind", ["hold", "rest-to-rest", "bang-bang"])
 @pytest.mark.parametrize("restart", [{}, {"left_arm.base": (-0.6, 0.0)}])
 def test_a_path_that_would_begin_outside_its_range_is_refused(kind: str, restart: dict, same_bits):
-    """Such a path is made of the target: nobody has checked it, and a recording of it could not be read."""
+    """Such a path is made from the target: nobody has checked it, and a recording of it could not be read."""
     turned = {"trajectory.center": (0.0, 0.75, 6 * np.pi + 0.3), "trajectory.amplitude": (0.0, 0.0, 1.0)}
     world, other = (World(load_preset("paper").replace(turned)) for _ in range(2))
     world.advance(250)

@@ -58,7 +58,7 @@ def in_blocks(changes: dict, sizes: list[int]) -> Samples:
 
 @pytest.mark.parametrize("changes", SETTINGS.values(), ids=SETTINGS)
 def test_block_sizes_leave_no_trace(changes: dict, same_bits):
-    """One tick at a time, odd blocks, or as long as possible."""
+    """Blocks are one tick, odd numbers of ticks, or as long as possible."""
     whole = in_blocks(changes, [TICKS])
     same_bits(whole, in_blocks(changes, [1]))
     same_bits(whole, in_blocks(changes, [7, 64, 3]))
@@ -66,7 +66,7 @@ def test_block_sizes_leave_no_trace(changes: dict, same_bits):
 
 @pytest.mark.parametrize("changes", SETTINGS.values(), ids=SETTINGS)
 def test_a_live_run_and_its_headless_replay_are_the_same_bits(changes: dict, live, same_bits):
-    """Commands land where the frames happen to be; replayed at the ticks of their events, every bit is the same."""
+    """Commands act where frames happen to be; replayed at the ticks of their events, every bit is the same."""
     scenario = load_preset("paper").replace(changes)
     stage, pending = live(scenario), [command for _, command in COMMANDS]
     rng = np.random.default_rng(3)
@@ -78,7 +78,7 @@ def test_a_live_run_and_its_headless_replay_are_the_same_bits(changes: dict, liv
     world = World(scenario)
     blocks, warnings = [world.observe()], [""]
     for _, event in stage.keeper.events:
-        if event.level == "warning":  # A judgement of the run, said again when errors have grown; it changes nothing.
+        if event.level == "warning":  # A warning about the run, repeated when errors have grown; it changes nothing.
             warnings.append(event.text)
             continue
         assert event.level == "info"
@@ -111,7 +111,7 @@ def test_a_look_sees_what_the_run_wrote(changes: dict, same_bits):
 
 @pytest.mark.parametrize("changes", SETTINGS.values(), ids=SETTINGS)
 def test_a_restored_state_goes_on_bit_for_bit(changes: dict, same_bits):
-    """`state()` after commands, restored in a fresh world of the scenario of that moment."""
+    """`state()` after commands is restored in a fresh world with the scenario of that moment."""
     world = World(load_preset("paper").replace(changes))
     world.apply(Pull(0.1, (0.1, 0.9), 200.0))
     world.advance(123)
@@ -135,7 +135,7 @@ def test_a_state_is_a_copy(same_bits):
 
 
 def test_ten_thousand_samples_lie_exactly_on_their_instants():
-    """time[k] = k · sample_period to the last bit, t = 0 included, also for periods that are no binary fraction."""
+    """time[k] = k · sample_period to the last bit, from t = 0, also for periods that are not binary fractions."""
     for period in (0.001, 0.0007, 1 / 3000):
         samples = World(load_preset("smooth-start"), period).run(3000)
         assert np.array_equal(samples.time, np.arange(3001) * period)

@@ -10,7 +10,7 @@ EPSILON = 2.0**-52
 MOST_ROUNDS = 90
 """Largest number of QR steps for one eigenvalue; two or three are usual."""
 STUCK = 10
-"""Number of QR steps for one eigenvalue after which an exceptional shift is made."""
+"""An exceptional shift is made after every so many QR steps for one eigenvalue."""
 LN_2 = 0.6931471805599453
 SQUARINGS = 16
 """Squarings of a matrix for its spectral radius: enough for a relative accuracy of 1e-4."""
@@ -41,7 +41,7 @@ def eigenvector(A: np.ndarray, value: complex) -> np.ndarray:
 
 
 def power_sizes(A: np.ndarray, doublings: int) -> tuple[float, float]:
-    """Return ln ‖Aᵏ‖ of A (n, n) for k = 2ᵈ/2 and 2ᵈ, d ≥ 1 doublings; the difference over 2ᵈ/2 is ln of the growth rate."""
+    """Return ln ‖Aᵏ‖ of A (n, n) for k = 2ᵈ/2 and 2ᵈ, d ≥ 1 doublings; the difference over 2ᵈ/2 is ln of the growth factor."""
     sizes, twos = [0.0, 0.0], 0
     for k in range(doublings):
         A = product(A, A)

@@ -45,7 +45,7 @@ class History:
             self._written += len(rows)
 
     def _follow(self, row_length: int, own: tuple[Signal, ...]) -> None:
-        """Widen or narrow the rows for another law, whose own signals are NaN in the past."""
+        """Fit the rows to another law, whose own signals are NaN in the past."""
         shared = row_length - sum(signal.fixed_size for signal in own)
         rows = np.full((len(self._rows), row_length), np.nan)
         rows[:, :shared] = self._rows[:, :shared]

@@ -101,7 +101,7 @@ def _lightest_workspace(system: System) -> Workspace:
 
 
 def joint_rate(system: System, desired: np.ndarray) -> float:
-    """Fastest rate at which friction, or motors at their limits, slow joints at desired poses (k, 3), 1/s; ideal joints: 0."""
+    """Fastest rate at which friction, or motors at their limits, slow joints at desired poses (k, 3), 1/s; 0 for ideal joints."""
     if system.plant.joints is None:
         return 0.0
     return fastest_joint_rate_at(system.plant, desired, _lightest_workspace(system))
@@ -215,7 +215,7 @@ def held_beam_rate(beam: Beam, factor: float) -> float:
 def giving_way(system: System, desired: np.ndarray, forms: np.ndarray) -> tuple[float, float, float]:
     """How the motion of the beam's ends, with the inertias S at desired poses (k, 3), acts on the beam: 1, 1/s and 1/s.
 
-    It adds C S⁻¹Cᵀ to the inverse mass, and so at most the largest eigenvalue of that to ω². And it couples the modes, by at most
+    It adds C S⁻¹Cᵀ to the inverse mass, and so at most the largest eigenvalue of that to ω². It also couples the modes by at most
     the largest eigenvalue of S⁻¹(CᵀΩC): of all modes, and of those that ring on. `forms`: of `coupling_forms`.
     """
     found = np.zeros(len(forms))

@@ -100,7 +100,7 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
         # Other integrators need a constant mass and rigid grips to propagate the modes.
         integrator = "rk4"
     elif integrator == "auto":
-        # Exact propagation of the modes is not worth its cost only if the beam is so slow that rk4 resolves all of them.
+        # Exact propagation of the modes pays unless the beam is so slow that rk4 resolves all of them.
         step = simulation.step or _accurate_step("rk4", simulation.accuracy, control_speed)
         integrator = "rk4" if step * beam_speed < SOFT_BEAM else "etdrk4"
     fastest, hard = beam_speed, grips.ringing + grips.fading > beam_speed

@@ -36,7 +36,7 @@ TRIED, TRIED_LONGER = 12, 80
 and from slow modes and add up from tick to tick, so that only the long trial shows them."""
 
 CLEAR = 0.1
-"""Share of the allowed errors below which those of the short trial make the long one needless."""
+"""Share of the allowed errors below which the short trial needs no long one after it."""
 
 APART = 6
 """Smallest number of ticks between two tried instants."""
@@ -132,7 +132,7 @@ def _instants(assembly: Assembly) -> list[int]:
 
 
 def _needed(assembly: Assembly, tick: int, least: int, most: int, at_once: bool) -> int:
-    """As `halvings` for the trial from number `tick` on, at least `least`; a result above `most`: `most` is not enough."""
+    """As `halvings` for the trial from number `tick` on, at least `least`; more than `most` if that is not enough."""
     found: dict[int, Trial | None] = {}
     level, ticks = least, TRIED
     while level <= most:

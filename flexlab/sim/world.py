@@ -89,7 +89,7 @@ class World:
 
     @property
     def pace_warning(self) -> str:
-        """A sentence on what is estimated to make the run slower than real time, and what to change; empty if nothing does."""
+        """A sentence on what is estimated to make the run slower than real time, and what to change; empty if it is not."""
         assembly = self.assembly
         n, watch = len(assembly.beam.modes.omega), assembly.watch
         settled = not self._motion.y[ETA + 2 * n + TICKS] < DISTURBED_TICKS * watch.disturbed

@@ -39,7 +39,7 @@ class Circumstances:
     fastest_rate: float
     """Fastest rate of the closed loop, as in step control, 1/s."""
     slow_rate: float
-    """The same with a rigid payload, 1/s."""
+    """Fastest rate of the closed loop with a rigid payload, 1/s."""
 
     @property
     def largest_reaction(self) -> float:
@@ -93,7 +93,7 @@ def slower_than_the_beam(around: Circumstances) -> Condition:
 
 
 def stability_limit(delay: int) -> float:
-    """Fastest rate λ of a sampled loop times its control period up to which it is stable, 1; `delay`: its d samples.
+    """Largest λT_c of a stable sampled loop, 1: its fastest rate times its control period; `delay`: d, samples.
 
     x(k+1) = x(k) - λT_c x(k-d) is stable up to λT_c = 2 sin(π/(2 (2d + 1))) (Levin and May 1976).
     """
@@ -101,7 +101,7 @@ def stability_limit(delay: int) -> float:
 
 
 def sampled_in_time(around: Circumstances) -> tuple[Condition, ...]:
-    """Whether held torques act in time, within the `stability_limit`; none for a continuous law."""
+    """Whether held torques act in time, within the `stability_limit`; no condition for a continuous law."""
     law = around.scenario.controller
     if law.control_period is None:
         return ()
@@ -118,8 +118,8 @@ def sampled_in_time(around: Circumstances) -> tuple[Condition, ...]:
 def fed_modes(around: Circumstances, gains: tuple[float, float]) -> tuple[Condition, ...]:
     """Whether rate feedback with gains k_v, k_θ of hᵀq̇, gᵀq̇ drives a mode, because held torques act late.
 
-    A torque held over T_c after d samples reaches a mode ω with sinc(ωT_c/2) cos(ω (d + ½) T_c) of its strength: negative, with
-    one sample of delay, from 1/(6 T_c) to 1/(2 T_c). None for a continuous law.
+    A torque held over T_c after d samples reaches a mode ω with sinc(ωT_c/2) cos(ω (d + ½) T_c) of its strength, which is
+    negative, with one sample of delay, from 1/(6 T_c) to 1/(2 T_c). No condition for a continuous law.
     """
     law = around.scenario.controller
     if law.control_period is None:

@@ -24,7 +24,7 @@ class PayloadModel(Part):
         0.0, title="Believed change of the payload's mass / true", unit="1", low=0, high=1
     )
     """Share of `payload.mass_change` in the mass and inertia that a law gets at each instant; 0: they stay. A model of the beam's
-    bending (the Kalman observer's, and laws made for it) stays that of the start."""
+    bending (the Kalman observer's, and laws made for it) keeps the mass at the start."""
 
 
 class SensorNoise(Part):
@@ -64,7 +64,7 @@ class Controller(Part):
     load_share: Number = quantity(
         0.5, title="Load share of the left arm", symbol="α", unit="1", low=0, high=1, slider=(0, 1)
     )
-    """Of what laws share between two arms, the left one takes α and the right one 1 - α; a single arm takes all."""
+    """The left arm takes α of what laws share between two arms, the right arm 1 - α; a single arm takes all."""
     wanted_internal_force: Number = quantity(
         0.0,
         title="Wanted internal force (squeeze positive)",

@@ -8,7 +8,7 @@ model, its kernel, its memory and its fastest rate. Menus, sliders, recordings a
 
 `gains`: a record of the model's own fields, numbers and 3-vectors, under the fields' names. `now`: a `LAW_INPUT` record.
 `memory`, `memory_rate`, `signals`: vectors of the declared sizes, in the declared order. `S` (3, 3): inertia that the pose
-feels at this instant, beam momenta held. `kappa` (3,): hᵀM_q⁻¹h, hᵀM_q⁻¹g, gᵀM_q⁻¹g over the modes that the plant keeps.
+feels at this instant with the beam's momenta held. `kappa` (3,): hᵀM_q⁻¹h, hᵀM_q⁻¹g, gᵀM_q⁻¹g over the modes kept.
 """
 
 from collections.abc import Callable, Sequence
@@ -46,7 +46,7 @@ class Start(NamedTuple):
     """What a law knows when it begins."""
 
     now: Any
-    """`LAW_INPUT` record of the present instant: motion, arm terms, believed payload, and as u the inputs in force."""
+    """`LAW_INPUT` record of the present instant: motion, arm terms, believed payload, and in u the inputs in force."""
     gains: Any
     """Record of the gains."""
     wait: float = 0.0
@@ -72,7 +72,7 @@ def usual_gauges(_: Any) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class Law:
-    """One control law, complete. `model`'s field `kind` is its name everywhere."""
+    """A complete control law. The field `kind` of `model` is its name everywhere."""
 
     model: type[Controller]
     kernel: Callable[..., None]
@@ -85,8 +85,8 @@ class Law:
     start: Callable[[Start], dict[str, np.ndarray]] | None = None
     """Memory parts that do not start at zero when a run starts or the law takes over in motion."""
     bumpless_transfer: Callable[[Start, Start, dict[str, np.ndarray]], dict[str, np.ndarray]] | None = None
-    """Memory parts adjusted to a change of gains or of the believed payload in motion, so that the law's answer jumps by no more
-    than the change itself: from what the law saw before, what it sees now, and the present memory."""
+    """Adjusts memory parts to a change of gains or of the believed payload in motion, so that the law's answer jumps by no more
+    than the change itself. It takes the `Start` before the change, the `Start` now, and the present memory."""
     sliding_slope: Callable[[Any], np.ndarray] = lambda _: np.zeros(3)
     """Λ (3,), 1/s, of s = ė + Λe in plots, from the model's gains; 0 without a sliding surface."""
     constants: dict[str, tuple[int, ...]] = field(default_factory=dict)
@@ -123,7 +123,7 @@ class Law:
         return {"controller.kind": self.kind}
 
     def problem(self, settings: Any) -> str:
-        """The last error of a person's own law, a sentence; empty: none."""
+        """The last error of a person's own law, as a sentence; empty if there was none."""
         return ""
 
     def is_ready(self, settings: Any) -> bool:
@@ -167,7 +167,7 @@ class Law:
 
     @property
     def signal_count(self) -> int:
-        """Length of the law's own signals."""
+        """Number of values in the law's own signals."""
         return sum(signal.fixed_size for signal in self.signals)
 
 

@@ -1,10 +1,10 @@
 """How the engine calls the control law in force, and how laws share what drives the payload between the arms.
 
 With q̈ from the beam's own equation, Eq. (18), the pose feels (A11 - A12A22⁻¹A21)ẍ - A12A22⁻¹(K_F q + Dq̇) = u (Eq. (19)). The
-laws drive the first term, each arm its share of it (half in Eq. (25)). The second is the force of the bent beam. Bent as the
-desired motion bends it at rest, K_F q = -A21 ẍ_d, it is A12A22⁻¹A21 ẍ_d at q = 0: most of the lateral force that the mass of a
-pinned beam needs, which feedback has to find unless it is fed forward. (The weight that bends the beam cancels: the grips carry
-all of it.)
+laws drive the first term, each arm its share of it (half in Eq. (25)). The second is the force of the bent beam. If the desired
+motion bends it quasi-statically, K_F q = -A21 ẍ_d, that force is A12A22⁻¹A21 ẍ_d at q = 0: most of the lateral force that the
+mass of a pinned beam needs, which feedback has to find unless it is fed forward. (The weight that bends the beam cancels: the
+grips carry all of it.)
 """
 
 from typing import NamedTuple
@@ -18,9 +18,9 @@ class BelievedPayload(NamedTuple):
     """The payload that the controller believes in; κ over all modes, however few the plant keeps."""
 
     m: float
-    """kg."""
+    """Mass, kg."""
     I: float  # noqa: E741
-    """kg·m²."""
+    """Inertia, kg·m²."""
     kappa: np.ndarray
     """hᵀM_q⁻¹h, hᵀM_q⁻¹g, gᵀM_q⁻¹g, (3,)."""
     change: float
@@ -56,7 +56,7 @@ def drive_arms(now, acceleration, rate, feedback, A):
 
 @inlined
 def feed_forward_bending(share, now):
-    """Add `share` of A12A22⁻¹A21 ẍ_d to now.u, shared as the law shares the common part.
+    """Add `share` of A12A22⁻¹A21 ẍ_d to now.u, divided between the arms as the law divides the common part.
 
     In the beam's frame: κ (a_lat, α), a_lat = e2·ẍ_d along e2, α = θ̈_d.
     """
@@ -81,7 +81,7 @@ class Control(NamedTuple):
     """The law's record of gains, flat."""
     memory_size: int
     signal_count: int
-    """Length of the law's own signals."""
+    """Number of values in the law's own signals."""
     estimates: int
     """Index of b̂ in the memory; negative: it has none."""
     sliding_slope: np.ndarray
@@ -104,8 +104,8 @@ class Control(NamedTuple):
 def control_law(control, gravity, mass, x, v, beam_rate, desired, now, memory, memory_rate, signals):
     """Fill now.u (arms, 3), memory_rate and signals for the pose x, its rate v and hᵀq̇, gᵀq̇ in beam_rate (2,).
 
-    `mass`: of `believed_mass`. The wanted internal force is added to the law's answer. `now`: the `LAW_INPUT` record with the arm
-    terms of x and v.
+    `mass`: from `believed_mass`. The wanted internal force is added to the law's answer. `now`: the `LAW_INPUT` record with the
+    arm terms of x and v.
     """
     payload = control.payload
     factor, now.growth = mass

@@ -21,7 +21,7 @@ from flexlab.compiled import call_kernel, compiled, inlined
 from flexlab.numerics.elementary import exp
 
 Shaper = Literal["none", "zv", "zvd", "ei-shaper"]
-"""By name: zero vibration, the same with zero derivative, extra-insensitive."""
+"""No shaper, zero vibration, zero vibration and derivative, extra-insensitive."""
 
 TOLERATED = 0.05
 """V: share of the unshaped vibration that the extra-insensitive shaper leaves at ω, for a band twice as wide."""
@@ -54,8 +54,8 @@ NO_SHAPER = np.zeros((0, 2))
 NO_TRANSITION = np.zeros(11)
 NO_DISCONTINUITIES = np.zeros(0)
 INSIDE = 1e-14
-"""s, per second since t = 0. A step that ends at a jump of the acceleration must not see what comes after it, and one that begins
-there must not see what was before: otherwise both are of first order. Ten times the rounding of instants."""
+"""How far inside a step its ends are evaluated, s per second since t = 0: ten times the rounding of instants. A step that ends at
+a jump of the acceleration must not see what comes after it, nor one that begins there what was before: its order falls to one."""
 
 
 class DesiredMotion(NamedTuple):
@@ -87,7 +87,7 @@ class DesiredMotion(NamedTuple):
 def path_time(t, ramp):
     """Time along the path at time t, s, and its first and second derivative, 1 and 1/s.
 
-    The rate grows from 0 to 1 over `ramp` as 10τ³ - 15τ⁴ + 6τ⁵: the path's shape stays, half of `ramp` is lost. 0 before t = 0.
+    The rate grows from 0 to 1 over `ramp` as 10τ³ - 15τ⁴ + 6τ⁵: the path keeps its shape and lags by half the `ramp`. 0 at t < 0.
     """
     if t < 0:
         return 0.0, 0.0, 0.0
@@ -103,7 +103,7 @@ def path_time(t, ramp):
 
 
 def time_of(along: float, ramp: float) -> float:
-    """The time at which a path entered over `ramp` is `along` s along itself: the inverse of `path_time`, s."""
+    """The time, s, at which a path entered over `ramp` reaches its own time `along`, s: the inverse of `path_time`."""
     if along >= 0.5 * ramp:
         return along + 0.5 * ramp
     low, high = 0.0, ramp

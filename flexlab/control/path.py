@@ -42,7 +42,7 @@ class Transition(Part):
 
 
 class Trajectory(Part):
-    """What every path has and states, besides its own numbers."""
+    """What every path has and can tell, besides its own numbers."""
 
     if TYPE_CHECKING:
         kind: Any  # Each path's own name, a Literal.
@@ -69,22 +69,22 @@ class Trajectory(Part):
 
     @property
     def span(self) -> float:
-        """Time after which the path repeats (or, if it never does, its parts have met often) or ends, s; 0: it rests."""
+        """Time after which the path ends or repeats, or, if it never does, many periods of its parts, s; 0: it rests."""
         raise NotImplementedError
 
     @property
     def end(self) -> float | None:
-        """Time from which on the path stands still, s; None: it goes on for ever."""
+        """Time from which the path stands still, s; None: it never does."""
         return None
 
     @property
     def jumps(self) -> bool:
-        """Whether the acceleration jumps on the way."""
+        """Whether the acceleration jumps during the motion."""
         return False
 
     @property
     def discontinuities(self) -> tuple[float, ...]:
-        """Instants at which velocity, acceleration or jerk jump on the way, s."""
+        """Instants at which velocity, acceleration or jerk jump, s."""
         return ()
 
     @property
@@ -94,18 +94,18 @@ class Trajectory(Part):
 
     @property
     def shortest_time(self) -> float:
-        """Time in which the path stays close to a straight line, s: between two instants at which its reach is checked."""
+        """Time in which the path stays close to a straight line, s: the time between two checks of the path's reach."""
         return (self.window[1] - self.window[0]) / 400
 
     @property
     def instants(self) -> np.ndarray:
-        """Instants at which its reach is checked, s."""
+        """Instants at which the path's reach is checked, s."""
         begin, end = min(self.window[0], self.span), self.span
         return np.linspace(begin, end, min(MOST_INSTANTS, max(2, int((end - begin) / self.shortest_time) + 1)))
 
     @property
     def fastest_period(self) -> float:
-        """Time over which poses repeat or differ most, s: poses in it represent the path for the choice of the step."""
+        """Time over which poses repeat or differ most, s; the step is chosen for poses within it."""
         return self.slowest_period
 
     @property
@@ -150,7 +150,7 @@ class Trajectory(Part):
 
 @dataclass(frozen=True)
 class Path:
-    """One kind of desired motion. `model`'s field `kind` is its name everywhere."""
+    """One kind of desired motion. The field `kind` of `model` is its name everywhere."""
 
     model: type[Trajectory]
     kernel: Callable[..., None]

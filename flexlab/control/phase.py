@@ -8,7 +8,7 @@ import numpy as np
 from flexlab.control.path import Trajectory
 
 SLOWEST = 1e-9
-"""Hz: a path this slow counts as at rest, as a round takes over thirty years; its period might overflow."""
+"""Frequency, Hz, up to which a path counts as at rest: a round takes over thirty years, and the period might overflow."""
 
 
 def three(value: float | tuple[float, ...]) -> tuple[float, ...]:
@@ -22,7 +22,7 @@ def squared_rate(frequency: float) -> float:
 
 
 def kept_phase(phase: float, old: float, new: float, time: float) -> float:
-    """The phase, rad, with which a new frequency, Hz, has at `time`, s, the angle that the old one had."""
+    """The phase, rad, with which the angle at `time`, s, is the same at a new frequency, Hz, as at the old one."""
     if old == new:
         return phase
     return float(np.remainder(phase + 2 * np.pi * (old - new) * time, 2 * np.pi))
@@ -41,12 +41,12 @@ class RoundPath(Trajectory):
 
     @property
     def span(self) -> float:
-        """A round, s."""
+        """Time of one round, s; 0 if the path rests."""
         return 1 / self.frequency if self.frequency > SLOWEST and any(self.reach) else 0.0
 
     @property
     def shortest_time(self) -> float:
-        """Between two points, s."""
+        """Time between two points, s."""
         return (self.span or 1.0) / self.points_per_round
 
     @property
@@ -55,7 +55,7 @@ class RoundPath(Trajectory):
         return self.center
 
     def keeping(self, changed: Trajectory, changes: Mapping[str, Any], time: float) -> Trajectory:
-        """A new frequency keeps the present angle."""
+        """`changed`, with the phase that keeps the present angle at a new frequency."""
         if not isinstance(changed, type(self)) or "phase" in changes:
             return changed
         return changed.model_copy(update={"phase": kept_phase(self.phase, self.frequency, changed.frequency, time)})

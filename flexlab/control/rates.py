@@ -70,7 +70,7 @@ def largest_eigenvalue(B):
 def third_of_angle(u):
     """cos(⅔ arccos u), 0 ≤ u ≤ 1, to 7e-15, by a polynomial; u = √((1 + h)/2) gives cos(⅓ arccos h).
 
-    Interpolated at Chebyshev's points of 0 to 1, where it is smooth; of h itself it is not.
+    Interpolated at the Chebyshev points of 0 to 1. It is smooth in u, but not in h.
     """
     u = min(u, 1.0)
     w = u * u

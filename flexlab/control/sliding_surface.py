@@ -29,7 +29,7 @@ def aim_at_surface(Lambda, now):
 
 @inlined
 def layer_rate(K, Lambda, per_speed, now, S):
-    """Fastest rate of s, 1/s: S⁻¹(K + per_speed), and Λ after it; per_speed: further force per s, N·s/m."""
+    """Fastest rate of s, 1/s: that of S⁻¹(K + per_speed), plus Λ; per_speed: further force per s, N·s/m."""
     gain = now.scratch[0]
     for a in range(3):
         gain[a] = K[a] + per_speed
@@ -42,5 +42,5 @@ def slope_of(law) -> np.ndarray:
 
 
 def layer_of(law) -> dict[str, dict[str, float]]:
-    """The boundary layer, within which a law is smooth."""
+    """The level to draw in plots: the boundary layer, within which a law is smooth."""
     return {"sliding_variable": {"boundary layer ε (m/s)": law.boundary_layer}}

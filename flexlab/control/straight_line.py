@@ -13,7 +13,7 @@ MILLI = 1e-3
 
 
 class StraightLine(Trajectory):
-    """From one pose to another in `duration` s, beginning at `start` s; it holds the one before and the other afterwards."""
+    """From one pose to another in `duration` s, beginning at `start` s; the first is held before, the second afterwards."""
 
     # Python has no attribute "from", but it is the right name in a scenario.
     __annotations__["from"] = Triple
@@ -79,7 +79,7 @@ def share_of_time(path, t):
 
 @inlined
 def along_line(path, share, rate, curvature, desired):
-    """x_d, ẋ_d, ẍ_d (3, 3) at a share of the way whose derivatives by τ are `rate` and `curvature`."""
+    """x_d, ẋ_d, ẍ_d (3, 3) at a share of the way whose derivatives with respect to τ are `rate` and `curvature`."""
     for a in range(3):
         begin, way = path["from"][a], path.to[a] - path["from"][a]
         desired[0, a] = begin + way * share

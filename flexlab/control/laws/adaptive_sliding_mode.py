@@ -79,7 +79,7 @@ def adaptive_sliding_mode(gains, now, b_hat, b_rate, signals):
 
 @inlined
 def surface_rate(K, Lambda, epsilon, now, b_hat, S):
-    """Fastest rate of s within the boundary layer, 1/s: S⁻¹(K + bound/ε), and Λ after it."""
+    """Fastest rate of s within the boundary layer, 1/s: that of S⁻¹(K + bound/ε), plus Λ."""
     x, v = now.x, now.v
     v_norm2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
     bound = b_hat[0] + b_hat[1] * np.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]) + b_hat[2] * v_norm2
@@ -93,7 +93,7 @@ def fastest_rate(gains, now, b_hat, S, kappa):
 
 
 def conditions(around: Circumstances) -> tuple[Condition, ...]:
-    """Theorem 1 asks nothing of K and k; how small s becomes does."""
+    """Theorem 1 holds for any K, k > 0; how small s becomes depends on K."""
     return (within_layer(around),)
 
 

@@ -44,7 +44,7 @@ from flexlab.errors import ScenarioError
 from flexlab.quantities import Number, Part, quantity
 
 MOST_GAINS = 1024
-"""Numbers in the slow part's record of gains and constants, at most."""
+"""The most numbers in the slow part's record of gains and constants."""
 
 
 class MeasuredRates(Part):
@@ -70,7 +70,7 @@ _slow_parts: dict[type[Controller], type[Part]] = {}
 AnySlow = Any
 AnyObserver = Any
 if not TYPE_CHECKING:
-    # Of all laws, once they are known: see `_know_laws`.
+    # `_know_laws` puts the parts of all laws here once they are known.
     AnySlow = Annotated[_own_part(AdaptiveSlidingMode) | _own_part(NoControl), Field(discriminator="kind")]
     AnyObserver = Annotated[MeasuredRates | KalmanObserver, Field(discriminator="kind")]
 
@@ -235,7 +235,7 @@ def _limits(settings: Composite) -> dict[str, dict[str, float]]:
 
 
 def _conditions(around: Circumstances) -> tuple[Condition, ...]:
-    """Those of the slow law, and that late feedback of measured rates drives no mode."""
+    """The slow law's conditions, and that late feedback of measured rates drives no mode."""
     settings = around.scenario.controller
     alone = around.scenario.model_copy(update={"controller": slow_controller(settings)})
     slow = law_of(alone.controller).conditions(replace(around, scenario=alone))

@@ -37,12 +37,12 @@ def computed_torque(gains, now, memory, memory_rate, signals):
 
 @pluggable
 def fastest_rate(gains, now, memory, S, kappa):
-    """1/s: K_d, as the inertia is cancelled."""
+    """Fastest rate, 1/s: K_d, as the inertia is cancelled."""
     return max(gains.velocity_gain)
 
 
 def gain_ratio(law) -> np.ndarray:
-    """Position over velocity gain, (3,): laws without a sliding surface are shown on the one that their gains suggest."""
+    """Position over velocity gain, 1/s, (3,): the Λ with which s is plotted for laws without a sliding surface."""
     position, velocity = (np.broadcast_to(np.array(gain, float), 3) for gain in (law.position_gain, law.velocity_gain))
     slope = np.zeros(3)
     np.divide(position, velocity, out=slope, where=velocity > 0)

@@ -1,4 +1,4 @@
-"""PD control of every joint with weight compensation, as in industrial arms, each by itself.
+"""PD control of each joint by itself with weight compensation, as in industrial arms.
 
     τ_i = G_i(θ_i) + 𝒥_i⁻ᵀ share_i (0, m g, 0) - P (θ_i - θ_i,d) - D (dθ_i/dt - dθ_i,d/dt)
 
@@ -106,7 +106,7 @@ def in_task_space(now, gain, Q):
 
 @pluggable
 def fastest_rate(gains, now, memory, S, kappa):
-    """1/s: of the damping, S⁻¹Σ𝒥ᵀD𝒥, and of the stiffness, √(S⁻¹Σ𝒥ᵀP𝒥)."""
+    """Fastest rate, 1/s: that of the damping, S⁻¹Σ𝒥ᵀD𝒥, plus that of the stiffness, √(S⁻¹Σ𝒥ᵀP𝒥)."""
     Q, B = now.scratch[1:4], now.scratch[4:7]
     in_task_space(now, gains.velocity_gain, Q)
     damping = largest_form_ratio(S, Q, B)
@@ -115,7 +115,7 @@ def fastest_rate(gains, now, memory, S, kappa):
 
 
 def geometry_of(scenario) -> dict[str, np.ndarray]:
-    """Per arm: base (x, y), l1, l2, elbow side, and from the payload's origin to the wrist along e1; m."""
+    """Per arm: base (x, y), l1, l2, m; elbow side; distance from the payload's origin to the wrist along e1, m."""
     geometry = np.ones((MOST_ARMS, 6))
     for i, arm in enumerate(scenario.arms):
         side = -1 if i == 0 else 1

@@ -9,10 +9,10 @@ torques that come after those under way, as K's own are not known yet. K minimis
 diag(r) (Anderson and Moore, Optimal Control: Linear Quadratic Methods, 1990). Shapes: K (3, 2 (3 + n_o)), N and N·m per m, rad,
 m·kg^½ and per second of those. Arms carry their own parts of the feedforward and share the rest. Stability: Φ - ΓK is stable
 for any Q ≥ 0, R > 0, and by separation so are regulator, observer and delay together, with V = zᵀPz falling, if the plant is
-the model: at the path's centre, for small motions, with these modes alone. Modes that are not estimated and torque limits are
-outside of that; the sampled poles (`flexlab.modes`) tell for each pose and plant. So are other poses: `conditions` says whether
-|λ(Φ − ΓK)| < 1 at those of the path. A loop with an observer has no guaranteed margins (Doyle, IEEE Trans. Automatic Control
-23(4), 1978): see its disk margin.
+the model: at the path's centre, for small motions, with these modes alone. The proof leaves out modes that are not
+estimated, torque limits and other poses: the sampled poles (`flexlab.modes`) show the stability for each pose and plant, and
+`conditions` says whether |λ(Φ − ΓK)| < 1 at the poses of the path. A loop with an observer has no guaranteed margins (Doyle,
+IEEE Trans. Automatic Control 23(4), 1978): see its disk margin.
 """
 
 from dataclasses import replace
@@ -155,7 +155,7 @@ def conditions(around: Circumstances) -> tuple[Condition, ...]:
 
 
 def _growth(scenario: Any, K: np.ndarray, pose: np.ndarray) -> float:
-    """Rate of the regulated plant's fastest growing state at a pose, 1/s; below 0 all decay."""
+    """Growth rate of the regulated plant's fastest growing state at a pose, 1/s; below 0 if all states decay."""
     law = scenario.controller
     plant = believed_plant(scenario, law.observer.observer_modes, law.observer.gauges, pose.tolist())
     transition, inputs = hold(plant.state_matrix, plant.input_matrix[:, :3], law.control_period)

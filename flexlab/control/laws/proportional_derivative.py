@@ -1,4 +1,4 @@
-"""Task-space PD with weight compensation: the rival that knows no dynamics."""
+"""Task-space PD with weight compensation: a law that needs no model of the dynamics."""
 
 from typing import Literal
 
@@ -37,7 +37,7 @@ def proportional_derivative(gains, now, memory, memory_rate, signals):
 
 @pluggable
 def fastest_rate(gains, now, memory, S, kappa):
-    """1/s: of the damping, S⁻¹D, and of the stiffness, √(S⁻¹P)."""
+    """Fastest rate, 1/s: that of the damping, S⁻¹D, plus that of the stiffness, √(S⁻¹P)."""
     scratch = now.scratch[3:6]
     return largest_ratio(S, gains.velocity_gain, scratch) + np.sqrt(largest_ratio(S, gains.position_gain, scratch))
 

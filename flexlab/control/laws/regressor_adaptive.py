@@ -1,11 +1,11 @@
-"""Adaptive control by a regressor, the line of the paper's reference [14]: the masses are learnt, not a bound.
+"""Adaptive control with a regressor, in the line of the paper's reference [14]: it learns the masses, not a bound.
 
     Σu_i = Y(x, ẋ, r, ṙ) â - K s,   dâ/dt = -Γ Yᵀ s,   â(0) = factor · truth
 
 (Slotine and Li, Int. J. Robotics Research 6(3), 1987) with e = x - x_d, r = ẋ_d - Λe, s = ẋ - r (3,). â: payload mass m, kg,
 payload inertia I, kg·m², then the masses of each arm's three links, kg (2 + 3 arms); their centres and radii of gyration are
-known. Columns of Y: of m (ṙ_x, ṙ_y + g, 0), of I (0, 0, ṙ_θ), of a link's mass what M̄_iṙ + C̄_ir + Ḡ_i is for that link alone
-with 1 kg, which goes into u_i. Γ is diagonal: one gain each for m, I and all link masses. K in N·s/m and N·m·s/rad.
+known. Columns of Y: for m (ṙ_x, ṙ_y + g, 0), for I (0, 0, ṙ_θ), for a link's mass M̄_iṙ + C̄_ir + Ḡ_i of that link alone with
+1 kg, which goes into u_i. Γ is diagonal: one gain each for m, I and all link masses. K in N·s/m and N·m·s/rad.
 Stability: for a rigid payload V = ½ sᵀ(ΣM̄_i + diag(m, m, I))s + ½ (â - a)ᵀΓ⁻¹(â - a) obeys dV/dt = -sᵀKs for any K > 0 and
 Γ > 0, so that s → 0; â → a only on a motion rich enough to tell the masses apart. A beam that bends adds sᵀΨ: s then ends
 in a ball ‖s‖ ≤ ‖Ψ‖/K, within which â may drift, and noise in s makes it drift too. Sampled, YΓYᵀ T_c must stay small
@@ -27,7 +27,7 @@ from flexlab.quantities import Number, OneOrThree, quantity
 from flexlab.signal import Signal, numbered
 
 PAYLOAD = 2
-"""Estimates before those of the links."""
+"""Number of estimates of the payload, which come before those of the links."""
 LINKS = 3
 """Links of an arm."""
 
@@ -148,7 +148,7 @@ def regressor_adaptive(gains, now, estimates, rate, signals):
 
 @pluggable
 def fastest_rate(gains, now, estimates, S, kappa):
-    """1/s: S⁻¹K, Λ after it, and √(S⁻¹ trace(YΓYᵀ)) of the adaptation."""
+    """Fastest rate, 1/s: S⁻¹K, plus Λ, plus √(S⁻¹ trace(YΓYᵀ)) of the adaptation."""
     r_dot, r, load, B = now.scratch[0], now.scratch[1], now.scratch[3:6], now.scratch[5:8]
     feedback = largest_ratio(S, gains.feedback_gain, B)
     aim_at_surface(gains.sliding_slope, now)
@@ -192,8 +192,8 @@ def start(begin: Start) -> dict[str, np.ndarray]:
 
 
 TOLD, TELLABLE = 1e-3, 1e-9
-"""Singular values of Y over the largest, each column times its true mass, from which on a combination of masses can be identified
-on a path, and by some motion."""
+"""Least singular values of Y over the largest, each column times its true mass, at which a combination of masses can be
+identified: on a path, and by some motion."""
 
 
 def conditions(around: Circumstances) -> tuple[Condition, ...]:
@@ -210,7 +210,7 @@ def conditions(around: Circumstances) -> tuple[Condition, ...]:
 
 
 def _rank(rows: list[np.ndarray], tolerance: float) -> int:
-    """Singular values of the rows above a fraction of the largest."""
+    """Number of singular values of the rows above a fraction of the largest."""
     values = np.linalg.svd(np.concatenate(rows), compute_uv=False)
     return int(np.sum(values > tolerance * values[0]))
 

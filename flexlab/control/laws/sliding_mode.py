@@ -1,4 +1,4 @@
-"""Sliding mode with a constant bound, the paper's reference [13]: its own law without the adaptation.
+"""Sliding mode with a constant bound (the paper's reference [13]): the paper's own law without the adaptation.
 
     Σu_i = B ṙ + C̄ r + Ḡ - K s - ρ̂ s/max(‖s‖, ε)
 
@@ -49,7 +49,7 @@ def sliding_mode(gains, now, memory, memory_rate, signals):
 
 @pluggable
 def fastest_rate(gains, now, memory, S, kappa):
-    """1/s, within the boundary layer."""
+    """Fastest rate within the boundary layer, 1/s."""
     return layer_rate(gains.feedback_gain, gains.sliding_slope, gains.bound / gains.boundary_layer, now, S)
 
 

@@ -1,4 +1,4 @@
-"""Super-twisting: sliding mode of second order, whose switching is integrated, so that the torques are continuous.
+"""Super-twisting: second-order sliding mode whose switching is integrated, so that the torques are continuous.
 
     Σu_i = B ṙ + C̄ r + Ḡ - k1 s/√max(‖s‖, ε) + w,   dw/dt = -k2 s/max(‖s‖, ε),   w(0) = 0
 
@@ -60,13 +60,13 @@ def super_twisting(gains, now, w, w_rate, signals):
 
 
 NEAR_EDGE, EDGE_RATE, FASTEST_EDGE = 2.0, 8.0, 1e4
-"""Up to the first factor from the edge of the boundary layer the law counts as so many times as fast, but not as faster than the
-third number, 1/s: a step across the edge, where the slope of k1 s/√‖s‖ jumps, is of second order, and w keeps the error."""
+"""Within the factor `NEAR_EDGE` of the boundary layer's edge, the law's rate is stated `EDGE_RATE` times larger, up to
+`FASTEST_EDGE`, 1/s: a step across the edge, where the slope of k1 s/√‖s‖ jumps, is of second order, and w keeps the error."""
 
 
 @pluggable
 def fastest_rate(gains, now, w, S, kappa):
-    """1/s, within the boundary layer: S⁻¹k1/√ε, √(S⁻¹k2/ε), and Λ after it; several times that at its edge."""
+    """Fastest rate within the boundary layer, 1/s: S⁻¹k1/√ε, plus √(S⁻¹k2/ε), plus Λ; several times that at its edge."""
     epsilon, gain, scratch = gains.boundary_layer, now.scratch[0], now.scratch[3:6]
     away = sliding_variable(gains.sliding_slope, now.x, now.v, now.desired, gain) / epsilon
     for a in range(3):
@@ -80,7 +80,7 @@ def fastest_rate(gains, now, w, S, kappa):
 
 
 def conditions(around: Circumstances) -> tuple[Condition, ...]:
-    """Levant's, with the largest inertia and the largest change of the beam's reaction on the path."""
+    """Levant's conditions, with the largest inertia and the largest change of the beam's reaction on the path."""
     law, rate = around.scenario.controller, around.largest_reaction_rate
     k1, k2 = float(np.min(law.proportional_gain)), float(np.min(law.integral_gain))
     inertia = float(np.linalg.eigvalsh(around.inertias()).max())

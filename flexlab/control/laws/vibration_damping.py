@@ -56,7 +56,7 @@ def fastest_rate(gains, now, b_hat, S, kappa):
 
 
 def conditions(around: Circumstances) -> tuple[Condition, ...]:
-    """Those of the paper's law, and that late torques drive no mode."""
+    """The conditions of the paper's law, and that late torques drive no mode."""
     law = around.scenario.controller
     return within_layer(around), *fed_modes(around, (law.lateral_vibration_gain, law.angular_vibration_gain))
 

@@ -24,7 +24,7 @@ KNOWN_PLANTS = 8
 
 
 class BelievedPlant(NamedTuple):
-    """Arms and n_o modes; n = 3 + n_o coordinates. Arrays are shared: read only."""
+    """Arms and n_o modes; n = 3 + n_o coordinates. Arrays are shared: do not change them."""
 
     mass: np.ndarray
     """M = [ΣM̄_i + A11, A12; A12ᵀ, 1], (n, n)."""

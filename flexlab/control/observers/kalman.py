@@ -43,12 +43,12 @@ MOST_MODES = 8
 STATES, READINGS = 2 * (3 + MOST_MODES), 6 + MOST_GAUGES
 """Room for z and y in the record of constants."""
 POSE_FLOOR, RATE_FLOOR, STRAIN_FLOOR = 1e-6, 1e-4, 1e-7
-"""m and rad; m/s and rad/s; 1: least noise that the filter assumes, that of good encoders and gauges, since without any it would
+"""Least noise that the filter assumes, m and rad; m/s and rad/s; 1: that of good encoders and gauges. Without noise it would
 trust its sensors alone and differentiate them."""
 
 
 class KalmanObserver(Part):
-    """A Kalman filter on pose and the lowest modes, with strain gauges; predicts to when its torque acts."""
+    """A Kalman filter on pose and the lowest modes, with strain gauges; it predicts to the time at which its torque acts."""
 
     kind: Literal["kalman"] = "kalman"
     observer_modes: Count = quantity(
@@ -148,7 +148,7 @@ def observer_constants(
 def _steady_gain(
     scenario: Any, observer: KalmanObserver, plant: BelievedPlant, transition: np.ndarray, inputs: np.ndarray
 ) -> np.ndarray:
-    """L, (2 (3 + n_o), 6 + gauges); inputs: by held forces on pose and modes."""
+    """L, (2 (3 + n_o), 6 + gauges); inputs: the input matrix of held forces on pose and modes."""
     noise, n = scenario.controller.sensor_noise, len(plant.mass)
     C = np.zeros((6 + len(plant.strain), 2 * n))
     C[:3, :3] = C[3:6, n : n + 3] = np.eye(3)
@@ -172,9 +172,9 @@ def _steady_gain(
 
 @inlined
 def net_force(now, place, force, u):
-    """Fill force (3,) with that of the torques now.torque[place] on the pose, less velocity terms and weight.
+    """Fill force (3,) with the force of the torques now.torque[place] on the pose, less velocity terms and weight.
 
-    place < 0: that of now.u. u: scratch (3,).
+    place < 0: with the force of now.u. u: scratch (3,).
     """
     for a in range(3):
         force[a] = 0.0
@@ -196,7 +196,7 @@ def net_force(now, place, force, u):
 def update_estimate(gains, now, memory, estimate):
     """Fill estimate with ẑ(k) from the memory of the instant before.
 
-    Before the first one stand pose and rate as measured, and modes at rest.
+    At the first instant the estimate starts from the measured pose and rate, and modes at rest.
     """
     n = 3 + int(gains.observed_modes)
     force, error = now.scratch[0], now.scratch[2:7]

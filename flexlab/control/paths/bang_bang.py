@@ -17,12 +17,12 @@ class BangBang(StraightLine):
 
     @property
     def jumps(self) -> bool:
-        """Always."""
+        """True: the acceleration always jumps."""
         return True
 
     @property
     def discontinuities(self) -> tuple[float, ...]:
-        """Where it starts, turns to braking and stops."""
+        """Instants at which it starts, turns to braking and stops, s."""
         return self.start, self.start + 0.5 * self.duration, self.span
 
     @property
@@ -33,7 +33,7 @@ class BangBang(StraightLine):
 
 @pluggable
 def bang_bang(path, rows, t, desired):
-    """Two parabolas; outside the motion no acceleration, at its first instant that which follows."""
+    """Two parabolas; no acceleration outside the motion, and at its first instant the one that follows."""
     u = share_of_time(path, t)
     if t < path.start or u >= 1.0:
         along_line(path, u, 0.0, 0.0, desired)

@@ -1,4 +1,4 @@
-"""Round a circle, the beam's angle held."""
+"""A circle, with the beam's angle held."""
 
 from typing import ClassVar, Literal
 
@@ -39,7 +39,7 @@ class Circle(RoundPath):
 
 @pluggable
 def circle(path, rows, t, desired):
-    """The angle and its two derivatives."""
+    """The point at the angle, and its two derivatives."""
     rate = 2 * np.pi * path.frequency
     angle = rate * t + path.phase
     sine, cosine = sin_cos(angle)

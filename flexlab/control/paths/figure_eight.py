@@ -1,4 +1,4 @@
-"""A lying figure of eight, the beam turning along."""
+"""A figure of eight on its side, with the beam turning as it goes."""
 
 from typing import ClassVar, Literal
 

@@ -19,7 +19,7 @@ class RestToRest(StraightLine):
 
     @property
     def discontinuities(self) -> tuple[float, ...]:
-        """The jerk's, at both ends."""
+        """Both ends, where the jerk jumps, s."""
         return self.window
 
     @property

@@ -39,7 +39,7 @@ class SineTrajectory(Trajectory):
 
     @property
     def span(self) -> float:
-        """One period, or ten of the slowest component where the frequencies differ; 0 of a path at rest."""
+        """One period, or ten of the slowest component if the frequencies differ, s; 0 for a path at rest."""
         moving = self._moving()
         return 1 / min(moving) * (1 if len(set(moving)) == 1 else 10) if moving else 0.0
 
@@ -55,7 +55,7 @@ class SineTrajectory(Trajectory):
 
     @property
     def slowest_period(self) -> float:
-        """s; 1 of a path at rest."""
+        """Period of the slowest component, s; 1 for a path at rest."""
         return 1 / min(self._moving(), default=1.0)
 
     @property

@@ -28,7 +28,7 @@ MILLI = 1e-3
 class Table(Trajectory):
     """x_d(t) is the quintic spline through the rows (t, x, y, θ): four times continuously differentiable.
 
-    Before the first row its pose is held, after the last row the last one's. `ends`: "at rest" (velocity and acceleration are
+    The first row's pose is held before it, the last row's pose after it. `ends`: "at rest" (velocity and acceleration are
     zero at both ends, so that nothing jumps there), or "free" (a spline without knots next to its ends, for rows cut out of a
     longer motion; the target's velocity jumps where it begins and stops).
     """
@@ -87,7 +87,7 @@ class Table(Trajectory):
 
     @property
     def jumps(self) -> bool:
-        """It does with free ends, where even the velocity jumps."""
+        """True with free ends, where even the velocity jumps."""
         return self.ends == "free"
 
     @property
@@ -107,7 +107,7 @@ class Table(Trajectory):
 
     @property
     def instants(self) -> np.ndarray:
-        """Every row's time and a few between two, s."""
+        """The time of every row and a few instants between two rows, s."""
         time = self.start + np.array([row[0] for row in self.rows])
         between = np.linspace(time[:-1], time[1:], CHECKED_PER_ROW, endpoint=False, axis=1)
         return np.append(between, time[-1])
@@ -235,7 +235,7 @@ def _between_ends(h: np.ndarray, values: np.ndarray, given: np.ndarray) -> np.nd
     through = np.zeros((2, 2))
     kept = np.zeros_like(after)
     for k, (low, middle, high) in enumerate(zip(before.tolist(), own, after, strict=True)):
-        # Elimination of the knot before, which is the answer `found` less `through` times this one.
+        # Eliminate the knot before, which is `found` less `through` times this one.
         (l00, l01), (l10, l11) = low
         lower = np.array(low)
         block = middle - lower[:, :1] * through[0] - lower[:, 1:] * through[1]
@@ -267,7 +267,7 @@ def row_before(rows, t):
 
 @inlined
 def along_pieces(rows, own, desired):
-    """The polynomial of the row before the table's time `own`, s; outside the table its ends."""
+    """The polynomial of the row before the table's time `own`, s; outside the table, the pose at its end."""
     k = row_before(rows, own)
     dt = own - rows[k, 0]
     if dt < 0 or k == len(rows) - 1:

@@ -1,4 +1,4 @@
-"""Through poses one after another, at rest in each, with limited velocity, acceleration and jerk."""
+"""A sequence of poses, with a rest at each and limited velocity, acceleration and jerk."""
 
 import math
 from collections.abc import Collection, Mapping
@@ -19,9 +19,9 @@ MILLI = 1e-3
 
 
 class Waypoints(Trajectory):
-    """From pose to pose on straight lines, each as fast as the limits allow, `pause` s in each; the last one is held.
+    """From pose to pose on straight lines, each as fast as the limits allow, with a rest of `pause` s at each; the last is held.
 
-    A pose equal to the one before it is passed over, with its pause. Between two poses jerk is piecewise constant: up to seven
+    A pose equal to the one before it is skipped, with its pause. Between two poses jerk is piecewise constant: up to seven
     phases (Biagiotti and Melchiorri, Trajectory Planning for Automatic Machines and Robots, 2008, section 3.4).
     """
 
@@ -69,7 +69,7 @@ class Waypoints(Trajectory):
 
     @property
     def discontinuities(self) -> tuple[float, ...]:
-        """Where a phase of constant jerk begins."""
+        """Instants at which a phase of constant jerk begins, s."""
         return tuple((self.start + self.phases()[:, 0]).tolist())
 
     @property
@@ -84,12 +84,12 @@ class Waypoints(Trajectory):
 
     @property
     def middle(self) -> tuple[float, ...]:
-        """The middle of the poses' box."""
+        """The centre of the box around the poses."""
         return tuple(0.5 * (min(axis) + max(axis)) for axis in zip(*self.points, strict=True))
 
     @property
     def reach(self) -> tuple[float, ...]:
-        """Half the poses' box."""
+        """Half the size of the box around the poses."""
         return tuple(0.5 * (max(axis) - min(axis)) for axis in zip(*self.points, strict=True))
 
     @property
@@ -156,7 +156,7 @@ def _leg(here: Triple, there: Triple, limits: tuple[Triple, ...]) -> np.ndarray:
 
 
 def _durations(velocity: float, acceleration: float, jerk: float) -> tuple[float, float, float]:
-    """The fastest motion of length 1 from rest to rest: time to the largest acceleration, at it, and at speed, s."""
+    """Times of the fastest motion of length 1 from rest to rest, s: up to the largest acceleration, at it, and at full speed."""
     rising = acceleration / jerk
     if velocity >= acceleration * rising:
         steady = velocity / acceleration - rising

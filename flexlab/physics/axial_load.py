@@ -5,11 +5,11 @@ The paper's beam bends under lateral load only. The force along it, tension posi
     N(s) = N_L + ρ a₁ (s + L/2) + ½ρω²(L²/4 - s²) - F₁ [s > s_F],      a₁ = e₁·(ẍ₀, ÿ₀) + gravity sin θ
 
 with F₁ the axial force of a hand at s_F, and N_L = -e₁·f₁ that of the left grip, f₁ = u₁ - M̄₁ẍ - C̄₁ẋ - Ḡ₁. A single arm's free
-end bears no force, so that N_L = F₁ - m a₁. To first order in the deflection the beam's equations get the
+end bears no force, so that N_L = F₁ - m a₁. To first order in the deflection the beam's equations gain the
 force -K_G q with K_G = ∫N N'ᵀN' ds = N_L G0 + a₁ G1 + ω² G2 - F₁ G_F; the pose's equations stay as they are.
 
-ẍ in N neglects K_G, and takes modes faster than `FOLLOWED` to move with the link. With compliant grips N_L is the pull of the
-left one, and a₁ follows from all axial pulls on the undeformed link: ẍ would contain the effect of bending on a link that
+The ẍ in N neglects K_G and assumes that modes faster than `FOLLOWED` move with the link. With compliant grips N_L is the pull of
+the left grip, and a₁ follows from all axial pulls on the undeformed link: ẍ would contain the effect of bending on a link that
 nothing heavy holds, which is of higher order in N and not small.
 """
 
@@ -39,14 +39,14 @@ from flexlab.physics.plant import (
 )
 
 FOLLOWED = 3000.0
-"""1/s. Faster modes ring or decay within a step, so that N takes their mean."""
+"""Fastest mode that N follows, 1/s. Faster ones ring or decay within a step, so that N takes their mean."""
 
 AXIAL_MODES = 32
 """Number of lowest modes to which the axial force is applied. It changes the squared frequency of mode k by a share of P/(P_cr
 k²), so that the others keep their stiffness to a thousandth, and fine meshes cost a fraction."""
 
 STIFF_MODE = 3e5
-"""rad/s. Stiffer modes keep their stiffness, too: a force of 1000 N changes it by less than a thousandth."""
+"""Frequency, rad/s, above which modes keep their stiffness, too: a force of 1000 N changes it by less than a thousandth."""
 
 BUCKLING = {
     "pinned-pinned": 1.0,
@@ -128,9 +128,9 @@ def in_modes(matrix: np.ndarray, V: np.ndarray) -> np.ndarray:
 
 
 def followed_loads(omega: np.ndarray, damping: np.ndarray, loads: np.ndarray) -> np.ndarray:
-    """Vᵀh and Vᵀg (n_m, 2), zero except for the modes that N follows, then FD times those, F of the same modes, (4, n_m).
+    """Vᵀh, Vᵀg, DVᵀh and DVᵀg of the modes that N follows, as if there were no others, and zero for the others, (4, n_m).
 
-    `damping`: modal D (n_m, n_m).
+    `damping`: modal D (n_m, n_m); `loads`: Vᵀh and Vᵀg of all modes, (n_m, 2).
     """
     follows = np.where((omega <= FOLLOWED) & (damping.diagonal() <= FOLLOWED), 1.0, 0.0)[:, None]
     return np.concatenate([(follows * loads).T, (follows * product(damping, follows * loads)).T])
@@ -188,7 +188,7 @@ def axial_load_at(plant, terms, factor, s):
 
 @inlined
 def largest_compression(plant, terms, factor):
-    """-min N(s) over the beam, N; 0 if all is in tension. Each part of N is concave: its minimum is at an end or the hand."""
+    """-min N(s) over the beam, N; 0 if all is in tension. N is concave in parts: its minimum is at an end or at the hand."""
     half = plant.length / 2
     least = min(axial_load_at(plant, terms, factor, -half), axial_load_at(plant, terms, factor, half))
     if terms[HAND] != 0:
@@ -210,7 +210,7 @@ def first_stiffness(plant):
 def add_stiffness(G0, G1, G2, left, along, spin, eta, force):
     """force (n_f,) += (N_L G0 + a₁ G1 + ω² G2) η."""
     for j in range(len(eta)):
-        # Row by row: no sum depends on another, and vector units fit.
+        # Row by row, no sum depends on another, and the loop is vectorised.
         a, b, c, of_left, of_along, of_spin = left * eta[j], along * eta[j], spin * eta[j], G0[j], G1[j], G2[j]
         for k in range(len(eta)):
             force[k] += a * of_left[k] + b * of_along[k] + c * of_spin[k]
@@ -248,7 +248,7 @@ def geometric_force(axial, plant, terms, y, ws):
 
 @inlined
 def predict_acceleration(grips, plant, y, ws):
-    """Fill ws.axial_acceleration with the ẍ in N, after `find_state`; returns F₁, N. Compliant grips need no ẍ."""
+    """Fill ws.axial_acceleration with the ẍ in N, after `find_state`; returns F₁, N. With compliant grips no ẍ is needed."""
     if grips is not None:
         along, _, _ = hand_load(plant, y, ws)
         return along

@@ -22,8 +22,8 @@ from flexlab.numerics.linear_algebra import cholesky, product, singular_vectors,
 def quasi_static_deflection(compliance, gravity, desired):
     """w_qs = -N(0) K_F⁻¹ [h (e2_d·a_d + g cos θ_d) + g θ̈_d], m: static deflection under desired motion and weight.
 
-    `desired`: x_d, ẋ_d, ẍ_d (3, 3); `compliance` as in `Plant`. The actual acceleration jumps when a motion starts or a
-    hand taps, and the jump would count as vibration.
+    `desired`: x_d, ẋ_d, ẍ_d (3, 3); `compliance` as in `Plant`. The actual acceleration would not do: it jumps when a motion
+    starts or a hand taps, and the jump would count as vibration.
     """
     s, c = sin_cos(desired[0, 2])
     lateral = c * desired[2, 1] - s * desired[2, 0] + gravity * c
@@ -31,7 +31,7 @@ def quasi_static_deflection(compliance, gravity, desired):
 
 
 GAUSS_POINTS = 4
-"""Exact for polynomials up to degree 7; the mass integrand has degree 6."""
+"""Gauss points per element: exact for polynomials up to degree 7; the mass integrand has degree 6."""
 
 KNOWN_MESHES = 8
 """Number of meshes whose integrals and modes are kept: stiffness, density and length only scale them."""
@@ -63,7 +63,7 @@ class BeamMatrices(NamedTuple):
     """Entries of a mass-normalised shape over those of that mesh, (n_q,)."""
 
     def with_mass(self, factor: float) -> "BeamMatrices":
-        """The integrals that grow with ρ times a factor, 1; those of the mesh and of its modes stay."""
+        """A copy with the integrals that are proportional to ρ times a factor, 1; those of the mesh and its modes stay."""
         m, I, M_q, h, g = (factor * value for value in (self.m, self.I, self.M_q, self.h, self.g))  # noqa: E741
         return self._replace(m=m, I=I, M_q=M_q, h=h, g=g)
 
@@ -130,7 +130,7 @@ def beam_matrices(length: float, rho: float, EI: float, element_count: int, boun
     """Assemble the finite-element integrals (Eqs. (5), (6)) for n equal elements, exactly, by Gauss quadrature."""
     unit, l = _unit_integrals(element_count, boundary), length / element_count  # noqa: E741
     mass, stiffness = rho * l, EI / (l * l * l)
-    lengths = np.where(free_coordinates(element_count, boundary) % 2 == 1, l, 1.0)  # A slope is one per element length.
+    lengths = np.where(free_coordinates(element_count, boundary) % 2 == 1, l, 1.0)  # The unit mesh has slopes per l.
     both = lengths[:, None] * lengths
     return BeamMatrices(
         m=rho * length,
@@ -194,13 +194,13 @@ def _unit_modes(element_count: int, boundary: str) -> tuple[np.ndarray, np.ndarr
     R = cholesky(unit.M)
     omega, W = singular_vectors(solve(R.T, unit.B.T).T)
     V = solve(R, W)
-    # The sign is fixed: the leftmost notable coordinate is positive.
+    # The sign is fixed so that the leftmost notable coordinate is positive.
     notable = np.abs(V) > 0.1 * np.abs(V).max(axis=0)
     return omega, V * np.sign(V[np.argmax(notable, axis=0), np.arange(V.shape[1])])
 
 
 def _first_connected(coupled: np.ndarray) -> np.ndarray:
-    """For each index the lowest one with which it is connected, directly or through others, (n,); coupled: (n, n)."""
+    """The lowest index with which each is connected, directly or through others, (n,); coupled: (n, n)."""
     neighbours, first = coupled | coupled.T | np.eye(len(coupled), dtype=bool), np.arange(len(coupled))
     while True:
         lower = np.where(neighbours, first, len(first)).min(axis=1, initial=len(first))

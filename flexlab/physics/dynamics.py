@@ -193,8 +193,8 @@ def resist_axially(axial, plant, ease, h_force, g_force, ws):
 def momentum_rates(plant, y, w_bar, w_bar_rate, u, ws, dy, whole):
     """Fill ẋ, Ṗ, η̇, π̇ and the powers of dy, after `find_velocities`, C̄_i and the inputs u (arms, 3) are known.
 
-    `whole`: the complete derivative. Otherwise, for a constant mass only, without the beam's linear part, (η̇, π̇) - (π, -Ω²η -
-    Dπ), and without the loss, which no sum over stages gives for modes that are damped faster than the step.
+    `whole`: fill the complete derivative. Otherwise, for a constant mass only, fill (η̇, π̇) without the beam's linear part (π,
+    -Ω²η - Dπ), and no loss, as no sum over stages gives it for modes that are damped faster than the step.
     """
     n, factor = plant.modal.shape[1], mass_factor(plant.mass_change, ws)
     ease = 1 / factor
@@ -300,7 +300,7 @@ def acceleration(plant, y, beam_rate, w_bar, w_bar_rate, u, ws, result):
     """ẍ (3,) by Eq. (19): Eq. (16) with the beam eliminated by Eq. (17), after the same preparation as `momentum_rates`.
 
     `beam_rate` (n_m,): the η̇ on which damping acts. Fills ws.restoring, with which η̈ = -restoring - A21 ẍ, and ws.hand for a hand
-    on a link. Returns the force of one at the beam along e1, N.
+    on a link. Returns the force of a hand at the beam along e1, N.
     """
     n, ease = plant.modal.shape[1], 1 / mass_factor(plant.mass_change, ws)
     c, w, g = ws.arm.trig[0], ws.velocity[2], plant.gravity

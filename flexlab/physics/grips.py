@@ -14,7 +14,7 @@ the opposite force and the moment s_i (cos δ3 f2 - sin δ3 f1) + f3 against it:
 
 so that in `physics.dynamics` the forces of the grips replace M̄_i, C̄_i, Ḡ_i and u_i in the payload's equations. The load of a
 grip on the payload is J_iᵀf_i of Eq. (13), and its part beyond an equal share the internal force, as before; for k → ∞ both are
-the paper's. With pinned ends f3 turns the virtual link and bends no beam, as the paper's grips do.
+the paper's. With pinned ends f3 turns the virtual link and does not bend the beam, as with the paper's grips.
 
 With rigid grips `Plant.grips` is None, and the loop is compiled without all this.
 """
@@ -57,13 +57,13 @@ class GripScratch(NamedTuple):
     displacement: np.ndarray
     """δ, (arms, 3)."""
     load: np.ndarray
-    """Load of each on the payload's pose, (arms, 3)."""
+    """Load of each grip on the payload's pose, (arms, 3)."""
     reaction: np.ndarray
     """φ_i, (arms, 3)."""
     measured: np.ndarray
     """Pose and pose rate that a controller measures, (2, 3)."""
     command: np.ndarray
-    """Inputs u of a law that takes the grips to be rigid, at that pose, (arms, 3)."""
+    """Inputs u at the measured pose, of a law that takes the grips to be rigid, (arms, 3)."""
     inertia: np.ndarray
     """Inertia of arms and payload together, (3, 3)."""
     loss: np.ndarray
@@ -71,7 +71,7 @@ class GripScratch(NamedTuple):
 
 
 def grip_scratch(arm_count: int, command: np.ndarray) -> GripScratch:
-    """Scratch for so many arms."""
+    """Scratch memory for this number of arms."""
     per_arm = [np.zeros((arm_count, width)) for width in (3, 2, 3, 3, 3, 3)]
     return GripScratch(*per_arm, np.zeros((2, 3)), command, np.zeros((3, 3)), np.zeros(1))
 
@@ -94,7 +94,7 @@ def grip_states(grips):
 
 @inlined
 def carried_arms(grips, arms):
-    """Number of arms that move with the payload as one."""
+    """Number of arms that move with the payload as one body."""
     return len(arms) if grips is None else 0
 
 
@@ -124,9 +124,9 @@ def own_pose(grips, pose, ws, i):
 
 @inlined
 def place_each(grips, arms, gravity, pose, states, later, ws):
-    """Fill 𝒥, M̄, Ḡ of every arm at its own pose, moved on by `later`, s, with its rate; returns a fault code.
+    """Fill 𝒥, M̄, Ḡ of every arm at its own pose `later` s from now, at its present rate; returns a fault code.
 
-    pose (3,): the payload's, of which ws.arm.trig takes cos θ and sin θ; states: the grips' in y.
+    pose (3,): the payload's, whose cos θ and sin θ go into ws.arm.trig; states: the grips' states in y.
     """
     s, c = sin_cos(pose[2])
     ws.arm.trig[0], ws.arm.trig[1] = c, s
@@ -150,7 +150,7 @@ def place_each(grips, arms, gravity, pose, states, later, ws):
 
 @inlined
 def place_rigidly(grips, pose, ws):
-    """Set every arm's pose to that of rigid grips at a pose (3,), after `configure_arms` at it."""
+    """Set every arm's pose to the one with rigid grips at a pose (3,), after `configure_arms` at that pose."""
     if grips is None:
         return
     for i in range(len(ws.grips.pose)):
@@ -160,7 +160,7 @@ def place_rigidly(grips, pose, ws):
 
 @inlined
 def find_grip_forces(grips, plant, pose, states, ws):
-    """Fill the grips' forces and the measured pose, after `find_velocities`; pose (3,) and states: in y."""
+    """Fill the grips' forces and the measured pose, after `find_velocities`; pose (3,) and states: parts of y."""
     if grips is None:
         return
     _find_measured(grips, pose, ws)
@@ -223,7 +223,7 @@ def begin_powers(grips, u, ws, power):
 
 @inlined
 def pull_arm(grips, held, ws, force, at, power):
-    """Apply the force of a hand on a link of arm `held`: to the payload's pose with rigid grips. Returns the power, W."""
+    """Return `power`, W, plus that of a hand on a link of arm `held`; with rigid grips, add its force to `force` from `at` on."""
     if grips is None:
         for a in range(3):
             force[at + a] += ws.hand[held, a]
@@ -272,7 +272,7 @@ def find_measured_arms(plant, ws):
 
 @inlined
 def pass_on(arms, ws):
-    """Fill ws.u at the arms' poses with the joint torques of ws.grips.command, inputs at the measured pose."""
+    """Fill ws.u with the inputs at the arms' poses that have the joint torques of ws.grips.command at the measured pose."""
     seen = ws.measured_arm
     for i in range(len(arms)):
         joint_torques(arms[i], seen.trig[0], seen.trig[1], seen.direction[i], ws.grips.command[i], ws.tau)
@@ -302,18 +302,18 @@ def grip_forms(arm, length, c, s, of, form):
 
 
 def begin_grips(plant, states: np.ndarray, rate: np.ndarray) -> None:
-    """Start compliant grips with no displacement, and with the payload's pose rate (3,); states: theirs in y."""
+    """Start compliant grips without displacement, at the payload's pose rate (3,); states: the grips' states in y."""
     for i in range(len(plant.arms)):
         states[PER_ARM * i : PER_ARM * (i + 1)] = [0.0, 0.0, 0.0, *rate]
 
 
 def arm_poses(plant, pose: np.ndarray, states: np.ndarray) -> np.ndarray:
-    """x_i of every arm, (arms, 3); pose (3,): the payload's; states: the grips' in y."""
+    """x_i of every arm, (arms, 3); pose (3,): the payload's; states: the grips' states in y."""
     return pose + states[: PER_ARM * len(plant.arms)].reshape(-1, PER_ARM)[:, :3]
 
 
 def measured_motion(plant, y: np.ndarray, states: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pose and pose rate that a controller measures, (3,) each; rate (3,): the payload's; states: the grips' in y."""
+    """Pose and pose rate that a controller measures, (3,) each; rate (3,): the payload's; states: the grips' states in y."""
     if not plant.grips.by_arms:
         return y[:3].copy(), rate
     rates = states[: PER_ARM * len(plant.arms)].reshape(-1, PER_ARM)[:, 3:]

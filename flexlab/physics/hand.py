@@ -54,7 +54,7 @@ def pull_on_link(plant, y, ws, force):
 
 @inlined
 def hand_load(plant, y, ws):
-    """Force of a hand at the beam along e1 and e2, N, and its moment about the middle, N·m; fills ws.hand for one on a link."""
+    """Force of a hand at the beam along e1 and e2, N, and moment about the middle, N·m; fills ws.hand for a hand on a link."""
     c, s = ws.arm.trig[0], ws.arm.trig[1]
     f1 = f2 = pull_turn = 0.0
     for i in range(len(plant.arms)):

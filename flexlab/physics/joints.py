@@ -9,14 +9,13 @@ A sticking joint creeps at v_0 r/√(1 - r²) under the share r of σC: it never
 B + σC/v_0, is resolved by the step. The links are driven by τ - τ_f, so that u_i = 𝒥ᵀ(τ - τ_f), and all forces and the input work
 follow from that; Στ_f θ̇ is dissipated.
 
-A motor is asked for τ_w and gives τ, with a lag of its time constant and a limit that depends on its speed, as a direct-current
-motor does whose drive has the voltage ±V (Franklin, Powell & Emami-Naeini, Feedback Control of Dynamic Systems, ch. 2; T_m =
-L/R):
+A motor is asked for τ_w and gives τ, with a lag of its time constant and a limit that depends on its speed, like a direct-current
+motor with a supply of ±V (Franklin, Powell & Emami-Naeini, Feedback Control of Dynamic Systems, ch. 2; T_m = L/R):
 
     T_m τ̇ = clip(τ_w, -τ_s (1 + θ̇/ω_0), τ_s (1 - θ̇/ω_0)) - τ
 
 with its stall torque τ_s and its no-load speed ω_0: it cannot drive a joint faster than that, and brakes one that others drive
-faster. With T_m = 0, τ is the clipped value. The controller's own limit clips τ_w before.
+faster. With T_m = 0, τ is the clipped value. The controller's own limit clips τ_w first.
 
 With ideal joints `Plant.joints` is None, and the loop is compiled without all this.
 """
@@ -78,9 +77,9 @@ def possible_torque(numbers, joint, rate, torque):
 
 @inlined
 def turn_joints(joints, grips, arms, states, ws):
-    """Turn ws.u from what is asked for into what drives the links, after C̄_i; fills ws.joint_torque to ws.joint_rate.
+    """Turn ws.u from the inputs asked for into those that drive the links, after C̄_i; fills ws.joint_torque to ws.joint_rate.
 
-    states: the joints' in y.
+    states: the joints' states in y.
     """
     if joints is None:
         return
@@ -126,7 +125,7 @@ def has_motors(joints):
 
 @inlined
 def is_limited(joints, i, joint, limit, ws):
-    """Whether a motor is asked for its limit, N·m, or more than its speed allows, after `turn_joints`."""
+    """Whether a motor is asked for the `limit`, N·m, or for more than its speed allows, after `turn_joints`."""
     if joints is None:
         return False
     asked = ws.joint_command[i, joint]
@@ -135,7 +134,7 @@ def is_limited(joints, i, joint, limit, ws):
 
 @inlined
 def commanded_torques(joints, grips, arm, i, ws, tau):
-    """Fill tau (3,) with what the controller asks of arm i's motors, N·m, after `turn_joints`."""
+    """Fill tau (3,) with the torques that the controller asks of arm i's motors, N·m, after `turn_joints`."""
     if joints is None:
         c, s = own_trig(grips, ws, i)
         joint_torques(arm, c, s, ws.arm.direction[i], ws.u[i], tau)
@@ -146,7 +145,7 @@ def commanded_torques(joints, grips, arm, i, ws, tau):
 
 @inlined
 def near_possible(joints, grips, ws, part):
-    """Whether a motor is asked for more than this share of what it can give at its speed, after `turn_joints`."""
+    """Whether any motor is asked for more than the share `part` of what it can give at its speed, after `turn_joints`."""
     if joints is None:
         return False
     found = False
@@ -188,7 +187,7 @@ def build_joints(joints, model, arm_count: int) -> Joints | None:
 
 
 def joint_parts(joints: Joints | None) -> dict[str, slice]:
-    """The place of each part of the joints' states among them, by name."""
+    """The place of each part within the joints' states, by name."""
     if joints is None:
         return {}
     parts = {"loss": slice(LOSS, LOSS + 1)}
@@ -201,7 +200,7 @@ def joint_parts(joints: Joints | None) -> dict[str, slice]:
 
 @inlined
 def steepest_friction(numbers, joint):
-    """Largest slope of τ_f, which is at rest, plus that of the motor's limit, N·m·s/rad."""
+    """Largest slope of τ_f, which it has at rest, plus that of the motor's limit, N·m·s/rad."""
     static = numbers[COULOMB, joint] + numbers[STATIC, joint]
     return numbers[VISCOUS, joint] + static / np.sqrt(numbers[SMOOTHING, joint]) + numbers[FALL, joint]
 

@@ -41,13 +41,13 @@ LAW_INPUT = np.dtype(
     ],
     align=True,
 )
-"""`arm_count`: arms that are there. `time`: t, s. `x`, `v`: pose and its rate. `beam_rate`: hᵀq̇, gᵀq̇, kg·m/s, kg·m²/s.
+"""`arm_count`: number of arms. `time`: t, s. `x`, `v`: pose and its rate. `beam_rate`: hᵀq̇, gᵀq̇, kg·m/s, kg·m²/s.
 `strain`: -½ t w''(s_j) at the law's `gauge_count` gauges, 1. `torque`: joint torques, N·m: [0] those held until now, then
 those under way, the `delay` that act in the coming periods in this order. A continuous law has no gauges and no delay.
-`desired`: x_d, ẋ_d, ẍ_d; `coming`: the same, under a sampled law, when the torques asked for now begin to act.
+`desired`: x_d, ẋ_d, ẍ_d; `coming`: the same when the torques asked for now begin to act, for a sampled law.
 `trig`: cos θ, sin θ. `M`, `C`, `G`, `J`, `direction`: M̄_i, C̄_i, Ḡ_i and more of `arm.ArmTerms`.
 `gravity`: m/s², along -y. `m` (kg), `I` (kg·m²), `kappa` (hᵀM_q⁻¹h, hᵀM_q⁻¹g, gᵀM_q⁻¹g): the payload as the controller
-believes it to be at this instant, `growth` its ṁ/m, 1/s. `share`: what each arm carries of the common part, 1. `scratch`: free
+believes it to be at this instant, `growth` its ṁ/m, 1/s. `share`: each arm's share of the common part, 1. `scratch`: free
 for the law. `u`: the law's answer, u_i, N, N, N·m."""
 
 

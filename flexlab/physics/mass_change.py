@@ -30,14 +30,14 @@ class MassChange(NamedTuple):
     factor: float
     """Mass afterwards over mass at the start, 1."""
     begin: float
-    """s."""
+    """Instant at which the change begins, s."""
     duration: float
-    """s."""
+    """Duration of the change, s."""
 
 
 @inlined
 def mass_states(change):
-    """Number of the material's states in y, the energy that it added, J; 0 for a constant mass."""
+    """Number of the material's states in y: 1, the energy that it added, J; 0 for a constant mass."""
     return 0 if change is None else 1
 
 
@@ -51,7 +51,7 @@ def mass_factor(change, ws):
 
 @inlined
 def find_mass(change, t, ws):
-    """Note s and ṡ of the instant t, s, in ws.mass_factor."""
+    """Store s and ṡ at the instant t, s, in ws.mass_factor."""
     if change is None:
         return
     u, more = (t - change.begin) / change.duration, change.factor - 1
@@ -66,7 +66,7 @@ def find_mass(change, t, ws):
 
 @inlined
 def believed_mass(change, part, ws):
-    """s, 1, and ṡ/s, 1/s, at the instant of `find_mass`, for a controller that knows this share of the change."""
+    """s, 1, and ṡ/s, 1/s, at the instant of `find_mass`, for a controller that knows the share `part` of the change."""
     if change is None:
         return 1.0, 0.0
     factor = 1 + part * (ws.mass_factor[FACTOR] - 1)
@@ -87,7 +87,7 @@ def find_mass_at(plant, t: float, ws) -> float:
 
 
 def note_lightest(plant, ws) -> float:
-    """Set s in ws to the least of a run, at which the beam's modes are fastest, as if it were constant; returns it, 1."""
+    """Set s in ws to its least value in a run, where the beam's modes are fastest, as if it were constant; return it, 1."""
     if plant.mass_change is None:
         return 1.0
     ws.mass_factor[:] = min(1.0, plant.mass_change.factor), 0.0

@@ -32,7 +32,7 @@ class Joints(NamedTuple):
     """Joints that are not ideal (`joints`)."""
 
     numbers: np.ndarray
-    """By joint, rows as `joints` names them, (8, 3)."""
+    """Constants by joint, rows as `joints` names them, (8, 3)."""
     size: int
     """Number of their states in y."""
     has_friction: bool
@@ -44,9 +44,9 @@ class Joints(NamedTuple):
     has_motors: bool
     """Whether motors may give another torque than they are asked for."""
     lag_rate: float
-    """1/T_m, 1/s; 0: at once."""
+    """1/T_m, 1/s; 0: no lag."""
     torque: int
-    """Index among the states of the motors' torques, N·m, (arms · 3,); -1: they follow at once."""
+    """Index among the states of the motors' torques, N·m, (arms · 3,); -1: no lag."""
 
 
 @inlined
@@ -104,15 +104,15 @@ class Hand(NamedTuple):
     position: float
     """The point that it holds, m: the material coordinate s on the beam, or the distance from a link's inner joint."""
     target_x: float
-    """Where the hand is, m."""
+    """x of the hand, m."""
     target_y: float
-    """Where the hand is, m."""
+    """y of the hand, m."""
     stiffness: float
-    """N/m; 0: no hand pulls."""
+    """Stiffness of the spring, N/m; 0: no hand pulls."""
     arm: float
-    """Counted from 0; below 0: it holds the beam."""
+    """The arm that it holds, from 0; below 0: it holds the beam."""
     link: float
-    """Counted from 0."""
+    """The link that it holds, from 0."""
 
 
 NO_HAND = Hand(0.0, 0.0, 0.0, 0.0, ON_BEAM, 0.0)
@@ -128,19 +128,19 @@ class Plant(NamedTuple):
     """Constants of one system; n_m modes, n_q nodal coordinates."""
 
     arms: np.ndarray
-    """(arms,) of `arm.ARM`."""
+    """`arm.ARM` records, (arms,)."""
     m: float
     """Payload mass, kg."""
     I: float  # noqa: E741
     """Payload inertia about its middle, kg·m²."""
     gravity: float
-    """Along -y, m/s²."""
+    """Gravity along -y, m/s²."""
     modal: np.ndarray
-    """(13, n_m), rows as named above."""
+    """Constants of the modes, (13, n_m), rows as named above."""
     damping: np.ndarray
     """Modal damping D, dense within its blocks, (n_m, n_m)."""
     block_start: np.ndarray
-    """(blocks + 1,)."""
+    """First modes of the blocks, as in `beam.BeamModes`, (blocks + 1,)."""
     kappa: np.ndarray
     """hᵀh, hᵀg, gᵀg over the kept modes: A12 A21 in the frame of the virtual link, (3,)."""
     shapes: np.ndarray
@@ -158,13 +158,13 @@ class Plant(NamedTuple):
     """P_cr, N."""
     axial: np.ndarray | None
     """VᵀGV of `axial_load` in the n_f modes to which it is applied, (4, n_f, n_f): G0, G1, G2, and G_F, which commands change in
-    place. None: the paper's plant, without axial load and all that follows; (4, 0, 0): no axial load, but some of these."""
+    place. None: the paper's plant, without axial load and the parts below; (4, 0, 0): no axial load, but some of those parts."""
     joints: Joints | None
-    """None: ideal ones."""
+    """None: ideal joints."""
     mass_change: MassChange | None
-    """None: the mass stays."""
+    """None: constant mass."""
     grips: Grips | None
-    """None: rigid ones."""
+    """None: rigid grips."""
 
     @property
     def joint_size(self) -> int:
@@ -185,13 +185,13 @@ class Workspace(NamedTuple):
     measured: np.ndarray
     """`LAW_INPUT` at what a sampled controller measures, (1,)."""
     arm: ArmTerms
-    """At the true state: views of `truth`."""
+    """Arm terms at the true state: views of `truth`."""
     measured_arm: ArmTerms
-    """At the pose a sampled controller measures: views of `measured`."""
+    """Arm terms at the pose that a sampled controller measures: views of `measured`."""
     u: np.ndarray
     """Arm inputs, (arms, 3): a view of `truth`."""
     u_before: np.ndarray
-    """The same at the last stage of an etdrk4 step: before a control instant or a discontinuity changed them, (arms, 3)."""
+    """Arm inputs at the last stage of an etdrk4 step, before a control instant or a discontinuity changed them, (arms, 3)."""
     hand: np.ndarray
     """What a hand on a link adds to the arm's input, 𝒥-transformed as u is, (arms, 3)."""
     tau: np.ndarray
@@ -203,7 +203,7 @@ class Workspace(NamedTuple):
     S: np.ndarray
     """Schur complement, (3, 3)."""
     eta_dot: np.ndarray
-    """(n_m,)."""
+    """Modal rates η̇, (n_m,)."""
     damping_force: np.ndarray
     """Dη̇, (n_m,)."""
     axial: np.ndarray
@@ -229,7 +229,7 @@ class Workspace(NamedTuple):
     joint_command: np.ndarray
     """Torques that the controller asks of the motors, N·m, (arms, 3)."""
     joint_feasible: np.ndarray
-    """The same, clipped to what they can give at their speed, N·m, (arms, 3)."""
+    """Commanded torques, limited to what the motors can give at their speed, N·m, (arms, 3)."""
     joint_friction: np.ndarray
     """Friction τ_f of the joints, N·m, (arms, 3)."""
     joint_rate: np.ndarray
@@ -237,9 +237,9 @@ class Workspace(NamedTuple):
     mass_factor: np.ndarray
     """s and ṡ of `mass_change` at the instant of the last `find_mass`, 1 and 1/s, (2,)."""
     grips: GripScratch
-    """For compliant grips; `arm` then holds each arm's terms at its own pose, except `trig`."""
+    """Quantities of compliant grips, with which `arm` holds each arm's terms at its own pose, except `trig`."""
     memory_rate: np.ndarray
-    """Rates of the controller's state, as long as that."""
+    """Rates of the controller's state, of the same length."""
     fault: np.ndarray
     """Index of the arm at fault, (1,)."""
     stage: np.ndarray

@@ -12,7 +12,7 @@ from flexlab.physics.grips import own_pose, place_each, place_rigidly
 from flexlab.physics.plant import grips_start, joints_start
 
 GAUGES_PER_HALF = 2
-"""Exact for products of two linear functions on each half, and so for hᵀq of one or two elements."""
+"""Gauges on each half of the beam: exact for products of two linear functions on it, and so for hᵀq of one or two elements."""
 
 
 def gauge_places(length: float) -> tuple[np.ndarray, np.ndarray]:
@@ -40,7 +40,7 @@ def load_moments(beam: BeamMatrices, EI: float, thickness: float, weights: np.nd
 
 
 def encoder_counts(counts: tuple[float, ...]) -> np.ndarray:
-    """`Joints.count` of the counts per turn (3,)."""
+    """`Joints.count` for these counts per turn (3,)."""
     return np.array([2 * np.pi / number if number > 0 else 0.0 for number in counts])
 
 
@@ -78,7 +78,7 @@ def pose_of_counts(count, grips, arms, at, ws, pose):
 def read_encoders(joints, grips, arms, period, states, ws, now):
     """Replace the exact now.x and now.v by encoder readings, if there are encoders, after `configure_arms`.
 
-    period: T_c, s; states: the joints' in y, which keep the reading.
+    period: T_c, s; states: the joints' states in y, which keep the reading.
     """
     if joints is None:
         return
@@ -92,9 +92,9 @@ def read_encoders(joints, grips, arms, period, states, ws, now):
 
 @compiled
 def begin_reading(plant, period, y, ws):
-    """Note the encoder reading of one control period, s, ago in y, for a pose that moved with its present rate.
+    """Store in y the encoder reading of one control period, s, ago, for a pose that moved at its present rate.
 
-    If the arms could not be there, note the present reading.
+    If the arms cannot have been there, store the present reading.
     """
     find_velocities(plant, y, ws)
     _begin_reading(plant.joints, plant, period, y, ws)
@@ -112,7 +112,7 @@ def _begin_reading(joints, plant, period, y, ws):
 
 @inlined
 def _go_back(grips, plant, period, y, ws, before):
-    """Configure the arms where they were a `period`, s, ago, or else where they are, and fill before (3,) with that pose."""
+    """Configure the arms where they were one `period`, s, ago, or else where they are, and fill before (3,) with that pose."""
     if grips is None:
         for a in range(3):
             before[a] = y[a] - period * ws.velocity[a]

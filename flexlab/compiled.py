@@ -24,13 +24,13 @@ from numba.extending import intrinsic
 from flexlab.assets import user_cache
 
 _settings: Any = config
-"""Numba gives this module its names while the program runs."""
+"""Any, as numba fills in this module's names at run time."""
 PLAIN_PYTHON = bool(_settings.DISABLE_JIT)
-"""Whether numba does not compile (NUMBA_DISABLE_JIT=1): every kernel is then its plain Python function."""
+"""Whether compilation is off (NUMBA_DISABLE_JIT=1): every kernel is then its plain Python function."""
 FIRST_KNOWN, FIRST_UNKNOWN = (0, 61), (0, 69)
-"""Versions of numba that `flexlab.numba_internals` knows: from the first, below the second."""
+"""Versions of numba that `flexlab.numba_internals` supports: from the first on, below the second."""
 QUICK = FIRST_KNOWN <= numba.version_info.short < FIRST_UNKNOWN and not os.environ.get("FLEXLAB_PLAIN_NUMBA")
-"""Whether numba's compiler is accelerated; otherwise the first start takes longer, and nothing else changes."""
+"""Whether numba's compiler is accelerated; if not, only the first start takes longer."""
 
 if TYPE_CHECKING or QUICK:
     from flexlab.numba_internals import (
@@ -60,7 +60,7 @@ def _digest() -> str:
 
 
 def engine() -> str:
-    """A name for the kernel sources and their compiler: the same wherever results are."""
+    """A name for the kernel sources and their compiler; equal names mean equal results."""
     return f"kernels-{_DIGEST}"
 
 
@@ -85,7 +85,7 @@ def is_warm() -> bool:
 
 
 A_MOMENT = 1.5
-"""s of compiling after which people are told."""
+"""Compile time after which the user is told, s."""
 COMPILING = (
     "flexlab is compiling the equations of motion that it needs here for the first time, once for this version on this machine: "
     "usually less than half a minute."
@@ -93,9 +93,9 @@ COMPILING = (
 
 
 class Compilation(event.Listener):
-    """Tells once that kernels are being compiled, when they have taken `A_MOMENT` and one more begins.
+    """Announces compilation once: when kernels have taken `A_MOMENT` and another one begins.
 
-    Numba holds its lock meanwhile. By default a warning is logged, which people see even if nobody has set up logging.
+    Numba holds its lock meanwhile. By default a warning is logged, which is visible even without logging set up.
     """
 
     def __init__(self) -> None:
@@ -104,7 +104,7 @@ class Compilation(event.Listener):
         self._depth, self._began, self._spent = 0, 0.0, 0.0
 
     def on_start(self, event: Any) -> None:
-        """A kernel begins to compile; those that it calls are compiled within it."""
+        """Note that a kernel begins to compile; kernels that it calls compile within it."""
         if not _is_own(event):
             return
         now = perf_counter()
@@ -116,7 +116,7 @@ class Compilation(event.Listener):
             self.tell()
 
     def on_end(self, event: Any) -> None:
-        """A kernel is compiled, or has failed to."""
+        """Note that a kernel is compiled, or has failed to compile."""
         if not _is_own(event):
             return
         self._depth -= 1
@@ -135,20 +135,20 @@ event.register("numba:compile", COMPILATION)
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """A kernel that Python calls: cached machine code, no global lock, IEEE division; `.py_func` is the plain Python.
 
-    Reference counting is off: a kernel that allocates memory does not compile. Kernels may call it, too: what they seldom need
-    is then compiled once, and not into each of them.
+    Reference counting is off, so a kernel that allocates memory does not compile. Other kernels may call it; code that they
+    seldom need is then compiled once instead of into each of them.
     """
-    # By default `forceinline` would be that of the calling kernel for which this one happens to be compiled.
+    # Else the kernel would inherit `forceinline` from whichever kernel happens to call it first.
     return _compile(function, cache=True, forceinline=False, **({"pipeline_class": CalledCompiler} if QUICK else {}))
 
 
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A kernel that only kernels call: always inlined, as passing a whole system costs more than most of them."""
+    """A kernel that only kernels call: always inlined, because passing a whole system costs more than most kernels."""
     return function if PLAIN_PYTHON else _inline(function, InlinedCompiler if QUICK else None)
 
 
 def disjoint(function: Callable[..., Any]) -> Callable[..., Any]:
-    """As `inlined`, for array arguments of which none shares memory with another that is written to.
+    """As `inlined`, for kernels whose written arrays share no memory with their other arrays.
 
     Loops over them then use vector units without a check for overlap.
     """
@@ -162,9 +162,9 @@ def _inline(function: Callable[..., Any], compiler: Any) -> Callable[..., Any]:
 
 
 def pluggable(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A kernel chosen at run time, as those of laws and paths: `call_kernel` calls it by its `kernel_address`.
+    """A kernel chosen at run time, such as a law's or a path's: `call_kernel` calls it by its `kernel_address`.
 
-    Its first argument is the record of its parameters. The engine's loop is compiled once, whatever is chosen.
+    Its first argument is the record of its parameters. The engine's loop is compiled once for all of them.
     """
     return _compile(function, cache=True, no_cfunc_wrapper=False)
 
@@ -172,7 +172,7 @@ def pluggable(function: Callable[..., Any]) -> Callable[..., Any]:
 def _compile(
     function: Callable[..., Any], cache: bool = False, no_cfunc_wrapper: bool = True, **options: Any
 ) -> Callable[..., Any]:
-    # Not for a person's own kernel, which may call what numba must load first.
+    # Not for users' own kernels: they may call functions that numba must load first.
     quick = QUICK and cache and not PLAIN_PYTHON and function.__module__.startswith("flexlab.")
     options |= {"cache": cache and not quick, "no_cfunc_wrapper": no_cfunc_wrapper}
     if QUICK:
@@ -194,8 +194,8 @@ _entry_points: dict[tuple[int, Any], Callable[..., Any]] = {}
 def entry_point(kernel: Any, *arguments: Any) -> Callable[..., Any]:
     """The machine code of a `compiled` kernel for arguments of these types, called without a check of types.
 
-    That check takes longer, at each call, than a step of the engine: a system has a hundred arrays. Machine code does not notice
-    arguments of other types, so that they must not be given.
+    A system has a hundred arrays, so checking types at each call takes longer than a step of the engine. Never pass arguments
+    of other types: machine code does not notice.
     """
     if PLAIN_PYTHON:
         return kernel
@@ -244,7 +244,7 @@ def has_address(kernel: Any, variant: Hashable = None) -> bool:
 
 
 def _call(context: Any, builder: Any, signature: Any, values: Any, result: Any) -> Any:
-    """LLVM code of a call to an address with a pointer to the parameters and the members of a tuple."""
+    """Emit a call to an address, with a pointer to the parameters and the members of a tuple."""
     address, parameters, packed = values
     data = context.make_array(signature.args[1])(context, builder, parameters).data
     given = [builder.bitcast(data, ir.IntType(8).as_pointer())]
@@ -262,7 +262,7 @@ class Attributes(SimpleNamespace):
 
 
 def attributes(flat: np.ndarray, record: np.dtype) -> Attributes:
-    """The fields of a record that lies flat in memory. A `np.recarray` has a `mean`, `size` and `T` of its own."""
+    """The fields of a record stored flat in memory; methods of a `np.recarray` would hide those called `mean`, `size` or `T`."""
     values = flat.view(record)[0]
     return Attributes(**{name: values[name] for name in record.names or ()})
 

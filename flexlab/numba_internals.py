@@ -1,9 +1,9 @@
 """Uses of numba's internals: a compiler that does no work twice, and a cache that loads only what a run needs.
 
-Numba optimises every function by itself, makes machine code of it and wraps it for Python, before it inlines it. For kernels
-that only kernels call, all that is discarded: it was more than half of the time of the first start on a machine. A third of the
-rest went into typing the same sum of two numbers again and again, and into garbage collection. Contract tests fail if a version
-of numba does this differently.
+Numba optimises every function on its own, turns it into machine code and wraps it for Python before it inlines it. For kernels
+that only kernels call, this work is discarded; it was more than half of the first start on a machine. A third of the rest went
+into typing the same sum of two numbers again and again, and into garbage collection. Contract tests fail if a version of numba
+works differently.
 """
 
 import gc
@@ -51,7 +51,7 @@ class LoadedLibrary(JITCodeLibrary):
 class _BySource(_CacheLocator):
     """Files a kernel under its module's name and text.
 
-    Numba files it under the path of the source: each checkout and each environment of one version would compile it again.
+    Numba uses the path of the source, so each checkout and each environment would compile the same version again.
     """
 
     def __init__(self, function: Any, file: str):
@@ -114,14 +114,14 @@ class _KeptResults(CompileResultCacheImpl):
 
 
 class _FileEach(IndexDataCacheFile):
-    """A file for each kernel and its argument types.
+    """One file for each kernel and its argument types.
 
-    Numba numbers its files and keeps an index of them. Two processes that compile at the same time could give one number to two
-    kernels, and a third process would run the wrong machine code.
+    Numba numbers its files and keeps an index of them. Two processes that compile at once could give the same number to
+    two kernels, and a third process would run the wrong machine code.
     """
 
     def save(self, key: Any, data: Any) -> None:
-        """Keep a kernel; whoever does so last wins, with the same machine code."""
+        """Store a kernel; the last writer wins, with the same machine code."""
         self._save_data(self._name(key), data)
 
     def load(self, key: Any) -> Any:
@@ -137,9 +137,9 @@ class _FileEach(IndexDataCacheFile):
 
 
 class QuickCache(FunctionCache):
-    """Machine code on disk, loaded without what only compiling needs, numba's translations of all of numpy.
+    """Machine code on disk, loaded without numba's translations of numpy, which only compiling needs.
 
-    That saves half a second of each start. Kernels without reference counting (`_nrt=False`) do not need its runtime, either.
+    This saves half a second of each start. Kernels without reference counting (`_nrt=False`) do not need its runtime either.
     """
 
     _impl_class = _KeptResults
@@ -182,7 +182,7 @@ class BitcodeLowering(NativeLowering):
     _name = "flexlab_bitcode_lowering"
 
     def run_pass(self, state: Any) -> bool:
-        """Lower the kernel and let other kernels know it."""
+        """Lower the kernel and register it for other kernels."""
         state.library = BitcodeLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
         state.flags.no_cpython_wrapper = state.flags.no_compile = True
         done = super().run_pass(state)
@@ -197,7 +197,7 @@ class BitcodeLowering(NativeLowering):
 
 
 class _OutOfLine(Lower):
-    """Lowers a function that is called, and never copied into its callers."""
+    """Lowers a function that is never inlined."""
 
     def setup_function(self, fndesc: Any) -> None:
         """As numba's, with an attribute that tells LLVM."""
@@ -207,7 +207,7 @@ class _OutOfLine(Lower):
 
 @register_pass(mutates_CFG=True, analysis_only=False)
 class CalledLowering(NativeLowering):
-    """Lowers a kernel that Python calls, so that kernels that seldom call it do not contain it."""
+    """Lowers a kernel that Python calls out of line, so that kernels that seldom call it do not contain it."""
 
     _name = "flexlab_called_lowering"
 

@@ -37,7 +37,7 @@ def module_from_file(path: Path) -> ModuleType:
 
 
 class Kind(Protocol):
-    """What a registry holds."""
+    """An entry of a registry."""
 
     @property
     def kind(self) -> str:
@@ -57,31 +57,31 @@ class Registry(Generic[K]):
     """Laws or paths by kind: those of a package's folder, read when first needed, and those that are added."""
 
     def __init__(self, sort: type[K], what: str, constant: str, package: str, lacks: Callable[[K], str] = lambda _: ""):
-        """`what`: a word for one; `constant`: the name under which a file defines it; `lacks`: a sentence on what it misses."""
+        """`what`: a word for one; `constant`: the name that a file gives it; `lacks`: a sentence on what an entry misses."""
         self.sort, self.what, self.constant = sort, what, constant
         self._package, self._lacks = package, lacks
         self._known: dict[str, K] = {}
         self._lock = threading.RLock()
-        """Held while `_known` is replaced: two threads at once would lose one, or bring back a forgotten one."""
+        """Held while `_known` is replaced: else two threads could lose an entry or bring back a forgotten one."""
         self._built_in = False
-        """Whether those of the package have been read: a person's own may come first."""
+        """Whether the package's entries have been read; users' own may be added before."""
         self._listeners: list[Callable[[], None]] = []
 
     def all(self) -> dict[str, K]:
-        """All by kind, in the order of menus."""
+        """All entries by kind, in menu order."""
         return dict(self._all())
 
     def __getitem__(self, kind: str) -> K:
-        """The one of a kind. Raises KeyError."""
+        """The entry of a kind. Raises KeyError."""
         return self._all()[kind]
 
     def add(self, one: K, instead: bool = False) -> None:
-        """Add one, `instead` of another of its kind. Raises ImportError if its name is taken or it lacks something."""
+        """Add an entry, `instead` of another of its kind. Raises ImportError if its name is taken or it lacks something."""
         self._enter(one, instead)
         self._tell()
 
     def add_file(self, file: Path) -> K:
-        """Add the one that a Python file defines. Raises ImportError, and what the file raises."""
+        """Add the entry that a Python file defines. Raises ImportError, and whatever the file raises."""
         one = getattr(module_from_file(file), self.constant, None)
         if not isinstance(one, self.sort):
             raise ImportError(f"{file} defines no {self.what}: it needs {self.constant} = {self.sort.__name__}(...).")
@@ -90,17 +90,17 @@ class Registry(Generic[K]):
         return one
 
     def forget(self, kind: str) -> None:
-        """Remove an added one."""
+        """Remove an added entry."""
         with self._lock:
             self._known = {name: one for name, one in self._known.items() if name != kind}
         self._tell()
 
     def on_new(self, listener: Callable[[], None]) -> None:
-        """Call `listener` whenever one has been added or removed."""
+        """Call `listener` whenever an entry has been added or removed."""
         self._listeners.append(listener)
 
     def _all(self) -> dict[str, K]:
-        with self._lock:  # Another thread sees none of the package's until all are in.
+        with self._lock:  # Other threads see the package's entries only once all are in.
             first, self._built_in = not self._built_in, True
             for module in modules_in(self._package) if first else ():
                 self._enter(getattr(module, self.constant))

@@ -56,7 +56,7 @@ def test_a_pipe_or_a_folder_is_one_sentence(
     for name in ("pipe", "folder"):
         said = refused(flexlab_command(*(word.format(name) for word in words)))
         assert f"{name}.{ending}" in said
-        assert "no ordinary file" in said or "it is a pipe" in said or "it is a folder" in said
+        assert "not an ordinary file" in said or "it is a pipe" in said or "it is a folder" in said
 
 
 def test_a_file_takes_the_place_of_no_pipe(flexlab_command: Command, pipe: Callable[[str], None], tmp_path: Path):

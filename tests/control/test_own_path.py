@@ -296,6 +296,6 @@ def test_a_file_may_hold_a_kernel_instead_and_none_is_a_sentence(tmp_path: Path)
     forget_path("spiral")
     with pytest.raises(ScenarioError, match="There is no file"):
         path_kind(tmp_path / "none.py")
-    with pytest.raises(ScenarioError, match="no path: give a name"):
+    with pytest.raises(ScenarioError, match="not a path: give a name"):
         path_kind(3)
     assert not any(kind.startswith("round") for kind in paths())

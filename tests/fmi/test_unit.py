@@ -482,7 +482,7 @@ def test_what_cannot_be_written_is_said(tmp_path: Path, given: dict[str, Any], s
 
 def test_a_missing_compiler_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("CC", "no-such-compiler")
-    with pytest.raises(StudyError, match="linked by a C compiler, and no-such-compiler is not there: install one"):
+    with pytest.raises(StudyError, match="linked by a C compiler, and no-such-compiler was not found: install one"):
         flexlab.export_fmu("paper", tmp_path / "none.fmu")
     assert list(tmp_path.iterdir()) == []
 

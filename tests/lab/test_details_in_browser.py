@@ -92,14 +92,14 @@ def test_a_payload_is_filled_by_its_slider(page: LabPage) -> None:
         2
     )  # So that nobody waits for machine code.
     page.enter("Duration of the change of mass T_μ (s)", "0.5")
-    page.enter("Mass afterwards over mass before (1: it stays) μ", "3")
+    page.enter("Final mass over initial mass (1: constant) μ", "3")
     wait_until(
         lambda: page.snapshot.scenario.payload.mass_change.factor == 3, "the payload is to weigh three times as much"
     )
     wait_until(lambda: page.snapshot.latest.own["payload_mass"][-1] == 3, "it is filled")
     page.wait_for_text("Start of the change of mass t_μ (s)")
     page.picture("filled")
-    page.enter("Mass afterwards over mass before (1: it stays) μ", "90")
+    page.enter("Final mass over initial mass (1: constant) μ", "90")
     page.wait_for_text("0.05 to 20")
     assert page.snapshot.scenario.payload.mass_change.factor == 3
     assert not page.errors

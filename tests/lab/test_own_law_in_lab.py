@@ -73,7 +73,7 @@ def big(file: Path) -> None:
 
 
 ODD_FILES = {
-    "no ordinary file": os.mkfifo,
+    "not an ordinary file": os.mkfifo,
     "is not an ordinary file": lambda file: file.symlink_to("/dev/zero"),
     "larger than 0.8 MB": big,
 }

@@ -153,7 +153,7 @@ def test_a_bent_and_moving_start_closes_the_loops():
 def test_a_link_without_mass_is_refused_by_name():
     scenario = Scenario().replace({"right_arm.link_mass": [8.0, 0.0, 4.0], "right_arm.link_inertia": [1.0, 0.1, 1.0]})
     with pytest.raises(
-        StudyError, match=r"^right link 2 has the mass 0 kg and the inertia 0\.1 kg·m²: MuJoCo wants both"
+        StudyError, match=r"^right link 2 has the mass 0 kg and the inertia 0\.1 kg·m²: MuJoCo requires both"
     ):
         mjcf_text(make_bodies(scenario), "test")
 

@@ -195,7 +195,7 @@ def test_a_lab_that_hangs_is_told_and_replaced_and_its_run_kept(
         told = wait_until(lambda: '"open": false' in anna.state(path) and anna.state(path), "its visitor is told")
         wait_until(lambda: place.exit_code is not None, "the hanging process is gone")
     sentence = json.loads(told)["sentence"]
-    assert "did not answer" in sentence
+    assert "stopped answering" in sentence
     assert "your run was kept" in sentence
     assert anna.enter("/lab/gravity") != path
     wait_until(lambda: run_state(run) == "recovered", "Anna's run is made whole")

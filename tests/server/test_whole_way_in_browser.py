@@ -46,6 +46,8 @@ def test_from_the_start_page_to_an_imported_run(
         wait_until(lambda: place.status().time > 2.0, "two seconds are recorded")
         live = place.status().recording
         assert live is not None
+        # On a busy machine the run would go on for minutes, in whose plots the short run beside it cannot be seen.
+        page.get_by_role("button", name="Pause", exact=True).click(timeout=MILLI * PATIENCE)
 
         page.locator("#server-bar").get_by_role("link", name="Runs").click()
         page.locator("#runs").get_by_role("link", name=f"{live.stem[:10]}").first.click()

@@ -44,6 +44,14 @@ def test_a_loop_without_rest_point_says_so_and_keeps_the_beams_modes():
     assert "Beam with its grips held" in text
 
 
+def test_modes_of_a_beam_that_feels_the_force_along_it_say_that_they_leave_it_out():
+    text = modes_html(modes(load_preset("squeeze-until-it-buckles")), pressed=True)
+    beam, poles = text.split("Poles of")
+    assert "Beam with its grips held, no axial force" in beam
+    assert "<td>5.01</td>" in beam
+    assert "<td>3.17</td>" in poles
+
+
 @pytest.mark.parametrize("change", [{"controller.control_period": 2e-3}, {"gravity": 5.0}])
 def test_the_study_follows_the_scenario(change: dict):
     now = 0.0

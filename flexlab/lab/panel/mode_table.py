@@ -55,7 +55,8 @@ class ModePanel:
         """Update the table."""
         self._study.ask(snapshot.scenario)
         result = self._study.result
-        self._table.content = modes_html(result) if result is not None else '<div class="fl">Computing …</div>'
+        pressed = snapshot.scenario.payload.axial_load != "none"
+        self._table.content = modes_html(result, pressed) if result is not None else '<div class="fl">Computing …</div>'
         if self._awaited and result is not None:
             self._awaited = False
             self._show_chosen()
@@ -130,12 +131,12 @@ class ModePanel:
         )
 
 
-def modes_html(result: Modes) -> str:
-    """The beam's modes, the closed loop's poles and its margins, as tables."""
-    return f'<div class="fl">{_beam_html(result)}{_poles_html(result)}{_margin_html(result.disk_margin)}</div>'
+def modes_html(result: Modes, pressed: bool = False) -> str:
+    """The beam's modes, the closed loop's poles and its margins, as tables; `pressed`: the beam feels the force along it."""
+    return f'<div class="fl">{_beam_html(result, pressed)}{_poles_html(result)}{_margin_html(result.disk_margin)}</div>'
 
 
-def _beam_html(result: Modes) -> str:
+def _beam_html(result: Modes, pressed: bool) -> str:
     rows = []
     for k in range(min(len(result.frequency), MOST_MODES)):
         sideways, turning = 100 * result.lateral_participation[k], 100 * result.angular_participation[k]
@@ -148,7 +149,8 @@ def _beam_html(result: Modes) -> str:
         ratio = number_text(100 * float(result.damping_ratio[k]), 2)
         rows.append((f"{k + 1}", f"{result.frequency[k]:.2f}", ratio, moved))
     table = table_html(rows, "mode", "f (Hz)", "ζ (%)", "excited by moving grips")
-    return f'<h2 class="fl-title">Beam with its grips held</h2>{table}'
+    title = "Beam with its grips held, no axial force" if pressed else "Beam with its grips held"
+    return f'<h2 class="fl-title">{title}</h2>{table}'
 
 
 def _poles_html(result: Modes) -> str:

@@ -75,7 +75,7 @@ class _Browser:
     counted_at: float = field(default_factory=time.monotonic)
     refused: int = 0
     uploads: dict[str, _Upload] = field(default_factory=dict)
-    """Those that are not complete."""
+    """Incomplete uploads, by transfer."""
 
     def wait_for_turn(self, cost: float) -> float:
         """Seconds that a message of this cost must wait."""

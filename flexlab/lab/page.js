@@ -174,7 +174,7 @@
     style.setProperty("--fl-picture-left", `${Math.round(box.left)}px`);
     style.setProperty("--fl-picture-below", `${Math.round(innerHeight - box.bottom + below * box.height)}px`);
     style.setProperty("--fl-picture-width", `${Math.round(box.width)}px`);
-    // A panel that opens pushes the plots to its very edge.
+    // Opening a panel would push the plots against its edge.
     const plots = document.querySelector("[data-floating-window]");
     if (plots) style.setProperty("--fl-window-shift", `${Math.round(Math.max(box.left + 8 - plots.offsetLeft, 0))}px`);
   }

@@ -17,9 +17,10 @@ JUMP = 9.0
 """Least power at a ring's beginning over the power before: three times the amplitude."""
 LOUD = 0.3
 """Least power at a ring's beginning over that of the loudest block."""
-FINER, HIGH = 8, 0.5
-"""Points per line of the spectrum that gives a ring's period, and least height of its first peak over the highest of the
-first few."""
+FINER = 8
+"""Points per line of the spectrum that gives a ring's period."""
+HIGH = 0.5
+"""Least height of a ring's first peak over the highest of the first few."""
 WHITE = 0.01
 """Significance level of the test for white noise."""
 LAGS = 20

@@ -41,7 +41,7 @@ def status_html(snapshot: Snapshot, view: ViewSettings, scales: Sequence[tuple[s
         ("simulation time t", f"{fixed_text(float(sample.time[0]), 3)} s"),
         ("speed, wanted / actual", f'<span class="fl-bad">too slow:</span> {speed}' if snapshot.too_slow else speed),
         (
-            f"first beam frequency f<sub>1</sub>, {_kind_of_f1(snapshot)}",
+            f"first beam frequency f<sub>1</sub>, {UNPRESSED if _feels_axial_force(snapshot) else HELD}",
             f"{fixed_text(snapshot.first_frequency, 2)} Hz",
         ),
         ("mid-span deflection", f"{fixed_text(bending, 3, signed=True)} mm"),
@@ -57,15 +57,15 @@ def status_html(snapshot: Snapshot, view: ViewSettings, scales: Sequence[tuple[s
     return f'<div class="fl"><h2 class="fl-title">{dot}{word}</h2><div class="fl-grid">{grid}</div>{kept}</div>'
 
 
-def _kind_of_f1(snapshot: Snapshot) -> str:
-    return HELD if snapshot.scenario.payload.axial_load == "none" else UNPRESSED
+def _feels_axial_force(snapshot: Snapshot) -> bool:
+    return snapshot.scenario.payload.axial_load != "none"
 
 
 def number_html(recent: Samples, snapshot: Snapshot) -> str:
     """The run's main numbers in large type, for a presentation; `recent`: the samples over which the vibration is taken."""
     shown = largest_vibration(recent, snapshot.events)
     first = f"f<sub>1</sub> = {fixed_text(snapshot.first_frequency, 1)} Hz"
-    kind = "" if _kind_of_f1(snapshot) == HELD else f"<span>{UNPRESSED}</span>"
+    kind = f"<span>{UNPRESSED}</span>" if _feels_axial_force(snapshot) else ""
     return f'<div class="fl fl-number"><span>largest vibration</span><b>{shown}</b><span>{first}</span>{kind}</div>'
 
 
@@ -190,12 +190,13 @@ def summary_text(snapshot: Snapshot, recent: Samples, sentences: Sequence[Explai
     """State, numbers and warnings of the run, and what the plots show; `recent` as in `number_html`."""
     scenario, sample = snapshot.scenario, snapshot.latest
     arms = f"{len(scenario.arms)} arms hold" if len(scenario.arms) > 1 else "One arm holds"
-    deflection, kind = fixed_text(1e3 * float(sample.midspan_deflection[0]), 3, signed=True), _kind_of_f1(snapshot)
+    deflection = fixed_text(1e3 * float(sample.midspan_deflection[0]), 3, signed=True)
+    kind = f", {UNPRESSED}" if _feels_axial_force(snapshot) else ""
     told = [
         f"{scenario.title or snapshot.name}: {arms} a flexible beam.",
         f"{_status(snapshot)[1]} at t = {fixed_text(float(sample.time[0]), 2)} s, speed {speed_text(snapshot.target_speed)}.",
         f"Mid-span deflection {deflection} mm, largest vibration {largest_vibration(recent, snapshot.events)}, "
-        f"first beam frequency {fixed_text(snapshot.first_frequency, 2)} Hz{'' if kind == HELD else f', {kind}'}.",
+        f"first beam frequency {fixed_text(snapshot.first_frequency, 2)} Hz{kind}.",
         *warnings(snapshot),
         *(f"{each.plot}: {each.sentence}" for each in sentences),
     ]

@@ -1,1 +1,1 @@
-"""Answers that do not come from flexlab: stored solutions, Pinocchio's arms, energies by quadrature."""
+"""Reference results that flexlab did not compute: stored solutions, Pinocchio's arms, energies by quadrature."""

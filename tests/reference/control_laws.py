@@ -1,4 +1,4 @@
-"""Every control law as its equation stands, in NumPy: u_i and the memory's rate from what it sees."""
+"""Every control law written in NumPy as its equation reads: it maps what it sees to u_i and the rate of its memory."""
 
 from collections.abc import Callable
 
@@ -24,7 +24,7 @@ def _weight(seen: Seen) -> np.ndarray:
 
 
 def _shared(seen: Seen, acceleration: np.ndarray, rate: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Each arm its own part, and its share of payload inertia, weight and a common force, (arms, 3)."""
+    """u_i, (arms, 3): the arm's own terms, and its share of the payload's inertia and weight and of `force`."""
     M, C, G = seen.sums()
     common = seen.A @ acceleration + _weight(seen) + force
     return M @ acceleration + C @ rate + G + seen.share[:, None] * common
@@ -72,7 +72,7 @@ def disturbance_observer(seen: Seen, memory: np.ndarray):
 
 
 def regressor(seen: Seen, r: np.ndarray, r_dot: np.ndarray) -> np.ndarray:
-    """Columns of Y by arm, (arms, 3, 2 + 3 arms): a link's own column goes to its arm, the payload's by the load share."""
+    """Y_i of each arm, (arms, 3, 2 + 3 arms): its share of the payload's columns, and the columns of its own links."""
     columns = np.zeros((len(seen.arms), 3, 2 + 3 * len(seen.arms)))
     for i, at in enumerate(seen.arms):
         columns[i, :, 0] = seen.share[i] * np.array([r_dot[0], r_dot[1] + seen.scenario.gravity, 0])
@@ -132,14 +132,14 @@ LAWS: dict[str, Law] = {
 
 
 def truth(seen: Seen) -> np.ndarray:
-    """What the regressor law estimates."""
+    """True values of what the regressor law estimates: the payload's mass and inertia, and the masses of all links."""
     payload = seen.scenario.payload
     m = payload.linear_density * payload.length
     return np.array([m, m * payload.length**2 / 12, *(mass for arm in seen.scenario.arms for mass in arm.link_mass)])
 
 
 def start(seen: Seen) -> np.ndarray:
-    """The memory with which a law begins."""
+    """Memory of a law at t = 0."""
     law = seen.scenario.controller
     if law.kind == "regressor-adaptive":
         return law.initial_estimate_factor * truth(seen)

@@ -1,7 +1,7 @@
-"""Arms, flexible payload and a control law in plain NumPy, integrated by SciPy: nodal coordinates, sums over mass points.
+"""Arms, flexible payload and a control law in plain NumPy, in nodal coordinates, integrated by SciPy.
 
-Inertia and Christoffel matrices are ∫ JᵀJ dm and ∫ JᵀJ̇ dm of the points' Jacobians; nothing of the engine is used but the
-scenario's numbers.
+The matrices of inertia and Christoffel symbols are ∫ JᵀJ dm and ∫ JᵀJ̇ dm, as sums over the Jacobians J of mass points. Of
+flexlab, only the scenario's numbers are used.
 """
 
 from collections.abc import Callable
@@ -20,24 +20,24 @@ def e(angle: float) -> np.ndarray:
 
 
 def normal(angle: float) -> np.ndarray:
-    """The unit vector's derivative."""
+    """Derivative of the unit vector with respect to the angle."""
     return np.array([-np.sin(angle), np.cos(angle)])
 
 
 class ArmAt(NamedTuple):
-    """One arm at a pose and rate; first axis of M, C, G: links, each with 1 kg and its own radius of gyration."""
+    """One arm at a pose and pose rate; M, C and G per kilogram of each link (first axis)."""
 
     M: np.ndarray
     C: np.ndarray
     G: np.ndarray
     R: np.ndarray
-    """ẋ → relative joint rates, (3, 3)."""
+    """Maps ẋ to the relative joint rates, (3, 3)."""
     angle: np.ndarray
     """Relative joint angles, (3,)."""
 
 
 def inverse_kinematics(scenario: Scenario, index: int, x: np.ndarray) -> np.ndarray:
-    """Absolute link angles (3,) of an arm at a pose."""
+    """Absolute angles (3,) of an arm's links at a pose."""
     arm, side = scenario.arms[index], (-1 if index == 0 else 1)
     l1, l2, l3 = arm.link_length
     wrist = x[:2] + side * (scenario.payload.length / 2 + l3) * e(x[2]) - arm.base
@@ -47,7 +47,7 @@ def inverse_kinematics(scenario: Scenario, index: int, x: np.ndarray) -> np.ndar
 
 
 def arm_at(scenario: Scenario, index: int, x: np.ndarray, v: np.ndarray) -> ArmAt:
-    """One arm's matrices over the pose."""
+    """Matrices of one arm in the coordinates of the pose."""
     arm, side = scenario.arms[index], (-1 if index == 0 else 1)
     l1, l2, l3 = arm.link_length
     reach, alpha = side * (scenario.payload.length / 2 + l3), inverse_kinematics(scenario, index, x)
@@ -64,7 +64,7 @@ def arm_at(scenario: Scenario, index: int, x: np.ndarray, v: np.ndarray) -> ArmA
     centers = np.array([[arm.link_center[0], 0, 0], [l1, arm.link_center[1], 0], [l1, l2, arm.link_center[2]]])
     gyration = np.array(arm.inertia) / np.array(arm.link_mass)
     turning, falling = normal(alpha) * centers[:, None], e(alpha) * rate * centers[:, None]
-    # Of each link's centre of mass, (link, axis, coordinate).
+    # Jacobian of each link's centre of mass, and its rate, (link, axis, coordinate).
     P, P_dot = turning @ J, turning @ J_dot - falling @ J
     spin = gyration[:, None, None] * J[:, :, None]
     M = P.transpose(0, 2, 1) @ P + spin * J[:, None, :]
@@ -75,7 +75,7 @@ def arm_at(scenario: Scenario, index: int, x: np.ndarray, v: np.ndarray) -> ArmA
 
 
 class Seen(NamedTuple):
-    """What a law works with."""
+    """What a control law can use."""
 
     scenario: Scenario
     arms: list[ArmAt]
@@ -89,10 +89,10 @@ class Seen(NamedTuple):
     beam_rate: np.ndarray
     """hᵀq̇, gᵀq̇."""
     coming: np.ndarray
-    """As `desired`, when the torques that are asked for now act."""
+    """`desired` at the time when the torques that are commanded now begin to act."""
 
     def sums(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """M̄_i, C̄_i, Ḡ_i with the arms' true masses, first axis: arm."""
+        """M̄_i, C̄_i, Ḡ_i of all arms (first axis) with their true masses."""
         masses = [np.array(arm.link_mass) for arm in self.scenario.arms]
         pairs = list(zip(masses, self.arms, strict=True))
         M = np.array([(mass @ at.M.reshape(3, 9)).reshape(3, 3) for mass, at in pairs])
@@ -101,11 +101,11 @@ class Seen(NamedTuple):
 
 
 Law = Callable[[Seen, np.ndarray], tuple[np.ndarray, np.ndarray]]
-"""u_i (arms, 3) and the memory's rate."""
+"""Maps what the law sees and its memory to u_i, (arms, 3), and the memory's rate."""
 
 
 class FlexibleSystem:
-    """A scenario (pinned-pinned or clamped-free, nodal damping, sine) and its law."""
+    """A scenario (pinned-pinned or clamped-free beam, nodal damping, sine path) with its law."""
 
     def __init__(self, scenario: Scenario, law: Law, start: Callable[[Seen], np.ndarray]):
         self.scenario, self.law, self.start = scenario, law, start
@@ -161,13 +161,13 @@ class FlexibleSystem:
         )
 
     def believed_inertia(self, theta: float) -> np.ndarray:
-        """`Seen.A` at an angle."""
+        """`Seen.A` at the payload angle `theta`."""
         c, s = e(theta)
         turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
         return turn @ self.A @ turn.T
 
     def inputs(self, seen: Seen, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The law's u_i and memory rate, with the wanted internal force."""
+        """u_i of the law plus the wanted internal force, and the memory's rate."""
         u, rate = self.law(seen, memory)
         if len(u) == 2:
             push = self.scenario.controller.wanted_internal_force * np.array([*e(seen.x[2]), 0])
@@ -207,12 +207,12 @@ class FlexibleSystem:
         return np.concatenate([state[3:6], a[:3], state[6 + n : 6 + 2 * n], a[3:], memory_rate])
 
     def begin(self) -> np.ndarray:
-        """State at t = 0: at rest on the path, the beam straight, memory as the law begins."""
+        """State at t = 0: at rest on the path, with a straight beam and the law's initial memory."""
         state = np.concatenate([self.desired(0.0)[0], np.zeros(3 + 2 * len(self.K))])
         return np.concatenate([state, self.start(self.see(0.0, state))])
 
     def run(self, duration: float) -> np.ndarray:
-        """The state at the end, under the continuous or the sampled law of the scenario."""
+        """State after `duration` s under the scenario's law, which is continuous or sampled."""
         law, state, options = self.scenario.controller, self.begin(), {"method": "DOP853", "rtol": 1e-10, "atol": 1e-13}
         if law.control_period is None:
             return solve_ivp(self.rates, (0, duration), state, args=(None,), **options).y[:, -1]

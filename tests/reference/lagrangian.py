@@ -1,15 +1,15 @@
-"""T - U of the whole system from positions of mass points alone: no mass matrix, no Jacobian, no Christoffel symbol."""
+"""T - U of the whole system from the positions of mass points alone: no mass matrix, Jacobian or Christoffel symbol."""
 
 import numpy as np
 
 from flexlab.scenario import Scenario
 
 STEP = 1e-30
-"""Complex step: velocities are exact derivatives of positions."""
+"""Complex step, with which velocities are exact derivatives of the positions."""
 
 
 def hermite(payload, s):
-    """Cubic Hermite rows N(s) and N''(s) over all 2 (n + 1) nodal coordinates, (len(s), 2 (n + 1)) each."""
+    """Rows of cubic Hermite functions N(s) and N''(s) for all 2 (n + 1) nodal coordinates, (len(s), 2 (n + 1)) each."""
     n = payload.element_count
     l = payload.length / n  # noqa: E741
     place = (s + payload.length / 2) / l
@@ -40,19 +40,19 @@ class Lagrangian:
         self.N, self.N2 = np.delete(N, held, axis=1), np.delete(N2, held, axis=1)
 
     def beam_points(self, p):
-        """(2, points): where the beam's mass is."""
+        """Positions of the beam's mass points, m, (2, points)."""
         c, s, w = np.cos(p[2]), np.sin(p[2]), self.N @ p[3:]
         return np.array([p[0] + self.s * c - w * s, p[1] + self.s * s + w * c])
 
     def links(self, p, index):
-        """Centres of mass (2, 3) and absolute angles (3,) of an arm's links."""
+        """Centres of mass of an arm's links, m, (2, 3), and the unit vectors along the links."""
         arm, side = self.scenario.arms[index], (-1 if index == 0 else 1)
         l1, l2, l3 = arm.link_length
         reach = side * (self.scenario.payload.length / 2 + l3)
         wrist = np.array([p[0] + reach * np.cos(p[2]) - arm.base[0], p[1] + reach * np.sin(p[2]) - arm.base[1]])
         cos_bend = (wrist @ wrist - l1**2 - l2**2) / (2 * l1 * l2)
         sin_bend = arm.elbow * np.sqrt(1 - cos_bend**2)
-        # Unit vectors as complex numbers would hide the complex step: two real components instead.
+        # Unit vectors have two components here: as complex numbers they would mix with the complex step.
         along, across = l1 + l2 * cos_bend, l2 * sin_bend
         square = wrist @ wrist
         u1 = np.array([along * wrist[0] + across * wrist[1], along * wrist[1] - across * wrist[0]]) / square
@@ -67,7 +67,7 @@ class Lagrangian:
         return self.kinetic(p, p_rate) - self.potential(p)
 
     def kinetic(self, p, p_rate):
-        """½∫|Ṙ|² dm of everything, J."""
+        """½∫|Ṙ|² dm of arms and beam, J."""
         moved = p + 1j * STEP * p_rate
         velocity = self.beam_points(moved).imag / STEP
         total = 0.5 * np.sum(self.mass * velocity**2)
@@ -80,7 +80,7 @@ class Lagrangian:
         return total
 
     def potential(self, p):
-        """½∫EI w''² ds and weights, J."""
+        """½∫EI w''² ds of the beam and the potential energy of all weights, J."""
         payload, g = self.scenario.payload, self.scenario.gravity
         curvature = self.N2 @ p[3:]
         total = 0.5 * payload.bending_stiffness / payload.linear_density * np.sum(self.mass * curvature**2)
@@ -91,7 +91,7 @@ class Lagrangian:
 
 
 def gradient(function, at, step):
-    """Central differences of order 4, (len(at),)."""
+    """Gradient by central differences of order 4, (len(at),)."""
     result = np.zeros(len(at))
     for k in range(len(at)):
         d = np.zeros(len(at))

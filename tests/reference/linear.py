@@ -1,4 +1,4 @@
-"""The plant linearised about rest from `reference.lagrangian`: energies of mass points, differentiated twice."""
+"""The plant linearised about rest: second derivatives of the energies in `reference.lagrangian`."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from flexlab.scenario import Scenario
 from reference.lagrangian import Lagrangian
 
 NEAR = 2e-3
-"""Step of the second differences, m and rad: fourth order, so that 1e-9 is lost."""
+"""Step of the second differences, m and rad; as these are of fourth order, they lose only about 1e-9."""
 
 
 def hessian(function, at, step):
@@ -29,7 +29,7 @@ def hessian(function, at, step):
 
 
 def open_loop_matrices(scenario: Scenario, p: np.ndarray) -> tuple[np.ndarray, ...]:
-    """M, C, K of (x, q) without motors, and the second derivatives of the arms' weight by the pose (3, 3)."""
+    """M, C, K for (x, q) without motors, and the second derivatives of the arms' potential energy by the pose, (3, 3)."""
     payload = scenario.payload
     free = free_coordinates(payload.element_count, payload.boundary)
     held = np.setdiff1d(np.arange(2 * payload.element_count + 2), free).tolist()

@@ -1,4 +1,4 @@
-"""The sampled laws with a Kalman observer, composite and lqr, in NumPy and SciPy on the plant of `flexible_system`."""
+"""The sampled laws with a Kalman observer (composite and lqr) in NumPy and SciPy, on the plant of `flexible_system`."""
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -10,7 +10,7 @@ from reference.flexible_system import FlexibleSystem, Seen, e
 from reference.lagrangian import hermite
 
 POSE_NOISE, RATE_NOISE, STRAIN_NOISE = 1e-6, 1e-4, 1e-7
-"""What the filter reckons with where the scenario has less."""
+"""Sensor noise that the Kalman filter assumes where the scenario has less."""
 
 
 def held(A: np.ndarray, B: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:
@@ -21,7 +21,7 @@ def held(A: np.ndarray, B: np.ndarray, time: float) -> tuple[np.ndarray, np.ndar
 
 
 class ObservedSystem(FlexibleSystem):
-    """A scenario with an observer; the slow law of a composite one is `reference.control_laws`' own."""
+    """A scenario with an observer; the slow law of a composite law comes from `reference.control_laws`."""
 
     def __init__(self, scenario: Scenario):
         law = scenario.controller
@@ -77,13 +77,13 @@ class ObservedSystem(FlexibleSystem):
         return scenario.replace({"controller": {**shared, **dict(law.slow)}})
 
     def net(self, seen: Seen, torque: np.ndarray | None, u: np.ndarray | None = None) -> np.ndarray:
-        """Force on the pose beyond velocity terms and weight."""
+        """Generalized force on the pose after subtracting velocity terms and weight."""
         inputs = u if torque is None else [at.R.T @ each for at, each in zip(seen.arms, torque, strict=True)]
         _, C, G = seen.sums()
         return np.sum(np.array(inputs), axis=0) - C.sum(0) @ seen.v - G.sum(0) - [0, seen.m * self.scenario.gravity, 0]
 
     def ahead(self, z: np.ndarray, seen: Seen, forces: list[np.ndarray], parts: list[float]) -> np.ndarray:
-        """z moved on by forces, each for its part of a period."""
+        """The estimate z after forces that act one after the other, each for its part of a period."""
         weight = self.by_weight * self.scenario.gravity * e(seen.x[2])[0]
         for force, part in zip(forces, parts, strict=True):
             over, by = held(self.dynamics, np.column_stack([self.B, weight]), part * self.period)
@@ -103,7 +103,7 @@ class ObservedSystem(FlexibleSystem):
             u = M @ a_d + C @ v_d + G + seen.share[:, None] * (seen.A @ a_d + weight)
         else:
             u, rate = self.law(seen._replace(scenario=self.own), memory)
-        # Torques under way, then what is asked for now: of a regulator the feedforward.
+        # First the torques still in the delay line, then those commanded now; of a regulator only the feedforward.
         forces += [self.net(seen, None, u)] * len(parts)
         z = self.ahead(z, seen, forces[: len(parts)], parts)
         if regulates:
@@ -115,7 +115,7 @@ class ObservedSystem(FlexibleSystem):
         return u + seen.share[:, None] * (M.sum(0) @ push), rate
 
     def run(self, duration: float) -> np.ndarray:
-        """The state at the end."""
+        """State after `duration` s."""
         state, n, idle = self.begin(), len(self.K), np.zeros((len(self.scenario.arms), 3))
         line, torque, z = [idle] * self.delay, idle, None
         for k in range(round(duration / self.period)):

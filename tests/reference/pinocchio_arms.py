@@ -1,4 +1,4 @@
-"""An arm in Pinocchio: mass matrix, Coriolis matrix, weight and grip Jacobian in relative joint angles."""
+"""Arms in Pinocchio: mass matrix, Coriolis matrix, weight and grip Jacobian in relative joint angles."""
 
 import numpy as np
 import pinocchio as pin
@@ -6,7 +6,7 @@ import pinocchio as pin
 from flexlab.scenario import Arm
 
 PLANE = [0, 1, 5]
-"""vx, vy, ωz of a six-dimensional velocity."""
+"""Indices of vx, vy, ωz in a six-dimensional velocity."""
 
 
 class PinocchioArm:
@@ -28,7 +28,7 @@ class PinocchioArm:
         self.data = self.model.createData()
 
     def angles(self, pose: np.ndarray) -> np.ndarray:
-        """Relative joint angles (3,) for a pose (3,): triangle base-elbow-wrist, elbow side as in the scenario."""
+        """Relative joint angles (3,) at a pose (3,), from the triangle base-elbow-wrist with the scenario's elbow side."""
         l1, l2, l3 = self.arm.link_length
         last = pose[2] + (np.pi if self.side > 0 else 0.0)
         grip = pose[:2] + self.side * self.payload_length / 2 * np.array([np.cos(pose[2]), np.sin(pose[2])])
@@ -38,7 +38,7 @@ class PinocchioArm:
         return np.array([first, bend, last - first - bend])
 
     def in_task_space(self, pose: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, ...]:
-        """M̄ (3, 3), C̄ (3, 3), Ḡ (3,), 𝒥 (3, 3), by Eqs. (12), (13)."""
+        """M̄ (3, 3), C̄ (3, 3), Ḡ (3,) and 𝒥 (3, 3) by Eqs. (12), (13)."""
         angles, rotation = self.angles(pose), np.array([-np.sin(pose[2]), np.cos(pose[2])])
         arm_at = self.side * self.payload_length / 2
         J_x, J_x_rate = np.eye(3), np.zeros((3, 3))

@@ -1,4 +1,4 @@
-"""Two arms and a rigid bar under the paper's law without gravity, in Pinocchio's joint terms, integrated by SciPy.
+"""Two arms and a rigid bar under the paper's law, without gravity: arms from Pinocchio, integrated by SciPy.
 
 The bar has mass ρL and inertia ρL³/12; the law keeps the flexible beam's hᵀM_q⁻¹h terms, as Eq. (25) says.
 """
@@ -13,7 +13,7 @@ from reference.pinocchio_arms import pinocchio_arms
 
 
 class RigidRun(NamedTuple):
-    """Rows: instants asked for."""
+    """One row per requested instant."""
 
     pose: np.ndarray
     pose_rate: np.ndarray
@@ -59,7 +59,7 @@ class RigidSystem:
         return np.concatenate([v, acceleration, norm * np.array([1, size, speed2]) / np.array(law.adaptation)])
 
     def run(self, times: np.ndarray) -> RigidRun:
-        """From rest on the trajectory."""
+        """Run from rest on the trajectory; the solver restarts where s enters the boundary layer."""
         start = np.concatenate([self.desired(0.0)[0], np.zeros(6)])
 
         def edge(t, state):

@@ -1,4 +1,4 @@
-"""Stored solutions of an independent solver: full finite-element coordinates, joint-space arms, tolerance 1e-11.
+"""Stored solutions of an independent solver with all finite-element coordinates, arms in joint space, tolerance 1e-11.
 
 `paper.json` is the paper's run at nine instants; `cases.json` holds other scenarios at five instants each.
 """
@@ -14,17 +14,17 @@ from flexlab.sim.samples import Samples
 
 _FOLDER = Path(__file__).parent
 SAMPLE_PERIOD = 0.001
-"""s: every stored instant is a multiple of it."""
+"""s; every stored instant is a multiple of it."""
 
 
 class Solution(NamedTuple):
-    """One scenario and what its signals are at a few instants."""
+    """One scenario and its signals at a few instants."""
 
     name: str
     scenario: Scenario
     time: np.ndarray
     signals: dict[str, np.ndarray]
-    """By their names in `Samples`; first axis: instants."""
+    """Signals by their names in `Samples`; first axis: instants."""
 
     @property
     def rows(self) -> np.ndarray:
@@ -32,7 +32,7 @@ class Solution(NamedTuple):
         return np.rint(self.time / SAMPLE_PERIOD).astype(int)
 
     def difference(self, run: Samples, signal: str) -> float:
-        """Largest difference between a run and this solution; angles modulo a turn."""
+        """Largest difference of a signal between a run and this solution; angles are compared modulo a turn."""
         given, expected = getattr(run, signal)[self.rows], self.signals[signal]
         difference = given - expected
         if signal == "joint_angle":

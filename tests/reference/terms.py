@@ -1,4 +1,4 @@
-"""The engine's own M̄_i, C̄_i, Ḡ_i, 𝒥_i at any pose and rate, and random scenarios to ask for them."""
+"""The engine's own M̄_i, C̄_i, Ḡ_i, 𝒥_i at any pose and rate, and random scenarios and states to test them."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from flexlab.sim.termination import pose_fault
 
 
 def plant_of(scenario: Scenario) -> Plant:
-    """The plant's constants."""
+    """Constants of the scenario's plant."""
     return build_plant(scenario, build_beam(scenario.payload))
 
 
@@ -27,7 +27,7 @@ def arm_terms(plant: Plant, pose: np.ndarray, rate: np.ndarray) -> ArmTerms:
 
 
 def random_scenario(seed: int, **changes) -> Scenario:
-    """Two different arms with random data, gravity on; both reach (0, 0.8, 0) and its neighbourhood."""
+    """A scenario with gravity and two different arms with random data, both of which reach the poses near (0, 0.8, 0)."""
     rng = np.random.default_rng(seed)
 
     def arm(side: int) -> dict:
@@ -46,7 +46,7 @@ def random_scenario(seed: int, **changes) -> Scenario:
 
 
 def random_state(scenario: Scenario, rng: np.random.Generator, beam: float = 0.05) -> tuple[np.ndarray, ...]:
-    """Pose, pose rate, q and q̇ of a random state that all arms can take."""
+    """Pose, pose rate, q and q̇ of a random state that all arms can reach."""
     n = scenario.payload.coordinate_count
     while True:
         pose = np.array([0.0, 0.8, 0.0]) + rng.uniform(-1, 1, 3) * [0.2, 0.2, 0.5]

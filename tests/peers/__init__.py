@@ -1,6 +1,6 @@
-"""Other engines on the paper's system, for `flexlab bench --peers`: checked for the same motion, then timed.
+"""Other engines on the paper's system, for `flexlab bench --peers`: each is checked for the same motion, then timed.
 
-They need `pip install --editable ".[peers]"` in a checkout: flexlab itself does not include them.
+They need `pip install --editable ".[peers]"` in a checkout, because flexlab itself does not include them.
 """
 
 from peers.beam_comparison import compare_beams

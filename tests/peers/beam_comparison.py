@@ -1,7 +1,7 @@
-"""The beam with axial load, compared with a geometrically exact one: the same to first order in the deflection.
+"""The beam with axial load compared with a geometrically exact one, with which it agrees to first order in the deflection.
 
-Two presets run with smaller and smaller deflections: what the theory leaves out is of second order, so the difference, as a
-share of the deflection, falls with the deflection.
+Two presets run with smaller and smaller deflections. What the theory leaves out is of second order, so the difference
+divided by the deflection falls with the deflection.
 """
 
 from contextlib import redirect_stdout
@@ -19,14 +19,14 @@ from flexlab.sim.samples import Run
 from flexlab.sim.simulate import simulate
 
 ELEMENTS = 8
-"""Of the lab's beam."""
+"""Number of elements of the lab's beam."""
 SQUEEZED_FOR, SPUN_FOR, SPIN_UP_ENDS = 1.0, 3.5, 4.0
-"""Duration of the squeeze, of the spin-up at the preset's pace, and of the part of its path that is needed, s."""
+"""Durations of the squeeze, of the spin-up at the preset's pace, and of the part of its path that is needed, s."""
 SMALLER, SLOWER = (1, 2, 4), (1, 1.5, 2)
-"""Divisors of the squeezed beam's deflection; a spin-up takes that many times as long, and its end lags that much less. In
-slower ones a ring of 0.03 mm, not explained yet, hides the difference."""
+"""Divisors of the squeezed beam's deflection, and factors by which the spin-up takes longer, so that the free end lags less. In
+slower ones a vibration of 0.03 mm, not explained yet, hides the difference."""
 ALIKE = {"payload.element_count": ELEMENTS, "payload.damping": {"kind": "stiffness", "coefficient": 2e-3}}
-"""A mesh fine enough not to matter, and damping in proportion to the stiffness, which both engines have."""
+"""A mesh so fine that it does not matter, and damping proportional to the stiffness, which both engines offer."""
 
 
 @dataclass(frozen=True)
@@ -42,20 +42,20 @@ class BeamRow:
 
 @dataclass(frozen=True)
 class BeamComparison:
-    """Both presets, with smaller and smaller deflections."""
+    """Results of both presets, with smaller and smaller deflections."""
 
     rows: list[BeamRow]
     missing: str | None
-    """Why there are no rows: Exudyn is not installed, or failed."""
+    """Why there are no rows (Exudyn is not installed, or failed); None if there are."""
 
 
 def compare_beams() -> BeamComparison:
-    """Compare both presets, from their own deflection down."""
+    """Compare both beams in both presets, first with the preset's own deflection, then with smaller ones."""
     if find_spec("exudyn") is None:
         return BeamComparison([], "not installed: pip install 'flexlab[peers]'")
     try:
         rows = [squeezed(part, SQUEEZED_FOR) for part in SMALLER] + [spun(part) for part in SLOWER]
-    except Exception as error:  # whatever another engine may raise: the rest of the benchmark goes on
+    except Exception as error:  # Another engine may raise anything; the benchmark goes on.
         return BeamComparison([], f"failed: {(str(error).strip() or type(error).__name__).splitlines()[0]}")
     return BeamComparison(rows, None)
 
@@ -72,13 +72,13 @@ def squeezed(part: float, duration: float, elements: int = 16, step: float = 5e-
 
 
 def spun(part: float, duration: float = SPUN_FOR, elements: int = 8, step: float = 1e-3) -> BeamRow:
-    """The spin-up to the same spin, `part` times as slow: the free end lags that much less."""
+    """The spin-up to the same final speed, `part` times as slow, so that the free end lags less."""
     run = simulate(_slower(load_preset("spin-up"), part), duration * part, 0.001)
     return _row("spin-up", run, run.beam_coordinates[:, -2], elements, step)
 
 
 def _slower(preset: Scenario, part: float) -> Scenario:
-    """The preset with a path that turns `part` times as far in `part` times the time, about the same place."""
+    """The preset with a path about the same place that turns `part` times as far in `part` times the time."""
     rows = np.array(preset.trajectory.rows)
     rows, half = rows[rows[:, 0] <= SPIN_UP_ENDS + 1e-9], preset.payload.length / 2
     grip = rows[0, 1:3] - [half, 0.0]

@@ -1,11 +1,11 @@
 """The paper's system as rigid bodies, springs and dampers, which any multibody engine can simulate.
 
 Both last links keep the angle of the virtual link, so the three are one body, here called the carrier; each arm then has
-two links of its own, hinged to ground, to each other and to the carrier. A mode k of the pinned beam acts on the carrier
-by Vᵀh and Vᵀg alone: a symmetric mode (g_k = 0) is exactly a mass h_k² that slides across the carrier by η/h_k, an
-antisymmetric one (h_k = 0) a rotor of inertia g_k² that turns by η/g_k; the rest of the payload's m and I belongs to
-the carrier. Only the antisymmetric modes' part of ηᵀη in A_θθ is missing, 1e-9 of the payload's inertia here.
-That is the smallest model with this motion: a chain of segments (`mujoco_chain`) needs more unknowns and smaller steps.
+two links of its own, hinged to ground, to each other and to the carrier. Mode k of the pinned beam acts on the carrier
+only through Vᵀh and Vᵀg: a symmetric mode (g_k = 0) is exactly a mass h_k² that slides across the carrier by η/h_k, an
+antisymmetric one (h_k = 0) a rotor of inertia g_k² that turns by η/g_k. The rest of the payload's m and I belongs to
+the carrier. Only the antisymmetric modes' part of ηᵀη in A_θθ is missing, 1e-9 of the payload's inertia here. This is
+the smallest model with this motion: a chain of segments (`simulate_chain`) needs more unknowns and smaller steps.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from flexlab.scenario.damping import NodalDamping
 from flexlab.sim.build import build_beam
 
 COUPLED = 1e-9
-"""Loads below this share of the largest are rounding errors: the mode has the other symmetry."""
+"""Where h_k is below this share of the largest, it is a rounding error, and mode k is antisymmetric."""
 
 
 @dataclass(frozen=True)
@@ -32,14 +32,14 @@ class Body:
     mass: float
     """kg."""
     inertia: float
-    """About its centre of mass, kg·m²."""
+    """Moment of inertia about the centre of mass, kg·m²."""
     center: float
-    """Centre of mass along the body from its first joint, m."""
+    """Distance of the centre of mass from the first joint, along the body, m."""
 
 
 @dataclass(frozen=True)
 class ModeBody:
-    """A beam mode: slides across the carrier's middle (symmetric) or turns about it."""
+    """A beam mode as a body that slides across the carrier's middle (symmetric mode) or turns about it (antisymmetric)."""
 
     slides: bool
     inertia: float
@@ -52,7 +52,7 @@ class ModeBody:
 
 @dataclass(frozen=True)
 class Bodies:
-    """The system of a pinned-pinned scenario with two equal arms."""
+    """All bodies of a pinned-pinned scenario with two equal arms."""
 
     links: tuple[Body, Body]
     """First and second link of each arm."""
@@ -61,9 +61,9 @@ class Bodies:
     carrier: Body
     """The carrier, from the left wrist to the right one."""
     middle: float
-    """From either wrist to the payload's origin, m."""
+    """Distance of either wrist from the payload's origin, m."""
     modes: tuple[ModeBody, ...]
-    """Sliding ones first."""
+    """The modes, sliding ones first."""
     shape: np.ndarray
     """Nodal beam coordinates per unit of each mode body's coordinate, (n_q, modes)."""
     midspan: np.ndarray
@@ -100,7 +100,7 @@ def make_bodies(scenario: Scenario) -> Bodies:
             for k, s in zip(order, scale, strict=True)
         ),
         shape=shape,
-        # With an even number of elements the deflection of the middle node is a coordinate: the row after the left half.
+        # An even number of elements has a node at mid-span, whose deflection is the first row after the left half.
         midspan=shape[2 * (scenario.payload.element_count // 2) - 1],
         nodal_damping=damping.coefficient,
         bases=tuple(each.base for each in scenario.arms),
@@ -113,7 +113,7 @@ def _link(scenario: Scenario, number: int) -> Body:
 
 
 def _carrier(scenario: Scenario, middle: float, h: np.ndarray, g: np.ndarray) -> Body:
-    """Both last links, and the part of the payload that no mode moves."""
+    """Both last links with the part of the payload that no mode moves."""
     payload, links = scenario.payload, bare_carrier(scenario)
     m, inertia = payload.linear_density * payload.length, payload.linear_density * payload.length**3 / 12
     return Body(m - float(h @ h) + links.mass, inertia - float(g @ g) + links.inertia, middle)
@@ -134,12 +134,12 @@ class Motion:
     deflection: np.ndarray
     """w(0, t), m, (N,)."""
     cpu: float
-    """Processor time of the simulation, s; set-up and compiling not counted."""
+    """Processor time of the simulation without set-up and compiling, s."""
 
 
 @compiled
 def joint_torque_law(system, t, x, v, memory, ws, tau):
-    """Fill the joint torques tau (arms, 3), N·m, and the memory's rates (ws.memory_rate) at pose x and rate v (3,).
+    """Fill joint torques tau (arms, 3), N·m, and memory rates ws.memory_rate at pose x (3,) and pose rate v (3,).
 
     Returns a fault code of `physics.arm`.
     """
@@ -151,7 +151,7 @@ def joint_torque_law(system, t, x, v, memory, ws, tau):
     for i in range(len(plant.arms)):
         arm_velocity_terms(plant.arms[i], c, s, v[0], v[1], v[2], ws.arm.J[i], ws.arm.direction[i], ws.arm.C[i])
     desired_motion(system.trajectory, t, ws.desired)
-    # The other engines keep the laws' memory but not their signals: these are an empty vector.
+    # The other engines keep the law's memory but not its signals, for which they pass an empty vector.
     control_law(
         system.control,
         plant.gravity,

@@ -1,12 +1,12 @@
-"""The environment's setting compared with MuJoCo's chain of segments: what the same pose error costs.
+"""What the same pose error costs with the environment's setting and with MuJoCo's chain of segments.
 
-All are compared with the engine on a fine mesh with a short step. Two things differ from the other comparison, so that
-only the beam's discretisation and the step matter: damping is proportional to the stiffness, which does not depend on the
-mesh, and the law is a PD law of the joints, as the paper's law uses the inertia of the mesh's own modes. It acts at 1 kHz
-with held torques, as in the environment.
+The reference is the engine on a fine mesh with a short step. Two things differ from `peer_comparison`, so that only the
+beam's discretisation and the step matter: damping is proportional to the stiffness, which does not depend on the mesh, and
+the law is a PD law of the joints, because the paper's law uses the inertia of the mesh's own modes. It acts at 1 kHz with
+held torques, as in the environment.
 
-With more segments the chain's pose error falls only to a limit: rods keep their length, so that a bent chain is shorter,
-which the model leaves out. That part goes with the square of the amplitude and is no error of the chain.
+With more segments the chain's pose error falls only to a limit: rods keep their length, so a bent chain is shorter, which
+the model leaves out. This part grows with the square of the amplitude and is no error of the chain.
 """
 
 import time
@@ -26,7 +26,7 @@ CONTROL_PERIOD = 1e-3
 """s."""
 
 BETA = 2e-4
-"""s: gives the first mode the damping ratio of the paper's beam, 0.028."""
+"""s; gives the first mode the damping ratio of the paper's beam, 0.028."""
 
 OWN_STEP, REFERENCE_STEP = 1e-3, 5e-5
 """s. The first is the environment's own, chosen for its accuracy."""
@@ -35,25 +35,25 @@ OWN_MESHES, REFERENCE_MESH = (2, 4, 8), 32
 """Numbers of elements; the first is the environment's."""
 
 DURATION = 0.1
-"""s: the start's jerk, where errors are largest."""
+"""s; contains the jerk at the start, where errors are largest."""
 
 OWN_TICKS = 500
 """Control periods over which the engine's cost is measured: a run of `DURATION` is over in half a millisecond."""
 
 REPEATS = 3
-"""Number of timings of each; the shortest counts."""
+"""Number of timings of each row; the shortest counts."""
 
 CHAINS = (
     (2, "RK4", 1), (4, "RK4", 1), (6, "RK4", 3), (8, "RK4", 10), (16, "RK4", 200),
     (4, "implicitfast", 5), (8, "implicitfast", 50), (16, "implicitfast", 50), (32, "implicitfast", 50),
 )  # fmt: skip
-"""Segments, integrator, steps per control period: RK4's steps are about the longest stable ones, as its damping is explicit;
-the other is of first order, so that its step decides its error."""
+"""Segments, integrator, steps per control period. RK4's steps are about the longest stable ones, as its damping is explicit;
+implicitfast is of first order, so that its step determines its error."""
 
 
 @dataclass(frozen=True)
 class ChainRow:
-    """One way to discretise the beam, with a step."""
+    """One discretisation of the beam with one step."""
 
     engine: str
     parts: int
@@ -76,12 +76,12 @@ class ChainRow:
 
 @dataclass(frozen=True)
 class ChainComparison:
-    """The engine's meshes, that of the environment first, and the chains."""
+    """Results of the engine's meshes, the environment's first, and of the chains."""
 
     own: list[ChainRow]
     chains: list[ChainRow]
     missing: str | None
-    """Why there are no chains."""
+    """Why there are no chains; None if there are."""
 
     @property
     def equal(self) -> ChainRow | None:
@@ -120,7 +120,7 @@ def compare_chains() -> ChainComparison:
 
 
 def chain_scenario(elements: int, step: float) -> Scenario:
-    """The paper's system and path with a law and a damping that do not depend on the mesh."""
+    """The paper's system and path with a law and damping that do not depend on the mesh."""
     changes = {
         "controller.control_period": CONTROL_PERIOD,
         "payload.element_count": elements,
@@ -132,7 +132,7 @@ def chain_scenario(elements: int, step: float) -> Scenario:
 
 
 def motion_errors(motion: Motion, exact: Samples) -> tuple[float, float]:
-    """Largest differences of the pose (m or rad) and of the mid-span deflection (m) from the motion from t = 0 on."""
+    """Largest differences of pose (m or rad) and mid-span deflection (m) from `exact`, whose first sample is at t = 0."""
     pose = float(np.max(np.abs(motion.pose - exact.pose[1:])))
     return pose, float(np.max(np.abs(motion.deflection - exact.midspan_deflection[1:])))
 

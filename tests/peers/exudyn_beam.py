@@ -1,6 +1,6 @@
-"""A run's beam as a geometrically exact one in Exudyn: any rotation, exact curvature, exact stretch.
+"""The beam of a run as a geometrically exact one in Exudyn, with any rotation and with exact curvature and stretch.
 
-Its left grip moves as in the run, and its right one is guided and pressed as in the run, so that arms and law are the same by
+The left grip moves as in the run, and the right one is guided and pressed as in the run. So arms and law are the same by
 construction, and only the beams differ. Exudyn's cable element bends without shear, like the lab's beam (Gerstmayr and
 Irschik, J. Sound Vib. 318 (2008) 461-487).
 """
@@ -15,7 +15,7 @@ from flexlab.physics.beam import shape_row
 from flexlab.sim.samples import Run
 
 STRETCH = 1e6
-"""EA, N: the forces here stretch the beam by less than 1e-4 of its length."""
+"""Axial stiffness EA, N: the forces here stretch the beam by less than 1e-4 of its length."""
 
 RELATIVE, ABSOLUTE = 1e-8, 1e-7
 """Tolerances of Newton's method."""
@@ -24,7 +24,7 @@ SPECTRAL_RADIUS = 0.9
 """Spectral radius of generalized-alpha, Exudyn's default."""
 
 POINTS = 2001
-"""Along the bent beam at the start, for its shape."""
+"""Number of points at which the beam's initial shape is computed."""
 
 
 def exact_deflection(run: Run, elements: int, step: float) -> np.ndarray:
@@ -32,8 +32,8 @@ def exact_deflection(run: Run, elements: int, step: float) -> np.ndarray:
 
     `elements` must be even, and `step`, s, divide the time between two instants.
 
-    The run's beam must begin at rest, with damping in proportion to its stiffness. With two arms, the link moves only across
-    itself, so that N is the same everywhere.
+    The run's beam must begin at rest and have damping proportional to its stiffness. With two arms, the virtual link must move
+    only across itself, so that the axial force is the same everywhere.
     """
     sys.exudynFast = True  # type: ignore[attr-defined]  # Exudyn's own switch for the build without range checks
     import exudyn  # type: ignore[import-not-found]  # An extra.
@@ -74,7 +74,7 @@ def _is_free(run: Run) -> bool:
 
 
 def _direction(run: Run) -> np.ndarray:
-    """e₁ with its rate and acceleration, (3, N, 2)."""
+    """Unit vector e₁ along the link with its rate and acceleration, (3, N, 2)."""
     angle, rate, acceleration = run.pose[:, 2], run.pose_rate[:, 2, None], run.pose_acceleration[:, 2, None]
     e1, e2 = np.stack([np.cos(angle), np.sin(angle)], axis=1), np.stack([-np.sin(angle), np.cos(angle)], axis=1)
     return np.stack([e1, rate * e2, acceleration * e2 - rate * rate * e1])
@@ -87,7 +87,7 @@ def _left_grip(run: Run) -> np.ndarray:
 
 
 def _guided(run: Run) -> dict[tuple[int, int], np.ndarray]:
-    """Node and coordinate → value, rate and acceleration of what the arms prescribe, (N, 3)."""
+    """Map node and coordinate to the value, rate and acceleration that the arms prescribe, (N, 3)."""
     left, along = _left_grip(run), _direction(run)
     found = {(0, 0): left[:, :, 0], (0, 1): left[:, :, 1]}
     if _is_free(run):
@@ -98,7 +98,7 @@ def _guided(run: Run) -> dict[tuple[int, int], np.ndarray]:
 
 
 def _add_beam(mbs: Any, items: Any, run: Run, elements: int) -> list[Any]:
-    """Nodes of the beam from left to right: x, y and the slope r′; as long as the run's beam, and bent as it is at its start."""
+    """Add a beam as long as the run's and bent like it at the start; return its nodes (x, y, slope r′) from left to right."""
     payload, left, along = run.scenario.payload, _left_grip(run)[0, 0], _direction(run)[0, 0]
     across = np.array([-along[1], along[0]])
     s = np.linspace(-payload.length / 2, payload.length / 2, POINTS)
@@ -134,7 +134,7 @@ def _add_beam(mbs: Any, items: Any, run: Run, elements: int) -> list[Any]:
 
 
 def _guide(mbs: Any, items: Any, origin: Any, node: Any, coordinate: int, way: BPoly) -> None:
-    """Prescribe a node's coordinate."""
+    """Prescribe a coordinate of a node."""
     rate, reference = way.derivative(), mbs.GetNode(node)["referenceCoordinates"][coordinate]
     marker = mbs.AddMarker(items.MarkerNodeCoordinate(nodeNumber=node, coordinate=coordinate))
     mbs.AddObject(
@@ -147,7 +147,7 @@ def _guide(mbs: Any, items: Any, origin: Any, node: Any, coordinate: int, way: B
 
 
 def _settings(exudyn: Any, run: Run, step: float) -> Any:
-    """Solver settings: full Newton, as the beam turns; nothing written to disk."""
+    """Solver settings: full Newton, because the beam turns; nothing is written to disk."""
     settings, duration = exudyn.SimulationSettings(), float(run.time[-1])
     integration = settings.timeIntegration
     integration.numberOfSteps, integration.endTime = round(duration / step), duration

@@ -1,8 +1,8 @@
 """The paper's system in Exudyn: planar rigid bodies, revolute and prismatic joints, generalized-alpha.
 
-The control law acts as a generic object over all arm coordinates: a user force evaluated at every Newton iteration, in
-compiled code. The controller's memory b̂ stands there as the velocity of three unit masses, so that the same integrator
-advances it.
+The control law is a generic object on all coordinates of the arms: a user force in compiled code, evaluated at every Newton
+iteration. The controller's memory b̂ is modelled as the velocity of three unit masses, so that the same integrator advances
+it.
 """
 
 import sys
@@ -22,17 +22,17 @@ SPECTRAL_RADIUS = 0.9
 """Spectral radius of generalized-alpha, Exudyn's default."""
 
 TINY = 1e-9
-"""Mass of a rotor, kg, because Exudyn demands one."""
+"""Mass of a rotor, kg, or inertia of a slider, kg·m², because Exudyn demands one."""
 
 DEFLECTION, TURN = 1, 5
 """Rows of a connector's stiffness matrix: displacement along the carrier's second axis, rotation about the third."""
 
 MEMORY = 15
-"""First coordinate of the controller's memory, after carrier and four links with x, y, angle each."""
+"""Index of the memory's first coordinate, after x, y and angle of the carrier and of four links."""
 
 
 class _Coordinates(NamedTuple):
-    """The parts of the model that the user force needs."""
+    """Arrays that the user force needs."""
 
     start: np.ndarray
     """Reference coordinates of the carrier, (3,)."""
@@ -44,8 +44,8 @@ class _Coordinates(NamedTuple):
 
 @numba.njit(error_model="numpy")
 def controller_force(system_list, workspace_list, coordinates, t, q, q_t, force):
-    """Generalized force (18,) on carrier, left links, right links and memory."""
-    # In lists, as passing a whole system costs Python more time than the law itself.
+    """Fill `force` (18,), the generalized force on carrier, left links, right links and memory."""
+    # Both come in lists: passing a whole system costs Python more time than the law itself.
     system, ws = system_list[0], workspace_list[0]
     x, v, memory = coordinates.scratch[0], coordinates.scratch[1], coordinates.scratch[2]
     for a in range(3):
@@ -79,7 +79,7 @@ def simulate_exudyn(world: World, steps_per_tick: int, ticks: int, tolerance: fl
     builder.mbs.SolveDynamic(settings)
     cpu = time.thread_time() - began
     pose = builder.mbs.GetSensorStoredData(carrier)[1:, 1:4] + start.pose[0]
-    # A sliding mode's body is at the payload's origin, less its own displacement across.
+    # The body of a sliding mode differs from the payload's origin by its displacement across the carrier.
     across = np.zeros((len(pose), len(bodies.modes)))
     for number, sensor in enumerate(sliders):
         place = builder.mbs.GetSensorStoredData(sensor)[1:, 1:3] + start.pose[0, :2]
@@ -89,7 +89,7 @@ def simulate_exudyn(world: World, steps_per_tick: int, ticks: int, tolerance: fl
 
 
 class _Builder:
-    """Builds the multibody system; carrier first, then the links of each arm, then the modes."""
+    """Builds the multibody system: first the carrier, then the links of each arm, then the modes."""
 
     def __init__(self, exudyn: Any, bodies: Bodies, start: Samples):
         from exudyn import itemInterface  # type: ignore[import-not-found]  # An extra.
@@ -107,7 +107,7 @@ class _Builder:
         self._add_modes()
 
     def _body(self, body: Body, place: np.ndarray) -> Any:
-        """A body with its centre of mass at x, y and with its angle, (3,)."""
+        """Add a body; `place`: x and y of its centre of mass, and its angle, (3,)."""
         node = self.mbs.AddNode(
             self.items.NodeRigidBody2D(referenceCoordinates=[float(p) for p in place], initialVelocities=[0.0] * 3)
         )
@@ -132,7 +132,7 @@ class _Builder:
         self._hinge(self._marker(two, l2 - lower.center), self._marker(self.carrier, side * self.bodies.middle))
 
     def _add_modes(self) -> None:
-        """A body per mode, held by a spring; the dampers couple modes of the same kind."""
+        """Add a body per mode, held by a spring; dampers couple the modes of the same kind."""
         middle, markers = self._marker(self.carrier, 0.0), []
         for mode in self.bodies.modes:
             body = Body(mode.inertia, TINY, 0.0) if mode.slides else Body(TINY, mode.inertia, 0.0)
@@ -147,7 +147,7 @@ class _Builder:
         damping = self.bodies.damping
         for i, mode in enumerate(self.bodies.modes):
             alike = [j for j, other in enumerate(self.bodies.modes) if other.slides == mode.slides]
-            # A damping matrix as dampers: a row's sum to the carrier, the rest between two bodies.
+            # The damping matrix as dampers: the sum of a row acts to the carrier, its other entries between two bodies.
             self._connect(middle, markers[i], mode.slides, mode.stiffness, float(damping[i, alike].sum()))
             for j in alike:
                 if j > i:
@@ -164,7 +164,7 @@ class _Builder:
         )
 
     def add_controller(self, world: World) -> None:
-        """The control law over the arms' coordinates."""
+        """Add the control law, which acts on the arms' coordinates."""
         memory = self.mbs.AddNode(
             self.items.NodeGenericODE2(
                 numberOfODE2Coordinates=3,
@@ -193,7 +193,7 @@ class _Builder:
         )
 
     def sensors(self) -> tuple[Any, list[Any]]:
-        """Sensors of the carrier's coordinates and of each sliding mode's body."""
+        """Add sensors of the coordinates of the carrier and of each sliding mode's body."""
         kind = self.exudyn.OutputVariableType.Coordinates
         nodes = [self.nodes[0], *self.nodes[len(self.arm_nodes) :]]
         sensors = [

@@ -1,7 +1,7 @@
-"""Three students on a real JupyterHub in a real browser, as .github/UNIVERSITY.md sets it up, word for word.
+"""Three students in a real browser on a real JupyterHub, which is set up exactly as .github/UNIVERSITY.md says.
 
-`python tests/peers/jupyter_hub.py FOLDER` runs its commands in FOLDER, needs node, npm and a Chromium, and takes minutes, so
-it is not in the suite. Everything is checked as people see it, except who listens where. Screenshots are left in FOLDER.
+`python tests/peers/jupyter_hub.py FOLDER` runs the chapter's commands in FOLDER. It needs node, npm and a Chromium and takes
+minutes, so it is not in the suite. It checks what people see and who listens where, and leaves screenshots in FOLDER.
 """
 
 import os
@@ -32,23 +32,23 @@ CHAPTER = TESTS.parent / ".github" / "UNIVERSITY.md"
 HUB, PASSWORD = "http://127.0.0.1:8000", "choose-a-long-password"
 STUDENTS = ("ann", "ben", "cleo")
 PATIENCE = 900.0
-"""s: each student's first lab compiles the engine, all at once."""
+"""Longest wait, s: the first labs of all students compile the engine at the same time."""
 SHORT, LONGEST = 5.0, 100.0
-"""Length of a run before its page is opened, s, and its largest length when its file is read, s."""
+"""Length of a run when its page is opened, and its largest length when its file is read, s."""
 MILLI = 1e3
 
 
 def blocks(language: str) -> list[str]:
-    """The chapter's examples in a language."""
+    """Code blocks of the chapter in a language."""
     return re.findall(rf"```{language}\n(.*?)```", CHAPTER.read_text(encoding="utf-8"), re.DOTALL)
 
 
 @contextmanager
 def hub(folder: Path) -> Iterator[psutil.Process]:
-    """The chapter's hub in a folder that keeps what is installed in it."""
+    """The chapter's hub, installed and run in a folder; the installation stays there."""
     configuration = "".join(blocks("python"))
     if os.name == "posix" and os.geteuid() == 0:
-        configuration += 'c.Spawner.args = ["--allow-root"]\n'  # Jupyter's own objection, not the chapter's.
+        configuration += 'c.Spawner.args = ["--allow-root"]\n'  # Jupyter itself refuses root without this.
     (folder / "jupyterhub_config.py").write_text(configuration, encoding="utf-8")
     [commands] = (block for block in blocks("sh") if "jupyterhub -f" in block)
     commands = re.sub(r"^FLEXLAB=\S+", f"FLEXLAB={TESTS.parent}", commands)
@@ -76,7 +76,7 @@ def home_of(name: str) -> Path:
 
 
 def sign_in(page: Page, name: str) -> None:
-    """Sign in on the hub's page, which then leads to the page that was wanted."""
+    """Sign in on the hub's page, which then opens the page that was requested."""
     page.locator("#username_input").fill(name)
     page.locator("#password_input").fill(PASSWORD)
     page.locator("#login_submit").click()
@@ -90,7 +90,7 @@ def log_in(page: Page, name: str) -> None:
 
 
 class Student:
-    """One browser window with its own cookies; its errors are recorded."""
+    """A student with a browser window that has its own cookies; records the errors of its pages."""
 
     def __init__(self, browser: Browser, name: str, drawn: bool):
         self.name, self.errors, self.redirects = name, [], []
@@ -104,29 +104,29 @@ class Student:
         say(name, "is in the launcher")
 
     def note_redirect(self, answer: Response) -> None:
-        """Note where flexlab's pages send the browser: the header, and where the browser goes."""
+        """Note where flexlab's pages redirect the browser: the header's text, and the address that it leads to."""
         if f"/user/{self.name}/flexlab" in answer.url and "location" in answer.headers:
             self.redirects.append((said := answer.headers["location"], urljoin(answer.url, said)))
 
     def note_error(self, error: str) -> None:
-        """Note an error, except that rerun's viewer may not look for updates or report its use."""
+        """Note an error, unless it says that rerun's viewer was kept from looking for updates or reporting its use."""
         if "Content Security Policy" not in error and not ("Failed to fetch" in error and "re_viewer.js" in error):
             self.errors.append(error)
 
     def note_failure(self, request: Request) -> None:
-        """Note a failed request to the hub, unless it ended with its page."""
+        """Note a failed request to the hub, unless it was aborted because its page was closed."""
         if request.url.startswith(HUB) and request.failure != "net::ERR_ABORTED":
             self.errors.append(f"{request.url}: {request.failure}")
 
     def open_lab(self) -> None:
-        """Click in the launcher; the page may still wait for the engine."""
+        """Open the lab from the launcher; its page may still be waiting for the engine."""
         with self.window.expect_page() as opened:
             self.jupyter.locator(".jp-LauncherCard", has_text="flexlab").first.click()
         self.lab = opened.value
         self.lab.on("pageerror", lambda error: self.note_error(f"{error} {error.stack}"))
 
     def use_lab(self, folder: Path) -> None:
-        """Check that the scene is there, and that a slider has its effect."""
+        """Check that the scene is drawn and that a slider has an effect."""
         self.lab.wait_for_function(SCENE)
         self.lab.on("console", lambda said: said.type == "error" and self.note_error(said.text))
         assert self.lab.url.partition("?")[0] == f"{HUB}/user/{self.name}/flexlab/lab/", self.lab.url
@@ -139,7 +139,7 @@ class Student:
         say(self.name, "moved the beam's stiffness from 45 Hz to 4.5 Hz")
 
     def keep_run(self, folder: Path) -> None:
-        """Check that a new run's page draws it, marks it as one to keep, and gives the file."""
+        """Check that the page of a new run draws it, marks it as kept, and offers its file."""
         # The first run went on while the labs compiled, and jupyter-server-proxy forwards no file above 100 MB.
         self.lab.get_by_role("button", name="Reset", exact=True).click()
         self.lab.wait_for_timeout(MILLI * SHORT)
@@ -160,7 +160,7 @@ class Student:
         time_span = read_recording(file).samples.time
         assert time_span[-1] < LONGEST, f"{time_span[-1]} s: not the run that began anew"
         say(self.name, f"sees the run in the viewer and has its file: {time_span[-1]:.1f} s of {own}")
-        self.lab.get_by_role("link", name="Runs", exact=True).click()  # Another one's viewer needs the processor now.
+        self.lab.get_by_role("link", name="Runs", exact=True).click()  # The next student's viewer needs the processor.
         self.lab.locator("#runs").wait_for()
 
     def return_to_lab(self) -> None:
@@ -169,7 +169,7 @@ class Student:
         self.lab.wait_for_function(SCENE)
 
     def log_out(self) -> None:
-        """Log out: the lab goes on, and shows nothing to the next person."""
+        """Log out, and check that the lab, which goes on running, shows nothing to the next person."""
         self.lab.close()
         self.jupyter.goto(f"{HUB}/hub/logout")
         page = self.window.new_page()
@@ -179,20 +179,20 @@ class Student:
         page.close()
 
     def stop_server(self) -> None:
-        """Stop the server on the hub's page."""
+        """Stop the student's server on the hub's page."""
         self.jupyter.goto(f"{HUB}/hub/home")
         self.jupyter.locator("#stop").click()
         self.jupyter.locator("#stop").wait_for(state="hidden")
 
     def has_runs(self) -> None:
-        """Check that the run that was kept is listed after coming back."""
+        """Check that the list of runs shows the kept run again."""
         self.lab = self.window.new_page()
         self.lab.goto(f"{HUB}/user/{self.name}/flexlab/runs")
         self.lab.locator("#runs tr", has_text=self.note).locator(".kept").wait_for()
 
 
 def check_redirects(student: Student) -> None:
-    """Check that all lead to the student's own lab or the hub's login; jupyter-server-proxy adds its prefix to some itself."""
+    """Check that redirects lead to the own lab or the hub's login; jupyter-server-proxy adds its prefix to some itself."""
     own, login = f"{HUB}/user/{student.name}/", f"{HUB}/hub/"
     assert any(to.startswith(f"{own}flexlab/runs/") for _, to in student.redirects), (
         "saving a note leads back to the run"
@@ -205,7 +205,7 @@ def check_redirects(student: Student) -> None:
 
 
 def say(*words: str) -> None:
-    """Print a line with the time since the start, s."""
+    """Print a line that begins with the time since the start, s."""
     print(f"{time.monotonic() - BEGUN:6.1f}", *words, flush=True)
 
 
@@ -220,7 +220,7 @@ def listeners(process: psutil.Process) -> set[str]:
 
 
 def teach(browser: Browser, students: list[Student], folder: Path) -> None:
-    """The teacher sees all labs, sends a preset, pauses a lab, and joins one without a question from the hub."""
+    """Check that the teacher sees all labs, sends a preset, pauses a lab, and joins it without a question from the hub."""
     window = open_window(browser, 1280, 800, drawn=True)
     window.set_default_timeout(MILLI * PATIENCE)
     page = window.new_page()
@@ -254,7 +254,7 @@ def teach(browser: Browser, students: list[Student], folder: Path) -> None:
 
 
 def refuse(browser: Browser, folder: Path) -> None:
-    """A student at the teacher's page reads why it is not shown."""
+    """Check that a student who opens the teacher's page is told why it is not shown."""
     window = open_window(browser, 1280, 800)
     page = window.new_page()
     page.goto(f"{HUB}/services/flexlab/teacher")
@@ -269,7 +269,7 @@ def refuse(browser: Browser, folder: Path) -> None:
 
 
 def main(folder: Path) -> None:
-    """Run all of it; raise if something is not as the chapter says."""
+    """Run all checks; raise if something is not as the chapter says."""
     with ExitStack() as ending:
         running = ending.enter_context(hub(folder))
         say("the hub runs")

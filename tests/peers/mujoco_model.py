@@ -1,15 +1,15 @@
-"""The paper's system in MuJoCo.
+"""The paper's system in MuJoCo, with the beam's modes (`simulate_mujoco`) or with a chain of rods (`simulate_chain`).
 
-Joint coordinates: the left arm with the carrier and the beam's modes on it, the right arm with two links, and a `connect`
-equality between its wrist and the carrier's. MuJoCo's equalities give way a little; here they are as stiff as it allows.
+In joint coordinates: the left arm holds the carrier with the beam's modes, the right arm has two links, and a `connect`
+equality joins its wrist to the carrier's. MuJoCo's equalities give way a little; here they are as stiff as it allows.
 The loop around its C functions is compiled, so that no time is lost in Python. Its own Runge-Kutta method cannot
 integrate the controller's memory, so the same formulas are applied from outside, with `mj_forward` four times per step.
 
-N rods of length l = L/N, hinged to each other, with a spring EI/l and a damper β EI/l in each of the N - 1 inner hinges. The
-first one's end is hinged to the left gripper, the last one's is held to the right gripper by a `connect` equality. Rods do
-not stretch, while the model's beam keeps its length along the chord to first order: so the first pin slides along the
+The chain has N rods of length l = L/N, hinged to each other, with a spring EI/l and a damper β EI/l in each of the N - 1
+inner hinges. Its first end is hinged to the left gripper, its last is held to the right one by a `connect` equality. Rods
+do not stretch, while the model's beam keeps its length along the chord to first order, so the first pin slides along the
 chord, by some micrometres. Both grippers keep the angle of the chord, so they are one body, as in `bodies`.
-The controller is a digital one: its torques are held for a tick.
+The controller of the chain is digital: its torques are held for a tick.
 """
 
 import ctypes
@@ -31,9 +31,9 @@ from peers.bodies import Bodies, Body, Motion, bare_carrier, joint_torque_law, m
 
 @numba.njit(error_model="numpy")
 def set_torques(system, ws, geometry, t, position, velocity, memory, force, tau, motion):
-    """Fill generalized forces (all joints) with the law's torques; motion: scratch (2, 3), row 0 becomes the pose.
+    """Fill `force`, the generalized forces of all joints, by the law; motion: scratch (2, 3), row 0 becomes the pose.
 
-    geometry: both link lengths, wrist to payload's origin, base x, base y of the left arm, m (5,).
+    geometry: both link lengths, distance from wrist to payload's origin, x and y of the left arm's base, m, (5,).
     """
     first = position[0]
     second = first + position[1]
@@ -57,7 +57,7 @@ def set_torques(system, ws, geometry, t, position, velocity, memory, force, tau,
 
 
 def step_loop(mj_step: Any) -> Any:
-    """The loop over MuJoCo's own integrators: torques are held during a step, the memory takes explicit Euler steps."""
+    """The loop for MuJoCo's own integrators: torques are held during a step, and the memory takes explicit Euler steps."""
 
     @numba.njit(error_model="numpy")
     def run(model, data, position, velocity, acceleration, force, system, ws, geometry, dt, steps, rows):
@@ -131,10 +131,10 @@ EQUALITY_STEPS = 5
 """Time constant of the equality's error, in steps: shorter ones are close to the limit of stability."""
 
 TINY = 1e-9
-"""Mass, kg, or inertia, kg·m², that MuJoCo demands of a body that has none in the model."""
+"""Mass, kg, or inertia, kg·m², of a body that has none in the model, because MuJoCo demands one."""
 
 LIBRARY_NAMES = ("libmujoco.so*", "libmujoco*.dylib", "mujoco.dll")
-"""MuJoCo's library on Linux, macOS and Windows."""
+"""File names of MuJoCo's library on Linux, macOS and Windows."""
 
 
 def simulate_mujoco(world: World, integrator: str, steps_per_tick: int, ticks: int) -> Motion:
@@ -163,7 +163,7 @@ def simulate_mujoco(world: World, integrator: str, steps_per_tick: int, ticks: i
 
 
 def model_text(bodies: Bodies, integrator: str, step: float) -> str:
-    """The model in MuJoCo's XML."""
+    """The model with the beam's modes in MuJoCo's XML."""
     on_carrier = "".join(_mode_text(bodies, number) for number in range(len(bodies.modes)))
     return document(bodies, bodies.carrier, on_carrier, f"<tendon>{_dampers(bodies)}</tendon>", integrator, step)
 
@@ -171,7 +171,7 @@ def model_text(bodies: Bodies, integrator: str, step: float) -> str:
 def document(
     bodies: Bodies, carrier: Body, on_carrier: str, sections: str, integrator: str, step: float, solver: str = "PGS"
 ) -> str:
-    """Arms and carrier in MuJoCo's XML with what moves on the carrier; sections: tendons or equalities of the beam."""
+    """Arms and carrier in MuJoCo's XML; on_carrier: bodies on the carrier; sections: tendons or equalities of the beam."""
     first, second = bodies.link_length
     wrist = f'<site name="wrist" pos="{second!r} 0 0"/>'
     other_wrist = f'<site name="other_wrist" pos="{2 * bodies.middle!r} 0 0"/>'
@@ -194,20 +194,20 @@ def document(
 
 
 def connected(site: str, other: str, step: float) -> str:
-    """Two sites held together, as stiffly as MuJoCo allows."""
+    """An equality that holds two sites together as stiffly as MuJoCo allows."""
     rate = 1 / (EQUALITY_STEPS * step)
     hold = f'solref="{-(rate**2)!r} {-2 * rate!r}" solimp="0.9999 0.9999 0.001 0.5 2"'
     return f'<connect site1="{site}" site2="{other}" {hold}/>'
 
 
 def hinged(body: Body, at: float | tuple[float, float], inner: str, joint: str = "<joint/>") -> str:
-    """A body on a joint at `at`, m along the body that holds it, with the bodies that it holds itself."""
+    """A body on a joint at `at`, m, along its parent or as (x, y); inner: the bodies and sites on it."""
     x, y = at if isinstance(at, tuple) else (at, 0.0)
     return f'<body pos="{x!r} {y!r} 0">{joint}{_inertial(body.mass, body.inertia, body.center)}{inner}</body>'
 
 
 def _inertial(mass: float, inertia: float, center: float) -> str:
-    # MuJoCo needs a full inertia; in the plane only the last value matters, and the others must be consistent with it.
+    # MuJoCo needs all three inertias; in the plane only the last one matters, and the others must be consistent with it.
     return f'<inertial mass="{mass!r}" pos="{center!r} 0 0" diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>'
 
 
@@ -220,7 +220,7 @@ def _mode_text(bodies: Bodies, number: int) -> str:
 
 
 def _dampers(bodies: Bodies) -> str:
-    """One damped tendon per nodal coordinate: its length is that coordinate."""
+    """One damped tendon per nodal coordinate, whose length is that coordinate."""
     return "".join(
         f'<fixed damping="{bodies.nodal_damping!r}">'
         + "".join(f'<joint joint="mode{k}" coef="{float(part)!r}"/>' for k, part in enumerate(row))
@@ -236,7 +236,7 @@ def _loop(rk4: bool) -> Any:
 
 
 def c_function(name: str) -> Any:
-    """A function of (model, data) in MuJoCo's library. Raises `StudyError` where that is not found."""
+    """A function of (model, data) in MuJoCo's library. Raises `StudyError` if the library is not found."""
     import mujoco  # type: ignore[import-not-found]  # An extra.
 
     folder = Path(mujoco.__file__).parent
@@ -249,14 +249,14 @@ def c_function(name: str) -> Any:
 
 
 SOLVER = "Newton"
-"""Of the constraint forces: a fifth faster here than PGS, with the same motion."""
+"""Solver of the constraint forces: a fifth faster here than PGS, with the same motion."""
 
 
 def simulate_chain(world: World, segments: int, integrator: str, steps_per_tick: int, ticks: int) -> Motion:
     """Simulate a world's scenario in MuJoCo from the world's present state, which must be at rest with a straight beam.
 
     segments: an even number, so that mid-span is a hinge. integrator: one of MuJoCo's ("RK4", "implicitfast", …). The
-    scenario's control period is one tick, its damping proportional to the stiffness.
+    scenario's control period must be one tick, and its damping proportional to the stiffness.
     """
     import mujoco  # type: ignore[import-not-found]  # An extra.
 
@@ -264,7 +264,7 @@ def simulate_chain(world: World, segments: int, integrator: str, steps_per_tick:
     step = world.tick_period / steps_per_tick
     model = mujoco.MjModel.from_xml_string(chain_text(scenario, segments, integrator, step))
     data = mujoco.MjData(model)
-    # Between both arms' joints: the first pin's slide, then the hinges.
+    # Between the joints of both arms come the first pin's slide and the hinges.
     data.qpos[:3], data.qpos[-2:] = start.joint_angle[0, 0], start.joint_angle[0, 1, :2]
     rows = np.zeros((ticks, 3 + 1 + segments))
     arm = scenario.left_arm
@@ -283,7 +283,7 @@ def simulate_chain(world: World, segments: int, integrator: str, steps_per_tick:
 
 
 def chain_text(scenario: Scenario, segments: int, integrator: str, step: float) -> str:
-    """The model in MuJoCo's XML."""
+    """The model with the chain in MuJoCo's XML."""
     payload, first_pin = scenario.payload, scenario.left_arm.link_length[2]
     damping = payload.damping
     assert isinstance(damping, StiffnessDamping)
@@ -296,7 +296,7 @@ def chain_text(scenario: Scenario, segments: int, integrator: str, step: float) 
         chain = hinged(rod, length, chain, bending)
     chain = hinged(rod, first_pin, chain, '<joint type="slide" axis="1 0 0"/><joint/>')
     pin = f'<site name="pin" pos="{first_pin + payload.length!r} 0 0"/>'
-    # Arms and carrier do not depend on the beam's damping, which is nodal in the other model.
+    # Arms and carrier do not depend on the beam's damping, but `make_bodies` accepts only nodal damping.
     bodies = make_bodies(scenario.replace({"payload.damping": NodalDamping()}))
     closure = f"<equality>{connected('end', 'pin', step)}</equality>"
     return document(bodies, bare_carrier(scenario), chain + pin, closure, integrator, step, SOLVER)

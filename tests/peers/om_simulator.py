@@ -1,8 +1,8 @@
-"""Plant and law of the paper as units, coupled by OMSimulator (https://openmodelica.org), beside `flexlab.simulate`.
+"""The paper's plant and law as FMUs coupled by OMSimulator (https://openmodelica.org), compared with `flexlab.simulate`.
 
 `python tests/peers/om_simulator.py` needs `pip install OMSimulator`, which fetches its binary from openmodelica.org; the suite
-does the same with FMPy. It prints, for FMI 2 and 3 and each coupling step, how far apart the poses are and how far the
-payload is from its path, mm.
+makes the same comparison with FMPy. For FMI 2 and 3 and each coupling step it prints how far apart the poses are, and how
+far the payload is from its path, mm and mrad.
 """
 
 import csv
@@ -21,9 +21,9 @@ import flexlab
 DURATION, TICK = 3.0, 1e-4
 """s."""
 STEPS = (4e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4)
-"""s: from one exchange of values to the next."""
+"""Time from one exchange of values to the next, s."""
 WEAKLY_COUPLED = 1
-"""Type of a system in OMSimulator: all units take a step, then they exchange values."""
+"""Type of a system in OMSimulator: all FMUs take a step, then they exchange values."""
 POSE = ("pose_x", "pose_y", "pose_theta")
 
 
@@ -44,19 +44,19 @@ def main() -> None:
 
 
 def coupled(files: dict[str, Path], step: float) -> np.ndarray:
-    """The poses (N, 3) at whole steps of plant and law, which exchange values after each step."""
+    """Poses (N, 3) at all coupling steps of plant and law, which exchange values at each."""
     for done in building(files, step):
         assert done.value == 0, done
     with open("result.csv", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     pose = np.full((round(DURATION / step) + 1, len(POSE)), np.nan)
-    for row in rows:  # OMSimulator writes values before and after each exchange; the last ones count.
+    for row in rows:  # OMSimulator writes values before and after each exchange; those after it count.
         pose[round(float(row["time"]) / step)] = [float(row[f"model.root.plant.{name}"]) for name in POSE]
     return pose
 
 
 def building(files: dict[str, Path], step: float) -> Iterator[object]:
-    """The status that OMSimulator returns for each call, from an empty model to its end."""
+    """Make the model, simulate it and delete it; yield the status that OMSimulator returns for each call."""
     yield Capi.setCommandLineOption("--suppressPath=true")
     yield Capi.setTempDirectory(".")
     yield Capi.newModel("model")

@@ -1,4 +1,4 @@
-"""The engine compared with MuJoCo and Exudyn: same system, same law; only settings that reproduce the motion are timed."""
+"""The engine compared with MuJoCo and Exudyn on the same system and law; only settings with the same motion are timed."""
 
 from collections.abc import Callable
 from contextlib import redirect_stdout
@@ -22,21 +22,21 @@ SAME_DEFLECTION = 2e-5
 """Largest mid-span difference that counts as the same motion, m: a hundredth of the ringing that the paper's start excites."""
 
 OWN_STEP, REFERENCE_STEP = 1e-3, 2.5e-5
-"""Steps of the timed run and of the motion with which all are compared, s."""
+"""Steps of the timed run and of the reference motion, s."""
 
 REPEATS = 3
 """Number of timings of each verified setting; the shortest counts."""
 
 Simulator = Callable[[World, int], Motion]
-"""Simulates a world at rest for a number of ticks."""
+"""Simulates a number of ticks of a world that is at rest."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """A way to run a peer."""
+    """A method and step with which a peer is run."""
 
     engine: str
-    """Also the name of its module."""
+    """Name of the engine; in lower case, that of its module."""
     text: str
     steps_per_tick: int
     simulate: Simulator
@@ -44,16 +44,16 @@ class Setting:
 
 @dataclass(frozen=True)
 class PeerRow:
-    """One setting: verified, and timed if it moves the same."""
+    """One setting: its errors, and its cost if the motion is the same."""
 
     engine: str
     setting: str
     step: float
     """s."""
     pose_error: float
-    """Against the engine's tight solution, m or rad."""
+    """Largest pose difference from the reference motion, m or rad."""
     deflection_error: float
-    """m."""
+    """Largest mid-span difference from the reference motion, m."""
     ms_per_second: float | None
     """Processor time per simulated second; None if the motion differs."""
 
@@ -65,12 +65,12 @@ class PeerRow:
 
 @dataclass(frozen=True)
 class PeerComparison:
-    """The engine and its peers in one run."""
+    """Results of the engine and its peers in the same run."""
 
     own: PeerRow
     rows: list[PeerRow]
     missing: dict[str, str]
-    """Peers without rows and why: not installed, or failed."""
+    """Peers that are not installed or failed, with the reason."""
 
     @property
     def fastest(self) -> PeerRow | None:
@@ -80,14 +80,14 @@ class PeerComparison:
 
     @property
     def ratio(self) -> float | None:
-        """Cost of the fastest peer setting over the engine's own; None without peers."""
+        """Cost of the fastest peer setting divided by the engine's own; None without peers."""
         if self.fastest is None or not self.fastest.ms_per_second or not self.own.ms_per_second:
             return None
         return self.fastest.ms_per_second / self.own.ms_per_second
 
 
 def compare_peers(duration: float) -> PeerComparison:
-    """Verify and time every setting of the peers that are installed on the paper's run of `duration` s."""
+    """Verify and time every setting of the installed peers on the paper's run of `duration` s."""
     world = World(_paper(OWN_STEP))
     ticks = round(duration / world.tick_period)
     exact = simulate(_paper(REFERENCE_STEP), ticks * world.tick_period)
@@ -100,15 +100,15 @@ def compare_peers(duration: float) -> PeerComparison:
         elif setting.engine not in missing:
             try:
                 rows.append(row_of(setting, world, exact))
-            except Exception as error:  # whatever another engine may raise: the rest of the benchmark goes on
+            except Exception as error:  # Another engine may raise anything; the benchmark goes on.
                 missing[setting.engine] = f"failed: {_first_line(error)}"
-    # The engine is timed again after the peers, so that a change in the machine's load meets both.
+    # The engine is timed again after the peers, so that a change in the machine's load affects both.
     own = min(own, _own_row(world, exact), key=lambda row: row.ms_per_second or np.inf)
     return PeerComparison(own, rows, missing)
 
 
 def peer_settings() -> list[Setting]:
-    """The settings to try: each method with its longest usable step (rk4 is unstable above it) and the next shorter one."""
+    """Settings to try: each method with its longest usable step (rk4 is unstable above it), some with a shorter one too."""
 
     def mujoco(integrator: str, steps: int) -> Setting:
         from peers.mujoco_model import simulate_mujoco
@@ -131,7 +131,7 @@ def peer_settings() -> list[Setting]:
 
 
 def row_of(setting: Setting, world: World, exact: Samples) -> PeerRow:
-    """Run a setting; time it if it moves like `exact`, the motion from t = 0 on."""
+    """Run a setting, and time it if its motion is that of `exact`, whose first sample is at t = 0."""
     ticks = len(exact) - 1
 
     def run() -> Motion:
@@ -163,7 +163,7 @@ def _paper(step: float) -> Scenario:
 
 
 def _simulate_own(world: World, ticks: int) -> Motion:
-    """Run the engine itself in a new world: with all its samples, not only pose and deflection."""
+    """Run the engine itself in a new world; it computes all its samples, not only pose and deflection."""
     from flexlab.benchmarks.measure import try_out
 
     trial = try_out(world.scenario, ticks * world.tick_period)

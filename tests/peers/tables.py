@@ -1,4 +1,4 @@
-"""The comparisons as tables for a terminal."""
+"""Results of the comparisons as tables for a terminal."""
 
 from rich.table import Table
 
@@ -8,11 +8,11 @@ from peers.chain_comparison import ChainComparison
 from peers.peer_comparison import SAME_POSE, PeerComparison
 
 WHOLE = 1e3
-"""Value from which on decimals do not matter, ms."""
+"""Costs above this are shown without decimals, ms."""
 
 
 def peers_table(result: PeerComparison) -> Table:
-    """Other engines on the same system."""
+    """Table of the other engines on the same system."""
     title = f"Other engines on the same arms, beam modes and law (other motion: not within {SAME_POSE:g})"
     table = new_table(title, ("engine", "setting", "step", "pose error", "deflection", "ms per s"))
     for row in (result.own, *result.rows):
@@ -26,9 +26,9 @@ def peers_table(result: PeerComparison) -> Table:
 
 
 def chain_table(result: ChainComparison) -> Table:
-    """The environment's beam and MuJoCo's chains (parts: elements, segments); steps/s of an environment on one core.
+    """Table of the environment's beam and MuJoCo's chains; parts: elements or segments; steps/s: an environment's on one core.
 
-    Bold: the environment's own and the cheapest chains that are as exact.
+    Bold: the environment's own beam and the cheapest chains that are at least as accurate.
     """
     dearer = "" if result.missing is None else f"; MuJoCo is {result.missing}"
     if result.ratio is not None:
@@ -47,7 +47,7 @@ def chain_table(result: ChainComparison) -> Table:
 
 
 def beam_table(result: BeamComparison) -> Table:
-    """The beam with axial load compared with a geometrically exact one."""
+    """Table of the beam with axial load compared with a geometrically exact one."""
     title = "The beam that feels the force along it, beside a geometrically exact one: same to first order"
     if result.missing is not None:
         title += f"; Exudyn is {result.missing}"

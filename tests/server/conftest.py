@@ -1,4 +1,4 @@
-"""Real server with real labs behind them, and a real headless Chromium."""
+"""Fixtures of the server's tests: real servers with real labs behind them."""
 
 from collections.abc import Callable, Iterator
 from datetime import datetime
@@ -23,7 +23,7 @@ def _compiled() -> None:
 
 @pytest.fixture(scope="session")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A finished recording of half a second, of a day on which no server of the tests records."""
+    """A finished recording of 0.5 s, dated to a day on which no server of the tests records."""
     run = simulate(load_preset("paper"), duration=0.5, sample_period=0.001)
     started = datetime(2025, 12, 31, 12, 0, 0).astimezone()
     with HeadlessRecording(
@@ -35,7 +35,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def front_server(tmp_path_factory: pytest.TempPathFactory, recorded: Path) -> Iterator[FrontServer]:
-    """A server on loopback with the shared lab, used by all tests that do not change what others see."""
+    """A server on loopback with a shared lab, for all tests that do not change what other tests see."""
     logs = tmp_path_factory.mktemp("logs")
     for file in (recorded, recorded.with_suffix(".json")):
         (logs / file.name).write_bytes(file.read_bytes())
@@ -52,7 +52,7 @@ def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FrontServer]:
 
 @pytest.fixture
 def open_another(tmp_path: Path) -> Iterator[Callable[..., FrontServer]]:
-    """Opens further server, and closes them after the test."""
+    """A function that opens further servers; they are closed after the test."""
     servers: list[FrontServer] = []
 
     def opened(**settings) -> FrontServer:

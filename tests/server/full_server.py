@@ -21,14 +21,14 @@ CHANGES = [
     "t = 0.200 s: Bending stiffness EI = 50 N·m²",
     "t = 0.300 s: Bending stiffness EI = 100 N·m²",
 ]
-"""Of a run, as its notes have them."""
+"""The changes in the notes of the first run."""
 COMPARISON = f"/compare?run={RUNS[0]}&run={RUNS[1]}"
 PAGES = "/", "/runs", f"/runs/{RUNS[0]}", COMPARISON, "/studies", "/leaderboard", "/teacher"
 
 
 @contextmanager
 def full_server(folder: Path, recorded: Path) -> Iterator[str]:
-    """Its address, while it is open: private labs behind tokens, two runs and a leaderboard in a new folder."""
+    """Open such a server and yield its address: private labs behind tokens, two runs and a leaderboard in a new folder."""
     logs = folder / "logs"
     logs.mkdir()
     for name in RUNS:

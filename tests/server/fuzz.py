@@ -1,7 +1,7 @@
-"""Mutated messages of every kind, by several visitors at once, beside one who watches.
+"""Send a lab mutated messages of every kind from several visitors at once, while another visitor watches.
 
-`python tests/server/fuzz.py [MESSAGES [SEED]]` starts a lab in a process of its own, sends 20 000 by default, and prints how
-far the watcher's simulation time fell behind, how the lab's memory grew, and how long its log became.
+`python tests/server/fuzz.py [MESSAGES [SEED]]` starts a lab, sends it 20 000 messages by default from another process, and prints
+how far the watcher's simulation time fell behind, how much the lab's memory grew, and how long its log became.
 """
 
 import logging
@@ -22,14 +22,14 @@ import psutil
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # As pytest does, for who runs this file by itself.
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # pytest adds this folder itself; a script must do so.
 from raw_browser import CAMERA, open_socket, text_of
 
 VISITORS = 4
 WARM_UP = 60.0
-"""s in which a lab that nobody attacks comes to its full memory."""
+"""Time, s, in which a lab that nobody attacks reaches its full memory."""
 READ_RATE, PATIENCE = 75.0, 3.0
-"""Messages a second that the lab is sure to read of one visitor, presses of buttons among them; s beyond that."""
+"""Messages per second that the lab surely reads from one visitor, button presses included; extra time to wait, s."""
 TRIPLE = [0.0, 0.5, 0.0]
 TOUCH = {"name": "/grab", "instance_index": None, "modifier": None, "owner": ""}
 KINDS: tuple[dict[str, Any], ...] = (
@@ -80,7 +80,7 @@ VALUES: tuple[Any, ...] = (
 
 
 def mutated(random_of: random.Random, uuids: list[str]) -> bytes:
-    """One message: proper, with fields changed, gone or added, nested, or cut and flipped bytes."""
+    """Return one message: proper, or with fields changed, removed, added or deeply nested; rarely one bit is flipped."""
     message = dict(random_of.choice(KINDS))
     for name, value in message.items():
         if value == "?" and uuids:
@@ -108,7 +108,7 @@ def mutated(random_of: random.Random, uuids: list[str]) -> bytes:
 
 @dataclass
 class Attack:
-    """Visitors who send mutated messages; each reads what comes, as a browser would."""
+    """Visitors who send mutated messages; each reads what the lab sends, as a browser would."""
 
     address: str
     messages: int
@@ -117,7 +117,7 @@ class Attack:
     problems: list[str] = field(default_factory=list)
 
     def run(self) -> None:
-        """Send them all."""
+        """Send all messages."""
         threads = [threading.Thread(target=self._visit, args=(number,)) for number in range(VISITORS)]
         for thread in threads:
             thread.start()
@@ -140,10 +140,10 @@ class Attack:
                         plug.send(mutated(random_of, uuids))
                         left -= 1
                         self.sent += 1
-                    # What is still in a buffer when the connection ends was never looked at.
+                    # The lab never looks at what is still in a buffer when the connection ends.
                     time.sleep(max(began + PATIENCE + before / READ_RATE - time.monotonic(), 0.0))
             except (ConnectionClosed, TimeoutError, OSError):
-                continue  # Thrown out: comes back.
+                continue  # The lab closed the connection: the visitor comes back.
 
 
 def _read(plug: ClientConnection) -> None:
@@ -156,11 +156,11 @@ def _read(plug: ClientConnection) -> None:
 
 @dataclass
 class Lateness:
-    """How far the simulation's time falls behind the wall clock, while it is to run at a speed of its own."""
+    """Measures how far simulated time falls behind the wall clock times the chosen speed, while a run plays."""
 
     runner: Any
     worst: float = 0.0
-    """s of simulation."""
+    """The largest lag, s of simulated time."""
     _stop: threading.Event = field(default_factory=threading.Event)
 
     def __enter__(self) -> "Lateness":
@@ -186,7 +186,7 @@ class Lateness:
 
 
 def main(messages: int = 20_000, seed: int = 1) -> None:
-    """The full measurement: the lab in this process, the visitors in another."""
+    """Do the full measurement, with the lab in this process and the visitors in another."""
     from flexlab.presets import load_preset
     from flexlab.server.front_server import open_front_server
     from flexlab.server.settings import Settings

@@ -1,4 +1,4 @@
-"""What visits a server in the tests: plain HTTP without a browser's kindness, and websockets as viser's page opens them."""
+"""How tests visit a server: HTTP requests that are sent exactly as given, and websockets as viser's page opens them."""
 
 import contextlib
 import http.client
@@ -24,16 +24,16 @@ from websockets.sync.client import connect
 FORM = "application/x-www-form-urlencoded"
 PROTOCOL = f"viser-v{viser.__version__}"
 WAY, RUN = re.compile(r'class="fl-reports" data-way="([^"]+)"'), re.compile(r'class="fl-run" data-run="(\d+)"')
-"""Where a page reports what it has drawn, and of which run it was sent a picture."""
+"""Id of the widget to which a page reports what it has drawn, and number of the run that it was sent."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What came back."""
+    """The server's answer to a request."""
 
     status: int
     headers: Message
-    """Names in any case; None for what is not there."""
+    """Found by a name in any case; None for a header that is not there."""
     body: bytes
 
     @property
@@ -43,7 +43,7 @@ class Answer:
 
     @property
     def cookies(self) -> dict[str, str]:
-        """Cookies that it sets."""
+        """The cookies that it sets."""
         jar = SimpleCookie(self.headers["Set-Cookie"] or "")
         return {name: morsel.value for name, morsel in jar.items()}
 
@@ -56,7 +56,7 @@ def ask(
     cookies: Mapping[str, str] | None = None,
     **headers: str,
 ) -> Answer:
-    """One request, its path sent as it stands, redirects not followed. `headers`: names with _ for -."""
+    """Send one request, its path unchanged, and follow no redirect. `headers`: names with _ for -."""
     port = urlsplit(url).port
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE)
     sent = {name.replace("_", "-"): value for name, value in headers.items()}
@@ -74,32 +74,32 @@ Fields = Mapping[str, str] | Sequence[tuple[str, str]]
 
 
 def post(url: str, path: str, fields: Fields, cookies: Mapping[str, str] | None = None, **headers: str) -> Answer:
-    """One form."""
+    """Send one form."""
     return ask(url, path, "POST", urlencode(fields).encode(), cookies, Content_Type=FORM, **headers)
 
 
 def file_form(name: str, content: bytes) -> tuple[bytes, str]:
-    """(body, content type) of a form with one file."""
+    """Return (body, content type) of a form with one file."""
     border = "border-of-the-test"
     head = f'--{border}\r\nContent-Disposition: form-data; name="file"; filename="{name}"\r\n\r\n'
     return head.encode() + content + f"\r\n--{border}--\r\n".encode(), f"multipart/form-data; boundary={border}"
 
 
 def upload(url: str, name: str, content: bytes, cookies: Mapping[str, str] | None = None) -> Answer:
-    """A file for the library."""
+    """Upload one file into the library."""
     body, kind = file_form(name, content)
     return ask(url, "/runs/import", "POST", body, cookies, Content_Type=kind)
 
 
 def compared(url: str, *runs: str) -> tuple[str, Answer]:
-    """(address, page) of the comparison of these runs, once it is there."""
+    """Compare these runs and return (address, page) once the comparison is there."""
     place = ask(url, "/compare?" + "&".join(f"run={run}" for run in runs)).headers["Location"]
     over(url, f"/compare/{place.rpartition('of=')[2]}/state")
     return place, ask(url, place)
 
 
 def over(url: str, address: str, patience: float = PATIENCE) -> dict[str, Any]:
-    """What a page is told of a task at an address, once the task is over."""
+    """Wait until the task at an address has ended and return its state, as a page gets it."""
 
     def told() -> dict[str, Any]:
         state = json.loads(ask(url, address).text)
@@ -109,7 +109,7 @@ def over(url: str, address: str, patience: float = PATIENCE) -> dict[str, Any]:
 
 
 def upgrade(**more: str) -> dict[str, str]:
-    """Headers with which a browser asks for viser's websocket."""
+    """The headers with which a browser asks for viser's websocket."""
     return {
         "Connection": "Upgrade",
         "Upgrade": "websocket",
@@ -122,7 +122,7 @@ def upgrade(**more: str) -> dict[str, str]:
 
 @contextlib.contextmanager
 def looking(url: str, path: str, cookies: Mapping[str, str] | None = None) -> Iterator[None]:
-    """While this is open somebody looks at a lab, and tells which run they see: runs wait for that, and hold when nobody does."""
+    """Look at a lab as a page does, and report each run as drawn: runs wait for that report, and pause while nobody looks."""
     sent = {"Cookie": "; ".join(f"{name}={value}" for name, value in cookies.items())} if cookies else {}
     protocol: Any = PROTOCOL
     address = f"ws://{urlsplit(url).netloc}{path}"

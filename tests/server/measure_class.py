@@ -1,8 +1,8 @@
-"""Measures a class, as a script: python tests/server/measure_class.py [25].
+"""Measure what a class costs the server: python tests/server/measure_class.py [labs=25].
 
-Starts `flexlab --private`. Visitors open labs one after another, each as a browser does (page and live connection), and leave
-again but for the first, who goes on looking. Says how long each took, what memory and processor time a lab costs, the first
-one's speed, and what the teacher's page costs and how late it is.
+The script starts `flexlab --private`. Visitors open labs one after another, each as a browser does (page and live connection),
+and all but the first leave again. It prints how long opening took, the memory and processor time of a lab, the speed of the
+first lab, and the cost and delay of the teacher's page.
 """
 
 import json
@@ -14,19 +14,19 @@ from pathlib import Path
 
 import psutil
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # As pytest does, for who runs this file by itself.
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # pytest adds this folder itself; a script must do so.
 from http_client import ask, looking, post
 from lab_process import Lab
 from waiting import wait_until
 
 WATCHED = 20.0
-"""s over which processor time is measured."""
+"""Time over which processor time is measured, s."""
 POLL = 0.4
-"""s between two questions of the teacher's page."""
+"""Time between two requests of the teacher's page, s."""
 
 
 def open_lab(url: str) -> tuple[dict[str, str], str, float]:
-    """(cookies, path, s until page and live connection were there) of a new visitor's lab."""
+    """Open a new visitor's lab; return (cookies, path, time until page and live connection were there, s)."""
     begun = time.monotonic()
     sent_on = ask(url, "/lab/")
     cookies, path = sent_on.cookies, sent_on.headers["Location"]
@@ -36,23 +36,23 @@ def open_lab(url: str) -> tuple[dict[str, str], str, float]:
 
 
 def processor_time(process: psutil.Process) -> float:
-    """s, user and system."""
+    """User and system time of a process, s."""
     times = process.cpu_times()
     return times.user + times.system
 
 
 def told(url: str) -> dict[str, dict]:
-    """What the teacher's page is told: lab → how it stands."""
+    """Path of each lab → its state, as the teacher's page gets it."""
     return {lab["lab"]: lab for lab in json.loads(ask(url, "/teacher/labs").text)["labs"]}
 
 
 def labs_of(server: psutil.Process) -> list[psutil.Process]:
-    """The processes of labs: on Linux children of the one that they are forked from."""
+    """The processes of the labs; on Linux they are children of the process that forks them."""
     return [lab for child in server.children() for lab in child.children()] or server.children()
 
 
 def measure_labs(server: psutil.Process, url: str, first: str) -> None:
-    """Memory and processor time of every lab, while the first one is looked at."""
+    """Print memory and processor time of the labs while somebody looks at the first one."""
     labs = labs_of(server)
     memory = [lab.memory_full_info().uss / 1e6 for lab in labs]
     print(f"memory of its own: median {statistics.median(memory):.0f} MB, most {max(memory):.0f} MB")
@@ -67,7 +67,7 @@ def measure_labs(server: psutil.Process, url: str, first: str) -> None:
 
 
 def measure_teacher(server: psutil.Process, url: str, first: str) -> None:
-    """What the server spends on a teacher who looks, and how long a pause takes to show on the page."""
+    """Print what an open teacher's page costs the server, and how long a pause takes to show on it."""
 
     def spent(looks: bool) -> float:
         before, end = processor_time(server), time.monotonic() + WATCHED

@@ -1,8 +1,8 @@
-"""Measures a long lesson, as a script: python tests/server/measure_soak.py [minutes=10] [browsers=4] [labs beside=20].
+"""Measure a long lesson: python tests/server/measure_soak.py [minutes=10] [browsers=4] [other labs=20].
 
-Starts `flexlab --private`. Some visitors look at their labs in a real browser all the time, the others have opened theirs and
-left; every half minute each of those who look moves a slider's number. Every minute it says how far each watched lab has come
-for each second of the clock, what memory server and labs take, and the machine's load; at the end, what recordings lost.
+The script starts `flexlab --private`. Some visitors look at their labs in a real browser all the time and change a number every
+half minute; the others open theirs and leave. Every minute it prints the simulated seconds per second of each watched lab, the
+memory of server and labs, and the machine's load; at the end, how many samples the recordings lost.
 """
 
 import os
@@ -15,7 +15,7 @@ from pathlib import Path
 import psutil
 from playwright.sync_api import Page, sync_playwright
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # As pytest does, for who runs this file by itself.
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # pytest adds this folder itself; a script must do so.
 from browser_window import BY_THE_PROCESSOR, SOFTWARE_RENDERING, open_window
 from get_browser import find_browser
 from lab_process import Lab
@@ -26,21 +26,21 @@ from flexlab.recording.store.notes import read_notes
 from flexlab.recording.store.run_files import list_runs
 
 MINUTE, CHANGE = 60.0, 30.0
-"""s between two lines of the table, and between two changes of a number in each page."""
+"""Times between two printed lines, and between two changes of a number in each page, s."""
 STIFFNESS = (80.0, 150.0)
-"""N·m² that the pages go to and fro between: soft enough to ring, stiff enough not to be refused."""
+"""Bending stiffnesses that the pages alternate between, N·m²: soft enough to ring, stiff enough to be accepted."""
 
 BOX = re.compile(r" EI \((?!.*slider)")
-"""How the box of the bending stiffness is labelled."""
+"""The label of the number box of the bending stiffness."""
 
 
 def memory(server: psutil.Process) -> float:
-    """MB that the server and its labs have for themselves."""
+    """Unshared memory of the server and its labs, MB."""
     return sum(each.memory_full_info().uss for each in [server, *server.children(recursive=True)]) / 1e6
 
 
 def open_pages(browser, url: str, count: int) -> list[Page]:
-    """Pages that look at labs of their own, once each has its panel."""
+    """Open pages with labs of their own; return them once each shows its panel."""
     pages = []
     for _ in range(count):
         page = open_window(browser, 1024, 700).new_page()
@@ -51,7 +51,7 @@ def open_pages(browser, url: str, count: int) -> list[Page]:
 
 
 def change_stiffness(page: Page, value: float) -> None:
-    """Type another bending stiffness."""
+    """Type a bending stiffness, N·m²."""
     page.get_by_label(BOX).first.fill(f"{value:g}", force=True)
 
 

@@ -1,4 +1,4 @@
-"""A server, and somebody with a browser that keeps every cookie: a visitor, and a person of a class."""
+"""A server, and visitors who keep every cookie as a browser does."""
 
 import json
 from pathlib import Path
@@ -15,24 +15,24 @@ TOKEN, TEACHER = "the-token-of-the-class", "the-teacher-s-own-token"
 
 
 def open_server(logs: Path, preset: str = "paper", **settings: Any) -> FrontServer:
-    """A server for these people."""
+    """Open a server on a free port, without shadows unless `settings` ask for them."""
     return open_front_server(
         Settings(**{"logs": logs, "port": 0, "shadows": False} | settings), load_preset(preset), preset
     )
 
 
 class Visitor:
-    """Somebody at a server's address."""
+    """A visitor to a server's address, who keeps every cookie."""
 
     def __init__(self, url: str):
         self.url, self.cookies = url, {}
 
     def ask(self, path: str, method: str = "GET", body: bytes | None = None, **headers: str) -> Answer:
-        """One request."""
+        """Send one request."""
         return self._kept(ask(self.url, path, method, body, self.cookies, **headers))
 
     def post(self, path: str, *fields: tuple[str, str], **headers: str) -> Answer:
-        """One form."""
+        """Send one form."""
         return self._kept(post(self.url, path, fields, self.cookies, **headers))
 
     def _kept(self, answer: Answer) -> Answer:
@@ -42,18 +42,18 @@ class Visitor:
         return answer
 
     def enter(self, path: str = "/lab/") -> str:
-        """The path of the lab that this visitor is sent to."""
+        """Ask for a lab and return the path of the one that the visitor is sent to."""
         answer = self.ask(path)
         assert answer.status == 303, answer.text
         return answer.headers["Location"]
 
     def state(self, lab: str) -> str:
-        """What the page of a lab is told."""
+        """The state of a lab as its page gets it, JSON."""
         return self.ask(f"/state{lab.rstrip('/')}").text
 
 
 class Person(Visitor):
-    """Somebody at a server of these tests, who signs in with a token unless it is empty."""
+    """A visitor to a server in this process, who signs in with a token unless it is empty."""
 
     def __init__(self, server: FrontServer, token: str = TOKEN):
         super().__init__(server.url)
@@ -68,14 +68,14 @@ class Person(Visitor):
 
     @property
     def owner(self) -> str:
-        """By which their runs are known."""
+        """The mark of their runs."""
         return owner_word(self.word)
 
     @property
     def place(self):
-        """What the server knows of their lab."""
+        """Their running lab; None if they have none."""
         return self.server.places.of_visitor(self.word)
 
     def labs(self) -> list[dict]:
-        """What the teacher's page is told."""
+        """The state of all labs, as the teacher's page gets it."""
         return json.loads(self.ask("/teacher/labs").text)["labs"]

@@ -1,4 +1,4 @@
-"""What people meet who use a keyboard, a screen reader or strong contrast: every page, light and dark, in one window."""
+"""Every page, light and dark, can be used with a keyboard, a screen reader and strong contrast."""
 
 import re
 from collections.abc import Iterator
@@ -15,25 +15,25 @@ from playwright.sync_api import Browser, Page, ViewportSize
 from flexlab.text import number_text
 
 GRAVE = ("serious", "critical")
-"""Findings of axe that no page has."""
+"""Severities of axe's findings that no page may have."""
 TABS = ("Parameters", "View", "Touch", "Modes", "Compare", "File", "Events")
 FINDINGS = "async ([part, options]) => (await axe.run(part ?? document, options)).violations"
 OF_COLORS = ["color-contrast", "link-in-text-block"]
-"""Rules whose findings depend on the scheme."""
+"""Rules of axe whose findings depend on the colour scheme."""
 USUAL, SMALLEST = ViewportSize(width=1440, height=900), ViewportSize(width=320, height=640)
-"""px: of the window, and of the narrowest in which nothing is cut off."""
+"""Sizes of the usual window and of the narrowest one in which no page scrolls sideways, px."""
 CALM, LOOKS = 1100, 10
-"""ms until a page has named what has come, and how often a busy page is looked at for that."""
+"""Time in which a page names new elements for screen readers, ms, and how often a busy page is checked for that."""
 PANEL = '[data-dock-region="right"]'
 
 
 @pytest.fixture(scope="module")
 def page(plain_chromium: Browser, recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
-    """One window for all tests, at the page that asks for the token; two runs and a leaderboard are there."""
+    """One window for all tests, at the page that asks for the token; the server has two runs and a leaderboard."""
     with full_server(tmp_path_factory.mktemp("accessible"), recorded) as address:
         window = open_window(plain_chromium, **USUAL, base_url=address, reduced_motion="reduce")
         opened = window.new_page()
-        # Rerun's viewer is a page of its own, of others, and all of it one canvas.
+        # Rerun's viewer is somebody else's page, and all of it is one canvas.
         opened.route("**/viewer/**", lambda request: request.abort())
         opened.goto("/")
         yield opened
@@ -41,7 +41,7 @@ def page(plain_chromium: Browser, recorded: Path, tmp_path_factory: pytest.TempP
 
 
 def grave(page: Page, part: str | None = None, **options: object) -> list[str]:
-    """What axe holds against a page, or a part of it, as it is: what, where, why. Nothing is drawn meanwhile."""
+    """axe's grave findings on a page, or a part of it: which rule, where and why. Nothing is drawn meanwhile."""
     if not page.evaluate("'axe' in window"):
         page.evaluate(AXE_SCRIPT)
     page.evaluate(REST, True)
@@ -56,7 +56,7 @@ def grave(page: Page, part: str | None = None, **options: object) -> list[str]:
 
 
 def grave_when_calm(page: Page, part: str | None = None) -> list[str]:
-    """As `grave`, once the page has named what has come."""
+    """The same findings, once the page has named its new elements."""
     for _ in range(LOOKS):
         findings = grave(page, part)
         if not findings:
@@ -66,7 +66,7 @@ def grave_when_calm(page: Page, part: str | None = None) -> list[str]:
 
 
 def light_and_dark(page: Page, part: str | None = None) -> list[str]:
-    """Both, in the order that costs one change; of the second, what depends on it."""
+    """All findings in the present colour scheme, then the findings about colours in the other one."""
     dark = page.evaluate("matchMedia('(prefers-color-scheme: dark)').matches")
     findings = grave_when_calm(page, part)
     scheme = "light" if dark else "dark"
@@ -93,7 +93,7 @@ def test_the_servers_pages_have_no_grave_findings(page: Page) -> None:
     assert findings == []
 
 
-def test_charts_write_numbers_as_everything_else_does(page: Page) -> None:
+def test_charts_format_numbers_as_the_rest_of_flexlab_does(page: Page) -> None:
     values = [0.0, 1000.0, -0.5, 31.6227, 123456.0, 9.9999e6, 1e7, 2.5e-9, -1e-5, 1e-4]
     page.add_script_tag(url="/static/chart.js")
     assert page.evaluate("(values) => values.map((value) => number(value, 4))", values) == list(
@@ -101,7 +101,7 @@ def test_charts_write_numbers_as_everything_else_does(page: Page) -> None:
     )
 
 
-def test_play_screen_and_lab_have_no_grave_findings_and_are_used_by_keyboard(page: Page) -> None:
+def test_play_screen_and_lab_have_no_grave_findings_and_work_by_keyboard(page: Page) -> None:
     page.goto(f"/lab/?play&token={TEACHER}")
     page.locator(".fl-summary").wait_for(state="attached")
     page.get_by_role("img", name=re.compile("^The paper's experiment: 2 arms hold a flexible beam. ")).wait_for()

@@ -1,4 +1,4 @@
-"""A lab on a Unix socket below a base URL, behind a proxy, as on a JupyterHub: nothing in it leads out of its place."""
+"""A lab on a Unix socket below a base URL, behind a proxy, as on a JupyterHub: none of its addresses leads out of it."""
 
 import asyncio
 import re
@@ -23,13 +23,13 @@ ADDRESSES = re.compile(r'(?:href|src|action|formaction|data-address|data-recordi
 HUB = {"Host": "hub.example"}
 PATIENCE = aiohttp.ClientTimeout(total=30)
 OF_A_HOP = {"Transfer-Encoding", "Content-Length", "Connection", "Keep-Alive", "Set-Cookie"}
-"""Headers that a proxy makes anew."""
+"""Headers that the proxy does not copy but sets itself."""
 PAGES = ("/", "/runs", "/studies", "/leaderboard", "/lab/", "/teacher", "/nothing")
 SCRIPTS = ("lab", "review", "teacher", "study", "studies", "runs", "leaderboard", "chart", "import", "pop")
 
 
 def reverse_proxy(socket: Path, takes_off: bool) -> web.Application:
-    """A proxy that knows the lab below BASE only, and passes the prefix on or takes it off."""
+    """A proxy that serves the lab below BASE only, and passes the prefix on or removes it."""
 
     async def passed(request: web.Request) -> web.StreamResponse:
         if not request.path.startswith(BASE):
@@ -72,7 +72,7 @@ def test_every_address_stays_below_the_base(
     opened = open_another(host=f"unix:{socket}", base_url=BASE + "/", rerun=True)
     assert stat.S_IMODE(socket.stat().st_mode) == 0o600, "nobody else on this machine may come in"
     assert str(socket) in opened.url
-    with ThreadPoolExecutor(1) as apart:  # A browser of other tests has this thread's event loop.
+    with ThreadPoolExecutor(1) as apart:  # Playwright keeps an event loop on this thread.
         apart.submit(asyncio.run, look_around(reverse_proxy(socket, takes_off), recorded.stem)).result()
 
 
@@ -84,7 +84,7 @@ async def look_around(proxy: web.Application, run: str) -> None:
     root = f"http://127.0.0.1:{runner.addresses[0][1]}"
     jar = aiohttp.CookieJar(unsafe=True)
     try:
-        # A hub has a name of its own, which is that of no machine's loopback.
+        # A hub has a host name of its own, not one of loopback.
         async with aiohttp.ClientSession(root, cookie_jar=jar, headers=HUB, timeout=PATIENCE) as browser:
             found = {BASE + page for page in (*PAGES, f"/runs/{run}")}
             for page in sorted(found):
@@ -100,7 +100,7 @@ async def look_around(proxy: web.Application, run: str) -> None:
                     assert answer.status == 200, address
             for script in SCRIPTS:
                 async with browser.get(f"{BASE}/static/{script}.js") as answer:
-                    text = (await answer.text()).replace('link("/', "")  # It puts the base before them.
+                    text = (await answer.text()).replace('link("/', "")  # `link` adds the base.
                     assert not re.search(r"""["'`]/(?:lab|runs|viewer|teacher|studies|s)\b""", text), script
             async with browser.post(f"{BASE}/name", data={"name": "Ann"}, allow_redirects=False) as answer:
                 assert (answer.status, answer.headers["Location"]) == (303, f"{BASE}/")
@@ -127,12 +127,12 @@ async def look_around(proxy: web.Application, run: str) -> None:
 
 
 @pytest.mark.parametrize("base", ["user", "/a b", "//evil", "/a/../b", '/"onload="', "/a?b", "/é", "http://x"])
-def test_a_base_that_is_none_is_refused(base: str):
+def test_an_invalid_base_url_is_refused(base: str):
     with pytest.raises(LabError, match="is not a valid prefix of an address: write one like /user/ann/flexlab"):
         Settings(base_url=base)
 
 
-def test_a_socket_is_for_one_and_for_one_server(open_another: Callable[..., FrontServer], tmp_path: Path):
+def test_a_socket_refuses_private_labs_and_a_second_server(open_another: Callable[..., FrontServer], tmp_path: Path):
     with pytest.raises(LabError, match="leave out --private"):
         Settings(host="unix:x", private=True)
     (tmp_path / "file").write_text("mine")
@@ -144,7 +144,7 @@ def test_a_socket_is_for_one_and_for_one_server(open_another: Callable[..., Fron
         open_another(host=f"unix:{tmp_path / 's'}")
 
 
-def test_the_launcher_starts_a_lab_on_a_socket_at_home():
+def test_the_launcher_starts_a_lab_on_a_socket_with_logs_in_the_home_folder():
     about = lab_server()
     words = about["command"]
     assert words[words.index("--host") + 1] == "unix:{unix_socket}"

@@ -1,4 +1,4 @@
-"""A class: who is the teacher, whose runs are whose, who waits for a lab, what the teacher's page tells and does."""
+"""A class: who is the teacher, whose runs are whose, who waits for a lab, what the teacher's page shows and does."""
 
 import json
 import os
@@ -17,7 +17,7 @@ from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.server.front_server import FrontServer
 
 QUOTA = 50_000_000
-"""Bytes; no lab of these tests records so much."""
+"""Bytes; more than any lab of these tests records."""
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +76,7 @@ def test_the_teacher_s_page_opens_with_the_teacher_s_token_only(
 
 
 @pytest.mark.parametrize("path", ["/teacher/send", "/teacher/pause", "/teacher/resume"])
-def test_the_teacher_s_powers_need_the_token_and_the_teacher_s_own_page(teacher: Person, ben: Person, path: str):
+def test_orders_to_labs_need_the_teacher_s_token_and_the_teacher_s_own_page(teacher: Person, ben: Person, path: str):
     assert ben.post(path, ("preset", "gravity")).status == 403
     assert teacher.post(path, ("preset", "gravity"), Origin="http://evil.example").status == 403
     assert teacher.post(path, ("preset", "../paper"), ("lab", "/s/none")).status == 400
@@ -91,7 +91,7 @@ def test_the_teacher_s_powers_need_the_token_and_the_teacher_s_own_page(teacher:
         ("a\u202eb", "control characters"),
     ],
 )
-def test_a_name_that_no_page_should_show_is_refused(ben: Person, name: str, said: str):
+def test_a_name_that_is_too_long_or_has_control_characters_is_refused(ben: Person, name: str, said: str):
     answer = ben.post("/name", ("name", name))
     assert answer.status == 400
     assert said in answer.text
@@ -101,7 +101,7 @@ def test_a_name_stays_in_the_browser_and_is_escaped(anna: Person):
     assert 'value="Anna &lt;b&gt;"' in anna.ask("/").text
 
 
-def test_a_class_from_the_first_entry_to_the_teacher_s_pause(server: FrontServer, teacher: Person, anna: Person):
+def test_visitors_wait_in_line_and_the_teacher_leads_the_one_lab(server: FrontServer, teacher: Person, anna: Person):
     path = anna.ask("/lab/").headers["Location"]
     cleo, dora = Person(server), Person(server)
     places = [cleo.ask("/lab/"), dora.ask("/lab/"), cleo.ask("/lab/")]
@@ -156,7 +156,7 @@ def test_two_students_of_one_name_are_told_apart(tmp_path: Path, recorded: Path)
         assert [lab["who"] for lab in teacher.labs()] == [names[0], "Anna B."], "runs of another Anna lie there"
 
 
-def test_who_records_too_much_is_told_and_recorded_again_once_runs_are_deleted(
+def test_recording_stops_at_the_quota_and_goes_on_once_runs_are_deleted(
     server: FrontServer, teacher: Person, anna: Person, runs: dict[str, str]
 ):
     def enlarge(whose: str) -> None:
@@ -166,13 +166,13 @@ def test_who_records_too_much_is_told_and_recorded_again_once_runs_are_deleted(
         return teacher.labs()[0]["problem"]
 
     path = anna.ask("/lab/").headers["Location"].rstrip("/")
-    enlarge("ben")  # What others take is no matter.
+    enlarge("ben")  # The runs of others do not count.
     enlarge("anna")
     with looking(server.url, path, anna.cookies):
         wait_until(lambda: teacher.labs()[0]["watching"], "she looks, as otherwise nothing is resumed")
         teacher.post("/teacher/resume", ("lab", path))
         lab = server.places.running()[0]
-        # How many depends on how long her lab has recorded by now.
+        # The megabytes depend on how long her lab has recorded by now.
         told = r"Your runs take \d+ MB of the 50 MB that each visitor has: delete some of them"
         wait_until(lambda: re.search(told, lab.status().problem), "she is told")
         kept = r"Their runs take \d+ MB of the 50 MB that each visitor has: nothing more is recorded until some are deleted\."
@@ -187,19 +187,19 @@ def test_who_records_too_much_is_told_and_recorded_again_once_runs_are_deleted(
         wait_until(lambda: recording.stat().st_size > size, "it is recorded again")
 
 
-def test_only_who_teaches_has_the_class_in_the_head_of_every_page(teacher: Person, anna: Person):
+def test_only_the_teacher_has_a_link_to_the_class_on_every_page(teacher: Person, anna: Person):
     for path in ("/", "/runs", "/studies", "/no-such-page"):
         assert '<a href="/teacher"' in teacher.ask(path).text.partition("</header>")[0]
         assert "/teacher" not in anna.ask(path).text
 
 
-def test_behind_a_proxy_of_this_machine_the_teacher_has_the_class_too(tmp_path: Path):
+def test_the_teacher_of_a_shared_lab_on_loopback_has_a_link_to_the_class_too(tmp_path: Path):
     with open_server(tmp_path, token=TOKEN, teacher_token=TEACHER) as opened:
         heads = [Person(opened, token).ask("/").text.partition("</header>")[0] for token in (TEACHER, TOKEN)]
     assert ['<a href="/teacher"' in head for head in heads] == [True, False]
 
 
-def test_students_see_their_own_runs_and_the_teacher_all(
+def test_students_see_their_own_runs_and_the_teacher_sees_all(
     teacher: Person, anna: Person, ben: Person, runs: dict[str, str]
 ):
     for person, own in ((anna, ["anna"]), (ben, ["ben", "ben-too"]), (teacher, list(runs))):
@@ -210,7 +210,7 @@ def test_students_see_their_own_runs_and_the_teacher_all(
 
 
 @pytest.mark.parametrize("path", ["/{}", "/{}.rrd", "/delete?run={}", "/{}/export?format=csv", "/{}/replay"])
-def test_a_run_of_somebody_else_is_not_there(anna: Person, runs: dict[str, str], path: str):
+def test_a_student_cannot_open_a_run_of_somebody_else(anna: Person, runs: dict[str, str], path: str):
     for whose in ("ben", "nobody"):
         answer = anna.ask("/runs" + path.format(runs[whose]))
         assert answer.status in (400, 404)
@@ -219,14 +219,14 @@ def test_a_run_of_somebody_else_is_not_there(anna: Person, runs: dict[str, str],
 
 
 @pytest.mark.parametrize("action", ["notes", "delete", "continue", "replay"])
-def test_nothing_is_done_to_a_run_of_somebody_else(anna: Person, runs: dict[str, str], action: str):
+def test_a_student_cannot_change_or_use_a_run_of_somebody_else(anna: Person, runs: dict[str, str], action: str):
     assert anna.post(f"/runs/{runs['ben']}/{action}", ("note", "mine now")).status in (400, 404)
     for bulk in ("tag", "export", "delete"):
         fields = ("run", runs["ben"]), ("tags", "mine"), ("format", "rrd"), ("sure", "yes")
         assert anna.post(f"/runs/{bulk}", *fields).status == 404
 
 
-def test_a_pass_made_with_the_class_s_token_opens_no_run(server: FrontServer, anna: Person, runs: dict[str, str]):
+def test_a_pass_to_one_s_own_run_opens_no_other_run(server: FrontServer, anna: Person, runs: dict[str, str]):
     found = re.search(r'data-recording="(/pass/[0-9a-f]{64}/[^"]+)"', anna.ask(f"/runs/{runs['anna']}").text)
     assert found
     own = found[1]
@@ -255,7 +255,7 @@ def test_runs_are_tagged_exported_and_deleted_in_bulk(server: FrontServer, ben: 
 
 
 @pytest.mark.parametrize("private", [True, False])
-def test_what_the_teacher_asked_holds_after_a_restart(tmp_path: Path, private: bool):
+def test_the_teacher_s_rules_hold_after_a_restart(tmp_path: Path, private: bool):
     settings = {"token": TOKEN, "teacher_token": TEACHER, "private": private}
     lesson = "Lesson 1: Why does it ring?"
     with open_server(tmp_path, **settings) as server:

@@ -1,4 +1,4 @@
-"""A class behind one address: everybody gets their lab, page, viewer and file; what one machine takes is bounded all the same."""
+"""A class behind one address: everybody gets a lab, page, viewer and file, and yet no machine can take everything."""
 
 import asyncio
 import os
@@ -31,7 +31,7 @@ ADDRESS = "192.0.2.7"
 
 @pytest.mark.parametrize("most", [MOST_PAGES, MOST_VIEWERS, MOST_FILES])
 @pytest.mark.parametrize("names", [[f"student-{number}" for number in range(CLASS)], [""] * CLASS])
-def test_everybody_at_one_address_finds_a_place(most: tuple[int, int, int, int], names: list[str]):
+def test_limits_leave_everybody_at_one_address_a_place(most: tuple[int, int, int, int], names: list[str]):
     limit = Limit("things", *most)
     with ExitStack() as held:
         for name in names:
@@ -40,7 +40,7 @@ def test_everybody_at_one_address_finds_a_place(most: tuple[int, int, int, int],
         limit.check(Visitor("", ADDRESS, is_teacher=True))
 
 
-def test_whoever_sees_a_page_is_known_from_then_on(open_another: Callable[..., FrontServer]):
+def test_the_first_page_sets_a_visitor_s_cookie_which_nobody_can_make_up(open_another: Callable[..., FrontServer]):
     server = open_another(teacher_token="the-teacher-s-own-token")
     cookie = f"flexlab-visitor-{server.port}"
     first = ask(server.url, "/")
@@ -49,18 +49,18 @@ def test_whoever_sees_a_page_is_known_from_then_on(open_another: Callable[..., F
     assert ask(server.url, "/", cookies={cookie: "made-up"}).cookies[cookie] != "made-up"
 
 
-def test_strangers_get_no_cookie(open_another: Callable[..., FrontServer]):
+def test_visitors_without_the_token_get_no_cookie(open_another: Callable[..., FrontServer]):
     server = open_another(token="the-token-of-the-class")
     assert not ask(server.url, "/").cookies
 
 
 def in_server(server: FrontServer, work):
-    """What a coroutine gives on the server's event loop."""
+    """Run a coroutine on the server's event loop and return its result."""
     assert server._loop is not None
     return asyncio.run_coroutine_threadsafe(work, server._loop).result()
 
 
-def test_who_asks_in_the_same_moment_gets_the_labs_that_are_free(open_another: Callable[..., FrontServer]):
+def test_simultaneous_visitors_get_the_free_labs_and_the_others_wait_in_line(open_another: Callable[..., FrontServer]):
     server = open_another(private=True, max_sessions=2, max_per_address=2)
 
     async def enter_together() -> list[Lab | BaseException]:
@@ -75,7 +75,7 @@ def test_who_asks_in_the_same_moment_gets_the_labs_that_are_free(open_another: C
 
 @contextmanager
 def standing(pid: int) -> Iterator[None]:
-    """While this lasts a process does nothing."""
+    """Suspend a process for the time of a `with` block."""
     os.kill(pid, signal.SIGSTOP)
     try:
         yield
@@ -84,7 +84,7 @@ def standing(pid: int) -> Iterator[None]:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="labs are forked on Linux only")
-def test_pages_come_while_labs_open(open_another: Callable[..., FrontServer]):
+def test_pages_are_served_while_labs_open(open_another: Callable[..., FrontServer]):
     count = (os.cpu_count() or 1) + 6
     server = open_another(private=True, max_sessions=count, max_per_address=count)
     pid = getattr(forkserver._forkserver, "_forkserver_pid", 0)  # type: ignore[attr-defined]
@@ -105,7 +105,7 @@ def test_pages_come_while_labs_open(open_another: Callable[..., FrontServer]):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="Linux tells of who takes nothing")
-def test_who_takes_nothing_of_a_download_is_left(
+def test_a_visitor_who_reads_nothing_of_a_download_is_cut_off(
     open_another: Callable[..., FrontServer],
     recorded: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -135,11 +135,11 @@ def test_who_takes_nothing_of_a_download_is_left(
         ("", "", True),
     ],
 )
-def test_a_machine_with_many_addresses_is_one(one: str, other: str, same: bool):
+def test_all_addresses_of_one_ipv6_network_count_as_one(one: str, other: str, same: bool):
     assert (network_of(one) == network_of(other)) is same
 
 
-def test_many_who_guess_lock_nobody_else_out():
+def test_many_addresses_that_guess_tokens_lock_nobody_else_out():
     async def play() -> None:
         guesses = Guesses()
         begun = [
@@ -163,7 +163,7 @@ def test_many_who_guess_lock_nobody_else_out():
     thread.join()
 
 
-def test_files_on_their_way_claim_room_together(tmp_path: Path):
+def test_files_in_transfer_claim_disk_space_together(tmp_path: Path):
     free = shutil.disk_usage(tmp_path).free - KEPT_FREE
     one, other = tmp_path / "one", tmp_path / "other"
     for folder in (one, other):
@@ -178,7 +178,7 @@ def test_files_on_their_way_claim_room_together(tmp_path: Path):
 
 
 @pytest.mark.parametrize("name", ["odd.csv", "odd.rrd", "odd.npz", "odd.parquet"])
-def test_an_import_is_told_by_its_name_alone(front_server: FrontServer, name: str):
+def test_a_refused_import_is_named_without_its_folder(front_server: FrontServer, name: str):
     answer = upload(front_server.url, name, b"1,2")
     assert answer.status == 422
     assert name in answer.text
@@ -186,7 +186,7 @@ def test_an_import_is_told_by_its_name_alone(front_server: FrontServer, name: st
     assert str(front_server.temporary_folder.parent) + "/" not in answer.text
 
 
-def test_an_upload_has_few_parts(front_server: FrontServer):
+def test_only_the_first_parts_of_an_upload_are_read(front_server: FrontServer):
     part = b'--x\r\nContent-Disposition: form-data; name="a"\r\n\r\n1\r\n'
     last = b'--x\r\nContent-Disposition: form-data; name="file"; filename="a.csv"\r\n\r\n1\r\n--x--\r\n'
     answer = ask(
@@ -219,7 +219,7 @@ if __name__ == "__main__":
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-def test_a_task_that_cannot_begin_is_told_and_gives_its_place_back(tmp_path: Path):
+def test_a_task_that_cannot_begin_says_why_and_gives_its_place_back(tmp_path: Path):
     script = tmp_path / "cramped.py"
     script.write_text(CRAMPED)
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)

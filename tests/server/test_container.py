@@ -1,4 +1,4 @@
-"""The container, as far as it can be looked at without one: what it copies builds flexlab, and what it starts is healthy."""
+"""The container, tested without one: what it copies builds flexlab, and the server that it starts is healthy."""
 
 import json
 import os
@@ -23,7 +23,7 @@ WORDS = {"FLEXLAB_TOKEN": "the-word-of-the-class", "FLEXLAB_TEACHER_TOKEN": "the
 
 @pytest.fixture(scope="module")
 def steps(root: Path) -> list[tuple[str, str]]:
-    """(instruction, what follows it) of the Dockerfile."""
+    """The Dockerfile's lines, each as (instruction, what follows it)."""
     text = (root / ".github" / "Dockerfile").read_text(encoding="utf-8")
     lines = [line for line in text.splitlines() if line and not line.startswith("#")]
     return [(name, rest) for name, _, rest in (line.partition(" ") for line in lines)]
@@ -31,7 +31,7 @@ def steps(root: Path) -> list[tuple[str, str]]:
 
 @pytest.fixture(scope="module")
 def service(root: Path) -> dict:
-    """What compose starts."""
+    """The service that compose starts."""
     return yaml.safe_load((root / ".github" / "compose.yaml").read_text(encoding="utf-8"))["services"]["flexlab"]
 
 
@@ -49,7 +49,7 @@ def installed(root: Path, steps: list[tuple[str, str]], tmp_path_factory: pytest
                     shutil.copy(root / source, context / target)
     [line] = (rest for name, rest in steps if name == "RUN" and "pip install" in rest)
     options = shlex.split(line.partition("pip install")[2])
-    # Its dependencies are here, and the tests need no network.
+    # The dependencies are installed here already, so no network is needed.
     pip = [
         sys.executable,
         "-m",
@@ -70,7 +70,7 @@ def one(steps: list[tuple[str, str]], name: str) -> str:
     return rest
 
 
-def test_all_that_is_copied_is_in_a_clone(root: Path, steps: list[tuple[str, str]]):
+def test_everything_that_is_copied_is_tracked_by_git(root: Path, steps: list[tuple[str, str]]):
     copied = [word for name, rest in steps if name == "COPY" and "--from" not in rest for word in rest.split()[:-1]]
     assert {"pyproject.toml", "flexlab"} <= set(copied)
     listed = subprocess.run(["git", "ls-files", *copied], cwd=root, capture_output=True, text=True, check=True).stdout
@@ -78,7 +78,7 @@ def test_all_that_is_copied_is_in_a_clone(root: Path, steps: list[tuple[str, str
     assert tracked == set(copied)
 
 
-def test_all_name_the_same_port(steps: list[tuple[str, str]], service: dict):
+def test_dockerfile_and_compose_name_the_default_port(steps: list[tuple[str, str]], service: dict):
     port = str(Settings().port)
     assert one(steps, "EXPOSE") == port
     assert f"127.0.0.1:{port}/" in one(steps, "HEALTHCHECK")
@@ -90,7 +90,7 @@ def test_runs_stay_in_the_volume(steps: list[tuple[str, str]], service: dict):
     assert service["volumes"] == [f"runs:{one(steps, 'VOLUME')}"]
 
 
-def test_what_is_copied_is_all_that_pip_needs(installed: Path, steps: list[tuple[str, str]]):
+def test_pip_needs_nothing_but_what_is_copied(installed: Path, steps: list[tuple[str, str]]):
     command = installed / "bin" / json.loads(one(steps, "ENTRYPOINT"))[0]
     environment = os.environ | {"PYTHONPATH": str(installed)}
     done = subprocess.run([command, "presets"], env=environment, cwd=installed, capture_output=True, text=True)
@@ -102,18 +102,18 @@ def test_what_is_copied_is_all_that_pip_needs(installed: Path, steps: list[tuple
 
 @pytest.fixture(params=["Dockerfile", "compose"])
 def arguments(request: pytest.FixtureRequest, steps: list[tuple[str, str]], service: dict) -> list[str]:
-    """What the container hands to flexlab, by itself or from compose."""
+    """The arguments that the container gives flexlab, by itself or from compose."""
     if request.param == "Dockerfile":
         return json.loads(one(steps, "CMD"))
     return [re.sub(r"\$\{(\w+):\?[^}]*\}", lambda found: WORDS[found[1]], word) for word in service["command"]]
 
 
-def test_what_it_starts_is_healthy_until_it_is_stopped(
+def test_the_server_in_the_container_is_healthy_until_it_is_stopped(
     start_lab: Callable[..., Lab], steps: list[tuple[str, str]], arguments: list[str]
 ):
     command, *words = json.loads(one(steps, "ENTRYPOINT"))
     assert command == "flexlab"
-    assert "--no-browser" in words  # As `start_lab` starts it.
+    assert "--no-browser" in words  # `start_lab` adds it itself.
     lab = start_lab(*(word for word in words if word != "--no-browser"), *arguments)
     port = lab.port()
     check = json.loads(one(steps, "HEALTHCHECK").partition("CMD ")[2])

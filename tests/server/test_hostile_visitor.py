@@ -1,4 +1,4 @@
-"""Visitors who mean harm to the front server: the lab goes on, others get in, and what was wrong is said."""
+"""Hostile visitors to the front server: the lab goes on, others get in, and the answer says what was wrong."""
 
 import contextlib
 import json
@@ -63,7 +63,7 @@ def test_idle_connections_make_room_for_members(open_another: Callable[..., Fron
         wait_until(lambda: sum(map(is_closed, plugs)) >= 30, "the oldest were closed")
 
 
-def test_slow_heads_and_slow_bodies_end(open_another: Callable[..., FrontServer], monkeypatch: pytest.MonkeyPatch):
+def test_slow_heads_and_bodies_are_closed(open_another: Callable[..., FrontServer], monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(connections, "HEAD_TIME", 1.0)
     monkeypatch.setattr(connections, "BODY_TIME", 1.0)
     front_server = open_another()
@@ -81,7 +81,7 @@ def test_slow_heads_and_slow_bodies_end(open_another: Callable[..., FrontServer]
         assert not is_closed(lab), "whoever looks at the lab stays"
 
 
-def test_a_visitor_who_leaves_before_the_answer_is_no_failure(
+def test_a_visitor_who_leaves_before_the_answer_causes_no_error(
     front_server: FrontServer, recorded: Path, caplog: pytest.LogCaptureFixture
 ):
     def on_their_way() -> list[Path]:
@@ -98,7 +98,7 @@ def test_a_visitor_who_leaves_before_the_answer_is_no_failure(
     assert not [record for record in caplog.records if record.exc_info]
 
 
-def test_a_visitor_who_leaves_the_lab_sends_nothing_to_refuse(
+def test_a_visitor_who_leaves_the_lab_is_not_logged_as_refused(
     front_server: FrontServer, caplog: pytest.LogCaptureFixture
 ):
     lines = "".join(f"{name.replace('_', '-')}: {value}\r\n" for name, value in upgrade().items())
@@ -109,7 +109,7 @@ def test_a_visitor_who_leaves_the_lab_sends_nothing_to_refuse(
             plug.sendall(head)
             assert plug.recv(1000).startswith(b"HTTP/1.1 101")
             plug.recv(10_000)
-            plug.sendall(b"\x89\x80\0\0\0\0" * 200)  # Pings, which are answered.
+            plug.sendall(b"\x89\x80\0\0\0\0" * 200)  # Pings, which the server answers.
             plug.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", linger, 0))
     wait_until(lambda: place.visitors == 0, "all have left")
     assert not [record for record in caplog.records if "Refused" in record.getMessage()]
@@ -138,7 +138,7 @@ def test_a_foreign_link_asks_before_it_ends_the_run(front_server: FrontServer):
     assert ask(front_server.url, "/lab/", **foreign).status == 200, "looking alone asks nothing"
 
 
-def test_what_is_malformed_is_400_and_a_sentence(front_server: FrontServer, recorded: Path):
+def test_a_malformed_request_is_answered_400_with_a_sentence(front_server: FrontServer, recorded: Path):
     notes = f"/runs/{recorded.stem}/notes"
     bad: list[Answer] = [
         ask(front_server.url, "/?x=%0d%0a"),
@@ -156,7 +156,7 @@ def test_what_is_malformed_is_400_and_a_sentence(front_server: FrontServer, reco
     assert answer.status in (400, 422), answer.text
 
 
-def test_control_characters_of_a_note_are_shown(front_server: FrontServer, recorded: Path):
+def test_control_characters_in_a_note_are_made_visible(front_server: FrontServer, recorded: Path):
     row = find_row(front_server.settings.logs, recorded.stem)
     annotate_run(row, "\x1b[2J\x1b]0;owned\x07 plain\nsecond", "tag\x9b31m", False)
     again = find_row(front_server.settings.logs, recorded.stem)
@@ -173,7 +173,7 @@ def test_one_address_cannot_take_all_private_labs(open_another: Callable[..., Fr
     assert (full.status, "1 of 1 labs that one address may have" in full.text) == (503, True)
 
 
-def test_a_lab_that_hangs_is_told_and_replaced_and_its_run_kept(
+def test_a_hanging_lab_is_replaced_its_visitor_told_and_its_run_kept(
     open_another: Callable[..., FrontServer], monkeypatch: pytest.MonkeyPatch
 ):
     front_server = open_another(private=True, max_sessions=4)
@@ -203,7 +203,7 @@ def test_a_lab_that_hangs_is_told_and_replaced_and_its_run_kept(
     assert ben.enter() == bens, "Ben's lab runs on"
 
 
-def test_folders_of_killed_servers_are_swept():
+def test_temporary_folders_of_killed_servers_are_removed():
     left = Path(tempfile.gettempdir()) / "flexlab-server-99999999-abc"
     left.mkdir()
     os.utime(left, (0, 0))
@@ -215,7 +215,7 @@ def test_folders_of_killed_servers_are_swept():
     assert not own.path.exists()
 
 
-def test_presets_of_ones_own_have_a_limit_and_pictures_come_beside(
+def test_own_presets_are_limited_in_number_and_their_pictures_follow(
     front_server: FrontServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.chdir(tmp_path)
@@ -233,7 +233,7 @@ def test_presets_of_ones_own_have_a_limit_and_pictures_come_beside(
     assert drawn.count('class="beam"') >= MOST_PRESETS
 
 
-def test_mutated_messages_of_every_kind_leave_a_lab_that_moves(
+def test_a_lab_goes_on_after_mutated_messages_of_every_kind(
     open_another: Callable[..., FrontServer], caplog: pytest.LogCaptureFixture
 ):
     front_server = open_another()

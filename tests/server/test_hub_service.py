@@ -1,4 +1,4 @@
-"""The teacher's page of a JupyterHub: a real lab reports to the real service; who is who a stand-in for the hub says.
+"""The teacher's page of a JupyterHub: a real lab reports to the real service, and a stand-in for the hub names the users.
 
 The real hub is in tests/peers/jupyter_hub.py.
 """
@@ -27,7 +27,7 @@ SCOPES = {"teacher": ["access:services!service=flexlab"], "ann": ["access:server
 
 
 class StandIn(BaseHTTPRequestHandler):
-    """A hub whose users' tokens, and codes of OAuth, are their names."""
+    """A hub in which a user's name is also their token and their OAuth code."""
 
     def do_GET(self) -> None:
         name = self.headers.get("Authorization", "").removeprefix("token ")
@@ -68,7 +68,7 @@ def service() -> Iterator[FrontServer]:
 
 
 def sign_in(service: FrontServer, name: str) -> Answer:
-    """What the service answers to somebody whom the hub sends back."""
+    """Sign in through the hub under a name and return the service's answer."""
     first = ask(service.url, f"{PREFIX}/teacher")
     to = urlsplit(first.headers["Location"])
     assert (first.status, to.path) == (302, "/hub/api/oauth2/authorize")
@@ -86,7 +86,7 @@ def test_a_teacher_sees_and_leads_the_labs_that_report(
 ):
     monkeypatch.setattr(
         connections, "HEAD_TIME", 0.5
-    )  # s: a lab that reports for longer asks for something all the time.
+    )  # s: a lab's connection lasts longer, and must not count as a slow request.
     answer = sign_in(service, "teacher")
     assert (answer.status, answer.headers["Location"]) == (303, f"{PREFIX}/teacher")
     mine = {SESSION: answer.cookies[SESSION]}
@@ -127,7 +127,7 @@ def test_a_teacher_sees_and_leads_the_labs_that_report(
     wait_until(lambda: labs() == [], "what is closed is gone")
 
 
-def test_who_is_no_teacher_gets_nowhere(service: FrontServer):
+def test_only_a_teacher_can_use_the_service(service: FrontServer):
     assert sign_in(service, "ann").status == 403
     assert ask(service.url, f"{PREFIX}/oauth_callback?state=x&code=teacher", cookies={STATE: "x"}).status == 403
     assert ask(service.url, f"{PREFIX}/teacher/labs", cookies={SESSION: "x"}).status == 302
@@ -139,7 +139,7 @@ def test_who_is_no_teacher_gets_nowhere(service: FrontServer):
 
 
 @pytest.mark.parametrize("said", ["nonsense", "{}", '{"status": {"error": NaN}, "visitors": 1}', "x" * 100_000])
-def test_a_lab_that_says_what_none_does_is_not_listened_to(service: FrontServer, said: str):
+def test_a_lab_that_sends_an_invalid_report_is_disconnected(service: FrontServer, said: str):
     address = f"ws://127.0.0.1:{service.port}{PREFIX}/labs"
     with connect(address, additional_headers={"Authorization": "token ann"}) as lab:
         lab.send(said)
@@ -147,6 +147,6 @@ def test_a_lab_that_says_what_none_does_is_not_listened_to(service: FrontServer,
             lab.recv(timeout=30)
 
 
-def test_without_a_hub_it_says_so():
+def test_without_a_hub_the_service_says_so():
     with pytest.raises(LabError, match="JUPYTERHUB_API_TOKEN is not set: a JupyterHub starts this service"):
         open_hub_service({})

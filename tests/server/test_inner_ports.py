@@ -1,4 +1,4 @@
-"""What listens beside the front server answers the front server only."""
+"""The ports of the labs themselves answer the front server only."""
 
 from collections.abc import Callable
 

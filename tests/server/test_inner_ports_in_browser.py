@@ -1,4 +1,4 @@
-"""A page of another origin gets nothing from what listens beside the front server."""
+"""A page of another origin gets nothing from the port of a lab itself."""
 
 from playwright.sync_api import Browser
 

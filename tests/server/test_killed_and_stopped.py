@@ -1,4 +1,4 @@
-"""Real processes, really killed and stopped: others go on, runs are kept, and nothing is left behind that hinders anybody."""
+"""Real processes are killed and suspended: others go on, runs are kept, and nothing that is left behind hinders anybody."""
 
 import contextlib
 import json
@@ -27,14 +27,14 @@ from flexlab.sim.simulate import simulate
 
 StartLab = Callable[..., Lab]
 SLOW_STEP, SLOW_TIME = 1e-5, 8.0
-"""s: a run whose replay takes longer than anybody waits who is about to end."""
+"""Step and duration, s, of a run whose replay takes much longer than the end of a process may."""
 SOON = 5.0
-"""s in which a process ends that is told to, however busy the machine; the replay above takes longer."""
+"""Time, s, in which a process that is told to end does so on the busiest machine; the replay above takes longer."""
 IDLE_CONNECTIONS = 400
 
 
 def workers(lab: Lab) -> list[psutil.Process]:
-    """The processes that do something for it: jobs, and labs, which are forked from one that only holds their program."""
+    """The jobs and labs among a server's processes, without the process that they are forked from."""
 
     def works(process: psutil.Process) -> bool:
         try:
@@ -47,7 +47,7 @@ def workers(lab: Lab) -> list[psutil.Process]:
 
 
 def gone(process: psutil.Process) -> bool:
-    """Whether a process is over; what nobody waits for any more stays as a name only."""
+    """Whether a process has ended; without a parent that waits for it, it stays as a zombie."""
     try:
         return process.status() == psutil.STATUS_ZOMBIE
     except psutil.NoSuchProcess:
@@ -55,19 +55,19 @@ def gone(process: psutil.Process) -> bool:
 
 
 def begun_run(lab: Lab, before: Collection[Path] = ()) -> Path | None:
-    """The one run that was not there before, as soon as something of it is in its file."""
+    """The run that was not there before, once its file has samples; until then None."""
     for run in set(list_runs(lab.folder / "logs")) - set(before):
         with contextlib.suppress(RecordingError):
             return run if len(read_recording(run).samples) else None
     return None
 
 
-def test_a_second_ctrl_c_ends_at_once(start_lab: StartLab):
+def test_a_second_ctrl_c_ends_the_server_at_once(start_lab: StartLab):
     lab = start_lab("--private")
     Visitor(lab.url()).enter()
     (worker,) = workers(lab)
     wait_until(lambda: begun_run(lab), "it is recorded")
-    worker.suspend()  # A lab that hangs: closing in order waits for it.
+    worker.suspend()  # This lab hangs, and an orderly close waits for it.
     try:
         lab.process.send_signal(signal.SIGINT)
         with pytest.raises(subprocess.TimeoutExpired):
@@ -82,7 +82,7 @@ def test_a_second_ctrl_c_ends_at_once(start_lab: StartLab):
     assert len(read_recording(run).samples) > 0
 
 
-def test_a_member_gets_in_beside_hundreds_of_idle_connections(start_lab: StartLab):
+def test_a_visitor_with_the_token_gets_in_beside_hundreds_of_idle_connections(start_lab: StartLab):
     lab = start_lab("--token", TOKEN, handles=256)
     port = lab.port()
     idle: list[socket.socket] = []
@@ -103,7 +103,7 @@ def test_a_member_gets_in_beside_hundreds_of_idle_connections(start_lab: StartLa
     assert len("".join(lab.complained)) < 100_000, "nor do they flood the log"
 
 
-def test_a_server_that_was_stopped_for_a_while_closes_no_lab(start_lab: StartLab):
+def test_a_server_that_was_suspended_for_a_while_closes_no_lab(start_lab: StartLab):
     lab = start_lab("--private")
     visitors = [Visitor(lab.url()) for _ in range(2)]
     labs = [visitor.enter() for visitor in visitors]
@@ -122,7 +122,7 @@ def test_a_server_that_was_stopped_for_a_while_closes_no_lab(start_lab: StartLab
     assert lab.complained == []
 
 
-def test_nothing_is_left_of_a_killed_server_and_the_next_start_sweeps(start_lab: StartLab, tmp_path: Path):
+def test_processes_end_with_a_killed_server_and_the_next_start_removes_its_folder(start_lab: StartLab, tmp_path: Path):
     scenario = load_preset("paper").replace({"simulation.step": SLOW_STEP})
     slow = write_run(simulate(scenario, duration=SLOW_TIME, sample_period=0.001), tmp_path / "logs", "slow")
     temporary = tmp_path / "temporary"

@@ -18,7 +18,7 @@ from flexlab.presets import load_preset, preset_names
 
 GUIDE, PANEL = '[data-dock-region="left"]', '[data-dock-region="right"]'
 CALM = 1200
-"""ms until a page has named what has come."""
+"""Time in which a page translates new texts, ms."""
 STAYS = (
     r"\S+\.rrd|https?://\S+|x\d+_\d+ .*",  # files, addresses, machines
     r"(Edit props for )?/?(WorldAxes|\w+)",  # viser's tree of the scene, and single code names
@@ -26,12 +26,12 @@ STAYS = (
     r".*[√∑‖].*",  # formulas
     r"[a-z]+(-[a-z]+)+",  # code names
 )
-"""What every language shows as it is."""
+"""Patterns of texts that stay the same in every language."""
 ENGLISH = re.compile(r"[A-Za-z]{3,}(?:[ ’'-][A-Za-z]{3,}){2,}")
-"""Three words in a row."""
+"""Three English words in a row."""
 INDEXED = """() => [...document.querySelectorAll('sub')].map(
   (index) => `${index.previousSibling.nodeValue.slice(-1)}_${index.textContent}`)"""
-"""Symbols with an index."""
+"""Finds the symbols with a subscript, such as e_x."""
 VISIBLE = """() => {
   const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), found = [];
   while (walker.nextNode()) {
@@ -45,7 +45,7 @@ VISIBLE = """() => {
 
 @pytest.fixture(scope="module")
 def page(plain_chromium: Browser, recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
-    """A window whose reader prefers German, at the page that asks for the token; two runs and a leaderboard are there."""
+    """A window whose reader prefers German, at the page that asks for the token; the server has two runs and a leaderboard."""
     with full_server(tmp_path_factory.mktemp("languages"), recorded) as address:
         window = open_window(plain_chromium, 1440, 900, base_url=address, locale="de-DE")
         opened = window.new_page()
@@ -59,12 +59,12 @@ def page(plain_chromium: Browser, recorded: Path, tmp_path_factory: pytest.TempP
 
 
 def plain(text: str) -> str:
-    """A text as a page's list of untranslated ones has it, without marks."""
+    """A text without markup and with 0 for each number, as in a page's list of untranslated texts."""
     return " ".join(re.sub(r"\d[\d.e+−-]*", "0", re.sub(r"[`*\[\]#|>-]|!\[|\(\S+\.svg\)", " ", text)).split())
 
 
 def told_by_files() -> str:
-    """Texts of the guide's chapters, which are English, and of what is added by one file: English until it is translated."""
+    """Texts that may stay English: the guide's chapters, and lessons, presets, laws and paths, which one file can add."""
     texts = [text for chapter in chapters() for text in (re.sub("<[^>]*>", " ", chapter.text), chapter.text)]
     texts += [text for lesson in lessons() for text in (lesson.title, lesson.text, lesson.check)]
     texts += [text for name in preset_names() for text in (name, load_preset(name).title, load_preset(name).watch)]
@@ -73,13 +73,13 @@ def told_by_files() -> str:
 
 
 def left(page: Page) -> set[str]:
-    """What has no translation and is not meant to have one's own, by page."""
-    page.wait_for_function("() => window.flexlabUntranslated")  # It may stand behind what a busy page still loads.
+    """The texts of a page that have no translation."""
+    page.wait_for_function("() => window.flexlabUntranslated")  # On a busy machine its script may load late.
     return set(page.evaluate("[...window.flexlabUntranslated]"))
 
 
 def faults(missing: set[str]) -> list[str]:
-    """Without what stays as it is."""
+    """The texts that need a translation, without those that may stay as they are."""
     stays, files = re.compile("|".join(f"(?:{kind})" for kind in STAYS)), told_by_files()
     return sorted(text for text in missing if not stays.fullmatch(text) and plain(text) not in files)
 
@@ -89,7 +89,7 @@ VERDICT = (
     "torques jump by 0.8 N·m (RMS) per step only. 1.3 µm of vibration is left after a second; slow bending of "
     "up to 0.15 mm stays ✓"
 )
-"""Two sentences of a lesson's check, of which the second begins with a number."""
+"""Two sentences of a lesson's check; the second begins with a number."""
 
 
 WIDTH_OF_DOT = """(part) => {
@@ -101,7 +101,7 @@ WIDTH_OF_DOT = """(part) => {
 
 
 def told_of_fields(page: Page) -> list[str]:
-    """How a page tells sentences for the terminal, which name fields as code does."""
+    """How a page shows sentences written for the terminal, which name fields as in code."""
     sentences = (
         "Observer = Kalman filter · kalman",
         "a coarser pose accuracy (simulation.accuracy)",
@@ -129,7 +129,7 @@ def told_of_fields(page: Page) -> list[str]:
 
 
 def told_to_a_class(page: Page) -> set[str]:
-    """What lacks a translation while a teacher sets the class's pace, locks its labs and lets them go."""
+    """Texts without a translation while a teacher sets the class's pace, locks its labs and unlocks them."""
     page.goto("/teacher")
     rules, said, missing = page.locator("#rules"), page.locator("#said"), set()
     lesson, step, lock = rules.locator("[name=lesson]"), rules.locator("[name=step]"), rules.locator("[name=lock]")
@@ -200,7 +200,7 @@ def test_every_page_speaks_german_chinese_and_english(page: Page) -> None:
     tabs = page.locator(f"{PANEL} [role=tab]")
     for number in range(tabs.count()):
         tabs.nth(number).press("Enter")
-        for _ in range(2):  # Folders in folders.
+        for _ in range(2):  # Folders may hold folders.
             page.wait_for_timeout(CALM / 2)
             folded = page.locator(f"{PANEL} [data-fl-pressed][aria-expanded=false]")
             folded.evaluate_all("heads => heads.forEach((head) => head.click())")

@@ -1,4 +1,4 @@
-"""The leaderboard's page: what was last computed, and how a computation that is going on stands."""
+"""The leaderboard's page: the newest table, and the state of a computation under way."""
 
 import json
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Nobody takes all: tasks, files, pages, viewers and places in the line are bounded for a visitor and for an address."""
+"""Limits on a visitor and on an address: tasks, files, pages, viewers, places in the line, and disk space for runs."""
 
 import asyncio
 import contextlib
@@ -50,7 +50,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FrontServer]:
 
 
 def runs_of(server: FrontServer, person: Person, recorded: Path, count: int) -> list[str]:
-    """Ids of so many new runs of a person."""
+    """Copy `count` runs into a person's library and return their ids."""
     paths = [server.settings.logs / f"2025-02-0{k + 1}T12-00-00-{person.owner[:6]}.rrd" for k in range(count)]
     for path in paths:
         shutil.copy(recorded, path)
@@ -116,7 +116,7 @@ def test_turns_go_to_the_teacher_first_and_to_each_visitor_one_at_a_time():
         await asyncio.gather(*tasks, return_exceptions=True)
         assert sorted(order) == ["far", "greedy-0", "greedy-2", "near", "teacher"]
         async with asyncio.timeout(1), turns.turn(Visitor("g", "1")):
-            pass  # Nothing is left taken.
+            pass  # All turns were given back.
 
     # Playwright keeps an event loop on this thread.
     with ThreadPoolExecutor(1) as thread:
@@ -152,7 +152,7 @@ def test_one_visitor_cannot_take_all_tasks_and_the_teacher_s_import_goes_on(serv
         wait_until(lambda run=run, person=person: '"good"' in person.ask(f"/runs/{run}/replay").text, "it is replayed")
 
 
-def test_uploads_that_do_not_end_are_few_and_leave_nothing(server: FrontServer, monkeypatch: pytest.MonkeyPatch):
+def test_endless_uploads_are_limited_and_leave_no_files(server: FrontServer, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(runs_pages, "UPLOAD_TIME", 2.0)
     ben = Person(server)
     body, kind = file_form("run.csv", b"x" * 1_000_000)
@@ -171,7 +171,7 @@ def test_uploads_that_do_not_end_are_few_and_leave_nothing(server: FrontServer, 
     assert nothing.status in (400, 422)
 
 
-def test_an_archive_that_nobody_reads_goes(server: FrontServer, recorded: Path, monkeypatch: pytest.MonkeyPatch):
+def test_an_archive_that_nobody_reads_is_removed(server: FrontServer, recorded: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(run_actions, "READING_TIME", 1.0)
     cleo = Person(server)
     (run,) = runs_of(server, cleo, recorded, 1)
@@ -187,7 +187,7 @@ def test_an_archive_that_nobody_reads_goes(server: FrontServer, recorded: Path, 
     (server.settings.logs / f"{run}.rrd").unlink()
 
 
-def test_live_data_of_another_s_lab_are_not_there(server: FrontServer):
+def test_live_data_are_for_the_lab_s_visitor_and_the_teacher_only(server: FrontServer):
     anna, ben, teacher = Person(server), Person(server), Person(server, TEACHER)
     path = anna.ask("/lab/").headers["Location"].rstrip("/")
     live = f"/live/{path.rpartition('/')[2]}.rrd"
@@ -196,7 +196,7 @@ def test_live_data_of_another_s_lab_are_not_there(server: FrontServer):
     assert teacher.ask(live, "HEAD").status == 200
 
 
-def test_without_tokens_too_live_data_need_their_pass(open_another: Callable[..., FrontServer]):
+def test_without_tokens_too_live_data_need_the_visitor_s_cookie(open_another: Callable[..., FrontServer]):
     server = open_another(private=True, rerun=True, max_sessions=2, max_per_address=2)
     answer = ask(server.url, "/lab/")
     live = f"/live/{answer.headers['Location'].split('/')[2]}.rrd"
@@ -206,7 +206,7 @@ def test_without_tokens_too_live_data_need_their_pass(open_another: Callable[...
     assert re.search(r"/pass/[0-9a-f]{64}/live/", shown)
 
 
-def test_one_visitor_opens_some_pages_and_viewers_not_all(server: FrontServer):
+def test_one_visitor_can_open_only_so_many_pages_and_viewers(server: FrontServer):
     anna = Person(server)
     path = anna.ask("/lab/").headers["Location"].rstrip("/")
     with contextlib.ExitStack() as open_pages:
@@ -247,7 +247,7 @@ def test_a_quota_holds_when_a_lab_is_closed(tmp_path: Path):
     assert {(row.breaks_off, row.state, state_word(row)) for row in cut} == {(SPACE_FULL, "recovered", "breaks off")}
 
 
-def test_what_finishing_will_add_to_a_run_counts_before(tmp_path: Path):
+def test_the_quota_counts_in_advance_what_finishing_adds_to_a_run(tmp_path: Path):
     owner, run = owner_word("anna"), simulate(load_preset("paper"), duration=0.1)
     recorder = Recorder(tmp_path, circumstances=lambda: {"owner": owner})
     recorder.begin_run(1, "paper", run.scenario, World(run.scenario).state())
@@ -324,7 +324,7 @@ def test_imports_count_for_the_quota(server: FrontServer, recorded: Path):
     assert upload(server.url, "more.rrd", recorded.read_bytes(), dora.cookies).status == 303
 
 
-def test_an_import_of_a_browser_without_a_cookie_is_its_own_and_counts(tmp_path: Path, recorded: Path):
+def test_an_import_without_a_cookie_belongs_to_its_visitor_and_counts_for_the_quota(tmp_path: Path, recorded: Path):
     most = 1.5 * recorded.stat().st_size / 1e6
     with open_server(tmp_path, token=TOKEN, teacher_token=TEACHER, private=True, quota=most) as opened:
         emil = Person(opened)

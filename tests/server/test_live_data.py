@@ -1,4 +1,4 @@
-"""Live data for rerun viewers come through the front server only: no port of rerun's, nobody without the token."""
+"""Live data reach rerun viewers through the front server only: rerun opens no port, and nobody gets in without the token."""
 
 import contextlib
 import subprocess
@@ -17,7 +17,7 @@ from flexlab.server.front_server import FrontServer
 
 
 def listening() -> set[int]:
-    """Ports of this process and its children."""
+    """The ports on which this process and its children listen."""
     me, ports = psutil.Process(), set[int]()
     for process in (me, *me.children(recursive=True)):
         with contextlib.suppress(psutil.NoSuchProcess):
@@ -27,7 +27,7 @@ def listening() -> set[int]:
 
 
 def watch(source: str, path: Path, wanted: set[str]) -> None:
-    """Let a real rerun program watch until it has written what is wanted of a run."""
+    """Let a real rerun program watch a lab until it has saved the `wanted` entities."""
     nothing = subprocess.DEVNULL
     process = subprocess.Popen(
         [rerun_tool(), "--save", str(path), source], stdin=nothing, stdout=nothing, stderr=nothing
@@ -40,7 +40,7 @@ def watch(source: str, path: Path, wanted: set[str]) -> None:
 
 
 def entities(path: Path) -> set[str]:
-    """What a file has that may still be written: of a message that is not whole yet, nothing."""
+    """The entities in a file that may still grow, without a message that is not complete yet."""
     found: set[str] = set()
     with contextlib.suppress(ValueError, RuntimeError), quiet_reader(path) as reader:
         for chunk in reader.stream():
@@ -56,7 +56,7 @@ def test_rerun_watches_a_shared_lab_through_the_front_server(open_another: Calla
     watch(front_server.live_source, tmp_path / "seen.rrd", {"/scene/beam", "/error", "/parameters"})
 
 
-def test_live_data_ask_for_the_token_and_know_their_own_host(open_another: Callable[..., FrontServer]):
+def test_live_data_need_the_token_or_a_pass_to_this_lab(open_another: Callable[..., FrontServer]):
     front_server = open_another(rerun=True, token=TOKEN)
     assert ask(front_server.url, "/live/lab.rrd", "HEAD").status == 401
     assert ask(front_server.url, f"/pass/{'0' * 64}/live/lab.rrd", "HEAD").status == 401
@@ -79,7 +79,7 @@ def test_without_the_option_there_are_no_live_data(front_server: FrontServer):
 @pytest.mark.parametrize(
     "headers", [{"Host": "evil.example"}, {"Host": "evil.example", "Origin": "http://evil.example"}]
 )
-def test_a_foreign_name_that_leads_here_gets_no_live_data(
+def test_a_request_under_a_foreign_host_name_gets_no_live_data(
     open_another: Callable[..., FrontServer], headers: dict[str, str]
 ):
     front_server = open_another(rerun=True)
@@ -89,7 +89,7 @@ def test_a_foreign_name_that_leads_here_gets_no_live_data(
     assert answer.headers["Cross-Origin-Resource-Policy"] == "same-origin"
 
 
-def test_a_private_lab_is_watched_by_its_own_word_only(open_another: Callable[..., FrontServer], tmp_path: Path):
+def test_only_the_visitor_of_a_private_lab_gets_its_live_data(open_another: Callable[..., FrontServer], tmp_path: Path):
     before = listening()
     front_server = open_another(rerun=True, private=True, max_sessions=1)
     answer = ask(front_server.url, "/lab/")

@@ -1,4 +1,4 @@
-"""The viewer of a browser shows live data that come through the front server only."""
+"""Rerun's viewer in a browser shows live data, which come through the front server only."""
 
 import io
 from collections.abc import Callable
@@ -15,10 +15,10 @@ from flexlab.server.front_server import FrontServer
 from flexlab.views import OLIVE, ROSE, VIOLET
 
 NEAR, SHARE = 24, 2e-4
-"""How near a pixel is to a curve's colour, and the share of such pixels where curves are."""
+"""How near to its colour, of 255, a curve's pixels are, and the least share of such pixels once curves are drawn."""
 
 
-def test_the_viewer_of_a_browser_shows_live_data(open_another: Callable[..., FrontServer], chromium: Browser):
+def test_the_viewer_in_a_browser_shows_live_data(open_another: Callable[..., FrontServer], chromium: Browser):
     front_server = open_another(rerun=True, token=TOKEN)
     context = open_window(chromium, 900, 600)
     page = context.new_page()

@@ -1,4 +1,4 @@
-"""What is no proper request costs one short line of the log, which quotes nothing of it; tokens are not worn out by guesses."""
+"""A malformed request costs one short log line that quotes none of it; wrong tokens and cookies lock nobody out."""
 
 import logging
 import socket
@@ -18,7 +18,7 @@ from flexlab.server.limits import MOST_HELD, MOST_PENDING
 
 
 def send(server: FrontServer, words: bytes) -> bytes:
-    """What comes back for these bytes, until the server ends the connection."""
+    """Send these bytes and return what comes back until the server closes the connection."""
     with socket.create_connection(("127.0.0.1", server.port), timeout=30) as plug:
         plug.sendall(words)
         with plug.makefile("rb") as answer:
@@ -45,11 +45,11 @@ MALFORMED = {
 
 
 @pytest.mark.parametrize("kind", MALFORMED)
-def test_a_malformed_request_is_one_line_that_quotes_nothing(
+def test_a_malformed_request_is_logged_in_one_line_that_quotes_nothing(
     guarded: FrontServer, kind: str, caplog: pytest.LogCaptureFixture
 ):
     caplog.set_level(logging.DEBUG)
-    caplog.set_level(logging.WARNING, "numba")  # It tells each line of a kernel that another thread has compiled.
+    caplog.set_level(logging.WARNING, "numba")  # It logs every line that another thread compiles.
     answer = send(guarded, MALFORMED[kind])
     assert answer.startswith((b"HTTP/1.1 4", b"HTTP/1.0 4")), answer[:100]
     wait_until(lambda: caplog.records, "the log tells of it")
@@ -89,7 +89,7 @@ def test_the_cookie_is_not_the_token(guarded: FrontServer):
     assert ask(guarded.url, "/", cookies={f"flexlab-token-{guarded.port}": TOKEN}).status == 401
 
 
-def test_whoever_signed_in_stays_so_after_a_restart(open_another: Callable[..., FrontServer]):
+def test_visitors_stay_signed_in_after_a_restart(open_another: Callable[..., FrontServer]):
     first = open_another(token=TOKEN)
     cookies = ask(first.url, f"/?token={TOKEN}").cookies
     first.close()
@@ -97,7 +97,7 @@ def test_whoever_signed_in_stays_so_after_a_restart(open_another: Callable[..., 
     assert ask(second.url, "/", cookies=cookies).status == 200
 
 
-def test_few_answers_are_held_back_at_once_and_members_come_in(open_another: Callable[..., FrontServer]):
+def test_few_answers_are_held_back_at_once_and_signed_in_visitors_get_in(open_another: Callable[..., FrontServer]):
     server = open_another(token=TOKEN)
     cookies = ask(server.url, f"/?token={TOKEN}").cookies
     statuses: list[int] = []
@@ -118,7 +118,7 @@ def test_few_answers_are_held_back_at_once_and_members_come_in(open_another: Cal
 
 
 @pytest.mark.parametrize("forged", ["", "x", "visitor-of-somebody", "a" * 24 + "." + "0" * 32, "ä", "x" * 4000])
-def test_a_visitor_is_who_the_server_says(open_another: Callable[..., FrontServer], forged: str):
+def test_a_forged_visitor_cookie_is_replaced(open_another: Callable[..., FrontServer], forged: str):
     server = open_another(private=True, max_sessions=2)
     answer = ask(server.url, "/lab/", cookies={f"flexlab-visitor-{server.port}": forged})
     given = answer.cookies[f"flexlab-visitor-{server.port}"]
@@ -129,7 +129,7 @@ def test_a_visitor_is_who_the_server_says(open_another: Callable[..., FrontServe
     assert again.headers["Location"] == answer.headers["Location"]
 
 
-def test_the_key_of_cookies_is_for_its_owner_only(open_another: Callable[..., FrontServer], tmp_path: Path):
+def test_only_its_owner_may_read_the_cookie_key(open_another: Callable[..., FrontServer], tmp_path: Path):
     open_another(token=TOKEN)
     (key,) = (tmp_path / "logs").glob(".*key*")
     assert key.stat().st_mode & 0o077 == 0
@@ -153,7 +153,7 @@ PARTS = {
 
 
 @pytest.mark.parametrize("kind", PARTS)
-def test_an_odd_upload_is_one_sentence(front_server: FrontServer, kind: str, caplog: pytest.LogCaptureFixture):
+def test_an_odd_upload_is_refused_in_a_sentence(front_server: FrontServer, kind: str, caplog: pytest.LogCaptureFixture):
     body = b"--x\r\nContent-Disposition: form-data; " + PARTS[kind] + b"\r\n--x--\r\n"
     answer = ask(front_server.url, "/runs/import", "POST", body, Content_Type="multipart/form-data; boundary=x")
     assert answer.status in (400, 422), answer.text
@@ -162,7 +162,7 @@ def test_an_odd_upload_is_one_sentence(front_server: FrontServer, kind: str, cap
 
 
 @pytest.mark.parametrize("path", ["/assets/", "/static/", "/runs/", "/lab/", "/studies/", "/viewer/", "/comparison/"])
-def test_an_endless_name_is_no_page(front_server: FrontServer, path: str, caplog: pytest.LogCaptureFixture):
+def test_an_endless_or_invalid_name_is_refused(front_server: FrontServer, path: str, caplog: pytest.LogCaptureFixture):
     for name in ("x" * 3000, "%ED%A0%80", "%FF"):
         answer = ask(front_server.url, path + name)
         assert answer.status in (400, 404), answer.text

@@ -1,4 +1,4 @@
-"""The addresses that a class is told lead to the lab, and the code on the screen says the same."""
+"""The addresses and QR codes that a class is given, and the panel's sentence about the recording."""
 
 import ipaddress
 from pathlib import Path
@@ -14,16 +14,16 @@ def test_addresses_are_of_this_machine_and_reachable() -> None:
         assert not number.is_unspecified
 
 
-def test_a_lab_for_this_machine_only_has_none(tmp_path: Path) -> None:
+def test_a_lab_for_this_machine_only_has_no_outside_addresses(tmp_path: Path) -> None:
     assert Settings(tmp_path).outside_addresses(8080) == []
 
 
-def test_a_named_address_is_told_with_the_token(tmp_path: Path) -> None:
+def test_the_outside_address_has_the_given_host_and_the_token(tmp_path: Path) -> None:
     settings = Settings(tmp_path, "192.0.2.7", token="wordwordwordword")
     assert settings.outside_addresses(8080, "/lab/") == ["http://192.0.2.7:8080/lab/?token=wordwordwordword"]
 
 
-def test_codes_are_text_and_picture() -> None:
+def test_qr_codes_come_as_text_and_as_a_picture() -> None:
     lines = terminal_code("http://192.0.2.7:8080/lab/?token=wordwordwordword").splitlines()
     assert len(lines) > 10
     assert picture_code("http://192.0.2.7:8080/lab/").startswith("data:image/svg+xml")
@@ -38,7 +38,7 @@ class Growing:
         self.path = path
 
 
-def test_the_rate_is_that_of_what_is_written_from_the_first_second_on(tmp_path: Path) -> None:
+def test_the_recording_rate_leaves_out_waiting_and_pauses(tmp_path: Path) -> None:
     now, size = [0.0], [0]
     recorder = Growing(tmp_path / "run.rrd")
     text = RecordingText(recorder, tmp_path, clock=lambda: now[0])  # type: ignore[arg-type]
@@ -54,7 +54,7 @@ def test_the_rate_is_that_of_what_is_written_from_the_first_second_on(tmp_path: 
     assert set(said[23:]) == {""}, "nothing is written"
 
 
-def test_the_rate_is_measured_and_little_space_is_said(tmp_path: Path, monkeypatch) -> None:
+def test_the_recording_rate_is_measured_and_little_space_is_warned_of(tmp_path: Path, monkeypatch) -> None:
     now = [0.0]
     recorder = Growing(tmp_path / "run.rrd")
     text = RecordingText(recorder, tmp_path, clock=lambda: now[0])  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""Odd files in the logs folder against a real server: each stands for itself, none harms the others or leads outside."""
+"""Odd files in the logs folder of a real server: each is listed by itself, none harms the others or leads outside."""
 
 import json
 import re
@@ -25,7 +25,7 @@ def odd(open_another: Callable[..., FrontServer], recorded: Path, tmp_path: Path
     return opened
 
 
-def test_each_odd_file_stands_for_itself(odd: FrontServer, recorded: Path) -> None:
+def test_each_odd_file_is_listed_and_harms_no_other(odd: FrontServer, recorded: Path) -> None:
     assert ask(odd.url, "/").status == 200
     library = ask(odd.url, "/runs")
     assert library.status == 200
@@ -44,7 +44,7 @@ def test_each_odd_file_stands_for_itself(odd: FrontServer, recorded: Path) -> No
     assert ask(odd.url, "/runs/good.rrd").body == recorded.read_bytes()
 
 
-def test_nothing_is_done_with_what_is_no_recording(odd: FrontServer) -> None:
+def test_what_is_no_recording_cannot_be_exported_replayed_continued_or_compared(odd: FrontServer) -> None:
     for name in REFUSED:
         assert ask(odd.url, f"/runs/{name}/export?format=csv").status == 400, name
         for action in ("replay", "continue"):

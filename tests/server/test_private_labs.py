@@ -1,4 +1,4 @@
-"""A lab for each visitor: found again, nobody else's, gone without harm to others."""
+"""A lab for each visitor: they find it again, nobody else can enter it, and its end harms no other lab."""
 
 import json
 import os
@@ -19,7 +19,7 @@ from flexlab.server.labs import per_visitor
 
 @pytest.fixture(scope="module", autouse=True)
 def _patience() -> Iterator[None]:
-    """A lab on a busy machine may be slow to report and to close; that it is ended by force then is tested elsewhere."""
+    """Give labs time to report and to close on a busy machine; other tests check that a hanging lab is killed."""
     with pytest.MonkeyPatch.context() as patch:
         for name in ("STOP_TIME", "SILENCE", "SILENT_AT_CLOSING"):
             patch.setattr(per_visitor, name, PATIENCE)
@@ -35,7 +35,7 @@ def private(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FrontServer]:
 
 @pytest.fixture
 def torn(recorded: Path, tmp_path: Path) -> Path:
-    """What a lab leaves that dies while it records."""
+    """The file that a lab leaves if it dies while it records."""
     path = tmp_path / "2026-01-01T12-00-00-begun.rrd"
     data = recorded.read_bytes()
     path.write_bytes(data[: int(0.9 * len(data))])
@@ -72,11 +72,11 @@ def test_two_visitors_do_not_disturb_each_other_even_if_one_lab_dies(private: Fr
         )
         wait_until(lambda: len(read_recording(run).samples) > 100, "some of it is on disk")
         ben_before = ben.place.status().time
-        # Two runs of which the lab has told the server nothing: one just begun, and one of which nothing was written.
+        # Two runs that the lab has not reported to the server: one just begun, and one still empty.
         begun = Path(shutil.copy(torn, private.settings.logs))
         empty = begun.with_name("2026-01-01T12-00-00-empty.rrd")
         empty.touch()
-        # Ctrl-C in a terminal reaches every process; closing is the server's part.
+        # Ctrl-C in a terminal reaches every process, but labs leave closing to the server.
         os.kill(ben.place.pid, signal.SIGINT)
         os.kill(anna.place.pid, signal.SIGKILL)
         told = wait_until(
@@ -96,7 +96,7 @@ def test_two_visitors_do_not_disturb_each_other_even_if_one_lab_dies(private: Fr
     assert anna.enter() not in (first, second), "Anna gets a new lab"
 
 
-def test_a_full_house_says_so_and_a_lab_that_nobody_watches_makes_room(open_another: Callable[..., FrontServer]):
+def test_a_full_server_says_so_and_a_lab_that_nobody_watches_makes_room(open_another: Callable[..., FrontServer]):
     front_server = open_another(private=True, max_sessions=1, idle_time=3.0)
     anna, ben = Person(front_server, ""), Person(front_server, "")
     assert anna.ask("/lab/", Sec_Fetch_Dest="image").status == 403, "a foreign page cannot take labs unseen"

@@ -1,4 +1,4 @@
-"""What can be done with recorded runs, asked for without a browser: compare, replay, go on, export, import."""
+"""What can be done with recorded runs, requested without a browser: compare, replay, continue, export, import."""
 
 import io
 import json
@@ -69,7 +69,7 @@ def test_two_runs_are_compared_in_tables_and_in_one_overlay(library: FrontServer
     assert asked_again.headers["Location"] == place, "nor does who asks again"
 
 
-def test_a_comparison_says_how_far_it_is_and_a_failed_one_why(library: FrontServer, recorded: Path) -> None:
+def test_a_comparison_reports_its_progress_and_a_failed_one_its_reason(library: FrontServer, recorded: Path) -> None:
     long = simulate(load_preset("paper"), duration=60.0, sample_period=0.001)
     run = write_run(long, library.settings.logs, "long")
     address = f"/compare?run={recorded.stem}&run={run.stem}"
@@ -98,7 +98,7 @@ def test_a_comparison_says_how_far_it_is_and_a_failed_one_why(library: FrontServ
     assert again.status == 303, "who asks again makes it try again"
 
 
-def test_a_run_is_handed_in_as_one_page_or_archive(library: FrontServer, recorded: Path) -> None:
+def test_a_run_is_exported_as_a_lab_sheet_or_an_archive(library: FrontServer, recorded: Path) -> None:
     post(library.url, f"/runs/{recorded.stem}/notes", {"note": "<b>I saw</b> it ring.", "tags": "homework"})
     path = library.settings.logs / recorded.name
     met = LessonProgress("Lesson 1: ring", 3, "How often?", ("12 Hz", "45 Hz"), "45 Hz", "12 Hz", "It rings at 45 Hz.")
@@ -117,7 +117,7 @@ def test_a_run_is_handed_in_as_one_page_or_archive(library: FrontServer, recorde
     assert "hold the whole run: leave both times empty" in refused.text
 
 
-def test_a_measurement_is_no_simulation_on_the_pages(library: FrontServer, recorded: Path) -> None:
+def test_pages_show_a_measurement_as_measured_not_simulated(library: FrontServer, recorded: Path) -> None:
     time = np.arange(0, 0.3, 1e-3)
     ring = 1e-3 * np.exp(-5 * time) * np.cos(280 * time)
     logs = library.settings.logs
@@ -148,12 +148,12 @@ def test_a_measurement_is_no_simulation_on_the_pages(library: FrontServer, recor
         ("?run=../../etc/passwd&run=b", 404, "There is no run"),
     ],
 )
-def test_what_cannot_be_compared_is_said(front_server: FrontServer, query: str, status: int, says: str) -> None:
+def test_an_impossible_comparison_is_refused(front_server: FrontServer, query: str, status: int, says: str) -> None:
     answer = ask(front_server.url, f"/compare{query}")
     assert (answer.status, says in answer.text) == (status, True)
 
 
-def test_overlays_are_gone_with_the_server(library: FrontServer, recorded: Path, softer: Path) -> None:
+def test_overlays_are_removed_when_the_server_closes(library: FrontServer, recorded: Path, softer: Path) -> None:
     pages = [compared(library.url, one.stem, two.stem)[1] for one, two in ((recorded, softer), (softer, recorded))]
     overlays = [page.text.split('data-recording="')[1].split('"')[0] for page in pages]
     assert [ask(library.url, overlay).status for overlay in overlays] == [200, 200]
@@ -162,7 +162,7 @@ def test_overlays_are_gone_with_the_server(library: FrontServer, recorded: Path,
     assert not folder.exists()
 
 
-def test_a_replay_tells_its_finding_and_a_foreign_bit_is_found(
+def test_a_replay_reports_its_finding_and_detects_a_wrong_scenario(
     library: FrontServer, recorded: Path, softer: Path
 ) -> None:
     assert ask(library.url, f"/runs/{recorded.stem}/replay").status == 404
@@ -184,12 +184,12 @@ def test_a_replay_tells_its_finding_and_a_foreign_bit_is_found(
 
 
 def play(server: FrontServer) -> None:
-    """Press the big Play of the shared lab."""
+    """Press Play in the shared lab."""
     session: Session = server.places.laboratory._session  # type: ignore[attr-defined]
     session.lab_state.submit(Play())
 
 
-def test_the_lab_goes_on_from_an_instant_and_what_it_records_replays(library: FrontServer, recorded: Path) -> None:
+def test_the_lab_continues_from_an_instant_and_its_recordings_replay(library: FrontServer, recorded: Path) -> None:
     original = read_recording(recorded)
     answer = post(library.url, f"/runs/{recorded.stem}/continue", {"time": "0.2"})
     assert (answer.status, answer.headers["Location"]) == (303, "/lab/")
@@ -218,7 +218,7 @@ def test_the_lab_goes_on_from_an_instant_and_what_it_records_replays(library: Fr
         assert read_notes(path)["begins"] == begin
 
 
-def test_a_run_that_is_being_recorded_is_replayed_as_far_as_it_is(library: FrontServer) -> None:
+def test_a_run_that_is_being_recorded_is_replayed_as_far_as_it_goes(library: FrontServer) -> None:
     with looking(library.url, "/lab"):
         place = library.places.running()[0]
         play(library)
@@ -239,7 +239,7 @@ def test_a_run_that_is_being_recorded_is_replayed_as_far_as_it_is(library: Front
         ("nan", "is not a time"),
     ],
 )
-def test_a_time_to_go_on_from_outside_the_run_is_refused(
+def test_continuing_from_a_time_outside_the_run_is_refused(
     library: FrontServer, recorded: Path, time: str, says: str
 ) -> None:
     answer = post(library.url, f"/runs/{recorded.stem}/continue", {"time": time})
@@ -289,12 +289,12 @@ def test_figures_come_in_one_file(library: FrontServer, softer: Path) -> None:
         ("format=csv&end=inf", "end = &#x27;inf&#x27; is not a time"),
     ],
 )
-def test_what_cannot_be_exported_is_said(front_server: FrontServer, recorded: Path, query: str, says: str) -> None:
+def test_an_impossible_export_is_refused(front_server: FrontServer, recorded: Path, query: str, says: str) -> None:
     answer = ask(front_server.url, f"/runs/{recorded.stem}/export?{query}")
     assert (answer.status, says in answer.text) == (422, True)
 
 
-def test_other_pages_cannot_make_the_server_work(front_server: FrontServer, recorded: Path) -> None:
+def test_pages_of_other_sites_cannot_start_work_on_the_server(front_server: FrontServer, recorded: Path) -> None:
     for path in (f"/runs/{recorded.stem}/export?format=csv", f"/compare?run={recorded.stem}&run={recorded.stem}"):
         assert ask(front_server.url, path, Sec_Fetch_Dest="image").status == 403
     for path in (f"/runs/{recorded.stem}/replay", f"/runs/{recorded.stem}/continue", "/runs/import"):
@@ -333,8 +333,8 @@ def test_an_upload_without_a_file_and_one_that_is_too_large_are_refused(front_se
     assert "This file is larger than 1 GB" in said.text
 
 
-def test_a_file_that_says_to_hold_more_than_it_does_is_refused(front_server: FrontServer, tmp_path: Path) -> None:
-    # It says that it holds 8 GB, and holds 8 MB.
+def test_a_file_that_claims_to_hold_more_than_it_does_is_refused(front_server: FrontServer, tmp_path: Path) -> None:
+    # It claims to hold 8 GB, and holds 8 MB.
     path = tmp_path / "bomb.npz"
     with (
         zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive,

@@ -1,4 +1,4 @@
-"""A scenario travels in a link bit for bit; what is none is refused in a sentence."""
+"""A link carries a scenario bit for bit; an invalid link is refused in a sentence."""
 
 import base64
 import contextlib
@@ -38,7 +38,7 @@ def places(data: object, above: str = "") -> Iterator[tuple[str, object]]:
 
 
 def others(value: object) -> list[object]:
-    """Values near one: of a field, some are valid."""
+    """Values near a field's value, some of which are valid."""
     if isinstance(value, bool):
         return [not value]
     if isinstance(value, list):
@@ -48,7 +48,7 @@ def others(value: object) -> list[object]:
 
 
 @pytest.mark.parametrize("name", ["paper", "composite"])
-def test_whatever_is_changed_goes_into_a_link(name: str):
+def test_a_change_of_any_field_survives_a_link(name: str):
     scenario = load_preset(name)
     told: set[str] = set()
     for path, value in places(scenario.model_dump(mode="json")):
@@ -102,7 +102,7 @@ def test_rows_of_a_table_keep_every_bit(places: list[tuple[float, ...]]):
         [[0], [4, 10**80]],
     ],
 )
-def test_columns_that_are_no_rows_are_refused_in_a_sentence(columns: object):
+def test_invalid_columns_of_a_table_are_refused_in_a_sentence(columns: object):
     data = {"trajectory": {"kind": "table", "columns": columns}}
     with pytest.raises(PresetError, match=r"copy it again"):
         decode_scenario(packed(json.dumps(data).encode()))
@@ -123,7 +123,7 @@ def test_columns_that_are_no_rows_are_refused_in_a_sentence(columns: object):
         "A" * (LONGEST_LINK + 1),
     ],
 )
-def test_what_is_no_link_is_refused_in_a_sentence(word: str):
+def test_an_invalid_link_is_refused_in_a_sentence(word: str):
     with pytest.raises(PresetError, match=r"copy it again"):
         decode_scenario(word)
 
@@ -134,12 +134,12 @@ def test_a_field_that_is_given_twice_is_named():
 
 
 @pytest.mark.parametrize("data", ["[]", "null", "3", '{"payload": {"length": -1}}', '{"evil": 1}'])
-def test_what_is_no_scenario_says_why(data: str):
+def test_a_link_to_an_invalid_scenario_is_refused(data: str):
     with pytest.raises(ScenarioError):
         decode_scenario(packed(json.dumps(json.loads(data)).encode()))
 
 
 @given(st.binary(max_size=200))
-def test_arbitrary_bytes_do_nothing_else(data: bytes):
+def test_arbitrary_bytes_raise_nothing_but_flexlab_s_own_errors(data: bytes):
     with pytest.raises(FlexlabError):
         decode_scenario(base64.urlsafe_b64encode(data).decode())

@@ -1,4 +1,4 @@
-"""Who comes back to a page sees it again: browsers keep pages, and ask whether what they kept still holds."""
+"""Pages show their content at a second visit too, when a browser asks whether the copy that it kept is still valid."""
 
 import re
 from collections.abc import Iterator
@@ -38,7 +38,7 @@ SHOWS = {
     r"/leaderboard": "() => document.querySelector('main form button') != null",
     r"/teacher": "() => document.querySelector('#labs > *') != null",
 }
-"""What each kind of page shows when it is really there, by its path: the first that fits says it."""
+"""Pattern of a page's path → script that says whether its content is there; the first pattern that fits counts."""
 
 LINKS = """() => [...document.querySelectorAll("#server-bar a[href^='/'], header a, main a[href^='/']")]
   .filter((link) => link.offsetParent && !link.hasAttribute('download')).map((link) => link.getAttribute('href'))"""
@@ -62,7 +62,7 @@ def study(server: FrontServer) -> str:
     return address
 
 
-def test_not_modified_leaves_the_headers_of_what_is_kept_alone(server: FrontServer, study: str):
+def test_an_answer_not_modified_changes_no_header_of_the_kept_copy(server: FrontServer, study: str):
     run = "/runs/2025-12-30T12-00-00-one"
     comparison = "/compare?run=2025-12-30T12-00-00-one&run=2025-12-31T12-00-00-two"
     place, shown = compared(server.url, "2025-12-30T12-00-00-one", "2025-12-31T12-00-00-two")

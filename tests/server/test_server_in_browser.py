@@ -36,22 +36,22 @@ WORD_IS_FREE = """() => {
 LISTEN = """() => addEventListener("message", ({ data }) => {
   const time = typeof data === "string" && data.startsWith("{") ? JSON.parse(data).time : undefined;
   if (time !== undefined) window.told = Math.round(time / 1e6) / 1e3; })"""
-"""Keeps the time, in s, that the viewer told last."""
+"""Keeps the time that the viewer reported last, s."""
 
 MILLI = 1e3
 BETWEEN_PICTURES = 1.0
-"""s: each has the viewer draw, which takes a processor."""
+"""Time between two screenshots, s: each makes the viewer draw, which takes a whole processor."""
 NEAR, SHARE = 24, 0.0005
-"""Colours that count as a curve's, and which share of the plots' place curves and legends have at least."""
+"""How near to its colour, of 255, a curve's pixels are, and the least share of the plots that curves and legends cover."""
 
 
 PART = 8_000_000
-"""Bytes of a recording that the viewer asks for at once."""
+"""Most bytes of a recording that the viewer requests at once."""
 
 
 @contextmanager
 def window(browser: Browser, url: str, **options) -> Iterator[Page]:
-    """A browser window of its own (no cookies yet); fails on errors of a page and on a call to any other address."""
+    """Open a browser window without cookies; fail on errors in its page and on requests to any other address."""
     context = open_window(browser, 1280, 800, **options)
     page = context.new_page()
     strangers: list[str] = []
@@ -62,7 +62,7 @@ def window(browser: Browser, url: str, **options) -> Iterator[Page]:
         if here.scheme not in ("data", "blob", "about") and here.netloc != urlsplit(url).netloc:
             strangers.append(address)
 
-    # Of the context, not the page: frames and workers count too.
+    # The context is heard, not the page: frames and workers count too.
     context.on("request", lambda request: note(request.url))
     page.on("websocket", lambda plug: note(plug.url))
     page.on("pageerror", lambda error: errors.append(str(error)))
@@ -76,14 +76,14 @@ def window(browser: Browser, url: str, **options) -> Iterator[Page]:
 
 
 def picture(page: Page, name: str) -> None:
-    """Keep a screenshot for people to look at, if they want one."""
+    """Save a screenshot for people to look at, if they asked for it."""
     if PICTURES:
         ARTIFACTS.mkdir(exist_ok=True)
         page.screenshot(path=ARTIFACTS / f"{name}.png")
 
 
 def wait_for_plots(page: Page, name: str, patience: float = PATIENCE) -> None:
-    """Until the viewer in the page shows curves, at most `patience` s; keeps a picture."""
+    """Wait until the viewer in the page shows curves, at most `patience` s; save a screenshot."""
     page.frame_locator("#viewer").locator("canvas").wait_for(timeout=MILLI * patience)
 
     def plotted() -> bool:
@@ -120,14 +120,14 @@ def test_a_deep_link_shows_its_preset_and_the_page_tells_when_the_lab_is_gone(
         assert urlsplit(page.url).path == "/lab/"
         wait_until(lambda: "A soft beam" in page.locator("body").inner_text(), "the panel names the preset")
         front_server.close()
-        # Who looks while it closes is told that it is closed; who looks later gets no answer.
+        # A page that asks while the lab closes is told that it is closed; one that asks later gets no answer.
         word = page.get_by_role("alert").filter(has_text=re.compile("The lab does not answer|closed"))
         word.wait_for(timeout=1000 * PATIENCE)
         picture(page, "server-gone")
 
 
 @pytest.mark.parametrize("private", [False, True])
-def test_a_page_joins_a_server_that_was_started_again(
+def test_a_page_reconnects_to_a_restarted_server(
     plain_chromium: Browser, open_another: Callable[..., FrontServer], private: bool
 ):
     first = open_another(private=private)
@@ -137,7 +137,7 @@ def test_a_page_joins_a_server_that_was_started_again(
         word = page.locator(".server-word")
         word.filter(has_text=re.compile("The lab does not answer|closed")).wait_for()
         if not private:
-            # It may have been told that the lab is closed, too: a server that has no shared lab says so.
+            # The page may also be told that the lab is closed: a server without a shared lab says so.
             other = open_another(private=True, port=first.port)
             word.filter(has_text="closed").wait_for()
             other.close()
@@ -170,7 +170,7 @@ def test_without_webgl_the_run_goes_on_and_panel_and_plots_work(
     blind.close()
 
 
-def test_signing_in_by_the_printed_address(plain_chromium: Browser, open_another: Callable[..., FrontServer]):
+def test_signing_in_leads_to_the_requested_page(plain_chromium: Browser, open_another: Callable[..., FrontServer]):
     front_server = open_another(token=TOKEN)
     with window(plain_chromium, f"http://127.0.0.1:{front_server.port}/lab/?fixedDpr=0.5") as page:
         picture(page, "server-sign-in")
@@ -209,7 +209,7 @@ def test_the_library_finds_and_sorts(plain_chromium: Browser, open_another: Call
 
 
 def test_a_long_recording_comes_part_by_part(chromium: Browser, front_server: FrontServer, root: Path):
-    """Proxies that hold an answer until it is complete, as a hub's, pass on no long one."""
+    """Proxies that hold an answer until it is complete, such as a hub's, fail to pass on a long one."""
     file = write_run(simulate(load_preset("paper"), 20.0), front_server.settings.logs, "long")
     whole = hashlib.sha256(file.read_bytes()).hexdigest()
     script = (root / "flexlab" / "server" / "static" / "fetch_recordings.js").read_text(encoding="utf-8")
@@ -235,10 +235,10 @@ def test_a_long_recording_comes_part_by_part(chromium: Browser, front_server: Fr
     file.unlink()
 
 
-def test_a_run_opens_in_the_viewer_without_a_call_to_anybody_else(
+def test_a_run_opens_in_the_viewer_without_a_request_to_any_other_server(
     chromium: Browser, open_another: Callable[..., FrontServer], recorded: Path
 ):
-    # With a token, because the viewer sends no cookies: this is the harder case.
+    # A token makes this the harder case, because the viewer sends no cookies.
     front_server = open_another(token=TOKEN)
     shutil.copy(recorded, front_server.settings.logs / recorded.name)
     with window(chromium, front_server.address(f"/runs/{recorded.stem}")) as page:
@@ -246,7 +246,7 @@ def test_a_run_opens_in_the_viewer_without_a_call_to_anybody_else(
         wait_for_plots(page, "server-review")
         time = page.locator('form[action$="/continue"] [name="time"]')
         wait_until(time.input_value, "the viewer tells where its cursor is")
-        # By itself it plays to the end; where it stops earlier on a slow machine, Continue goes on from there.
+        # The viewer plays to the end by itself; if it stops earlier on a slow machine, Continue takes that time.
         wait_until(
             lambda: float(time.input_value()) in (0.5, page.evaluate("window.told")),
             "Continue's time is that of the viewer's cursor",
@@ -267,7 +267,7 @@ def test_a_run_opens_in_the_viewer_without_a_call_to_anybody_else(
         wait_until(has_left, "and left again")
 
 
-def test_what_cannot_be_studied_is_said_beside_the_form_which_keeps_what_was_typed(
+def test_an_invalid_study_is_explained_in_its_form_which_keeps_what_was_typed(
     plain_chromium: Browser, front_server: FrontServer
 ):
     with window(plain_chromium, f"{front_server.url}studies") as page:

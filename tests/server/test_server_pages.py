@@ -1,4 +1,4 @@
-"""The pages of a server, asked for without a browser."""
+"""The pages of a server, requested without a browser."""
 
 import os
 import re
@@ -17,7 +17,7 @@ from flexlab.server.labs.lab_provider import state_of
 from flexlab.server.scenario_links import encode_scenario
 
 
-def test_the_start_page_names_every_preset_and_what_runs(front_server: FrontServer):
+def test_the_start_page_names_every_preset_and_the_state_of_the_lab(front_server: FrontServer):
     page = ask(front_server.url).text
     for name in preset_names():
         assert f'href="/lab/{name}"' in page
@@ -36,7 +36,7 @@ def test_the_lab_s_page_is_passed_on_with_the_server_s_bar(front_server: FrontSe
     assert ask(front_server.url, "/lab?fixedDpr=0.5").headers["Location"] == "/lab/?fixedDpr=0.5"
 
 
-def test_a_preset_link_loads_it_once_and_a_reload_leaves_it_alone(open_another: Callable[..., FrontServer]):
+def test_a_link_loads_its_preset_and_the_same_link_again_does_not_restart_it(open_another: Callable[..., FrontServer]):
     front_server = open_another()
     answer = ask(front_server.url, "/lab/soft-beam?fixedDpr=0.5")
     assert (answer.status, answer.headers["Location"]) == (303, "/lab/?fixedDpr=0.5")
@@ -48,7 +48,7 @@ def test_a_preset_link_loads_it_once_and_a_reload_leaves_it_alone(open_another: 
     ask(front_server.url, f"/lab/?scenario={encode_scenario(changed)}")
     wait_until(lambda: "Mine is paused" in ask(front_server.url).text, "the lab shows the scenario of the link")
     assert f"/lab/?scenario={encode_scenario(changed)}" in ask(front_server.url, "/state/lab").text
-    # Runs are recorded one after the other, a little behind the lab: with the third one's file all before it are made.
+    # Runs are recorded in order, a little behind the lab: once the third file is there, the earlier ones are too.
     wait_until(lambda: any(logs.glob("*-shared-scenario.rrd")), "the linked run is recorded")
     assert len(list(logs.glob("*-soft-beam.rrd"))) == 1, "the same preset asked for again does not start anew"
 
@@ -94,7 +94,7 @@ def test_texts_of_runs_and_scenarios_are_escaped(
     assert "&lt;img src=x&gt;" in ask(front_server.url, "/lab/%3Cimg%20src=x%3E").text
 
 
-def test_the_library_lists_serves_in_parts_and_notes(front_server: FrontServer, logs: Path, recorded: Path):
+def test_the_library_lists_runs_serves_parts_and_saves_notes(front_server: FrontServer, logs: Path, recorded: Path):
     run = recorded.stem
     page = ask(front_server.url, "/runs").text
     assert f'href="/runs/{run}"' in page
@@ -121,7 +121,7 @@ def test_deleting_asks_first_and_spares_the_run_that_is_being_recorded(
     front_server = open_another()
     logs = front_server.settings.logs
     shutil.copy(recorded, logs / recorded.name)
-    # A file is there before its recorder has claimed it, and claimed before anything is in it.
+    # A file appears before its recorder claims it, and is claimed before anything is in it.
     running = wait_until(
         lambda: [file for file in logs.glob("*.rrd") if is_in_use(file) and file.stat().st_size], "a recording"
     )[0]
@@ -149,7 +149,7 @@ def test_a_file_that_is_no_run_is_listed_and_explained(open_another, name: str, 
     assert (answer.status, says in answer.text) == (422, True)
 
 
-def test_runs_are_measured_when_somebody_looks(open_another: Callable[..., FrontServer], recorded: Path):
+def test_runs_are_measured_when_somebody_opens_the_library(open_another: Callable[..., FrontServer], recorded: Path):
     front_server = open_another()
     file = front_server.settings.logs / "2026-01-01T00-00-00-paper.rrd"
     shutil.copy(recorded, file)
@@ -161,10 +161,8 @@ def test_runs_are_measured_when_somebody_looks(open_another: Callable[..., Front
     assert "Vibration below 1 % after [s]" in ask(front_server.url, f"/runs/{file.stem}").text
 
 
-def test_copied_runs_are_listed_by_when_they_began_as_the_column_says(
-    open_another: Callable[..., FrontServer], recorded: Path
-):
-    """A copy is younger than its original: the table stood in the order of the copies."""
+def test_copied_runs_are_listed_by_the_time_when_they_began(open_another: Callable[..., FrontServer], recorded: Path):
+    """A copied file is newer than its run: the table used to follow the order of the copies."""
     front_server = open_another()
     logs = front_server.settings.logs
     for age, day in ((3, "02"), (1, "01"), (2, "03")):
@@ -193,9 +191,7 @@ def test_the_viewer_is_served_with_a_policy_that_names_this_address_only(front_s
     assert ask(front_server.url, "/viewer/re_viewer_bg.wasm", "HEAD").headers["Content-Type"] == "application/wasm"
 
 
-def test_a_run_s_page_says_what_was_changed_by_the_fields_titles(
-    open_another: Callable[..., FrontServer], recorded: Path
-):
+def test_a_run_s_page_names_changed_fields_by_their_titles(open_another: Callable[..., FrontServer], recorded: Path):
     front_server = open_another()
     logs = front_server.settings.logs
     shutil.copy(recorded, logs / "2026-01-01T00-00-00-x.rrd")

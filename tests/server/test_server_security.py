@@ -1,4 +1,4 @@
-"""Who gets in and who does not; what is malformed is refused and logged."""
+"""Who gets in and who does not; malformed requests are refused and logged."""
 
 import asyncio
 import contextlib
@@ -24,12 +24,12 @@ def cookie_of(front_server: FrontServer) -> dict[str, str]:
     return ask(front_server.url, f"/?token={TOKEN}").cookies
 
 
-def test_a_local_server_asks_for_nothing(front_server: FrontServer):
+def test_a_local_server_needs_no_token(front_server: FrontServer):
     assert front_server.settings.token is None
     assert ask(front_server.url).status == 200
 
 
-def test_all_addresses_need_a_token(open_another: Callable[..., FrontServer]):
+def test_a_server_that_listens_on_all_addresses_makes_and_needs_a_token(open_another: Callable[..., FrontServer]):
     front_server = open_another(host="0.0.0.0")
     assert front_server.settings.token is not None
     assert len(front_server.settings.token) >= 20
@@ -57,7 +57,7 @@ def test_the_token_becomes_a_cookie_and_leaves_the_address(guarded: FrontServer)
     assert "HttpOnly" in answer.headers["Set-Cookie"]
     assert "SameSite=Strict" in answer.headers["Set-Cookie"]
     assert ask(guarded.url, "/lab/", cookies=answer.cookies).status == 200
-    # A strict cookie does not survive a redirect that began on another site, so the server's own page goes on from there.
+    # A strict cookie does not survive a redirect that began on another site, so a page of this server leads on instead.
     foreign = ask(guarded.url, f"/?token={TOKEN}", Sec_Fetch_Site="cross-site")
     assert (foreign.status, foreign.headers["Refresh"]) == (200, "0; url=/")
     wrong = ask(guarded.url, "/?token=wrong")
@@ -81,7 +81,7 @@ def test_a_pass_opens_one_recording_only(guarded: FrontServer, recorded: Path):
     assert ask(guarded.url, address, "POST").status == 401
 
 
-def test_the_way_on_after_signing_in_stays_on_this_site(guarded: FrontServer):
+def test_signing_in_redirects_to_no_other_site(guarded: FrontServer):
     answer = ask(guarded.url, f"//evil.example/?token={TOKEN}")
     assert not answer.headers.get("Location", "").startswith("//")
 
@@ -110,7 +110,7 @@ def test_a_foreign_name_for_this_machine_is_refused(front_server: FrontServer):
 @pytest.mark.parametrize(
     "headers", [{"Sec_Fetch_Dest": "image"}, {"Sec_Fetch_Dest": "iframe"}, {"Sec_Purpose": "prefetch"}]
 )
-def test_a_link_into_the_lab_is_not_followed_unseen(front_server: FrontServer, headers: dict[str, str]):
+def test_images_frames_and_prefetches_cannot_load_a_preset(front_server: FrontServer, headers: dict[str, str]):
     assert ask(front_server.url, "/lab/soft-beam", **headers).status == 403
     assert '"name": "paper"' in ask(front_server.url, "/state/lab").text
 
@@ -141,7 +141,7 @@ def test_every_answer_carries_security_headers(front_server: FrontServer, path: 
         "/assets/%00",
     ],
 )
-def test_nothing_outside_is_served(front_server: FrontServer, path: str, caplog: pytest.LogCaptureFixture):
+def test_no_file_outside_the_folders_is_served(front_server: FrontServer, path: str, caplog: pytest.LogCaptureFixture):
     answer = ask(front_server.url, path)
     assert answer.status in (400, 403, 404)
     assert b"root:" not in answer.body
@@ -150,7 +150,7 @@ def test_nothing_outside_is_served(front_server: FrontServer, path: str, caplog:
         assert "Refused" in caplog.text
 
 
-def test_an_upload_is_refused(front_server: FrontServer, recorded: Path, caplog: pytest.LogCaptureFixture):
+def test_an_oversized_form_is_refused(front_server: FrontServer, recorded: Path, caplog: pytest.LogCaptureFixture):
     path = f"/runs/{recorded.stem}/notes"
     answer = ask(front_server.url, path, "POST", b"note=" + b"x" * 200_000, Content_Type=FORM)
     assert answer.status == 413
@@ -168,7 +168,7 @@ async def connected(front_server: FrontServer, act: Callable) -> aiohttp.ClientW
     ):
         assert plug.protocol == PROTOCOL
         assert len((await plug.receive()).data) > 0, "the scene comes first"
-        with contextlib.suppress(ConnectionError):  # The server need not wait for the end of what it refuses.
+        with contextlib.suppress(ConnectionError):  # The server may close before all of what it refuses has come.
             await act(plug)
         async with asyncio.timeout(30):
             async for _ in plug:
@@ -209,7 +209,7 @@ def test_a_malformed_frame_closes_that_connection_only(front_server: FrontServer
     assert ask(front_server.url, "/lab", **upgrade()).status == 101
 
 
-def test_a_busy_port_is_one_sentence_and_leaves_nothing_behind(
+def test_a_busy_port_is_refused_and_no_recording_is_left_behind(
     open_another: Callable[..., FrontServer], front_server: FrontServer, tmp_path
 ):
     with pytest.raises(LabError, match="in use"):

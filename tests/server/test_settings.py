@@ -1,4 +1,4 @@
-"""What a server can be told, and how it deletes old runs if it is told to."""
+"""The settings of a server, and how it deletes old runs over their limits."""
 
 import os
 import shutil
@@ -41,7 +41,7 @@ def test_the_address_for_others_is_one_of_this_machine() -> None:
     assert Settings(host="0.0.0.0").public_host() not in ("0.0.0.0", "")
 
 
-def test_runs_over_the_limits_go_oldest_first_and_kept_ones_stay(recorded: Path, tmp_path: Path) -> None:
+def test_runs_over_the_limits_are_deleted_oldest_first_and_kept_ones_stay(recorded: Path, tmp_path: Path) -> None:
     for day in (1, 2, 3, 4):
         run = tmp_path / f"2026-01-0{day}T00-00-00-paper.rrd"
         shutil.copy2(recorded, run)

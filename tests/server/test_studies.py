@@ -1,4 +1,4 @@
-"""Studies of a real server, without a browser: what may be varied, how it goes, what comes of it, where a cell leads."""
+"""Studies on a real server, without a browser: what may be varied, progress, results, and where a cell leads."""
 
 import json
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ from flexlab.server.study import MOST_AT_ONCE, MOST_VALUES, read_study
 
 EI, K, LENGTH = "payload.bending_stiffness", "controller.feedback_gain", "payload.length"
 STUDY_PATIENCE = 4 * PATIENCE
-"""s: a study starts a process that stands back behind all others."""
+"""Time that a study may take, s: its process has a low priority."""
 SWEEP = {
     "scenario": encode_scenario(load_preset("paper")), "name": "paper", "kind": "sweep", "duration": "0.05",
     "field1": LENGTH, "low1": "0.5", "high1": "9.5", "count1": "2",
@@ -41,7 +41,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FrontServer]:
 
 
 def finished(server: FrontServer, form: dict[str, str]) -> str:
-    """The address of a study that is done."""
+    """Start a study, wait until it has ended, and return its address."""
     address = post(server.url, "/studies", form).headers["Location"]
     over(server.url, f"{address}/state", STUDY_PATIENCE)
     return address
@@ -49,7 +49,7 @@ def finished(server: FrontServer, form: dict[str, str]) -> str:
 
 @pytest.fixture(scope="module")
 def swept(server: FrontServer) -> str:
-    """A sweep of six cells, of which three cannot be reached."""
+    """The address of a sweep of six cells; in three of them the arms cannot reach the beam."""
     return finished(server, SWEEP)
 
 
@@ -87,7 +87,7 @@ def test_a_sweep_has_the_numbers_of_the_command_line_and_says_what_failed(server
     assert f'href="{swept}"' in ask(server.url, "/studies").text
 
 
-def test_a_map_is_there_from_the_first_cells_on(tmp_path: Path):
+def test_a_map_shows_the_first_cells_while_the_others_are_computed(tmp_path: Path):
     plan = make_plan(
         load_preset("paper"), parse_axes([f"{EI}=50:200:8", f"{K}=100:300:16"], load_preset("paper")), 0.01, 1e-3
     )
@@ -114,7 +114,7 @@ def test_a_map_is_there_from_the_first_cells_on(tmp_path: Path):
     ]
 
 
-def test_a_sweep_that_is_computed_has_data(server: FrontServer):
+def test_a_sweep_has_data_while_it_is_computed(server: FrontServer):
     address = post(server.url, "/studies", SWEEP | {"count1": "30", "count2": "30", "high1": "0.55", "duration": "6"})
     study = address.headers["Location"]
     found = json.loads(ask(server.url, f"{study}/data").text)
@@ -125,7 +125,7 @@ def test_a_sweep_that_is_computed_has_data(server: FrontServer):
     post(server.url, f"{study}/cancel", {})
 
 
-def test_laws_and_dampings_are_swept_on_the_page(server: FrontServer):
+def test_control_laws_are_swept_on_the_page(server: FrontServer):
     page = ask(server.url, "/studies").text
     assert (
         '<option value="controller.kind" data-choice="yes" data-now="adaptive-sliding-mode">Control law</option>'
@@ -173,7 +173,7 @@ def test_a_tuning_shows_before_and_after_and_leads_to_the_lab(server: FrontServe
     assert found["after"][0] <= found["before"][0]
 
 
-def test_a_study_that_is_cancelled_ends_and_leaves_room(server: FrontServer):
+def test_too_many_studies_are_refused_and_cancelled_ones_end(server: FrontServer):
     long = SWEEP | {"count1": "30", "count2": "30", "high1": "0.55", "duration": "6"}
     most = sum(MOST_AT_ONCE[2:])
     begun = [post(server.url, "/studies", long).headers["Location"] for _ in range(most)]
@@ -227,7 +227,7 @@ def test_a_study_that_is_cancelled_ends_and_leaves_room(server: FrontServer):
         ({**TUNING, "limit": "0"}, "give a number above 0"),
     ],
 )
-def test_what_cannot_be_studied_is_said_in_a_sentence(changes: dict[str, str], says: str):
+def test_an_invalid_study_is_refused_in_a_sentence(changes: dict[str, str], says: str):
     form, paper = SWEEP | changes, load_preset("paper")
     if not says:
         assert read_study(form, paper).axes
@@ -238,7 +238,7 @@ def test_what_cannot_be_studied_is_said_in_a_sentence(changes: dict[str, str], s
     assert len(str(caught.value)) < 300
 
 
-def test_hostile_forms_are_answered_with_a_page(server: FrontServer):
+def test_hostile_forms_and_unknown_studies_are_answered_without_a_traceback(server: FrontServer):
     for form, status in (({}, 422), ({"scenario": "zz"}, 422), (SWEEP | {"count1": "99", "count2": "99"}, 422)):
         answer = post(server.url, "/studies", form)
         assert (answer.status, "Traceback" in answer.text) == (status, False)

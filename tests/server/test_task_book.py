@@ -1,4 +1,4 @@
-"""Long work that pages come back to, in real processes: it is bounded, can be cancelled, and its failures are sentences."""
+"""Long tasks whose results pages show later, in real processes: they are limited, can be cancelled, and fail in a sentence."""
 
 import asyncio
 import time
@@ -20,7 +20,7 @@ LIMIT = 2, 2, 2, 0
 
 
 def write(size: int, folder: Path) -> Outcome:
-    """Some bytes in the task's folder."""
+    """Write `size` bytes into the task's folder."""
     folder.mkdir()
     (folder / "file").write_bytes(bytes(size))
     return Outcome(size)
@@ -38,7 +38,7 @@ def take_long(folder: Path, report: Callable[[float], None]) -> Outcome:
 
 
 def with_book(tmp_path: Path, use: Callable[[TaskBook], Coroutine[Any, Any, None]], kept: int = 2) -> None:
-    """Run `use` with a book that keeps two tasks."""
+    """Run `use` with a book that keeps `kept` finished tasks."""
 
     async def used() -> None:
         tasks = Tasks()
@@ -47,11 +47,11 @@ def with_book(tmp_path: Path, use: Callable[[TaskBook], Coroutine[Any, Any, None
         finally:
             tasks.close()
 
-    with ThreadPoolExecutor(1) as pool:  # In this thread a browser's loop may be running.
+    with ThreadPoolExecutor(1) as pool:  # Playwright may keep an event loop on this thread.
         pool.submit(asyncio.run, used()).result()
 
 
-def test_the_oldest_finished_ones_go_with_their_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_the_oldest_finished_tasks_are_removed_with_their_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(task_book, "MOST_BYTES", 1000)
 
     async def use(book: TaskBook) -> None:
@@ -66,7 +66,7 @@ def test_the_oldest_finished_ones_go_with_their_files(tmp_path: Path, monkeypatc
     with_book(tmp_path, use)
 
 
-def test_what_is_there_is_not_done_again_and_what_failed_is(tmp_path: Path):
+def test_a_finished_task_is_not_repeated_and_a_failed_one_is(tmp_path: Path):
     async def use(book: TaskBook) -> None:
         first = await book.finished("Writing", "a", ANNA, write, 10)
         assert await book.finished("Writing", "a", ANNA, write, 20) is first
@@ -80,7 +80,7 @@ def test_what_is_there_is_not_done_again_and_what_failed_is(tmp_path: Path):
     with_book(tmp_path, use)
 
 
-def test_one_works_at_a_time_and_what_is_cancelled_leaves_room_and_no_files(tmp_path: Path):
+def test_one_long_task_runs_at_a_time_and_cancelled_ones_leave_room_and_no_files(tmp_path: Path):
     async def use(book: TaskBook) -> None:
         long = book.start("Sleep", "a", ANNA, take_long)
         waiting = book.start("Sleep", "b", Visitor("ben", "1"), take_long)
@@ -103,8 +103,8 @@ def test_one_works_at_a_time_and_what_is_cancelled_leaves_room_and_no_files(tmp_
     with_book(tmp_path, use)
 
 
-def test_a_task_that_a_closing_server_ends_is_no_accident(tmp_path: Path, caplog: pytest.LogCaptureFixture):
-    """The lab's last words in the terminal were that a task had ended unexpectedly."""
+def test_a_task_that_a_closing_server_ends_is_not_logged_as_a_failure(tmp_path: Path, caplog: pytest.LogCaptureFixture):
+    """The last line in the terminal used to say that a task had ended unexpectedly."""
 
     async def use() -> str:
         tasks = Tasks()

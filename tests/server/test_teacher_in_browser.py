@@ -49,7 +49,7 @@ def test_each_button_of_the_class_and_of_a_lab_does_what_it_says(plain_chromium:
         window.close()
 
 
-def test_a_class_is_paced_locked_and_asked(plain_chromium: Browser, tmp_path: Path):
+def test_the_teacher_sets_the_pace_locks_labs_and_sees_the_guesses(plain_chromium: Browser, tmp_path: Path):
     with open_server(tmp_path, token=TOKEN, teacher_token=TEACHER, private=True, max_sessions=3) as server:
         url = f"http://127.0.0.1:{server.port}"
         anna, ben = Person(server), Person(server)

@@ -1,4 +1,4 @@
-"""Templates escape whatever is inserted, and name nothing that is not there."""
+"""Templates escape everything that is inserted, and fail on a missing value."""
 
 import pytest
 from jinja2 import UndefinedError
@@ -10,7 +10,7 @@ from flexlab.text import with_units
 HOSTILE = "<script>alert('x')</script>\"&\ud800"
 
 
-def test_what_is_inserted_is_escaped_and_can_be_sent():
+def test_inserted_texts_are_escaped_and_can_be_encoded():
     text = render("message.html", title=HOSTILE, sentence=HOSTILE, more="<b>", here="", kind=HOSTILE, scripts=())
     assert "<script>alert" not in text
     assert text.count("&lt;script&gt;alert(&#x27;x&#x27;)&lt;/script&gt;&quot;&amp;�") == 4
@@ -23,20 +23,20 @@ def test_a_button_escapes_its_address_and_its_words():
     assert isinstance(button("/", "x"), Markup)
 
 
-def test_no_line_ends_between_a_number_and_its_unit():
+def test_no_line_breaks_between_a_number_and_its_unit():
     said = "2 arms ring at 45.5 Hz by 0.44 s, to 1 % of 3 micrometres, at 1.78 m/s and 5 N·m in 3 places"
     assert with_units(said).split(" ") == (
         "2 arms ring at 45.5\xa0Hz by 0.44\xa0s, to 1\xa0% of 3\xa0micrometres, at 1.78\xa0m/s and 5\xa0N·m in 3 places"
     ).split(" ")
 
 
-def test_a_value_that_is_missing_is_an_error_and_no_empty_place():
+def test_a_missing_value_is_an_error_and_not_left_empty():
     with pytest.raises(UndefinedError, match="sentence"):
         render("message.html", title="x", here="", kind="", scripts=())
 
 
 @pytest.mark.parametrize("name", sorted(path.name for path in TEMPLATES.iterdir()))
-def test_no_template_lifts_the_escaping_or_runs_a_script_of_its_own(name: str):
+def test_no_template_turns_off_escaping_or_has_an_inline_script(name: str):
     text = (TEMPLATES / name).read_text(encoding="utf-8")
     assert "safe" not in text
     assert "autoescape" not in text

@@ -1,11 +1,11 @@
-"""Behind a hub's login everything needs the visitor's cookies, recordings in rerun's viewer too, which asks without."""
+"""Behind a hub's login every request needs the visitor's cookies, but rerun's viewer requests recordings without them."""
 
 from playwright.sync_api import Browser
 
 from flexlab.server.front_server import FrontServer
 
 
-def test_the_viewer_asks_for_recordings_as_its_visitor(plain_chromium: Browser, front_server: FrontServer):
+def test_the_viewer_requests_recordings_with_the_visitor_s_cookies(plain_chromium: Browser, front_server: FrontServer):
     window = plain_chromium.new_context()
     window.add_cookies([{"name": "hub", "value": "ann", "url": front_server.url}])
     page = window.new_page()

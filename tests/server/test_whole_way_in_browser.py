@@ -1,4 +1,4 @@
-"""From the start page to a run that was exported and imported again, as a person goes it, in a real browser."""
+"""From the start page to a run that was exported and imported again, as a person does it, in a real browser."""
 
 import shutil
 from collections.abc import Callable
@@ -13,21 +13,21 @@ from flexlab.recording.reader import read_recording
 from flexlab.server.front_server import FrontServer
 
 PAINTED = "performance.getEntriesByType('paint').length > 0"
-"""Chromium takes no keys before a page's first picture."""
+"""Whether the page's first picture is drawn: Chromium takes no keys before."""
 PRESSES = 3
-"""Of one key, before it counts as lost."""
+"""How often one key is pressed before it counts as lost."""
 SEEN = 10
-"""s in which a box shows that it was chosen."""
+"""Time in which a box shows that it was ticked, s."""
 
 
 def press_until(what: Locator, key: str, seen: Locator, patience: float) -> None:
-    """Press a key until something is seen, as a person does: Chromium loses keys while it clears a page away. `patience`: s."""
+    """Press a key until `seen` is visible, as a person does: Chromium loses keys while it leaves a page. `patience`: s."""
     for _ in range(PRESSES):
         try:
             what.press(key, timeout=MILLI * PATIENCE)
             return seen.wait_for(timeout=MILLI * patience)
         except TimeoutError:
-            if seen.is_visible():  # It took longer than that, and what was pressed is gone.
+            if seen.is_visible():  # It took longer than that, and the pressed element is gone.
                 return None
     return seen.wait_for(timeout=MILLI * PATIENCE)
 
@@ -46,7 +46,7 @@ def test_from_the_start_page_to_an_imported_run(
         wait_until(lambda: place.status().time > 2.0, "two seconds are recorded")
         live = place.status().recording
         assert live is not None
-        # On a busy machine the run would go on for minutes, in whose plots the short run beside it cannot be seen.
+        # On a busy machine the run would go on for minutes, and the short run beside it would be invisible in the plots.
         page.get_by_role("button", name="Pause", exact=True).click(timeout=MILLI * PATIENCE)
 
         page.locator("#server-bar").get_by_role("link", name="Runs").click()

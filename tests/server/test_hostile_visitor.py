@@ -53,7 +53,7 @@ def a_fresh_visitor_sees_a_moving_lab(front_server: FrontServer, cookies: dict[s
         wait_until(lambda: place.status().time > before, "time goes on")
 
 
-def test_idle_connections_make_room_for_members(open_another: Callable[..., FrontServer]):
+def test_idle_connections_make_room_for_visitors_with_the_token(open_another: Callable[..., FrontServer]):
     front_server = open_another(token=TOKEN)
     cookies = ask(front_server.url, f"/?token={TOKEN}").cookies
     with contextlib.ExitStack() as closing:

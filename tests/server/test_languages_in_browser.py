@@ -18,7 +18,7 @@ from flexlab.presets import load_preset, preset_names
 
 GUIDE, PANEL = '[data-dock-region="left"]', '[data-dock-region="right"]'
 CALM = 1200
-"""Time in which a page translates new texts, ms."""
+"""Time in which a page names and translates new elements, ms."""
 STAYS = (
     r"\S+\.rrd|https?://\S+|x\d+_\d+ .*",  # files, addresses, machines
     r"(Edit props for )?/?(WorldAxes|\w+)",  # viser's tree of the scene, and single code names

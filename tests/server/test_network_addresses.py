@@ -7,7 +7,7 @@ from flexlab.server.labs.recorded_lab import LITTLE_SPACE, RecordingText
 from flexlab.server.settings import Settings, network_addresses, picture_code, terminal_code
 
 
-def test_addresses_are_of_this_machine_and_reachable() -> None:
+def test_network_addresses_are_neither_loopback_nor_unspecified() -> None:
     for address in network_addresses():
         number = ipaddress.ip_address(address)
         assert not number.is_loopback

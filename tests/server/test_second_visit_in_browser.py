@@ -46,7 +46,7 @@ LINKS = """() => [...document.querySelectorAll("#server-bar a[href^='/'], header
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory, recorded: Path) -> Iterator[FrontServer]:
-    """A server with two recordings and a study."""
+    """A server with two recordings."""
     logs = tmp_path_factory.mktemp("visited")
     for name in ("2025-12-30T12-00-00-one", "2025-12-31T12-00-00-two"):
         (logs / f"{name}.rrd").write_bytes(recorded.read_bytes())

@@ -62,7 +62,7 @@ def window(browser: Browser, url: str, **options) -> Iterator[Page]:
         if here.scheme not in ("data", "blob", "about") and here.netloc != urlsplit(url).netloc:
             strangers.append(address)
 
-    # The context is heard, not the page: frames and workers count too.
+    # The context tells of requests by frames and workers too, the page does not.
     context.on("request", lambda request: note(request.url))
     page.on("websocket", lambda plug: note(plug.url))
     page.on("pageerror", lambda error: errors.append(str(error)))

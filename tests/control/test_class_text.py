@@ -1,4 +1,4 @@
-"""Laws and paths that are given as classes: their texts hold what they use of their files."""
+"""Laws and paths given as classes: the text that is kept contains everything they use from their file."""
 
 import gc
 import importlib.util
@@ -107,7 +107,7 @@ def test_several_classes_of_one_file_run_one_after_the_other(apart: bool, tmp_pa
         assert flexlab.simulate("paper", 0.01, law=module.Other, path=module.Back).status == "finished"
 
 
-def test_a_line_of_the_file_is_the_line_of_the_text(tmp_path: Path):
+def test_an_error_in_a_class_is_reported_with_the_line_of_its_file(tmp_path: Path):
     module = module_of(TWO_OF_EACH, tmp_path / "lines_of_file.py")
     run = flexlab.simulate("paper", 0.1, law=module.Other)
     line = 1 + next(at for at, text in enumerate(TWO_OF_EACH.split("\n")) if "raise RuntimeError" in text)
@@ -119,7 +119,7 @@ def test_a_line_of_the_file_is_the_line_of_the_text(tmp_path: Path):
     assert "not to be run" not in source
 
 
-def test_a_recording_of_a_class_needs_no_file(tmp_path: Path):
+def test_a_recording_of_a_class_replays_without_its_file(tmp_path: Path):
     module = module_of(TWO_OF_EACH, tmp_path / "recorded_class.py")
     run = flexlab.simulate("paper", 0.1, law=module.One, path=module.Round)
     path = write_run(run, tmp_path, "own")
@@ -133,7 +133,7 @@ def test_a_recording_of_a_class_needs_no_file(tmp_path: Path):
 
 @pytest.mark.parametrize("apart", [False, True], ids=["here", "apart"])
 def test_the_text_of_an_earlier_recording_runs(apart: bool):
-    """Texts of classes from notebooks named the module that held `OwnLaw` and `OwnPath` then, its README that of `at`."""
+    """Older recordings import `OwnLaw`, `OwnPath` and `Measurement` from the modules that held them at the time."""
     hosts.run_apart(apart)
     law = PD.replace("from flexlab import", "from flexlab.own_laws.declaration import")
     law = law.replace("at):", "at: Measurement):").replace(
@@ -145,7 +145,7 @@ def test_the_text_of_an_earlier_recording_runs(apart: bool):
 
 
 @pytest.mark.parametrize("apart", [False, True], ids=["here", "apart"])
-def test_a_text_may_import_all_that_texts_need(apart: bool):
+def test_a_law_or_path_may_import_everything_from_flexlab(apart: bool):
     hosts.run_apart(apart)
     law, path = (re.sub("from flexlab import .*", "from flexlab import *", text) for text in (PD, ROUND))
     wanted = {"controller.kind": add_own_law(law, "law.py").kind, "trajectory.kind": add_own_path(path, "path.py").kind}
@@ -163,7 +163,7 @@ def test_the_examples_of_the_readme_work_as_classes(root: Path, tmp_path: Path):
     np.testing.assert_array_equal(file.desired_pose, run.desired_pose)
 
 
-def test_names_of_another_cell_of_a_notebook_hold():
+def test_a_class_may_use_names_from_another_notebook_cell():
     cells = (
         "from math import pi\nimport numpy as numbers\nfrom scipy.linalg import solve\n"
         "from flexlab import OwnPath\nWIDTH = 0.1\n",
@@ -180,20 +180,20 @@ def test_names_of_another_cell_of_a_notebook_hold():
     assert flexlab.simulate("paper", 0.01, path=notebook.InACell).status == "finished"
 
 
-def test_a_class_of_a_class_is_a_sentence(tmp_path: Path):
+def test_a_class_that_inherits_indirectly_is_refused(tmp_path: Path):
     module = module_of(TWO_OF_EACH + "\n\nclass Third(Other):\n    pass\n", tmp_path / "third_class.py")
     with pytest.raises(ScenarioError, match="Third inherits from OwnLaw through another class: inherit directly"):
         flexlab.simulate("paper", 0.01, law=module.Third)
 
 
-def test_many_threads_ask_for_texts_at_once(tmp_path: Path):
+def test_many_threads_may_ask_for_the_text_of_a_class_at_once(tmp_path: Path):
     law = module_of(TWO_OF_EACH, tmp_path / "asked_at_once.py").One
     text, often = class_text(law), gc.get_threshold()
 
     def let_others_in(*_: object) -> None:
         time.sleep(1e-5)
 
-    gc.callbacks.append(let_others_in)  # Within the parser, nothing else does.
+    gc.callbacks.append(let_others_in)  # Nothing else switches threads within the parser.
     gc.set_threshold(50)
     try:
         with ThreadPoolExecutor(4) as threads:

@@ -1,4 +1,4 @@
-"""Composite control: any law with active damping of the beam, with rates measured or estimated, and what that achieves."""
+"""Composite control: any law plus active damping of the beam from measured or estimated rates, and what it achieves."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def test_with_the_papers_law_and_measured_rates_it_is_vibration_damping(period: 
 
 @pytest.mark.parametrize("kind", SIMPLE)
 def test_without_vibration_gains_it_is_its_slow_part(kind: str):
-    """Memory, start and own signals included, whatever law is the slow part."""
+    """Motion, memory and the law's own signals are the same, whatever law is the slow part."""
     alone = load_preset("paper").replace({"controller.kind": kind, "gravity": 9.81})
     both = alone.replace({**COMPOSITE, "controller.slow.kind": kind, "controller.lateral_vibration_gain": 0.0})
     one, other = simulate(alone, 0.1), simulate(both, 0.1)
@@ -47,7 +47,7 @@ def test_without_vibration_gains_it_is_its_slow_part(kind: str):
     assert law_of(both.controller).memory == law_of(alone.controller).memory
 
 
-def test_its_slow_part_is_any_law_but_one_with_parts():
+def test_the_slow_part_is_no_composite_law_and_its_gains_are_checked():
     with pytest.raises(ScenarioError, match=r"controller\.slow\.kind = .* is not one of .*'adaptive-sliding-mode'"):
         parse_scenario({"controller": {"kind": "composite", "slow": {"kind": "composite"}}})
     with pytest.raises(ScenarioError, match=r"controller\.slow\.feedback_gain = -1 .* is outside the allowed range"):
@@ -73,7 +73,7 @@ def test_the_screen_has_the_sliders_of_its_parts():
         ({**KALMAN, "controller.observer.gauges": (0.7,)}, r"controller\.observer\.gauges .* outside the allowed range"),
     ],
 )  # fmt: skip
-def test_what_does_not_fit_is_refused_in_a_sentence(change: dict, sentence: str):
+def test_observer_settings_that_do_not_fit_are_refused_in_a_sentence(change: dict, sentence: str):
     with pytest.raises(ScenarioError, match=sentence):
         load_preset("paper").replace(change)
 
@@ -84,7 +84,7 @@ def test_more_modes_than_the_mesh_has_are_refused_in_a_sentence():
 
 
 def test_a_filter_without_a_steady_gain_is_refused_in_a_sentence():
-    """Modes that grow and that no sensor sees: no scenario's damped beam has them."""
+    """Growing modes that no sensor sees: no scenario has them, because its beam is damped."""
     scenario = load_preset("paper").replace(KALMAN)
     observer = scenario.controller.observer
     plant = believed_plant(scenario, observer.observer_modes, observer.gauges)
@@ -93,7 +93,7 @@ def test_a_filter_without_a_steady_gain_is_refused_in_a_sentence():
         kalman._steady_gain(scenario, observer, unseen, growing, np.eye(len(growing), len(plant.mass)))
 
 
-def test_taking_over_in_motion_keeps_the_estimates_of_the_slow_part_and_begins_an_estimate():
+def test_a_change_of_law_in_motion_keeps_the_bound_estimates_and_starts_the_observer():
     world = World(load_preset("paper").replace(CLOCK))
     world.advance(200)
     before = world.observe()
@@ -102,7 +102,7 @@ def test_taking_over_in_motion_keeps_the_estimates_of_the_slow_part_and_begins_a
     torque = world.advance(3).joint_torque
     world.apply(ChangeScenario({"controller.observer.kind": "kalman"}))
     later = world.advance(3).joint_torque
-    # What the law changes by is no more than what it damps.
+    # The torques do not jump: the laws differ only by the damping.
     assert np.abs(later[0] - torque[-1]).max() < 0.2 * np.abs(torque).max()
     world.apply(ChangeScenario({"controller.observer.observer_modes": 2}))
     world.apply(ChangeScenario({"controller.slow.kind": "pd"}))
@@ -110,7 +110,7 @@ def test_taking_over_in_motion_keeps_the_estimates_of_the_slow_part_and_begins_a
     assert len(world.advance(20)) == 20
 
 
-def test_it_goes_on_bit_for_bit_from_a_state():
+def test_it_continues_bit_for_bit_from_a_saved_state():
     one, other = (World(load_preset("paper").replace(KALMAN)) for _ in range(2))
     one.advance(37)
     other.restore(one.state())
@@ -125,7 +125,7 @@ def peak(run: Run, start: float, stop: float = np.inf) -> float:
 def test_on_the_papers_sine_free_vibration_ends_four_times_sooner_at_no_larger_error():
     """B1: below 1 % of its peak after 0.1 s instead of 0.44 s (`settling_time`), with a slow part of Λ = 70 1/s.
 
-    With the paper's Λ = 50 1/s what is left is the bending by the motion that still catches up with its path: 3.6 times.
+    With the paper's Λ = 50 1/s it ends 3.6 times sooner: the motion still catches up with its path and bends the beam.
     """
     paper = load_preset("paper")
     gains = {"controller.lateral_vibration_gain": 105.0, "controller.slow.sliding_slope": 70.0}
@@ -136,7 +136,7 @@ def test_on_the_papers_sine_free_vibration_ends_four_times_sooner_at_no_larger_e
 
 
 def test_a_tap_at_mid_span_is_gone_after_a_fifth_of_a_second():
-    """B3: over a thousand times smaller than under the paper's law, which has not damped it notably by then."""
+    """B3: over a thousand times smaller than under the paper's law, which has hardly damped it by then."""
     held = load_preset("paper").replace(HELD)
     tap = [(0.0, Tap(0.0, (0.0, 0.2)))]
     plain, damped = simulate(held, 0.5, 0.001, tap), simulate(held.replace(COMPOSITE), 0.5, 0.001, tap)
@@ -149,11 +149,11 @@ LQR = {**CLOCK, "controller.kind": "lqr"}
 @pytest.mark.parametrize(
     ("plant", "law", "times"), [({}, COMPOSITE, 40), (FINE, COMPOSITE, 30), (FINE, KALMAN, 50), (FINE, LQR, 40)]
 )
-def test_after_a_motion_from_rest_to_rest_of_a_soft_beam_little_is_left(plant: dict, law: dict, times: float):
-    """B2: 0.2 m in 0.5 s with EI = 10 N·m²; what is left 0.2 s after the stop, against the paper's law.
+def test_little_vibration_is_left_after_a_rest_to_rest_motion_of_a_soft_beam(plant: dict, law: dict, times: float):
+    """B2: 0.2 m in 0.5 s with EI = 10 N·m²; the vibration 0.2 s after the stop is compared with the paper's law.
 
-    The slow part has to stay slow against 14 Hz: Λ = 30 1/s. On the fine beam with measured rates and without a clock; with
-    three modes estimated at 1 kHz, one sample late, from noisy gauges; and by the linear-quadratic regulator on the same.
+    The slow part must be slow compared with 14 Hz: Λ = 30 1/s. On the fine beam, the rates are measured in continuous time, or
+    three modes are estimated from noisy gauges at 1 kHz, one sample late; the linear-quadratic regulator has the same clock.
     """
     soft = load_preset("paper").replace({**plant, "payload.bending_stiffness": 10.0, "trajectory.kind": "rest-to-rest"})
     slow = {"controller.slow.sliding_slope": 30.0, "controller.lateral_vibration_gain": 60.0}
@@ -163,8 +163,8 @@ def test_after_a_motion_from_rest_to_rest_of_a_soft_beam_little_is_left(plant: d
     assert peak(plain, 0.7) > times * peak(damped, 0.7)
 
 
-def test_a_clock_a_delay_and_noisy_gauges_leave_more_than_half_of_that():
-    """1 kHz, one sample late, three modes estimated of the sixteen of a hardly damped beam, gauges with 1e-6 of noise."""
+def test_the_damping_survives_a_clock_a_delay_and_noisy_gauges():
+    """1 kHz, one sample late, strain noise of 1e-6; three of the sixteen modes of a hardly damped beam are estimated."""
     paper = load_preset("paper").replace(FINE)
     plain, damped = simulate(paper, 3.0), simulate(paper.replace(KALMAN), 3.0)
     assert damped.status == "finished"

@@ -1,4 +1,4 @@
-"""The Kalman observer: its model is the engine's, its gain the Riccati equation's, its estimates and predictions come true."""
+"""The Kalman observer: its model matches the engine, its gain solves the Riccati equation, its estimates follow the beam."""
 
 from dataclasses import replace
 
@@ -27,8 +27,8 @@ def estimated(delay: int = 1, **changes) -> Scenario:
     return load_preset("paper").replace({**fixed, **law, "controller.observer.kind": "kalman", **changes})
 
 
-def test_the_believed_plant_is_the_engines():
-    """M, and the state matrix, by differences of the kernels; all modes, away from the symmetric pose."""
+def test_the_believed_plant_equals_the_engines_linearization():
+    """M and the state matrix against differences of the kernels: all modes, away from the symmetric pose."""
     scenario = estimated(
         **{"payload.element_count": 3, "payload.damping.ratio": 0.02, "trajectory.center": (0.1, 0.7, 0.2)}
     )
@@ -38,8 +38,8 @@ def test_the_believed_plant_is_the_engines():
     np.testing.assert_allclose(believed.state_matrix, first_order(engine)[0], rtol=0, atol=1e-8)
 
 
-def test_the_gain_is_that_of_the_filters_own_recursion():
-    """Iterating the covariance from anything leads to the gain in use; the estimate's error then dies down."""
+def test_the_gain_is_the_limit_of_the_filters_covariance_recursion():
+    """From an arbitrary covariance, the recursion leads to the gain in use, and the estimation error then decays."""
     noise = {"controller.sensor_noise.strain": 1e-6, "controller.sensor_noise.pose": (1e-5, 2e-5, 3e-5)}
     scenario = estimated(**noise, **{"payload.damping.ratio": 0.01})
     law = law_of(scenario.controller)
@@ -63,8 +63,8 @@ def test_the_gain_is_that_of_the_filters_own_recursion():
 @pytest.mark.parametrize(
     ("delay", "gravity", "period"), [(0, 0.0, 1e-3), (1, 0.0, 1e-3), (3, 9.81, 1e-3), (2, 0.0, 4e-3)]
 )
-def test_the_map_of_one_control_period_is_the_simulations(delay: int, gravity: float, period: float):
-    """Eigenvalues of one simulated period, differenced in plant, estimate and torques, are those of the sampled loop's map."""
+def test_the_linear_map_of_one_control_period_matches_the_simulation(delay: int, gravity: float, period: float):
+    """Eigenvalues of one simulated period, by differences in plant, estimate and torques, are those of `loop_map`."""
     smooth = {"controller.slow.kind": "pd", "gravity": gravity, "trajectory.center": (0.05, 0.72, 0.1)}
     tight = {"controller.control_period": period, "payload.element_count": 2, "simulation.step": period / 400}
     scenario = estimated(delay, **smooth, **tight, **{"payload.damping.ratio": 0.01})
@@ -100,7 +100,7 @@ def test_the_map_of_one_control_period_is_the_simulations(delay: int, gravity: f
 
 
 def test_with_a_delay_only_prediction_keeps_the_third_mode_from_growing():
-    """Measured rates, or an observer that does not predict: 401 Hz grows at 2.65 1/s. Predicted: nothing grows like that."""
+    """With measured rates or without prediction, 401 Hz grows at 2.65 1/s; with prediction nothing grows so fast."""
     measured = modes(estimated(**{"controller.observer.kind": "measured"}))
     late = modes(estimated(**{"controller.observer.horizon": 0.0}))
     for found in (measured, late):
@@ -112,10 +112,10 @@ def test_with_a_delay_only_prediction_keeps_the_third_mode_from_growing():
 
 
 @pytest.mark.parametrize("kept", [3, 4, 6, 16])
-def test_spillover_is_what_the_poles_say(kept: int):
-    """Three modes estimated of a plant with 3 to 16: what grows or decays in the run does so at the pole's rate.
+def test_spillover_grows_at_the_rate_of_the_poles(kept: int):
+    """Three modes of a plant with 3 to 16 are estimated: the energy of the run grows or decays at the pole's rate.
 
-    Undamped, the fifth mode (1110 Hz, seen at 122 Hz by a clock of 1 kHz) is fed by what the gauges mistake it for.
+    The undamped fifth mode (1122 Hz, aliased to 122 Hz by the 1 kHz clock) is fed because the gauges mistake it for another.
     """
     scenario = estimated(**{"payload.mode_count": kept})
     found = modes(scenario)
@@ -132,8 +132,8 @@ def test_spillover_is_what_the_poles_say(kept: int):
     assert found.unstable == (found.growth > NEUTRAL)
 
 
-def test_estimates_come_true():
-    """On a moving, ringing beam without noise: the modes' coordinates, to a twentieth, though the model is that of one pose."""
+def test_the_estimated_modes_follow_the_true_ones():
+    """On a moving, ringing beam without noise, modes 1 and 3 are estimated to 5 %, though the model is that of one pose."""
     law = {"controller.kind": "composite", "controller.control_period": 1e-3, "controller.input_delay": 1}
     own = {"controller.observer.kind": "kalman", "controller.observer.observer_modes": 4}
     world = World(load_preset("paper").replace({**law, **own, "controller.lateral_vibration_gain": 5.0}), 1e-3)

@@ -1,4 +1,4 @@
-"""A control law that a program elsewhere computes: the examples in C and Python drive the arms, and all else is a sentence."""
+"""A control law computed by another program: the examples in C and Python drive the arms, and failures are reported."""
 
 import contextlib
 import os
@@ -41,7 +41,7 @@ def packed(message: Any) -> bytes:
 
 
 class Program:
-    """A program that listens on a thread: sends `greeting` and what `answer` makes of each message, as bytes or to be packed."""
+    """A program on a thread: it sends `greeting`, then `answer` of each message, raw if bytes, else packed."""
 
     def __init__(self, answer: Answer, greeting: Any = None):
         self._answer, self._greeting = answer, {"version": 1} if greeting is None else greeting
@@ -120,7 +120,7 @@ def problem_of(one: Program) -> str:
     ],
     ids=str,
 )  # fmt: skip
-def test_what_is_no_answer_is_a_sentence(program: Callable[..., Program], answer: Any, says: str):
+def test_an_invalid_answer_is_reported(program: Callable[..., Program], answer: Any, says: str):
     one = program(lambda _: answer)
     assert problem_of(one).startswith(f"{one.address}: {says}")
 
@@ -134,12 +134,12 @@ def test_what_is_no_answer_is_a_sentence(program: Callable[..., Program], answer
     ],
     ids=str,
 )
-def test_what_is_no_greeting_is_a_sentence(program: Callable[..., Program], greeting: Any, says: str):
+def test_an_invalid_greeting_is_reported(program: Callable[..., Program], greeting: Any, says: str):
     one = program(greeting=greeting)
     assert problem_of(one).startswith(f"{one.address}: {says}")
 
 
-def test_who_is_silent_or_slow_is_given_up(program: Callable[..., Program], monkeypatch: pytest.MonkeyPatch):
+def test_a_silent_or_slow_program_is_given_up(program: Callable[..., Program], monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(link, "GREETING_LIMIT", 0.05)
     monkeypatch.setattr(link, "ANSWER_LIMIT", 0.05)
     assert problem_of(program(greeting=b"")).endswith(": it did not greet within 0.05 s: does it serve another run?")
@@ -151,14 +151,14 @@ def test_who_is_silent_or_slow_is_given_up(program: Callable[..., Program], monk
     ["tcp://localhost", "tcp://localhost:0", "tcp://a:70000", "tcp://:1", "tcp://u@a:1", 'tcp://a")\nimport os:1',
      f"tcp://{'a' * 191}:1"],
 )  # fmt: skip
-def test_what_is_no_address_is_said(address: str):
+def test_an_invalid_address_is_refused(address: str):
     with pytest.raises(
         ScenarioError, match=r"is not an address of a program: write tcp://HOST:PORT, as in tcp://localhost"
     ):
         law_kind(address)
 
 
-def test_each_instant_is_told_with_the_shapes_and_units_of_the_greeting(program: Callable[..., Program]):
+def test_each_message_has_the_fields_and_shapes_that_the_greeting_announces(program: Callable[..., Program]):
     one = program(lambda at: {"torques": INPUTS, "memory": [at["memory"][0] + 1] * 16})
     given, at = Link(one.address), instant()
     inputs, kept = given.ask(at, np.zeros(16))
@@ -174,7 +174,7 @@ def test_each_instant_is_told_with_the_shapes_and_units_of_the_greeting(program:
 
 
 class Same(flexlab.OwnLaw):
-    """What the examples compute."""
+    """The law that the examples compute."""
 
     position_gain = gain(2e4, "N/m, N·m/rad", low=0, high=1e6)
     velocity_gain = gain(800.0, "N·s/m, N·m·s/rad", low=0, high=1e5)
@@ -217,7 +217,7 @@ def test_the_examples_drive_the_arms_as_the_same_law_in_python_does(command: lis
     assert run.result_hash == again.result_hash
 
 
-def test_a_program_that_goes_ends_the_run_and_serves_the_next_when_it_is_back(program: Callable[..., Program]):
+def test_a_program_that_leaves_ends_the_run_and_may_serve_the_next_one(program: Callable[..., Program]):
     one = program(lambda at: {"inputs": at["weights"]} if at["time"] < 0.005 or len(one.asked) > 20 else None)
     scenario = load_preset("gravity").replace({"controller.kind": law_kind(one.address)})
     world = World(scenario)
@@ -230,13 +230,13 @@ def test_a_program_that_goes_ends_the_run_and_serves_the_next_when_it_is_back(pr
     assert len(World(scenario).advance(20)) == 20
 
 
-def test_who_stops_answering_is_given_up_after_a_second(program: Callable[..., Program]):
+def test_a_program_that_stops_answering_is_given_up_after_a_second(program: Callable[..., Program]):
     one = program(lambda at: {"inputs": at["weights"]} if at["time"] < 0.005 else b"")
     run = flexlab.simulate("gravity", 0.1, law=one.address)
     assert f"{one.address}: it did not answer within 1 s." in run.status.text
 
 
-def test_where_nobody_listens_nothing_begins():
+def test_a_run_is_refused_if_no_program_listens_at_the_address():
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
     says = f"{address}: no program answers there (Connection refused): start it, then run this again."
@@ -244,7 +244,7 @@ def test_where_nobody_listens_nothing_begins():
         flexlab.simulate("gravity", 0.1, law=address)
 
 
-def test_a_name_that_no_host_has_is_said():
+def test_an_unknown_host_is_reported():
     with pytest.raises(ScenarioError, match="no host has such a name: is the address right"):
         flexlab.simulate("gravity", 0.1, law=f"tcp://{'a' * 100}:5000")
 
@@ -272,7 +272,7 @@ def test_neither_scenario_nor_recording_connects_by_itself(
     assert one.asked
 
 
-def test_a_leaderboard_measures_a_program_anew(monkeypatch: pytest.MonkeyPatch):
+def test_a_leaderboard_reuses_no_rows_of_a_program_from_another_process(monkeypatch: pytest.MonkeyPatch):
     address = "tcp://localhost:9000"
     scenarios = [load_preset("paper").replace({"controller.kind": law_kind(law)}) for law in ("pd", address)]
     before = [law_source(one) for one in scenarios]
@@ -281,7 +281,7 @@ def test_a_leaderboard_measures_a_program_anew(monkeypatch: pytest.MonkeyPatch):
     assert (before[0] == after[0], before[1] == after[1]) == (True, False)
 
 
-def test_a_text_that_does_more_is_not_taken_for_an_address():
+def test_a_text_with_additional_code_is_not_taken_for_an_address():
     text = text_of_program("tcp://LocalHost:9000/")
     assert address_in(text) == "tcp://localhost:9000"
     assert address_in(text + "import os\n") == ""

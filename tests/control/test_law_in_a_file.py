@@ -50,7 +50,7 @@ def test_it_drives_the_payload_and_its_signal_tells_the_work_of_the_motors(scena
     assert np.isnan(run.bound_estimates).all(), "it estimates no bounds"
 
 
-def test_a_second_process_takes_its_machine_code_from_the_first():
+def test_a_second_process_can_run_it_with_the_machine_code_of_the_first():
     script = (
         f"from flexlab.control.law import add_law_file; from pathlib import Path; add_law_file(Path({str(FILE)!r}))\n"
         "from flexlab.presets import load_preset; from flexlab.sim.world import World\n"
@@ -62,7 +62,7 @@ def test_a_second_process_takes_its_machine_code_from_the_first():
 
 
 @pytest.mark.parametrize("period", [None, 0.002])
-def test_it_goes_on_bit_for_bit_from_a_state(scenario: Scenario, period: float | None):
+def test_it_continues_bit_for_bit_from_a_saved_state(scenario: Scenario, period: float | None):
     one, other = (World(scenario.replace({"controller.control_period": period})) for _ in range(2))
     one.advance(37)
     other.restore(one.state())
@@ -92,7 +92,7 @@ def test_it_is_recorded_plotted_exported_and_replayed(scenario: Scenario, tmp_pa
 
 
 def test_a_recording_says_how_to_read_it_without_the_file(law: Law, scenario: Scenario, tmp_path: Path):
-    """Recordings hold no kernels. The names of flexlab's own laws were listed, none of which helps."""
+    """Recordings hold no kernels. The error used to list flexlab's own laws, which did not help."""
     path = write_run(simulate(scenario, 0.1), tmp_path, "own law")
     forget_law(law.kind)
     try:

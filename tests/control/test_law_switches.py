@@ -1,4 +1,4 @@
-"""A law that takes over in motion: the torques jump by what the two laws differ and no more, and replays know it."""
+"""A change of law in motion: the torques jump only by the difference of the two laws, and replays repeat the change."""
 
 from itertools import pairwise, permutations
 from pathlib import Path
@@ -31,7 +31,7 @@ WITH_BOUNDS = {
     "joint-pd",
     "none",
 }
-"""Laws that hand b̂ on."""
+"""Laws that keep b̂ when they take over, and pass it on."""
 
 
 def scenario_of(kind: str) -> Scenario:
@@ -83,8 +83,8 @@ def test_the_jump_is_the_difference_of_the_laws(first: str):
         assert len(world.advance(20)) == 20, world.status.text
 
 
-def test_a_sampled_observer_that_takes_over_between_instants_begins_at_zero():
-    """p(0) is that of the first instant at which it acts: 2 ms of the motion's own momentum are no disturbance."""
+def test_a_sampled_observer_that_takes_over_between_instants_starts_at_zero():
+    """p(0) is taken at its first instant: the momentum gained in the 2 ms before it is no disturbance."""
     world = World(load_preset("smooth-start").replace({"controller.control_period": 0.005}))
     world.advance(243)
     unprepared = 20.0 * 0.002 * np.abs(world.observe().arm_input[0].sum(axis=0)).max()
@@ -115,7 +115,7 @@ def test_the_observed_disturbance_does_not_jump_with_gain_or_belief(period: floa
 
 @pytest.mark.parametrize("period", [None, 0.002])
 def test_a_live_run_through_all_laws_is_replayed_bit_for_bit(period: float | None, tmp_path: Path):
-    """A law with signals of its own begins another recording, in which time and motion go on."""
+    """A law with other signals starts another recording, in which time and motion continue."""
     kinds, now = [kind for kind in LAWS if kind != "none"], [0.0]
     scenario = load_preset("gravity").replace({"controller.kind": kinds[0], "controller.control_period": period})
     recorder = Recorder(tmp_path)
@@ -138,7 +138,7 @@ def test_a_live_run_through_all_laws_is_replayed_bit_for_bit(period: float | Non
         assert replay(recording).identical
 
 
-def test_a_headless_run_through_laws_knows_their_signals_while_they_work():
+def test_a_headless_run_has_the_signals_of_each_law_while_it_acts():
     kinds = ("pd", "super-twisting", "disturbance-observer", "pd")
     commands = [(0.02 * k, ChangeScenario({"controller.kind": kind})) for k, kind in enumerate(kinds) if k > 0]
     run = simulate(load_preset("paper").replace({"controller.kind": kinds[0]}), 0.08, commands=commands)
@@ -151,5 +151,5 @@ def test_a_headless_run_through_laws_knows_their_signals_while_they_work():
     assert np.isfinite(run["disturbance_estimate"][41:61]).all()
 
 
-def test_all_pairs_are_there():
+def test_there_are_ninety_pairs_of_laws():
     assert len(list(permutations(LAWS, 2))) == len(LAWS) * (len(LAWS) - 1) == 90

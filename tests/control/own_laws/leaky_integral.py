@@ -1,4 +1,4 @@
-"""A law in one file: task-space PID whose integral leaks, with the work that it has asked for as a signal."""
+"""A law in one file: task-space PID with a leaking integral, and the work asked of the motors as a signal of its own."""
 
 from typing import Literal
 
@@ -10,7 +10,7 @@ from flexlab.quantities import Number, OneOrThree, quantity
 from flexlab.signal import Signal
 
 POSITION_RATIO, INTEGRAL_RATIO, LEAK = 25.0, 50.0, 0.5
-"""1/s, 1/s², 1/s: position gain and integral gain per velocity gain, and the rate at which the integral is forgotten."""
+"""Position gain (1/s) and integral gain (1/s²) per velocity gain, and the decay rate of the integral (1/s)."""
 
 
 class LeakyIntegral(Controller):
@@ -44,7 +44,7 @@ def leaky_integral(gains, now, memory, memory_rate, signals):
 
 @pluggable
 def fastest_rate(gains, now, memory, S, kappa):
-    """1/s."""
+    """Return the fastest rate of the closed loop, 1/s."""
     return largest_ratio(S, gains.velocity_gain, now.scratch[3:6]) + POSITION_RATIO
 
 

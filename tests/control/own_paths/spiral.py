@@ -1,4 +1,4 @@
-"""A path in one file: out of the centre on a spiral, to stand still at its end. It says no extent: that is looked for."""
+"""A path in one file: a spiral out of the centre, held at its end. It declares no extent: flexlab samples it."""
 
 from typing import Literal
 
@@ -20,12 +20,12 @@ class Spiral(Trajectory):
 
     @property
     def span(self) -> float:
-        """Its end."""
+        """Time after which the path ends, s."""
         return self.duration
 
     @property
     def end(self) -> float:
-        """s."""
+        """Time from which the path stands still, s."""
         return self.duration
 
 

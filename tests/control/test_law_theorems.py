@@ -1,6 +1,6 @@
-"""What each law's theorem says of its V, along simulated runs, against an independent plant.
+"""What the theorem of each law says about its V, along simulated runs, against an independent plant.
 
-Ψ is what the plant asks beyond what the law believes: Ψ = B ẍ + C̄ẋ + Ḡ - Σu_i + ½ (dĀ/dt) s, with ẍ from
+Ψ is the force that the plant needs beyond the law's model: Ψ = B ẍ + C̄ẋ + Ḡ - Σu_i + ½ (dĀ/dt) s, with ẍ from
 `reference.flexible_system`; V is differentiated along the engine's samples.
 """
 
@@ -17,9 +17,9 @@ from flexlab.sim.samples import Samples
 from flexlab.sim.world import World
 
 PERIOD = 2e-5
-"""s: fine enough for differences of V."""
+"""Sample period, s: fine enough for differences of V."""
 DURATION = 0.03
-"""s."""
+"""Duration of a run, s."""
 
 
 class Proof(NamedTuple):
@@ -41,7 +41,7 @@ class Proof(NamedTuple):
 
 
 def memory_of(scenario: Scenario, seen: Seen, samples: Samples, k: int) -> np.ndarray:
-    """The law's memory, from its signals."""
+    """The law's memory at sample k, recovered from its signals."""
     law, own = scenario.controller, samples.own
     if law.kind == "super-twisting":
         return own["twisting_force"][k]
@@ -103,13 +103,13 @@ def slope(V: np.ndarray) -> np.ndarray:
 
 
 def agrees(V: np.ndarray, expected: np.ndarray, tolerance: float = 1e-6) -> None:
-    """dV/dt is what is expected, where no kink lies within the stencil."""
+    """Assert that dV/dt is as expected, except at up to eight samples, for kinks within the stencil."""
     found, expected = slope(V), expected[2:-2]
     error = np.abs(found - expected) / np.abs(expected).max()
     assert np.sum(error > tolerance) <= 8, np.sort(error)[-12:]
 
 
-def test_sliding_mode_falls_as_fast_as_its_feedback_says():
+def test_v_of_sliding_mode_falls_at_least_as_fast_as_its_feedback_says():
     """V = ½ sᵀBs: dV/dt = -sᵀKs - ρ̂‖s‖²/max(‖s‖, ε) + sᵀΨ ≤ -sᵀKs outside the layer, as ρ̂ ≥ ‖Ψ‖."""
     K, bound, layer = np.array([150.0, 200.0, 40.0]), 60.0, 0.8
     proof = prove("sliding-mode", feedback_gain=tuple(K), bound=bound, boundary_layer=layer)
@@ -143,7 +143,7 @@ def test_super_twisting_outside_its_layer():
         agrees(w[:, a], -k2 * proof.s[:, a] / norm)
 
 
-def test_the_observer_is_a_filter_of_the_disturbance():
+def test_the_observer_filters_the_disturbance():
     """dd̂/dt = ℓ (d - d̂) whatever the motion, and d(½ sᵀBs)/dt = -sᵀKs + sᵀ(Ψ - d̂)."""
     gain, K = 60.0, 150.0
     proof = prove("disturbance-observer", observer_gain=gain, feedback_gain=K)
@@ -154,8 +154,8 @@ def test_the_observer_is_a_filter_of_the_disturbance():
     agrees(proof.kinetic, -K * (proof.s**2).sum(1) + (proof.s * (proof.Psi - d_hat)).sum(1))
 
 
-def test_the_regressor_law_pays_for_s_with_what_it_learns():
-    """V = ½ sᵀ(ΣM̄_i + diag(m, m, I))s + ½ ãᵀΓ⁻¹ã: dV/dt = -sᵀKs + sᵀΨ, where Ψ is the beam's bending alone."""
+def test_v_of_the_regressor_law_changes_by_feedback_and_bending_alone():
+    """V = ½ sᵀ(ΣM̄_i + diag(m, m, I))s + ½ ãᵀΓ⁻¹ã: dV/dt = -sᵀKs + sᵀΨ, where Ψ comes from the beam's bending alone."""
     K = 150.0
     proof = prove("regressor-adaptive", feedback_gain=K)
     law, samples = proof.scenario.controller, proof.samples
@@ -168,8 +168,8 @@ def test_the_regressor_law_pays_for_s_with_what_it_learns():
     assert np.abs(wrong[-1] - wrong[0]).max() > 0.1, "it learns"
 
 
-def test_joint_pd_lets_energy_and_error_only_fall():
-    """Target at rest: T + U + ½ Σ ΔθᵀPΔθ falls by exactly what D and the beam's damping take."""
+def test_under_joint_pd_the_energy_of_motion_and_error_only_falls():
+    """With the target at rest, T + U + ½ Σ ΔθᵀPΔθ falls by exactly what D and the beam's damping dissipate."""
     P, D = np.array([9000.0, 7000.0, 900.0]), np.array([300.0, 200.0, 50.0])
     changes = {
         "controller.kind": "joint-pd",

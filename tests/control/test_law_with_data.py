@@ -1,4 +1,4 @@
-"""A law with data beside it: its recordings are complete, and what cannot be kept is said."""
+"""A law that reads a data file: its recordings contain the data, and a file that cannot be kept is refused."""
 
 import importlib.util
 import sys
@@ -32,14 +32,14 @@ class FiledGains(OwnLaw):
 
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
-    """The law, beside its gains."""
+    """The file of the law, in one folder with the file of its gains."""
     np.save(tmp_path / "gains.npy", np.array([20000.0, 800.0]))
     law = tmp_path / "filed_gains.py"
     law.write_text(TEXT, encoding="utf-8")
     return law
 
 
-def test_its_recording_replays_without_the_file(file: Path, flexlab_process: Command):
+def test_its_recording_replays_without_its_files(file: Path, flexlab_process: Command):
     run = flexlab.simulate("paper", 0.2, law=file)
     sampled = flexlab.load_preset("paper").replace({"controller": {"kind": "pd", "control_period": 0.001}})
     np.testing.assert_allclose(run.pose, flexlab.simulate(sampled, 0.2).pose, rtol=0, atol=1e-9)
@@ -52,7 +52,7 @@ def test_its_recording_replays_without_the_file(file: Path, flexlab_process: Com
     assert "give --run-own-law to let it run" in asked
 
 
-def test_a_class_has_them_too(file: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_class_may_read_the_data_file_too(file: Path, monkeypatch: pytest.MonkeyPatch):
     about = importlib.util.spec_from_file_location("filed_gains", file)
     assert about is not None
     assert about.loader is not None
@@ -63,8 +63,8 @@ def test_a_class_has_them_too(file: Path, monkeypatch: pytest.MonkeyPatch):
     np.testing.assert_array_equal(by_class.pose, flexlab.simulate("paper", 0.05, law=file).pose)
 
 
-def test_other_data_are_another_law(file: Path):
-    """Saved with other gains, the law is not the one that was allowed before."""
+def test_other_data_make_another_law(file: Path):
+    """The second run takes the new gains, although the file of the law is the same."""
     first = flexlab.simulate("paper", 0.05, law=file)
     np.save(file.with_name("gains.npy"), np.array([10000.0, 400.0]))
     assert np.abs(flexlab.simulate("paper", 0.05, law=file).pose - first.pose).max() > 1e-5
@@ -81,14 +81,14 @@ def test_other_data_are_another_law(file: Path):
         ('data_file("large.bin")', rf"it has {MOST_DATA + 1} bytes, {MOST_DATA} are the most"),
     ],
 )
-def test_what_cannot_be_kept_is_said(file: Path, call: str, says: str):
+def test_a_data_file_that_cannot_be_kept_is_refused(file: Path, call: str, says: str):
     file.with_name("large.bin").write_bytes(bytes(MOST_DATA + 1))
     file.write_text(TEXT.replace("import numpy", f"X = {call}\nimport numpy", 1).replace("from a file", "X"), "utf-8")
     with pytest.raises(FlexlabError, match=says.replace("Line 2", "Line 3")):
         flexlab.simulate("paper", 0.05, law=file)
 
 
-def test_lines_keep_their_numbers_and_text_its_data(file: Path):
+def test_embedding_the_data_keeps_the_line_numbers_of_a_text(file: Path):
     whole = with_data(TEXT, file.parent, "controller.source")
     assert [line[:30] for line in whole.split("\n")] == [line[:30] for line in TEXT.split("\n")]
     assert with_data(whole, Path("nowhere"), "controller.source") == whole

@@ -13,9 +13,9 @@ from flexlab.scenario import Scenario
 from flexlab.sim.world import World
 
 TOLERANCE = 1e-8
-"""m and rad."""
+"""Of the final pose, m and rad."""
 DURATION = 0.04
-"""s: the jerk of the start, outside of the boundary layers and within."""
+"""s: the jerky start, outside and inside the boundary layers."""
 
 GAINS = {
     "adaptive-sliding-mode": {"adaptation": (1e-2, 2e-2, 3e-2), "leakage": 4.0, "boundary_layer": 0.9},
@@ -33,7 +33,7 @@ GAINS = {
 
 
 OBSERVED = ("composite", "lqr")
-"""Laws with an observer: `reference.observed_system`."""
+"""Laws with an observer, for which `reference.observed_system` is the reference."""
 
 
 def scenario_of(kind: str, **changes) -> Scenario:
@@ -53,7 +53,7 @@ def scenario_of(kind: str, **changes) -> Scenario:
 
 
 def difference(scenario: Scenario, duration: float = DURATION) -> tuple[float, World]:
-    """Largest difference of the final pose, m or rad, and the world."""
+    """Largest difference of the final pose from the reference, m or rad, and the world."""
     world = World(scenario)
     world.advance(round(duration / world.tick_period))
     assert world.status == "running", world.status.text

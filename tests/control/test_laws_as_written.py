@@ -1,4 +1,4 @@
-"""Arm inputs of every law against its formula in NumPy, at samples of runs with gravity, different arms, one arm."""
+"""Arm inputs of five laws against their formulas in NumPy, along runs with gravity, different arms, or one arm."""
 
 import numpy as np
 import pytest
@@ -54,7 +54,7 @@ def believed(scenario: Scenario) -> tuple[float, np.ndarray]:
 
 
 def turned(A: np.ndarray, theta: float) -> np.ndarray:
-    """A for an angle θ."""
+    """A at the angle θ."""
     c, s = np.cos(theta), np.sin(theta)
     R = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
     return R @ A @ R.T
@@ -113,7 +113,7 @@ def test_inputs_are_those_of_the_law(kind: str, base: str):
 
 
 def test_estimates_grow_by_the_adaptation_law():
-    """ḃ0 = ‖s‖/k0, ḃ1 = ‖s‖‖x‖/k1, ḃ2 = ‖s‖‖ẋ‖²/k2 (not with one dot more, as printed), by Simpson's rule."""
+    """ḃ0 = ‖s‖/k0, ḃ1 = ‖s‖‖x‖/k1, ḃ2 = ‖s‖‖ẋ‖²/k2 (the paper prints one dot too many), by Simpson's rule."""
     world = World(load_preset("paper").replace({"controller.adaptation": (10.0, 5.0, 2.0)}), 1e-4)
     samples = world.run(1000)
     s = np.linalg.norm(samples.sliding_variable, axis=1)

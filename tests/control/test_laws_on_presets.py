@@ -14,9 +14,9 @@ DRIVING = [kind for kind, law in laws().items() if law.drives]
 
 
 SAMPLED_ONLY = {"lqr"}
-"""Laws of control instants."""
+"""Laws that need a control period."""
 BEYOND = {("lqr", "spin-up")}
-"""A linear regulator is made for one pose; this path turns eleven times, and the beam's pull on the arm with it."""
+"""A linear regulator is made for one pose; this path turns the beam, and with it the beam's pull on the arm, eleven times."""
 
 
 @pytest.mark.parametrize("preset", preset_names())
@@ -30,8 +30,8 @@ def test_default_gains_run_every_preset_for_two_seconds(preset: str):
 
 
 @pytest.mark.parametrize("preset", preset_names())
-def test_the_linear_regulator_says_of_which_paths_it_is_not_made(preset: str):
-    """Before the run, below its gains; and the run says so among what it explains."""
+def test_the_linear_regulator_says_for_which_paths_it_is_not_made(preset: str):
+    """It says so before the run, below its gains, and the explanations of a run repeat it."""
     scenario = load_preset(preset).replace({"controller.kind": "lqr", "controller.control_period": 0.001})
     said = law_conditions(scenario)[0]
     assert said.sentence.startswith("|λ(Φ − ΓK)| < 1 on the path: the law is made for one pose, ")
@@ -55,8 +55,8 @@ def test_a_linear_regulator_holds_a_beam_at_the_pose_that_it_is_made_for_and_not
 
 @pytest.mark.parametrize("kind", DRIVING)
 @pytest.mark.parametrize("period", [None, 0.001])
-def test_a_wanted_internal_force_is_there_and_moves_nothing(kind: str, period: float | None):
-    """F_d along the virtual link, squeeze positive, on top of what the law does anyway; held torques turn with the pose."""
+def test_a_wanted_internal_force_is_applied_and_moves_nothing(kind: str, period: float | None):
+    """F_d acts along the virtual link, squeeze positive, on top of the law's own force; held torques turn with the pose."""
     if period is None and kind in SAMPLED_ONLY:
         period = 0.001
     changes = {"controller.kind": kind, "controller.control_period": period}
@@ -73,7 +73,7 @@ def test_a_wanted_internal_force_is_there_and_moves_nothing(kind: str, period: f
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
 def test_the_load_share_divides_the_torques_and_not_the_motion(share: float):
-    """The payload moves the same; what the arms give beyond their own part stands in the proportion α : 1 - α."""
+    """The payload moves the same; what the arms give beyond their own dynamics is divided as α : (1 - α)."""
     changes = {"controller.kind": "sliding-mode", "gravity": 9.81}
     halves = simulate(load_preset("paper").replace(changes), 0.2)
     run = simulate(load_preset("paper").replace(changes | {"controller.load_share": share}), 0.2)

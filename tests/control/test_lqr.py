@@ -16,14 +16,14 @@ from flexlab.sim.world import World
 
 
 def regulated(delay: int = 1, **changes) -> Scenario:
-    """1 kHz, eight elements, hardly any damping."""
+    """The paper's scenario under LQR at 1 kHz, with eight elements and hardly any damping."""
     beam = {"payload.element_count": 8, "payload.damping.kind": "modal", "payload.damping.ratio": 1e-3}
     clock = {"controller.kind": "lqr", "controller.control_period": 1e-3, "controller.input_delay": delay}
     return load_preset("paper").replace({**beam, **clock, **changes})
 
 
-def test_its_cost_is_the_least_of_its_model():
-    """From any start, the sum of zᵀQz + FᵀRF rises for every other gain nearby, to the second order."""
+def test_its_gain_has_the_least_cost_on_its_own_model():
+    """From a random start, the sum of zᵀQz + FᵀRF is larger for gains nearby, by a term of second order."""
     scenario = regulated()
     law, K = scenario.controller, regulator_gain(scenario)
     plant = believed_plant(scenario, 3, law.observer.gauges)
@@ -61,7 +61,7 @@ def test_it_is_stable_on_sixteen_modes_of_which_it_knows_three(delay: int):
     assert np.abs(run.vibration[-200:]).max() < 1e-2 * np.abs(run.vibration).max()
 
 
-def test_it_needs_a_clock():
+def test_it_needs_a_control_period():
     with pytest.raises(ScenarioError, match="the law lqr is one of control instants: give control_period a value in s"):
         load_preset("paper").replace({"controller.kind": "lqr"})
 
@@ -78,7 +78,7 @@ def test_it_takes_the_estimate_over_from_a_composite_law():
 
 
 @pytest.mark.parametrize("delay", [0, 2])
-def test_its_target_is_the_path_when_its_torques_act(delay: int):
+def test_its_target_is_the_path_at_the_time_its_torques_act(delay: int):
     world = World(regulated(delay, **{"controller.control_period": 5e-3}))
     world.advance(25)
     coming = poses(world.system.trajectory, [0.025 + delay * 5e-3])[0]

@@ -7,8 +7,8 @@ everything else that acts on the pose, here from the true q, q̇ and dense nodal
 
 (the last term because Ā has no velocity matrix of its own in Eq. 25). b_0 = b_1 = b_2 = b is the least common bound with
 ‖Ψ‖ ≤ b (1 + ‖x‖ + ‖ẋ‖²) outside the boundary layer. Then V = ½sᵀM̄s + ½Σk_j(b - b̂_j)² must fall, at least as fast as
-sᵀKs. The second run adapts 10⁴ times faster, so that b̂ and ū3 carry weight; the third has almost no feedback K besides,
-so that the beam's reaction alone would drive s up.
+sᵀKs. The second run adapts 10⁴ times faster, so that b̂ and ū3 matter; the third also has almost no feedback K, so that the
+beam's reaction alone would make s grow.
 """
 
 from typing import NamedTuple
@@ -24,7 +24,7 @@ from flexlab.sim.samples import Samples
 from flexlab.sim.world import World
 
 PERIOD = 2e-5
-"""s: fine enough for differences of V."""
+"""Sample period, s: fine enough for differences of V."""
 
 
 class Proof(NamedTuple):
@@ -57,7 +57,7 @@ RUNS = {"paper": (200.0, 10.0), "fast-adaptation": (200.0, 1e-3), "weak-feedback
 
 @pytest.fixture(scope="module", params=RUNS)
 def proof(request) -> Proof:
-    """A run from the start to the boundary layer."""
+    """Quantities of the proof along a run, from the start to the boundary layer."""
     gain, adaptation = RUNS[request.param][0], np.full(3, RUNS[request.param][1])
     changes = {"controller.feedback_gain": gain, "controller.adaptation": adaptation}
     world = World(load_preset("paper").replace(changes), PERIOD)
@@ -97,8 +97,8 @@ def slope(V: np.ndarray) -> np.ndarray:
     return (8 * (V[3:-1] - V[1:-3]) - (V[4:] - V[:-4])) / (12 * PERIOD)
 
 
-def test_the_bound_is_a_true_one(proof: Proof):
-    """‖Ψ‖ ≤ b_0 + b_1‖x‖ + b_2‖ẋ‖² (Eq. 22) along the run, and tight: somewhere it is reached."""
+def test_psi_stays_within_its_bound_and_reaches_it(proof: Proof):
+    """‖Ψ‖ ≤ b_0 + b_1‖x‖ + b_2‖ẋ‖² (Eq. 22) along the run, by the choice of b; Ψ is large enough to matter."""
     norm = np.linalg.norm(proof.Psi, axis=1)
     assert len(norm) > 1000
     assert np.all(norm <= proof.bound * (1 + 1e-12))
@@ -106,7 +106,7 @@ def test_the_bound_is_a_true_one(proof: Proof):
     assert (norm / proof.bound).max() == pytest.approx(1, abs=1e-12)
 
 
-def test_the_closed_loop_is_the_one_of_the_proof(proof: Proof):
+def test_the_closed_loop_obeys_the_equality_of_the_proof(proof: Proof):
     """V̇ = -sᵀKs + sᵀū3 + sᵀΨ - Σk_j b̃_j db̂_j/dt: dynamics, law and adaptation together, by differences of V."""
     found, expected = slope(proof.V), proof.predicted[2:-2]
     assert np.abs(found - expected).max() < 1e-7 * np.abs(expected).max()
@@ -122,5 +122,5 @@ def test_v_falls_at_least_as_fast_as_the_proof_says(proof: Proof):
 
 @pytest.mark.parametrize("proof", ["weak-feedback"], indirect=True)
 def test_the_beams_reaction_alone_would_drive_s_up(proof: Proof):
-    """The statements above are not empty: without ū3, sᵀΨ - sᵀKs is positive for moments, and with it V still falls."""
+    """The tests above are not vacuous: without ū3, sᵀΨ - sᵀKs is positive at times, and with it V still falls."""
     assert ((proof.s * proof.Psi).sum(axis=1) - proof.dissipation).max() > 0

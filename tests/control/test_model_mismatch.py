@@ -1,4 +1,4 @@
-"""The controller's own idea of the payload changes what it does, never what the payload is."""
+"""The controller's model of the payload changes what the controller does, never the payload itself."""
 
 import numpy as np
 import pytest
@@ -16,15 +16,15 @@ FACTORS = {
 
 
 def test_the_plant_is_the_same_whatever_the_controller_believes():
-    """All constants of the plant to the last bit."""
+    """All constants of the plant are the same to the last bit."""
     paper = load_preset("paper")
     plain, other = World(paper).system.plant, World(paper.replace(FACTORS)).system.plant
     for name, a, b in zip(plain._fields, plain, other, strict=True):
         assert np.array_equal(a, b), name
 
 
-def test_without_control_belief_changes_nothing():
-    """Motors off: the same run to the last bit."""
+def test_with_the_motors_off_the_belief_changes_nothing():
+    """The run is the same to the last bit."""
     free = load_preset("paper").replace({"controller.kind": "none", "initial.pose_rate": (0.1, 0.0, 0.1)})
     plain, other = simulate(free, 0.2), simulate(free.replace(FACTORS), 0.2)
     assert np.array_equal(plain.pose, other.pose)
@@ -39,8 +39,8 @@ def test_a_wrong_belief_reaches_the_inputs(path: str):
     assert np.abs(other.arm_input - plain.arm_input).max() > 0.5
 
 
-def test_a_wrong_stiffness_reaches_what_is_made_for_a_model_of_the_bending():
-    """A stiff beam believed to be softer is what a soft one is known to be; other laws never ask."""
+def test_a_wrong_stiffness_changes_the_believed_plant_and_not_the_papers_law():
+    """A beam believed to be half as stiff has the model of one that is; the paper's law does not use the stiffness."""
     stiff = load_preset("paper").replace({"payload.bending_stiffness": 200.0, "controller.model.stiffness_factor": 0.5})
     for believed, true in zip(
         believed_plant(stiff, 3, (0.1,)), believed_plant(load_preset("paper"), 3, (0.1,)), strict=True
@@ -52,7 +52,7 @@ def test_a_wrong_stiffness_reaches_what_is_made_for_a_model_of_the_bending():
 
 
 def test_tracking_survives_a_payload_of_twice_the_believed_mass():
-    """What the adaptive law is for: half the true density believed, still within a millimetre after a second."""
+    """The purpose of the adaptive law: with half the true density believed, the error is below 1 mm after a second."""
     wrong = load_preset("paper").replace({"controller.model.linear_density_factor": 0.5})
     run = simulate(wrong, 2.0)
     assert np.abs(run.tracking_error[1000:, :2]).max() < 1e-3

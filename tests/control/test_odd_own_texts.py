@@ -1,4 +1,4 @@
-"""Laws and paths of one's own that declare or give odd things: one sentence each, and no number is changed on its way."""
+"""Own laws and paths with odd declarations or results: each gets one sentence, and no number is silently changed."""
 
 import csv
 import warnings
@@ -55,24 +55,24 @@ def path_text(pose: str = "0.0, 0.75, 0.0", scale: str = "low=0, high=2", lasts:
 
 
 @pytest.mark.parametrize("name", ["_k", "__class__", "__dict__", "model_config", "model_fields", "model_dump"])
-def test_a_setting_does_not_take_the_place_of_what_the_model_is_made_of(name: str):
+def test_a_gain_or_option_may_not_take_a_name_that_its_model_needs(name: str):
     with pytest.raises(ScenarioError, match=f"{name} .*: give the gain another name"):
         add_own_law(law_text().replace("k =", f"{name} ="), "odd.py")
     with pytest.raises(ScenarioError, match=f"{name} .*: give the option another name"):
         add_own_path(path_text().replace("size =", f"{name} ="), "odd.py")
-    with pytest.raises(ScenarioError, match=f"{name} .*: give the gain another name"):  # A file from elsewhere.
+    with pytest.raises(ScenarioError, match=f"{name} .*: give the gain another name"):  # A scenario file.
         parse_scenario({"controller": {"kind": "odd", "source": law_text().replace("k =", f"{name} =")}})
 
 
 @pytest.mark.parametrize("name", ["reach", "options", "jumps", "middle", "repeats", "slowest_period", "keeping"])
-def test_an_option_does_not_take_the_place_of_what_a_path_does(name: str):
+def test_an_option_may_not_take_the_name_of_a_property_of_paths(name: str):
     with pytest.raises(ScenarioError, match=f"{name} is a field of every path: give the option another name"):
         add_own_path(path_text().replace("size =", f"{name} ="), "odd.py")
 
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("name", ["copy", "json", "schema", "validate", "dict", "self", "model_mass"])
-def test_a_setting_may_have_a_name_that_harms_nothing(name: str):
+def test_a_gain_may_have_a_name_that_its_model_does_not_need(name: str):
     law = add_own_law(law_text().replace("k =", f"{name} ="), "odd.py")
     run = flexlab.simulate(flexlab.load_preset("paper").replace({"controller.kind": law.kind}), duration=0.003)
     assert not run.status.failed
@@ -80,13 +80,13 @@ def test_a_setting_may_have_a_name_that_harms_nothing(name: str):
 
 @pytest.mark.parametrize("parts", [500, 3000])
 @pytest.mark.parametrize("deep", ["f" + ".a", "f" + "[0]", "f" + "()", "1" + "+1", "1" + "-f"])
-def test_an_expression_of_many_parts_is_one_sentence(deep: str, parts: int):
+def test_a_very_long_expression_is_refused_with_its_line(deep: str, parts: int):
     text = law_text().replace("gain(1.0", f"gain({deep[0] + deep[1:] * parts}")
     with pytest.raises(ScenarioError, match=r"odd.py, line \d+"):
         add_own_law(text, "odd.py")
 
 
-def test_a_name_without_end_is_one_short_sentence():
+def test_a_very_long_class_name_is_refused_in_a_short_sentence():
     for add, text in ((add_own_law, law_text()), (add_own_path, path_text().replace("OddWay", "Odd"))):
         with pytest.raises(ScenarioError, match="the name of the class has 150003 characters") as caught:
             add(text.replace("Odd", "Odd" + "x" * 150_000), "odd.py")
@@ -94,13 +94,13 @@ def test_a_name_without_end_is_one_short_sentence():
 
 
 @pytest.mark.parametrize("text", ["-" * 90_000 + "1", "(" * 90_000])
-def test_what_is_nested_without_end_says_why_it_is_no_python(text: str):
+def test_very_deep_nesting_is_refused_with_the_reason(text: str):
     with pytest.raises(ScenarioError, match=r"odd.py, line 1: is not valid Python \(.+\)"):
         add_own_law(text, "odd.py")
 
 
 @pytest.mark.parametrize("unit", ["N, N·m", 'N,=HYPERLINK("http://x.invalid","y")', "N\n=1+1", "=1+1"])
-def test_a_unit_is_one_cell_of_a_spreadsheet_that_is_no_formula(unit: str, tmp_path: Path):
+def test_an_odd_unit_is_exported_as_one_cell_and_never_as_a_formula(unit: str, tmp_path: Path):
     law = add_own_law(law_text().replace('readout("N")', f"readout({unit!r})"), "odd.py")
     run = flexlab.simulate(flexlab.load_preset("paper").replace({"controller.kind": law.kind}), duration=0.005)
     file = export_run(run, tmp_path / "run.csv")
@@ -127,7 +127,7 @@ def test_a_unit_is_one_cell_of_a_spreadsheet_that_is_no_formula(unit: str, tmp_p
         ("low=1, high=2, logarithmic='no'", "logarithmic = 'no' is not usable: give True or False"),
     ],
 )
-def test_a_slider_is_a_part_of_the_range(scale: str, says: str):
+def test_a_slider_has_to_lie_within_the_range(scale: str, says: str):
     for add, text, name in ((add_own_law, law_text(scale=scale), "k"), (add_own_path, path_text(scale=scale), "size")):
         with pytest.raises(ScenarioError) as caught:
             add(text, "odd.py")
@@ -136,7 +136,7 @@ def test_a_slider_is_a_part_of_the_range(scale: str, says: str):
 
 
 def test_a_recorded_law_with_an_odd_slider_opens():
-    """It was taken when it was recorded."""
+    """Such a slider was accepted when it was recorded."""
     scenario = parse_scenario({"controller": {"source": law_text(scale="low=0, high=2, slider=(5, 9)")}})
     assert scenario.controller.kind == "odd"
 
@@ -154,7 +154,7 @@ def test_a_recorded_law_with_an_odd_slider_opens():
         "at.net_force([{}] * 2)",
     ],
 )
-def test_a_law_gives_real_numbers(given: str, body: str):
+def test_a_law_that_does_not_give_real_numbers_fails(given: str, body: str):
     body = body.replace("{}", given)
     if body == f"self.s = {MASKED}[0:1]":
         body = "self.s = np.ma.masked"
@@ -168,7 +168,7 @@ def test_a_law_gives_real_numbers(given: str, body: str):
 
 
 @pytest.mark.parametrize("given", [*ODD_THREE, "'123'"])
-def test_a_path_gives_real_numbers(given: str):
+def test_a_path_that_does_not_give_real_numbers_is_refused(given: str):
     add_own_path(path_text(given), "odd.py")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -177,7 +177,7 @@ def test_a_path_gives_real_numbers(given: str):
 
 
 @pytest.mark.parametrize("span", ["'3'", "3 + 0j", "np.complex128(3)", "np.ma.masked", "[3.0, 3.0]"])
-def test_a_path_lasts_a_real_number_of_seconds(span: str):
+def test_a_duration_that_is_not_a_real_number_is_refused(span: str):
     add_own_path(path_text(lasts=f"def duration(self): return {span}"), "odd.py")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -186,7 +186,7 @@ def test_a_path_lasts_a_real_number_of_seconds(span: str):
 
 
 @pytest.mark.parametrize("name", [None, 5, b"x", ["x"], object(), "a\0b", "\ud800"])
-def test_an_odd_name_of_data_is_an_oserror(name: Any):
+def test_an_odd_name_of_a_data_file_raises_oserror(name: Any):
     with pytest.raises(OSError, match="give the name of a file in the same folder"):
         flexlab.data_file(name)
 
@@ -200,13 +200,13 @@ def test_an_odd_name_of_data_is_an_oserror(name: Any):
         ('data_file(name="x.npy")', "without name= before it"),
     ],
 )
-def test_data_that_cannot_be_kept_are_said(call: str, says: str, tmp_path: Path):
+def test_data_that_cannot_be_kept_are_refused(call: str, says: str, tmp_path: Path):
     with pytest.raises(FlexlabError, match=says):
         with_data(f"X = {call}\n", tmp_path, "controller.source")
 
 
 @pytest.mark.parametrize("word", ["law", "path"])
-def test_one_law_or_path_for_all_has_to_be_one(word: str, tmp_path: Path):
+def test_simulate_many_refuses_a_bad_law_or_path_as_simulate_does(word: str, tmp_path: Path):
     bad = tmp_path / "bad.py"
     bad.write_text("class A(OwnLaw):\n    pass\n\n\nclass B(OwnPath):\n    pass\n")
     for given in ("nonsense", bad, str(tmp_path / "none.py"), 5):
@@ -218,12 +218,12 @@ def test_one_law_or_path_for_all_has_to_be_one(word: str, tmp_path: Path):
         assert said[0] == said[1]
 
 
-def test_a_scenario_that_a_law_does_not_suit_is_a_run_that_says_so():
+def test_an_invalid_scenario_among_many_becomes_a_run_that_says_so():
     runs = flexlab.simulate_many(["paper", {"gravity": "x"}], 0.002, law="pd", progress=False)
     assert [str(run.status) for run in runs] == ["finished", "invalid"]
 
 
 @pytest.mark.parametrize("part", ["controller", "trajectory"])
-def test_a_text_with_half_a_character_is_refused(part: str):
+def test_a_text_with_a_lone_surrogate_is_refused(part: str):
     with pytest.raises(ScenarioError, match="is not valid Python"):
         parse_scenario({part: {"source": "x = '\ud800'\n"}})

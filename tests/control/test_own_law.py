@@ -1,4 +1,4 @@
-"""Control laws in plain Python: the numbers of built-in ones, here and in a process of their own, and all that goes wrong."""
+"""Control laws in plain Python: results of built-in laws, in this process and in another, and all that can go wrong."""
 
 import re
 import sys
@@ -48,7 +48,7 @@ def acting(body: str, above: str = "") -> str:
 
 
 @pytest.mark.parametrize("apart", [False, True], ids=["here", "apart"])
-def test_it_is_the_built_in_law_to_the_last_bit(apart: bool):
+def test_it_gives_the_motion_of_the_built_in_law_to_the_last_bit(apart: bool):
     hosts.run_apart(apart)
     built_in = load_preset("gravity").replace({"controller.kind": "pd", "controller.control_period": 1e-3})
     own = built_in.replace({"controller.kind": add_own_law(PD, "own_pd.py").kind})
@@ -116,19 +116,19 @@ def test_a_recording_holds_its_text_and_replays_only_when_allowed(tmp_path: Path
     assert "its control law is Python code" in rounded.text
     forget_law("own-pd")
     hosts._allowed.clear()
-    recording = read_recording(path)  # known again by its text alone, which did not run
+    recording = read_recording(path)  # The law is known by its text, which has not run.
     assert recording.samples["push"].shape == (201,)
     with pytest.raises(ScenarioError, match="does not run by itself"):
         World(recording.scenario)
 
 
-def test_it_is_no_slow_part_of_the_composite_law_which_says_so():
+def test_it_cannot_be_the_slow_part_of_the_composite_law():
     kind = scenario().controller.kind
     with pytest.raises(ScenarioError, match="the slow part cannot be own-pd, a law in Python: choose one of flexlab's"):
         load_preset("paper").replace({"controller.kind": "composite", "controller.slow.kind": kind})
 
 
-def test_an_older_text_of_a_law_keeps_apart_from_the_present_one():
+def test_an_older_text_of_a_law_gets_a_name_of_its_own():
     old = scenario().model_dump(mode="json")
     add_own_law(PD.replace('symbol="D")', 'symbol="D")\n    third = gain(1.0, "1", low=0, high=2)'), "own_pd.py")
     kept = parse_scenario(old)
@@ -137,7 +137,7 @@ def test_an_older_text_of_a_law_keeps_apart_from_the_present_one():
     assert "third" in type(parse_scenario({"controller": {"kind": "own-pd"}}).controller).model_fields
 
 
-def test_a_scenario_from_before_a_file_was_saved_is_written_without_a_complaint():
+def test_a_scenario_with_an_older_text_of_a_law_is_written_without_warnings():
     before = scenario()
     add_own_law(PD.replace("gain(800.0", "gain(900.0"), "own_pd.py")
     with warnings.catch_warnings():
@@ -181,7 +181,7 @@ APART = {
 
 @pytest.mark.parametrize("apart", [False, True], ids=["here", "apart"])
 @pytest.mark.parametrize("wrong", BAD)
-def test_what_a_law_does_wrong_is_said_with_file_and_line(wrong: str, apart: bool):
+def test_an_error_in_a_law_is_reported_with_file_and_line(wrong: str, apart: bool):
     hosts.run_apart(apart)
     source, said = BAD[wrong]
     run = simulate(scenario(source, "bad.py"), 0.05)
@@ -200,7 +200,7 @@ def test_a_law_that_fails_in_its_last_call_has_failed(period: float | None):
 
 
 @pytest.mark.parametrize("wrong", APART)
-def test_what_would_harm_the_lab_ends_only_its_own_process(wrong: str):
+def test_harmful_code_ends_only_the_process_of_the_law(wrong: str):
     hosts.run_apart()
     source, said = APART[wrong]
     chosen = scenario(source, "bad.py")
@@ -209,10 +209,10 @@ def test_what_would_harm_the_lab_ends_only_its_own_process(wrong: str):
     assert run.status == "law failed"
     assert_says(run.status.text, said)
     assert time.monotonic() - began < 30
-    assert_says(simulate(chosen, 0.5).status.text, said)  # in a new process, the same again
+    assert_says(simulate(chosen, 0.5).status.text, said)  # The same again in a new process.
 
 
-def test_an_endless_loop_ends_here_too(monkeypatch: pytest.MonkeyPatch):
+def test_an_endless_loop_in_this_process_ends_too(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(endless_calls, "LONGEST_CALL", 0.1)
     run = simulate(scenario(APART["endless loop"][0], "bad.py"), 0.05)
     assert run.status == "law failed"
@@ -221,7 +221,7 @@ def test_an_endless_loop_ends_here_too(monkeypatch: pytest.MonkeyPatch):
 
 
 @pytest.mark.parametrize("when", ["at.time > 0.02", "at.time < 0.03"], ids=["on its way", "from the start"])
-def test_ctrl_c_within_a_law_ends_what_asked_for_the_run(when: str):
+def test_ctrl_c_within_a_law_interrupts_the_simulation(when: str):
     chosen = scenario(acting(f"if {when}:\n    signal.raise_signal(signal.SIGINT)\nreturn at.weights"), "bad.py")
     with pytest.raises(KeyboardInterrupt):
         simulate(chosen, 0.05)
@@ -266,7 +266,7 @@ ACT = "    def act(self, at): ...\n"
         ),
     ],
 )
-def test_a_declaration_that_says_nothing_usable_is_a_sentence(source: str, said: str):
+def test_an_unusable_declaration_is_refused(source: str, said: str):
     with pytest.raises(ScenarioError, match=said):
         add_own_law(source, "own.py")
 
@@ -284,7 +284,7 @@ def test_a_declaration_that_says_nothing_usable_is_a_sentence(source: str, said:
         *(name for name in vars(Run) if name[0] != "_"),
     ],
 )
-def test_a_signal_of_ones_own_hides_nothing_of_a_run(name: str):
+def test_a_readout_may_not_take_a_name_that_every_run_has(name: str):
     chosen = scenario(
         f"class A(OwnLaw):\n    {name} = readout('N')\n    def act(self, at):\n        return at.weights\n", "a.py"
     )
@@ -311,7 +311,7 @@ def test_imaginary_parts_are_not_dropped(body: str):
     assert str(run.status) == "law failed"
 
 
-def test_a_text_that_cannot_be_loaded_is_a_sentence_and_changes_nothing():
+def test_a_law_that_cannot_be_loaded_is_refused_and_changes_nothing():
     source = "import no_such_library\n" + PD.split("\n", 2)[2]
     world = World(load_preset("paper"))
     law = add_own_law(source, "own.py")
@@ -321,7 +321,7 @@ def test_a_text_that_cannot_be_loaded_is_a_sentence_and_changes_nothing():
     assert len(world.advance(5)) == 5
 
 
-def test_a_file_that_is_not_there_is_a_sentence(tmp_path: Path):
+def test_a_missing_file_is_reported(tmp_path: Path):
     with pytest.raises(ScenarioError, match="There is no file"):
         add_own_law_file(tmp_path / "none.py")
 
@@ -370,7 +370,7 @@ def _same(chosen: Scenario) -> Scenario:
     return chosen
 
 
-def test_presets_and_the_shell_take_a_file(tmp_path: Path, flexlab_command: Command, flexlab_process: Command):
+def test_the_shell_runs_and_replays_a_law_file(tmp_path: Path, flexlab_command: Command, flexlab_process: Command):
     (tmp_path / "mine.py").write_text(PD)
     done = flexlab_command(
         "run", "paper", "--duration", "0.1", "--law", "mine.py", "--set", "controller.velocity_gain=900"
@@ -403,8 +403,8 @@ def test_a_file_may_hold_a_kernel_instead():
     forget_law("leaky-integral")
 
 
-def test_threads_that_bring_one_new_law_all_get_it(tmp_path: Path):
-    """A thread that found the law known before scenarios could have it was told that it "is not one of" them."""
+def test_threads_that_add_the_same_law_at_once_all_get_it(tmp_path: Path):
+    """A thread once found the law known before scenarios could have it, and was told that it "is not one of" them."""
     load_preset("paper")
     begin = threading.Barrier(4)
     switching = sys.getswitchinterval()

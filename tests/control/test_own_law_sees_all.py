@@ -1,4 +1,4 @@
-"""A law in plain Python sees all that flexlab's own laws do: two of them, written again, give the same runs."""
+"""A law in plain Python sees all that built-in laws see: two of them, rewritten in Python, give the same runs."""
 
 from pathlib import Path
 
@@ -26,7 +26,7 @@ NOISY = {
 
 @pytest.mark.parametrize("changes", [{}, NOISY], ids=["exact", "noisy and late"])
 @pytest.mark.parametrize(("kind", "file"), [("lqr", "observed_lqr"), ("composite", "damped_sliding_mode")])
-def test_a_law_written_again_gives_the_same_run(kind: str, file: str, changes: dict, root: Path):
+def test_a_built_in_law_rewritten_in_python_gives_the_same_run(kind: str, file: str, changes: dict, root: Path):
     if kind == "composite" and changes:
         changes = changes | {"controller.input_delay": 0, "controller.sensor_noise.strain": 0.0}
     built_in = load_preset("paper").replace({"controller.kind": kind, "controller.control_period": 1e-3, **changes})
@@ -63,7 +63,7 @@ class Sees(OwnLaw):
 
 
 @pytest.mark.parametrize("apart", [False, True], ids=["here", "apart"])
-def test_internal_force_and_strains_are_those_of_the_run(apart: bool):
+def test_a_law_sees_the_internal_force_the_gauges_and_strains(apart: bool):
     hosts.run_apart(apart)
     changes = {"controller.kind": add_own_law(SEES, "sees.py").kind, "controller.wanted_internal_force": 15.0}
     still = load_preset("paper").replace({"trajectory.kind": "hold"}).replace(changes)
@@ -77,7 +77,7 @@ def test_internal_force_and_strains_are_those_of_the_run(apart: bool):
     assert np.abs(run["strain"]).max() > 0
 
 
-def test_modes_are_those_that_are_believed():
+def test_the_modes_that_a_law_sees_are_those_of_the_believed_beam():
     law = add_own_law(SEES, "sees.py")
     scenario = load_preset("paper").replace({"controller.kind": law.kind})
     believed = Believed(law.derive(scenario)["plant"])

@@ -1,4 +1,4 @@
-"""Paths in plain Python: the poses of their function, here and in a process of their own, and all that goes wrong."""
+"""Paths in plain Python: poses of their function, in this process and in another, and all that can go wrong."""
 
 import re
 from pathlib import Path
@@ -43,7 +43,7 @@ def moving(body: str, lasts: str = "duration = 1.0") -> str:
     return f"{head}class Bad(OwnPath):\n    {lasts}\n    def position(self, t):\n{lines}"
 
 
-def test_the_target_is_the_function_and_its_derivatives_and_comes_round_again():
+def test_the_target_follows_the_function_and_its_derivatives_and_repeats():
     motion = build_motion(scenario().trajectory)
     t = np.array([0.0, 0.3, 1.999, 2.0, 2.3, 201.7])
     w, turn = np.pi, np.pi * t
@@ -55,7 +55,7 @@ def test_the_target_is_the_function_and_its_derivatives_and_comes_round_again():
     np.testing.assert_allclose(found[:, 2], -w * w * (x_d - [0, 0.75, 0]), rtol=0, atol=1e-4)
 
 
-def test_a_path_that_ends_is_held_and_may_begin_in_motion():
+def test_a_path_is_held_at_its_end_and_may_begin_in_motion():
     path = scenario(moving("return 0.1 * t, 0.7 + 0.1 * t**2, 0.0")).trajectory
     assert (path.span, path.end) == (1.0, 1.0)
     found = poses(build_motion(path), np.array([0.0, 0.5, 5.0]))
@@ -63,14 +63,14 @@ def test_a_path_that_ends_is_held_and_may_begin_in_motion():
     np.testing.assert_allclose(found[:, 1], [[0.1, 0, 0], [0.1, 0.1, 0], [0, 0, 0]], rtol=0, atol=1e-7)
 
 
-def test_a_process_of_its_own_gives_the_same_bits():
+def test_a_separate_process_gives_the_same_bits():
     here = scenario().trajectory.table
     forget_own_paths()
     hosts.run_apart()
     assert scenario().trajectory.table == here
 
 
-def test_options_are_fields_with_sliders_and_a_change_asks_the_function_again():
+def test_options_are_fields_with_sliders_and_a_change_evaluates_the_function_again():
     chosen = scenario()
     names = [entry.name for entry in entries(chosen, "trajectory")]
     assert names[:2] == ["Radius R", "Centre"]
@@ -83,7 +83,7 @@ def test_options_are_fields_with_sliders_and_a_change_asks_the_function_again():
         chosen.replace({"trajectory.radius": 3.0})
 
 
-def test_a_change_in_motion_keeps_target_and_phase():
+def test_a_change_in_motion_does_not_make_the_target_jump():
     world = World(scenario())
     world.advance(300)
     before = world.observe().desired_pose
@@ -92,7 +92,7 @@ def test_a_change_in_motion_keeps_target_and_phase():
     assert len(world.advance(50)) == 50
 
 
-def test_a_recording_needs_no_code_not_even_after_changes(tmp_path: Path):
+def test_a_recording_replays_without_the_code_even_after_changes(tmp_path: Path):
     own = scenario()
     recorder = Recorder(tmp_path)
     runner = Runner(own, "own", consumers=[recorder], playing=False)
@@ -118,7 +118,7 @@ def test_a_recording_needs_no_code_not_even_after_changes(tmp_path: Path):
     assert replay(recording).identical
 
 
-def test_without_permission_its_options_stay_as_they_are():
+def test_without_permission_it_runs_and_its_options_cannot_be_changed():
     data = scenario().model_dump(mode="json")
     text = scenario_text(scenario())
     link = encode_scenario(scenario())
@@ -135,7 +135,7 @@ def test_without_permission_its_options_stay_as_they_are():
         decode_scenario(link)
 
 
-def test_an_older_text_of_a_path_keeps_apart_from_the_present_one():
+def test_an_older_text_of_a_path_gets_a_name_of_its_own():
     old = scenario().model_dump(mode="json")
     add_own_path(ROUND.replace("high=2, symbol", "high=1, symbol"), "round_trip.py")
     kept = parse_scenario(old)
@@ -169,7 +169,7 @@ APART = {
 
 
 @pytest.mark.parametrize("wrong", BAD)
-def test_what_a_path_does_wrong_is_said_with_file_and_line_and_changes_nothing(wrong: str):
+def test_an_error_in_a_path_is_reported_with_its_place(wrong: str):
     source, said = BAD[wrong]
     with pytest.raises(ScenarioError) as caught:
         scenario(source, "/somewhere/bad.py")
@@ -177,7 +177,7 @@ def test_what_a_path_does_wrong_is_said_with_file_and_line_and_changes_nothing(w
 
 
 @pytest.mark.parametrize("wrong", APART)
-def test_what_would_harm_the_lab_ends_only_its_own_process(wrong: str):
+def test_harmful_code_ends_only_the_process_of_the_path(wrong: str):
     hosts.run_apart()
     source, said = APART[wrong]
     with pytest.raises(ScenarioError) as caught:
@@ -185,13 +185,13 @@ def test_what_would_harm_the_lab_ends_only_its_own_process(wrong: str):
     assert_says(str(caught.value), said)
 
 
-def test_an_endless_loop_ends_here_too(monkeypatch: pytest.MonkeyPatch):
+def test_an_endless_loop_in_this_process_ends_too(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(endless_calls, "LONGEST_CALL", 0.1)
     with pytest.raises(ScenarioError, match=r"bad.py, line [78]: one call took more than 0.1 s of processor time"):
         scenario(APART["endless loop"][0], "/somewhere/bad.py")
 
 
-def test_ctrl_c_within_a_path_ends_what_asked_for_it():
+def test_ctrl_c_within_a_path_interrupts_its_caller():
     with pytest.raises(KeyboardInterrupt):
         scenario(moving("import signal\nsignal.raise_signal(signal.SIGINT)\nreturn 0, 0.7, 0"), "/somewhere/bad.py")
 
@@ -235,19 +235,19 @@ POSITION = "    def position(self, t): ...\n"
         ),
     ],
 )
-def test_a_declaration_that_says_nothing_usable_is_a_sentence(source: str, said: str):
+def test_an_unusable_declaration_is_refused(source: str, said: str):
     with pytest.raises(ScenarioError, match=said):
         add_own_path(source, "own.py")
 
 
-def test_out_of_reach_is_said_with_its_time():
+def test_a_target_out_of_reach_is_reported_with_its_time():
     text = World(scenario(**{"trajectory.radius": 1.5})).status.text
     assert re.search(r"cannot reach the desired pose .*t = 0\.\d+ s", text), text
 
 
 def test_the_grid_grows_until_spline_and_function_agree():
     def quick(shares: np.ndarray) -> tuple[float, np.ndarray]:
-        x = 0.1 * np.sin(2 * np.pi * 64 * shares)  # nil at every one of 64 even intervals, and in their middles
+        x = 0.1 * np.sin(2 * np.pi * 64 * shares)  # Zero at ends and middles of 64 equal intervals.
         return 3.0, np.stack([x, x, x], axis=1)
 
     rows = sampled(quick, True, "quick.py")
@@ -291,7 +291,7 @@ def test_the_path_of_the_readme_works(root: Path, tmp_path: Path):
     assert flexlab.simulate("paper", 0.05, path=tmp_path / "mine.py").status == "finished"
 
 
-def test_a_file_may_hold_a_kernel_instead_and_none_is_a_sentence(tmp_path: Path):
+def test_a_file_may_hold_a_kernel_instead_and_what_is_no_path_is_refused(tmp_path: Path):
     assert path_kind(Path(__file__).parent / "own_paths" / "spiral.py") == "spiral"
     forget_path("spiral")
     with pytest.raises(ScenarioError, match="There is no file"):

@@ -1,4 +1,4 @@
-"""What a law or path in Python starts ends with it and with the lab, however both end, and what it reports harms nobody."""
+"""Processes that a law in Python starts end with it and with the lab, however these end, and odd reports do no harm."""
 
 import contextlib
 import gc
@@ -36,7 +36,7 @@ if os.fork() == 0:
         os.execv(sys.executable, [sys.executable, "-c", "import time; time.sleep(600)", "{mark}"])
     os._exit(0)
 """
-"""At the top of a law: a child, one in a session of its own, and one whose parent has left."""
+"""Top of a law that starts a child, a child in a session of its own, and a process whose parent has exited."""
 
 
 @pytest.fixture(autouse=True)
@@ -45,7 +45,7 @@ def _apart() -> None:
 
 
 def marked(mark: str) -> list[int]:
-    """Processes that have a word in their command."""
+    """Ids of the running processes that have `mark` as a word of their command."""
     found = []
     for place in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):
@@ -62,7 +62,7 @@ def world_of(source: str, file: str = "own_pd.py") -> World:
     return World(load_preset("paper").replace({"controller.kind": add_own_law(source, file).kind}))
 
 
-def test_all_that_a_law_started_ends_with_it(tmp_path: Path):
+def test_all_processes_that_a_law_started_end_with_it(tmp_path: Path):
     mark = f"flexlab-test-{os.getpid()}-closed"
     world = world_of(CHILDREN.format(mark=mark) + PD)
     assert len(world.advance(3)) == 3, world.status.text
@@ -71,7 +71,7 @@ def test_all_that_a_law_started_ends_with_it(tmp_path: Path):
     assert marked(mark) == []
 
 
-def test_all_that_a_law_started_ends_when_it_fails_or_dies():
+def test_all_processes_that_a_law_started_end_when_it_is_killed():
     mark = f"flexlab-test-{os.getpid()}-died"
     world = world_of(CHILDREN.format(mark=mark) + at_work("if at.time > 0.003: os.kill(os.getpid(), 9)"))
     wait_until(lambda: len(marked(mark)) == 3, "its processes")
@@ -81,7 +81,7 @@ def test_all_that_a_law_started_ends_when_it_fails_or_dies():
     wait_until(lambda: marked(mark) == [], "their end")
 
 
-def test_all_that_a_law_started_ends_although_it_stopped_its_supervisor():
+def test_all_processes_that_a_law_started_end_although_it_stopped_its_supervisor():
     mark = f"flexlab-test-{os.getpid()}-stopped"
     law = LawApart(CHILDREN.format(mark=mark) + "os.kill(os.getppid(), 19)\n" + PD, "own_pd.py")
     law.ensure()
@@ -90,7 +90,7 @@ def test_all_that_a_law_started_ends_although_it_stopped_its_supervisor():
     assert marked(mark) == []
 
 
-def test_a_law_that_nobody_has_any_more_leaves_no_file_open():
+def test_a_closed_law_leaves_no_file_open():
     gc.collect()
     before = os.listdir("/proc/self/fd")
     law = LawApart(PD, "own_pd.py")
@@ -103,7 +103,7 @@ def test_a_law_that_nobody_has_any_more_leaves_no_file_open():
     assert len(os.listdir("/proc/self/fd")) == len(before)
 
 
-def test_all_that_a_law_started_ends_although_it_killed_its_supervisor():
+def test_all_processes_that_a_law_started_end_although_it_killed_its_supervisor():
     mark = f"flexlab-test-{os.getpid()}-supervisor"
     world = world_of(
         CHILDREN.format(mark=mark) + at_work("if at.time > 0.003: os.kill(os.getppid(), 9); time.sleep(9)")
@@ -118,7 +118,7 @@ FORKED_WHEN_LOADED = "import os\nif os.fork() == 0: os.setsid()\n"
 
 
 @pytest.mark.parametrize("text", [at_work("if self.calls[0] == 9: os.fork()"), FORKED_WHEN_LOADED + PD])
-def test_a_process_that_a_law_forks_answers_nothing(text: str):
+def test_a_process_that_a_law_forks_does_not_answer_in_its_place(text: str):
     alone = world_of(PD, "alone.py")
     alone.advance(30)
     world = world_of(text)
@@ -144,8 +144,8 @@ def test_a_byte_order_mark_is_no_part_of_a_law(tmp_path: Path):
     assert LAW_FILES.text(tmp_path / "own_pd.py") == PD
 
 
-def test_a_law_that_closes_its_connection_is_told_so():
-    # However many files were open where the process came from.
+def test_a_law_that_closes_its_connection_fails_with_a_reason():
+    # All of them, however many files its parent had open.
     world = world_of(at_work("if at.time > 0.003: os.closerange(3, 10000)"))
     world.advance(20)
     assert world.status.failed
@@ -153,7 +153,7 @@ def test_a_law_that_closes_its_connection_is_told_so():
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
-def test_all_that_a_law_started_ends_with_a_killed_lab(number: int, tmp_path: Path):
+def test_all_processes_that_a_law_started_end_with_a_killed_lab(number: int, tmp_path: Path):
     mark = f"flexlab-test-{os.getpid()}-lab-{number}"
     (tmp_path / "own_pd.py").write_text(CHILDREN.format(mark=mark) + PD)
     program = (
@@ -172,7 +172,7 @@ def test_all_that_a_law_started_ends_with_a_killed_lab(number: int, tmp_path: Pa
     lab.stdout.close()
 
 
-def test_saves_leave_few_processes_and_files_behind():
+def test_saving_a_law_many_times_leaves_few_processes_and_files_behind():
     file = f"/tmp/flexlab-test-{os.getpid()}-saved.py"
     world = world_of(PD, file)
     files = 0
@@ -191,8 +191,8 @@ BUSY = "import os\nos.sched_setaffinity(0, {{{processor}}})\nprint('busy', flush
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems do not tell who waits for a processor")
-def test_a_wait_for_a_processor_counts_while_it_goes_on():
-    """Linux counts it when it ends: a law that waited was taken for one that works, and is late."""
+def test_a_wait_for_a_processor_counts_before_it_ends():
+    """Linux counts a wait when it ends: a law that was waiting was once taken for one that works too long."""
     world = world_of(PD)
     assert len(world.advance(1)) == 1
     (host,) = hosts.known.values()
@@ -231,7 +231,7 @@ REPORTS = {
 
 
 @pytest.mark.parametrize("what", REPORTS)
-def test_what_a_law_writes_where_reports_go_harms_nobody(what: str):
+def test_odd_data_from_a_law_in_place_of_reports_do_no_harm(what: str):
     writing = f"import socket\nif at.time < 0.004: socket.socket(fileno=os.dup(int(sys.argv[2]))).send({REPORTS[what]})"
     world = world_of(at_work(writing))
     (host,) = hosts.known.values()
@@ -242,7 +242,7 @@ def test_what_a_law_writes_where_reports_go_harms_nobody(what: str):
     assert len(host._said) <= 2 * MOST_READ
 
 
-def test_too_many_processes_are_a_sentence():
+def test_a_law_that_starts_too_many_processes_is_refused():
     mark = f"flexlab-test-{os.getpid()}-many"
     many = f'subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)", "{mark}"])'
     source = f"import subprocess, sys, time\nfor _ in range(40):\n    {many}\ntime.sleep(600)\n" + PD
@@ -251,7 +251,7 @@ def test_too_many_processes_are_a_sentence():
     wait_until(lambda: marked(mark) == [], "their end")
 
 
-def test_nobody_waits_for_a_law_that_loads_when_the_lab_closes():
+def test_stop_loading_ends_a_law_that_is_still_loading():
     source = "import time\ntime.sleep(600)\n" + PD
     law = add_own_law(source, "slow.py")
     said: list[str] = []

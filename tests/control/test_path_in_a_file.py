@@ -47,14 +47,14 @@ def test_the_payload_follows_it_and_holds_its_end(scenario: Scenario):
     assert np.abs(run.tracking_error[-1]).max() < 1e-4
 
 
-def test_what_it_does_not_say_is_looked_for(scenario: Scenario):
+def test_extent_and_acceleration_that_it_does_not_declare_are_sampled(scenario: Scenario):
     assert scenario.trajectory.middle == pytest.approx((0.0125, 0.75, 0), abs=0.02)
     assert scenario.trajectory.reach[0] == pytest.approx(0.0875, abs=0.01)
     assert scenario.trajectory.peak_acceleration[1] > 10
     np.testing.assert_allclose(path_points(scenario)[-1], (0.1, 0.75), rtol=0, atol=1e-12)
 
 
-def test_out_of_reach_is_said_before_the_run(scenario: Scenario):
+def test_a_path_out_of_reach_is_reported_before_the_run(scenario: Scenario):
     assert (
         "cannot reach the desired pose" in World(scenario.replace({"trajectory.center": (0.0, 1.7, 0.0)})).status.text
     )
@@ -82,7 +82,7 @@ def test_the_screen_has_its_sliders_its_boxes_and_its_name(scenario: Scenario):
     assert "spiral" in options("trajectory.kind")
 
 
-def test_it_is_taken_up_in_motion(scenario: Scenario):
+def test_a_change_to_it_in_motion_does_not_make_the_target_jump(scenario: Scenario):
     world = World(load_preset("paper"))
     world.advance(60)
     before = world.observe().desired_pose
@@ -107,7 +107,7 @@ def test_a_file_without_a_path_is_refused(tmp_path: FilePath):
         add_path_file(tmp_path / "empty.py")
 
 
-def test_a_path_that_names_its_discontinuities_as_before_is_refused(path: Path):
+def test_a_path_with_a_property_under_its_former_name_is_refused(path: Path):
     class Old(path.model):  # type: ignore[name-defined, misc]
         @property
         def kinks(self) -> tuple[float, ...]:

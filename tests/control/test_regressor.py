@@ -17,7 +17,7 @@ WEIGHTS = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
 
 
 def inertia(scenario: Scenario, index: int, link: int, x: np.ndarray) -> np.ndarray:
-    """M (3, 3) of one link with 1 kg and its own radius of gyration: kinetic energies of exact velocities, polarised."""
+    """M (3, 3) of one link with 1 kg and its own radius of gyration, by its exact velocities under unit pose rates."""
     arm, model = scenario.arms[index], Lagrangian(scenario, [0, 2 * scenario.payload.element_count])
     gyration = arm.inertia[link] / arm.link_mass[link]
 
@@ -50,7 +50,7 @@ def column(scenario: Scenario, index: int, link: int, x, v, r, r_dot) -> np.ndar
 
 @pytest.mark.parametrize("seed", [2, 3])
 def test_columns_are_those_of_the_lagrangian(seed: int):
-    """What one kilogram more in a link adds to u_i and takes from dâ/dt, to 1e-10 of the largest entry."""
+    """What one kilogram in a link contributes to u_i and to dâ/dt, to 1e-10 of the largest entry."""
     changes = {"controller.kind": "regressor-adaptive", "controller.feedback_gain": 0.0, "gravity": 9.81}
     base = random_scenario(seed).replace(changes)
     pose, rate, *_ = random_state(base, np.random.default_rng(seed))
@@ -78,8 +78,8 @@ def test_columns_are_those_of_the_lagrangian(seed: int):
         )
 
 
-def test_with_the_truth_known_the_rigid_payload_is_followed_without_error():
-    """â = a and a matched start: what is left is the beam's bending, under 20 µm on a beam that is almost rigid."""
+def test_with_true_estimates_an_almost_rigid_payload_is_followed():
+    """With â = a and a start on the path, the error is due to the beam's bending alone, and under 20 µm."""
     changes = {
         "controller.kind": "regressor-adaptive",
         "controller.initial_estimate_factor": 1.0,

@@ -13,7 +13,7 @@ def peak(run: Run, signal: np.ndarray, start: float, stop: float) -> np.ndarray:
 
 
 def test_computed_torque_gives_the_error_the_prescribed_dynamics():
-    """ë + K_d ė + K_p e = 0: critically damped, e = e0 (1 + λt) e^{-λt}, on a payload too light to contradict it."""
+    """ë + K_d ė + K_p e = 0: critically damped, e = e0 (1 + λt) e^{-λt}, with a payload too light to disturb it."""
     start = np.array([0.03, -0.02, 0.1])
     rates = np.array([20.0, 30.0, 15.0])
     changes = {
@@ -25,14 +25,14 @@ def test_computed_torque_gives_the_error_the_prescribed_dynamics():
         "gravity": 9.81,
     }
     run = simulate(load_preset("paper").replace(changes), 0.5)
-    # The desired motion starts with its full rate, the arms at rest.
+    # The desired motion starts at its full rate, the arms at rest.
     rate0 = -0.4 * np.pi * np.ones(3)
     t = run.time[:, None]
     expected = (start + (rate0 + rates * start) * t) * np.exp(-rates * t)
     np.testing.assert_allclose(run.tracking_error, expected, rtol=0, atol=1e-4 * np.abs(expected).max())
 
 
-def test_pd_lets_the_energy_of_error_and_motion_only_fall():
+def test_under_pd_the_energy_of_error_and_motion_only_falls():
     """Without gravity and with the target at rest, T + U + ½eᵀPe never grows, and the error goes to zero."""
     gains = np.array([20000.0, 15000.0, 3000.0])
     changes = {
@@ -65,9 +65,9 @@ def pair() -> tuple[Run, Run]:
 
 
 def test_vibration_damping_ends_the_free_vibration_within_an_eighth_of_a_second(pair):
-    """Under one per cent of its peak from 0.125 s on; without it a fifth is left then, and 0.44 s are needed.
+    """Under 1 % of its peak is left from 0.125 s on; without damping a fifth is left after 0.1 s, and 1 % after 0.44 s.
 
-    The free vibration: at 0.1 s 1.3 % are left, and most of that is forced by the motion that still catches up with its path.
+    With damping 1.3 % is left at 0.1 s, most of it forced by the motion, which is still catching up with its path.
     """
     paper, damped = pair
     for run, gone in ((paper, 0.44), (damped, 0.125)):
@@ -82,8 +82,8 @@ def test_vibration_damping_costs_little_tracking(pair):
     assert np.abs(change).max() < 0.02
 
 
-def test_vibration_damping_is_paid_with_internal_force(pair):
-    """Its peaks rise after the start."""
+def test_vibration_damping_raises_the_internal_force(pair):
+    """One of its peaks after the start rises by more than 20 %."""
     paper, damped = pair
     rise = peak(damped, damped.internal_force, 0.001, 1.5) / peak(paper, paper.internal_force, 0.001, 1.5)
     assert rise.max() > 1.2
@@ -103,7 +103,7 @@ def test_vibration_damping_with_zero_gains_is_the_papers_law():
 
 
 @pytest.mark.parametrize(("gain", "field"), [(300.0, "lateral"), (3000.0, "angular")])
-def test_every_vibration_gain_on_the_sliders_keeps_running(gain: float, field: str):
+def test_the_largest_vibration_gains_of_the_sliders_keep_running(gain: float, field: str):
     """The sliders' upper ends, at the automatic step."""
     changes = {"controller.kind": "vibration-damping", f"controller.{field}_vibration_gain": gain}
     run = simulate(load_preset("paper").replace(changes), 0.3)

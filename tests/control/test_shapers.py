@@ -15,7 +15,7 @@ from flexlab.sim.target import build_trajectory, desired_at, first_mode, shaper_
 
 OMEGA = 2 * np.pi * 45.5
 TABLE = {"zv": (3.2, (15, 17), (35, 44)), "zvd": (14.4, (2.2, 2.7), (12, 20)), "ei-shaper": (20, (2.1, 2.7), (8, 16))}
-"""Shaper → 5 % band, ±%; residual with stiffness ±20 % and ±50 %, %: as the method's table prints them."""
+"""Shaper → 5 % band, ±%; residual with stiffness ±20 % and ±50 %, %: as printed in the method's table."""
 
 
 def left(shaper: str, ratio: float) -> float:
@@ -24,7 +24,7 @@ def left(shaper: str, ratio: float) -> float:
 
 
 def band(shaper: str) -> float:
-    """Half width, %, of the band around the mode in which the residual is at most 5 %, the mean of both sides."""
+    """Half width, %, of the band around the mode in which the residual is at most 5 %: the mean of both sides."""
     ratios = np.linspace(0, 0.5, 500_001)
     sides = [ratios[np.argmax(np.array([left(shaper, 1 + side * r) for r in ratios[::100]]) > 5 + 1e-9) * 100]
              for side in (-1, 1)]  # fmt: skip
@@ -32,7 +32,7 @@ def band(shaper: str) -> float:
 
 
 @pytest.mark.parametrize("shaper", TABLE)
-def test_the_printed_table_comes_out_on_one_ideal_mode(shaper: str):
+def test_the_printed_table_is_reproduced_on_one_ideal_mode(shaper: str):
     wide, twenty, fifty = TABLE[shaper]
     digits = 0 if shaper == "ei-shaper" else 1
     assert round(band(shaper), digits) == wide
@@ -44,8 +44,8 @@ def test_the_printed_table_comes_out_on_one_ideal_mode(shaper: str):
 
 @pytest.mark.parametrize("zeta", [0.0, 0.03, 0.3])
 @pytest.mark.parametrize("shaper", ["zv", "zvd", "ei-shaper"])
-def test_a_damped_mode_is_left_still(shaper: str, zeta: float):
-    """A mode integrated over the impulses: nothing is left after the last one; of ei-shaper, V over its amplitudes' sum."""
+def test_a_damped_mode_is_left_at_rest(shaper: str, zeta: float):
+    """Nothing of a mode's response is left after the last impulse; by ei-shaper, V over the sum of its amplitudes is left."""
     shaped, pole = impulses(shaper, OMEGA, zeta), OMEGA * (-zeta + 1j * np.sqrt(1 - zeta**2))
     assert shaped[:, 0].sum() == pytest.approx(1, abs=1e-15)
     assert (shaped[:, 0] > 0).all()
@@ -62,7 +62,7 @@ def bang_bang(**changes: Any) -> Scenario:
     return load_preset("paper").replace({"trajectory": {"kind": "bang-bang"}, "payload.bending_stiffness": 1.27, **own})
 
 
-def test_its_mode_is_that_of_the_closed_loop():
+def test_the_mode_of_a_shaper_is_that_of_the_closed_loop():
     for changes in ({}, {"payload.bending_stiffness": 10.0}, {"controller.kind": "computed-torque"}):
         scenario = load_preset("paper").replace(changes)
         own, poles = first_mode(scenario), modes(scenario).poles
@@ -74,14 +74,14 @@ def test_its_mode_is_that_of_the_closed_loop():
 
 @pytest.mark.parametrize("kind", [kind for kind, law in laws().items() if law.drives])
 def test_a_shaper_is_made_for_every_law(kind: str):
-    """Continuous and sampled, or, where a law runs sampled only, for the beam between free arms: all near the ring."""
+    """Its delay is about half a period at 45.5 Hz; for lqr, which runs sampled only, of the beam between free arms."""
     clocked = {"controller.control_period": 0.001}
     for changes in (clocked,) if kind == "lqr" else ({}, clocked):
         scenario = load_preset("paper").replace({"controller.kind": kind, **changes, "trajectory.shaper": "zv"})
         assert shaper_impulses(scenario)[1, 1] == pytest.approx(1 / (2 * 45.5), rel=0.1)
 
 
-def test_the_target_is_the_sum_of_delayed_copies_that_stand_before_their_time():
+def test_the_target_is_the_sum_of_delayed_copies_that_rest_before_their_time():
     scenario = bang_bang(shaper="zvd")
     plain, shaped = build_trajectory(bang_bang()), build_trajectory(scenario)
     for t in (0.0, 0.02, 0.2, 0.31, 0.6, 2.0):
@@ -100,7 +100,7 @@ def test_under_5_percent_of_a_bang_bang_motions_vibration_is_left(shaper: str):
     assert after(bang_bang(shaper=shaper)) < 0.05 * after(bang_bang())
 
 
-def test_the_force_of_quasi_static_bending_fed_forward_leaves_no_error_on_a_slow_path():
+def test_feeding_the_quasi_static_bending_force_forward_reduces_the_error_on_a_slow_path():
     plain = load_preset("paper")
     fed = plain.replace({"trajectory.bending_feedforward": 1.0})
     error, less = (np.abs(simulate(one, 3.0).tracking_error[2000:]).max() for one in (plain, fed))

@@ -1,4 +1,4 @@
-"""Paths of many numbers: a table from a CSV file, with a sentence for each way in which one can be wrong, and waypoints."""
+"""Paths given by numbers: a table from a CSV file, with a sentence for each way in which it can be wrong, and waypoints."""
 
 from math import factorial
 from pathlib import Path
@@ -26,7 +26,7 @@ ROWS = np.stack([TIMES, 0.1 * np.sin(3 * TIMES), 0.75 + 0.05 * TIMES**2, 0.2 * n
 
 
 def write(file: Path, rows: np.ndarray = ROWS, header: str = "t [s], x [m], y [m], theta [rad]") -> Path:
-    """A CSV file."""
+    """Write rows into a CSV file, and return it."""
     np.savetxt(file, rows, delimiter=",", header=header, comments="", fmt="%.17g")
     return file
 
@@ -55,7 +55,7 @@ def test_a_table_is_the_quintic_spline_through_its_rows(ends: str):
     np.testing.assert_array_equal(desired_at(motion, 7.0), [ROWS[-1, 1:], [0] * 3, [0] * 3])
 
 
-def test_a_free_table_repeats_a_smooth_motion_with_its_rates():
+def test_a_table_with_free_ends_reproduces_a_smooth_motion_and_its_rates():
     motion = build_trajectory(on_table(ends="free"))
     found = np.array([desired_at(motion, t)[:, 0] for t in np.linspace(0, 0.99, 100)])
     angle = 3 * np.linspace(0, 0.99, 100)
@@ -63,7 +63,7 @@ def test_a_free_table_repeats_a_smooth_motion_with_its_rates():
     assert np.all(np.abs(found - exact).max(axis=0) < (1e-7, 1e-5, 1e-3))
 
 
-def test_a_file_is_followed_and_stands_in_the_recording(tmp_path: Path):
+def test_a_path_from_a_file_is_followed_and_kept_in_the_recording(tmp_path: Path):
     scenario = with_path(load_preset("paper"), write(tmp_path / "path.csv"))
     assert scenario == on_table()
     run = simulate(scenario, 1.2)
@@ -113,7 +113,7 @@ def test_a_wrong_file_gets_a_sentence(tmp_path: Path, text: str, sentence: str):
     assert "\n" not in str(caught.value)
 
 
-def test_what_is_no_text_or_not_there_gets_a_sentence(tmp_path: Path):
+def test_a_file_that_is_missing_or_no_text_gets_a_sentence(tmp_path: Path):
     (tmp_path / "path.csv").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(PresetError, match="is not a text file in UTF-8"):
         read_path_file(tmp_path / "path.csv")
@@ -155,9 +155,9 @@ def test_waypoints_are_passed_at_rest_within_the_limits():
     for point in WAY:
         near = np.argmin(np.abs(seen[:, 0] - point).sum(axis=1))
         np.testing.assert_allclose(seen[near], [point, [0] * 3, [0] * 3], rtol=0, atol=2e-3)
-    # As fast as the limits allow: somewhere on each way one of them is met.
+    # As fast as the limits allow: somewhere one of them is reached.
     assert np.abs(seen[:, 1] / limits["velocity_limit"]).max() > 0.99 or np.abs(seen[:, 2]).max() > 2.99
-    # A straight line.
+    # The first leg is a straight line.
     leg = (times > 0.2) & (seen[:, 0, 0] < 0.0999) & (seen[:, 0, 1] < 0.7999) & (times < 0.9)
     np.testing.assert_allclose(seen[leg, 0, 1] - 0.65, 1.5 * seen[leg, 0, 0], rtol=0, atol=1e-12)
     np.testing.assert_array_equal(desired_at(motion, path.span + 5), [WAY[-1], [0] * 3, [0] * 3])
@@ -193,8 +193,8 @@ def test_wrong_waypoints_get_a_sentence(own: dict, sentence: str):
         (2.152194863018043e-6, (15.434245122114445, 181.00422823082184, 2899169.845494693)),
     ],
 )
-def test_very_large_limits_are_kept_too(way: float, limits: tuple[float, float, float]):
-    """Each phase still ends where the next one begins, and all within limits that leave nothing unused."""
+def test_very_large_limits_are_reached_and_not_exceeded(way: float, limits: tuple[float, float, float]):
+    """Each phase still ends where the next one begins, and the limit that determines the motion is reached."""
     triples = tuple((limit,) * 3 for limit in limits)
     rows = phases(((0.0, 0.7, 0.0), (0.0, 0.7 + way, 0.0)), triples, 0.0)
     times, y = np.diff(rows[:, 0]), rows[:, 2::3]  # y, its rate, acceleration and jerk

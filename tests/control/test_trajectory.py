@@ -38,8 +38,8 @@ def test_rates_are_the_derivatives_of_the_motion(center, amplitude, phase, frequ
     np.testing.assert_allclose(now[2], (after[1] - before[1]) / (2 * h), rtol=0, atol=1e-2)
 
 
-def test_components_may_share_motion_or_not():
-    """A shared sine for x, y, θ is only taken over where frequency and phase are the same."""
+def test_components_share_a_sine_only_if_frequency_and_phase_are_equal():
+    """One component's sine may stand for another's only if frequency and phase are the same."""
     equal = {"trajectory.frequency": (1.3, 1.3, 1.3), "trajectory.phase": (0.2, 0.2, 0.2)}
     mixed = {"trajectory.frequency": (1.3, 0.7, 1.3), "trajectory.phase": (0.2, 0.2, 0.9)}
     for changes in (equal, mixed):
@@ -64,7 +64,7 @@ TURNED = {
 
 
 def on(kind: str, **changes: Any) -> Scenario:
-    """The paper's scenario on another path, turned a little so that nothing is zero by chance."""
+    """The paper's scenario on another path, with phases at which nothing is zero by chance."""
     own = {"kind": kind, **TURNED.get(kind, {}), **changes}
     return load_preset("paper").replace({"trajectory": own})
 
@@ -82,7 +82,7 @@ def test_every_paths_rates_are_derivatives(kind: str, altered: dict):
 
 
 @pytest.mark.parametrize("kind", paths())
-def test_a_path_says_its_extent_its_peak_and_its_end(kind: str):
+def test_extent_peak_acceleration_and_end_of_a_path_are_as_it_says(kind: str):
     path, motion = on(kind).trajectory, build_trajectory(on(kind))
     seen = np.array([desired_at(motion, t) for t in np.linspace(*path.window, 4001)])
     middle, reach = np.array(path.middle), np.array(path.reach)
@@ -98,8 +98,8 @@ def test_a_path_says_its_extent_its_peak_and_its_end(kind: str):
 
 
 @pytest.mark.parametrize(("kind", "at_a_quarter"), [("rest-to-rest", 53 / 512), ("bang-bang", 1 / 8)])
-def test_motions_from_rest_to_rest(kind: str, at_a_quarter: float):
-    """A quarter of the way through, before and after."""
+def test_motions_from_rest_to_rest_pass_the_right_poses(kind: str, at_a_quarter: float):
+    """Before the start, after a quarter and half of the duration, and after the end."""
     scenario = on(kind, **{"from": (0.1, 0.7, 0.2), "to": (-0.1, 0.8, -0.1), "start": 0.5, "duration": 0.8})
     motion, way = build_trajectory(scenario), np.array([-0.2, 0.1, -0.3])
     np.testing.assert_array_equal(desired_at(motion, 0.3), [[0.1, 0.7, 0.2], [0] * 3, [0] * 3])
@@ -123,7 +123,7 @@ def test_the_start_velocity_may_be_the_paths():
 
 @pytest.mark.parametrize("kind", ["sine", "circle", "figure-eight"])
 @pytest.mark.parametrize("hertz", [5e-324, 1e-310, 1e-12])
-def test_a_path_too_slow_to_go_round_in_a_lifetime_rests(kind: str, hertz: float):
+def test_a_path_too_slow_to_repeat_in_a_lifetime_counts_as_resting(kind: str, hertz: float):
     far = load_preset("paper").replace({"trajectory.kind": kind, "trajectory.center": (0.0, 5e-324, 0.0)})
     slow = far.replace({"trajectory.frequency": hertz})
     assert slow.trajectory.span == 0
@@ -132,7 +132,7 @@ def test_a_path_too_slow_to_go_round_in_a_lifetime_rests(kind: str, hertz: float
 
 
 def test_a_path_that_names_no_kind_is_a_sine():
-    """As files and recordings before other paths have it."""
+    """Files and recordings from before there were other paths name no kind."""
     old = parse_scenario({"trajectory": {"center": (0, 0.7, 0), "frequency": [2, 2, 2]}})
     assert (old.trajectory.kind, old.trajectory.frequency) == ("sine", (2.0, 2.0, 2.0))
 
@@ -169,8 +169,8 @@ CHANGES = [
 
 
 @pytest.mark.parametrize("changes", CHANGES, ids=str)
-def test_the_target_does_not_jump(changes: dict):
-    """However the path is changed in motion; half a second later the new path is reached."""
+def test_the_target_does_not_jump_when_the_path_changes_in_motion(changes: dict):
+    """Half a second after the change the target is on the new path."""
     world = World(load_preset("paper"))
     world.advance(333)
     before = desired_at(world.system.trajectory, world.time)
@@ -188,7 +188,7 @@ def test_the_target_does_not_jump(changes: dict):
     assert len(world.advance(60)) == 60
 
 
-def test_many_changes_one_upon_the_other_do_not_make_the_target_jump():
+def test_many_changes_in_a_row_do_not_make_the_target_jump():
     world = World(load_preset("paper"))
     sine = [{"trajectory.kind": "sine"}, {"trajectory.amplitude": 0.1}, {"trajectory.shaper": "zvd"}]
     others = [{"trajectory.kind": kind} for kind in ("circle", "rest-to-rest", "hold")]
@@ -199,7 +199,7 @@ def test_many_changes_one_upon_the_other_do_not_make_the_target_jump():
         np.testing.assert_allclose(desired_at(world.system.trajectory, world.time)[0], before[0], rtol=0, atol=1e-9)
 
 
-def test_a_run_that_begins_anew_knows_nothing_of_a_change_in_motion():
+def test_a_new_run_ignores_a_change_made_in_motion():
     world = World(load_preset("paper"))
     world.advance(100)
     world.apply(ChangeScenario({"trajectory.center": (0.05, 0.8, 0.1)}))
@@ -210,7 +210,7 @@ def test_a_run_that_begins_anew_knows_nothing_of_a_change_in_motion():
 
 
 def test_another_path_compiles_nothing():
-    """All paths, shaped or not, are in the same machine code of the engine."""
+    """All paths, shaped or not, use the same machine code of the engine."""
     world = World(load_preset("paper"))
     world.advance(2)
     known = len(advance.signatures)

@@ -291,7 +291,7 @@ def test_the_path_of_the_readme_works(root: Path, tmp_path: Path):
     assert flexlab.simulate("paper", 0.05, path=tmp_path / "mine.py").status == "finished"
 
 
-def test_a_file_may_hold_a_kernel_instead_and_what_is_no_path_is_refused(tmp_path: Path):
+def test_a_file_may_hold_a_kernel_instead_and_other_arguments_are_refused(tmp_path: Path):
     assert path_kind(Path(__file__).parent / "own_paths" / "spiral.py") == "spiral"
     forget_path("spiral")
     with pytest.raises(ScenarioError, match="There is no file"):

@@ -145,7 +145,7 @@ def test_a_byte_order_mark_is_no_part_of_a_law(tmp_path: Path):
 
 
 def test_a_law_that_closes_its_connection_fails_with_a_reason():
-    # All of them, however many files its parent had open.
+    # Up to 10000: the number of the connection depends on the files that the parent had open.
     world = world_of(at_work("if at.time > 0.003: os.closerange(3, 10000)"))
     world.advance(20)
     assert world.status.failed

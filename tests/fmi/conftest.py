@@ -1,4 +1,4 @@
-"""Units that are written once for all tests, where there is a compiler for them."""
+"""Functional mock-up units that are exported once for all tests; without a C compiler these are skipped."""
 
 import os
 import shutil
@@ -19,7 +19,7 @@ def _compiler() -> None:
 
 @pytest.fixture(scope="session")
 def export(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
-    """Writes a unit once."""
+    """A function that exports a unit, once for all tests, and returns its file."""
     folder, known = tmp_path_factory.mktemp("units"), {}
 
     def written(scenario: Scenario, part: str = "loop", version: int = 3) -> Path:

@@ -1,4 +1,4 @@
-"""A PD law as PythonFMU makes a unit of it (https://github.com/NTNU-IHB/PythonFMU)."""
+"""A PD law from which PythonFMU makes a unit (https://github.com/NTNU-IHB/PythonFMU)."""
 
 from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
 

@@ -1,4 +1,4 @@
-"""An importer that calls a unit's functions in the wrong order, or with what they cannot take, gets an error and a sentence."""
+"""An importer that calls a unit's functions in the wrong order or with invalid arguments gets an error and a sentence."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -23,7 +23,7 @@ def assert_refused(call: Callable[..., Any], *given: Any) -> None:
 
 
 @pytest.mark.parametrize("version", [2, 3])
-def test_what_comes_at_the_wrong_time_is_refused(
+def test_calls_in_the_wrong_order_are_refused(
     export: Export, tmp_path: Path, capfd: pytest.CaptureFixture[str], version: int
 ):
     unit = fresh(export(load_preset("composite"), "loop", version), tmp_path)
@@ -62,7 +62,7 @@ def test_what_comes_at_the_wrong_time_is_refused(
 @pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.parametrize("preset", ["paper", "fast-adaptation"])
 def test_outputs_are_right_before_the_run_begins(export: Export, tmp_path: Path, preset: str, version: int):
-    """Units that are connected read one another's outputs as they are initialized, of what was set until then."""
+    """Connected units read one another's outputs during initialization, so these must follow from what was set by then."""
     file = export(load_preset(preset), "loop", version)
     unit = fresh(file, tmp_path / "one")
     usual = get(unit, OUTPUTS)
@@ -88,7 +88,7 @@ def test_outputs_are_right_before_the_run_begins(export: Export, tmp_path: Path,
 
 
 @pytest.mark.parametrize("version", [2, 3])
-def test_the_bytes_of_a_state_are_taken_from_this_unit_and_whole(
+def test_foreign_or_damaged_bytes_of_a_state_are_refused(
     export: Export, tmp_path: Path, capfd: pytest.CaptureFixture[str], version: int
 ):
     scenario = load_preset("paper")
@@ -117,8 +117,8 @@ def test_the_bytes_of_a_state_are_taken_from_this_unit_and_whole(
     assert "The bytes of this state are damaged." in said
 
 
-def test_what_is_not_there_is_refused(export: Export, tmp_path: Path):
-    """A pointer to nothing ended the importer."""
+def test_a_null_instance_is_refused(export: Export, tmp_path: Path):
+    """A null pointer once crashed the importer."""
     units = [fresh(export(load_preset("paper"), "loop", version), tmp_path / str(version)) for version in (2, 3)]
     second, third = (unit.dll for unit in units)
     assert second.fmi2DoStep(None, 0.0, 0.001, 0) == REFUSED

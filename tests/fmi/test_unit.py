@@ -1,4 +1,4 @@
-"""Functional mock-up units in FMPy, an importer that is not ours: valid, the same bits as the engine's, and whole states."""
+"""Functional mock-up units in FMPy, an independent importer: they are valid, give the engine's bits and keep whole states."""
 
 import math
 import os
@@ -117,7 +117,7 @@ def test_the_loop_gives_the_engines_bits(
     assert_same_bits(result[names], run, scenario, ticks)
 
 
-def test_the_path_with_discontinuities_within_ticks_is_gone_in_pieces():
+def test_ticks_with_a_discontinuity_of_the_path_are_split_into_pieces():
     loop = make_part(load_preset("paper").replace(BANG_BANG), "loop", TICK)
     assert {piece.tick for piece in loop.memory.pieces} == {75, 151}
 
@@ -176,7 +176,7 @@ def test_plant_and_law_make_the_loop(export: Export, tmp_path: Path, preset: str
 
 
 @pytest.mark.parametrize("version", [2, 3])
-def test_plant_and_law_that_exchange_after_each_step_differ_by_the_step(export: Export, tmp_path: Path, version: int):
+def test_coupling_plant_and_law_once_a_step_has_an_error_of_first_order(export: Export, tmp_path: Path, version: int):
     scenario = load_preset("paper")
     files = export(scenario, "plant", version), export(scenario, "law", version)
     worst = [apart(scenario, files, step, 1.0, tmp_path) for step in (4 * TICK, 2 * TICK, TICK)]
@@ -184,7 +184,7 @@ def test_plant_and_law_that_exchange_after_each_step_differ_by_the_step(export: 
 
 
 @pytest.mark.parametrize("preset", ["paper", "fast-adaptation", "composite", "single-arm"])
-def test_a_follower_of_a_pose_that_rests_gives_the_engines_bits(export: Export, preset: str):
+def test_a_follower_of_a_resting_pose_gives_the_engines_bits(export: Export, preset: str):
     scenario = load_preset(preset).replace(RESTING)
     file = str(export(scenario, "follower"))
     names = [each.name for each in fmpy.read_model_description(file).modelVariables if each.causality == "output"]
@@ -195,10 +195,10 @@ def test_a_follower_of_a_pose_that_rests_gives_the_engines_bits(export: Export, 
 @pytest.mark.parametrize(
     ("preset", "version", "period"), [("paper", 2, 0.0), ("paper", 3, 0.0), ("fast-adaptation", 3, 0.001)]
 )
-def test_a_follower_that_is_given_the_path_goes_as_the_loop_does(
+def test_a_follower_that_is_given_the_path_moves_as_the_loop_does(
     export: Export, tmp_path: Path, preset: str, version: int, period: float
 ):
-    """The given acceleration is held over a step, and a sampled law takes it at its instants: half a step old on average."""
+    """The given acceleration is held over a step, and a sampled law reads it at its instants: on average half a step late."""
     scenario, worst = load_preset(preset), []
     path, steps = build_trajectory(scenario), np.array([4 * TICK, 2 * TICK, TICK])
     for step in steps:
@@ -251,7 +251,7 @@ def test_a_follower_goes_where_it_is_told(export: Export):
         ),
     ],
 )
-def test_a_tuned_parameter_is_a_scenario_with_that_value(
+def test_a_tuned_parameter_gives_the_run_of_a_scenario_with_that_value(
     export: Export, preset: str, changes: dict[str, Any], start: dict[str, float]
 ):
     scenario, names = load_preset(preset), ["pose_x", "pose_y", "pose_theta", "joint_torque_left_1"]
@@ -276,7 +276,7 @@ def test_a_tuned_parameter_is_a_scenario_with_that_value(
         ),
     ],
 )
-def test_so_is_one_of_a_law_whose_memory_begins_with_what_it_knows(
+def test_a_tuned_parameter_also_holds_for_a_law_with_an_initial_memory(
     export: Export, kind: str, changes: dict[str, float], start: dict[str, float]
 ):
     scenario = load_preset("paper").replace({"controller.kind": kind})
@@ -287,7 +287,7 @@ def test_so_is_one_of_a_law_whose_memory_begins_with_what_it_knows(
     assert not np.array_equal(simulate(scenario, 0.2, TICK).pose, run.pose)
 
 
-def test_what_was_computed_as_a_unit_was_written_cannot_be_tuned(export: Export):
+def test_gains_that_are_computed_at_export_cannot_be_tuned(export: Export):
     clocked = load_preset("paper").replace({"controller.control_period": TICK})
     gains = {f"{name}_gain_{axis}" for name in ("position", "velocity") for axis in "123"}
     for kind, tunable in (("lqr", set()), ("joint-pd", gains)):
@@ -307,7 +307,7 @@ def test_a_parameter_out_of_range_is_refused(export: Export, tmp_path: Path, cap
     assert "A seed is a whole number." in capfd.readouterr().out
 
 
-def test_an_instance_goes_on_from_a_state_bit_for_bit(export: Export, tmp_path: Path):
+def test_an_instance_continues_from_a_saved_state_bit_for_bit(export: Export, tmp_path: Path):
     file = export(load_preset("composite"))
     with instance(file, tmp_path / "one") as one, instance(file, tmp_path / "two") as two:
         one.doStep(0.0, 0.05)
@@ -334,8 +334,8 @@ def test_an_instance_goes_on_from_a_state_bit_for_bit(export: Export, tmp_path: 
 
 
 @pytest.mark.parametrize(("preset", "version"), [("paper", 2), ("paper", 3), ("fast-adaptation", 3)])
-def test_a_followers_state_has_what_it_was_given(export: Export, tmp_path: Path, preset: str, version: int):
-    """The desired motion is part of the state: after a return, or in another instance, nobody gives it again."""
+def test_the_state_of_a_follower_contains_the_desired_motion(export: Export, tmp_path: Path, preset: str, version: int):
+    """After a return to a state, or in another instance, the desired motion need not be given again."""
     scenario = load_preset(preset)
     file, path = export(scenario, "follower", version), build_trajectory(scenario)
     with instance(file, tmp_path / "one") as one, instance(file, tmp_path / "two") as two:
@@ -400,7 +400,7 @@ def test_a_thousand_instances_and_their_states_leave_no_memory_behind(export: Ex
     ],
 )
 @pytest.mark.parametrize("version", [2, 3])
-def test_a_step_that_cannot_be_is_refused_with_a_sentence(
+def test_an_impossible_step_is_refused_with_a_sentence(
     export: Export, tmp_path: Path, capfd: pytest.CaptureFixture[str], version: int, time: float, step: float, says: str
 ):
     with instance(export(load_preset("paper"), "loop", version), tmp_path) as unit:
@@ -411,8 +411,8 @@ def test_a_step_that_cannot_be_is_refused_with_a_sentence(
 
 
 @pytest.mark.parametrize("version", [2, 3])
-def test_what_rounding_leaves_of_a_step_is_no_step(export: Export, tmp_path: Path, version: int):
-    """OMSimulator adds up its steps, and asks at the end for what is left."""
+def test_a_step_as_small_as_a_rounding_error_does_nothing(export: Export, tmp_path: Path, version: int):
+    """OMSimulator adds up its steps, and at the end asks for the rounding error that is left."""
     with instance(export(load_preset("paper"), "plant", version), tmp_path) as unit:
         unit.doStep(0.0, 3 * TICK)
         before = outputs(unit)
@@ -422,7 +422,7 @@ def test_what_rounding_leaves_of_a_step_is_no_step(export: Export, tmp_path: Pat
 
 
 @pytest.mark.parametrize("version", [2, 3])
-def test_units_that_feed_each_other_are_no_algebraic_loop(export: Export, version: int):
+def test_units_that_feed_each_other_form_no_algebraic_loop(export: Export, version: int):
     for part in ("plant", "law"):
         about = fmpy.read_model_description(str(export(load_preset("paper"), part, version)))
         assert about.outputs
@@ -442,7 +442,7 @@ def test_a_plant_without_torques_stops_with_a_sentence(
     assert "The last good state is kept." in said
 
 
-def test_the_binary_needs_the_c_library_alone(export: Export, tmp_path: Path):
+def test_the_binary_needs_only_the_c_library(export: Export, tmp_path: Path):
     folder = Path(fmpy.extract(str(export(load_preset("composite"))), str(tmp_path)))
     (binary,) = folder.glob("binaries/*/*")
     code = (
@@ -474,13 +474,13 @@ def test_the_same_scenario_gives_the_same_bytes(tmp_path: Path):
         ({"version": 1}, "fmi = 1 is not a version that can be written: choose 2 or 3."),
     ],
 )
-def test_what_cannot_be_written_is_said(tmp_path: Path, given: dict[str, Any], says: str):
+def test_an_unknown_part_or_version_is_refused(tmp_path: Path, given: dict[str, Any], says: str):
     with pytest.raises(StudyError, match=says):
         flexlab.export_fmu("paper", tmp_path / "none.fmu", **given)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_missing_compiler_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_missing_compiler_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("CC", "no-such-compiler")
     with pytest.raises(StudyError, match="linked by a C compiler, and no-such-compiler was not found: install one"):
         flexlab.export_fmu("paper", tmp_path / "none.fmu")
@@ -497,7 +497,7 @@ def test_a_law_in_python_is_refused(tmp_path: Path):
         forget_own_laws()
 
 
-def test_a_start_that_cannot_be_is_said(tmp_path: Path):
+def test_a_start_pose_out_of_reach_is_refused(tmp_path: Path):
     scenario = load_preset("paper").replace({"initial.pose": (5.0, 5.0, 0.0)})
     with pytest.raises(StudyError, match="cannot reach the start pose"):
         flexlab.export_fmu(scenario, tmp_path / "none.fmu")

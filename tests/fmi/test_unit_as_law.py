@@ -1,4 +1,4 @@
-"""Units as control laws: what flexlab exports comes back as the same run, and what cannot drive the arms is a sentence."""
+"""Units as control laws: a law that flexlab exported gives the same run, and a unit that cannot drive the arms is refused."""
 
 import re
 import shutil
@@ -29,12 +29,12 @@ Exported = Callable[..., Path]
 
 @pytest.fixture
 def exported(export: Exported) -> Exported:
-    """The unit of a scenario's law, written once."""
+    """`export` for the part law."""
     return partial(export, part="law")
 
 
 def changed(file: Path, folder: Path, old: str, new: str) -> Path:
-    """A unit with another text in its description."""
+    """A copy of a unit, with `old` replaced by `new` in its model description."""
     other = folder / "changed.fmu"
     with zipfile.ZipFile(file) as source, zipfile.ZipFile(other, "w") as target:
         for name in source.namelist():
@@ -62,7 +62,7 @@ PLAIN = {"controller.wanted_internal_force": 0.0}
         ("squeeze-until-it-buckles", "disturbance-observer", 3, PLAIN),
     ],
 )
-def test_an_exported_law_brought_back_gives_the_same_run_bit_for_bit(
+def test_an_exported_law_used_as_a_law_gives_the_same_run_bit_for_bit(
     exported: Exported, preset: str, law: str, version: int, off: dict[str, Any]
 ):
     scenario = load_preset(preset)
@@ -75,7 +75,7 @@ def test_an_exported_law_brought_back_gives_the_same_run_bit_for_bit(
         np.testing.assert_array_equal(run[name], wanted[name], err_msg=name)
 
 
-def test_what_a_unit_shows_and_what_can_be_tuned_are_signals_and_gains(exported: Exported):
+def test_outputs_and_parameters_of_a_unit_become_signals_and_gains(exported: Exported):
     scenario = load_preset("gravity").replace({"controller.kind": "super-twisting"})
     scenario = scenario.replace({"controller.control_period": TICK})
     chosen = scenario.replace({"controller.kind": law_kind(exported(scenario))})
@@ -89,7 +89,7 @@ def test_what_a_unit_shows_and_what_can_be_tuned_are_signals_and_gains(exported:
     np.testing.assert_array_equal(run["twisting_force_x"], wanted["twisting_force"][:, 0])
 
 
-def test_a_world_goes_back_and_goes_on_with_another_gain(exported: Exported):
+def test_a_world_returns_to_a_state_and_continues_with_another_gain(exported: Exported):
     scenario = load_preset("paper").replace({"controller.control_period": TICK})
     chosen = scenario.replace({"controller.kind": law_kind(exported(scenario))})
     world = World(chosen)
@@ -104,7 +104,7 @@ def test_a_world_goes_back_and_goes_on_with_another_gain(exported: Exported):
     np.testing.assert_array_equal(World(chosen).run(40).pose[21:], first)
 
 
-def test_a_unit_that_cannot_tell_its_state_is_asked_once_for_each_instant(exported: Exported, tmp_path: Path):
+def test_a_unit_that_cannot_save_its_state_gives_the_same_run(exported: Exported, tmp_path: Path):
     scenario = load_preset("paper").replace({"controller.control_period": TICK})
     whole = 'canGetAndSetFMUState="true"'
     file = changed(exported(scenario), tmp_path, whole, whole.replace("true", "false"))
@@ -121,7 +121,7 @@ def test_a_unit_that_cannot_tell_its_state_is_asked_once_for_each_instant(export
     np.testing.assert_array_equal(world.advance(5).pose, wanted.pose[1:6])
 
 
-def test_units_of_measure_are_compared_by_what_they_are():
+def test_units_of_measure_are_reduced_to_base_units():
     assert base_exponents("kg·m²/s") == {"kg": 1, "m": 2, "s": -1}
     assert base_exponents("N·m") == {"kg": 1, "m": 2, "s": -2}
     assert base_exponents("rad/s") == {"rad": 1, "s": -1}
@@ -139,24 +139,24 @@ def test_units_of_measure_are_compared_by_what_they_are():
         ("<CoSimulation", "<Other", "is not made for co-simulation: export it for that."),
     ],
 )  # fmt: skip
-def test_what_cannot_drive_the_arms_is_a_sentence(exported: Exported, tmp_path: Path, old: str, new: str, says: str):
+def test_a_unit_unable_to_drive_the_arms_is_refused(exported: Exported, tmp_path: Path, old: str, new: str, says: str):
     with pytest.raises(ScenarioError, match=re.escape(f"changed.fmu {says}")):
         law_kind(changed(without_grips(exported, tmp_path), tmp_path, old, new))
 
 
 def without_grips(exported: Exported, folder: Path) -> Path:
-    """A law's unit as another tool would make it: it knows of motors alone."""
+    """A law's unit as another tool would make it: of its outputs, flexlab knows only the motor torques."""
     file = changed(exported(load_preset("paper")), folder, 'name="input_', 'name="u_')
     return Path(shutil.move(file, folder / "motors.fmu"))
 
 
-def test_a_unit_that_has_motor_torques_alone_drives_the_arms(exported: Exported, tmp_path: Path):
+def test_a_unit_with_only_motor_torques_drives_the_arms(exported: Exported, tmp_path: Path):
     scenario = load_preset("paper").replace({"controller.control_period": TICK})
     run = flexlab.simulate(scenario, 0.1, law=without_grips(exported, tmp_path))
     np.testing.assert_allclose(run.pose, flexlab.simulate(scenario, 0.1).pose, rtol=0, atol=1e-12)
 
 
-def test_other_files_and_parts_are_refused(exported: Exported, tmp_path: Path):
+def test_broken_missing_and_unsuitable_units_are_refused(exported: Exported, tmp_path: Path):
     (tmp_path / "text.fmu").write_text("no archive")
     with pytest.raises(ScenarioError, match=r"text\.fmu is not a unit that can be read \(File is not a zip file\)"):
         law_kind(tmp_path / "text.fmu")
@@ -166,7 +166,7 @@ def test_other_files_and_parts_are_refused(exported: Exported, tmp_path: Path):
     assert says in flexlab.simulate("paper", 0.01, law=exported(load_preset("single-arm"))).status.text
 
 
-def test_a_missing_fmpy_is_said(exported: Exported, monkeypatch: pytest.MonkeyPatch):
+def test_a_missing_fmpy_is_reported(exported: Exported, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, "fmpy", None)
     with pytest.raises(ScenarioError, match=r'needs FMPy, which is not installed: pip install "flexlab\[fmu\]"'):
         law_kind(exported(load_preset("paper")))
@@ -183,7 +183,7 @@ def test_a_unit_of_another_tool_drives_the_arms(tmp_path: Path):
 
 
 class SamePD(flexlab.OwnLaw):
-    """What that unit computes."""
+    """The law that the unit of another tool computes."""
 
     position_gain = flexlab.gain(2e4, "N/m, N·m/rad", low=0, high=1e6)
     velocity_gain = flexlab.gain(800.0, "N·s/m, N·m·s/rad", low=0, high=1e5)
@@ -242,9 +242,7 @@ def test_a_recording_names_the_file_and_a_replay_needs_it(
     )
 
 
-def test_a_unit_in_the_folder_of_laws_is_in_the_menu(
-    exported: Exported, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_unit_in_the_folder_of_laws_is_added(exported: Exported, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "presets/laws").mkdir(parents=True)
     shutil.copy(exported(load_preset("paper")), tmp_path / "presets/laws/mine.fmu")

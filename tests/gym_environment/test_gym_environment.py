@@ -1,4 +1,4 @@
-"""The environment is the engine: same torques, same motion; many worlds are many single ones; Gymnasium finds nothing wrong."""
+"""The environment moves as the engine, many worlds move as single ones, and Gymnasium's checker finds nothing wrong."""
 
 import ast
 import subprocess
@@ -24,13 +24,13 @@ from flexlab.presets import load_preset
 from flexlab.sim.world import World
 
 STILL = {"start_spread": (0.0, 0.0, 0.0), "duration": 0.2}
-"""An episode that begins on the path."""
+"""A short episode that begins on the path."""
 SAMPLED = load_preset("paper").replace({"controller.kind": "joint-pd"}).replace({"controller.control_period": 0.001})
 
 
 @pytest.fixture(scope="module")
 def torques() -> tuple[np.ndarray, np.ndarray]:
-    """(torques held, N·m (N, 6); poses and mid-span deflections that follow, m and rad (N, 4)) of a sampled law's run."""
+    """Run of a sampled law: held torques (N, 6), N·m, and resulting poses and mid-span deflections (N, 4), m and rad."""
     scenario = SAMPLED.replace({"simulation.integrator": "etdrk4", "simulation.step": 1e-3})
     run = World(scenario).run(100)
     return run.joint_torque[:-1].reshape(-1, 6), np.column_stack([run.pose, run.midspan_deflection])[1:]
@@ -53,11 +53,11 @@ def test_torques_move_the_world_as_the_engine_does(torques: tuple[np.ndarray, np
     np.testing.assert_allclose(motion(env, applied / 2000.0), wanted, rtol=0, atol=1e-12)
 
 
-def test_late_actions_act_so_many_periods_later(torques: tuple[np.ndarray, np.ndarray]):
+def test_delayed_actions_act_that_many_periods_later(torques: tuple[np.ndarray, np.ndarray]):
     applied, _ = torques
     late = TwoArmsVector(2, action="torques", torque_limit=2000.0, delay=(2, 2), **STILL)
     late.reset(seed=0)
-    # Motors that are off for two periods first, whether or not the action is late.
+    # Both have their motors off for two periods, one because its actions are late.
     prompt = TwoArms(action="torques", torque_limit=2000.0, **STILL)
     prompt.reset(seed=0)
     waits = np.vstack([np.zeros((2, 6)), applied[:48] / 2000.0])
@@ -95,7 +95,7 @@ def test_many_worlds_move_on_all_threads_as_one_does():
         assert reward[chosen] == single_reward
 
 
-def test_an_episode_that_is_over_begins_anew_with_the_next_step():
+def test_an_episode_that_is_over_restarts_at_the_next_step():
     envs = TwoArmsVector(20, duration=0.003, stiffness=(50, 200), variants=5)
     envs.reset(seed=1)
     nothing = np.zeros((20, 3))
@@ -109,7 +109,7 @@ def test_an_episode_that_is_over_begins_anew_with_the_next_step():
     assert np.isfinite(seen).all()
 
 
-def test_what_cannot_go_on_terminates_and_costs_the_rest():
+def test_a_failed_episode_terminates_and_costs_its_remaining_time():
     env = TwoArms(duration=2.0, **{"start_spread": (0.0, 0.0, 0.0)})
     env.reset(seed=0)
     for _ in range(2000):
@@ -149,7 +149,7 @@ def test_what_cannot_go_on_terminates_and_costs_the_rest():
         ({"threads": 1.5}, "threads = 1.5 needs a whole number"),
     ],
 )
-def test_what_is_not_usable_is_said(options: dict, says: str):
+def test_unusable_options_are_refused(options: dict, says: str):
     with pytest.raises(StudyError, match=says):
         TwoArms(**options)
 
@@ -169,7 +169,7 @@ def test_what_is_not_usable_is_said(options: dict, says: str):
         ([[0.0], [0.0, 1.0]], "action = .* is not usable: give numbers from -1 to 1"),
     ],
 )
-def test_an_action_that_is_none_is_said_and_moves_nothing(action: object, says: str):
+def test_an_unusable_action_is_refused_and_moves_nothing(action: object, says: str):
     env = TwoArms(**STILL)
     env.reset(seed=0)
     with pytest.raises(StudyError, match=says):
@@ -180,12 +180,12 @@ def test_an_action_that_is_none_is_said_and_moves_nothing(action: object, says: 
 
 
 @pytest.mark.parametrize("count", [0, -1, None, "3", 2.0, True])
-def test_a_number_of_worlds_is_a_whole_number(count: object):
+def test_the_number_of_worlds_has_to_be_a_positive_whole_number(count: object):
     with pytest.raises(StudyError, match=r"num_envs = .* is not usable: give a whole number of at least 1"):
         TwoArmsVector(count)  # type: ignore[arg-type]
 
 
-def test_a_world_without_an_episode_is_no_failed_one():
+def test_a_step_before_a_reset_and_odd_resets_are_refused():
     with pytest.raises(StudyError, match="A world has no episode yet: call reset before step"):
         TwoArms(**STILL).step(np.zeros(3))
     envs = TwoArmsVector(2, **STILL)
@@ -201,8 +201,8 @@ def test_a_world_without_an_episode_is_no_failed_one():
 
 
 @pytest.mark.filterwarnings("ignore:.*out of date")
-def test_versions_that_were_given_out_stay_as_they_are():
-    """A wrench of 1 is another one, and the newest version's cost is the root of the first one's."""
+def test_released_versions_stay_as_they_are():
+    """The versions differ in the wrench of an action of 1, and the newest one's cost is the root of the first one's."""
     old, new = gymnasium.make("flexlab/TwoArms-v0", **STILL), gymnasium.make(gym_environment.ID, **STILL)
     assert gym_environment.ID == "flexlab/TwoArms-v1"
     costs = []
@@ -213,7 +213,7 @@ def test_versions_that_were_given_out_stay_as_they_are():
     np.testing.assert_allclose(np.square(costs[1]), costs[0], rtol=1e-6)
 
 
-def test_one_world_begins_anew_while_others_go_on():
+def test_one_world_restarts_while_others_continue():
     envs = TwoArmsVector(3, **STILL)
     envs.reset(seed=2)
     for _ in range(5):
@@ -244,14 +244,14 @@ def test_a_picture_shows_the_beam_where_it_is():
             envs.step(np.full((2, 3), 0.1))
 
 
-def test_people_see_the_scene_at_an_address():
+def test_the_human_render_mode_shows_the_scene_at_an_address():
     env = TwoArms(render_mode="human", control_period=0.02)
     env.reset(seed=0)
     window = env._window
     assert window is not None
     with urllib.request.urlopen(window.address) as answer:
         assert answer.status == 200
-    for _ in range(4):  # Every second one is drawn.
+    for _ in range(4):  # Every second step is drawn.
         env.step(np.array([0.3, 0.0, 0.0]))
     middle = window.beam.mesh.vertices.mean(axis=0)
     np.testing.assert_allclose(middle[:2], env.worlds.state.y[0, :2], atol=2e-3)
@@ -277,8 +277,8 @@ def test_the_example_learns(root: Path, capsys: pytest.CaptureFixture[str]):
     assert medians[-1] > 0.85 * medians[0]
 
 
-def test_a_learnt_law_is_in_the_lab_what_it_was_in_the_environment(root: Path, tmp_path: Path):
-    """The law that the example writes, with a network of chance: what it observes and does is what the environment means."""
+def test_a_learnt_law_acts_in_the_lab_as_in_the_environment(root: Path, tmp_path: Path):
+    """The law that the example writes, with a random network, observes and does the same as in the environment."""
     source = (root / "web_assets" / "examples" / "learn_by_ppo.py").read_text(encoding="utf-8")
     values = {node.targets[0].id: node.value for node in ast.parse(source).body if _names_one(node)}
     random = np.random.default_rng(0)

@@ -1,4 +1,4 @@
-"""Threads that wait in machine code: the same motion as one thread's, awake or asleep, and none is left behind."""
+"""Threads that wait in machine code give the same motion as one thread, awake or asleep, and none is left behind."""
 
 import gc
 import threading
@@ -19,7 +19,7 @@ def standing() -> set[threading.Thread]:
 
 
 def asleep(envs: TwoArmsVector) -> bool:
-    """Whether all of its threads have gone to sleep."""
+    """Whether all threads of the environment are asleep."""
     (run,) = [envs.worlds._move.__self__]
     return run._asleep == len(standing())
 

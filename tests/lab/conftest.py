@@ -25,27 +25,27 @@ def _compiled() -> None:
 
 @pytest.fixture
 def session() -> Iterator[Session]:
-    """The paper's lab on a free port, without shadows (they take most of a software renderer's time)."""
+    """A lab with the paper's preset on a free port, without shadows (which take most of a software renderer's time)."""
     with Session(load_preset("paper"), "paper", shadows=False) as lab:
         yield lab
 
 
 @pytest.fixture
 def soon_put_right(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A number that was refused stands in its box for one second, not for four."""
+    """Let a box show a refused number for one second instead of four."""
     monkeypatch.setattr(number_control, "SETTLE_TIME", 1.0)
 
 
 @pytest.fixture(scope="module")
 def shared_session() -> Iterator[Session]:
-    """The same, one for all tests of a file that leave it as it was."""
+    """One such lab for all tests of a file, which leave it as they found it."""
     with Session(load_preset("paper"), "paper", shadows=False) as lab:
         yield lab
 
 
 @pytest.fixture
 def lasting_session(shared_session: Session) -> Session:
-    """That one, when nobody looks at it and without what it said and counted."""
+    """The shared lab once the last browser has left, without its notice and its count of refused messages."""
     wait_until(lambda: not shared_session.server.get_clients(), "the last browser has left", 20)
     shared_session.guard.refused = 0
     shared_session.lab_state.say("")
@@ -54,7 +54,7 @@ def lasting_session(shared_session: Session) -> Session:
 
 @pytest.fixture(scope="session")
 def chromium(plain_chromium: Browser) -> Browser:
-    """A browser that draws pages of the lab, and only those, cheaply."""
+    """A browser that draws the pages of the lab cheaply, and is fit for no others."""
     return plain_chromium
 
 
@@ -67,18 +67,18 @@ def _lasting_window(chromium: Browser) -> Iterator[LastingWindow]:
 
 
 NEXT = pytest.StashKey[pytest.Item | None]()
-"""The test that follows."""
+"""Key of the test that runs next."""
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
-    """Remember which test follows: the window stays open for tests of the lab."""
+    """Remember which test runs next: the window stays open if that is a test of the lab."""
     item.session.stash[NEXT] = nextitem
 
 
 @pytest.fixture(scope="module")
 def window(_lasting_window: LastingWindow, request: pytest.FixtureRequest) -> Iterator[LastingWindow]:
-    """The window, while labs send as many pictures as it draws."""
+    """The window, with labs that send only as many pictures as it draws."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(lab_session, "FRAME_TIME", PAUSE / 1000)
         patch.setattr(lab_session, "READOUT_EVERY", 1)
@@ -90,19 +90,19 @@ def window(_lasting_window: LastingWindow, request: pytest.FixtureRequest) -> It
         if follows is None or Path(__file__).parent not in follows.path.parents:
             _lasting_window.close()
         else:
-            _lasting_window.rest()  # A file's tests leave their lab as they like, drawn a thousandfold for instance.
+            _lasting_window.rest()  # The tests of a file may leave their lab in any state, e.g. with an exaggeration of 1000.
 
 
 @pytest.fixture
 def page(window: LastingWindow, request: pytest.FixtureRequest) -> Iterator[LabPage]:
-    """The paper's run from its beginning in the window, in the last test's lab: a page takes seconds to show a new one."""
+    """The window with the paper's run from its start, in the last test's lab: a page takes seconds to show a new lab."""
     failed = request.session.testsfailed
     yield window.lab()
     if request.session.testsfailed > failed:
-        window.close()  # Nobody knows how the page was left.
+        window.close()  # The state of the page is unknown.
 
 
 @pytest.fixture
 def new_lab(window: LastingWindow) -> None:
-    """The page's lab is a new one (`usefixtures`): for tests that begin with what only a new lab is like."""
+    """Start a new lab for the page (`usefixtures`), for tests that need the state of a new one."""
     window.rest()

@@ -18,12 +18,12 @@ from flexlab.sim.commands import Play, SetSpeed
 from flexlab.sockets import free_ports
 
 THROUGH_THE_GATE = "() => new Promise((done) => setTimeout(done, 150))"
-"""The page sends all inputs through one 50 ms gate: two widgets changed within it can lose the first change. So the next one
-waits, by the page's own clock: on a busy machine the page may be far behind ours."""
+"""The page sends all inputs through one 50 ms gate: of two widgets changed within it, the first change can be lost. So wait
+before the next input, by the page's own clock: on a busy machine the page may lag far behind."""
 SAME_PLACE = 1e-3
-"""m"""
+"""Distance below which two positions of the camera count as the same, m."""
 LOOK = 100
-"""ms between two looks at the text of a page, each of which lays it out."""
+"""Time between two looks at the text of a page, ms; each look makes the page compute its layout."""
 EI = "Bending stiffness EI (N·m²)"
 
 WORDS = itertools.count()
@@ -37,7 +37,7 @@ PLOTS_OPEN = """() => Object.values(window.__viserTestpoints?.uplots ?? {})
   .some(({ chart }) => chart.root.offsetParent !== null)"""
 GUIDE_OPEN = "() => Boolean(document.querySelector('.fl-guide')?.getClientRects().length)"
 ONE_COLUMN = 960
-"""px: narrower pages have one column, with plots and guide at the head of its sheet."""
+"""Widest page, px, with one column, in which plots and guide are at the head of the sheet."""
 FRAMES = "window.__viserTestpoints?.rendererInfo?.render.frame ?? 0"
 DRAWN_SINCE = """(frame) => window.__viserMutable?.nodeRefFromName?.['/beam'] != null
   && window.__viserTestpoints.rendererInfo.render.frame > frame + 2"""
@@ -76,7 +76,7 @@ POINT_PIXEL = """([x, y, z]) => {
 
 
 def address(session: Session, coarsely: bool = True) -> str:
-    """Of a lab's page that is drawn coarsely, unless somebody looks closely: the same in a ninth of the pixels."""
+    """The address of a lab's page; `coarsely`: drawn in 9 % of the pixels, for tests that do not look closely."""
     return f"{session.url}/?fixedDpr={0.3 if coarsely else 1}"
 
 
@@ -99,7 +99,7 @@ class LabPage:
         return self
 
     def open_panels(self) -> None:
-        """Open plots and guide, which a first visit finds folded."""
+        """Open the plots and the guide, which are folded on a first visit."""
         for name, is_open in (("Motion", PLOTS_OPEN), ("Guide", GUIDE_OPEN)):
             self.page.get_by_text(name, exact=True).first.click()
             self.page.wait_for_function(is_open, timeout=1000 * PATIENCE)
@@ -108,21 +108,21 @@ class LabPage:
         self._context.close()
 
     def come_back(self, session: Session) -> None:
-        """Show a new session where an earlier one was, by loading the page anew; plots and guide stay open."""
+        """Show a new session at the address of an earlier one by reloading the page; plots and guide stay open."""
         self.session = session
         self.errors.clear()
         self.page.reload()
         self.page.wait_for_function(READY, timeout=1000 * PATIENCE)
-        for is_open in (PLOTS_OPEN, GUIDE_OPEN):  # Kept per browser.
+        for is_open in (PLOTS_OPEN, GUIDE_OPEN):  # The browser remembers them.
             self.page.wait_for_function(is_open, timeout=1000 * PATIENCE)
         self._close_notifications()
 
     def rest(self, rests: bool = True) -> None:
-        """Draw nothing, as long as nobody looks."""
+        """Stop drawing, or draw again if `rests` is false."""
         self.page.evaluate(REST, rests)
 
     def begin_anew(self) -> None:
-        """Load the paper's preset and play it at full speed, whatever ran before; what is undone and shown stays."""
+        """Load the paper's preset and play it at full speed, whatever ran before; undo history and view settings stay."""
         self.errors.clear()
         self.rest(False)
         run, paper = self.snapshot.run_number, load_preset("paper")
@@ -137,13 +137,13 @@ class LabPage:
 
         wait_until(begun, "a new run of the paper's preset")
         self.open_tab("View")
-        self.press("Payload")  # Where a new window's camera is.
+        self.press("Payload")  # The view of a new window.
         self.open_tab("Parameters")
         self._close_notifications()
         wait_until(lambda: self.box(EI).input_value() == "100", "the page shows its stiffness")
 
     def hold(self) -> None:
-        """Pause the simulation, and wait until it stands."""
+        """Pause the simulation, and wait until it has stopped."""
         wait_until(lambda: self.snapshot.playing, "the simulation runs")
         self.key("Space")
         wait_until(lambda: not self.snapshot.playing, "the simulation holds")
@@ -151,8 +151,8 @@ class LabPage:
     def catch_up(self) -> None:
         """Wait until the page draws what the lab has now.
 
-        Messages keep their order, and each picture's come before its words: a word that was asked for when the page already
-        showed an earlier one is of a picture that was begun after all that was asked for before.
+        Messages keep their order, and those of a picture come before its words. So once the page has shown one word, the next
+        word belongs to a picture that was begun after everything requested before this call.
         """
         for _ in range(2):
             word = f"look {next(WORDS)}"
@@ -166,7 +166,7 @@ class LabPage:
 
     @property
     def snapshot(self) -> Any:
-        """What the simulation says."""
+        """The latest snapshot of the simulation."""
         return self.session.runner.snapshot
 
     def text(self) -> str:
@@ -174,11 +174,11 @@ class LabPage:
         return self.page.locator("body").inner_text()
 
     def beam_vertex(self) -> list[float]:
-        """Where a vertex in the middle of the drawn beam is, m; a new run's beam is waited for."""
+        """Position of a vertex in the middle of the drawn beam, m; waits for the beam of a new run."""
         return self.page.wait_for_function(MID_VERTEX).json_value()
 
     def box(self, label: str) -> Locator:
-        """The first number box with a label: both arms have the same ones, and some fields several numbers."""
+        """The first number box with this label: both arms have the same labels, and some fields several numbers."""
         return self.page.get_by_label(re.compile(rf"^{re.escape(label)}(, 1 of \d)?$")).first
 
     def enter(self, label: str, value: str) -> None:
@@ -188,7 +188,7 @@ class LabPage:
         self.page.evaluate(THROUGH_THE_GATE)
 
     def write(self, label: str, text: str) -> None:
-        """Write into a text box; viser ties its label to nothing."""
+        """Write into a text box, whose label viser does not link to the input."""
         row = self.page.locator("label", has_text=label).locator("xpath=../../..")
         row.locator("input").fill(text)
         self.page.evaluate(THROUGH_THE_GATE)
@@ -231,31 +231,31 @@ class LabPage:
         self.page.evaluate(THROUGH_THE_GATE)
 
     def key(self, key: str) -> None:
-        """Press a key with the cursor in no text field."""
+        """Press a key while no text field has the focus."""
         self.page.evaluate("document.activeElement?.blur()")
         self.page.keyboard.press(key)
         self.page.evaluate(THROUGH_THE_GATE)
 
     def camera(self) -> list[float]:
-        """Where the camera stands, (x, y, z) m; three.js has its own axes, y up."""
+        """Position of the camera in the lab's axes, (x, y, z) m; in those of three.js y points up."""
         away, up, left = self.page.evaluate("window.__viserMutable.camera.position.toArray()")
         return [-left, -away, up]
 
     def beam_pixel(self) -> list[float]:
-        """Where the middle of the drawn beam is on the page, px."""
+        """Position of the middle of the drawn beam on the page, px."""
         return self.page.evaluate(BEAM_PIXEL, GRAB_SIDES)
 
     def label(self, name: str) -> str:
-        """What the lab has a label in the scene say, empty while it is hidden; to the page its letters are a picture."""
+        """Text of a label in the scene, empty while it is hidden; asked of the lab, as the page draws it as a picture."""
         handle: Any = self.session.server.scene._handle_from_node_name[name]
         return handle.text if handle.visible else ""
 
     def pixel(self, x: float, y: float, z: float) -> list[float]:
-        """Where a point of the scene, m, is on the page, px."""
+        """Position on the page, px, of a point of the scene, m."""
         return self.page.evaluate(POINT_PIXEL, [x, y, z])
 
     def picture(self, name: str) -> None:
-        """Keep a screenshot for people to look at, if they want one."""
+        """Save a screenshot for people to look at, if they asked for pictures."""
         if not PICTURES:
             return
         ARTIFACTS.mkdir(exist_ok=True)
@@ -263,7 +263,7 @@ class LabPage:
 
 
 class LastingWindow:
-    """A window that sessions use one after the other, on the same port: a new one takes longer than most tests."""
+    """A window that shows one session after another, on the same port: a new window takes longer than most tests."""
 
     def __init__(self, browser: Browser):
         self._browser = browser
@@ -272,9 +272,9 @@ class LastingWindow:
         (self.port,) = free_ports(1)
 
     def lab(self) -> LabPage:
-        """The page, showing the paper's run from its beginning, in the last test's lab if there is one."""
+        """The page, showing the paper's run from its start, in the last test's lab if there is one."""
         if self._session is not None and self._page is not None:
-            hosts.run_apart()  # As the lab began; the end of a test takes it back.
+            hosts.run_apart()  # As when the lab started; undone after each test.
             self._page.begin_anew()
             return self._page
         self._session = Session(load_preset("paper"), "paper", port=self.port, shadows=False)
@@ -286,7 +286,7 @@ class LastingWindow:
         if self._page is not None:
             try:
                 self._page.come_back(session)
-            except Error:  # Nobody knows how the last test left the page: another one.
+            except Error:  # The last test left the page in an unknown state: open another.
                 self._page.__exit__()
                 self._page = None
         if self._page is None:
@@ -301,12 +301,12 @@ class LastingWindow:
         if self._page is not None:
             try:
                 self._page.rest()
-            except Error:  # It has gone elsewhere, or is gone: another one.
+            except Error:  # The page shows something else, or is closed: open another.
                 self._page.__exit__()
                 self._page = None
 
     def close(self) -> None:
-        """Close it; the next session gets another one, on another port."""
+        """Close the window; the next session gets a new one, on another port."""
         self.rest()
         if self._page is not None:
             self._page.__exit__()

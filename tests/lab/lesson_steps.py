@@ -1,4 +1,4 @@
-"""Does a lesson as it is written: what its steps say, with the controls found by the names that the text gives them."""
+"""Do a lesson as it is written: follow its steps, and find each control by the name that the text uses."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -13,9 +13,9 @@ from flexlab.scenario.field_text import in_words
 WORDS = {"a": 1.0, "one": 1.0, "two": 2.0, "three": 3.0, "four": 4.0, "five": 5.0}
 NAME = r"\*\*([^*]+)\*\*"
 COMMANDS = re.compile(r"\b(set|load|press|wait|open|give|choose|turn|go on|run)\b", re.IGNORECASE)
-"""Words with which a text asks for something: none of them may be left over."""
+"""Words with which a text asks for an action: none may be left over once the actions are recognised."""
 FASTEST = "4 ×"
-"""The speed at which the script waits, where the text names none."""
+"""Speed of the simulation where the text names none."""
 LOOKED_AT = """() => [document.body.innerText, Object.values(window.__viserTestpoints.uplots)
   .filter(({ chart }) => chart.root.offsetParent !== null)
   .flatMap(({ chart }) => chart.series.slice(1).map((series, k) => {
@@ -26,7 +26,7 @@ LOOKED_AT = """() => [document.body.innerText, Object.values(window.__viserTestp
     const part = (first, last) => peak(Array.from(values).filter((_, i) => times[i] >= first && times[i] <= last));
     return { label: series.label, peaks: [peak(Array.from(values)), part(end - 1, end), part(times[begun], times[begun] + 0.1)] };
   }))]"""
-"""All words on the page, and of each curve on the screen its peaks: of all that is shown, of the newest second, and of the
+"""All words on the page, and three peaks of each curve on the screen: of all that is shown, of the newest second, and of the
 first tenth of a second."""
 SMALL = {"mm": 1e-3, "µm": 1e-6, "mrad": 1e-3, "ms": 1e-3, "kHz": 1e3, "mJ": 1e-3}
 BASE = {"mm": "m", "µm": "m", "mrad": "rad", "ms": "s", "kHz": "Hz", "mJ": "J"}
@@ -35,20 +35,20 @@ NUMBER = re.compile(rf"(?<![\w.,])([+−-]?\d+(?:\.\d+)?(?:e-?\d+)?)\s(?:×\s)?(
 
 
 class Deed(NamedTuple):
-    """One thing that a text asks for: its words, and what they mean for a page."""
+    """One action that a text asks for: its words, and a function that performs it on a page."""
 
     words: str
     do: Callable[[LabPage], None]
 
 
 class Seen:
-    """What was to be seen while a lesson was done: numbers with units, in words and as peaks of curves."""
+    """What the page showed while a lesson was done: numbers with units, in texts and as peaks of curves."""
 
     def __init__(self) -> None:
         self._numbers: set[tuple[float, str]] = set()
 
     def look(self, page: LabPage) -> None:
-        """Take in what the page shows now."""
+        """Add the numbers that the page shows now."""
         text, curves = page.page.evaluate(LOOKED_AT)
         self._numbers |= set(numbers(text))
         for curve in curves:
@@ -57,7 +57,7 @@ class Seen:
                 self._numbers |= {_base(peak, unit[1]) for peak in curve["peaks"]}
 
     def missing(self, text: str) -> list[str]:
-        """The numbers of a text that were nowhere to be seen, to the digits that it gives."""
+        """The numbers of a text that the page never showed, to the digits that the text gives."""
         return [found[0] for found in NUMBER.finditer(_plain(text)) if not self._has(found[1], found[2])]
 
     def _has(self, digits: str, unit: str) -> bool:
@@ -73,7 +73,7 @@ def numbers(text: str) -> Iterator[tuple[float, str]]:
 
 
 def deeds(step: str) -> list[Deed]:
-    """What a step asks for, in order. Fails where it asks for something that nobody could tell from its words."""
+    """The actions that a step asks for, in order. Fails if part of the step asks for an unknown action."""
     text, found, taken = _plain(step), [], [False] * len(_plain(step))
     for pattern, meaning in GRAMMAR:
         for match in re.finditer(pattern, text):
@@ -87,7 +87,7 @@ def deeds(step: str) -> list[Deed]:
 
 
 def do_lesson(page: LabPage, number: int, lesson: Lesson, say: Callable[[str], None] = lambda _: None) -> Seen:
-    """Do a whole lesson; returns what was seen. Fails where a control is not there, or the check is not green in the end."""
+    """Do a whole lesson and return what was seen. Fails if a control is missing, or the check is not met at the end."""
     seen = Seen()
     page.open_tab("Guide")
     page.choose("Read", f"Lesson {number}: {lesson.title}")
@@ -115,10 +115,10 @@ def do_lesson(page: LabPage, number: int, lesson: Lesson, say: Callable[[str], N
 
 
 BEGUN = 1.2
-"""Simulated s that a person looks at a new run for, at least."""
+"""Shortest time that a person watches a new run, simulated s."""
 UPDATES = 25
-"""Of the readouts: guide and explanations look at every tenth, and an explanation comes when it was found twice. Those of a run
-that has come to rest show nothing new: after 20 s the page has caught up with it."""
+"""Updates of the readouts to wait for: guide and explanations check every tenth, and an explanation appears when found twice. The
+readouts of a run at rest do not change: the wait ends after 20 s, when the page has surely caught up."""
 FOLLOW = """async (count) => {
   const read = () => document.querySelector(".fl-grid")?.textContent;
   const stopped = () => [...document.querySelectorAll(".fl-title")].some((title) => title.textContent === "Stopped");
@@ -130,7 +130,7 @@ WAITS = ("let ", "wait", "Wait", "Let", "after", "beyond")
 
 
 def _settle(page: LabPage) -> None:
-    """Let all that follows the run catch up with it."""
+    """Wait until everything that follows the run has caught up with it."""
     if page.snapshot.playing and not page.snapshot.status.failed:
         page.page.evaluate(FOLLOW, UPDATES)
 
@@ -187,7 +187,7 @@ def _toggle(page: LabPage) -> None:
 
 
 def _control(page: LabPage, name: str) -> Locator:
-    """What a text means by a name: the box, menu or switch whose label begins so."""
+    """The control that a text means by a name: the box, menu or switch whose label begins with it."""
     label = re.compile(rf"^{re.escape(name)}( (?!.*slider).*)?$")
     found = page.page.get_by_label(label).or_(page.page.get_by_role("combobox", name=label))
     if not found.first.is_visible():
@@ -232,7 +232,7 @@ def _folder(name: str) -> Callable[[LabPage], None]:
         _title(page, "Parameters").click()
         inputs = page.page.locator("input:visible")
         shown = inputs.count()
-        for _ in range(2):  # One that was open already is closed by the first click.
+        for _ in range(2):  # The first click closes a folder that was already open.
             _title(page, name).click()
             page.page.wait_for_timeout(500)
             if inputs.count() > shown:
@@ -246,7 +246,7 @@ def _tab(name: str) -> Callable[[LabPage], None]:
 
 
 def _title(page: LabPage, name: str) -> Locator:
-    """Of a tab or folder; the lesson's own text beside has the same words."""
+    """The title of a tab or folder, not the same words in the text of the lesson (`em`)."""
     return page.page.get_by_text(name, exact=True).and_(page.page.locator(":not(em)")).first
 
 
@@ -273,4 +273,4 @@ GRAMMAR: tuple[tuple[str, Callable[..., Callable[[LabPage], None]]], ...] = (
     (r"folder \*([^*]+)\*", _folder),
     (r"[Oo]pen the tab \*([^*]+)\*", _tab),
 )
-"""What texts of lessons say, and what it means; the first pattern that fits has the words."""
+"""Phrases of lessons, and what they mean; words that several patterns match belong to the first of them."""

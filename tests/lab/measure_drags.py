@@ -1,11 +1,11 @@
-"""Drag every slider of the panel as a page does, 20 values a second for 3 s, and say how the lab keeps up.
+"""Drag every slider of the panel as a page does, 20 values a second for 3 s, and report how the lab keeps up.
 
     python tests/lab/measure_drags.py [elements ...]
 
-The page is a connection without a picture, in a process of its own: where nothing draws in hardware, a real one leaves the lab
-what is left of two processors. Each line: simulated over wall time during the drag and in the second half of the second after
-it, the longest time that the picture stood, and from a value's sending to the first state that has it (median, p95).
-With numbers of elements, stiffness and mesh are dragged again in beams of so many.
+The page is a connection without a picture, in a process of its own: without a graphics card, a real page would leave the lab
+little of two processors. Each line gives simulated over wall time during the drag and in the second half of the second after
+it, the longest time that the picture stood still, and the delay from sending a value to the first state that has it (median,
+p95). For each given number of elements, the sliders of stiffness and mesh are dragged again.
 """
 
 import multiprocessing
@@ -20,31 +20,31 @@ from typing import Any, NamedTuple
 import msgspec.msgpack
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # As pytest does, for who runs this file by itself.
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # As pytest does; this file is run by itself.
 from raw_browser import open_socket
 
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset
 
 PERIOD, SECONDS = 0.05, 3.0
-"""s between two values, and how long."""
+"""Time between two values, and duration of a drag, s."""
 SPAN = 0.2
-"""Share of a slider's range that is dragged over, about where it stands."""
+"""Share of a slider's range that is dragged over, centred on its value."""
 
 
 class Drag(NamedTuple):
-    """What came of one."""
+    """The results of one drag."""
 
     pace: float
     after: float
     longest: float
-    """s."""
+    """Longest time that the picture stood still, s."""
     delays: list[float]
-    """s."""
+    """Time from sending each new value to the first state that has it, s."""
 
 
 def page(address: str, pipe: Connection) -> None:
-    """Send the values that the pipe asks for, and take in what the lab says meanwhile."""
+    """Send the values that the pipe asks for, and read what the lab sends meanwhile."""
     socket = open_socket(address)
     while True:
         wanted = None
@@ -72,7 +72,7 @@ def _take_in(socket: Any, seconds: float) -> None:
 
 
 def values_of(handle: Any) -> list[float]:
-    """What a drag to and fro gives, each on the slider's own marks."""
+    """The values of a drag to and fro, rounded to the slider's steps."""
     low, high, step = handle.min, handle.max, handle.step
     half = SPAN * (high - low) / 2
     phase = 2 * np.pi * np.arange(round(SECONDS / PERIOD)) / 20
@@ -113,7 +113,7 @@ def drag(session: Session, pipe: Connection, handle: Any, values: Sequence[float
 
 
 def report(label: str, found: Drag) -> None:
-    """One line."""
+    """Print one line."""
     delays = sorted(found.delays)
     words = (
         f"{1e3 * statistics.median(delays):4.0f} {1e3 * delays[int(0.95 * len(delays))]:4.0f}"
@@ -131,7 +131,7 @@ def sliders(session: Session) -> dict[str, Any]:
 
 
 def measure(elements: int | None) -> None:
-    """A line per slider; with a number of elements, of stiffness and mesh alone."""
+    """Print a line per slider; for a given number of elements, only for stiffness and mesh."""
     context = multiprocessing.get_context("spawn")
     scenario = load_preset("paper").replace({"payload.element_count": elements or 2})
     with Session(scenario, "paper", shadows=False) as session:
@@ -150,7 +150,7 @@ def measure(elements: int | None) -> None:
 
 
 def main() -> None:
-    """For the paper's beam, then for each number of elements."""
+    """Measure the paper's beam, then a beam with each given number of elements."""
     for elements in [None, *map(int, sys.argv[1:])]:
         measure(elements)
 

@@ -16,12 +16,12 @@ from flexlab.scenario import Scenario
 EI = "Bending stiffness EI (N·m²)"
 K_SLIDER = "Feedback gain K, slider"
 SETTLED = 8.0
-"""Wall seconds after which a box shows the true value again."""
+"""Wall seconds within which a box shows the true value again."""
 
 
 @pytest.fixture
 def session(lasting_session: Session) -> Session:
-    """One lab for all: nothing that is sent here changes it."""
+    """One lab for all tests of this file."""
     return lasting_session
 
 
@@ -30,7 +30,7 @@ def shown_notice(session: Session) -> str:
 
 
 def still_works(session: Session, browser: RawBrowser) -> None:
-    """The lab takes a good value and time goes on."""
+    """Check that the lab still takes a good value and that time goes on."""
     before = float(session.runner.snapshot.latest.time[0])
     target = session.runner.snapshot.scenario.payload.bending_stiffness * 0.9
     browser.update(widget(session, EI), {"value": target})
@@ -66,7 +66,7 @@ def still_works(session: Session, browser: RawBrowser) -> None:
         ("Limited torques", {"value": 1}, "on or off"),
     ],
 )
-def test_what_is_no_value_is_refused(session: Session, label: str, updates: dict[str, Any], said: str) -> None:
+def test_an_invalid_value_is_refused(session: Session, label: str, updates: dict[str, Any], said: str) -> None:
     handle = widget(session, label)
     truth, scenario, run = handle.value, session.runner.snapshot.scenario, session.runner.snapshot.run_number
     with RawBrowser(session) as browser:
@@ -97,7 +97,7 @@ def test_what_is_no_value_is_refused(session: Session, label: str, updates: dict
         ("Exaggeration of the deflection (×)", 1e9, None),
     ],
 )
-def test_a_number_out_of_range_is_refused_and_put_right(
+def test_a_number_out_of_range_is_refused_and_its_box_corrected(
     session: Session, label: str, value: Any, path: str | None
 ) -> None:
     handle, scenario, view = widget(session, label), session.runner.snapshot.scenario, session.lab_state.view
@@ -126,14 +126,14 @@ def test_a_number_out_of_range_is_refused_and_put_right(
 
 @pytest.mark.usefixtures("soon_put_right")
 @pytest.mark.parametrize("late", [0.0, 2.5])
-def test_a_number_that_crosses_the_putting_right_of_another_one_is_shown(session: Session, late: float) -> None:
+def test_a_number_typed_while_a_refused_one_is_corrected_is_shown(session: Session, late: float) -> None:
     box = widget(session, EI)
     truth, typed, shown = box.value, 0.8 * box.value, []
     with RawBrowser(session) as browser:
         browser.update(box, {"value": -3.0})
         wait_until(lambda: box.value == -3.0, "the lab has heard it", 20)
         wait_until(lambda: box.value == truth, "the box is put right", 20)
-        time.sleep(late)  # On a busy machine the page hears of it late.
+        time.sleep(late)  # On a busy machine the page learns of the correction late.
         browser.update(box, {"value": typed})
         until = time.monotonic() + 20
         while shown[-1:] != [typed]:
@@ -142,8 +142,8 @@ def test_a_number_that_crosses_the_putting_right_of_another_one_is_shown(session
     assert truth in shown
 
 
-def test_the_first_look_at_the_run_leaves_a_complaint_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A page can be quicker than the panel's first update, which took every sentence away again."""
+def test_the_first_update_of_the_panel_keeps_a_complaint_on_the_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A page can be quicker than the panel's first update, which used to remove every sentence."""
     begin = RenderLoop.start
     held: list[RenderLoop] = []
     monkeypatch.setattr(RenderLoop, "start", lambda drawing: held.append(drawing))
@@ -164,10 +164,10 @@ def test_the_first_look_at_the_run_leaves_a_complaint_where_it_is(monkeypatch: p
     ("label", "value", "path"),
     [(EI, -1.0, "Bending stiffness EI ="), ("Link lengths l (m)", [0.7, -0.6, 0.2], "Link lengths l, 2 of 3 = −0.6 m")],
 )
-def test_a_sentence_outlives_a_new_run_as_long_as_it_is_true(
+def test_a_complaint_stays_in_a_new_run_as_long_as_it_is_true(
     session: Session, label: str, value: Any, path: str
 ) -> None:
-    """The panel may look at a new run only after a person has typed on: its first look took the sentence away."""
+    """The panel may first look at a new run after a person has typed: that look used to remove the sentence."""
 
     def said() -> bool:
         return any(html.visible and path in html.content for html in html_texts(session))
@@ -201,7 +201,7 @@ def test_junk_on_the_wire_costs_only_its_own_connection(session: Session) -> Non
         still_works(session, browser)
 
 
-def test_no_way_out_through_the_share_tunnel(session: Session) -> None:
+def test_the_share_tunnel_cannot_be_opened(session: Session) -> None:
     with RawBrowser(session) as browser:
         browser.send({"type": "ShareUrlRequest"})
         still_works(session, browser)
@@ -210,7 +210,7 @@ def test_no_way_out_through_the_share_tunnel(session: Session) -> None:
 
 
 @pytest.mark.parametrize(("goal", "said"), [(1e308, "go there in steps"), (-1e308, "has passed")])
-def test_a_time_beyond_every_run_is_a_sentence(
+def test_a_time_that_no_run_can_reach_is_answered_in_a_sentence(
     session: Session, caplog: pytest.LogCaptureFixture, goal: float, said: str
 ) -> None:
     box = widget(session, "Run to t (s)")
@@ -225,7 +225,7 @@ def test_a_time_beyond_every_run_is_a_sentence(
     assert not [record for record in caplog.records if record.exc_info]
 
 
-def test_texts_of_a_scenario_cannot_become_part_of_the_page(session: Session) -> None:
+def test_html_in_the_texts_of_a_scenario_is_escaped(session: Session) -> None:
     from flexlab.sim.commands import LoadScenario
 
     bad = session.runner.snapshot.scenario.model_copy(

@@ -1,4 +1,4 @@
-"""Several browsers share a lab: who opens something else in it does not do so behind the others' backs."""
+"""Several browsers share a lab: when one of them opens another preset, the others are told."""
 
 from lab_page import wait_until
 from raw_browser import RawBrowser, widget
@@ -9,7 +9,7 @@ from flexlab.presets import load_preset
 SAID = "Somebody in this lab opened"
 
 
-def test_others_are_told_who_opens_another_preset_and_one_alone_is_not(session: Session) -> None:
+def test_opening_another_preset_is_announced_only_if_others_share_the_lab(session: Session) -> None:
     lab_state = session.lab_state
     with RawBrowser(session) as browser:
         wait_until(lambda: lab_state.company() == 1, "one is there")

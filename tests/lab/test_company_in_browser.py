@@ -18,7 +18,7 @@ OVERFLOWING = """() => {
 TABS = ("Parameters", "View", "Touch", "Modes", "Compare", "File", "Events")
 SCHEME = "document.documentElement.dataset.mantineColorScheme"
 WAY = "() => document.querySelector('.fl-reports')?.dataset.way"
-"""Where a page reports what it has drawn: another one in each lab."""
+"""Identity of the widget by which a page reports what it has drawn: each lab has another one."""
 BACKGROUND, WHITE = "getComputedStyle(document.body).backgroundColor", "rgb(255, 255, 255)"
 
 
@@ -50,7 +50,7 @@ def test_a_lost_connection_comes_back_to_the_running_lab(page: LabPage) -> None:
     wait_until(lambda: page.snapshot.scenario.payload.bending_stiffness == 25.0, "it can be used as before")
 
 
-def test_what_was_open_is_open_in_a_lab_that_is_started_again(window: LastingWindow) -> None:
+def test_open_panels_are_open_again_after_the_lab_restarts(window: LastingWindow) -> None:
     page = window.lab()
     page.press("Pause")
     way = page.page.evaluate(WAY)
@@ -63,7 +63,7 @@ def test_what_was_open_is_open_in_a_lab_that_is_started_again(window: LastingWin
 
 
 def all_is_on_the_screen(page: LabPage, size: str, looks: tuple[str, ...]) -> None:
-    """Every tab, as the system asks for it to be looked at."""
+    """Check that every tab fits on the screen in each colour scheme that the system asks for."""
     for look in looks:
         page.page.emulate_media(color_scheme="light" if look == "light" else "dark")
         wait_until(lambda look=look: page.page.evaluate(SCHEME) == look, f"the lab says that it is {look}")
@@ -88,12 +88,12 @@ def test_nothing_is_clipped_in_a_window_that_shrinks(page: LabPage) -> None:
 
 
 def is_above(upper: Locator, lower: Locator) -> bool:
-    """Whether one begins higher on the page than another; not as long as either is hidden."""
+    """Whether `upper` begins higher on the page than `lower`; false while either is hidden."""
     boxes = upper.bounding_box(), lower.bounding_box()
     return boxes[0] is not None and boxes[1] is not None and boxes[0]["y"] < boxes[1]["y"]
 
 
-def test_nothing_is_clipped_on_a_phone_that_begins_dark(chromium: Browser, page: LabPage) -> None:
+def test_nothing_is_clipped_on_a_phone_that_starts_in_dark_mode(chromium: Browser, page: LabPage) -> None:
     page.press("Pause")
     page.rest()
     with LabPage(chromium, page.session, (390, 844), color_scheme="dark") as phone:

@@ -1,4 +1,4 @@
-"""Thinned signals keep every peak at its own time, whatever the blocks they come in."""
+"""Thinned signals keep every peak at its own time, whatever blocks they arrive in."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def drawn(curve: Curve, seen: tuple[float, float] = (0.0, 1.0)) -> tuple[np.ndar
     return (start + points) * TICK, block[:, points]
 
 
-def test_a_44_hz_ring_is_a_band_of_its_full_width() -> None:
+def test_a_44_hz_ring_is_drawn_as_a_band_of_its_full_height() -> None:
     time, values = ring(30_000)
     curve = Curve(2, 30.0)
     curve.append(time, values)
@@ -34,8 +34,8 @@ def test_a_44_hz_ring_is_a_band_of_its_full_width() -> None:
 
 @pytest.mark.parametrize("block", [1, 7, 72, 101, 10_000])
 @pytest.mark.parametrize("seen", [(0.0, 1.0), (0.3, 0.37)])
-def test_every_point_is_a_sample_at_its_own_time(block: int, seen: tuple[float, float]) -> None:
-    """So no smooth signal makes a staircase: on the drawn line lies the signal itself, at every zoom."""
+def test_every_drawn_point_is_a_sample_at_its_own_time(block: int, seen: tuple[float, float]) -> None:
+    """So no smooth signal is drawn as a staircase: the drawn points lie on the signal at every zoom."""
     time, values = ring(10_000, 3.0)
     curve = Curve(2, 10.0)
     for start in range(0, len(time), block):
@@ -49,7 +49,7 @@ def test_every_point_is_a_sample_at_its_own_time(block: int, seen: tuple[float, 
 
 @pytest.mark.parametrize(("seen", "worst"), [((0.0, 1.0), 0.4), ((0.2, 0.4), 0.1), ((0.5, 0.52), 1e-9)])
 def test_the_line_is_finer_where_it_is_zoomed_into(seen: tuple[float, float], worst: float) -> None:
-    """A ring of 10 Hz in a window of 10 s: the line between the points is nearer to it, the nearer one looks."""
+    """A 10 Hz ring in a 10 s window: the closer the zoom, the closer the line between the points is to the signal."""
     time, values = ring(10_000, 10.0)
     curve = Curve(2, 10.0)
     curve.append(time, values)
@@ -108,7 +108,7 @@ def test_a_gap_in_time_stays_empty() -> None:
     assert (lines[0, (time < 0.0995) | ((time > 0.4995) & (time < 0.5995))] == 1).all()
 
 
-def test_clearing_forgets() -> None:
+def test_clearing_a_curve_removes_its_samples() -> None:
     curve = Curve(1, 1.0)
     curve.append(np.arange(100) * TICK, np.ones((1, 100)))
     curve.clear()
@@ -117,7 +117,7 @@ def test_clearing_forgets() -> None:
 
 
 @pytest.mark.filterwarnings("error")
-def test_numbers_beyond_a_chart_s_are_drawn_at_its_edge() -> None:
+def test_numbers_too_large_for_a_chart_are_drawn_at_its_edge() -> None:
     line = np.array([1e300, -np.inf, np.nan, 2.5])
     _, drawn = compact(np.arange(4.0), [line], 1.0)
     assert drawn.dtype == np.float32

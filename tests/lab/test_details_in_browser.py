@@ -1,4 +1,4 @@
-"""The fields without sliders: in their folders, with switches, ranges and ways back, in a real browser."""
+"""The detailed fields in a real browser: folders, switches, allowed ranges and buttons that restore a value."""
 
 import pytest
 from lab_page import LabPage, wait_until
@@ -27,7 +27,7 @@ def leaves(part: Part, path: str = "") -> list[str]:
     return found
 
 
-def test_every_field_of_a_scenario_can_be_reached() -> None:
+def test_every_field_of_a_scenario_can_be_reached_in_the_panel() -> None:
     scenario = Scenario()
     offered = {path for group in GROUPS for path in present(scenario, group)}
     missing = [path for path in leaves(scenario) if path not in offered and not shown_in_sections(path)]
@@ -40,7 +40,7 @@ def test_every_field_of_a_scenario_can_be_reached() -> None:
 
 
 @pytest.mark.parametrize("name", preset_names())
-def test_switches_begin_with_what_the_scenario_takes(name: str) -> None:
+def test_switches_start_with_a_value_that_the_scenario_accepts(name: str) -> None:
     scenario = load_preset(name)
     for path, (_, begin) in SWITCHES.items():
         if any(path in present(scenario, group) for group in GROUPS):
@@ -48,7 +48,7 @@ def test_switches_begin_with_what_the_scenario_takes(name: str) -> None:
 
 
 def test_limits_sampling_and_arms_are_set_in_their_folders(page: LabPage) -> None:
-    page.press("Pause")  # Nothing here needs motion, and a page that stands still costs a quarter.
+    page.press("Pause")  # Nothing here needs motion, and a still page costs a quarter of the time.
     page.open_tab("Motors, sampling and sensors")
     page.enter("Input delay d (samples)", "3")
     page.wait_for_text("give control_period a value in s")
@@ -87,10 +87,8 @@ def test_limits_sampling_and_arms_are_set_in_their_folders(page: LabPage) -> Non
     assert not page.errors
 
 
-def test_a_payload_is_filled_by_its_slider(page: LabPage) -> None:
-    World(page.snapshot.scenario.replace({"payload.mass_change.factor": 3.0})).advance(
-        2
-    )  # So that nobody waits for machine code.
+def test_a_payload_is_filled_from_the_panel(page: LabPage) -> None:
+    World(page.snapshot.scenario.replace({"payload.mass_change.factor": 3.0})).advance(2)  # Compile it beforehand.
     page.enter("Duration of the change of mass T_μ (s)", "0.5")
     page.enter("Final mass over initial mass (1: constant) μ", "3")
     wait_until(
@@ -105,9 +103,9 @@ def test_a_payload_is_filled_by_its_slider(page: LabPage) -> None:
     assert not page.errors
 
 
-def test_grips_give_way_by_their_menu(page: LabPage) -> None:
+def test_the_menu_of_the_grips_makes_them_compliant(page: LabPage) -> None:
     compliant = page.snapshot.scenario.replace({"grips.model": "compliant"})
-    World(compliant).advance(2)  # So that nobody waits for machine code.
+    World(compliant).advance(2)  # Compile it beforehand.
     page.open_tab("Grips")
     page.choose("How the grips hold the beam", "compliant")
     wait_until(lambda: page.snapshot.scenario.grips.model == "compliant", "the grips are to give way")

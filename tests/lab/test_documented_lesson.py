@@ -1,4 +1,4 @@
-"""The lesson in the documentation is one."""
+"""The example of a lesson in the documentation is valid."""
 
 import re
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 from flexlab.analysis.own_lessons import own_lessons
 
 
-def test_the_lesson_in_the_documentation_is_a_lesson(tmp_path: Path) -> None:
+def test_the_lesson_in_the_documentation_is_valid(tmp_path: Path) -> None:
     page = (Path(__file__).parents[2] / "web_assets/docs/pages/class.md").read_text(encoding="utf-8")
     example = re.search(r"```markdown\n(.*?)```", page, re.S)
     assert example is not None

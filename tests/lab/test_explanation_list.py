@@ -1,4 +1,4 @@
-"""The sentences beside the plots: true of what is on the screen, few, and calm."""
+"""The explanations beside the plots: true of what is on the screen, few, and without flicker."""
 
 from collections.abc import Iterable
 
@@ -24,22 +24,22 @@ def shown(calm: CalmList, names: Iterable[str], text: str = "One.") -> list[str]
     return [each.name for each in calm.look(said(names, text))]
 
 
-def test_a_sentence_comes_after_two_looks_and_goes_after_two():
+def test_a_sentence_appears_after_two_hits_and_disappears_after_two_misses():
     calm, one = CalmList(), NAMES[:1]
     assert [shown(calm, one) for _ in range(SEEN)] == [[]] * (SEEN - 1) + [one]
     assert [shown(calm, []) for _ in range(MISSED)] == [one] * (MISSED - 1) + [[]]
 
 
-def test_what_flickers_stays_and_what_flashes_never_comes():
+def test_a_shown_sentence_survives_single_misses_and_a_single_hit_shows_none():
     calm, one, other = CalmList(), NAMES[0], NAMES[1]
     for _ in range(SEEN):
         shown(calm, [one])
     for k in range(10):
-        # One is missed every other time, the other is never seen twice in a row.
+        # The first is missed every other time, the second is never found twice in a row.
         assert shown(calm, [one] if k % 2 else [other]) == [one]
 
 
-def test_numbers_stay_for_some_looks():
+def test_a_shown_sentence_keeps_its_numbers_for_some_checks():
     calm = CalmList()
     texts = [[each.sentence for each in calm.look(said(NAMES[:1], f"{k}."))] for k in range(SEEN + 2 * REWORDED)]
     changes = sum(one != other for one, other in zip(texts[SEEN:], texts[SEEN - 1 :], strict=False))
@@ -55,7 +55,7 @@ def test_the_most_important_come_first_and_no_more_than_three():
     assert shown(calm, NAMES) == []
 
 
-def test_samples_before_a_change_or_a_touch_tell_nothing():
+def test_samples_before_a_change_or_a_touch_are_not_explained():
     scenario = load_preset("paper")
     run, about = simulate(scenario, 1.0), Background.of(scenario)
     assert [each.name for each in explain(Evidence.of_run(run, about))] == ["ring", "jerky start"]
@@ -69,7 +69,7 @@ def test_samples_before_a_change_or_a_touch_tell_nothing():
     assert explain(pulled) == (), "a hand bends the beam all the while"
 
 
-def test_nothing_is_said_of_a_scenario_that_is_not_computed_yet():
+def test_a_scenario_whose_modes_are_not_computed_yet_is_not_explained():
     study, paper = ModeStudy(), load_preset("paper")
     assert study.background(paper) is None
     study.ask(paper)
@@ -81,7 +81,7 @@ def test_nothing_is_said_of_a_scenario_that_is_not_computed_yet():
     assert study.background(paper.replace({"payload.bending_stiffness": 10.0})) is None
 
 
-def test_what_is_shown_is_escaped_and_names_plot_and_equation():
+def test_an_explanation_is_escaped_and_shows_plot_and_equation():
     text = list_html([Explained("x", "<b>1 < 2", "a < b", "Tracking error")])
     assert "&lt;b&gt;1 &lt; 2" in text
     assert "<b>Tracking error.</b>" in text

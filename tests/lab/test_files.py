@@ -1,4 +1,4 @@
-"""Scenarios as a person's own files: names checked, nothing overwritten that is flexlab's, uploads answered in sentences."""
+"""Scenarios as a person's own files: names are checked, flexlab's presets kept, bad uploads answered in sentences."""
 
 from pathlib import Path
 
@@ -25,7 +25,7 @@ def test_a_saved_preset_is_found_again(tmp_path: Path) -> None:
     ("name", "file"),
     [("My soft Beam", "my-soft-beam"), ("Träger 2", "trager-2"), (" EI = 1.27 ", "ei-1-27"), ("A", "a")],
 )
-def test_names_may_be_written_as_people_write(name: str, file: str, tmp_path: Path) -> None:
+def test_a_preset_name_written_as_people_write_becomes_a_file_name(name: str, file: str, tmp_path: Path) -> None:
     path = save_preset(Scenario(), name, tmp_path)
     assert path.name == f"{file}.json"
     assert load_preset(file, tmp_path) == Scenario()
@@ -47,25 +47,25 @@ def test_names_may_be_written_as_people_write(name: str, file: str, tmp_path: Pa
         "a" * 10**6,
     ],
 )
-def test_names_that_cannot_be_used(name: str, tmp_path: Path) -> None:
+def test_a_name_that_cannot_be_used_is_refused(name: str, tmp_path: Path) -> None:
     with pytest.raises(PresetError, match="cannot be a preset's name") as caught:
         save_preset(Scenario(), name, tmp_path)
     assert len(str(caught.value)) < 250
     assert list(tmp_path.iterdir()) == []
 
 
-def test_flexlabs_own_presets_stay(tmp_path: Path) -> None:
+def test_flexlabs_own_presets_cannot_be_overwritten(tmp_path: Path) -> None:
     with pytest.raises(PresetError, match="stays as it is"):
         save_preset(Scenario(), "paper", tmp_path)
 
 
-def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_made_is_an_error_in_a_sentence(tmp_path: Path) -> None:
     (tmp_path / "presets").write_text("a file")
     with pytest.raises(PresetError, match="cannot be"):
         save_preset(Scenario(), "mine", tmp_path / "presets")
 
 
-def test_uploads() -> None:
+def test_an_upload_gives_its_scenario_and_a_safe_name() -> None:
     scenario = Scenario().replace({"gravity": 9.81})
     assert read_upload("My Run (3).JSON", scenario_text(scenario).encode()) == ("my-run-3", scenario)
     assert read_upload("../../etc/passwd", scenario_text(scenario).encode())[0] == "passwd"
@@ -91,7 +91,7 @@ def test_bad_uploads_are_answered_in_sentences_with_the_files_own_name(content: 
     assert "/tmp" not in str(caught.value)
 
 
-def test_what_is_saved_has_its_name_and_words_ever_after(
+def test_a_saved_preset_is_titled_by_its_name_and_says_what_changed(
     session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -123,8 +123,8 @@ def test_what_is_saved_has_its_name_and_words_ever_after(
         wait_until(lambda: "cannot be a preset's name: use 1 to 40 characters" in lab.notice.text, "it is refused")
 
 
-def test_a_path_from_a_file_is_followed_from_now_on(session: Session) -> None:
-    """As opening a CSV file in the lab does: the table begins at that instant, and the target does not jump."""
+def test_a_path_from_a_file_is_followed_from_now_on_without_a_jump(session: Session) -> None:
+    """As when a CSV file is opened in the lab: the table begins at that instant, and the target does not jump."""
     lab, runner = session.lab_state, session.runner
     wait_until(lambda: runner.snapshot.latest.time[0] > 0.1, "the run goes on")
     rows = decoded_path(b"t [ms],x,y,theta\n0,0,0.75,0\n100,0.05,0.8,0.1\n300,0,0.7,0\n", "path.csv")

@@ -13,14 +13,14 @@ from flexlab.lab.session import Session
 from flexlab.sim.commands import SetSpeed
 
 LEAST_SHARE, LEAST_BEAM = 0.6, 250
-"""Of the window that is the scene's; px of the beam's length at 1440 px."""
+"""Least share of the window for the scene; least length of the beam in a window 1440 px wide, px."""
 SHARE = """() => {
   const picture = window.__viserMutable.canvas, N = 60; let seen = 0;
   for (let i = 0; i < N; i++) for (let j = 0; j < N; j++) {
     const on = document.elementFromPoint((i + 0.5) / N * innerWidth, (j + 0.5) / N * innerHeight);
     if (on === picture || on?.contains(picture) || picture.parentElement.contains(on)) seen += 1; }
   return seen / (N * N); }"""
-"""The part of the window on which a click goes to the scene."""
+"""The share of the window in which a click goes to the scene."""
 BEAM = """(sides) => {
   const mutable = window.__viserMutable; let ends = null;
   mutable.nodeRefFromName['/beam'].traverse((node) => {
@@ -37,7 +37,7 @@ BEAM = """(sides) => {
     const middle = (position.count / sides - 1) / 2 * sides;
     ends = [at(sides), at(middle - middle % sides), at(position.count - 2 * sides)]; });
   return ends; }"""
-"""Where the drawn beam's ends and its middle are, px."""
+"""Positions of one end, the middle and the other end of the drawn beam, px."""
 KEPT = "localStorage.getItem('flexlab-open-panels')"
 CONTROLS = """() => [...document.querySelectorAll('button, [role="slider"], [role="combobox"], [role="tab"]')]
   .filter((part) => part.getClientRects().length && part.closest('[data-fl-panel] > *') && part.textContent.trim() !== '↺'
@@ -47,12 +47,12 @@ COUNT_SLIDERS = """if (location.search.includes('play')) setInterval(() => {
   const isShown = (part) => part.checkVisibility({ visibilityProperty: true });
   const shown = [...document.querySelectorAll('[role="slider"]')].filter(isShown);
   window.mostSliders = Math.max(window.mostSliders ?? 0, shown.length); }, 20)"""
-"""Keeps the largest number of sliders that a play screen has shown since it was loaded."""
+"""Keeps in `mostSliders` the most sliders that a play screen has shown at once since it was loaded."""
 
 
 @pytest.fixture(scope="module")
 def _window(chromium: Browser) -> Iterator[Page]:
-    """One for all tests: the first page of another one takes seconds of a processor."""
+    """One window for all tests: the first page of a new one takes seconds of processor time."""
     context = open_window(chromium, 1440, 900)
     yield context.new_page()
     context.close()
@@ -60,7 +60,7 @@ def _window(chromium: Browser) -> Iterator[Page]:
 
 @pytest.fixture
 def newcomer(_window: Page, shared_session: Session) -> Iterator[Page]:
-    """A window in which nobody has ever been here."""
+    """A window without anything stored from earlier visits."""
     kept = {"origin": shared_session.url, "storageTypes": "local_storage,cookies"}
     _window.context.new_cdp_session(_window).send("Storage.clearDataForOrigin", kept)
     _window.set_viewport_size({"width": 1440, "height": 900})
@@ -76,11 +76,11 @@ FIRST_ROW = """() => {
   return first.length > 0 && first.flatMap((part) => [...part.querySelectorAll('.u-legend .u-series')])
     .map((part) => part.getBoundingClientRect()).filter((part) => part.height)
     .every((part) => part.bottom <= box.bottom && part.right <= box.right); }"""
-"""Whether the first row of charts is whole, with its legends."""
+"""Whether the first row of charts is in sight down to its legends."""
 FEWEST_TICKS = """() => Math.min(...Object.values(window.__viserTestpoints.uplots).map(({ chart }) => chart)
   .filter((chart) => chart.root.offsetParent !== null).map(({ axes: [, axis], scales: { y: { min, max } } }) =>
     (axis._splits ?? []).filter((value) => value !== null && min <= value && value <= max).length))"""
-"""The least number of ticks that a vertical axis in sight has."""
+"""The smallest number of ticks on a vertical axis in sight."""
 WHOLE_PLOT = """() => {
   const box = document.querySelector('[data-floating-window]').getBoundingClientRect();
   const names = [...document.querySelectorAll('.u-legend .u-series')].map((part) => part.getBoundingClientRect());
@@ -90,10 +90,10 @@ WHOLE_PLOT = """() => {
 
 
 def opened(page: Page, url: str) -> Page:
-    """A page that shows the lab, and its picture where it stays."""
+    """The page, showing the lab with its beam drawn."""
     page.goto(url)
     page.wait_for_function(READY)
-    page.evaluate(CLOSE_NOTIFICATIONS)  # That this browser has no graphics card.
+    page.evaluate(CLOSE_NOTIFICATIONS)  # The one that says that there is no graphics card.
     wait_until(lambda: page.evaluate(BEAM, SIDES) is not None, "a beam is drawn")
     return page
 
@@ -103,7 +103,7 @@ def length(ends: list[list[float]]) -> float:
 
 
 @pytest.mark.parametrize("size", [(1440, 900), (1024, 768), (720, 900), (390, 844), (320, 640)])
-def test_the_scene_comes_first_at_any_size(newcomer: Page, shared_session: Session, size: tuple[int, int]) -> None:
+def test_the_scene_takes_most_of_any_window(newcomer: Page, shared_session: Session, size: tuple[int, int]) -> None:
     newcomer.set_viewport_size({"width": size[0], "height": size[1]})
     page = opened(newcomer, address(shared_session))
     wait_until(lambda: page.evaluate(SHARE) >= LEAST_SHARE, "the scene has its share", 30)
@@ -114,7 +114,7 @@ def test_the_scene_comes_first_at_any_size(newcomer: Page, shared_session: Sessi
         assert page.evaluate("document.documentElement.dataset.flLabels") == "plain"
 
 
-def test_guide_and_plots_are_one_click_away_and_a_browser_remembers_them(
+def test_plots_are_one_click_away_and_a_browser_remembers_that_they_are_open(
     newcomer: Page, shared_session: Session
 ) -> None:
     page = opened(newcomer, address(shared_session))
@@ -178,19 +178,17 @@ def test_a_presentation_shows_the_scene_one_plot_and_one_number(newcomer: Page, 
     assert "plots" in page.evaluate(KEPT)
 
 
-def test_the_word_on_a_missing_graphics_card_leaves_the_scene_by_itself(
-    newcomer: Page, shared_session: Session
-) -> None:
+def test_the_notice_of_a_missing_graphics_card_disappears_by_itself(newcomer: Page, shared_session: Session) -> None:
     newcomer.goto(address(shared_session))
     word = newcomer.get_by_text("Software WebGL rendering detected")
     word.wait_for()
     word.wait_for(state="detached")
 
 
-def test_on_a_phone_that_word_takes_a_line_and_not_the_scene(newcomer: Page, shared_session: Session) -> None:
+def test_on_a_phone_that_notice_takes_one_line_and_no_touches(newcomer: Page, shared_session: Session) -> None:
     newcomer.set_viewport_size({"width": 390, "height": 844})
     newcomer.goto(address(shared_session))
-    # At once: on a busy machine it could be gone between being found and being looked at.
+    # In one call: on a busy machine it could be gone between being found and being measured.
     look = """() => {
       const word = document.querySelector('[data-fl-no-card]');
       return word && [word.getBoundingClientRect().height, getComputedStyle(word).pointerEvents];
@@ -224,7 +222,7 @@ def test_the_play_screen_has_five_controls_and_leads_to_the_lab_with_the_same_ru
     assert not page.get_by_label("Stiffness EI (N·m²)", exact=True).is_visible()
 
 
-def test_the_play_screen_takes_a_turned_camera_back(newcomer: Page, shared_session: Session) -> None:
+def test_the_play_screen_can_reset_a_turned_camera(newcomer: Page, shared_session: Session) -> None:
     page = opened(newcomer, f"{address(shared_session)}&play")
     at = "() => window.__viserMutable.camera.position.toArray().map((part) => Math.round(100 * part))"
     page.get_by_role("button", name="Tap", exact=True).wait_for()
@@ -248,12 +246,12 @@ def test_the_play_screen_takes_a_turned_camera_back(newcomer: Page, shared_sessi
     back.wait_for(state="hidden")
 
 
-def test_the_ring_of_the_first_lesson_is_seen(chromium: Browser, session: Session) -> None:
-    """Drawn by the lesson's factor, from one side to the other, px."""
+def test_the_ring_of_the_first_lesson_is_large_enough_to_be_seen(chromium: Browser, session: Session) -> None:
+    """With the exaggeration of the lesson, its middle moves 60 px or more from side to side."""
     with LabPage(chromium, session) as page:
         page.choose("Read", "Lesson 1: Why does it ring?")
         page.choose("Speed", "1/64 ×")
-        page.page.keyboard.press("r")  # At once, as the lesson says: the menu has let go of the keyboard.
+        page.page.keyboard.press("r")  # At once, as the lesson says: the menu no longer holds the keyboard.
         wait_until(lambda: page.snapshot.target_speed == 1 / 64 and page.snapshot.latest.time[0] < 0.1, "a new run")
         sides: list[float] = []
 

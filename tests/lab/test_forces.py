@@ -15,7 +15,7 @@ from flexlab.sim.commands import Pull
 
 @pytest.mark.parametrize("length", [0.25, 0.5, 1.0])
 def test_arrows_of_two_grips_that_press_never_meet(lasting_session: Session, length: float):
-    """Heads that passed each other looked like a pull."""
+    """Arrow heads that passed each other looked like a pull."""
     scenario = load_preset("paper").replace({"payload.length": length})
     arrows = StraightArrows(lasting_session.server.scene, "/pressed", colors.INTERNAL_FORCE, scenario, 0.1)
     grips = np.array([[-length / 2, 0.5], [length / 2, 0.5]])
@@ -25,8 +25,8 @@ def test_arrows_of_two_grips_that_press_never_meet(lasting_session: Session, len
     lasting_session.server.scene.remove_by_name("/pressed")
 
 
-def test_an_arrow_that_appears_is_where_its_force_is(lasting_session: Session):
-    """A browser shows a hidden arrow at once and moves it a picture later: it flashed where it had last been seen."""
+def test_a_hidden_arrow_moves_with_its_force(lasting_session: Session):
+    """A browser shows a hidden arrow at once and moves it a picture later, so it used to flash at its old place."""
     arrows = StraightArrows(lasting_session.server.scene, "/fading", colors.INTERNAL_FORCE, load_preset("paper"), 0.1)
     there, elsewhere = np.array([[0.0, 0.0], [0.5, 0.0]]), np.array([[0.3, 0.2], [0.8, 0.2]])
     arrows.update(there, np.array([[1.0, 0.0], [-1.0, 0.0]]), shown=True)
@@ -36,7 +36,7 @@ def test_an_arrow_that_appears_is_where_its_force_is(lasting_session: Session):
     assert np.allclose(arrows._handle.points[:, 0, :2], elsewhere)
 
 
-def test_arrows_that_nobody_is_to_see_wait_where_they_do_not_flash(lasting_session: Session):
+def test_arrows_that_are_switched_off_wait_out_of_sight(lasting_session: Session):
     scene, paper = lasting_session.server.scene, load_preset("paper")
     places, force, moment = (
         np.array([[0.0, 0.0], [0.5, 0.0]]),
@@ -54,7 +54,7 @@ def test_arrows_that_nobody_is_to_see_wait_where_they_do_not_flash(lasting_sessi
     scene.remove_by_name("/bent")
 
 
-def test_the_arrow_of_a_pull_waits_where_it_does_not_flash(lasting_session: Session):
+def test_the_arrow_of_a_pull_waits_out_of_sight(lasting_session: Session):
     arrow: Any = lasting_session._scene._pull
     snapshot = lasting_session.runner.snapshot
     for pull in (None, Pull(0.25, (0.0, 0.9), 100.0), None):

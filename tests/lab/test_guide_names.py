@@ -23,7 +23,7 @@ def test_every_tab_and_every_plot_is_explained() -> None:
                 assert unit in text, f"{plot.title}: {unit}"
 
 
-def test_every_word_in_italics_is_on_the_page(session: Session) -> None:
+def test_every_word_in_italics_in_the_guide_is_a_label_on_the_page(session: Session) -> None:
     gui = session.server.gui
     handles = [*gui._gui_input_handle_from_uuid.values()]
     names = {getattr(handle._impl.props, "label", "") for handle in handles}

@@ -1,4 +1,4 @@
-"""One browser that means harm: everybody else's lab goes on, nothing of it is kept, and the log stays short."""
+"""A hostile browser: the lab goes on for everybody else, keeps nothing that it sends, and the log stays short."""
 
 import asyncio
 import http.client
@@ -30,7 +30,7 @@ for _ in range(600):
 
 @pytest.fixture
 def session(lasting_session: Session) -> Session:
-    """One lab for all: nothing that is sent here changes it."""
+    """One lab for all tests of this file."""
     return lasting_session
 
 
@@ -63,7 +63,7 @@ def part(session: Session, transfer: Any, **changes: Any) -> dict[str, Any]:
 
 
 def a_fresh_visitor_sees_a_moving_lab(session: Session) -> None:
-    """The page comes, and simulated time goes on."""
+    """Check that a new browser gets the page, and that simulated time goes on."""
     with RawBrowser(session) as browser:
         assert len(browser.receive(20)) > 1000
         before = float(session.runner.snapshot.latest.time[0])
@@ -74,7 +74,7 @@ def a_fresh_visitor_sees_a_moving_lab(session: Session) -> None:
         )
 
 
-def test_an_acknowledgement_that_cannot_be_sent_never_comes_to_be(session: Session) -> None:
+def test_a_file_part_that_could_not_be_acknowledged_is_refused(session: Session) -> None:
     with RawBrowser(session) as browser:
         browser.send(start(session, "t"))
         browser.send(part(session, "t", source_component_uuid=NESTED))
@@ -105,11 +105,11 @@ def test_an_acknowledgement_that_cannot_be_sent_never_comes_to_be(session: Sessi
     ],
     ids=str,
 )
-def test_a_camera_that_cannot_be_is_refused(session: Session, changes: dict[str, Any]) -> None:
+def test_an_impossible_camera_is_refused(session: Session, changes: dict[str, Any]) -> None:
     with RawBrowser(session) as browser:
         clients = wait_until(session.server.get_clients, "it is a client", 20)
         (client,) = clients.values()
-        # The lab itself may still be placing the new camera: its place is no sign, the picture's size is.
+        # The lab may still be placing the new camera: its position proves nothing, the size of the picture does.
         truth = client.camera.image_height
         browser.send(CAMERA | {"image_height": truth + 1} | changes)
         wait_until(lambda: session.guard.refused == 1, "it is refused", 20)
@@ -118,7 +118,7 @@ def test_a_camera_that_cannot_be_is_refused(session: Session, changes: dict[str,
 
 
 @pytest.mark.parametrize("protocols", [None, ["viser-v0.1"], ["chat"], ["viser-v" + "9" * 200]], ids=str)
-def test_a_page_of_another_version_ends_without_a_word_in_the_terminal(
+def test_a_page_of_another_version_is_closed_without_output_in_the_terminal(
     session: Session, protocols: Any, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:
     with connect(session.url.replace("http", "ws"), subprotocols=protocols, close_timeout=1) as plug:
@@ -131,7 +131,7 @@ def test_a_page_of_another_version_ends_without_a_word_in_the_terminal(
     assert not [record for record in caplog.records if record.exc_info]
 
 
-def test_a_camera_that_fails_is_that_browsers_affair(session: Session, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_camera_that_fails_affects_only_its_own_browser(session: Session, caplog: pytest.LogCaptureFixture) -> None:
     with RawBrowser(session) as bad, RawBrowser(session):
         wait_until(lambda: len(session.server.get_clients()) == 2, "both are clients", 20)
         bad.update(widget(session, "Follow"), {"value": True})
@@ -143,7 +143,7 @@ def test_a_camera_that_fails_is_that_browsers_affair(session: Session, caplog: p
     assert not [record for record in caplog.records if record.getMessage().startswith("Drawing failed")]
 
 
-def test_parts_of_a_file_never_exceed_what_was_announced(session: Session) -> None:
+def test_parts_of_a_file_beyond_what_was_announced_are_refused(session: Session) -> None:
     with RawBrowser(session) as browser:
         browser.send(start(session, "many", part_count=20, size_bytes=100))
         browser.send(start(session, "t", part_count=2, size_bytes=150_000))
@@ -177,7 +177,7 @@ def test_a_huge_upload_is_refused_before_it_is_kept(session: Session) -> None:
         assert not session.server.gui._current_file_upload_states
 
 
-def test_marks_of_forms_are_not_kept_for_those_who_come_later(session: Session) -> None:
+def test_form_messages_are_not_kept_for_later_browsers(session: Session) -> None:
     buffer = session.server._websock_server._broadcast_buffer
     with RawBrowser(session) as browser:
         for number in range(60):
@@ -187,7 +187,7 @@ def test_marks_of_forms_are_not_kept_for_those_who_come_later(session: Session) 
     assert kept == []
 
 
-def test_of_a_file_only_the_browser_hears_that_sends_it(session: Session) -> None:
+def test_only_the_browser_that_sends_a_file_hears_of_it(session: Session) -> None:
     to_all = session.server._websock_server._broadcast_buffer.message_from_id
     with RawBrowser(session) as browser:
         for number in range(8):  # The button takes one file after the other.
@@ -228,7 +228,7 @@ UNHASHABLE: dict[str, Callable[[Session], dict[str, Any]]] = {
 
 
 @pytest.mark.parametrize("kind", UNHASHABLE)
-def test_what_no_page_sends_is_counted_and_logged_once(
+def test_messages_that_no_page_sends_are_counted_and_logged_once(
     session: Session, kind: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.WARNING)
@@ -243,7 +243,7 @@ def test_what_no_page_sends_is_counted_and_logged_once(
     assert not [record for record in caplog.records if record.exc_info]
 
 
-def test_touching_needs_something_that_is_there(session: Session) -> None:
+def test_only_a_valid_drag_of_something_in_the_scene_pulls(session: Session) -> None:
     drag = {
         "type": "SceneNodeDragMessage",
         "phase": "start",
@@ -266,7 +266,7 @@ def test_touching_needs_something_that_is_there(session: Session) -> None:
         wait_until(lambda: session.lab_state.pulled is not None, "a proper one pulls", 20)
 
 
-def test_a_connection_that_has_just_ended_is_not_bounded_and_fails_nobody() -> None:
+def test_limiting_the_buffer_of_a_connection_that_has_ended_raises_nothing() -> None:
     async def end() -> None:
         transport, _ = await asyncio.get_running_loop().connect_accepted_socket(asyncio.Protocol, here)
         transport.abort()
@@ -274,11 +274,11 @@ def test_a_connection_that_has_just_ended_is_not_bounded_and_fails_nobody() -> N
         bound_transport(transport)
 
     here, there = socket.socketpair()
-    with there, here, ThreadPoolExecutor(1) as apart:  # A browser of other tests has this thread's event loop.
+    with there, here, ThreadPoolExecutor(1) as apart:  # A browser of other tests may hold this thread's loop.
         apart.submit(asyncio.run, end()).result()
 
 
-def test_a_storm_from_one_browser_waits_and_the_watcher_goes_on(session: Session) -> None:
+def test_a_flood_of_presses_is_slowed_down_and_other_browsers_are_served(session: Session) -> None:
     with RawBrowser(session) as browser, RawBrowser(session) as watcher:
         wait_until(lambda: len(session.server.get_clients()) == 2, "both are clients", 20)
         reset = widget(session, "Reset")
@@ -303,7 +303,7 @@ def test_a_storm_from_one_browser_waits_and_the_watcher_goes_on(session: Session
     ],
     ids=str,
 )
-def test_a_lab_without_a_server_in_front_hears_its_own_page_only(session: Session, headers: dict[str, str]) -> None:
+def test_a_lab_on_its_own_refuses_foreign_hosts_and_origins(session: Session, headers: dict[str, str]) -> None:
     connection = http.client.HTTPConnection("127.0.0.1", session.port, timeout=30)
     connection.request("GET", "/", headers=headers)
     assert connection.getresponse().status == 403
@@ -311,7 +311,7 @@ def test_a_lab_without_a_server_in_front_hears_its_own_page_only(session: Sessio
 
 
 def test_a_run_that_could_not_start_is_drawn(caplog: pytest.LogCaptureFixture) -> None:
-    """It has no sample, as a run has none in the instant in which it begins: a storm of presets met that."""
+    """It has no samples, like any run in the instant in which it begins; many presets in a row hit that instant."""
     far = load_preset("paper").replace({"trajectory.center": (0.0, 9.0, 0.0)})
     with Session(far, "far", shadows=False) as session, RawBrowser(session) as browser:
         assert session.runner.snapshot.status.failed

@@ -22,7 +22,7 @@ SINGLE = 2.0**-23
 """Relative precision of the numbers in plots."""
 
 
-def test_the_beam_moves_as_the_simulation_has_it(page: LabPage) -> None:
+def test_the_drawn_beam_follows_the_simulation(page: LabPage) -> None:
     first = page.beam_vertex()
     wait_until(lambda: math.dist(first, page.beam_vertex()) > 0.05, "the beam has moved 5 cm")
     page.hold()
@@ -50,7 +50,7 @@ def test_changing_the_stiffness_changes_f1_and_keeps_the_motion_continuous(page:
     page.wait_for_text("25 N·m²")
 
 
-def test_the_slider_moves_on_a_logarithmic_scale(page: LabPage) -> None:
+def test_the_slider_of_the_stiffness_reaches_both_ends_of_its_range(page: LabPage) -> None:
     slider = page.page.get_by_role("slider", name="Bending stiffness EI", exact=True)
     slider.focus()
     slider.press("End")
@@ -60,7 +60,7 @@ def test_the_slider_moves_on_a_logarithmic_scale(page: LabPage) -> None:
     wait_until(lambda: page.snapshot.scenario.payload.bending_stiffness == 1.0, "EI is at its slider's start")
 
 
-def test_a_gain_slider_sets_all_three_and_adaptation_sets_one(page: LabPage) -> None:
+def test_a_box_sets_all_three_numbers_of_a_field_or_only_its_own(page: LabPage) -> None:
     for label, typed, field, wanted in (
         ("Feedback gain K (N·s/m, N·m·s/rad)", "300", "controller.feedback_gain", 300.0),
         ("Adaptation k1 (m³/N)", "25", "controller.adaptation", (10.0, 25.0, 10.0)),
@@ -73,9 +73,9 @@ def test_a_gain_slider_sets_all_three_and_adaptation_sets_one(page: LabPage) -> 
         )
 
 
-def test_another_preset_starts_a_new_run_and_every_control_shows_it(page: LabPage) -> None:
+def test_another_preset_starts_a_new_run_and_the_page_shows_it(page: LabPage) -> None:
     run = page.snapshot.run_number
-    page.press("Pause")  # In a run that goes on, a wild deflection lowers the factor.
+    page.press("Pause")  # In a run that goes on, a large deflection lowers the exaggeration.
     wait_until(lambda: not page.snapshot.playing, "the run stands")
     page.choose("Preset", "soft-beam")
     wait_until(lambda: page.snapshot.run_number > run, "a new run")
@@ -113,7 +113,7 @@ def test_pause_step_and_reset(page: LabPage) -> None:
     assert page.snapshot.scenario.payload.bending_stiffness == 50.0
 
 
-def test_slow_motion(page: LabPage) -> None:
+def test_slow_motion_does_not_restart_the_run(page: LabPage) -> None:
     run = page.snapshot.run_number
     page.choose("Speed", "1/64 ×")
     wait_until(lambda: page.snapshot.target_speed == 1 / 64, "the speed is taken up")
@@ -122,7 +122,7 @@ def test_slow_motion(page: LabPage) -> None:
 
 
 @pytest.mark.usefixtures("soon_put_right")
-def test_a_bad_number_is_answered_in_a_sentence_and_goes_no_further(page: LabPage) -> None:
+def test_a_bad_number_is_answered_in_a_sentence_and_changes_nothing(page: LabPage) -> None:
     for typed, true, good in (("-1", "100", "64"), ("1000000000000000", "64", "36")):
         page.enter(EI, typed)
         page.wait_for_text(f"It stays at {true} N·m².")
@@ -172,8 +172,8 @@ def test_a_typed_number_may_be_much_longer_than_the_present_one(page: LabPage) -
 
 
 @pytest.mark.parametrize("acts", [False, True])
-def test_a_value_that_comes_late_does_not_stand_between_typed_digits(page: LabPage, acts: bool) -> None:
-    """Neither before what is typed `acts` nor after it."""
+def test_a_late_value_from_the_lab_does_not_disturb_typing(page: LabPage, acts: bool) -> None:
+    """Neither before the typed digits take effect nor, if `acts`, after that."""
     page.enter(EI, "100")
     wait_until(lambda: page.snapshot.scenario.payload.bending_stiffness == 100.0, "EI is 100")
     box = page.box(EI)
@@ -195,18 +195,18 @@ def test_a_value_that_comes_late_does_not_stand_between_typed_digits(page: LabPa
     page.page.evaluate("window.setTimeout = usualTimeout")
     box.blur()
     page.session.lab_state.change({"payload.bending_stiffness": 64.0})
-    expect(box).to_have_value("64", timeout=PATIENCE)  # Once nobody types any more.
+    expect(box).to_have_value("64", timeout=PATIENCE)  # Once typing has ended.
 
 
 def show_true_value_of(page: LabPage, value: float) -> None:
-    """Have the lab tell the page a value of EI, and wait until the page has it."""
+    """Have the lab send the page a value of EI, and give it a second to arrive."""
     handle = widget(page.session, EI)
     message = GuiUpdateMessage(handle._impl.uuid, {"value": value})
     handle._impl.gui_api._websock_interface.queue_message(message)
     page.page.wait_for_timeout(1000)
 
 
-def test_a_typed_number_acts_when_the_typing_rests(page: LabPage) -> None:
+def test_a_typed_number_takes_effect_when_typing_pauses_or_ends(page: LabPage) -> None:
     page.enter(EI, "100")
     wait_until(lambda: page.snapshot.scenario.payload.bending_stiffness == 100.0, "EI is 100")
     taken: list[float] = []
@@ -240,7 +240,7 @@ def test_an_unreachable_path_is_explained(page: LabPage) -> None:
     wait_until(lambda: page.snapshot.name == "smooth-start" and page.snapshot.playing, "another preset runs")
 
 
-def test_plots_follow_with_a_fixed_axis_and_their_units(page: LabPage) -> None:
+def test_plots_follow_the_run_with_units_and_a_time_axis_of_fixed_length(page: LabPage) -> None:
     page.open_tab("Motion")  # Another file's tests may have left the window at other plots.
     run = page.snapshot.run_number
     page.press("Reset")
@@ -267,12 +267,12 @@ def test_plots_follow_with_a_fixed_axis_and_their_units(page: LabPage) -> None:
     assert [chart["made"] for chart in page.page.evaluate(ask)] == [chart["made"] for chart in charts]
 
 
-def test_a_plot_keeps_its_axis_where_it_is_empty(page: LabPage) -> None:
+def test_a_plot_zoomed_to_an_empty_part_keeps_its_vertical_axis(page: LabPage) -> None:
     page.open_tab("Motion")
     page.key("r")
     wait_until(lambda: 0.2 < float(page.snapshot.latest.time[0]) < 3.5, "the plots are half full")
     page.hold()
-    page.catch_up()  # What still comes of the run would move the axes back.
+    page.catch_up()  # New samples would move the axes back.
     zoom = (
         f"async () => {{ const plots = {SHOWN}.map((u) => u.chart);"
         + """
@@ -286,7 +286,7 @@ def test_a_plot_keeps_its_axis_where_it_is_empty(page: LabPage) -> None:
 
 
 def test_the_numbers_at_the_axes_are_exact(page: LabPage) -> None:
-    """The chart writes three decimals: ticks 0.0025 apart would read 0.003, 0.005, 0.008."""
+    """With the three decimals of the chart itself, ticks 0.0025 apart would read 0.003, 0.005, 0.008."""
     page.hold()
     page.catch_up()
     ask = """async () => { const plots = Object.values(window.__viserTestpoints.uplots).map((u) => u.chart), found = [];
@@ -301,8 +301,8 @@ def test_the_numbers_at_the_axes_are_exact(page: LabPage) -> None:
         assert [float(text.replace("\u2212", "-")) for text in written] == pytest.approx(places, abs=1e-9)
 
 
-def test_a_law_that_takes_over_says_what_its_stability_needs(page: LabPage) -> None:
-    """Conditions with their numbers below the gains follow law and sliders; time and motion go on."""
+def test_a_law_that_takes_over_states_its_stability_conditions(page: LabPage) -> None:
+    """The conditions below the gains, with numbers, follow the law and its gains; the run goes on."""
     page.wait_for_text("‖Ψ‖ ≤ K ε")
     wait_until(lambda: float(page.snapshot.display.time[0]) > 0.2, "the paper's law has worked for a while")
     before = page.snapshot

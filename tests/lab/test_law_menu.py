@@ -1,4 +1,4 @@
-"""Laws of control instants can be chosen where control is continuous: the lab sets a period, says so, and takes it back."""
+"""A law that needs sampled control can be chosen under continuous control: the lab sets a period, says so, and can undo it."""
 
 from lab_page import wait_until
 from raw_browser import RawBrowser, widget

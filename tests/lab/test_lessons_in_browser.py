@@ -1,6 +1,6 @@
 """Lessons done in a real browser as they are written: each check turns green, each number of the text is seen on the page.
 
-Two of them by default; `pytest tests/lab/test_lessons_in_browser.py --all-lessons` does all.
+Two lessons by default; `pytest tests/lab/test_lessons_in_browser.py --all-lessons` does all.
 """
 
 import pytest
@@ -10,9 +10,9 @@ from lesson_steps import do_lesson
 from flexlab.guide import lessons
 
 USUAL = (1, 7)
-"""Numbers of the lessons that the tests always do: one that watches runs, and one with folders, menus and switches."""
+"""Lessons that are always tested, by number: one that watches runs, and one with folders, menus and switches."""
 VARYING = (3, 8)
-"""Those with numbers that no page states just so: chatter grows for as long as one waits, a delay follows from what was set."""
+"""Lessons with numbers that the page may not show exactly: chatter grows while one waits, a delay follows from a setting."""
 LESSONS = list(enumerate(lessons(), 1))
 
 

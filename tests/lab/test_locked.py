@@ -30,10 +30,10 @@ def another_value(handle: Any) -> Any:
     return "other" if isinstance(present, str) else present
 
 
-def test_nothing_that_a_student_does_moves_a_locked_lab(
+def test_nothing_that_a_student_does_changes_a_locked_lab(
     session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(tmp_path)  # A student may save the scenario.
+    monkeypatch.chdir(tmp_path)  # A student may save the scenario, here.
     lab_state = session.lab_state
     with RawBrowser(session) as browser:
         report(browser, session, 1)

@@ -1,4 +1,4 @@
-"""Looking back at the last minute of a running lab, and going on from there."""
+"""Looking back at the last minute of a running lab, and continuing from there."""
 
 from dataclasses import fields
 
@@ -16,7 +16,7 @@ from flexlab.sim.samples import Samples
 
 @pytest.fixture
 def look_back(session: Session) -> LookBack:
-    """Of a lab that has run for half a second."""
+    """The look back of a lab that has run for half a second."""
     wait_until(lambda: session.runner.snapshot.latest.time[0] > 0.5, "the run goes on")
     return LookBack(session.lab_state, lambda: "2026-01-01T00-00-00-paper")
 
@@ -26,7 +26,7 @@ def answered(session: Session) -> None:
     wait_until(lambda: runner.snapshot.answered >= session.lab_state._asked, "the engine has answered")
 
 
-def test_the_run_holds_while_one_looks_back_and_goes_on_afterwards(session: Session, look_back: LookBack) -> None:
+def test_the_run_pauses_while_somebody_looks_back_and_goes_on_afterwards(session: Session, look_back: LookBack) -> None:
     look_back.look(0.2)
     answered(session)
     now = session.runner.snapshot
@@ -44,7 +44,7 @@ def test_the_run_holds_while_one_looks_back_and_goes_on_afterwards(session: Sess
     assert look_back.seen(session.runner.snapshot).latest is session.runner.snapshot.latest
 
 
-def test_who_paused_the_run_finds_it_paused(session: Session, look_back: LookBack) -> None:
+def test_a_run_that_was_paused_before_stays_paused_after_looking_back(session: Session, look_back: LookBack) -> None:
     session.lab_state.submit(Pause())
     answered(session)
     look_back.look(0.1)
@@ -54,7 +54,7 @@ def test_who_paused_the_run_finds_it_paused(session: Session, look_back: LookBac
 
 
 @pytest.mark.parametrize("command", [Play(), Reset(), SetSpeed(0.5), Tap(0.25, (0.0, 0.1))])
-def test_whatever_else_is_asked_for_shows_the_present(session: Session, look_back: LookBack, command) -> None:
+def test_any_other_command_ends_looking_back(session: Session, look_back: LookBack, command) -> None:
     look_back.look(0.2)
     answered(session)
     assert look_back.ago == 0.2
@@ -63,9 +63,7 @@ def test_whatever_else_is_asked_for_shows_the_present(session: Session, look_bac
     assert look_back.ago == 0.0
 
 
-def test_a_run_goes_on_from_the_instant_that_is_shown_with_exactly_its_state(
-    session: Session, look_back: LookBack
-) -> None:
+def test_a_run_continues_from_the_shown_instant_with_exactly_its_state(session: Session, look_back: LookBack) -> None:
     session.lab_state.submit(Tap(0.25, (0.0, 0.5)))
     answered(session)
     session.lab_state.change({"payload.bending_stiffness": 50.0})
@@ -93,7 +91,7 @@ def test_a_run_goes_on_from_the_instant_that_is_shown_with_exactly_its_state(
         assert np.array_equal(getattr(run, signal.name)[0], getattr(shown.latest, signal.name)[0]), signal.name
 
 
-def test_a_locked_lab_can_be_looked_back_at_but_not_gone_on_from(session: Session, look_back: LookBack) -> None:
+def test_a_paused_lab_that_is_locked_can_be_looked_back_at(session: Session, look_back: LookBack) -> None:
     session.lab_state.submit(Pause())
     answered(session)
     session.lab_state.rules = ClassRules(locked=True)

@@ -6,7 +6,7 @@ from playwright.sync_api import Locator
 TIMES = """() => Object.values(window.__viserTestpoints.uplots).map(({ chart }) => chart)
   .filter((chart) => chart.root.offsetParent !== null)
   .map((chart) => Number(chart.root.querySelector('.u-legend .u-value').textContent))"""
-"""What the legends of the charts on the screen say of t, s."""
+"""The times t in the legends of the charts on the screen, s."""
 
 
 def bar(page: LabPage) -> Locator:
@@ -19,7 +19,7 @@ def shown_time(page: LabPage) -> float:
     return float(page.page.locator(".fl-grid > :first-child > :last-child").inner_text().removesuffix(" s"))
 
 
-def test_scene_and_plots_show_an_instant_of_the_past_and_the_run_goes_on_from_there(page: LabPage) -> None:
+def test_scene_and_plots_show_a_past_instant_and_a_run_continues_from_there(page: LabPage) -> None:
     wait_until(lambda: page.snapshot.latest.time[0] > 2.0, "there is something to look back at")
     assert bar(page).get_attribute("aria-valuetext") == "now"
     box = bar(page).bounding_box()
@@ -55,7 +55,7 @@ def test_back_to_now_shows_the_present_and_the_run_goes_on(page: LabPage) -> Non
     bar(page).focus()
     page.page.keyboard.press("Home")
     wait_until(lambda: not page.snapshot.playing, "the run holds")
-    page.catch_up()  # The bar's end is the run's beginning as soon as the run stands.
+    page.catch_up()  # The bar reaches the start of the run once the run has stopped.
     page.page.keyboard.press("Home")
     wait_until(lambda: shown_time(page) == 0.0, "its beginning")
     page.press("Back to now")
@@ -64,7 +64,7 @@ def test_back_to_now_shows_the_present_and_the_run_goes_on(page: LabPage) -> Non
     assert not page.page.get_by_role("button", name="Continue from here").is_visible()
 
 
-def test_by_the_tab_key_the_bar_follows_the_picture_and_the_panel_the_bar(page: LabPage) -> None:
+def test_the_tab_key_leads_from_the_bar_to_the_panel(page: LabPage) -> None:
     wait_until(lambda: page.snapshot.latest.time[0] > 0.2, "there is something to look back at")
     bar(page).focus()
     page.page.keyboard.press("Tab")

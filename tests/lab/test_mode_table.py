@@ -1,4 +1,4 @@
-"""The mode table says which loop its poles are of, marks what grows, and shows the margins."""
+"""The mode table says which loop its poles belong to, marks unstable poles, and shows the margins."""
 
 import re
 import threading
@@ -38,13 +38,13 @@ def test_a_stable_loop_shows_its_margins():
     assert re.search(r"all alike</td><td>× 0.\d+ – \d\.\d, ±\d+°", text)
 
 
-def test_a_loop_without_rest_point_says_so_and_keeps_the_beams_modes():
+def test_without_a_rest_point_the_table_says_so_and_keeps_the_beams_modes():
     text = modes_html(modes(load_preset("gravity").replace({"controller.kind": "none"})))
     assert "no rest point" in text
     assert "Beam with its grips held" in text
 
 
-def test_modes_of_a_beam_that_feels_the_force_along_it_say_that_they_leave_it_out():
+def test_the_modes_of_a_beam_under_axial_force_say_that_they_leave_it_out():
     text = modes_html(modes(load_preset("squeeze-until-it-buckles")), pressed=True)
     beam, poles = text.split("Poles of")
     assert "Beam with its grips held, no axial force" in beam
@@ -53,7 +53,7 @@ def test_modes_of_a_beam_that_feels_the_force_along_it_say_that_they_leave_it_ou
 
 
 @pytest.mark.parametrize("change", [{"controller.control_period": 2e-3}, {"gravity": 5.0}])
-def test_the_study_follows_the_scenario(change: dict):
+def test_the_modes_are_computed_anew_when_the_scenario_changes(change: dict):
     now = 0.0
     study, scenario = ModeStudy(lambda: now), load_preset("paper")
     study.ask(scenario)
@@ -68,13 +68,13 @@ def test_the_study_follows_the_scenario(change: dict):
     assert study.result.disk_margin is not None
 
 
-def test_while_a_slider_is_dragged_the_study_leaves_the_processor_to_the_picture():
-    """A computation of 0.1 s among values every 0.05 s: one a second; when the slider rests, its last value, soon."""
+def test_while_a_slider_is_dragged_modes_are_computed_once_a_second():
+    """Values come every 0.05 s and a computation takes 0.1 s; the last value is computed soon after the slider rests."""
     now, computed = 0.0, []
 
     def clock() -> float:
         nonlocal now
-        if threading.current_thread().name == "flexlab-modes":  # Asked at its beginning and its end.
+        if threading.current_thread().name == "flexlab-modes":  # A computation reads it at start and end.
             now += 0.1 * (len(computed) % 2)
             computed.append(now)
         return now

@@ -1,4 +1,4 @@
-"""The drawn solids: closed, turned outwards, where they belong, and the files in web_assets up to date."""
+"""The drawn solids are closed, face outwards and lie where they belong; their files in web_assets are up to date."""
 
 import runpy
 from pathlib import Path
@@ -22,7 +22,7 @@ def volume(vertices: np.ndarray, faces: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("name", list(MODELS))
-def test_files_are_what_the_script_makes(name: str, tmp_path: Path) -> None:
+def test_the_files_of_the_models_are_what_the_script_makes(name: str, tmp_path: Path) -> None:
     made["write_models"](tmp_path)
     assert load_model(name) == (tmp_path / f"{name}.glb").read_bytes()
 
@@ -39,7 +39,7 @@ def test_faces_and_normals_point_the_same_way(solid: Any) -> None:
     np.testing.assert_allclose(np.linalg.norm(solid.normals, axis=1), 1, atol=1e-9)
 
 
-def test_the_ring_shows_its_outside_and_its_top() -> None:
+def test_the_accent_ring_faces_outwards_and_upwards() -> None:
     vertices, faces = accent_ring()
     a, b, c = (vertices[faces[:, corner]] for corner in range(3))
     middle, flat = (a + b + c) / 3, np.cross(b - a, c - a)
@@ -49,7 +49,7 @@ def test_the_ring_shows_its_outside_and_its_top() -> None:
     assert outward.min() > 0
 
 
-def test_volumes() -> None:
+def test_bars_and_drums_have_the_volume_of_their_shape() -> None:
     assert volume(*grab_bar()) == pytest.approx(GRAB_WIDTH * GRAB_HEIGHT)
     box = bar(0.0, 2.0, 0.1, 0.05, 1e-6)
     assert volume(box.vertices, box.faces) == pytest.approx(2 * 0.1 * 0.05, rel=1e-3)

@@ -1,4 +1,4 @@
-"""A page whose line to the lab is held up says how old its picture is, in a real browser."""
+"""A page whose connection to the lab is held up says how old its picture is, in a real browser."""
 
 import socket
 import threading
@@ -12,12 +12,12 @@ from playwright.sync_api import Browser
 from flexlab.lab.session import Session
 
 PIECE = 65536
-"""Bytes."""
+"""Most bytes that are passed on at once."""
 
 
 @contextmanager
 def line_to(port: int) -> Iterator[tuple[int, threading.Event]]:
-    """Another port that leads to one of this machine; nothing comes from there while the event is not set."""
+    """Open another port that leads to `port` of this machine; nothing comes from there while the event is not set."""
     flows = threading.Event()
     flows.set()
     door = socket.create_server(("127.0.0.1", 0))
@@ -51,7 +51,7 @@ def line_to(port: int) -> Iterator[tuple[int, threading.Event]]:
         door.close()
 
 
-def test_a_held_up_line_is_said_with_the_pictures_age_until_it_flows_again(chromium: Browser, session: Session) -> None:
+def test_a_page_shows_the_age_of_its_picture_while_its_line_is_held_up(chromium: Browser, session: Session) -> None:
     with line_to(session.port) as (port, flows), open_window(chromium, 1440, 900) as window:
         page = window.new_page()
         page.goto(f"http://127.0.0.1:{port}/?fixedDpr=0.3")

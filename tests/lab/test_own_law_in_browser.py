@@ -1,4 +1,4 @@
-"""A law in one file outside the package, as a person meets it: in the menu, with its sliders, plotted, recorded."""
+"""A law in one file outside the package, as a person uses it: in the menu, with sliders, plots and recording."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -26,7 +26,7 @@ def law() -> Iterator[str]:
     forget_law("leaky-integral")
 
 
-def test_it_is_chosen_from_the_menu_moved_by_its_slider_plotted_recorded_and_replayed(
+def test_a_law_from_a_file_works_in_menu_sliders_plots_recording_and_replay(
     law: str, window: LastingWindow, tmp_path: Path
 ):
     recorder = Recorder(tmp_path)
@@ -48,7 +48,7 @@ def test_it_is_chosen_from_the_menu_moved_by_its_slider_plotted_recorded_and_rep
         assert not page.snapshot.status.failed
         assert not page.errors
     recorder.close(60)
-    # Another law that is a file begins a new recording, which goes on from the last state.
+    # A change to a law from a file begins a new recording, which continues from the last state.
     recording = read_recording(max(list_runs(tmp_path), key=lambda path: path.name))
     assert np.isfinite(recording.samples["asked_work"][-100:]).all()
     assert replay(recording).identical

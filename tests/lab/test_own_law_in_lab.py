@@ -1,4 +1,4 @@
-"""A control law in Python in a running lab: chosen, saved anew, wrong, mended."""
+"""A control law in a Python file in a running lab: chosen, saved again, broken, repaired."""
 
 import os
 from pathlib import Path
@@ -18,7 +18,7 @@ from flexlab.sim.commands import Pause
 
 
 @pytest.mark.parametrize("mended", [PD, PD.replace("low=0, high=1e5", "low=0, high=3e5")])
-def test_in_a_lab_a_saved_file_acts_at_once_and_a_wrong_one_leaves_all_as_it_was(tmp_path: Path, mended: str):
+def test_a_saved_law_acts_at_once_and_one_that_cannot_be_read_changes_nothing(tmp_path: Path, mended: str):
     file = tmp_path / "mine.py"
     file.write_text(PD)
     law = add_own_law_file(file)
@@ -52,7 +52,7 @@ def test_in_a_lab_a_saved_file_acts_at_once_and_a_wrong_one_leaves_all_as_it_was
         assert not lab.runner.snapshot.playing, "who paused it plays it"
 
 
-def test_a_file_that_is_saved_anew_while_it_loads_acts_at_once(tmp_path: Path):
+def test_a_law_that_is_saved_again_while_it_loads_acts_at_once(tmp_path: Path):
     file = tmp_path / "mine.py"
     file.write_text(PD)
     law = add_own_law_file(file)
@@ -80,7 +80,7 @@ ODD_FILES = {
 
 
 @pytest.mark.parametrize("says", ODD_FILES)
-def test_a_lab_reads_no_odd_file_among_its_laws(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, says: str):
+def test_a_lab_refuses_odd_files_in_its_folder_of_laws(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, says: str):
     monkeypatch.chdir(tmp_path)
     folder = tmp_path / "presets" / "laws"
     folder.mkdir(parents=True)
@@ -91,7 +91,7 @@ def test_a_lab_reads_no_odd_file_among_its_laws(tmp_path: Path, monkeypatch: pyt
 
 
 @pytest.mark.parametrize("made_before", [False, True])
-def test_files_that_are_new_in_a_persons_folders_stand_in_the_menus(
+def test_new_files_in_a_persons_folders_appear_in_the_menus(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, made_before: bool
 ):
     monkeypatch.chdir(tmp_path)
@@ -113,7 +113,7 @@ def test_files_that_are_new_in_a_persons_folders_stand_in_the_menus(
         wait_until(lambda: lab.runner.snapshot.latest["push"][0] == 17.0, "the new text acts")
 
 
-def test_chosen_from_the_menu_it_takes_over_in_motion(tmp_path: Path):
+def test_an_own_law_takes_over_in_motion(tmp_path: Path):
     file = tmp_path / "mine.py"
     file.write_text(PD)
     law = add_own_law_file(file)
@@ -123,7 +123,7 @@ def test_chosen_from_the_menu_it_takes_over_in_motion(tmp_path: Path):
         wait_until(lambda: lab.runner.snapshot.scenario.controller.kind == law.kind, "it takes over")
         at = lab.runner.snapshot.latest.time[0]
         wait_until(lambda: lab.runner.snapshot.latest.time[0] > at + 0.5, "it drives on")
-        # It has a signal of its own: the recording begins anew, the motion goes on.
+        # The law has a signal of its own: a new recording begins, the motion goes on.
         assert lab.runner.snapshot.start_time > 0.1
         assert lab.runner.snapshot.scenario.controller.source == PD
         lab.lab_state.change(changes_for("controller.kind", "pd"))

@@ -1,4 +1,4 @@
-"""A person's own lessons: read from files, checked by expressions, and bad ones say line and reason."""
+"""A person's own lessons: read from files and checked by expressions; for bad ones, line and reason are given."""
 
 import os
 import re
@@ -37,7 +37,7 @@ def verdict(own: OwnLesson, scenario: Scenario, samples: Samples) -> Verdict:
     return read_check(own.lesson).verdict(scenario, samples)
 
 
-def test_the_documented_example_is_a_lesson(tmp_path: Path) -> None:
+def test_the_documented_example_is_a_valid_lesson(tmp_path: Path) -> None:
     own = write(tmp_path, EXAMPLE)
     assert own.problem == ""
     assert own.lesson is not None
@@ -48,8 +48,8 @@ def test_the_documented_example_is_a_lesson(tmp_path: Path) -> None:
     assert verdict(own, stiff.scenario, stiff.slice(0, len(stiff))).done
 
 
-def test_guesses_in_two_lessons_of_ones_own_are_told_apart(tmp_path: Path) -> None:
-    """Before each of them stood "Own lesson", and nothing else."""
+def test_two_own_lessons_have_different_short_names(tmp_path: Path) -> None:
+    """Guesses in each of them used to be labelled "Own lesson" and nothing else."""
     for file, title in (("a.md", "Stiffer: more EI"), ("b.md", "Softer")):
         (tmp_path / file).write_text(EXAMPLE.replace("title: Stiffer", f"title: {title}"), encoding="utf-8")
     shown = [short_name(name) for name in lesson_menu(own_lessons(tmp_path))]
@@ -57,11 +57,11 @@ def test_guesses_in_two_lessons_of_ones_own_are_told_apart(tmp_path: Path) -> No
     assert shown[-2:] == ["Stiffer: more EI", "Softer"]
 
 
-def test_a_byte_order_mark_is_no_part_of_a_lesson(tmp_path: Path) -> None:
+def test_a_byte_order_mark_before_a_lesson_is_ignored(tmp_path: Path) -> None:
     assert write(tmp_path, "\ufeff" + EXAMPLE).lesson is not None
 
 
-def test_html_in_a_lesson_is_text(tmp_path: Path) -> None:
+def test_html_in_a_lesson_is_escaped(tmp_path: Path) -> None:
     own = write(tmp_path, EXAMPLE.replace("Does the beam", "<script>alert(1)</script> Does the beam"))
     assert own.lesson is not None
     assert "<script" not in own.lesson.text
@@ -84,7 +84,7 @@ def test_html_in_a_lesson_is_text(tmp_path: Path) -> None:
         ("scenario.payload.bending_stiffness > 500 and t > 1", "largest(sound) < 1", "sound is not a signal"),
     ],
 )
-def test_a_bad_lesson_says_line_and_reason(tmp_path: Path, old: str, new: str, said: str) -> None:
+def test_for_a_bad_lesson_line_and_reason_are_given(tmp_path: Path, old: str, new: str, said: str) -> None:
     assert old in EXAMPLE
     own = write(tmp_path, EXAMPLE.replace(old, new))
     assert own.lesson is None
@@ -117,7 +117,7 @@ def test_a_missing_part_hides_no_other_mistake(tmp_path: Path, titles: list[str]
 
 
 @pytest.mark.parametrize("part", ["head", "rules"])
-def test_of_very_many_mistakes_the_first_are_said(tmp_path: Path, part: str) -> None:
+def test_of_very_many_mistakes_only_the_first_are_listed(tmp_path: Path, part: str) -> None:
     bad = EXAMPLE.replace("title: Stiffer", "\n".join(["title: Stiffer", *(f"field {n}" for n in range(9000))]))
     if part == "rules":
         bad = re.sub("check: .*\n", "", EXAMPLE) + "\n## Check\n" + "if zeit < 1: Wait.\n" * 9000
@@ -126,7 +126,7 @@ def test_of_very_many_mistakes_the_first_are_said(tmp_path: Path, part: str) -> 
     assert len(said) < 30_000
 
 
-def test_what_is_no_file_is_no_lesson(tmp_path: Path) -> None:
+def test_folders_broken_links_and_pipes_are_not_lessons(tmp_path: Path) -> None:
     (tmp_path / "folder.md").mkdir()
     (tmp_path / "gone.md").symlink_to("nowhere")
     if hasattr(os, "mkfifo"):
@@ -134,7 +134,7 @@ def test_what_is_no_file_is_no_lesson(tmp_path: Path) -> None:
     assert [own.lesson for own in own_lessons(tmp_path)] == [None] * len(list(tmp_path.iterdir()))
 
 
-def test_all_mistakes_of_a_lesson_s_rules_are_said_at_once(tmp_path: Path) -> None:
+def test_all_mistakes_in_the_rules_of_a_lesson_are_said_at_once(tmp_path: Path) -> None:
     rules = "\n## Check\nsize = largest(sound)\nif zeit < 1: Wait.\nperhaps\ndone if size > 1: It is loud.\n"
     head = re.sub("check: .*\n", "", EXAMPLE)
     said = write(tmp_path, head + rules).problem
@@ -181,12 +181,12 @@ def test_expressions_over_metrics_signals_and_fields(text: str, holds: bool) -> 
         "t > 1; t < 2",
     ],
 )
-def test_nothing_else_can_be_reached(text: str) -> None:
+def test_expressions_cannot_do_anything_else(text: str) -> None:
     with pytest.raises(ExpressionError):
         expression(text, truth=True)
 
 
-def test_a_lesson_of_one_s_own_is_checked_in_the_lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_own_lesson_is_checked_in_the_lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "lessons").mkdir()
     write(tmp_path / "lessons", EXAMPLE)
     monkeypatch.chdir(tmp_path)
@@ -208,7 +208,7 @@ def test_a_lesson_of_one_s_own_is_checked_in_the_lab(tmp_path: Path, monkeypatch
 
 @pytest.mark.parametrize("part", ["\n## Guess\n", "\n## Do\n", "\n## Observe\n", "\n---\n", "- [x] a\n", "<"])
 def test_a_long_lesson_of_repeated_parts_is_read_at_once(tmp_path: Path, part: str) -> None:
-    """A search that begins anew at each part takes 21 minutes for 101 kB."""
+    """A search that starts again at each part takes 21 minutes for 101 kB."""
     head, _, rest = EXAMPLE.partition("## Guess")
     for text in (
         head + part * (100_000 // len(part)),
@@ -227,7 +227,7 @@ def test_a_long_lesson_of_repeated_parts_is_read_at_once(tmp_path: Path, part: s
         "-scenario.trajectory.kind < 1",
     ],
 )
-def test_a_check_computes_with_numbers_alone(tmp_path: Path, text: str) -> None:
+def test_a_check_computes_only_with_numbers(tmp_path: Path, text: str) -> None:
     own = write(tmp_path, EXAMPLE.replace("scenario.payload.bending_stiffness > 500 and t > 1", text))
     if own.problem:
         assert "a text can only be compared" in own.problem
@@ -235,7 +235,7 @@ def test_a_check_computes_with_numbers_alone(tmp_path: Path, text: str) -> None:
         assert "is not a number here" in verdict(own, load_preset("paper"), SAMPLES).sentence
 
 
-def test_lessons_that_are_new_or_saved_anew_are_taken_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_new_and_changed_lesson_files_are_taken_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     with Session(load_preset("paper"), "paper", shadows=False) as session:
         guide = Guide(Widgets(session.server.gui, session.lab_state))

@@ -1,4 +1,4 @@
-"""A path in Python in a running lab: chosen, moved by an option, saved anew, wrong, mended."""
+"""A path in a Python file in a running lab: chosen, changed by an option, saved again, broken, repaired."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from flexlab.own.files import add_own_path_file
 from flexlab.presets import load_preset
 
 
-def test_in_a_lab_it_is_taken_up_moved_saved_anew_and_a_wrong_one_leaves_all_as_it_was(tmp_path: Path):
+def test_an_own_path_follows_its_options_and_its_file_and_a_broken_file_changes_nothing(tmp_path: Path):
     file = tmp_path / "mine.py"
     file.write_text(ROUND)
     path = add_own_path_file(file)
@@ -40,7 +40,7 @@ def test_in_a_lab_it_is_taken_up_moved_saved_anew_and_a_wrong_one_leaves_all_as_
         file.write_text("class RoundTrip(OwnPath:\n")
         wait_until(lambda: "line 1: is not valid Python" in state.notice.text, "the sentence about the text")
         assert runner.snapshot.scenario.trajectory == good
-        file.write_text(ROUND.replace("high=2, symbol", "high=1, symbol"))  # declares something else
+        file.write_text(ROUND.replace("high=2, symbol", "high=1, symbol"))  # changes the declaration
         wait_until(lambda: runner.snapshot.scenario.trajectory.source != good.source, "the mended text")
         assert runner.snapshot.scenario.trajectory.radius == 0.13
         state.undo()

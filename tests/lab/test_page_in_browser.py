@@ -1,4 +1,4 @@
-"""What the lab's own part of the page does: runs wait for it, its charts keep together."""
+"""What the lab's own part of the page does: runs wait for it, and its charts share one time axis."""
 
 import contextlib
 import time
@@ -32,7 +32,7 @@ ASKED_IN_A_WHILE = """() => new Promise((done) => {
   const add = () => { count += 1; };
   addEventListener('flexlab-structure', add);
   setTimeout(() => { removeEventListener('flexlab-structure', add); done(count); }, 2500); })"""
-"""How often a page's structure is asked for in a time of two rounds."""
+"""How often the structure of a page is evaluated in 2.5 s, enough for two rounds."""
 
 
 def test_a_run_waits_for_its_picture_and_then_begins_by_itself(chromium: Browser) -> None:
@@ -62,7 +62,7 @@ def test_charts_of_a_tab_keep_one_time_axis_and_grow_finer_where_they_are_zoomed
         return [last - first for first, last in page.page.evaluate(RANGES)]
 
     def zoomed() -> bool:
-        """A page that is still being laid out has its chart elsewhere a moment later: then the drag meets another place."""
+        """Zoom by a drag; false if it missed, as on a page still being laid out, whose chart moves meanwhile."""
         box = chart.bounding_box()
         assert box is not None
         page.page.mouse.move(box["x"] + 0.2 * box["width"], box["y"] + 50)
@@ -72,7 +72,7 @@ def test_charts_of_a_tab_keep_one_time_axis_and_grow_finer_where_they_are_zoomed
         with contextlib.suppress(AssertionError):
             wait_until(lambda: all(0.3 < span < 0.8 for span in spans()), "all charts are zoomed", 5.0)
             return True
-        chart.dblclick()  # Whole again, whatever was drawn.
+        chart.dblclick()  # Show all of it again, whatever the drag did.
         return False
 
     wait_until(zoomed, "a drag over a part of a chart shows that part in all of them")
@@ -99,8 +99,8 @@ def test_escape_closes_the_list_of_keys(page: LabPage) -> None:
     wait_until(lambda: "Ctrl+K opens the palette" not in page.text(), "the list is closed")
 
 
-def test_the_marks_of_structure_lay_the_page_out_as_the_sheet_itself_would(page: LabPage) -> None:
-    """Of rules that compete, the same one wins; and the marks follow what comes and goes."""
+def test_marked_parts_are_laid_out_as_by_the_style_sheet_itself(page: LabPage) -> None:
+    """Among competing rules the same one wins, and the marks follow the parts that come and go."""
     page.choose("Preset", "single-arm")
     wait_until(lambda: page.snapshot.name == "single-arm", "another preset")
     page.open_tab("Touch")
@@ -125,8 +125,8 @@ def test_the_marks_of_structure_lay_the_page_out_as_the_sheet_itself_would(page:
     assert not page.errors
 
 
-def test_a_page_whose_structure_rests_is_not_asked_for_it(page: LabPage) -> None:
-    """A mark that is taken from a part without it changed nothing, but was told as a change: each round led to the next one."""
+def test_the_structure_of_a_page_at_rest_is_not_evaluated_again(page: LabPage) -> None:
+    """Removing a mark that a part did not have counted as a change, though it changed nothing: each round caused the next."""
     page.hold()
     page.catch_up()
     wait_until(lambda: page.page.evaluate(ASKED_IN_A_WHILE) == 0, "nobody asks", 30)

@@ -1,4 +1,4 @@
-"""Pages tell what they show, and labs act on it: runs begin when they are drawn, and hold when nobody looks."""
+"""Pages report what they show, and labs act on it: runs begin when they are drawn, and pause when nobody looks."""
 
 import re
 
@@ -13,7 +13,7 @@ from flexlab.sim.commands import Reset
 
 
 def way(session: Session) -> object:
-    """The hidden widget by which the only browser reports."""
+    """The hidden widget by which the only browser sends its reports."""
     (client,) = session.server.get_clients().values()
     return next(handle for handle in client.gui._gui_input_handle_from_uuid.values())
 
@@ -45,7 +45,7 @@ def test_a_run_begins_when_a_page_has_drawn_it() -> None:
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[]", '{"run": -1, "charts": {}, "dark": false}', "9" * 9000, "{" * 9000])
-def test_a_senseless_report_is_no_report(session: Session, text: str) -> None:
+def test_a_malformed_report_is_ignored(session: Session, text: str) -> None:
     with RawBrowser(session) as browser:
         report(browser, session, 1, some=(0.0, 0.5))
         reports: PageReports = session._reports
@@ -68,7 +68,7 @@ def test_charts_that_nobody_sees_are_not_sent(session: Session) -> None:
         assert [len(chart._handle.data[0]) for chart in others] == before
 
 
-def test_a_lab_without_anybody_holds_and_goes_on_for_the_next_one(session: Session) -> None:
+def test_a_lab_that_nobody_watches_pauses_until_somebody_comes(session: Session) -> None:
     clock = [0.0]
     reports: PageReports = session._reports
     attendance = Attendance(session.lab_state, reports, longest=60.0, clock=lambda: clock[0])
@@ -86,7 +86,7 @@ def test_a_lab_without_anybody_holds_and_goes_on_for_the_next_one(session: Sessi
         assert re.search(r"paused at t = \S+ s while nobody watched", session.lab_state.notice.text)
 
 
-def test_what_a_person_paused_stays_paused(session: Session) -> None:
+def test_a_run_that_a_person_paused_stays_paused(session: Session) -> None:
     from flexlab.sim.commands import Pause
 
     clock = [0.0]
@@ -104,7 +104,7 @@ def test_what_a_person_paused_stays_paused(session: Session) -> None:
             wait_until(lambda: session.runner.snapshot.playing, "the lab goes on", 0.5)
 
 
-def test_a_preset_chosen_again_and_again_begins_few_runs(session: Session) -> None:
+def test_choosing_a_preset_very_often_begins_few_runs(session: Session) -> None:
     with RawBrowser(session) as browser:
         report(browser, session, 1)
         begun = session.runner.snapshot.run_number

@@ -1,4 +1,4 @@
-"""What is drawn says what is true: strain, reach, arrows, the spectrum and the Lyapunov function."""
+"""What is drawn is true: strain, reach, held points, the spectrum, the Lyapunov function and kept runs."""
 
 import numpy as np
 import pytest
@@ -44,7 +44,7 @@ def test_curvature_is_the_second_derivative_of_the_deflection(boundary: str) -> 
     np.testing.assert_allclose(curvature, numeric, rtol=1e-3, atol=1e-3 * np.abs(numeric).max())
 
 
-def test_strain_colours_are_grey_at_zero_and_part_to_both_sides() -> None:
+def test_strain_colours_are_grey_at_zero_blue_below_and_red_above() -> None:
     low, middle, high, over = strain_colors(np.array([-1.0, 0.0, 1.0, 7.0])).astype(int)
     assert len(set(middle)) == 1
     assert low[2] > low[0]
@@ -85,7 +85,7 @@ def test_the_held_point_is_on_the_link(paper: Samples) -> None:
                 np.testing.assert_allclose(held, ends[0] + share * (ends[1] - ends[0]), atol=1e-12)
 
 
-def test_a_sine_shows_its_own_amplitude_at_its_own_frequency() -> None:
+def test_the_spectrum_of_a_sine_has_its_amplitude_at_its_frequency() -> None:
     time = np.arange(4000) * 1e-3
     frequency, amplitude = amplitude_spectrum(0.3 * np.sin(2 * np.pi * 44.0 * time), 1e-3)
     assert frequency[np.argmax(amplitude)] == pytest.approx(44.0, abs=0.25)
@@ -119,14 +119,14 @@ def test_the_tracking_energy_counts_the_mass_that_the_payload_has() -> None:
     np.testing.assert_allclose(tracking_energy(plain.replace(begin), run), heavy, rtol=1e-9)
 
 
-def test_the_plots_of_no_samples_have_no_values(paper: Samples) -> None:
-    """As of a run that has not begun, or that stopped before its mesh was changed."""
+def test_plots_without_samples_have_no_values(paper: Samples) -> None:
+    """As for a run that has not begun, or that stopped before its mesh was changed."""
     scenario, nothing = load_preset("paper"), paper.slice(0, 0)
     for plot in (plot for plots in tabs(scenario).values() for plot in plots):
         assert plot.values(scenario, nothing).shape == (len(plot.labels), 0), plot.title
 
 
-def test_a_curve_has_one_colour_in_lab_and_recordings_and_a_line_of_its_own() -> None:
+def test_a_curve_has_one_colour_in_lab_and_recordings_and_its_own_dashes() -> None:
     scenario = load_preset("paper")
     colors = {
         (view.title, f"{curve} ({unit})"): color
@@ -141,15 +141,15 @@ def test_a_curve_has_one_colour_in_lab_and_recordings_and_a_line_of_its_own() ->
         assert len(set(plot.tones)) == len(plot.labels) <= len(DASHES), "each has its own colour and dashes"
 
 
-def test_a_slider_of_ratios_that_begins_at_zero_is_even() -> None:
-    """A person's own law may declare one; where it did, nothing was drawn any more."""
+def test_a_logarithmic_slider_that_would_begin_at_zero_is_linear() -> None:
+    """A person's own law may declare one; when it did, nothing was drawn any more."""
     scale = Scale(Quantity("Weight", unit="1", low=0, high=1e9, logarithmic=True))
     assert [scale.low, scale.high, scale.place(1000.0), scale.value(5e8)] == [0, 1e9, 1000.0, 5e8]
     ratios = Scale(Quantity("Weight", unit="1", low=0, high=1e9, slider=(1.0, 1e6), logarithmic=True))
     assert [ratios.low, ratios.high, ratios.value(3.0)] == [0, 6, 1000.0]
 
 
-def test_a_kept_run_is_found_by_its_time_and_compared_where_both_runs_are(paper: Samples) -> None:
+def test_a_kept_run_is_read_by_time_and_compared_over_the_common_time(paper: Samples) -> None:
     scenario = load_preset("paper")
     kept = ReferenceRun("paper", scenario, paper.slice(100, 401))
     assert kept.span == pytest.approx((0.1, 0.4))
@@ -166,8 +166,8 @@ def test_a_kept_run_is_found_by_its_time_and_compared_where_both_runs_are(paper:
     assert common_metrics(kept, paper.slice(0, 0))[0] == []
 
 
-def test_the_whole_run_is_kept_with_what_the_engine_remembers_no_longer(paper: Samples) -> None:
-    """Kept at 0.4 s of a run of which the engine remembers the last 0.1 s; its recording lags a little."""
+def test_a_kept_run_includes_what_the_engine_no_longer_remembers(paper: Samples) -> None:
+    """The run is kept at 0.4 s; the engine remembers its last 0.1 s, and its recording lags a little."""
     newest = ReferenceRun("paper", load_preset("paper"), paper.slice(300, 401))
 
     def recorded(end: float, first: int = 0, last: int = 390) -> Samples:
@@ -193,7 +193,7 @@ def test_differences_name_every_changed_field() -> None:
 
 
 def test_a_busy_engine_leaves_no_gap_in_the_plots() -> None:
-    """The engine has gone on for half a second since the snapshot said that a tenth was missing."""
+    """The engine has gone on for half a second since the snapshot in which a tenth of a second was missing."""
     now = [0.0]
     runner = Runner(load_preset("paper"), clock=lambda: now[0])
     for _ in range(60):
@@ -210,6 +210,6 @@ def test_the_force_along_the_beam_is_drawn_as_it_is_recorded() -> None:
     drawn = axial_loads(run.scenario, run.slice(200, 201), 1000)
     place = np.array(PLACES) * 1000 + 499.5
     np.testing.assert_allclose(np.interp(place, np.arange(1000), drawn), run.axial_load[200], rtol=1e-4)
-    # Pulled all along by what spins beyond, and by nothing at the free end.
+    # Each place is pulled by the part of the beam beyond it; at the free end there is none.
     assert drawn[0] > drawn[500] > drawn[-1] > 0
     assert drawn[-1] < 0.01 * drawn[0]

@@ -5,7 +5,7 @@ import pytest
 from flexlab.lab.ranges import SHRINK_AFTER, Range, Span, round_up
 
 
-def test_rounding_takes_the_next_step() -> None:
+def test_rounding_up_takes_the_next_round_value() -> None:
     assert [round_up(value) for value in (0.7, 1.0, 1.01, 2.0, 4.9, 5.1, 8.1)] == [0.8, 1, 1.5, 2, 5, 6, 10]
     assert round_up(0.0012) == pytest.approx(0.0015)
     assert round_up(262 * 1.05) == 300, "262 J fill most of their axis"
@@ -14,7 +14,7 @@ def test_rounding_takes_the_next_step() -> None:
     assert round_up(float("inf")) == 0.0
 
 
-def test_growing_at_once_shrinking_late() -> None:
+def test_a_range_grows_at_once_and_shrinks_late() -> None:
     span = Range(0.1)
     span.fit(17.0)
     limits = [span.limit]
@@ -34,7 +34,7 @@ def test_a_returning_peak_keeps_the_range() -> None:
     assert span.limit == 20.0
 
 
-def test_never_below_the_least() -> None:
+def test_a_range_never_falls_below_its_least_limit() -> None:
     span = Range(0.1)
     for _ in range(3 * SHRINK_AFTER):
         span.fit(0.0)

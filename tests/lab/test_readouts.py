@@ -1,4 +1,4 @@
-"""What the head of the panel, the notices over the picture and its text for screen readers say of a run."""
+"""What the head of the panel, the notices over the picture and the text for screen readers say about a run."""
 
 from dataclasses import replace
 
@@ -30,7 +30,7 @@ def notices(scenario: Scenario) -> str:
     return notices_html(Runner(scenario, playing=False).snapshot, Notice(""), ClassRules())
 
 
-def test_after_a_run_that_stopped_a_reset_plays_and_a_paused_lab_stays_paused() -> None:
+def test_a_reset_plays_after_a_run_that_stopped_but_not_in_a_paused_lab() -> None:
     with Session(load_preset("paper"), shadows=False) as lab, RawBrowser(lab) as browser:
         runner, reset = lab.runner, widget(lab, "Reset")
         wait_until(lambda: runner.snapshot.latest.time[0] > 0.1, "it runs")
@@ -52,7 +52,7 @@ def test_after_a_run_that_stopped_a_reset_plays_and_a_paused_lab_stays_paused() 
         assert "Paused" in status_html(snapshot, lab.lab_state.view, (), "")
 
 
-def test_that_a_lab_is_locked_is_said_once_when_somebody_tries() -> None:
+def test_a_locked_lab_says_so_only_once_even_after_a_refused_request() -> None:
     snapshot, rules = Runner(load_preset("paper"), playing=False).snapshot, ClassRules(locked=True)
     said = [notices_html(snapshot, notice, rules) for notice in (Notice(""), Notice(LOCKED, "error"))]
     assert [shown.count(LOCKED) for shown in said] == [1, 1]
@@ -73,8 +73,8 @@ def test_a_free_end_that_bends_too_far_is_flagged():
 
 
 @pytest.mark.parametrize(("share", "flagged"), [(0.045, False), (0.055, True)])
-def test_bending_beside_the_middle_is_flagged(share: float, flagged: bool):
-    """A wave over the whole length of a beam in two arms: its middle stays on the axis."""
+def test_large_bending_away_from_the_middle_is_flagged(share: float, flagged: bool):
+    """One wave along a beam held by two arms: its middle stays on the axis."""
     paper = load_preset("paper").replace({"payload.element_count": 4})
     crest = share * paper.payload.length
     shape = (0.0, crest, 0.0, 0.0, 0.0, -crest, 0.0, 0.0)
@@ -82,7 +82,7 @@ def test_bending_beside_the_middle_is_flagged(share: float, flagged: bool):
     assert ("Large deflection" in notices(world)) is flagged
 
 
-def test_the_picture_is_told_in_sentences_with_what_is_wrong_and_what_the_plots_show():
+def test_the_text_for_screen_readers_tells_run_warnings_and_explanations():
     runner = Runner(bent_at_its_free_end(0.063), playing=False)
     shown = Explained("ringing", "The beam rings.", "w = q sin ωt", "Deflection")
     told = summary_text(runner.snapshot, runner.recent(SEEN_TOGETHER), [shown])
@@ -98,15 +98,15 @@ def test_the_picture_is_told_in_sentences_with_what_is_wrong_and_what_the_plots_
     ("preset", "said"),
     [("paper", "grips held"), ("squeeze-until-it-buckles", "no axial force"), ("spin-up", "no axial force")],
 )
-def test_a_frequency_that_no_axial_force_has_changed_is_called_so(preset: str, said: str):
-    """The squeezed beam rings at 3.2 Hz beside a reading of 5.01 Hz."""
+def test_a_frequency_computed_without_axial_force_says_so(preset: str, said: str):
+    """The squeezed beam rings at 3.2 Hz, while the readout says 5.01 Hz."""
     runner = Runner(load_preset(preset), playing=False)
     assert f"first beam frequency f<sub>1</sub>, {said}</span>" in status_html(runner.snapshot, ViewSettings(), (), "")
     for shown in (number_html, lambda recent, snapshot: summary_text(snapshot, recent, [])):
         assert ("no axial force" in shown(runner.recent(SEEN_TOGETHER), runner.snapshot)) == (preset != "paper")
 
 
-def test_what_a_hand_bends_is_no_vibration():
+def test_bending_by_a_hand_is_not_counted_as_vibration():
     run = Runner(load_preset("paper"), playing=False).recent(SEEN_TOGETHER)
     held = run.having(midspan_deflection=run.quasi_static_deflection + 0.005)
     pull = Pull(0.0, (0.0, 0.8), 500.0)
@@ -115,8 +115,8 @@ def test_what_a_hand_bends_is_no_vibration():
     assert largest_vibration(held, [Event(-1.0, "", replace(pull, stiffness=0.0))]) == "5.00 mm", "it has let go before"
 
 
-def test_a_warning_is_shown_once_however_it_goes_on():
-    """It stood there as the event that it was, too, with the numbers of that instant."""
+def test_a_warning_that_goes_on_is_shown_only_once():
+    """It used to be shown a second time as an event, with the numbers of that instant."""
     pressed = load_preset("squeeze-until-it-buckles").replace({"payload.axial_load": "none"})
     with Session(pressed, shadows=False) as session, RawBrowser(session):
 

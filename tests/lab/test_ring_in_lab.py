@@ -1,4 +1,4 @@
-"""A tap in a running lab, its ring fitted, and what it asks for taken up: one undoable change each."""
+"""A tap in a running lab: its ring is fitted, and each remedy is taken up as one change that can be undone."""
 
 import pytest
 from lab_page import wait_until
@@ -11,7 +11,7 @@ from flexlab.presets import load_preset
 from flexlab.sim.commands import StepOnce, Tap
 
 
-def test_from_a_tap_to_a_shaper_and_a_gain():
+def test_the_fitted_ring_of_a_tap_gives_a_shaper_and_a_gain():
     scenario = load_preset("paper").replace({"trajectory.kind": "hold", "controller.kind": "vibration-damping"})
     scenario = scenario.replace({"controller.lateral_vibration_gain": 5.0})
     with Session(scenario, shadows=False, playing=False) as lab:

@@ -1,4 +1,4 @@
-"""The tones of a ring: true ratios, shifted by one factor, as loud as the modes vibrate."""
+"""The tones of a ring: shifted by one factor, so in their true ratios, and as loud as the modes vibrate."""
 
 import numpy as np
 import pytest
@@ -19,8 +19,8 @@ def test_a_stiffer_beam_of_the_same_kind_sounds_higher() -> None:
     assert heard_factor(45.5) == heard_factor(5.0) == heard_factor(140.0) == 16.0
 
 
-def test_a_ring_in_one_mode_is_that_tone_with_its_true_amplitude() -> None:
-    """Started at rest in mode 2, 1 mm at its widest place, beside the slow bending of the paper's path."""
+def test_a_ring_in_one_mode_is_one_tone_with_its_true_amplitude() -> None:
+    """The beam starts at rest in mode 2, 1 mm where it is widest, besides the slow bending of the paper's path."""
     scenario = load_preset("paper").replace(
         {"payload.damping": {"kind": "modal", "ratio": 1e-6}, "payload.element_count": 8}
     )
@@ -44,7 +44,7 @@ def test_steady_motion_is_silent_though_the_beam_bends() -> None:
     assert max(map(loudness, tones.amplitudes(run.slice(800, 1000)))) < 0.03
 
 
-def test_louder_is_wider() -> None:
+def test_wider_vibration_is_louder() -> None:
     levels = [loudness(amplitude) for amplitude in (0.0, 1e-7, 1e-5, 1e-4, 1e-3, LOUDEST, 1.0)]
     assert levels == sorted(levels)
     assert levels[:2] == [0.0, 0.0]

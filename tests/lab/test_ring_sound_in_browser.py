@@ -1,4 +1,4 @@
-"""The beam's ring is heard in a real browser: looked at in what its sound card would get."""
+"""The sound of the beam's ring in a real browser, analysed on its way to the sound card."""
 
 import numpy as np
 from lab_page import LabPage, wait_until
@@ -17,7 +17,7 @@ LISTEN = """() => {
     }
     return connect.call(this, to, ...rest);
   }; }"""
-"""Puts an analyser beside the way to the sound card."""
+"""Connects an analyser to everything that goes to the sound card."""
 LOUDEST = """([low, high]) => {
   if (!window.heard) return null;
   const levels = new Float32Array(window.heard.frequencyBinCount);
@@ -26,7 +26,7 @@ LOUDEST = """([low, high]) => {
   let place = Math.round(low / width);
   for (let at = place; at < levels.length && at <= high / width; at++) if (levels[at] > levels[place]) place = at;
   return [place * width, Math.max(levels[place] ?? -200, -200)]; }"""
-"""What is loudest between two frequencies, Hz: where, Hz, and its level, dB."""
+"""The loudest tone between two frequencies, Hz: its frequency, Hz, and its level, dB."""
 LOOKS = """() => new Promise((done) => {
   const plain = document.querySelector;
   let looks = 0;
@@ -34,17 +34,17 @@ LOOKS = """() => new Promise((done) => {
   setTimeout(() => { delete document.querySelector; done(looks); }, 500); })"""
 """How often the page looks for tones in half a second."""
 AUDIBLE = -60.0
-"""dB."""
+"""Level above which a tone counts as heard, dB."""
 WHOLE = (0.0, 30e3)
-"""Hz: all that a sound card plays."""
+"""The frequencies that a sound card plays, Hz."""
 
 
 def loudest(page: LabPage, low: float, high: float) -> tuple[float, float]:
-    """Frequency, Hz, and level, dB, of what is loudest between two frequencies; silence before there is any sound."""
+    """Frequency, Hz, and level, dB, of the loudest tone between two frequencies; −200 dB before there is any sound."""
     return page.page.evaluate(LOUDEST, [low, high]) or (0.0, -200.0)
 
 
-def test_what_sounds_are_the_beams_modes_in_their_true_ratio_until_the_run_holds(page: LabPage) -> None:
+def test_the_beams_modes_sound_in_their_true_ratio_until_the_run_pauses(page: LabPage) -> None:
     page.page.evaluate(LISTEN)
     session = page.session
     session.lab_state.change({"payload.damping.coefficient": 0.0, "payload.element_count": 8})

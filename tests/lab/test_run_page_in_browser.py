@@ -13,7 +13,7 @@ from flexlab.guide import LessonProgress
 from flexlab.lab.run_page import MOST_FRAMES, Noted, frame_times, run_page, write_run_page
 
 
-def test_ten_seconds_are_under_three_megabytes_and_nothing_is_markup(tmp_path: Path):
+def test_a_page_of_ten_seconds_is_under_three_megabytes_and_escapes_names(tmp_path: Path):
     scenario = flexlab.load_preset("paper").replace({"title": "<script>alert(1)</script>"})
     run = flexlab.simulate(scenario, 10.0)
     page = run_page(run, "<b>mine</b>")
@@ -29,7 +29,7 @@ def test_ten_seconds_are_under_three_megabytes_and_nothing_is_markup(tmp_path: P
     assert MOST_FRAMES >= 3000
 
 
-def test_it_plays_from_disk_and_the_plots_follow(chromium: Browser, tmp_path: Path):
+def test_a_page_plays_from_disk_without_network_and_the_plots_follow(chromium: Browser, tmp_path: Path):
     question, guess = "How often does the beam swing in a second, if it is as stiff?", "twice as often as before"
     lesson = LessonProgress("Lesson 9: Stiffness", 2, question, (guess, "as often"), "as often", guess, "")
     write_run_page(flexlab.simulate("paper", 3.0), tmp_path / "run.html", "paper", Noted(lessons=(lesson,)))
@@ -53,7 +53,7 @@ def test_it_plays_from_disk_and_the_plots_follow(chromium: Browser, tmp_path: Pa
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_the_picture_is_as_light_or_dark_as_its_page(
+def test_the_picture_has_the_colour_scheme_of_its_page(
     chromium: Browser, tmp_path: Path, scheme: Literal["light", "dark"]
 ):
     write_run_page(flexlab.simulate("paper", 0.1), tmp_path / "run.html", "paper")

@@ -1,4 +1,4 @@
-"""Seeing: exaggeration, strain, forces, camera, modes and plots, in a real browser."""
+"""What a person sees: exaggeration, strain, forces, camera, modes and plots, in a real browser."""
 
 import io
 import math
@@ -15,9 +15,9 @@ from flexlab.lab.session import Session
 from flexlab.lab.view_settings import PLOT_WINDOWS
 
 NEAR, STRONG = 20, 100
-"""px around a place in which something of its colour is to be seen; the saturation, 0..255, from which a pixel has one."""
+"""Distance around a place, px, within which its colour is looked for; saturation, 0..255, from which a pixel has a colour."""
 MANY = 10
-"""Pixels of a colour that are more than chance."""
+"""Number of pixels of a colour that is more than chance."""
 FACTOR = "Exaggeration of the deflection (×)"
 
 
@@ -33,25 +33,25 @@ def pixels_of(page: LabPage, place: Sequence[float], color: tuple[int, int, int]
 
 
 def hues(page: LabPage, x: float, y: float) -> np.ndarray:
-    """Hues of strong colours around a place on the page, px; (N,), 0..255 once around."""
+    """Hues of strong colours around a place on the page, px; (N,), 0..255 for the whole circle."""
     around = FloatRect(x=x - NEAR, y=y - NEAR, width=2 * NEAR, height=2 * NEAR)
     image = Image.open(io.BytesIO(page.page.screenshot(clip=around)))
     hue, saturation, _ = np.moveaxis(np.asarray(image.convert("HSV"), int), -1, 0)
     return hue[saturation > STRONG]
 
 
-def test_arms_and_beam_are_drawn_each_in_its_colour_where_it_is(chromium: Browser, session: Session) -> None:
+def test_arms_and_beam_are_drawn_in_their_colours_at_their_places(chromium: Browser, session: Session) -> None:
     with LabPage(chromium, session, drawn=True) as page:
         first = page.camera()
         page.open_tab("View")
-        page.press("Overview")  # The bases stand beside what the first view shows.
+        page.press("Overview")  # The bases lie outside the first view.
         wait_until(lambda: math.dist(first, page.camera()) > 0.05, "the whole machine is in the picture")
         page.hold()
         page.catch_up()
         for arm, color in zip(page.snapshot.scenario.arms, colors.ARMS, strict=True):
             assert pixels_of(page, page.pixel(*arm.base, 0.0), color) > MANY
         whole = page.camera()
-        page.press("Payload")  # Beside what lies over the picture, the open plots too.
+        page.press("Payload")  # Clear of the panels and plots that lie over the picture.
         wait_until(lambda: math.dist(whole, page.camera()) > 0.05, "the payload fills the picture")
         page.catch_up()
         assert pixels_of(page, page.beam_pixel(), colors.BEAM) > MANY
@@ -73,8 +73,8 @@ def test_exaggeration_scales_the_drawing_and_nothing_else(page: LabPage) -> None
     assert page.snapshot.run_number == run
 
 
-def test_what_is_there_to_be_touched_hides_nothing(page: LabPage) -> None:
-    """The unseen tube around the beam left a white band in the floor, a black one in the dark, where grid and path ended."""
+def test_the_unseen_parts_for_grabbing_hide_nothing_behind_them(page: LabPage) -> None:
+    """The unseen tube around the beam used to leave a band in the floor, white or in the dark black, without grid and path."""
     ask = """() => ['/grab', '/arms/grab'].map((name) => {
       const kept = [];
       window.__viserMutable.nodeRefFromName[name].traverse(({ material }) => {
@@ -103,7 +103,7 @@ def test_every_switch_shows_its_part_and_its_scale(page: LabPage) -> None:
     assert not page.errors
 
 
-def test_camera_views_belong_to_one_browser(page: LabPage) -> None:
+def test_the_camera_takes_each_view_and_follows_the_payload(page: LabPage) -> None:
     page.open_tab("View")
     seen = {}
     for view in ("Plan", "Front", "Left grip", "Overview"):
@@ -132,7 +132,7 @@ def test_the_camera_shows_where_a_new_runs_path_goes(page: LabPage) -> None:
     assert math.dist(there, page.camera()) < SAME_PLACE, "a reset leaves the path where it was"
 
 
-def test_modes_are_told_and_shown(page: LabPage) -> None:
+def test_a_mode_is_listed_started_and_animated(page: LabPage) -> None:
     page.open_tab("Modes")
     page.wait_for_text("44.60")
     page.wait_for_text("sideways, 81 %")
@@ -166,8 +166,8 @@ def test_slow_motion_for_a_mode_needs_no_restart(page: LabPage) -> None:
     assert page.snapshot.run_number == run + 1
 
 
-def test_plots_on_every_tab(page: LabPage) -> None:
-    # Enough of the run is there to say something of it, below the charts, which stay where they are.
+def test_the_plots_of_every_tab_have_their_curves_and_legible_numbers(page: LabPage) -> None:
+    # There is enough of the run to explain, below the charts, which stay where they are.
     page.wait_for_text("What the plots show")
     page.wait_for_text("Tracking error. The error of 0.71 mm is the beam's reaction over the feedback")
     for tab, texts in {

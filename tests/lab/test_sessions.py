@@ -24,7 +24,7 @@ MANY = 25
 
 
 def kept_memory() -> int:
-    """Resident bytes without what is freed but kept by the allocator, which differs by megabytes from time to time."""
+    """Resident memory, bytes, without freed memory that the allocator still holds, which varies by megabytes."""
     if sys.platform == "linux" and (trim := getattr(ctypes.CDLL(None), "malloc_trim", None)):
         trim(0)
     return psutil.Process(os.getpid()).memory_info().rss
@@ -74,7 +74,7 @@ def test_labs_that_start_and_stop_together_are_quiet_and_leave_standard_output_a
 
 
 def receive_picture(browser: RawBrowser) -> None:
-    """Wait for more than a word from the lab; what fits into the first window depends on when it is sent."""
+    """Wait for a message of more than 1000 bytes; what the first one contains depends on when it is sent."""
     while len(browser.receive(20)) <= 1000:
         pass
 
@@ -87,7 +87,7 @@ def test_a_browser_gets_pictures_and_a_late_one_sees_the_running_state(session: 
             receive_picture(late)
 
 
-def test_a_slow_reader_has_a_short_queue(session: Session) -> None:
+def test_a_connection_has_a_short_send_buffer(session: Session) -> None:
     with RawBrowser(session):
         connections = session.server._websock_server._live_connections
         wait_until(lambda: connections, "the browser is connected", 20)
@@ -126,6 +126,6 @@ def test_many_sessions_leave_nothing_behind() -> None:
         wait_until(lambda: threading.active_count() <= threads, "threads are back to where they were", 20)
         wait_until(lambda: open_sockets() <= sockets, "sockets are back to where they were", 20)
         memory.append(kept_memory())
-    # What sessions leave they leave each time; what something else in this process takes comes once.
+    # A leak of sessions grows in both rounds; what anything else in this process takes, it takes once.
     grown = min(after - before for before, after in pairwise(memory)) / (MANY // 2)
     assert grown < 200_000, f"{grown:.0f} bytes per session stay behind"

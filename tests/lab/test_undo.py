@@ -1,4 +1,4 @@
-"""The way back is complete: from any scenario to any other and back again."""
+"""Undo is complete: from any scenario to any other and back again."""
 
 import time
 from dataclasses import replace
@@ -34,7 +34,7 @@ def test_changes_lead_from_any_preset_to_any_other(start: str, goal: str) -> Non
     assert present.replace(changes_towards(present, wanted)) == wanted
 
 
-def test_a_new_kind_comes_before_its_fields() -> None:
+def test_a_new_kind_is_changed_before_its_fields() -> None:
     wanted = PAPER.replace(
         {"controller.kind": "pd", "controller.position_gain": 5000.0, "payload.damping.kind": "modal"}
     )
@@ -45,7 +45,7 @@ def test_a_new_kind_comes_before_its_fields() -> None:
     assert "controller.boundary_layer" not in changes
 
 
-def test_back_and_forward() -> None:
+def test_undo_and_redo_pass_through_the_same_settings() -> None:
     history = Undo()
     steps = [with_stiffness(value) for value in (100.0, 50.0, 20.0)]
     history.note(steps[0], "a")
@@ -58,7 +58,7 @@ def test_back_and_forward() -> None:
     assert history.forward(steps[2]) is None
 
 
-def test_one_gesture_is_one_step() -> None:
+def test_one_gesture_is_one_step_of_undo() -> None:
     history = Undo()
     for value in (100.0, 90.0, 80.0):
         history.note(with_stiffness(value), ("payload.bending_stiffness",))
@@ -66,7 +66,7 @@ def test_one_gesture_is_one_step() -> None:
     assert history.back(with_stiffness(100.0)) is None
 
 
-def test_a_new_change_ends_the_way_forward() -> None:
+def test_after_a_new_change_nothing_can_be_redone() -> None:
     history = Undo()
     history.note(with_stiffness(100.0), "a")
     assert history.back(with_stiffness(50.0)) == with_stiffness(100.0)
@@ -74,14 +74,14 @@ def test_a_new_change_ends_the_way_forward() -> None:
     assert history.forward(with_stiffness(10.0)) is None
 
 
-def test_a_step_without_effect_is_passed_over() -> None:
+def test_undo_skips_a_step_without_effect() -> None:
     history = Undo()
     history.note(with_stiffness(100.0), "a")
     history.note(with_stiffness(50.0), "b")
     assert history.back(with_stiffness(50.0)) == with_stiffness(100.0)
 
 
-def test_a_run_that_goes_on_is_a_step_even_with_equal_settings() -> None:
+def test_continuing_a_run_is_a_step_even_with_equal_settings() -> None:
     history, before = Undo(), with_stiffness(100.0)
     origin = Origin("earlier", 1.5, World(PAPER).state())
     after = replace(before, origin=origin)
@@ -90,7 +90,7 @@ def test_a_run_that_goes_on_is_a_step_even_with_equal_settings() -> None:
     assert history.forward(before) == after
 
 
-def test_the_history_is_bounded() -> None:
+def test_the_history_of_undo_is_bounded() -> None:
     history = Undo()
     for value in range(3 * changes.LONGEST_HISTORY):
         history.note(with_stiffness(1.0 + value), value)
@@ -100,7 +100,7 @@ def test_the_history_is_bounded() -> None:
     assert steps == changes.LONGEST_HISTORY
 
 
-def test_a_lab_that_goes_on_lets_go_of_what_was_pulled() -> None:
+def test_a_continued_run_lets_go_of_what_was_pulled() -> None:
     world = World(load_preset("paper"))
     world.apply(Pull(0.2, (-0.9, 0.8), 300.0, (1, 2)))
     world.advance(100)
@@ -116,8 +116,8 @@ def test_a_lab_that_goes_on_lets_go_of_what_was_pulled() -> None:
     assert runner.snapshot.latest.time[0] == pytest.approx(0.1)
 
 
-def test_what_was_asked_for_stands_until_the_engine_has_answered() -> None:
-    """However long it takes: the controls neither jump back meanwhile, nor is there nothing to undo."""
+def test_a_requested_change_is_kept_until_the_engine_has_answered() -> None:
+    """However long that takes, the controls do not jump back meanwhile, and the change can be undone."""
     runner = Runner(PAPER, "paper", playing=False)
     lab_state = LabState(runner)
     lab_state.change({"payload.bending_stiffness": 50.0})
@@ -134,7 +134,7 @@ def test_what_was_asked_for_stands_until_the_engine_has_answered() -> None:
     assert lab_state.intended == PAPER, "an older snapshot knows nothing of the undo"
 
 
-def test_what_somebody_else_changes_is_followed() -> None:
+def test_changes_by_somebody_else_are_followed() -> None:
     runner = Runner(PAPER, "paper", playing=False)
     lab_state = LabState(runner)
     runner.submit(ChangeScenario({"gravity": 3.0}))
@@ -144,7 +144,7 @@ def test_what_somebody_else_changes_is_followed() -> None:
 
 
 def test_requests_in_quick_succession_build_on_one_another() -> None:
-    """Two keys may come within one frame of the engine, which then has answered neither."""
+    """Two keys may come within one frame of the engine, before it has answered either."""
     runner = Runner(PAPER, "paper", playing=False)
     lab_state = LabState(runner)
     for expected in (True, False, True):

@@ -20,7 +20,7 @@ from flexlab.sim.runner import Runner
 from flexlab.text import escaped, number_text, speed_text
 
 
-def test_exaggeration_suits_the_beam() -> None:
+def test_the_exaggeration_suits_the_bending_of_the_beam() -> None:
     assert fitting_exaggeration(load_preset("paper")) == 50.0
     assert fitting_exaggeration(load_preset("soft-beam")) == 1.9
     still = Scenario().replace({"trajectory.amplitude": (0, 0, 0)})
@@ -28,7 +28,7 @@ def test_exaggeration_suits_the_beam() -> None:
 
 
 def test_a_softer_beam_is_never_drawn_straighter() -> None:
-    """Whatever factor each run gets: a tenth more of compliance may be lost in its two digits, half as much again may not."""
+    """Whatever factor each run gets: its two digits may hide a tenth more compliance, but not half as much again."""
     drawn = []
     for stiffness in np.geomspace(1e4, 1.0, 24):
         scenario = load_preset("paper").replace({"payload.bending_stiffness": float(stiffness)})
@@ -36,7 +36,7 @@ def test_a_softer_beam_is_never_drawn_straighter() -> None:
     assert all(softer > stiffer for stiffer, softer in pairwise(drawn))
 
 
-def test_a_wild_deflection_lowers_the_factor_and_nothing_raises_it() -> None:
+def test_a_large_deflection_lowers_the_exaggeration_and_a_small_one_keeps_it() -> None:
     assert tamed_exaggeration(50.0, 1.8e-3, 0.5) == 50.0
     assert tamed_exaggeration(50.0, 10e-3, 0.5) == 17.0
     assert tamed_exaggeration(17.0, 0.01e-3, 0.5) == 17.0, "a ring that dies out is seen to do so"
@@ -44,7 +44,7 @@ def test_a_wild_deflection_lowers_the_factor_and_nothing_raises_it() -> None:
     assert tamed_exaggeration(10.0, 0.4, 0.5) == 1.0, "never smaller than life"
 
 
-def test_within_a_lesson_and_beside_a_kept_run_the_factor_stays() -> None:
+def test_an_exaggeration_that_is_held_stays_with_other_presets_and_resets() -> None:
     runner = Runner(load_preset("paper"), "paper")
     lab_state = LabState(runner)
     lab_state.load(load_preset("soft-beam"), "soft-beam")
@@ -59,8 +59,8 @@ def test_within_a_lesson_and_beside_a_kept_run_the_factor_stays() -> None:
     assert lab_state.view.exaggeration == fitting_exaggeration(load_preset("stiff-beam"))
 
 
-def test_a_wild_deflection_lowers_a_lessons_factor_until_a_new_run_begins() -> None:
-    """Lesson 9 asks to go on until the beam buckles: it was drawn with 50 times its 81 mm, far out of the picture."""
+def test_a_large_deflection_lowers_a_held_exaggeration_until_a_new_run_begins() -> None:
+    """Lesson 9 goes on until the beam buckles: its 81 mm were drawn 50 times as large, far outside the picture."""
     bent = load_preset("squeeze-until-it-buckles").replace(
         {"initial.beam_coordinates": (0.0, 0.0, 0.0, 0.08, 0.0, 0.0, 0.0, 0.0)}
     )
@@ -80,13 +80,13 @@ def test_a_wild_deflection_lowers_a_lessons_factor_until_a_new_run_begins() -> N
 
 
 def _run_on(runner: Runner) -> None:
-    """A few frames, until samples of what was asked for are there."""
+    """Compute a few frames, until there are samples of the requested run."""
     for _ in range(5):
         time.sleep(0.01)
         runner.frame()
 
 
-def test_the_window_follows_the_speed() -> None:
+def test_the_plot_window_follows_the_speed() -> None:
     assert [fitting_window(speed) for speed in (4.0, 1.0, 1 / 16, 1 / 64, 1 / 256)] == [20.0, 5.0, 0.2, 0.1, 0.02]
 
 
@@ -114,7 +114,7 @@ def in_picture(position: np.ndarray, look_at: np.ndarray, x: float, y: float) ->
 @pytest.mark.parametrize("name", preset_names())
 @pytest.mark.parametrize("aspect", [0.46, 1.0, 2.2])
 def test_both_ends_of_the_payload_stay_in_the_picture(name: str, aspect: float) -> None:
-    """Of a beam that turns all the way round, too."""
+    """Also if the beam turns all the way round."""
     scenario = load_preset(name)
     path, length = scenario.trajectory, scenario.payload.length
     position, look_at = payload_view(scenario, Window(aspect))
@@ -137,7 +137,7 @@ def test_the_whole_floor_is_in_the_picture(name: str, aspect: float) -> None:
         assert abs(upwards) < 1
 
 
-def test_slider_scales_go_there_and_back() -> None:
+def test_slider_scales_convert_values_to_places_and_back() -> None:
     for path, whole in (("payload.bending_stiffness", False), ("gravity", False), ("payload.element_count", True)):
         scale = Scale(Scenario().about(path), whole)
         for value in (1.0, 7.0, 20.0):
@@ -150,15 +150,15 @@ def test_slider_scales_go_there_and_back() -> None:
     assert log.place(1e9) == log.high
 
 
-def test_marks_of_a_slider_are_in_order_and_their_labels_apart() -> None:
-    """The page's style knows its ends by their places."""
+def test_the_marks_of_a_slider_are_in_order_with_their_labels_apart() -> None:
+    """The style sheet of the page takes the first and the last mark for the ends."""
     scale = Scale(Scenario().about("controller.wanted_internal_force"))
     assert scale.marked([]) == scale.marks
     assert scale.marked([(50.1, "P_cr")]) == ((-100.0, "−100"), (50.1, "P_cr"), (100.0, "100"))
     assert scale.marked([(95.0, "P_cr")]) == ((-100.0, "−100"), (95.0, "P_cr"), (100.0, ""))
 
 
-def test_text_is_escaped_and_cut() -> None:
+def test_texts_are_escaped_and_cut_and_numbers_are_written_for_people() -> None:
     assert escaped("<img src=x onerror=alert(1)>") == "&lt;img src=x onerror=alert(1)&gt;"
     assert len(escaped("a" * 1_000_000)) < 3000
     assert number_text(-0.5) == "−0.5"
@@ -167,7 +167,7 @@ def test_text_is_escaped_and_cut() -> None:
     assert speed_text(2.0) == "2 ×"
 
 
-def test_changes_have_a_sign_unless_there_is_none() -> None:
+def test_changes_are_written_with_a_sign_or_as_a_factor() -> None:
     assert change_text(150.2) == "+150 %"
     assert (change_text(1900.0), change_text(182_762.0)) == ("20 ×", "1800 ×"), "nobody reads six digits of per cent"
     assert change_text(-3.6) == "−4 %"

@@ -1,4 +1,4 @@
-"""What the lab relies on in viser without viser promising it. A failure here says what to look at after an update."""
+"""What the lab relies on although viser does not promise it. A failure here says what to look at after an update."""
 
 import asyncio
 import re
@@ -25,7 +25,7 @@ MESSAGES = typing.get_args(browser_messages.Heard)
 
 
 def plain(kind: typing.Any) -> str:
-    """A declared type without our limits, in one spelling."""
+    """The name of a declared type without our limits, in one spelling."""
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if origin is typing.Annotated:
         return plain(arguments[0])
@@ -39,7 +39,7 @@ def plain(kind: typing.Any) -> str:
 
 
 def fields_of_viser(name: str) -> dict[str, typing.Any]:
-    """Field → declared type of a message of viser's page; empty if viser has no such message."""
+    """Declared type of each field of a message from viser's page; empty if viser has no such message."""
     message = getattr(_messages, name, None)
     if message is None:
         return {}
@@ -59,14 +59,14 @@ def test_a_message_has_the_fields_that_we_check(message: type[msgspec.Struct]) -
     theirs = {name: plain(kind) for name, kind in fields_of_viser(message.__name__).items()}
     ours = {name: plain(kind) for name, kind in typing.get_type_hints(message, include_extras=True).items()}
     if message.__name__ == "FileTransferPart":
-        theirs["source_component_uuid"] = "str"  # None stands in messages to the browser only.
+        theirs["source_component_uuid"] = "str"  # None occurs only in messages to the browser.
     assert theirs == ours, (
         f"viser's {message.__name__} has changed: bring lab/browser_messages.py in line, and look whether its "
         "handlers now do more with it."
     )
 
 
-def test_only_one_file_uses_what_viser_does_not_promise() -> None:
+def test_only_one_file_uses_private_names_of_viser() -> None:
     folder = Path(flexlab.lab.__file__).parent
     private = re.compile(r"viser\._|from viser import _|\._impl\b|_websock|_handle_from|_queue_update|viser\.infra")
     guilty = [
@@ -113,7 +113,7 @@ def test_clients_widgets_commands_and_nodes_are_found(session: Session) -> None:
 def test_a_click_is_not_lost_to_a_picture_that_is_drawn_meanwhile(
     session: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Between viser's taking a value and our reading of it, the drawing thread must not write the old one back."""
+    """After viser has stored a value and before we read it, the drawing thread must not write the old one back."""
     drawn, panel = threading.Event(), session._panel
     update = panel.update
 
@@ -139,8 +139,8 @@ def test_a_click_is_not_lost_to_a_picture_that_is_drawn_meanwhile(
             wait_until(taken, f"{label} is taken", 20)
 
 
-def test_a_thread_that_sends_leaves_those_who_wait_to_their_loop(shared_session: Session) -> None:
-    """It went through their list while the loop changed it: "deque mutated during iteration", and a picture was missing."""
+def test_a_sending_thread_leaves_it_to_the_event_loop_to_wake_its_tasks(shared_session: Session) -> None:
+    """It used to walk the list of waiting tasks while the loop changed it ("deque mutated ..."): a picture was lost."""
     news = type(shared_session.server._websock_server._broadcast_buffer.message_event)()
 
     async def woken_by() -> list[str]:
@@ -163,6 +163,6 @@ def test_a_thread_that_sends_leaves_those_who_wait_to_their_loop(shared_session:
         await asyncio.wait_for(asyncio.gather(*waiting), 5)
         return woken
 
-    # In a thread of its own: where a browser is driven, this one has a loop already.
+    # In a thread of its own: where a browser is driven, this one already runs a loop.
     with ThreadPoolExecutor(1) as thread:
         assert thread.submit(asyncio.run, woken_by()).result() == ["the loop"] * 3

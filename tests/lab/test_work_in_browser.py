@@ -1,4 +1,4 @@
-"""Working: touch, compare, edit, keys and lessons, in a real browser."""
+"""What a person does: touch, compare, edit, keys and lessons, in a real browser."""
 
 import json
 import math
@@ -18,12 +18,12 @@ from flexlab.sim.geometry import arm_points
 
 @pytest.fixture(autouse=True)
 def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A person's own presets go where they work: not into this checkout."""
+    """Own presets are saved in the working directory, which must not be this checkout."""
     monkeypatch.chdir(tmp_path)
 
 
 PRESS = 100
-"""ms for which a person's finger is on the mouse's button: the page sees the press before it is over."""
+"""How long a click holds the mouse button, ms: long enough for the page to see the press."""
 
 
 def stiffness(page: LabPage) -> float:
@@ -52,9 +52,9 @@ def pulls(page: LabPage) -> list[Pull]:
 
 
 @pytest.mark.usefixtures("new_lab")
-def test_undo_redo_and_the_way_back(page: LabPage) -> None:
+def test_undo_redo_and_the_button_that_restores_the_value_of_the_preset(page: LabPage) -> None:
     def place() -> float:
-        """px from what stands before the menu of presets down to the box of EI."""
+        """Distance from what stands above the menu of presets down to the box of EI, px."""
         above = "document.querySelector('.fl-preset').closest('div').getBoundingClientRect().y"
         return page.box(EI).evaluate(f"box => box.getBoundingClientRect().y - {above}")
 
@@ -115,7 +115,7 @@ def test_dragging_the_beam_pulls_it_and_clicking_taps_it(page: LabPage) -> None:
 def test_dragging_a_link_pulls_the_arm(page: LabPage) -> None:
     first = page.camera()
     page.open_tab("View")
-    page.press("Overview")  # The link's middle stands beside what the first view shows.
+    page.press("Overview")  # The middle of the link lies outside the first view.
     wait_until(lambda: math.dist(first, page.camera()) > 0.05, "the whole machine is in the picture")
     hold(page)
     points = arm_points(page.snapshot.scenario, page.snapshot.display)[0, 0]
@@ -148,7 +148,7 @@ def test_dragging_a_link_pulls_the_arm(page: LabPage) -> None:
     page.wait_for_text("Let go of link 2 of the left arm")
 
 
-def test_a_tap_is_calibrated_and_its_place_can_be_chosen(page: LabPage) -> None:
+def test_a_tap_has_the_chosen_impulse_and_place_and_its_ring_gives_a_shaper(page: LabPage) -> None:
     page.open_tab("Touch")
     page.enter("Tap impulse (N·s)", "0.02")
     page.enter("Tap place s/L", "0.25")
@@ -169,7 +169,7 @@ def test_a_tap_is_calibrated_and_its_place_can_be_chosen(page: LabPage) -> None:
     assert page.session.runner.snapshot.playing
 
 
-def test_a_kept_run_stands_behind_the_next_one(page: LabPage) -> None:
+def test_a_kept_run_is_drawn_and_compared_with_the_next_one(page: LabPage) -> None:
     page.key("r")
     wait_until(lambda: float(page.snapshot.latest.time[0]) > 1.5, "a run to keep")
     page.open_tab("Compare")
@@ -235,7 +235,7 @@ def test_save_download_and_open(page: LabPage, tmp_path: Path) -> None:
     assert stiffness(page) == 79.0
 
 
-def test_keys(page: LabPage) -> None:
+def test_keys_control_the_lab_except_in_a_text_field(page: LabPage) -> None:
     page.key("Space")
     wait_until(lambda: not page.snapshot.playing, "space holds")
     held = float(page.snapshot.latest.time[0])
@@ -261,7 +261,7 @@ def test_keys(page: LabPage) -> None:
     assert page.snapshot.name == "paper"
 
 
-def test_run_to_a_time_and_hold_to_step(page: LabPage) -> None:
+def test_run_to_a_time_and_step_while_the_button_is_held(page: LabPage) -> None:
     page.open_tab("Events")
     goal = float(page.snapshot.latest.time[0]) + 20
     page.enter("Run to t (s)", f"{goal:.3f}")
@@ -278,7 +278,7 @@ def test_run_to_a_time_and_hold_to_step(page: LabPage) -> None:
     page.page.mouse.up()
 
 
-def test_a_lesson_checks_itself(page: LabPage) -> None:
+def test_a_lesson_says_what_is_to_be_done_until_it_is_done(page: LabPage) -> None:
     page.open_tab("Guide")
     page.wait_for_text("Virtual link")
     page.choose("Read", f"Lesson 1: {lessons()[0].title}")

@@ -1,7 +1,7 @@
-"""Wrong physics and control, one mistake at a time, in a copy of the package: `flexlab validate` must notice each.
+"""Plant mistakes in physics and control, one at a time, in a copy of the package: `flexlab validate` must notice each.
 
-`python tests/analysis/planted_errors.py [WORDS OF A NAME ...]` tries them: up to a minute each, where the engine has to be
-compiled anew. The suite tries what needs no compiling, and that every error can still be planted.
+`python tests/analysis/planted_errors.py [WORDS OF A NAME ...]` tries them, up to a minute each where the engine has to be
+compiled again. The test suite only tries two that need no compiling, and checks that every error can still be planted.
 """
 
 import os
@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 DIGEST = "_DIGEST = _digest()"
-"""The line of compiled.py that names the folder of machine code by all sources."""
+"""The line of compiled.py that names the folder of machine code after a digest of all sources."""
 
 
 class PlantedError(NamedTuple):
@@ -323,7 +323,7 @@ damping for which a shaper is made: sim/target.py
     np.clip(-value.real[place]
     np.clip(value.real[place]
 """
-"""Name and file of each error; below, what is right and what is wrong."""
+"""Three lines per error: its name and file, the right code, the wrong code."""
 
 
 def _planted() -> Iterator[PlantedError]:
@@ -337,7 +337,7 @@ PLANTED = tuple(_planted())
 
 
 def planted_text(error: PlantedError) -> str:
-    """The file's text with the error. Raises ValueError unless there is exactly one place for it."""
+    """Return the file's text with the error in it. Raises ValueError unless there is exactly one place for it."""
     text = (ROOT / "flexlab" / error.file).read_text(encoding="utf-8")
     if text.count(error.right) != 1:
         raise ValueError(f"{error.file} has no single {error.right!r}: plant {error.name} elsewhere")
@@ -345,10 +345,10 @@ def planted_text(error: PlantedError) -> str:
 
 
 class Copy:
-    """A copy of the package in which errors are planted one after another; its machine code lies beside it.
+    """A copy of the package, with its own machine code beside it, in which errors are planted one after another.
 
-    Kernels that only other kernels call are part of those: a file that has some makes all be compiled anew. Numba itself
-    compiles anew what stands in a file that changed.
+    An inlined kernel is part of every kernel that calls it, so an error in a file with such kernels requires all to be
+    compiled again. For any other file that changed, Numba itself compiles its kernels again.
     """
 
     def __init__(self, folder: Path):
@@ -363,7 +363,7 @@ class Copy:
         compiled.write_text(text.replace(DIGEST, '_DIGEST = os.environ["PLANTED"]'), encoding="utf-8")
 
     def validate(self, error: PlantedError | None = None) -> subprocess.CompletedProcess[str]:
-        """Run `flexlab validate` with an error, or without."""
+        """Run `flexlab validate` with an error, or without one."""
         place = self._folder / "flexlab" / (error.file if error else "compiled.py")
         right = place.read_text(encoding="utf-8")
         everything = error is not None and "@inlined" in right

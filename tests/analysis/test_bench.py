@@ -46,7 +46,7 @@ def test_the_exponent_of_a_power_law_is_found(slope):
     assert fitted_exponent(list(sizes), list(3e-6 * sizes**slope)) == pytest.approx(slope, abs=1e-12)
 
 
-def test_a_trial_gives_the_motion_and_its_cost():
+def test_a_trial_gives_the_motion_of_a_run_and_its_cost():
     trial = try_out(variant(2, "etdrk4", 5e-4), 0.02, 2)
     run = simulate(variant(2, "etdrk4", 5e-4), 0.02)
     assert trial.completed
@@ -70,7 +70,7 @@ def test_errors_are_the_largest_differences():
     assert largest_difference(coarse.pose[:20], fine.pose) == np.max(np.abs((coarse.pose - fine.pose)[:20])) > 0
 
 
-def test_the_papers_run_keeps_the_asked_error_with_every_setting():
+def test_every_setting_computes_the_papers_run_to_the_required_accuracy():
     costs = paper_costs(0.1, 1)
     assert [cost.step for cost in costs][:2] == [1e-3, 2e-3]
     assert [cost.samples_at_1_khz for cost in costs] == [True, False, True]
@@ -102,7 +102,7 @@ def test_the_table_shows_each_methods_order(coarse_mesh):
     assert 1e-10 < fourth[0] < 1e-7 < second[0] < 1e-4
 
 
-def test_steps_that_are_unstable_are_rows_and_no_crash(coarse_mesh):
+def test_an_unstable_step_gives_a_row_instead_of_a_crash(coarse_mesh):
     outcomes = [point.outcome for point in rows(coarse_mesh, "rk4")]
     assert outcomes == ["unstable", "unstable", "measured"]
     assert rows(coarse_mesh, "rk4")[0].ms_per_second is None
@@ -132,13 +132,13 @@ def test_a_goal_is_met_up_to_its_limit(at_least, met):
     assert [Goal("figure", value, "", 2.0, at_least).met for value in (1.0, 2.0, 3.0)] == met
 
 
-def test_results_become_plain_with_their_computed_values():
+def test_results_become_plain_data_with_their_computed_properties():
     assert plain({"goals": [Goal("a", 1.0, "s", 2.0, False)]}) == {
         "goals": [{"what": "a", "value": 1.0, "unit": "s", "limit": 2.0, "at_least": False, "met": True}]
     }
 
 
-def test_waiting_for_a_core_is_taken_out_of_the_speed_up():
+def test_the_speed_up_leaves_out_the_time_spent_waiting_for_a_core():
     one = [Round(wall=2.0, cpu=1.0, undisturbed=1.0), Round(wall=1.0, cpu=1.0, undisturbed=1.0)]
     two = [Round(wall=2.0, cpu=1.0, undisturbed=0.5), Round(wall=1.0, cpu=1.0, undisturbed=0.5)]
     measured = WorkerScaling(80, one, two, 0.2)
@@ -147,11 +147,11 @@ def test_waiting_for_a_core_is_taken_out_of_the_speed_up():
     assert WorkerScaling(80, *blind, 0.2).speed_up == 1.0
 
 
-def test_most_of_a_run_holds_no_lock():
+def test_a_run_spends_most_of_its_time_in_kernels_which_hold_no_lock():
     assert 0 <= locked_share() < 0.5
 
 
-def test_a_thread_that_was_seen_once_has_no_time():
+def test_a_thread_that_was_seen_only_once_has_no_measured_time():
     watch = ThreadWatch("watched")
     watch._look(threading.get_native_id())
     assert watch.undisturbed is None
@@ -175,7 +175,7 @@ def test_a_watched_thread_is_seen_and_never_lives_longer_than_the_clock_says():
     assert time_in_queue(0) is None
 
 
-def test_the_workers_of_a_batch_are_watched():
+def test_the_workers_of_a_batch_are_watched_where_the_system_allows_it():
     measured = worker_scaling(1)
     seen = time_in_queue(threading.get_native_id()) is not None
     assert [each.undisturbed is not None for each in (*measured.one, *measured.two)] == [seen, seen]
@@ -240,7 +240,7 @@ def test_everything_is_measured_and_printed_as_json(
         assert report["memory"]["live_growth"] < 2e6
 
 
-def test_tables_are_printed_for_a_person(
+def test_the_benchmark_prints_its_tables_unless_json_is_asked_for(
     measured: tuple[Report, str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
     for words in (
@@ -262,7 +262,7 @@ def test_tables_are_printed_for_a_person(
     assert "1.10" in text.getvalue()
 
 
-def test_other_engines_are_refused_in_a_sentence_where_there_are_none(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+def test_other_engines_are_refused_in_a_sentence_outside_a_checkout(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     monkeypatch.setattr(bench_command, "__file__", str(tmp_path / "flexlab" / "cli" / "bench_command.py"))
     with pytest.raises(StudyError, match="--peers needs a checkout of flexlab"):
         bench_command.command(peers=True)

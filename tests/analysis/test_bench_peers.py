@@ -26,7 +26,7 @@ from flexlab.sim.world import World
 from flexlab.text import console
 
 TICKS = 60
-"""The start's jerk, where engines differ most."""
+"""Length of the compared runs, ms: the jerk at the start, where engines differ most."""
 
 
 def with_peers() -> None:
@@ -65,7 +65,7 @@ def test_the_bodies_have_the_papers_damping(world):
     assert np.sort(np.linalg.eigvalsh(damping)) == pytest.approx(np.sort(np.linalg.eigvalsh(beam.modes.D)), rel=1e-9)
 
 
-def test_the_law_gives_the_engines_own_torques(world):
+def test_the_law_for_other_engines_gives_the_torques_of_flexlab(world):
     sample, tau = simulate(world.scenario, 0.02), np.zeros((2, 3))
     k = len(sample) - 1
     workspace = make_workspace(2, len(world.beam.modes.omega))
@@ -77,7 +77,7 @@ def test_the_law_gives_the_engines_own_torques(world):
     assert tau == pytest.approx(sample.joint_torque[k], rel=1e-12)
 
 
-def test_mujoco_moves_the_same(world, exact):
+def test_mujoco_reproduces_the_motion(world, exact):
     with_peers()
     from peers.mujoco_model import simulate_mujoco
 
@@ -89,7 +89,7 @@ def test_mujoco_moves_the_same(world, exact):
     assert np.max(np.abs(held.pose - exact.pose[1:])) < 1e-4
 
 
-def test_exudyn_moves_the_same(world, exact):
+def test_exudyn_reproduces_the_motion(world, exact):
     with_peers()
     from peers.exudyn_model import simulate_exudyn
 
@@ -98,7 +98,7 @@ def test_exudyn_moves_the_same(world, exact):
     assert np.max(np.abs(motion.deflection - exact.midspan_deflection[1:])) < peer_comparison.SAME_DEFLECTION
 
 
-def test_another_motion_is_not_timed(world, exact):
+def test_an_engine_with_a_different_motion_is_not_timed(world, exact):
     def simulate_late(world: World, ticks: int) -> Motion:
         return Motion(exact.pose[:-1], exact.midspan_deflection[:-1], 1e-9)
 
@@ -115,7 +115,7 @@ def test_the_ratio_is_that_of_the_fastest_peer():
     assert PeerComparison(own, [], {}).ratio is None
 
 
-def test_a_peer_that_is_missing_or_fails_is_a_line_of_the_table(monkeypatch):
+def test_a_peer_that_is_missing_or_fails_is_reported_with_the_reason(monkeypatch):
     def fail(world: World, ticks: int) -> Motion:
         raise RuntimeError("no license\ntrace")
 
@@ -129,23 +129,23 @@ def test_a_peer_that_is_missing_or_fails_is_a_line_of_the_table(monkeypatch):
 
 
 @pytest.mark.parametrize(("segments", "steps"), [(4, 1), (6, 3)])
-def test_a_chain_of_segments_in_mujoco_moves_the_same(segments: int, steps: int):
+def test_a_chain_in_mujoco_has_the_same_pose_and_the_known_error_in_deflection(segments: int, steps: int):
     with_peers()
     from peers.mujoco_model import simulate_chain
 
-    # A tenth of the path's amplitude: the effect of inextensible rods goes with its square.
+    # A tenth of the path's amplitude: the effect of inextensible rods grows with its square.
     small = {"trajectory.amplitude": (0.02, 0.02, 0.02)}
     exact = simulate(chain_scenario(8, 1e-3).replace(small), TICKS * 1e-3)
     motion = simulate_chain(World(chain_scenario(2, 1e-3).replace(small)), segments, "RK4", steps, TICKS)
     pose, deflection = motion_errors(motion, exact)
     assert pose < 1e-6
-    # The load of a half sine on a polygon's first mode is smaller by (π/N)²/12, the frequency the same to order 4.
+    # A polygon carries less load in its first mode than a half sine, by (π/N)²/12; its frequency is the same to order 4.
     largest = np.max(np.abs(exact.midspan_deflection))
     assert deflection / largest == pytest.approx((np.pi / segments) ** 2 / 12, rel=0.15)
 
 
-def test_a_geometrically_exact_beam_is_the_same_to_first_order_in_the_deflection():
-    """The difference as a share of the deflection falls with the deflection."""
+def test_a_geometrically_exact_beam_agrees_to_first_order_in_the_deflection():
+    """The difference relative to the deflection falls in proportion to the deflection."""
     pytest.importorskip("exudyn")
     from peers.beam_comparison import squeezed
 
@@ -154,7 +154,7 @@ def test_a_geometrically_exact_beam_is_the_same_to_first_order_in_the_deflection
     assert whole.difference / half.difference == pytest.approx(2, rel=0.1)
 
 
-def test_the_engines_meshes_converge_whether_or_not_there_are_chains(monkeypatch):
+def test_flexlabs_meshes_converge_and_are_compared_even_without_chains(monkeypatch):
     monkeypatch.setattr(chain_comparison, "find_spec", lambda name: None)
     monkeypatch.setattr(chain_comparison, "DURATION", 0.03)
     result = compare_chains()
@@ -165,7 +165,7 @@ def test_the_engines_meshes_converge_whether_or_not_there_are_chains(monkeypatch
     assert result.missing is not None
 
 
-def test_the_cheapest_chain_that_is_as_exact_is_the_equal_one():
+def test_the_cheapest_chain_of_the_same_accuracy_is_the_one_compared():
     own = ChainRow("flexlab", 2, "etdrk4", 1e-3, 4e-6, 2e-4, 5.0)
     coarse = ChainRow("MuJoCo", 2, "RK4", 1e-3, 8e-6, 8e-4, 30.0)
     equal = ChainRow("MuJoCo", 4, "RK4", 1e-3, 2e-6, 3e-4, 40.0)
@@ -179,7 +179,7 @@ def test_the_cheapest_chain_that_is_as_exact_is_the_equal_one():
     assert ChainComparison([own], [coarse], None).ratio is None
 
 
-def test_a_table_says_how_to_install_what_is_missing_and_fits_a_terminal(monkeypatch: pytest.MonkeyPatch):
+def test_tables_say_how_to_install_what_is_missing_and_fit_a_terminal(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("COLUMNS", "80")
     own = ChainRow("flexlab", 2, "etdrk4", 1e-3, 4e-6, 2e-4, 5.0)
     chain = ChainRow("MuJoCo", 32, "implicitfast", 2e-5, 1e-5, 7e-5, 12345.6)

@@ -1,4 +1,4 @@
-"""One file of a run: an archive that another machine verifies, which refuses any change."""
+"""The archive of a run: one file that another machine can verify, and in which any change is noticed."""
 
 import hashlib
 import json
@@ -38,7 +38,7 @@ def capsule(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return target
 
 
-def test_it_holds_the_run_and_describes_every_file(source: Path, capsule: Path, tmp_path: Path):
+def test_the_archive_holds_the_run_and_describes_every_file(source: Path, capsule: Path, tmp_path: Path):
     with zipfile.ZipFile(capsule) as archive:
         names = set(archive.namelist())
         crate = json.loads(archive.read(METADATA))
@@ -63,7 +63,7 @@ def test_it_holds_the_run_and_describes_every_file(source: Path, capsule: Path, 
     assert again.read_bytes() == capsule.read_bytes()
 
 
-def test_a_changed_archive_does_not_pass(capsule: Path, tmp_path: Path):
+def test_a_changed_archive_is_refused(capsule: Path, tmp_path: Path):
     with zipfile.ZipFile(capsule) as archive:
         members = {name: archive.read(name) for name in archive.namelist()}
 
@@ -93,14 +93,14 @@ def test_a_changed_archive_does_not_pass(capsule: Path, tmp_path: Path):
         unpack_capsule(tmp_path / "none.zip", tmp_path)
 
 
-def test_it_is_written_whole_or_not_at_all(source: Path, tmp_path: Path):
+def test_the_archive_is_written_whole_or_not_at_all(source: Path, tmp_path: Path):
     (tmp_path / "file").write_text("")
     with pytest.raises(StudyError, match="cannot be written"):
         write_capsule(source, tmp_path / "file" / "run.zip")
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
-def test_the_commands_write_and_verify_it(flexlab_command: Command, source: Path, tmp_path: Path):
+def test_export_writes_the_archive_and_replay_verifies_it(flexlab_command: Command, source: Path, tmp_path: Path):
     done = flexlab_command("export", str(source), "--to", "mine.zip")
     assert done.returncode == 0, done.stderr
     replayed = flexlab_command("replay", "mine.zip")

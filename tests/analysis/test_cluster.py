@@ -1,4 +1,4 @@
-"""Studies on a real Dask cluster: a worker or the scheduler is killed during the study, and no byte of the result changes."""
+"""Studies on a real Dask cluster: killing a worker or the scheduler during a study changes no byte of the result."""
 
 import contextlib
 import gc
@@ -46,7 +46,7 @@ def address_of(scheduler: subprocess.Popen) -> str:
     assert scheduler.stderr is not None
     for line in scheduler.stderr:
         if found := re.search(r"Scheduler at:\s+(tcp://\S+)", line):
-            # Keeps reading, so that the process's output never fills the pipe.
+            # Go on reading, so that the process's output never fills the pipe.
             threading.Thread(target=scheduler.stderr.read, daemon=True).start()
             return found[1]
     raise AssertionError("the scheduler said no address")
@@ -71,7 +71,7 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 @pytest.fixture(scope="module")
 def computed_here(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """The table of the sweep without a cluster."""
+    """The table of the sweep, computed without a cluster."""
     folder = tmp_path_factory.mktemp("here")
     flexlab.sweep("paper", VARY, 0.3, folder=folder)
     return (folder / "cells.parquet").read_bytes()
@@ -85,7 +85,7 @@ def start_worker(folder: Path, address: str) -> subprocess.Popen:
     return process
 
 
-def test_a_killed_worker_changes_no_byte(scheduler: str, computed_here: bytes, tmp_path: Path):
+def test_a_killed_worker_changes_no_byte_of_a_sweep(scheduler: str, computed_here: bytes, tmp_path: Path):
     workers = [start_worker(tmp_path, scheduler) for _ in range(2)]
     try:
         with Client(scheduler, set_as_default=False) as client:
@@ -123,7 +123,7 @@ def test_a_killed_worker_changes_no_byte_of_a_tuning_and_a_leaderboard(scheduler
             working = dict(client.run(os.getpid))
 
             def kill_one_until(left: int, done: int, total: int) -> None:
-                """Kill one in the middle that is computing something."""
+                """Kill a busy worker once the study is under way."""
                 busy = [address for address, keys in client.processing().items() if keys and address in working]
                 if len(working) > left and 2 <= done < total and busy:
                     os.kill(working.pop(busy[0]), signal.SIGKILL)
@@ -155,7 +155,7 @@ def as_bytes(table: pa.Table) -> bytes:
     return sink.getvalue().to_pybytes()
 
 
-def test_a_law_of_ones_own_travels_with_every_study(scheduler: str, tmp_path: Path):
+def test_every_study_takes_a_users_own_law_to_the_workers(scheduler: str, tmp_path: Path):
     (tmp_path / "own_pd.py").write_text(PD, encoding="utf-8")
     (tmp_path / "elsewhere").mkdir()
     worker = start_worker(tmp_path / "elsewhere", scheduler)
@@ -221,7 +221,7 @@ def scheduler_to_kill(tmp_path: Path) -> Iterator[subprocess.Popen]:
         yield process
 
 
-def test_a_killed_scheduler_is_said_and_what_is_kept_goes_on(
+def test_a_killed_scheduler_is_reported_and_the_sweep_can_be_completed_later(
     scheduler_to_kill: subprocess.Popen, computed_here: bytes, tmp_path: Path
 ):
     address, told = address_of(scheduler_to_kill), list[str]()
@@ -257,8 +257,8 @@ def test_a_killed_scheduler_is_said_and_what_is_kept_goes_on(
         worker.wait()
 
 
-def test_a_web_server_is_no_scheduler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """The first bytes of its answer, read as a length, ask for more memory than there is."""
+def test_a_web_server_is_not_taken_for_a_scheduler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Read as a length, the first bytes of its answer ask for more memory than there is."""
     monkeypatch.setattr("flexlab.analysis.workers.PATIENCE", 1.0)
     with socket.create_server(("127.0.0.1", 0)) as plug:
 
@@ -276,10 +276,10 @@ def test_a_web_server_is_no_scheduler(tmp_path: Path, monkeypatch: pytest.Monkey
             flexlab.sweep("paper", VARY, 0.1, folder=tmp_path / "c", cluster=address)
 
 
-def test_a_cluster_that_cannot_be_used_is_said(scheduler: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_cluster_that_cannot_be_used_is_refused(scheduler: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     with pytest.raises(StudyError, match="has no workers: start some with dask worker tcp://"):
         flexlab.sweep("paper", VARY, 0.1, folder=tmp_path / "a", cluster=scheduler)
-    monkeypatch.setattr("flexlab.analysis.workers.PATIENCE", 1.0)  # Only these are waited for.
+    monkeypatch.setattr("flexlab.analysis.workers.PATIENCE", 1.0)  # Only the addresses below are waited for.
     for address in ("tcp://127.0.0.1:1", "nowhere", "tcp://no.such.host.invalid:8786"):
         with pytest.raises(StudyError, match="No Dask scheduler answers") as caught:
             flexlab.sweep("paper", VARY, 0.1, folder=tmp_path / "b", cluster=address)

@@ -1,4 +1,4 @@
-"""Sentences about runs: scripted cases each get theirs and no others, and what they say and advise comes true."""
+"""Sentences about runs: each scripted run gets its own and no others, and what the sentences say and advise comes true."""
 
 import html
 import re
@@ -36,20 +36,20 @@ def test_equations_have_true_minus_signs() -> None:
 
 
 class Case(NamedTuple):
-    """A scripted run, and the sentences that it gets."""
+    """A scripted run and the sentences that it gets."""
 
     name: str
     """Name of the explanation that the case is about."""
     says: str
-    """Words and numbers of its sentence, as a regular expression."""
+    """Words and numbers of that explanation's sentence, as a regular expression."""
     also: tuple[str, ...]
-    """The other sentences of the run."""
+    """Names of the other explanations that the run gets."""
     changes: dict[str, Any]
     duration: float
     preset: str = "paper"
     commands: tuple = ()
     mode: int = 0
-    """Number of a mode that the beam starts in."""
+    """Number of the mode that the beam starts in; 0 for none."""
 
 
 START, SLOW = ("ring", "jerky start"), ("condition not met",)
@@ -161,7 +161,7 @@ def background(scenario: Scenario) -> Background:
 
 
 def sentences(scenario: Scenario, run: Run) -> dict[str, str]:
-    """Explanation → sentence, in their order."""
+    """Name of each explanation → its sentence, in order."""
     return {each.name: each.sentence for each in explain(Evidence.of_run(run, background(scenario)))}
 
 
@@ -174,12 +174,12 @@ def test_a_scripted_run_gets_its_sentences_and_no_others(case: Case):
     assert set(found) == {case.name, *case.also}
 
 
-def test_every_explanation_has_its_case_and_no_case_is_left_out():
+def test_every_explanation_has_a_scripted_run_and_there_are_thirty_or_more():
     assert {case.name for case in CASES} == set(EXPLANATIONS)
     assert len(CASES) >= 30
 
 
-def test_each_names_an_equation_and_a_plot_of_the_lab():
+def test_each_explanation_names_an_equation_and_a_plot_of_the_lab():
     shown = [plot.title for plots in tabs(load_preset("paper")).values() for plot in plots]
     shown.append("Spectrum of the mid-span vibration")
     for each in EXPLANATIONS.values():
@@ -190,8 +190,8 @@ def test_each_names_an_equation_and_a_plot_of_the_lab():
 
 @pytest.mark.parametrize(("duration", "period"), [(3.0, 0.001), (400.0, 0.01)])
 @pytest.mark.parametrize("preset", preset_names())
-def test_an_error_exceeds_no_bound_that_its_sentence_names(preset: str, duration: float, period: float):
-    """Wherever in the path's period the run ends: the learnt bound grows with ‖ẋ‖², which is small at the turning points."""
+def test_the_error_never_exceeds_the_bound_that_its_sentence_names(preset: str, duration: float, period: float):
+    """This holds wherever in the path's period the run ends: the learnt bound grows with ‖ẋ‖², small at the turning points."""
     scenario = load_preset(preset)
     end = scenario.trajectory.end
     # The sentence is not given for a payload that stands still.
@@ -204,7 +204,7 @@ def test_an_error_exceeds_no_bound_that_its_sentence_names(preset: str, duration
 
 
 @pytest.mark.parametrize("preset", ["paper", "smooth-start", "fast-adaptation"])
-def test_what_the_path_forces_is_not_taken_for_a_mode_that_folds_down(preset: str):
+def test_vibration_that_the_path_forces_is_not_taken_for_a_folded_mode(preset: str):
     """With samples every 5 ms, mode 2 at 197 Hz would show at 3 Hz, where the path shakes the beam."""
     scenario = load_preset(preset)
     run = simulate(scenario, 6.0, 0.005)
@@ -212,7 +212,7 @@ def test_what_the_path_forces_is_not_taken_for_a_mode_that_folds_down(preset: st
 
 
 @pytest.mark.parametrize("preset", ["paper", "single-arm"])
-def test_what_is_too_short_or_stands_still_gets_no_wrong_word(preset: str):
+def test_a_run_that_is_too_short_or_stands_still_gets_no_wrong_sentence(preset: str):
     scenario = load_preset(preset)
     run = simulate(scenario, 0.05)
     for stop in (0, 1, 2, 5, 20, 51):
@@ -223,7 +223,7 @@ def test_what_is_too_short_or_stands_still_gets_no_wrong_word(preset: str):
 
 
 @pytest.mark.parametrize("preset", ["paper", "single-arm"])
-def test_with_its_motors_off_a_payload_that_follows_nothing_is_not_explained_by_its_path(preset: str):
+def test_a_run_with_its_motors_off_gets_no_sentences(preset: str):
     scenario = load_preset(preset).replace({"controller.kind": "none"})
     assert not sentences(scenario, simulate(scenario, 2.5))
 
@@ -239,7 +239,7 @@ def test_a_gain_of_zero_is_explained_without_dividing_by_it(law: str):
             assert not re.search(r"\b(nan|inf)\b|\d{6}", text)
 
 
-def test_a_law_whose_memory_hardly_moves_is_not_called_nearly_lost():
+def test_a_small_margin_of_a_memory_that_hardly_moves_is_not_reported():
     scenario = load_preset("gravity").replace({"controller.kind": "regressor-adaptive"})
     margin = background(scenario).modes.disk_margin
     assert margin is not None
@@ -247,7 +247,7 @@ def test_a_law_whose_memory_hardly_moves_is_not_called_nearly_lost():
     assert "small margin" not in sentences(scenario, simulate(scenario, 0.2))
 
 
-# What they advise.
+# What the sentences advise.
 
 
 def advised(pattern: str, text: str) -> float:
@@ -257,7 +257,7 @@ def advised(pattern: str, text: str) -> float:
 
 
 def test_the_cures_of_a_growing_mode_cure_it():
-    """Nothing grows on one side of the damping ratio and control period that the sentence names; on the other side it does."""
+    """The mode grows on one side of the damping ratio and control period that the sentence names, but not on the other."""
     scenario = load_preset("paper").replace(MEASURED)
     text = sentences(scenario, simulate(scenario, 0.1))["growing mode"]
     more = advised(r"larger by ([\d.]+) %", text) / 100
@@ -277,7 +277,7 @@ def test_the_cure_of_a_growing_pose_cures_it():
         assert modes(scenario.replace({"controller.control_period": share * shorter})).unstable == grows
 
 
-def test_twice_the_feedback_nearly_halves_the_error_and_feed_forward_takes_its_cause_away():
+def test_twice_the_feedback_nearly_halves_the_error_and_feed_forward_nearly_removes_it():
     error = [
         float(
             np.linalg.norm(
@@ -291,7 +291,7 @@ def test_twice_the_feedback_nearly_halves_the_error_and_feed_forward_takes_its_c
 
 
 def test_a_shaper_leaves_the_share_that_is_named():
-    """On the closed loop's damped mode; the motion excites a little of others, too."""
+    """This is computed for the damped mode of the closed loop alone: a motion also excites the others a little."""
     plain, shaped = (load_preset("paper").replace({**BANG, **more}) for more in ({}, {"trajectory.shaper": "zv"}))
     ring = background(plain).rings[1]
     own = background(shaped)
@@ -303,7 +303,7 @@ def test_a_shaper_leaves_the_share_that_is_named():
     assert np.abs(summed).max() / np.abs(np.exp(pole * times)).max() == pytest.approx(share_left(wrong, ring), rel=1e-9)
 
 
-def test_in_python_a_run_explains_itself():
+def test_explanations_are_a_property_of_a_run_in_python():
     run = flexlab.simulate("paper", 0.6)
     assert [each.name for each in run.explanations] == ["ring", "jerky start"]
     assert run.explanations == flexlab.explain(run)
@@ -317,7 +317,7 @@ def test_a_run_that_could_not_start_explains_nothing():
     assert run.explanations == ()
 
 
-def test_large_numbers_are_written_as_people_write_them():
+def test_large_numbers_are_written_without_an_exponent():
     """A heavy beam on a fast path has forces of more than 1000 N."""
     run = flexlab.simulate(load_preset("paper").replace({"payload.linear_density": 1000.0}), 0.05)
     said = "\n".join(map(str, run.explanations))
@@ -325,7 +325,7 @@ def test_large_numbers_are_written_as_people_write_them():
     assert not re.search(r"\de[+-]\d", said)
 
 
-def test_a_changed_or_pulled_run_is_explained_as_it_is_since(tmp_path: Path) -> None:
+def test_a_changed_run_is_explained_since_its_last_change_and_a_pulled_one_not_at_all(tmp_path: Path) -> None:
     """A run pulled by hand was called forced by its path, and a changed beam's ring was compared with the original beam."""
     held = flexlab.simulate("paper", 2.5, commands=[(1.0, Pull(0.0, (0.0, 0.9), 2000.0))])
     change = ChangeScenario({"payload.bending_stiffness": 50.0, "trajectory.kind": "hold"})

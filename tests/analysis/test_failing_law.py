@@ -1,4 +1,4 @@
-"""A law that fails at its first instant: its own error is shown, whatever is asked of the run."""
+"""A law that fails at its first instant: every command and study shows the law's own error."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -21,14 +21,14 @@ def law(tmp_path: Path) -> Path:
     return tmp_path / "fails.py"
 
 
-def test_the_command_says_it(law: Path, flexlab_command: Callable[..., CompletedProcess[str]]):
+def test_the_run_command_shows_the_laws_own_error(law: Path, flexlab_command: Callable[..., CompletedProcess[str]]):
     done = flexlab_command("run", "paper", "--law", str(law), "--duration", "0.1")
     assert done.returncode == 1
     assert SAID in done.stderr
     assert "Traceback" not in done.stderr
 
 
-def test_an_endless_loop_ends_the_command_with_a_sentence(
+def test_a_law_in_an_endless_loop_ends_the_command_with_a_sentence(
     tmp_path: Path, flexlab_command: Callable[..., CompletedProcess[str]], capfd: pytest.CaptureFixture[str]
 ):
     endless = PD.replace(
@@ -51,7 +51,7 @@ def test_a_checked_run_that_stops_is_an_error(law: Path):
     assert flexlab.simulate("paper", 0.01, check=True).status == "finished"
 
 
-def test_studies_of_the_loop_say_it(law: Path):
+def test_modes_and_linearize_show_the_laws_own_error(law: Path):
     run = flexlab.simulate("paper", 0.1, law=law)
     assert SAID in run.status.text
     assert SAID in flexlab.modes(run.scenario).note

@@ -1,4 +1,4 @@
-"""Intervals of fits hold the truth as often as they claim if arms and a law carry the beam, which is not a plain ring."""
+"""Intervals of fits hold the truth as often as they claim, even where arms and a law carry the beam and its ring is not plain."""
 
 import re
 from typing import Any
@@ -17,7 +17,7 @@ LAWS = (
 
 
 def tapped_runs(seed: int) -> list[flexlab.Run]:
-    """Each law twice, with random stiffness, path, clock and tap."""
+    """Two tapped runs of each law, with random stiffness, path, clock and tap."""
     rng, scenarios, commands = np.random.default_rng(seed), [], []
     for law in LAWS * 2:
         changes = {
@@ -35,8 +35,8 @@ def tapped_runs(seed: int) -> list[flexlab.Run]:
     ]
 
 
-def test_nine_of_ten_intervals_at_least_hold_the_truth_under_any_law():
-    """Intervals from noise alone held 70 % of the stiffnesses and 30 % of the frequencies; many were ±0.01 %."""
+def test_at_least_nine_of_ten_intervals_hold_the_truth_under_any_law():
+    """Intervals that counted noise alone held 70 % of the stiffnesses and 30 % of the frequencies; many were ±0.01 %."""
     held: dict[str, list[bool]] = {}
     for run in tapped_runs(2):
         fit = flexlab.fit(run)
@@ -58,8 +58,8 @@ def test_nine_of_ten_intervals_at_least_hold_the_truth_under_any_law():
     assert len(held["EI"]) >= 0.9 * len(LAWS) * 2
 
 
-def test_a_mode_above_a_hidden_first_one_is_not_taken_for_it():
-    """The first mode was left out, as its interval was wide, and the second gave many times the stiffness, or ±1 %."""
+def test_a_higher_mode_is_not_taken_for_a_hidden_first_mode():
+    """The first mode was left out because its interval was wide, and the second gave many times the stiffness."""
     scenario = flexlab.load_preset("smooth-start").replace(
         {
             "controller.kind": "lqr",
@@ -80,7 +80,7 @@ def test_a_mode_above_a_hidden_first_one_is_not_taken_for_it():
     ("period", "words"),
     [(0.02, {}), (0.001, {"end": 0.52}), (0.001, {"signal": "kinetic_energy"}), (0.001, {"signal": "total_energy"})],
 )
-def test_what_is_not_the_first_mode_tells_no_beam(period: float, words: dict[str, Any]):
+def test_a_frequency_that_is_not_the_first_modes_gives_no_beam_parameters(period: float, words: dict[str, Any]):
     """For EI = 80, an aliased frequency gave 4.29 ± 0.003, the second mode alone 1878 ± 50, an energy 0.7 ± 0.1."""
     scenario = flexlab.load_preset("smooth-start").replace({"payload.bending_stiffness": 80.0})
     run = flexlab.simulate(scenario, 1.5, period, commands=[(0.5, Tap(0.05, (0.0, 0.3)))])
@@ -94,8 +94,8 @@ def test_what_is_not_the_first_mode_tells_no_beam(period: float, words: dict[str
 
 
 @pytest.mark.parametrize("elements", [2, 3, 8])
-def test_modes_that_noise_hides_stand_not_before_the_ring(elements: int):
-    """They only take up what the fit of a ring in moving arms leaves, and are no modes."""
+def test_modes_hidden_by_noise_are_not_listed_with_those_of_the_ring(elements: int):
+    """They only absorb what the fit of a ring in moving arms leaves, and are no modes of the beam."""
     scenario = flexlab.load_preset("smooth-start").replace({"payload.element_count": elements})
     fit = flexlab.fit(flexlab.simulate(scenario, 1.5, commands=[(0.5, Tap(0.05, (0.0, 0.3)))]))
     assert all(mode.frequency.identifiable for mode in fit.ring.modes)

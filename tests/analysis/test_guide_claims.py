@@ -16,7 +16,7 @@ from flexlab.sim.world import World
 TEXT = {chapter.id: chapter.text.replace("\n", " ") for chapter in chapters()}
 
 
-def test_frequencies_of_the_paper():
+def test_the_guide_states_the_frequencies_of_the_papers_beam():
     payload = load_preset("paper").payload
     exact = [
         np.pi * k**2 / (2 * payload.length**2) * np.sqrt(payload.bending_stiffness / payload.linear_density)
@@ -36,7 +36,7 @@ def test_sideways_motion_excites_odd_modes_and_turning_even_ones():
 
 @pytest.mark.parametrize("preset", ["paper", "soft-beam", "fast-adaptation"])
 def test_the_formula_of_the_internal_force_is_exact(preset: str):
-    """F1 = -½(M̄1 - M̄2)ṡ - ½(C̄1 - C̄2)s for continuous control, whatever the beam does."""
+    """F1 = -½(M̄1 - M̄2)ṡ - ½(C̄1 - C̄2)s under continuous control, whatever the beam does."""
     scenario = load_preset(preset).replace({"controller.control_period": None})
     world = World(scenario)
     world.advance_rows(137)
@@ -53,14 +53,14 @@ def test_the_formula_of_the_internal_force_is_exact(preset: str):
     np.testing.assert_allclose(sample.internal_force[0, 0], expected, rtol=1e-9, atol=1e-9)
 
 
-def test_tracking_error_of_the_paper():
+def test_the_guide_states_the_tracking_error_of_the_papers_run():
     paper = simulate(load_preset("paper"), 3.0)
     error = 1e3 * np.abs(paper.tracking_error[:, :2])
     assert f"{error.max():.0f} mm after the start" in TEXT["reading-the-plots"]
     assert f"at most {error[paper.time >= 1].max():.1f} mm from t = 1 s on" in TEXT["reading-the-plots"]
 
 
-def test_energy_changes_by_work_less_loss():
+def test_energy_changes_by_the_work_less_the_loss():
     paper = simulate(load_preset("paper"), 1.0)
     change = paper.total_energy - paper.total_energy[0]
     np.testing.assert_allclose(change, paper.input_work - paper.dissipated_energy, atol=1e-5)

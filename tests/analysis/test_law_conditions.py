@@ -1,4 +1,4 @@
-"""Conditions of the laws: the numbers in their sentences, and that runs do what they predict."""
+"""Conditions of the laws: their sentences state the right numbers, and runs do what they predict."""
 
 import re
 
@@ -22,8 +22,8 @@ def named(scenario: Scenario, start: str):
     return found
 
 
-def test_the_beams_reaction_is_what_the_law_does_not_know():
-    """Ā leaves out what the beam's first modes carry: Ψ = (κ terms) ẍ_d, at most 0.81·… of m ẍ_d; nothing across its length."""
+def test_the_beams_reaction_that_the_law_does_not_know_acts_across_the_beam():
+    """Ā leaves out what the beam's first modes carry: Ψ = (κ terms) ẍ_d, at most 0.81 of m ẍ_d, and none along the beam."""
     around = circumstances(load_preset("paper"))
     angle = around.path.desired[:, 0, 2]
     along = around.reaction[:, 0] * np.cos(angle) + around.reaction[:, 1] * np.sin(angle)
@@ -31,8 +31,8 @@ def test_the_beams_reaction_is_what_the_law_does_not_know():
     assert around.largest_reaction == pytest.approx(8.6, abs=0.1)
 
 
-def test_feedback_within_the_boundary_layer():
-    """K ε ≥ ‖Ψ‖ predicts that ‖s‖ stays inside after the start, as it does in the two presets."""
+def test_the_condition_on_feedback_predicts_whether_s_stays_in_the_boundary_layer():
+    """K ε ≥ ‖Ψ‖ predicts whether ‖s‖ stays inside after the start; it does in one of the two presets."""
     for name, met in (("paper", True), ("weak-feedback", False)):
         scenario = load_preset(name)
         condition = named(scenario, "‖Ψ‖ ≤ K ε")
@@ -45,14 +45,14 @@ def test_feedback_within_the_boundary_layer():
 
 
 @pytest.mark.parametrize(("bound", "met"), [(30.0, True), (5.0, False)])
-def test_a_constant_bound(bound: float, met: bool):
+def test_a_constant_bound_has_to_exceed_the_beams_reaction(bound: float, met: bool):
     scenario = load_preset("paper").replace({"controller.kind": "sliding-mode", "controller.bound": bound})
     assert named(scenario, "ρ̂ ≥ ‖Ψ‖").met == met
 
 
 @pytest.mark.parametrize(("delay", "ratio"), [(0, 0.001), (1, 0.0), (1, 0.02), (2, 0.001)])
-def test_late_torques_feed_the_modes_that_grow(delay: int, ratio: float):
-    """Met if the sampled poles are stable; otherwise the stated growth is theirs to 10 % (2.65 1/s at 400 Hz)."""
+def test_the_condition_on_late_torques_names_the_mode_that_grows(delay: int, ratio: float):
+    """It is met if the sampled poles are stable; otherwise it states their growth to 10 % (2.65 1/s at 400 Hz)."""
     changes = {
         "payload.element_count": 8,
         "payload.damping": {"kind": "modal", "ratio": ratio},
@@ -78,7 +78,7 @@ def test_super_twisting_needs_gains_above_the_change_of_the_reaction():
     assert [condition.met for condition in law_conditions(weak)][:2] == [False, False]
 
 
-def test_a_path_that_moves_tells_masses_apart():
+def test_only_a_path_that_moves_tells_masses_apart():
     """Of the 8 masses of two arms and payload, 7 combinations can be identified: the grips are part of one rigid body."""
     moving = load_preset("paper").replace({"controller.kind": "regressor-adaptive"})
     resting = moving.replace({"trajectory.amplitude": (0.0, 0.0, 0.0)})
@@ -89,8 +89,8 @@ def test_a_path_that_moves_tells_masses_apart():
 
 
 @pytest.mark.parametrize(("period", "met"), [(0.002, True), (0.05, False)])
-def test_held_torques_that_come_too_late(period: float, met: bool):
-    """λ T_c beyond its limit: the run ends early."""
+def test_the_condition_on_the_control_period_predicts_whether_the_run_ends_early(period: float, met: bool):
+    """The run ends early if λ T_c is beyond its limit."""
     scenario = load_preset("paper").replace({"controller.control_period": period})
     assert named(scenario, "λ T_c").met == met
     assert (simulate(scenario, 2.0).status == "finished") == met

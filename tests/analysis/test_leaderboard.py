@@ -1,4 +1,4 @@
-"""The benchmark: rows are the runs that they name, computed once, verifiable, and a law that fails says why."""
+"""The leaderboard: each row is the run that it names, computed once and verifiable, and a law that fails says why."""
 
 import json
 import re
@@ -57,7 +57,7 @@ def verified(rows: tuple[Row, ...]) -> list[Finding]:
 
 
 def test_the_table_that_ships_is_what_the_engine_computes():
-    """A fifth of its rows, with every case and law; if this fails, `web_assets/make/leaderboard.py` makes the table anew."""
+    """A fifth of its rows, with every case and law. If this fails, make the table anew with `web_assets/make/leaderboard.py`."""
     tasks = make_tasks(chosen_cases(None, long=False), chosen_entrants(None))
     rows = shipped_rows()[::FIFTH]
     assert {row.case for row in rows} == {task.case.name for task in tasks}
@@ -76,14 +76,14 @@ def test_a_row_is_the_run_that_simulate_gives(board: Leaderboard):
     assert row.scores["settled"] is None, "it still rings"
 
 
-def test_what_is_known_is_not_computed_again(board: Leaderboard, folder: Path):
+def test_rows_that_are_known_are_not_computed_again(board: Leaderboard, folder: Path):
     assert board.computed == len(board.rows) == 6
     again = flexlab.leaderboard(LAWS, [QUICK], folder=folder, progress=False)
     assert (again.computed, again.rows) == (0, board.rows)
     assert RowStore(folder).last() == board.rows
 
 
-def test_of_what_changed_only_that_is_computed(board: Leaderboard, tmp_path: Path, folder: Path):
+def test_only_the_rows_of_what_changed_are_computed(board: Leaderboard, tmp_path: Path, folder: Path):
     file = tmp_path / "push.py"
     computed = []
     for push in (1.0, 2.0, 2.0):
@@ -98,7 +98,7 @@ def test_of_what_changed_only_that_is_computed(board: Leaderboard, tmp_path: Pat
     assert not {task.row.key for task in longer} & {row.key for row in board.rows}
 
 
-def test_a_law_s_key_follows_its_own_file_and_those_it_uses():
+def test_a_laws_key_depends_on_its_own_file_and_on_the_laws_it_uses():
     paper = load_preset("paper")
     kinds = {kind: paper.replace({"controller.kind": kind}) for kind in ("pd", "computed-torque", "composite")}
     assert len({law_source(scenario) for scenario in kinds.values()}) == 3
@@ -106,7 +106,7 @@ def test_a_law_s_key_follows_its_own_file_and_those_it_uses():
     assert law_source(other) != law_source(kinds["composite"])
 
 
-def test_verification_finds_every_bit_again(board: Leaderboard):
+def test_verification_reproduces_every_row(board: Leaderboard):
     found = verified(board.rows)
     assert len(found) == 6
     assert not any(finding.sentence for finding in found)
@@ -140,7 +140,7 @@ def test_a_row_whose_file_was_damaged_is_computed_again(tmp_path: Path):
     assert run_board(tasks, store) == first
 
 
-def test_a_law_that_fails_is_named_with_its_sentence(tmp_path: Path):
+def test_a_law_that_fails_is_listed_with_the_reason(tmp_path: Path):
     file = tmp_path / "broken.py"
     file.write_text(OWN.replace("PUSH", "1 / 0").replace("Push", "Broken"))
     far = replace(QUICK, variants=(Variant("near"), Variant("far", {"trajectory.center": (0.0, 1.6, 0.0)})))
@@ -153,11 +153,11 @@ def test_a_law_that_fails_is_named_with_its_sentence(tmp_path: Path):
     assert dict(overview(found).lines)["pd"][0].text == "fails 1 of 2"
 
 
-def test_a_law_of_control_instants_says_that_it_was_sampled(board: Leaderboard):
+def test_the_settings_say_which_laws_were_sampled_unlike_the_case(board: Leaderboard):
     assert settings(board) == {"lqr": ["sampled, Control period T_c (s) = 0.001"]}
 
 
-def test_every_law_of_flexlab_enters_every_case_and_only_learners_leak():
+def test_every_continuous_law_enters_and_only_laws_with_leakage_get_the_leaky_variant():
     known = [entrant for entrant in entrants().values() if entrant.changes["controller.kind"] != "lqr"]
     tasks = make_tasks(chosen_cases(["B5", "B7"], long=True), known)
     assert not [task.row.sentence for task in tasks if task.row.sentence]
@@ -174,7 +174,7 @@ def test_every_law_of_flexlab_enters_every_case_and_only_learners_leak():
     assert "none" not in entrants()
 
 
-def test_the_cases_are_those_of_the_benchmark_and_the_long_one_is_asked_for():
+def test_the_first_cases_are_b1_to_b8_and_the_long_one_has_to_be_asked_for():
     assert list(cases())[:8] == ["B1", "B2", "B3", "B4", "B5", "B6", "B7", "B8"]
     assert [case for case in cases().values() if case not in chosen_cases(None, long=False)] == [cases()["B7"]]
     for case in cases().values():
@@ -224,7 +224,7 @@ def test_bad_input_is_a_sentence(tmp_path: Path, words: dict, says: str):
         flexlab.leaderboard(**words, folder=tmp_path, progress=False)
 
 
-def test_joints_of_machines_are_known_or_not():
+def test_case_b8_has_real_joints_that_the_law_knows_or_not_then_grips_and_filling():
     case = cases()["B8"]
     unknown, known, compliant, filled, followed = (case.plain_scenario(variant, 0) for variant in case.variants)
     assert (unknown.controller.model.friction_factor, known.controller.model.friction_factor) == (0.0, 1.0)
@@ -244,13 +244,13 @@ def test_a_chart_without_any_score_has_no_numbers_on_its_axis():
     assert [text.get_text() for text in axes.texts] == ["no score"]
 
 
-def test_a_score_that_no_axis_can_show_is_none():
+def test_a_score_too_large_for_an_axis_is_drawn_as_no_score():
     figure = draw_case(cases()["B1"], ["pd", "lqr"], np.array([[1e308], [0.1]]))
     assert len(svg_text(figure)) < 1e6
     assert [text.get_text() for text in figure.axes[0].texts] == ["no score"]
 
 
-def test_numbers_of_a_table_keep_the_zeros_at_their_ends(board: Leaderboard):
+def test_numbers_in_the_table_keep_their_trailing_zeros(board: Leaderboard):
     texts = [cell.text for _, cells in overview(board).lines for cell in cells]
     assert "1.00" in texts
     assert all(len(text.replace(".", "")) == 3 for text in texts if text[0].isdecimal() and "\u202f" not in text)

@@ -1,4 +1,4 @@
-"""Lessons, done as their texts say: each check says no before and yes after, and every number in the texts is measured."""
+"""Lessons done as their texts say: each check says no before and yes after, and the numbers in the checks are measured."""
 
 import re
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ ADAPTATION = "controller.adaptation"
 def verdict(
     check: str, preset: str, *changes: tuple[float, str, float], duration: float = 3.0, until: float | None = None
 ) -> Verdict:
-    """What the lab would show at t = `until`, s, with the scenario, the events and the last seconds of samples at that time."""
+    """What the lab would show at t = `until`, s, from the scenario, the events and the last seconds of samples at that time."""
     result, stop = run(preset, *changes, duration=duration), duration if until is None else until
     done = [(time, path, value) for time, path, value in changes if time <= stop]
     scenario = load_preset(preset).replace({path: value for _, path, value in done})
@@ -50,10 +50,10 @@ def peak(signal: np.ndarray) -> float:
     return float(np.abs(signal).max())
 
 
-# The lessons, done as a student does them.
+# The lessons, done as a student would do them.
 
 
-def test_why_does_it_ring():
+def test_the_lesson_on_the_ring_is_done_by_a_smooth_start():
     assert verdict("ring", "paper", until=0.3) == Verdict(False, "Let the run go on to t = 0.6 s.")
     before = verdict("ring", "paper")
     assert not before.done
@@ -65,7 +65,7 @@ def test_why_does_it_ring():
     assert "under 2.9 µm" in after.sentence
 
 
-def test_soft_beam():
+def test_the_lesson_on_the_soft_beam_is_done_by_softening_it_and_waiting():
     before = verdict("soft-beam", "paper")
     assert not before.done
     assert before.sentence.startswith("EI = 100 N·m²: f1 = 44.6 Hz, and the motion bends the beam by 0.15 mm")
@@ -76,7 +76,7 @@ def test_soft_beam():
     assert "f1 = 14.1 Hz, and the motion bends the beam by 1.51 mm" in after.sentence
 
 
-def test_what_epsilon_does():
+def test_the_lesson_on_the_boundary_layer_is_done_by_thinning_it_twice():
     thinner, thinnest = (2.0, EPSILON, 0.01), (4.0, EPSILON, 0.001)
     stages = [
         verdict("boundary-layer", "fast-adaptation", thinner, thinnest, duration=6.0, until=t) for t in (1.9, 3.9, 6)
@@ -90,7 +90,7 @@ def test_what_epsilon_does():
     assert not calm.done
 
 
-def test_why_adaptive():
+def test_the_lesson_on_adaptation_is_done_by_adapting_faster_and_waiting():
     faster = (3.0, ADAPTATION, (0.1, 0.1, 0.1))
     before, at_once, after = (
         verdict("adaptation", "weak-feedback", faster, duration=8.0, until=t) for t in (2.9, 3.5, 8.0)
@@ -101,7 +101,7 @@ def test_why_adaptive():
     assert after.done
 
 
-def test_internal_force():
+def test_the_lesson_on_the_internal_force_is_done_by_a_larger_gain_and_waiting():
     stiffer = (2.0, K, 1000.0)
     before, at_once, after = (verdict("internal-force", "paper", stiffer, duration=4.0, until=t) for t in (1.9, 2.2, 4))
     assert not before.done
@@ -121,7 +121,7 @@ CLOCK: dict[str, object] = {"controller__control_period": 0.001, "controller__in
 KALMAN: dict[str, object] = {"controller__kind": "composite", "controller__observer__kind": "kalman"}
 
 
-def test_can_vibration_reach_zero():
+def test_the_lesson_on_vibration_is_done_by_an_observer_behind_noisy_gauges():
     before = verdict("vibration", "paper", until=1.0)
     assert not before.done
     assert "within 0.44 s without active damping" in before.sentence
@@ -138,7 +138,7 @@ def test_can_vibration_reach_zero():
     assert "within 0.12 s with a clock of 1 ms and 1 ms of delay, from noisy gauges" in after.sentence
 
 
-def test_stopping_without_a_ring():
+def test_the_lesson_on_input_shaping_is_done_by_zvd_made_for_a_wrong_frequency():
     assert not verdict("input-shaping", "soft-beam").done
     stages = [
         begun("input-shaping", "sudden-stop", 1.6, trajectory__shaper=shaper, trajectory__shaper_frequency=hertz)
@@ -151,7 +151,7 @@ def test_stopping_without_a_ring():
     assert "0.14 mm of vibration after the stop" in stages[3].sentence
 
 
-def test_spillover():
+def test_the_lesson_on_spillover_is_done_by_a_little_damping():
     beam: dict[str, object] = {
         "payload__element_count": 8,
         "payload__damping__kind": "modal",
@@ -172,24 +172,24 @@ def test_spillover():
     assert "knows 3 of 16 modes, and beam mode 5, 1122 Hz, grows at 0.23 1/s: spillover" in stages[2].sentence
 
 
-# What checks compare with, and what the texts claim without a number (the numbers: tests/test_numbers_in_texts.py).
+# What the checks compare with, and what the texts claim without numbers (their numbers: tests/test_numbers_in_texts.py).
 
 
 def test_the_ring_is_that_of_the_closed_loop():
-    """The frequency measured in the run and that of the linearised loop, found another way: grips that give way raise it."""
+    """The frequency measured in the run is that of the linearised loop, above that of the beam alone."""
     ring = lesson_measures.ring_frequency(between(run("paper"), 0, 0.3))
     assert np.abs(modes(load_preset("paper")).pole_frequency - ring).min() < 0.1
     assert ring > lesson_measures.first_frequency(load_preset("paper").payload)
 
 
 def number(lesson: str, name: str) -> float:
-    """What a lesson's check compares with."""
+    """A number that a lesson's check compares with."""
     found = re.search(rf"^{name} = (\S+)$", LESSONS[lesson].check, re.MULTILINE)
     assert found
     return float(found[1])
 
 
-def test_references_of_the_checks_are_measured():
+def test_the_numbers_that_the_checks_compare_with_are_measured():
     assert number("vibration", "undamped") == pytest.approx(run_metrics(run("paper")).settling_time, abs=0.005)
     alone = between(run("weak-feedback", duration=10.0), 9, 10).tracking_error[:, :2]
     assert float(np.sqrt(np.mean(np.sum(alone**2, axis=1)))) == pytest.approx(
@@ -207,11 +207,11 @@ def test_estimates_grow_until_the_error_is_halved_and_never_shrink():
     assert np.all(np.diff(result.bound_estimates, axis=0) >= 0)
 
 
-def test_the_internal_forces_are_opposite():
+def test_the_internal_forces_of_the_arms_are_opposite():
     assert peak(run("paper", (2.0, K, 1000.0), duration=4.0).internal_force.sum(axis=1)) < 1e-9
 
 
-# Checks are robust: any run, any events, one sentence.
+# The checks answer any run and any events in a sentence.
 
 
 def one_sentence_or_two(verdict: Verdict) -> bool:
@@ -226,13 +226,13 @@ def test_every_check_answers_on_every_preset(check: str, preset: str):
 
 
 @pytest.mark.parametrize("check", list(LESSONS))
-def test_a_lesson_is_not_done_by_its_first_preset(check: str):
+def test_no_lesson_is_done_by_merely_running_its_preset(check: str):
     assert not verdict(check, LESSONS[check].preset).done
 
 
 @pytest.mark.parametrize("check", list(LESSONS))
-def test_a_touch_undoes_a_lesson_that_compares(check: str):
-    """After a recent tap on the beam, nothing measured across the tap counts."""
+def test_no_lesson_but_the_one_on_vibration_is_done_just_after_a_tap(check: str):
+    """What was measured across a recent tap on the beam does not count."""
     events: Sequence[Event] = [Event(2.9, "", Tap(0.0, (0.0, 1.0))), Event(2.95, "no command", level="error")]
     for preset in ("paper", "smooth-start", "fast-adaptation"):
         assert (
@@ -250,7 +250,7 @@ def test_other_controllers_and_resting_paths_get_a_sentence():
             assert not answer.done
 
 
-def test_an_empty_run_is_told_to_play():
+def test_no_lesson_is_done_by_an_empty_run_and_an_unknown_lesson_is_an_error():
     result = run("paper")
     for check in LESSONS:
         assert not check_lesson(check, load_preset("paper"), result.slice(0, 0)).done
@@ -258,7 +258,7 @@ def test_an_empty_run_is_told_to_play():
         check_lesson("no such check", load_preset("paper"), result.slice(0, 5))
 
 
-def test_a_squeeze_until_it_buckles():
+def test_the_lesson_on_buckling_is_done_by_a_second_squeeze_and_waiting():
     force, preset = "controller.wanted_internal_force", "squeeze-until-it-buckles"
     change = (3.0, force, 40.0)
     assert "squeeze-until-it-buckles" in verdict("buckling", "paper").sentence
@@ -279,15 +279,15 @@ def test_a_squeeze_until_it_buckles():
     assert "it has buckled. Set Wanted internal force F_d to 30, and press R" in buckled.sentence
 
 
-def test_a_squeeze_may_wait_for_half_a_minute():
-    """However long a page takes: the ring that is then left, 30 nm, has the same frequency."""
+def test_the_lesson_on_buckling_may_wait_for_half_a_minute():
+    """The reader may take that long: the ring that is then left, 30 nm, has the same frequency."""
     late = verdict(
         "buckling", "squeeze-until-it-buckles", (30.0, "controller.wanted_internal_force", 40.0), duration=33.0
     )
     assert late.done, late.sentence
 
 
-def test_spin_up():
+def test_the_lesson_on_spin_up_is_done_without_the_force_along_the_beam():
     assert "one arm" in verdict("spin-up", "paper").sentence
     bent = verdict("spin-up", "spin-up", duration=2.4)
     assert bent.sentence.endswith("Let the run go on to t = 5 s."), "it has not come back to the line yet"

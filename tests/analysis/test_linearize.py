@@ -1,4 +1,4 @@
-"""Linear models: against an independent linearisation, against the nonlinear run, and in the hands of other tools."""
+"""Linear models: against an independent linearisation, against the nonlinear run, and as other tools use them."""
 
 import sys
 from typing import Any
@@ -27,7 +27,7 @@ def still(name: str = "paper", **changes) -> Scenario:
 
 
 def joint_angles(lagrangian: Lagrangian, pose: np.ndarray) -> np.ndarray:
-    """Relative joint angles of both arms from their links' directions, (arms · 3,)."""
+    """Relative joint angles of all arms from the directions of their links, (arms · 3,)."""
     found = []
     for index in range(len(lagrangian.scenario.arms)):
         angles = [np.arctan2(float(u[1]), float(u[0])) for u in lagrangian.links(pose, index)[1]]
@@ -37,7 +37,7 @@ def joint_angles(lagrangian: Lagrangian, pose: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("gravity", [0.0, 9.81])
 def test_eigenvalues_are_those_of_an_independent_linearisation(gravity: float):
-    """The plant under torques that hold it, from energies of mass points: to 1e-6 of each eigenvalue."""
+    """Each eigenvalue of the plant under the torques that hold it agrees to 1e-6 with that from energies of mass points."""
     scenario = still("gravity", **{"gravity": gravity, "payload.element_count": 3, "controller.kind": "pd"})
     model = flexlab.linearize(scenario, pose=(0.05, 0.7, 0.15))
     pose, torque = model.about.pose, model.about.torque.ravel()
@@ -58,7 +58,7 @@ def test_eigenvalues_are_those_of_an_independent_linearisation(gravity: float):
     A = np.block([[np.zeros((n, n)), np.eye(n)], [np.linalg.solve(M, -K), np.linalg.solve(M, -C)]])
     expected, own = np.linalg.eigvals(A), np.linalg.eigvals(model.A)
     assert len(own) == len(expected)
-    # Without weight six eigenvalues are exactly 0 and share one block: they are known to the root of rounding.
+    # Without weight, six eigenvalues are exactly 0 and defective: they are known only to the root of rounding.
     for value in own:
         assert np.abs(expected - value).min() < 1e-6 * abs(value) + (1e-3 if gravity == 0 and abs(value) < 0.01 else 0)
     assert (np.abs(own) > 0.01).sum() == len(own) - (6 if gravity == 0 else 0)
@@ -66,8 +66,8 @@ def test_eigenvalues_are_those_of_an_independent_linearisation(gravity: float):
 
 @pytest.mark.parametrize("law", ["adaptive-sliding-mode", "vibration-damping", "computed-torque", "pd"])
 @pytest.mark.parametrize("sampling", [{}, MOTORS_OFF_LATE, SAMPLED], ids=["continuous", "held", "late"])
-def test_a_step_of_the_target_is_that_of_the_run(law: str, sampling: dict):
-    """Model and simulation agree for a target that jumps by 10 µm and 1e-5 rad, as second-order terms are far smaller."""
+def test_the_model_answers_a_step_of_the_target_as_the_run_does(law: str, sampling: dict):
+    """Model and simulation agree if the target jumps by 10 µm and 1e-5 rad: second-order terms are far smaller."""
     if law == "vibration-damping" and sampling == SAMPLED:
         sampling = {"controller.control_period": 5e-4, "controller.input_delay": 1}
     scenario = still(**{"controller.kind": law, **sampling})
@@ -89,12 +89,12 @@ def test_a_step_of_the_target_is_that_of_the_run(law: str, sampling: dict):
         own = shown[:, first : first + signal.shape[1]] + model.about.output_at_rest[first : first + signal.shape[1]]
         first += signal.shape[1]
         change = np.abs(signal - model.about.output_at_rest[first - signal.shape[1] : first]).max()
-        # An internal force that a symmetric step hardly makes is of second order itself.
+        # A symmetric step hardly changes the internal force: the change is itself of second order.
         assert np.abs(signal - own).max() < 1e-3 * max(change, 1e-3 if name == "internal_force" else 0.0), name
 
 
 def test_the_sampled_plant_is_scipys_zero_order_hold():
-    """Held torques without a law: `cont2discrete` of the continuous model; one period of delay adds a factor z⁻¹."""
+    """With held torques it is `cont2discrete` of the continuous model; two periods of delay add a factor z⁻²."""
     plain, held = (flexlab.linearize(still(**more), outputs="pose") for more in ({}, MOTORS_OFF_LATE))
     expected = cont2discrete((plain.A, plain.B, plain.C, plain.D), 2e-3)
     np.testing.assert_allclose(held.A, expected[0], rtol=1e-9, atol=1e-9 * np.abs(expected[0]).max())
@@ -110,7 +110,7 @@ def test_the_sampled_plant_is_scipys_zero_order_hold():
 def test_the_closed_models_eigenvalues_are_the_poles(sampling: dict):
     scenario = still("vibration-damping", **sampling)
     model, found = flexlab.linearize(scenario, closed=True), modes(scenario)
-    own = model.poles  # Of several outputs, too.
+    own = model.poles  # Also for several outputs.
     np.testing.assert_array_equal(own, np.linalg.eigvals(model.A))
     if model.dt is not None:
         own = np.log(own[np.abs(own) > 1e-4].astype(complex)) / model.dt
@@ -119,7 +119,7 @@ def test_the_closed_models_eigenvalues_are_the_poles(sampling: dict):
     assert model.disk_margin == found.disk_margin
 
 
-def test_mass_damping_and_stiffness_make_the_model():
+def test_the_models_matrix_follows_from_its_mass_damping_and_stiffness():
     model = flexlab.linearize(load_preset("gravity"), (0.1, 0.7, 0.2))
     n = len(model.mass)
     np.testing.assert_allclose(model.mass, model.mass.T, atol=1e-12)
@@ -130,7 +130,7 @@ def test_mass_damping_and_stiffness_make_the_model():
     np.testing.assert_allclose(frequency, modes(load_preset("gravity")).frequency, rtol=1e-9)
 
 
-def test_task_inputs_are_the_joint_torques_that_make_them():
+def test_joint_torques_act_as_the_task_inputs_that_they_make():
     torque, task = (
         flexlab.linearize(load_preset("paper"), inputs=i, outputs="arm_input") for i in ("joint_torque", "arm_input")
     )
@@ -148,7 +148,7 @@ def test_every_recorded_signal_can_be_an_output():
     assert np.isfinite(model.D).all()
 
 
-def test_names_units_and_one_line():
+def test_a_model_names_its_channels_and_their_units_and_prints_in_one_line():
     model = flexlab.linearize(load_preset("paper").replace(SAMPLED), inputs=("desired_pose", "joint_torque"))
     assert isinstance(model, StateSpace)
     assert isinstance(model, LinearModel)
@@ -173,18 +173,18 @@ def test_names_units_and_one_line():
         ({"inputs": "desired_pose", "closed": False}, "closed=False"),
     ],
 )
-def test_what_makes_no_model_is_refused_in_a_sentence(arguments: dict, sentence: str):
+def test_arguments_that_give_no_model_are_refused_in_a_sentence(arguments: dict, sentence: str):
     with pytest.raises(StudyError, match=sentence):
         flexlab.linearize(load_preset("paper"), **arguments)
 
 
-def test_no_rest_point_no_model():
+def test_a_loop_without_a_rest_point_has_no_linear_model():
     with pytest.raises(StudyError, match="no rest point"):
         flexlab.linearize(load_preset("gravity").replace({"controller.kind": "none"}))
 
 
 @pytest.mark.parametrize("sampling", [{}, SAMPLED])
-def test_python_control_takes_the_model(sampling: dict):
+def test_python_control_accepts_the_model(sampling: dict):
     control = pytest.importorskip("control")
     model = flexlab.linearize(still(**sampling), inputs="desired_pose")
     other = model.to_control()
@@ -194,7 +194,7 @@ def test_python_control_takes_the_model(sampling: dict):
     np.testing.assert_allclose(control.dcgain(other), np.eye(3), atol=1e-6)
 
 
-def test_python_control_that_is_missing_is_asked_for(monkeypatch: pytest.MonkeyPatch):
+def test_a_missing_python_control_is_asked_for(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, "control", None)
     with pytest.raises(StudyError, match=r"flexlab\[control\]"):
         flexlab.linearize(load_preset("paper")).to_control()
@@ -206,7 +206,7 @@ NAMED = {"inputs": "desired_pose_y", "outputs": "vibration"}
 @pytest.mark.parametrize("name", ["paper", "composite", "lqr", "single-arm"])
 @pytest.mark.parametrize("channel", [NAMED, {"inputs": "joint_torque_left_2", "outputs": "pose_y", "closed": True}])
 def test_scipys_frequency_response_of_a_channel_is_exact(name: str, channel: dict):
-    """By scipy's polynomials, the response of a sampled loop with 39 states was wrong by its own size."""
+    """With scipy's polynomials, the response of a sampled loop with 39 states was off by its own size."""
     model = flexlab.linearize(name, **channel)
     assert (model.input_names, model.output_names) == ((channel["inputs"],), (channel["outputs"],))
     if model.dt is None:
@@ -236,7 +236,7 @@ def test_a_transfer_function_is_exact_or_refused():
 
 
 @pytest.mark.parametrize("scenario", ["paper", "lqr"])
-def test_a_transfer_function_may_be_of_one_of_several_inputs(scenario: str):
+def test_a_transfer_function_can_be_had_for_one_of_several_inputs(scenario: str):
     several = flexlab.linearize(scenario, inputs="desired_pose", outputs="pose_y")
     one = flexlab.linearize(scenario, inputs="desired_pose_y", outputs="pose_y")
     found, wanted = several.to_zpk(input=1), one.to_zpk()
@@ -250,7 +250,7 @@ def test_a_transfer_function_may_be_of_one_of_several_inputs(scenario: str):
 
 
 @pytest.mark.parametrize("sampling", [{}, SAMPLED])
-def test_what_needs_one_channel_says_so(sampling: dict):
+def test_methods_that_need_one_channel_say_so(sampling: dict):
     """scipy complained about arrays that could not be broadcast, and gave a transfer function of the first input only."""
     model: Any = flexlab.linearize(still(**sampling), inputs="desired_pose", outputs=("pose", "vibration"))
     needs_one = [
@@ -274,7 +274,7 @@ def test_what_needs_one_channel_says_so(sampling: dict):
         np.testing.assert_array_equal(held.B, B)
 
 
-def test_a_part_is_what_it_is_of_the_whole():
+def test_a_model_of_some_channels_is_a_part_of_the_model_of_all():
     whole = flexlab.linearize("gravity", inputs=("joint_torque", "desired_pose_rate"), outputs=("pose", "joint_angle"))
     part = flexlab.linearize(
         "gravity", inputs=("desired_pose_rate_theta", "joint_torque_right_3"), outputs=("joint_angle_left_2", "pose_y")
@@ -286,7 +286,7 @@ def test_a_part_is_what_it_is_of_the_whole():
     np.testing.assert_array_equal(part.D, whole.D[np.ix_(rows, columns)])
 
 
-def test_a_signal_that_follows_from_others_is_an_output():
+def test_a_signal_computed_from_others_can_be_an_output():
     model = flexlab.linearize(
         "gravity", inputs="desired_pose_y", outputs=("vibration", "midspan_deflection", "quasi_static_deflection")
     )

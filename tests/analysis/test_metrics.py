@@ -1,4 +1,4 @@
-"""Metrics: each has the value that its definition says, from a stream or a whole run, over its window."""
+"""Metrics: each has the value that its definition gives over its window, from a stream of pieces or a whole run."""
 
 import re
 from itertools import pairwise
@@ -25,7 +25,7 @@ def run() -> Run:
     return simulate(load_preset("paper"), 1.0)
 
 
-def test_metrics_of_the_papers_run_are_those_of_the_model(run: Run) -> None:
+def test_metrics_of_the_papers_run_have_the_values_of_their_definitions(run: Run) -> None:
     found = run_metrics(run)
     np.testing.assert_allclose(found.peak_error, (1.674e-2, 1.704e-2, 7.005e-3), rtol=1e-3)
     assert found.peak_torque == pytest.approx(638.890, abs=0.01)
@@ -45,7 +45,7 @@ def test_metrics_of_the_papers_run_are_those_of_the_model(run: Run) -> None:
 
 
 def test_the_papers_ring_is_gone_when_the_paper_says(run: Run) -> None:
-    """'At about t = 0.5 s': the last instant above one per cent of the peak."""
+    """The paper says "at about t = 0.5 s"; the metric is the last instant above one per cent of the peak."""
     assert run_metrics(run).settling_time == pytest.approx(0.44, abs=0.005)
 
 
@@ -77,7 +77,7 @@ def test_a_target_that_goes_on_has_not_stopped_at_its_last_sample(sample_period:
         recent_ring(going_on, [])
 
 
-def test_samples_that_are_too_far_apart_for_the_ring_are_told(tmp_path: Path) -> None:
+def test_samples_that_are_too_far_apart_for_the_ring_get_a_note(tmp_path: Path) -> None:
     """At 10 ms the settling time was silently 0.37 s instead of 0.44 s; the note asks for 2 ms."""
     told = run_metrics(simulate(load_preset("paper"), 0.5, 0.01))
     assert told.note.startswith("Samples are 10 ms apart, and the beam's first mode has a period of 22.4 ms: ")
@@ -129,7 +129,7 @@ def test_a_run_without_samples_has_no_metrics_and_no_error(run: Run) -> None:
     assert found.duration == 0
 
 
-def test_an_unknown_metric_is_named_with_those_there_are(run: Run) -> None:
+def test_an_unknown_metric_is_refused_with_the_list_of_metrics(run: Run) -> None:
     with pytest.raises(AttributeError, match="no metric 'energy': choose one of duration, rms_error"):
         _ = run_metrics(run).energy
 
@@ -140,8 +140,8 @@ TIME = np.arange(2001) * 0.001
 RING = np.exp(-TIME / 0.1) * np.cos(2 * np.pi * 500 * TIME)
 
 
-def test_settling_of_a_known_signal() -> None:
-    """A ring that falls by e each 0.1 s goes below 1 % of its peak for good after 0.1 · ln 100 = 0.4605 s."""
+def test_the_settling_time_of_a_decaying_ring_is_that_of_its_formula() -> None:
+    """A ring that falls by a factor of e every 0.1 s stays below 1 % of its peak after 0.1 · ln 100 = 0.4605 s."""
     assert settling_time(TIME, RING) == pytest.approx(0.1 * np.log(100), abs=2e-3)
     assert settling_time(TIME + 7.0, 5 * RING) == pytest.approx(0.1 * np.log(100), abs=2e-3)
 
@@ -152,7 +152,7 @@ def test_no_vibration_is_settled_from_the_start() -> None:
 
 
 @pytest.mark.parametrize("hertz", [0.5, 1.0, 5.0, 44.4, 400.0])
-def test_what_goes_on_has_not_settled_wherever_it_is_cut(hertz: float) -> None:
+def test_a_steady_vibration_has_not_settled_wherever_it_is_cut(hertz: float) -> None:
     signal = np.sin(2 * np.pi * hertz * TIME)
     for stop in range(1200, 2001, 7):
         assert np.isnan(settling_time(TIME[:stop], signal[:stop])), stop
@@ -163,7 +163,7 @@ def test_a_ring_that_is_cut_short_has_not_settled() -> None:
     assert settling_time(TIME[:500], RING[:500]) == settling_time(TIME, RING)
 
 
-def test_settling_told_from_pieces_is_that_of_the_whole() -> None:
+def test_the_settling_time_of_pieces_is_that_of_the_whole_and_needs_little_memory() -> None:
     random = np.random.default_rng(5)
     time = np.arange(5000) * 0.001
     signal = np.exp(-3 * time) * np.cos(300 * time) + 0.001 * random.normal(size=len(time))
@@ -175,21 +175,21 @@ def test_settling_told_from_pieces_is_that_of_the_whole() -> None:
     assert len(pieces._time) < 500
 
 
-def test_lesson_library_and_python_say_the_same() -> None:
+def test_the_lesson_on_vibration_states_the_settling_time_of_the_metric() -> None:
     damped = simulate(load_preset("vibration-damping"), 1.0)
     seconds = run_metrics(damped).settling_time
     verdict = check_lesson("vibration", damped.scenario, damped)
     assert f"fell to one per cent within {seconds:.2f} s" in verdict.sentence
 
 
-def test_a_lesson_does_not_call_a_ring_settled_that_goes_on() -> None:
+def test_the_lesson_on_vibration_does_not_call_a_lasting_ring_settled() -> None:
     scenario = load_preset("paper").replace({"payload.damping.coefficient": 0.0})
     verdict = check_lesson("vibration", scenario, simulate(scenario, 1.0))
     assert not verdict.done
     assert "still over one per cent after a second" in verdict.sentence
 
 
-def test_what_has_no_value_is_said_and_sorts_last() -> None:
+def test_a_metric_without_a_value_shows_why_and_sorts_last() -> None:
     (column,) = SettlingTime.columns
     assert column.key == "Vibration below 1 % after [s]"
     texts = [noted_text(column, noted) for noted in ({column.key: 0.4689}, {column.key: None}, {}, {column.key: "x"})]
@@ -197,14 +197,14 @@ def test_what_has_no_value_is_said_and_sorts_last() -> None:
     assert noted_value(column, {column.key: 9e9}) < noted_value(column, {column.key: None}) < noted_value(column, {})
 
 
-# One file each.
+# A metric is added in one place.
 
 
-def test_a_metric_is_added_in_one_place(run: Run) -> None:
-    """Tables, windows, notes and Python have a registered class; a name that is taken is refused."""
+def test_a_registered_metric_has_a_row_and_a_window_and_its_name_is_taken(run: Run) -> None:
+    """One call makes it an attribute and a row of the table; a second class of the same name is refused."""
 
     class Lowest(Peak):
-        """How far from the axis the payload's centre comes, m."""
+        """Largest distance of the payload's centre from the x axis, m."""
 
         name, place = "farthest", 25
         columns = (Column("farthest", "Farthest", "far", "m"),)
@@ -225,8 +225,8 @@ def test_a_metric_is_added_in_one_place(run: Run) -> None:
         del METRICS["farthest"]
 
 
-def test_a_vibration_that_goes_on_does_not_settle_whenever_the_run_ends():
-    """A vibration forced for ever at 1.1 to 30 % of its first peak pauses at each crossing, but never settles."""
+def test_a_forced_vibration_has_not_settled_whenever_the_run_ends():
+    """A vibration that is forced at 1.1 to 30 % of its first peak pauses at each zero crossing, but never settles."""
     time = np.arange(0, 8, 1e-3)
     for share in (0.011, 0.02, 0.05, 0.3):
         signal = np.exp(-8 * time) * np.cos(280 * time) + share * np.sin(2 * np.pi * time / 1.2)
@@ -234,7 +234,7 @@ def test_a_vibration_that_goes_on_does_not_settle_whenever_the_run_ends():
             assert np.isnan(settling_time(time[time <= end], signal[time <= end])), (share, end)
 
 
-def test_a_run_under_pd_is_not_settled_whatever_its_length():
+def test_a_run_under_pd_does_not_settle_whatever_its_length():
     run = simulate(load_preset("paper").replace({"controller.kind": "pd"}), 6.0)
     for end in (3.0, 3.5, 4.0, 5.3, 6.0):
         rows = run.time <= end
@@ -244,7 +244,7 @@ def test_a_run_under_pd_is_not_settled_whatever_its_length():
         assert metric.reason() == "does not settle: forced or undamped at 1.45 %", end
 
 
-def test_why_there_is_no_settling_time_is_said() -> None:
+def test_a_missing_settling_time_has_a_reason() -> None:
     metric = SettlingTime()
     metric.add(TIME[:300], RING[:300])
     assert metric.reason() == "not settled: still at 13.8 %"
@@ -253,14 +253,14 @@ def test_why_there_is_no_settling_time_is_said() -> None:
     assert metric.reason() == ""
 
 
-def test_a_repr_gives_a_unit_to_numbers_alone() -> None:
+def test_a_repr_gives_units_to_numbers_only() -> None:
     text = repr(run_metrics(simulate(load_preset("paper"), 0.05)))
     assert re.search(r", Vibration below 1 % after [a-z: ]+ at [\d.]+ %,", text), text
     assert re.search(r"Peak joint torque [\d.]+ N·m", text)
     assert "% s" not in text
 
 
-def test_a_ring_after_a_tap_settles_and_pieces_say_the_same():
+def test_a_second_ring_after_a_tap_settles_and_pieces_give_the_same_time():
     time = np.arange(0, 60, 1e-3)
     tapped = np.where(time < 30, np.exp(-8 * time), 0.8 * np.exp(-8 * np.abs(time - 30))) * np.cos(280 * time)
     whole, pieces = SettlingTime(), SettlingTime()

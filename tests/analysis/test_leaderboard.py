@@ -224,7 +224,7 @@ def test_bad_input_is_a_sentence(tmp_path: Path, words: dict, says: str):
         flexlab.leaderboard(**words, folder=tmp_path, progress=False)
 
 
-def test_case_b8_has_real_joints_that_the_law_knows_or_not_then_grips_and_filling():
+def test_the_variants_of_b8_add_known_friction_compliant_grips_and_filling():
     case = cases()["B8"]
     unknown, known, compliant, filled, followed = (case.plain_scenario(variant, 0) for variant in case.variants)
     assert (unknown.controller.model.friction_factor, known.controller.model.friction_factor) == (0.0, 1.0)

@@ -1,4 +1,4 @@
-"""Poles against the simulation itself: one control period by differences, growth, and which loops are stable."""
+"""Poles against the simulation itself: differences over one control period, growth rates, rest points and stability."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ HELD = {"trajectory.amplitude": (0.0, 0.0, 0.0)}
 
 
 def fine(n: int = 8, period: float | None = 1e-3, delay: int = 1, **changes) -> Scenario:
-    """Active damping of an undamped beam of n elements, k_v = 100, that holds its pose."""
+    """Active damping, k_v = 100, of an undamped beam of n elements that holds its pose."""
     return load_preset("vibration-damping").replace(
         {
             **HELD,
@@ -36,7 +36,7 @@ def fine(n: int = 8, period: float | None = 1e-3, delay: int = 1, **changes) -> 
 
 
 def start_in(scenario: Scenario, weights: np.ndarray, size: float = 1e-6) -> Scenario:
-    """The scenario with a little of each mode in its initial state."""
+    """Return the scenario with a little of each mode in its initial state."""
     q = modes(scenario).shape[:, : len(weights)] @ weights
     return scenario.replace({"initial.beam_coordinates": tuple(size * q), "initial.pose_rate": (0.0, 0.0, 0.0)})
 
@@ -47,7 +47,7 @@ def linear_of(found: Modes) -> Linearization:
 
 
 def test_delayed_rate_feedback_feeds_the_third_mode():
-    """A continuous analysis calls this case stable, but the 400 Hz mode grows, as fast as in the simulation."""
+    """A continuous analysis calls this loop stable, but the mode at 400 Hz grows as fast as in the simulation."""
     scenario = fine()
     found = modes(scenario)
     row = found.pole_rows()[0]
@@ -65,10 +65,10 @@ def test_delayed_rate_feedback_feeds_the_third_mode():
 
 
 APART = (30.0, 45.0, 70.0)
-"""Slopes that keep the poles apart: a repeated pole would be accurate to half the digits only."""
+"""Slopes that keep the poles apart: a repeated pole would be accurate to only half the digits."""
 GAINS = {"controller.position_gain": (900.0, 1600.0, 2500.0), "controller.velocity_gain": (60.0, 90.0, 130.0)}
 POSE_STEP, MOMENTUM_STEP, TORQUE_STEP = 1e-6, 1e-4, 1e-2
-"""m, kg·m/s and N·m: what each does within a period is of one size."""
+"""Steps in m, kg·m/s and N·m whose effects within a period are of similar size."""
 LOOPS = [
     ("vibration-damping", 0, {"controller.sliding_slope": APART}),
     ("vibration-damping", 1, {"controller.sliding_slope": APART}),
@@ -79,8 +79,8 @@ LOOPS = [
 
 
 @pytest.mark.parametrize(("law", "delay", "changes"), LOOPS)
-def test_the_map_is_one_simulated_period(law: str, delay: int, changes: dict):
-    """The simulation of one control period, differentiated by all states, has the eigenvalues of the map."""
+def test_the_loop_map_has_the_eigenvalues_of_one_simulated_period(law: str, delay: int, changes: dict):
+    """The simulation of one control period is differentiated with respect to all states."""
     scenario = load_preset("vibration-damping").replace(
         {**HELD, "trajectory.center": (0.1, 0.7, 0.2), "controller.kind": law, **changes}
         | {"controller.control_period": 2e-3, "controller.input_delay": delay, "simulation.step": 1e-5}
@@ -134,7 +134,7 @@ def random_cell(seed: int) -> Scenario:
 
 
 def grows(scenario: Scenario, growth: float) -> bool:
-    """Whether the simulation does, over the time that a rate of this size takes to show."""
+    """Whether the simulated energy grows, over the time that a rate of this size takes to show."""
     duration = min(40.0, 0.3 + 5 / abs(growth))
     run = simulate(scenario, duration)
     if run.status.failed:
@@ -152,7 +152,7 @@ def test_random_loops_are_stable_or_not_as_simulated(seed: int):
 
 
 def sagging(**changes) -> Scenario:
-    """A soft beam bent by its weight, with axial load in its model."""
+    """A soft beam bent by its weight, with the axial load in its model."""
     return load_preset("paper").replace(
         {
             **HELD,
@@ -167,7 +167,7 @@ def sagging(**changes) -> Scenario:
 
 
 def test_a_sagging_beam_that_feels_its_axial_load_rings_as_its_poles_say():
-    """The effect of internal forces on a beam that is bent at rest belongs to the loop: ζ was 0.026 instead of 0.0146."""
+    """The loop includes the effect of internal forces on a beam that is bent at rest; without it ζ was 0.026, not 0.0146."""
     scenario = sagging()
     found = modes(scenario)
     q = found.shape @ linear_of(found).rest.motion.eta + 1e-3 * found.shape[:, 0]
@@ -179,7 +179,7 @@ def test_a_sagging_beam_that_feels_its_axial_load_rings_as_its_poles_say():
 
 
 def test_a_sagging_beam_that_is_squeezed_rests_where_the_simulation_comes_to_rest():
-    """Its bending enters the axial force, which softens it: the computed rest point was 3 % short."""
+    """Its bending enters the axial force, which softens it; the computed rest point was 3 % short of this."""
     scenario = sagging(**{"controller.wanted_internal_force": 30.0, "payload.damping.ratio": 0.2})
     found, run = modes(scenario), flexlab.simulate(scenario, 4.0, 0.01)
     q = found.shape @ linear_of(found).rest.motion.eta
@@ -207,7 +207,7 @@ def test_poles_of_a_sagging_beam_are_those_of_the_linear_model(changes: dict):
 
 
 def test_an_observer_and_a_beam_pressed_by_its_law_rest_where_the_simulation_does():
-    """Torques and bending were computed in turns, which had not converged after thirty: a stable loop was called unstable."""
+    """Torques and bending were computed in turns, and thirty did not converge: a stable loop was called unstable."""
     scenario = sagging(**{"controller.control_period": 2e-3, "controller.input_delay": 1, "controller.kind": "lqr"})
     found, run = modes(scenario), simulate(scenario, 6.0)
     assert np.ptp(run.pose[-200:], axis=0).max() < 1e-9, "it rests"
@@ -240,8 +240,8 @@ def test_a_wrong_mass_moves_the_rest_point_to_where_the_simulation_comes_to_rest
     np.testing.assert_allclose(simulate(scenario, 5.0).pose[-1], found.pose, rtol=0, atol=1e-9)
 
 
-def test_estimates_that_grow_for_ever_are_named():
-    """Under weight and with a wrong mass, b̂ never rests: the poles are those of the law at its start."""
+def test_estimates_that_never_come_to_rest_get_a_note():
+    """Under weight and with a wrong mass, b̂ grows for ever: the poles are those of the law at its start."""
     scenario = load_preset("gravity").replace({"controller.model.linear_density_factor": 0.5})
     found = modes(scenario)
     assert "never comes to rest" in found.note
@@ -250,8 +250,8 @@ def test_estimates_that_grow_for_ever_are_named():
 
 
 @pytest.mark.parametrize("slow", ["adaptive-sliding-mode", "regressor-adaptive"])
-def test_estimates_that_nothing_moves_keep_their_start_beside_an_observer_that_settles(slow: str):
-    """Only the observer of a sagging beam starts wrong: the poles assumed b̂ = 183 N, or a mass of -5900 kg."""
+def test_estimates_that_nothing_changes_keep_their_start_while_an_observer_settles(slow: str):
+    """Only the observer of a sagging beam starts wrong, but the poles assumed b̂ = 183 N or a mass of -5900 kg."""
     changes = {
         "controller.slow.kind": slow,
         "gravity": 9.81,
@@ -269,8 +269,8 @@ def test_estimates_that_nothing_moves_keep_their_start_beside_an_observer_that_s
     np.testing.assert_allclose(rest[:kept][-len(last) :], last, rtol=1e-2, atol=1e-2)
 
 
-def test_no_rest_point_is_said():
-    """Without motors nothing holds the weight: there are modes of the beam, no poles, and the reason."""
+def test_a_loop_without_a_rest_point_has_modes_no_poles_and_a_note():
+    """Without motors, nothing holds the weight."""
     found = modes(load_preset("gravity").replace({"controller.kind": "none"}))
     assert len(found.frequency) == 4
     assert len(found.poles) == 0
@@ -280,7 +280,7 @@ def test_no_rest_point_is_said():
     assert found.disk_margin is None
 
 
-def test_limits_and_noise_leave_the_poles_alone():
+def test_torque_limits_and_noise_do_not_change_the_poles():
     plain, rough = (
         modes(fine(2, **more))
         for more in ({}, {"controller.torque_limit": (1.0, 1.0, 1.0), "controller.sensor_noise.pose": (0.1, 0.1, 0.1)})
@@ -299,7 +299,7 @@ def test_poles_are_those_of_an_independent_linearisation(gravity: float):
     law, rest = scenario.controller, linear_of(found).rest
     q = linear_of(found).probe.beam.modes.V @ rest.motion.eta
     M, C, K, weight_slope = open_loop_matrices(scenario, np.concatenate([rest.motion.x, q]))
-    # The law carries the arms' weight at every pose; held torques would not: its slope stands in for theirs.
+    # The law carries the arms' weight at every pose, which held torques would not: the slope of the weight drops out of K.
     K[:3, :3] += np.diag(np.full(3, law.position_gain)) - weight_slope
     C[:3, :3] += np.diag(np.full(3, law.velocity_gain))
     n = len(M)
@@ -310,7 +310,7 @@ def test_poles_are_those_of_an_independent_linearisation(gravity: float):
         assert np.abs(expected - pole).min() < 1e-6 * abs(pole)
 
 
-def test_print_is_a_table():
+def test_modes_print_as_a_table():
     text = str(modes(fine()))
     assert "Poles of the sampled loop, sampled at 1 ms, torques 1 sample late" in text
     assert "GROWS   beam mode 3" in text
@@ -329,7 +329,7 @@ def test_poses_out_of_reach_are_refused_in_a_sentence(pose):
 
 
 def test_motors_within_the_disk_margin_keep_the_loop_stable():
-    """Every motor's gain anywhere within its range; one factor for all, complex, right up to the margin and not beyond."""
+    """Each motor's gain at either end of its range; one complex factor for all motors up to the margin, but not beyond."""
     found = modes(load_preset("paper").replace({"controller.control_period": 2e-3, "controller.input_delay": 1}))
     linear, margin = linear_of(found), found.disk_margin
     assert margin is not None
@@ -358,8 +358,8 @@ def test_an_unstable_loop_has_no_margin():
     assert margin.alike.alpha == margin.each.alpha == 0
 
 
-def test_free_arms_stand_still_and_take_any_gain():
-    """Motors off: the pose's six poles are neutral, no factor on a torque of nothing matters."""
+def test_free_arms_have_six_neutral_poles_and_the_largest_margin():
+    """With the motors off, the six poles of the pose are neutral, and no factor on a zero torque matters."""
     found = modes(load_preset("paper").replace({"controller.kind": "none"}))
     assert np.sum(np.abs(found.poles) < NEUTRAL) == 6
     assert find_poles(linear_of(found)).value.shape == found.poles.shape
@@ -368,8 +368,8 @@ def test_free_arms_stand_still_and_take_any_gain():
     assert found.disk_margin.each.alpha == pytest.approx(2)
 
 
-def test_poles_of_grips_that_give_way_say_that_they_are_of_rigid_ones():
-    """They said "a stable loop" for a loop that ran away within 12 ms."""
+def test_poles_of_compliant_grips_say_that_they_hold_for_rigid_grips():
+    """Modes said "a stable loop" for a loop that ran away within 12 ms."""
     scenario = load_preset("paper").replace(
         {"grips.model": "compliant", "controller.control_period": 0.001, "controller.input_delay": 1}
     )

@@ -1,4 +1,4 @@
-"""One hash for one result: in the shell, in Python, in the lab, and for the recording."""
+"""One result has one hash: in Python, in the lab and in its recording."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from flexlab.recording.store.run_files import list_runs
 from flexlab.sim.runner import Runner
 
 
-def test_it_is_of_the_samples_not_of_their_blocks_and_of_every_bit():
+def test_the_hash_depends_on_every_bit_of_the_samples_but_not_on_their_blocks():
     run = flexlab.simulate("paper", 0.05)
     gathered = ResultHash()
     for start, stop in ((0, 7), (7, 7), (7, 50), (50, 51)):
@@ -26,7 +26,7 @@ def test_it_is_of_the_samples_not_of_their_blocks_and_of_every_bit():
     assert flexlab.simulate("soft-beam", 0.05).result_hash != run.result_hash
 
 
-def test_the_lab_and_a_file_of_it_have_the_hash_of_a_run_without_screen(tmp_path: Path):
+def test_a_run_of_the_lab_and_its_recording_have_the_hash_of_a_run_without_a_screen(tmp_path: Path):
     recorder = Recorder(tmp_path)
     now = [0.0]
     runner = Runner(load_preset("paper"), "paper", [recorder], clock=lambda: now[0])

@@ -1,4 +1,4 @@
-"""From a tap to a shaper and a gain: the ring that is found, its remedies, and that they help."""
+"""From a tap to a shaper and a gain: the ring is found, remedies are offered, and they help."""
 
 import numpy as np
 import pytest
@@ -45,7 +45,7 @@ def _poles(scenario: Scenario) -> tuple:
     return found.poles, found.pole_origin
 
 
-def test_without_a_free_ring_it_says_what_to_do(tapped: flexlab.Run):
+def test_without_a_free_ring_the_error_says_what_to_do(tapped: flexlab.Run):
     with pytest.raises(StudyError, match="tap the beam"):
         recent_ring(tapped, [])
     with pytest.raises(StudyError, match="let go"):
@@ -58,7 +58,7 @@ def test_without_a_free_ring_it_says_what_to_do(tapped: flexlab.Run):
     assert remedies(fit, tapped.scenario) is None
 
 
-def test_the_ring_after_a_stop_is_quiet_once_the_path_goes_through_the_suggested_shaper():
+def test_the_suggested_shaper_takes_away_nine_tenths_of_the_ring_after_a_stop():
     move = load_preset("paper").replace({"trajectory.kind": "bang-bang", "trajectory.duration": 0.3})
     run = flexlab.simulate(move, 0.8)
     time, signal, since = recent_ring(run, [])

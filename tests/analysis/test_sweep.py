@@ -1,4 +1,4 @@
-"""Sweeps: what is varied, which cells follow, and one table whatever happens during the computation."""
+"""Sweeps: what is varied, which cells follow, and the same table whatever happens during the computation."""
 
 import json
 import os
@@ -54,7 +54,7 @@ def test_ranges_and_lists_are_read():
     assert three.values == ((0.0, 0.7, 0.0),)
 
 
-def test_a_beam_that_comes_again_gives_the_same_rows_whatever_else_came():
+def test_a_beam_that_comes_again_gives_the_same_rows_whether_it_was_kept_or_not():
     plan = make_plan(
         load_preset("paper"), axes(f"{K}=100:300:3", f"{EI}=1:900:log:4", "payload.element_count=2,9"), 0.05, 1e-3
     )
@@ -91,7 +91,7 @@ def test_a_beam_that_comes_again_gives_the_same_rows_whatever_else_came():
         ("gravity=1:2", StudyError, "is not usable"),
     ],
 )
-def test_what_cannot_be_varied_is_said(vary: Any, kind: type[FlexlabError], says: str):
+def test_what_cannot_be_varied_is_refused_in_a_sentence(vary: Any, kind: type[FlexlabError], says: str):
     with pytest.raises(kind) as caught:
         flexlab.sweep("paper", vary)
     assert says in str(caught.value)
@@ -111,7 +111,7 @@ def test_what_cannot_be_varied_is_said(vary: Any, kind: type[FlexlabError], says
         ({"folder": "/proc/sweep"}, "/proc/sweep cannot be written"),
     ],
 )
-def test_what_cannot_be_swept_is_said(options: dict, says: str):
+def test_options_that_cannot_be_used_are_refused_in_a_sentence(options: dict, says: str):
     with pytest.raises(StudyError, match=says):
         flexlab.sweep("paper", [f"{EI}=1:2:2"], **options)
 
@@ -172,8 +172,8 @@ flexlab.sweep("paper", ["payload.bending_stiffness=1:1000:log:12", "controller.f
         ({"gravity": ["no", 1]}, ["no", "1"]),
     ],
 )
-def test_values_of_several_kinds_stand_in_one_column(tmp_path: Path, vary: object, column: list[str]):
-    """For example those of a field that may be null: with a column of text, a sweep keeps what it has computed."""
+def test_values_of_several_kinds_share_a_column_of_text(tmp_path: Path, vary: object, column: list[str]):
+    """For example of a field that may be null: a column of text lets the sweep keep what it has computed."""
     sweep = flexlab.sweep("paper", vary, 0.02, folder=tmp_path / "sweep")  # type: ignore[arg-type]  # Any of these.
     (path,) = (axis.path for axis in sweep.axes)
     assert sweep.table.column(path).to_pylist() == column
@@ -181,7 +181,7 @@ def test_values_of_several_kinds_stand_in_one_column(tmp_path: Path, vary: objec
     assert sweep.plot("peak_torque").axes[0].get_xticklabels()[1].get_text() == column[1]
 
 
-def test_a_killed_sweep_goes_on_to_the_same_bytes(tmp_path: Path):
+def test_a_killed_sweep_is_completed_to_the_same_bytes(tmp_path: Path):
     words = [sys.executable, "-c", KILLED]
     subprocess.run([*words, str(tmp_path / "whole"), "1"], check=True)
     killed = subprocess.Popen([*words, str(tmp_path / "killed"), "2"])
@@ -212,7 +212,7 @@ def test_the_same_sweep_is_not_computed_twice_and_needs_no_folder(tmp_path: Path
     assert (again.folder / "cells.parquet").stat().st_mtime_ns == stamp
 
 
-def test_two_who_compute_one_sweep_at_once_both_get_it(tmp_path: Path):
+def test_two_computations_of_one_sweep_at_once_both_get_its_table(tmp_path: Path):
     """The slower one failed, as if the folder could not be written, because the other had removed the parts."""
     plan = make_plan(load_preset("paper"), axes("gravity=0,1,2"), 0.02, 0.001)
     others = []
@@ -250,7 +250,7 @@ def as_a_folder(file: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", [other_table, row_less, torn, as_a_pipe, as_a_folder])
-def test_a_damaged_table_is_said_and_stays(damage: Callable[[Path], None], tmp_path: Path):
+def test_a_damaged_table_is_reported_and_left_as_it_is(damage: Callable[[Path], None], tmp_path: Path):
     vary, folder = {EI: [50.0, 100.0]}, tmp_path / "K=1"
     file = flexlab.sweep("paper", vary, 0.02, folder=folder).folder / "cells.parquet"
     assert len(flexlab.sweep("paper", vary, 0.02, folder=folder).table) == 2
@@ -275,13 +275,13 @@ def test_a_damaged_part_is_computed_again(damage: Callable[[Path], None], tmp_pa
 
 
 @pytest.mark.parametrize("text", ["[" * 100_000, "[1]", '{"key": {}}', "\udcff"])
-def test_a_folder_with_another_plan_is_another_sweeps(text: str, tmp_path: Path):
+def test_a_folder_with_a_plan_of_something_else_is_refused(text: str, tmp_path: Path):
     (tmp_path / "sweep.json").write_text(text, encoding="utf-8", errors="surrogateescape")
     with pytest.raises(StudyError, match="holds another sweep"):
         flexlab.sweep("paper", {EI: [50.0, 100.0]}, 0.02, folder=tmp_path)
 
 
-def test_a_sweep_of_another_version_is_told_so_and_left_as_it_is(tmp_path: Path):
+def test_a_sweep_of_another_version_is_refused_and_left_as_it_is(tmp_path: Path):
     vary = {EI: [50.0, 100.0]}
     flexlab.sweep("paper", vary, 0.02, folder=tmp_path)
     plan = tmp_path / "sweep.json"
@@ -293,13 +293,13 @@ def test_a_sweep_of_another_version_is_told_so_and_left_as_it_is(tmp_path: Path)
     assert sorted(tmp_path.iterdir()) == before
 
 
-def test_a_plan_that_is_a_pipe_is_another_sweeps(tmp_path: Path):
+def test_a_folder_whose_plan_is_a_pipe_is_refused(tmp_path: Path):
     os.mkfifo(tmp_path / "sweep.json")
     with pytest.raises(StudyError, match="holds another sweep"):
         flexlab.sweep("paper", {EI: [50.0, 100.0]}, 0.02, folder=tmp_path)
 
 
-def test_metrics_of_ones_own_cost_no_table(tmp_path: Path):
+def test_a_users_own_metrics_cannot_spoil_the_table_or_the_figures(tmp_path: Path):
     @flexlab.metric("1")
     def beyond(samples: flexlab.Samples) -> float:
         return 1e308 * np.cos(samples.time[-1])
@@ -321,14 +321,14 @@ def test_metrics_of_ones_own_cost_no_table(tmp_path: Path):
         forget("fails_oddly")
 
 
-def test_the_front_is_what_no_cell_betters():
+def test_the_pareto_front_holds_the_cells_that_no_other_betters():
     x = np.array([1.0, 2.0, 2.0, 3.0, np.nan, 4.0, 0.5])
     y = np.array([5.0, 4.0, 3.0, 3.0, 0.0, 1.0, 9.0])
     assert pareto_front(x, y).tolist() == [6, 0, 2, 5]
     assert pareto_front(np.array([np.nan]), np.array([1.0])).tolist() == []
 
 
-def test_figures_say_units_and_mark_what_failed(tmp_path: Path):
+def test_figures_state_units_and_mark_failed_cells(tmp_path: Path):
     sweep = flexlab.sweep(
         "paper", [f"{EI}=1:1000:log:4", "trajectory.frequency=0.5:3:3", "trajectory.center=[0,0.75,0],[0,1.6,0]"], 0.1,
         folder=tmp_path / "map",
@@ -353,7 +353,7 @@ def test_figures_say_units_and_mark_what_failed(tmp_path: Path):
 
 
 def test_a_figure_shows_every_cell_or_says_how_many_it_leaves_out(tmp_path: Path):
-    """A third numeric field gets panels: in one map the cells would overlap, and only the last would be seen."""
+    """A third numeric field gets a panel per value: in one map the cells would overlap, and only the last would be seen."""
     third = "gravity=0:8:3"
     grid = flexlab.sweep("paper", [f"{EI}=50:100:2", f"{K}=100:300:2", third], 0.02, folder=tmp_path / "grid")
     maps = [part for part in grid.plot("peak_torque").axes if part.get_title()]

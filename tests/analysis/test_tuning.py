@@ -1,4 +1,4 @@
-"""Tuning finds the least cost within bounds and limits, robustly if asked, and the same with the same seed."""
+"""Tuning finds the least cost within bounds and limits, robustly if asked, and gives the same result again."""
 
 import math
 import subprocess
@@ -20,7 +20,7 @@ GAIN = parse_axes(["controller.feedback_gain=50:800:log"], PAPER)
 
 
 def test_the_best_of_a_monotone_cost_lies_at_the_bound_and_a_limit_moves_it():
-    """More gain means less error and more internal force."""
+    """A larger gain means less error and more internal force."""
     free = tune(PAPER, GAIN, parse_cost("rms-y"), duration=0.3, candidates=40)
     assert free.best.changes["controller.feedback_gain"] > 780
     assert free.best.cost < free.before.cost
@@ -36,8 +36,8 @@ def test_the_best_of_a_monotone_cost_lies_at_the_bound_and_a_limit_moves_it():
 
 
 @pytest.mark.parametrize("weight", [1.0, 1e16])
-def test_a_cost_is_metrics_times_weights_and_a_limit_counts_before_it(weight: float):
-    """The cost in the table had a penalty, ten million for 6 % too much torque, and a large weight could outweigh a limit."""
+def test_a_cost_is_metrics_times_weights_and_limits_count_before_it(weight: float):
+    """The cost in the table had a penalty, 10⁷ for 6 % too much torque, and a large weight could outweigh a limit."""
     kept = {"limits": {"peak_torque": 600.0, "rms_internal_force": 130.0}}
     cost = parse_cost({"rms_error.y": weight}, **kept)
     found = tune(PAPER, GAIN, cost, duration=0.3, candidates=30)
@@ -60,7 +60,7 @@ def test_a_robust_cost_is_that_of_the_worst_scenario():
     assert found.before.cost == max(2 * numbers_of(run.metrics)["rms-y"] for run in runs)
 
 
-def test_a_run_that_fails_costs_most_and_says_why():
+def test_a_scenario_that_fails_as_it_is_and_a_list_to_search_are_refused():
     far = parse_axes(["trajectory.center=[0,1.6,0]"], PAPER)
     with pytest.raises(StudyError, match="a range is searched, not a list"):
         tune(PAPER, far, parse_cost("rms-y"))
@@ -95,7 +95,7 @@ def test_a_metric_without_a_value_has_no_cost():
     assert not math.isnan(never.plot().axes[0].get_xlim()[0])
 
 
-def test_a_run_that_has_not_settled_keeps_no_limit_of_its_settling_time():
+def test_a_run_that_has_not_settled_exceeds_any_limit_of_its_settling_time():
     unsettled = flexlab.simulate(PAPER, 0.1).metrics
     cost = parse_cost("rms_error.y", "settling_time=2")
     assert cost.excess(unsettled) > 0
@@ -104,7 +104,7 @@ def test_a_run_that_has_not_settled_keeps_no_limit_of_its_settling_time():
     assert "Nothing that was tried keeps within the limits" in repr(found)
 
 
-def test_a_field_of_several_numbers_is_tuned_and_one_that_takes_none_is_told():
+def test_a_field_of_several_numbers_is_tuned_if_it_accepts_one_number_for_all():
     kept = {"cost": parse_cost("rms_error.y"), "duration": 0.02, "candidates": 8}
     found = tune(PAPER, parse_axes(["trajectory.amplitude=0.1:0.2"], PAPER), **kept)
     column = found.table.column("trajectory.amplitude").to_pylist()

@@ -1,4 +1,4 @@
-"""`flexlab validate` holds for this package, and for none with a sign flipped."""
+"""`flexlab validate` passes for this package, but not for one with a flipped sign."""
 
 import ast
 import json
@@ -51,7 +51,7 @@ def test_every_law_path_and_shaper_of_flexlab_has_a_statement(validation: Valida
     assert [name for name in (*paths(), *get_args(Shaper)) if name != "none" and name not in said] == []
 
 
-def test_there_are_forty_errors_to_be_noticed():
+def test_there_are_at_least_forty_errors_each_with_its_own_name():
     assert len({error.name for error in PLANTED}) == len(PLANTED) >= 40
 
 
@@ -74,7 +74,7 @@ def test_the_command_prints_the_table_and_says_where_the_report_is(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ):
-    """The validation is computed once for all tests; for the planted errors below, the command computes it."""
+    """The validation is computed once for all tests; with the errors of `planted_errors.py`, the command computes it."""
     monkeypatch.setattr("flexlab.analysis.validation.validate", lambda: validation)
     done = flexlab_command("validate", "--json", "--to", "mine.html")
     assert done.returncode == 0, done.stderr
@@ -98,7 +98,7 @@ def flipped_damping(circumstances: pytest.MonkeyPatch) -> None:
 
 
 def forget_what_is_known() -> None:
-    """Clear the caches of the engine."""
+    """Clear the engine's caches."""
     engine = tuple(f"flexlab.{room}." for room in ("physics", "control", "sim"))
     for module in [module for name, module in sys.modules.items() if name.startswith(engine)]:
         for each in vars(module).values():
@@ -108,7 +108,7 @@ def forget_what_is_known() -> None:
 
 @pytest.fixture
 def nothing_known() -> Iterator[None]:
-    """No cached beam hides a planted error, and none with a planted error is left to other tests."""
+    """Empty caches before and after: no cached beam hides a planted error, and no beam with one is left to other tests."""
     forget_what_is_known()
     yield
     forget_what_is_known()
@@ -119,7 +119,7 @@ def nothing_known() -> Iterator[None]:
 def test_a_flipped_sign_that_needs_no_compiling_does_not_pass(
     plant: Callable[[pytest.MonkeyPatch], None], group: Group, monkeypatch: pytest.MonkeyPatch
 ):
-    """All others take a minute each: see `planted_errors.py`."""
+    """All others take up to a minute each: see `planted_errors.py`."""
     plant(monkeypatch)
     assert not all(check.holds for check in group(Runs()))
 
@@ -151,7 +151,7 @@ def test_the_command_says_what_does_not_hold(
     assert "statements do not hold." in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
-def test_numbers_that_are_none_never_hold():
+def test_a_check_of_nan_or_infinity_never_holds():
     for number in (np.nan, np.inf):
         assert not close("", 1.0, number, relative=0.5).holds
         assert not below("", 1.0, number).holds
@@ -160,7 +160,7 @@ def test_numbers_that_are_none_never_hold():
     assert not close("", 1.0, 1.03, relative=0.02).holds
 
 
-def test_the_derivative_is_of_fourth_order():
+def test_the_time_derivative_is_of_fourth_order():
     errors = []
     for period in (0.02, 0.01):
         t = np.arange(20) * period

@@ -1,4 +1,4 @@
-"""Studies are computed on threads, which end when the study ends, also by Ctrl-C or by a failure."""
+"""Studies are computed on threads, which end with the study, even if Ctrl-C or a failure ends it."""
 
 import pytest
 
@@ -7,7 +7,7 @@ from flexlab.presets import load_preset
 from flexlab.sim.simulate import simulate
 
 DAY = 86_400.0
-"""s. Such a run takes ten minutes and more."""
+"""Duration, s, of a run that takes ten minutes or more to compute."""
 
 
 def simulated(duration: float) -> None:
@@ -27,7 +27,7 @@ def interrupted(work: Work) -> None:
 
 
 @pytest.mark.parametrize(("work", "error"), [(simulated, KeyboardInterrupt), (failing_at_once, ZeroDivisionError)])
-def test_a_study_that_ends_ends_the_runs_under_way(work: Work, error: type[BaseException]) -> None:
-    """It used to wait for them."""
+def test_a_study_that_is_interrupted_or_fails_stops_the_runs_under_way(work: Work, error: type[BaseException]) -> None:
+    """It used to wait until they were done."""
     with pytest.raises(error):
         interrupted(work)

@@ -1,4 +1,4 @@
-"""Exported bodies in readers that nobody here wrote: Pinocchio reads URDF, MuJoCo both; arms are exact, beams nearly."""
+"""Exported bodies in independent readers: Pinocchio reads URDF, MuJoCo also MJCF; arms are exact, beams nearly so."""
 
 from pathlib import Path
 from xml.etree import ElementTree
@@ -28,11 +28,11 @@ BOUNDARIES = {
     "clamped-clamped": (MESH, 0.016),
     "clamped-free": (MESH | {"right_arm": None}, 0.0025),
 }
-"""Finite elements that are as good as exact, and how far the chain's first frequency may be off."""
+"""Boundary → changes with a mesh as good as exact, and the largest relative error of the chain's first frequency."""
 
 
 def loaded(scenario: Scenario) -> tuple[mujoco.MjModel, mujoco.MjData]:
-    """MuJoCo at the start."""
+    """Return MuJoCo's model and its state at the start."""
     model = mujoco.MjModel.from_xml_string(mjcf_text(make_bodies(scenario), "test"))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -41,8 +41,8 @@ def loaded(scenario: Scenario) -> tuple[mujoco.MjModel, mujoco.MjData]:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_arms_are_flexlabs(seed: int, tmp_path: Path):
-    """Of random arms, Pinocchio and MuJoCo find masses, lengths, forward kinematics, mass matrix and weight to rounding."""
+def test_exported_arms_are_those_of_flexlab(seed: int, tmp_path: Path):
+    """Random arms keep masses, lengths, kinematics, mass matrix and weight in Pinocchio; kinematics and mass matrix in MuJoCo."""
     scenario = random_scenario(seed)
     model = pin.buildModelFromUrdf(str(write_bodies(scenario, tmp_path / "arms.urdf")))
     data, rng = model.createData(), np.random.default_rng(seed)
@@ -51,7 +51,7 @@ def test_arms_are_flexlabs(seed: int, tmp_path: Path):
     for name, arm, ours in zip(("left", "right"), scenario.arms, pinocchio_arms(scenario), strict=True):
         joints = [model.getJointId(f"{name}_joint_{k}") for k in (1, 2, 3)]
         links = [model.inertias[joint] for joint in joints]
-        # Each link's own frames and bodies: in the URDF the beam hangs on joints of its own.
+        # These are the links alone: in the URDF the beam hangs on joints of its own.
         assert [link.mass for link in links] == pytest.approx(arm.link_mass, rel=ROUNDING)
         assert [link.lever[0] for link in links] == pytest.approx(arm.link_center, rel=ROUNDING)
         assert [link.inertia[2, 2] for link in links] == pytest.approx(arm.inertia, rel=ROUNDING)
@@ -65,11 +65,11 @@ def test_arms_are_flexlabs(seed: int, tmp_path: Path):
         pin.framesForwardKinematics(model, data, q)
         pin.framesForwardKinematics(ours.model, ours.data, angles)
         wanted = ours.data.oMf[ours.grip].translation[:2]
-        # The plane of a scenario with weight stands upright.
+        # The plane of motion is vertical in a scenario with weight.
         np.testing.assert_allclose(data.oMf[grip].translation[[0, 2]], wanted, atol=ROUNDING)
         mujoco.mj_forward(other, state)
         np.testing.assert_allclose(state.site(f"{name}_grip").xpos[[0, 2]], wanted, atol=ROUNDING)
-        if name == "right":  # It carries nothing in a tree.
+        if name == "right":  # In a tree, it carries nothing.
             own = slice(model.joints[joints[0]].idx_v, model.joints[joints[-1]].idx_v + 1)
             wanted = pin.crba(ours.model, ours.data, angles)
             wanted = np.triu(wanted) + np.triu(wanted, 1).T
@@ -85,8 +85,8 @@ def test_arms_are_flexlabs(seed: int, tmp_path: Path):
 
 
 @pytest.mark.parametrize("boundary", BOUNDARIES)
-def test_the_beam_rings_nearly_as_the_finite_elements(boundary: str):
-    """MuJoCo's own masses, springs and loops, with the arms held, have the first frequency that the file states."""
+def test_the_exported_beam_has_nearly_the_first_frequency_of_the_finite_elements(boundary: str):
+    """MuJoCo's masses, springs and loops, with the arms held, also have the first frequency that the file states."""
     changes, error = BOUNDARIES[boundary]
     scenario = Scenario().replace({"payload.boundary": boundary, **changes})
     bodies = make_bodies(scenario)
@@ -104,7 +104,7 @@ def test_the_beam_rings_nearly_as_the_finite_elements(boundary: str):
 
 
 def fallen(scenario: Scenario, step: float) -> np.ndarray:
-    """Where MuJoCo has the payload's origin after 0.1 s in steps of `step` s, m (2,)."""
+    """Position of the payload's origin in MuJoCo after 0.1 s in steps of `step` s, m (2,)."""
     model, data = loaded(scenario)
     model.opt.timestep = step
     for _ in range(round(0.1 / step)):
@@ -117,22 +117,22 @@ def fallen(scenario: Scenario, step: float) -> np.ndarray:
     ("boundary", "gravity", "near"),
     [("pinned-pinned", 9.81, 1e-8), ("clamped-free", 9.81, 5e-6), ("pinned-pinned", -9.81, 1e-8)],
 )
-def test_mujoco_lets_it_fall_as_flexlab_does(boundary: str, gravity: float, near: float):
-    """After 0.1 s (5 cm) the payload is where flexlab's is, as far as its beam bends alike: links and loops are right.
+def test_the_payload_falls_in_mujoco_as_in_flexlab(boundary: str, gravity: float, near: float):
+    """After 0.1 s (5 cm) both are at the same place, as far as their beams bend alike: links and loops are right.
 
-    Weight may pull upwards, too; it did nothing then.
+    Negative gravity, which pulls upwards, used to have no effect.
     """
     changes = BOUNDARIES[boundary][0] | {"payload.boundary": boundary, "controller.kind": "none", "gravity": gravity}
     scenario = Scenario().replace(changes)
     run = simulate(scenario, 0.1)
-    # MuJoCo's method is of first order: of two steps its error is known.
+    # MuJoCo's method is of first order, so two step sizes give its error.
     found = 2 * fallen(scenario, 1e-5) - fallen(scenario, 2e-5)
     assert np.sign(gravity) * (run.pose[0, 1] - run.pose[-1, 1]) > 0.04
     np.testing.assert_allclose(found, run.pose[-1, :2], atol=near)
 
 
 @pytest.mark.parametrize("name", preset_names())
-def test_every_preset_opens_with_its_loops_closed_and_its_speeds_fit(name: str, tmp_path: Path):
+def test_every_preset_opens_with_closed_loops_and_matching_speeds(name: str, tmp_path: Path):
     scenario = load_preset(name)
     model, data = loaded(scenario)
     assert np.abs(data.efc_pos).max(initial=0) < ROUNDING
@@ -142,7 +142,7 @@ def test_every_preset_opens_with_its_loops_closed_and_its_speeds_fit(name: str, 
     assert pin.buildModelFromUrdf(str(file)).nq == mujoco.MjModel.from_xml_path(str(file)).nq
 
 
-def test_a_bent_and_moving_start_closes_the_loops():
+def test_the_loops_are_closed_at_a_bent_and_moving_start():
     _, data = loaded(load_preset("smooth-start").replace({"initial.beam_coordinates": [0.05, 0.002, 0.01, -0.05]}))
     assert np.abs(data.qvel).max() > 0.1
     assert data.joint("beam_slide").qpos > 1e-6
@@ -158,7 +158,7 @@ def test_a_link_without_mass_is_refused_by_name():
         mjcf_text(make_bodies(scenario), "test")
 
 
-def test_friction_of_the_joints_goes_along(tmp_path: Path):
+def test_the_friction_of_the_joints_is_exported(tmp_path: Path):
     viscous, coulomb = (5.0, 4.0, 2.0), (8.0, 6.0, 3.0)
     friction = {"joints.friction.viscous": viscous, "joints.friction.coulomb": coulomb}
     scenario = load_preset("paper").replace(friction)

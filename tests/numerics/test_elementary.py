@@ -1,4 +1,4 @@
-"""Elementary functions against mpmath over their whole range, and the same bits from kernels and from plain Python."""
+"""Elementary functions against mpmath over their whole range; kernels and plain Python give the same bits."""
 
 import math
 from collections.abc import Callable
@@ -40,7 +40,7 @@ def angles() -> np.ndarray:
     return np.array([*right, *usual, *every, closest, 2.0**20, np.nextafter(2.0**20, math.inf)])
 
 
-def test_sines_and_cosines(angles: np.ndarray):
+def test_sine_and_cosine_are_within_three_quarters_of_a_unit_in_the_last_place(angles: np.ndarray):
     pairs = np.array([sin_cos(angle) for angle in angles.tolist()])
     assert worst(pairs[:, 0], mpmath.sin, angles) < 0.75
     assert worst(pairs[:, 1], mpmath.cos, angles) < 0.75
@@ -48,7 +48,7 @@ def test_sines_and_cosines(angles: np.ndarray):
     assert np.array_equal(each(cos, angles), pairs[:, 1])
 
 
-def test_angles_of_points():
+def test_atan2_is_within_0_85_units_in_the_last_place():
     random = np.random.default_rng(2)
     near = random.normal(size=(2, COUNT))
     far = random.normal(size=(2, COUNT)) * 10.0 ** random.uniform(-307, 307, (2, COUNT))
@@ -62,13 +62,13 @@ def test_angles_of_points():
 
 @pytest.mark.parametrize("y", ODD)
 @pytest.mark.parametrize("x", ODD)
-def test_odd_points_have_the_angle_that_the_standard_gives(y: float, x: float):
+def test_atan2_of_special_values_is_that_of_the_standard_library(y: float, x: float):
     found, known = atan2(y, x), math.atan2(y, x)
     assert math.isclose(found, known, rel_tol=1e-15) or (math.isnan(found) and math.isnan(known))
     assert math.copysign(1, found) == math.copysign(1, known) or math.isnan(known)
 
 
-def test_exponentials_and_logarithms():
+def test_exp_and_log_are_within_a_unit_in_the_last_place():
     random = np.random.default_rng(3)
     powers = np.concatenate([random.uniform(-745.1, 709.78, COUNT), random.uniform(-1, 1, COUNT), [0.0, -0.0, 1e-300]])
     assert worst(each(exp, powers), mpmath.exp, powers) <= 1
@@ -76,7 +76,7 @@ def test_exponentials_and_logarithms():
     assert worst(each(log, numbers), mpmath.log, numbers) <= 1
 
 
-def test_what_is_out_of_reach():
+def test_arguments_without_a_finite_result_give_zero_infinity_or_nan():
     assert np.array_equal([exp(math.inf), exp(-math.inf), exp(709.79), exp(-746.0)], [math.inf, 0.0, math.inf, 0.0])
     assert math.isnan(exp(math.nan))
     assert np.array_equal([log(math.inf), log(0.0), log(-0.0), log(1.0)], [math.inf, -math.inf, -math.inf, 0.0])

@@ -1,4 +1,4 @@
-"""Own linear algebra against numpy, scipy and closed forms: random, ill-conditioned and repeated cases."""
+"""flexlab's linear algebra against numpy, scipy and closed forms: random, ill-conditioned and repeated cases."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def test_products_are_those_of_numpy(n: int, random: np.random.Generator) -> Non
 
 
 @pytest.mark.parametrize("n", SIZES)
-def test_a_product_is_summed_in_the_order_that_is_written_down(n: int, random: np.random.Generator) -> None:
+def test_a_product_is_summed_in_ascending_order_of_the_index(n: int, random: np.random.Generator) -> None:
     A, B = random.normal(size=(n, n)), random.normal(size=(n, n))
     expected = np.zeros((n, n))
     for k in range(n):
@@ -38,7 +38,7 @@ def test_a_product_is_summed_in_the_order_that_is_written_down(n: int, random: n
 
 
 @pytest.mark.parametrize("n", SIZES)
-def test_equations_are_solved_also_ill_conditioned_ones(n: int, random: np.random.Generator) -> None:
+def test_ill_conditioned_equations_are_solved_with_a_small_residual(n: int, random: np.random.Generator) -> None:
     A = random.normal(size=(n, n)) * np.logspace(0, -9, n)
     X = solve(A, np.eye(n))
     residual = np.abs(A @ X - np.eye(n)).max() / (np.abs(A).max() * np.abs(X).max())
@@ -47,7 +47,7 @@ def test_equations_are_solved_also_ill_conditioned_ones(n: int, random: np.rando
     assert solve(A, A[:, 0]).shape == (n,)
 
 
-def test_what_has_no_answer_is_said() -> None:
+def test_a_problem_without_a_solution_raises_an_error() -> None:
     with pytest.raises(NoSolution):
         solve(np.ones((3, 3)), np.eye(3))
     with pytest.raises(NoSolution):
@@ -57,7 +57,7 @@ def test_what_has_no_answer_is_said() -> None:
 
 
 @pytest.mark.parametrize("n", SIZES)
-def test_cholesky_and_singular_vectors(n: int, random: np.random.Generator) -> None:
+def test_cholesky_rebuilds_the_matrix_and_singular_values_are_numpys(n: int, random: np.random.Generator) -> None:
     A = random.normal(size=(n + 2, n))
     S = A.T @ A
     R = cholesky(S)
@@ -74,13 +74,13 @@ def test_repeated_and_small_singular_values_keep_their_digits(random: np.random.
     U, W = (np.linalg.qr(random.normal(size=(6, 6)))[0] for _ in range(2))
     for wanted in ([1.0, 1.0, 2.0, 2.0, 2.0, 5.0], [1.0] * 6):
         np.testing.assert_allclose(singular_vectors(U @ np.diag(wanted) @ W)[0], wanted, rtol=1e-14)
-    # Columns of very different length: each value to relative accuracy, which no bidiagonal method gives.
+    # Columns of very different lengths: each value keeps its relative accuracy, which no bidiagonal method achieves.
     steep = np.linalg.qr(random.normal(size=(6, 6)))[0] * np.logspace(-12, 0, 6)
     np.testing.assert_allclose(singular_vectors(steep)[0], np.logspace(-12, 0, 6), rtol=1e-14)
 
 
 @pytest.mark.parametrize("n", SIZES)
-def test_eigenvalues_and_vectors(n: int, random: np.random.Generator) -> None:
+def test_eigenvalues_are_those_of_numpy_and_eigenvectors_belong_to_them(n: int, random: np.random.Generator) -> None:
     A = random.normal(size=(n, n)) * np.logspace(0, 3, n)
     found, expected = eigenvalues(A), np.linalg.eigvals(A)
     scale = np.abs(expected).max()
@@ -94,7 +94,7 @@ def test_eigenvalues_and_vectors(n: int, random: np.random.Generator) -> None:
     assert spectral_radius(A) == pytest.approx(scale, rel=3e-4)
 
 
-def test_eigenvalues_in_closed_form() -> None:
+def test_eigenvalues_are_those_of_closed_forms() -> None:
     rotation = np.array([[0.0, -2.0], [2.0, 0.0]])
     assert sorted(eigenvalues(rotation), key=lambda value: value.imag) == [-2j, 2j]
     defective = np.array([[3.0, 1.0, 0.0], [0.0, 3.0, 1.0], [0.0, 0.0, 3.0]])
@@ -104,25 +104,25 @@ def test_eigenvalues_in_closed_form() -> None:
     chain = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
     known = 2 - 2 * np.cos(np.arange(1, n + 1) * np.pi / (n + 1))
     np.testing.assert_allclose(np.sort(eigenvalues(chain).real), known, rtol=0, atol=1e-13)
-    cycle = np.roll(np.eye(7), 1, axis=0)  # Francis's steps make no progress on it without an exceptional shift.
+    cycle = np.roll(np.eye(7), 1, axis=0)  # Without an exceptional shift, Francis's steps make no progress on it.
     np.testing.assert_allclose(np.abs(eigenvalues(cycle)), np.ones(7), rtol=1e-14)
 
 
-def test_balancing_rounds_nothing(random: np.random.Generator) -> None:
+def test_balancing_is_exact(random: np.random.Generator) -> None:
     A = random.normal(size=(6, 6)) * np.logspace(-8, 8, 6) / np.logspace(-8, 8, 6)[:, None]
     even, scale = balanced(A)
     assert np.array_equal(even * scale[:, None] / scale, A)
     assert np.abs(even).max() < 1e3
 
 
-def test_growth_of_powers() -> None:
+def test_powers_of_a_matrix_grow_as_those_of_its_largest_eigenvalue() -> None:
     half, size = power_sizes(np.diag([0.5, 1.25]), 10)
     assert (size - half) / 512 == pytest.approx(np.log(1.25), rel=1e-12)
     assert size == pytest.approx(1024 * np.log(1.25), rel=1e-12)
 
 
 @pytest.mark.parametrize("size", [1e-6, 0.3, 4.0, 300.0])
-def test_exponentials_and_phi_functions(size: float, random: np.random.Generator) -> None:
+def test_exponentials_and_phi_functions_are_those_of_scipy(size: float, random: np.random.Generator) -> None:
     A = random.normal(size=(8, 8))
     A = size * (A - A.T - 0.3 * np.eye(8))
     np.testing.assert_allclose(exponential(A), scipy.linalg.expm(A), rtol=0, atol=1e-15 * max(30.0, 30 * size))
@@ -144,7 +144,7 @@ def test_a_slow_part_beside_a_fast_one_keeps_its_digits() -> None:
 
 
 @pytest.mark.parametrize(("n", "m"), [(1, 1), (4, 2), (14, 3), (22, 10)])
-def test_riccati_equations(n: int, m: int, random: np.random.Generator) -> None:
+def test_riccati_solutions_are_those_of_scipy_and_stabilise(n: int, m: int, random: np.random.Generator) -> None:
     A, B = random.normal(size=(n, n)) / 2, random.normal(size=(n, m))
     Q, R = np.diag(np.logspace(-3, 3, n)), np.diag(np.logspace(-4, 0, m))
     P = discrete_riccati(A, B, Q, R)
@@ -156,12 +156,12 @@ def test_riccati_equations(n: int, m: int, random: np.random.Generator) -> None:
     assert np.abs(residual).max() < 1e-11 * np.abs(P).max()
 
 
-def test_a_riccati_equation_in_closed_form_and_one_without_a_solution() -> None:
+def test_a_scalar_riccati_equation_gives_its_closed_form_or_an_error() -> None:
     one = np.ones((1, 1))
     assert discrete_riccati(one, one, one, one)[0, 0] == pytest.approx((1 + np.sqrt(5)) / 2, rel=1e-14)
     with pytest.raises(NoSolution):
         discrete_riccati(2 * one, 0 * one, one, one)
 
 
-def test_doublings() -> None:
+def test_doublings_are_as_few_as_reach_the_value() -> None:
     assert [doublings_to(value, 0.5) for value in (0.0, 0.4, 0.5, 0.51, 1.0, 1.1, 300.0)] == [0, 0, 0, 1, 1, 2, 10]

@@ -1,4 +1,4 @@
-"""Arms in task space against Pinocchio, which knows them as joints, links and frames."""
+"""Arms in task space against Pinocchio, which models them as joints, links and frames."""
 
 import numpy as np
 import pinocchio as pin
@@ -17,8 +17,8 @@ def scaled_difference(found: np.ndarray, expected: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_inertia_velocity_matrix_and_weight_agree(seed: int):
-    """M̄_i, C̄_i, Ḡ_i of random arms at random states agree with Pinocchio's M, C, G taken to task space, to 1e-10."""
+def test_inertia_velocity_matrix_and_weight_agree_with_pinocchio(seed: int):
+    """M̄_i, C̄_i, Ḡ_i of random arms at random states agree to 1e-10 with Pinocchio's M, C, G transformed to task space."""
     scenario = random_scenario(seed)
     plant, arms = plant_of(scenario), pinocchio_arms(scenario)
     rng = np.random.default_rng(1000 + seed)

@@ -11,7 +11,7 @@ from flexlab.physics.arm import joint_torques, task_input
 
 @pytest.mark.parametrize("seed", range(8))
 def test_inertia_rate_less_twice_the_velocity_matrix_is_skew(seed: int):
-    """Property 2: Ṁ_i - 2C̄_i is skew to 1e-10; Ṁ by Richardson extrapolation of differences along the motion."""
+    """Property 2: Ṁ_i - 2C̄_i is skew to 1e-10, with Ṁ from Richardson extrapolation of differences along the motion."""
     scenario = random_scenario(seed)
     plant, rng = plant_of(scenario), np.random.default_rng(100 + seed)
     for _ in range(5):

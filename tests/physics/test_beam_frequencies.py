@@ -10,7 +10,7 @@ from flexlab.sim.build import build_beam
 
 LENGTH, RHO, EI = 0.5, 2.0, 100.0
 WAVE_SPEED = np.sqrt(EI / RHO) / LENGTH**2
-"""√(EI/ρ)/L², 1/s: frequencies are this times the square of a root of the boundary's equation."""
+"""√(EI/ρ)/L², 1/s: a frequency is this times the square of a root of the boundary's equation."""
 
 EQUATIONS = {
     "pinned-pinned": np.sin,
@@ -22,7 +22,7 @@ EQUATIONS = {
 
 
 def roots(boundary: str, count: int) -> np.ndarray:
-    """The first wave numbers times length, from the boundary's characteristic equation."""
+    """The lowest wave numbers times length, from the boundary's characteristic equation."""
     equation = EQUATIONS[boundary]
     grid = np.arange(0.5, 40, 0.01)
     values = equation(grid)
@@ -31,7 +31,7 @@ def roots(boundary: str, count: int) -> np.ndarray:
 
 
 def frequencies(n: int, boundary: str = "pinned-pinned") -> np.ndarray:
-    """All frequencies of a mesh, rad/s, ascending."""
+    """All frequencies of a mesh in ascending order, rad/s."""
     return undamped_modes(beam_matrices(LENGTH, RHO, EI, n, boundary))[0]
 
 
@@ -41,10 +41,10 @@ def test_two_elements_give_the_papers_four_frequencies():
 
 
 @pytest.mark.parametrize("mode", [1, 2, 3])
-def test_pinned_eigenvalues_come_from_above_with_order_four(mode: int):
-    """Rayleigh-Ritz: ω² ≥ (kπ/L)⁴ EI/ρ, and cubic elements bring the difference down as n⁻⁴ (slope 3.9 to 4.1).
+def test_pinned_eigenvalues_converge_from_above_with_order_four(mode: int):
+    """Rayleigh-Ritz: ω² ≥ (kπ/L)⁴ EI/ρ, and with cubic elements the difference falls as n⁻⁴ (slope 3.9 to 4.1).
 
-    Mode 1 on 2, 4, 8, 16 elements; mode k on k times as many, so that each half wave has as many.
+    Mode 1 has 2, 4, 8 and 16 elements; mode k has k times as many, so that each half wave has the same number.
     """
     exact = (mode * np.pi / LENGTH) ** 4 * EI / RHO
     errors = np.array([frequencies(n * mode)[mode - 1] ** 2 - exact for n in (2, 4, 8, 16)])
@@ -58,13 +58,12 @@ def test_pinned_eigenvalues_come_from_above_with_order_four(mode: int):
     [("clamped-clamped", [100.72, 277.63, 544.26]), ("clamped-free", [15.83, 99.19])],
 )
 def test_clamped_frequencies_at_the_papers_values(boundary: str, hertz: list[float]):
-    """Clamped-clamped 100.72, 277.63, 544.26 Hz; clamped-free 15.83, 99.19 Hz."""
     np.testing.assert_allclose(frequencies(32, boundary)[: len(hertz)] / (2 * np.pi), hertz, atol=0.005)
 
 
 @pytest.mark.parametrize("boundary", EQUATIONS)
 def test_every_boundary_meets_its_characteristic_equation(boundary: str):
-    """ω = √(EI/ρ) z²/L² with z the roots of the boundary's equation, too high by (z/n)⁴/1440 of itself."""
+    """ω = √(EI/ρ) z²/L² with the roots z of the boundary's equation; the mesh raises it by the share (z/n)⁴/1440."""
     z, n = roots(boundary, 4), 24
     excess = frequencies(n, boundary)[:4] / (WAVE_SPEED * z**2) - 1
     np.testing.assert_allclose(excess, (z / n) ** 4 / 1440, rtol=0.05)
@@ -72,7 +71,7 @@ def test_every_boundary_meets_its_characteristic_equation(boundary: str):
 
 @pytest.mark.parametrize("boundary", EQUATIONS)
 def test_the_finest_mesh_keeps_the_lowest_frequency_to_rounding(boundary: str):
-    """n = 64: the fine mesh's condition number (10⁸) does not reach the lowest modes."""
+    """At n = 64, the large condition number of the mesh (10⁸) does not affect the lowest modes."""
     exact = WAVE_SPEED * roots(boundary, 1) ** 2
     np.testing.assert_allclose(frequencies(64, boundary)[:1], exact, rtol=3e-8)
 

@@ -16,7 +16,7 @@ STATIC = {
     "clamped-pinned": lambda z: z**2 * (3 - 5 * z + 2 * z**2) / 48,
     "pinned-clamped": lambda z: (1 - z) ** 2 * (3 - 5 * (1 - z) + 2 * (1 - z) ** 2) / 48,
 }
-"""w EI/(p L⁴) of a beam under the uniform load p, at z = s/L + ½."""
+"""Boundary → w EI/(p L⁴) of a beam under the uniform load p, at z = s/L + ½."""
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 16])
@@ -41,7 +41,7 @@ def test_midspan_load_bends_a_pinned_beam_by_pl3_over_48ei():
 
 
 @pytest.mark.parametrize("boundary", STATIC)
-def test_integrals_match_a_fine_quadrature(boundary: str):
+def test_integrals_match_gauss_quadrature(boundary: str):
     """M_q = ρ∫NᵀN ds, h = ρ∫Nᵀds, g = ρ∫sNᵀds, m = ρL, I = ρL³/12."""
     n = 3
     beam = beam_matrices(LENGTH, RHO, EI, n, boundary)
@@ -60,8 +60,8 @@ def test_integrals_match_a_fine_quadrature(boundary: str):
 
 
 @pytest.mark.parametrize("boundary", FIXED_COORDINATES)
-def test_held_coordinates_leave_the_vector(boundary: str):
-    """n_q = 2 (n + 1) less the held ones, for every mesh."""
+def test_held_coordinates_are_left_out_of_the_vector(boundary: str):
+    """n_q = 2 (n + 1) less the number of held coordinates, for every mesh."""
     for n in (2, 3, 64):
         payload = Payload(element_count=n, boundary=boundary)
         assert build_beam(payload).matrices.M_q.shape == (payload.coordinate_count,) * 2

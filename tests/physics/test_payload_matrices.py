@@ -1,4 +1,4 @@
-"""The payload's inertia matrix, Christoffel matrix and weight, each against what defines it."""
+"""The payload's inertia matrix, Christoffel matrix and weight, each against its definition."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def states(n_q: int, count: int, seed: int):
 @pytest.mark.parametrize("boundary", BOUNDARIES)
 @pytest.mark.parametrize("n", [2, 3, 6])
 def test_kinetic_energy_is_that_of_the_moving_mass(n: int, boundary: str):
-    """½ṗᵀA(p)ṗ = ½∫ρ|Ṙ|²ds, Ṙ by complex-step differentiation of the points' positions."""
+    """½ṗᵀA(p)ṗ = ½∫ρ|Ṙ|²ds, with Ṙ from complex-step differentiation of the points' positions."""
     beam, lagrangian = payload_alone(n, boundary, 0.0)
     for pose, rate, q, q_dot in states(len(beam.h), 10, seed=n):
         A, _, _ = payload_matrices(beam, pose, rate, q, q_dot)
@@ -54,7 +54,7 @@ def test_inertia_matrix_is_symmetric_and_positive_definite(n: int):
 @pytest.mark.parametrize("boundary", BOUNDARIES)
 @pytest.mark.parametrize("n", [2, 4])
 def test_inertia_rate_less_twice_the_velocity_matrix_is_skew(n: int, boundary: str):
-    """Property 2: Ȧ - 2B is skew to 1e-10, Ȧ by central differences of order 4 along the motion."""
+    """Property 2: Ȧ - 2B is skew to 1e-10, with Ȧ from central differences of order 4 along the motion."""
     beam, _ = payload_alone(n, boundary, 0.0)
     for pose, rate, q, q_dot in states(len(beam.h), 20, seed=n):
         _, B, _ = payload_matrices(beam, pose, rate, q, q_dot)
@@ -68,8 +68,8 @@ def test_inertia_rate_less_twice_the_velocity_matrix_is_skew(n: int, boundary: s
         assert np.abs(N + N.T).max() < 1e-10 * max(1, np.abs(B).max())
 
 
-def test_velocity_matrix_is_the_christoffel_one():
-    """B_ij = ½Σ_k(∂_k A_ij + ∂_j A_ik - ∂_i A_jk) ṗ_k: skewness alone leaves other choices open."""
+def test_velocity_matrix_is_the_christoffel_matrix():
+    """B_ij = ½Σ_k(∂_k A_ij + ∂_j A_ik - ∂_i A_jk) ṗ_k: skewness alone would allow other choices."""
     beam, _ = payload_alone(3, "pinned-pinned", 0.0)
     for pose, rate, q, q_dot in states(len(beam.h), 5, seed=3):
         p, p_rate = np.concatenate([pose, q]), np.concatenate([rate, q_dot])
@@ -91,7 +91,7 @@ def test_velocity_matrix_is_the_christoffel_one():
 
 
 @pytest.mark.parametrize("n", [2, 5])
-def test_weight_is_the_gradient_of_the_weights_potential(n: int):
+def test_weight_is_the_gradient_of_its_potential(n: int):
     """[0, m g, -g sin θ w̄, g cos θ h] = ∂U/∂p."""
     beam, lagrangian = payload_alone(n, "pinned-pinned", 9.81)
     for pose, rate, q, q_dot in states(len(beam.h), 5, seed=n):

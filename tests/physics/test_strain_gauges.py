@@ -1,4 +1,4 @@
-"""What gauges on the beam's surface tell of its load moments hᵀq and gᵀq."""
+"""What gauges on the beam's surface tell about its load moments hᵀq and gᵀq."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def moments_and_rows(n: int, boundary: str):
 
 
 def test_a_reading_is_the_strain_at_the_surface():
-    """Of a half sine of amplitude a: ε = ½ t a (π/L)² cos(πs/L), by 32 elements."""
+    """For a half sine of amplitude a on 32 elements: ε = ½ t a (π/L)² cos(πs/L)."""
     n, amplitude = 32, 1e-3
     nodes = np.linspace(-LENGTH / 2, LENGTH / 2, n + 1)
     wave = np.pi / LENGTH
@@ -37,7 +37,7 @@ def test_readings_tell_the_load_moments_exactly_on_two_elements(boundary: str):
 
 
 @pytest.mark.parametrize("boundary", BOUNDARIES)
-def test_readings_tell_the_load_moment_of_the_first_mode_on_any_mesh(boundary: str):
+def test_readings_tell_the_load_moment_of_the_first_mode_to_3_percent_on_a_fine_mesh(boundary: str):
     beam, moments, rows = moments_and_rows(16, boundary)
     first = undamped_modes(beam)[1][:, 0]
     assert moments[0] @ (rows @ first) == pytest.approx(beam.h @ first, rel=0.03)

@@ -1,4 +1,4 @@
-"""The one walk through two scenarios, in its three forms."""
+"""The differences of two scenarios: by field, by part, and as changes from one to the other."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -13,15 +13,15 @@ PAPER = Scenario()
 
 @given(names, names)
 @settings(max_examples=30)
-def test_what_leads_from_one_to_the_other_arrives(one: str, other: str):
+def test_the_changes_towards_another_preset_lead_to_it(one: str, other: str):
     present, wanted = load_preset(one), load_preset(other)
     changes = changes_towards(present, wanted)
-    # A boundary and the arm that it needs go together, as they do when a preset is chosen.
+    # A boundary and the arm that it needs change together, as they do when a preset is chosen.
     assert present.replace(changes) == wanted
     assert (changes == {}) == (present == wanted)
 
 
-def test_a_changed_kind_is_one_difference_of_parts_and_each_of_its_fields():
+def test_a_changed_kind_is_one_difference_by_part_and_several_by_field():
     other = PAPER.replace({"payload.damping.kind": "modal", "gravity": 9.81})
     assert [path for path, _, _ in part_differences(PAPER, other)] == ["payload.damping", "gravity"]
     found = {path: (old, new) for path, old, new in differences(PAPER, other)}
@@ -34,7 +34,7 @@ def test_a_changed_kind_is_one_difference_of_parts_and_each_of_its_fields():
     assert list(changes_towards(PAPER, other)) == ["payload.damping.kind", "payload.damping.ratio", "gravity"]
 
 
-def test_an_arm_that_is_taken_away_is_told_field_by_field():
+def test_a_removed_arm_differs_in_each_field_and_texts_do_not_count():
     other = PAPER.replace({"payload.boundary": "clamped-free", "right_arm": None})
     found = {path for path, _, _ in differences(PAPER, other)}
     assert {"payload.boundary", "right_arm.base", "right_arm.elbow"} <= found

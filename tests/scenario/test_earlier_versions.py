@@ -1,4 +1,4 @@
-"""Scenarios that an earlier version wrote mean today what they meant then."""
+"""Scenarios that an earlier version wrote still mean what they meant then."""
 
 import json
 import logging
@@ -25,7 +25,7 @@ def old(factor: Any = 1.0, strain: Any = 0.0) -> dict[str, Any]:
     return data
 
 
-def test_the_believed_stiffness_is_left_out_and_that_is_said(caplog: pytest.LogCaptureFixture):
+def test_the_old_believed_stiffness_is_left_out_with_a_warning_unless_it_was_1(caplog: pytest.LogCaptureFixture):
     with caplog.at_level(logging.WARNING):
         assert parse_scenario(old()) == load_preset("vibration-damping").replace({"controller.control_period": 0.001})
         assert not caplog.messages
@@ -35,12 +35,12 @@ def test_the_believed_stiffness_is_left_out_and_that_is_said(caplog: pytest.LogC
     assert "bending_stiffness_factor" not in scenario_text(parse_scenario(old()))
 
 
-def test_the_old_strain_stays_the_noise_that_it_was():
+def test_an_old_strain_becomes_the_same_noise_of_the_moment_rates():
     noise = parse_scenario(old(strain=0.01)).controller.sensor_noise
     assert (noise.strain, noise.moment_rate) == (0.0, (0.01 * 1.0, 0.01 * 0.5))
 
 
-def test_the_new_strain_is_a_strain():
+def test_a_new_strain_is_read_as_a_strain():
     new = load_preset("vibration-damping").replace(
         {"controller.control_period": 0.001, "controller.sensor_noise.strain": 1e-6}
     )
@@ -48,13 +48,13 @@ def test_the_new_strain_is_a_strain():
     assert parse_scenario({"controller": {"kind": "pd", "model": {}}}).controller.sensor_noise.strain == 0
 
 
-def test_a_change_of_the_old_field_is_taken_and_changes_nothing():
+def test_a_change_of_the_old_field_is_accepted_and_changes_nothing():
     paper = load_preset("paper")
     assert paper.replace({"controller.model.bending_stiffness_factor": 2.0}) == paper
 
 
 @pytest.mark.parametrize("value", ["much", None, [1], {}])
-def test_what_is_not_valid_is_named_as_ever(value: Any):
+def test_an_invalid_old_strain_is_refused_but_any_old_stiffness_is_left_out(value: Any):
     data = old(strain=value if value else "much")
     with pytest.raises(ScenarioError, match="strain"):
         parse_scenario(data)
@@ -62,7 +62,7 @@ def test_what_is_not_valid_is_named_as_ever(value: Any):
 
 
 def test_a_noisy_run_of_the_first_format_gets_the_same_noise_again(root: Path):
-    """Torques follow the noise at once; up to the first command, where nothing else has changed since."""
+    """Torques follow the noise at once; up to the first command, nothing else has changed since that format."""
     recording = read_recording(root / "tests/recording/golden/format-1/sampled-control.rrd")
     assert recording.scenario.controller.sensor_noise.moment_rate == (1e-6, 5e-7)
     assert recording.start is not None

@@ -1,4 +1,4 @@
-"""The schema with which editors help: in step with the fields, with every range, and named by the presets."""
+"""The JSON schema for editors: it follows the fields, states every range, and is named by the presets."""
 
 import json
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from flexlab.presets import REFERENCE, load_scenario_file, preset_names, save_sc
 from flexlab.scenario import Scenario, parse_scenario
 
 
-def test_the_command_writes_the_schema_to_where_the_files_of_a_folder_look_for_it(flexlab_command, tmp_path: Path):
+def test_the_command_writes_the_schema_where_the_presets_look_for_it(flexlab_command, tmp_path: Path):
     done = flexlab_command("presets", "--schema")
     assert done.returncode == 0, done.stderr
     assert "presets/schema/scenario.json is written" in done.stdout.replace("\\", "/")
@@ -46,7 +46,7 @@ def numbers(schema: Any, root: dict[str, Any], path: str = "") -> Iterator[tuple
         yield from numbers(items, root, path)
 
 
-def test_every_number_says_its_range():
+def test_every_number_states_its_range():
     schema = Scenario.model_json_schema()
     found = dict(numbers(schema, schema))
     assert len(found) > 40
@@ -59,7 +59,7 @@ def test_every_number_says_its_range():
     )
 
 
-def test_what_the_schema_allows_at_its_ends_is_what_the_scenario_allows():
+def test_a_scenario_accepts_the_ends_of_the_schemas_ranges_and_nothing_beyond():
     schema = Scenario.model_json_schema()
     for path in ("payload.length", "gravity", "simulation.accuracy"):
         number = dict(numbers(schema, schema))[path]
@@ -69,7 +69,7 @@ def test_what_the_schema_allows_at_its_ends_is_what_the_scenario_allows():
                 Scenario().replace({path: number[end] + (1 if end == "maximum" else -1) * max(1.0, abs(number[end]))})
 
 
-def test_the_schemas_name_is_no_field_of_the_scenario(tmp_path):
+def test_the_reference_to_the_schema_is_no_field_of_the_scenario(tmp_path):
     assert parse_scenario({"$schema": "anywhere.json", "gravity": 1.0}) == Scenario(gravity=1.0)
     with pytest.raises(ScenarioError, match=r"\$schema"):
         parse_scenario({"$schema": 5})

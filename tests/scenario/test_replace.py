@@ -1,4 +1,4 @@
-"""Changes by path: where only the parts that they touch are validated, the outcome is that of the whole scenario."""
+"""Changes by path: validating only the parts that they touch gives the same outcome as validating the whole scenario."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -46,7 +46,7 @@ CHANGES: list[tuple[Scenario, Mapping[str, Any]]] = [
 
 
 def outcome(scenario: Scenario, changes: Mapping[str, Any]) -> Scenario | str:
-    """The changed scenario, or why it cannot be."""
+    """The changed scenario, or the reason why it is refused."""
     try:
         return scenario.replace(changes)
     except ScenarioError as error:
@@ -54,7 +54,7 @@ def outcome(scenario: Scenario, changes: Mapping[str, Any]) -> Scenario | str:
 
 
 @pytest.mark.parametrize(("scenario", "changes"), CHANGES)
-def test_parts_alone_give_what_the_whole_gives(
+def test_validating_only_the_changed_parts_gives_the_outcome_of_the_whole(
     scenario: Scenario, changes: Mapping[str, Any], monkeypatch: pytest.MonkeyPatch
 ):
     given = dict(changes)

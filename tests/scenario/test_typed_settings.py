@@ -1,4 +1,4 @@
-"""Settings as typed: values, kinds in any order, and a sentence with close names for what is not a field."""
+"""Typed settings: values, kinds in any order, and a sentence with similar names for what is not a field."""
 
 import pytest
 
@@ -62,7 +62,7 @@ def test_settings_change_fields_by_path_and_kinds_come_first():
         (("\x1b[31m.b=1",), "is not a scenario field"),
     ],
 )
-def test_what_cannot_be_set_is_said(texts: tuple[str, ...], says: str):
+def test_what_cannot_be_set_is_refused_in_one_short_sentence(texts: tuple[str, ...], says: str):
     with pytest.raises(ScenarioError) as caught:
         change_settings(load_preset("paper"), settings_from(texts))
     sentence = str(caught.value)
@@ -72,12 +72,12 @@ def test_what_cannot_be_set_is_said(texts: tuple[str, ...], says: str):
     assert len(sentence) < 500
 
 
-def test_a_law_may_be_set_twice_over_only_once():
+def test_a_law_that_is_set_twice_is_refused():
     with pytest.raises(ScenarioError, match=r"controller\.kind is set twice"):
         settings_from(("controller.kind=pd",), law="none")
 
 
-def test_a_file_with_a_misspelt_field_says_which_was_meant():
+def test_the_error_for_a_misspelt_field_suggests_the_one_that_was_meant():
     with pytest.raises(ScenarioError, match=r"payload\.bending_stifness is not a scenario field: did you mean "):
         parse_scenario({"payload": {"bending_stifness": 3}})
 
@@ -91,7 +91,7 @@ def test_a_file_with_a_misspelt_field_says_which_was_meant():
         ({"controller.kind": "lqr", PERIOD: 0.002}, 0.002),
     ],
 )
-def test_a_law_of_control_instants_gets_a_period_where_it_cannot_do_without(changes: dict, period: float | None):
+def test_a_law_that_needs_a_control_period_gets_the_usual_one_if_none_is_set(changes: dict, period: float | None):
     paper = load_preset("paper")
     assert change_settings(paper, with_period_if_needed(paper, changes)).controller.control_period == period
     sampled = paper.replace({PERIOD: 0.005})

@@ -156,7 +156,7 @@ def _read(plug: ClientConnection) -> None:
 
 @dataclass
 class Lateness:
-    """Measures how far simulated time falls behind the wall clock times the chosen speed, while a run plays."""
+    """Measures how far a playing run falls behind the wall clock at its chosen speed."""
 
     runner: Any
     worst: float = 0.0

@@ -1,4 +1,4 @@
-"""Every page, light and dark, can be used with a keyboard, a screen reader and strong contrast."""
+"""Every page, light and dark, works for people who use a keyboard, a screen reader or strong contrast."""
 
 import re
 from collections.abc import Iterator

@@ -29,7 +29,7 @@ StartLab = Callable[..., Lab]
 SLOW_STEP, SLOW_TIME = 1e-5, 8.0
 """Step and duration of a run, s: its replay takes much longer than a process may take to end."""
 SOON = 5.0
-"""Time, s, in which a process that is told to end does so on the busiest machine; the replay above takes longer."""
+"""Time, s, in which a process that is told to end does so, even on a busy machine; the replay above takes longer."""
 IDLE_CONNECTIONS = 400
 
 

@@ -39,7 +39,7 @@ def test_the_page_shows_the_newest_table_with_its_figures(open_another: Callable
     assert "Some rows were computed by another version" in ask(server.url, "/leaderboard").text
 
 
-def test_a_computation_that_cannot_keep_its_rows_says_so(open_another: Callable[..., FrontServer]):
+def test_a_computation_that_cannot_save_its_rows_says_so(open_another: Callable[..., FrontServer]):
     server = open_another()
     (server.settings.logs.parent / "leaderboard").write_text("no folder")
     assert json.loads(ask(server.url, "/leaderboard/state").text)["working"] is False

@@ -123,7 +123,7 @@ def test_turns_go_to_the_teacher_first_and_to_each_visitor_one_at_a_time():
         thread.submit(asyncio.run, play()).result()
 
 
-def test_one_address_neither_fills_the_line_nor_goes_first():
+def test_one_address_neither_fills_the_waiting_line_nor_is_served_first():
     line = WaitingLine()
     assert [line.place(f"ghost-{k}", 0, "1") for k in range(MOST_OF_ADDRESS)] == [*range(1, MOST_OF_ADDRESS + 1)]
     for k in range(150):
@@ -196,7 +196,7 @@ def test_live_data_are_for_the_lab_s_visitor_and_the_teacher_only(server: FrontS
     assert teacher.ask(live, "HEAD").status == 200
 
 
-def test_without_tokens_too_live_data_need_the_visitor_s_cookie(open_another: Callable[..., FrontServer]):
+def test_live_data_need_the_visitor_s_cookie_without_tokens_too(open_another: Callable[..., FrontServer]):
     server = open_another(private=True, rerun=True, max_sessions=2, max_per_address=2)
     answer = ask(server.url, "/lab/")
     live = f"/live/{answer.headers['Location'].split('/')[2]}.rrd"

@@ -269,7 +269,7 @@ def test_an_export_imported_again_is_the_run_bit_for_bit(library: FrontServer, s
     assert (run.time[0], run.time[-1], len(run)) == (0.1, 0.2, 101)
 
 
-def test_figures_come_in_one_file(library: FrontServer, softer: Path) -> None:
+def test_figures_are_exported_in_one_archive(library: FrontServer, softer: Path) -> None:
     answer = ask(library.url, f"/runs/{softer.stem}/export?format=svg&start=0.1")
     assert "figures-svg.zip" in answer.headers["Content-Disposition"]
     with zipfile.ZipFile(io.BytesIO(answer.body)) as archive:

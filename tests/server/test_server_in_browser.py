@@ -95,7 +95,7 @@ def wait_for_plots(page: Page, name: str, patience: float = PATIENCE) -> None:
     picture(page, name)
 
 
-def test_from_the_start_page_into_the_lab(plain_chromium: Browser, front_server: FrontServer):
+def test_the_start_page_leads_into_the_lab(plain_chromium: Browser, front_server: FrontServer):
     with window(plain_chromium, front_server.url) as page:
         picture(page, "server-start")
         page.get_by_role("link", name="Open the lab").click()

@@ -189,7 +189,7 @@ def test_a_bad_message_closes_that_connection_only(
     front_server: FrontServer, act, codes: set[int], caplog: pytest.LogCaptureFixture
 ):
     caplog.set_level(logging.WARNING)
-    with ThreadPoolExecutor(1) as thread:  # playwright keeps an event loop on this one
+    with ThreadPoolExecutor(1) as thread:  # Playwright keeps an event loop on this one.
         plug = thread.submit(asyncio.run, connected(front_server, act)).result()
     assert plug.close_code in codes
     wait_until(lambda: "Refused" in caplog.text, "the log tells of it")

@@ -54,7 +54,7 @@ def lasting_session(shared_session: Session) -> Session:
 
 @pytest.fixture(scope="session")
 def chromium(plain_chromium: Browser) -> Browser:
-    """A browser that draws the pages of the lab cheaply, and is fit for no others."""
+    """A browser that draws pages of the lab cheaply, and no others."""
     return plain_chromium
 
 

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import msgspec.msgpack
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # As pytest does; this file is run by itself.
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # As pytest does, for running this file by itself.
 from raw_browser import open_socket
 
 from flexlab.lab.session import Session

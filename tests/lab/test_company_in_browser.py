@@ -18,7 +18,7 @@ OVERFLOWING = """() => {
 TABS = ("Parameters", "View", "Touch", "Modes", "Compare", "File", "Events")
 SCHEME = "document.documentElement.dataset.mantineColorScheme"
 WAY = "() => document.querySelector('.fl-reports')?.dataset.way"
-"""Identity of the widget by which a page reports what it has drawn: each lab has another one."""
+"""The widget by which a page reports what it has drawn: each lab has another one."""
 BACKGROUND, WHITE = "getComputedStyle(document.body).backgroundColor", "rgb(255, 255, 255)"
 
 

@@ -67,7 +67,7 @@ def test_the_line_is_finer_where_it_is_zoomed_into(seen: tuple[float, float], wo
     st.sampled_from([0.1, 0.5, 2.0, 5.0, 30.0]),
     st.integers(0, 99),
 )
-def test_blocks_do_not_matter_and_no_peak_is_lost(blocks: list[int], window: float, seed: int) -> None:
+def test_a_curve_does_not_depend_on_its_blocks_and_loses_no_peak(blocks: list[int], window: float, seed: int) -> None:
     count = sum(blocks)
     time = np.arange(count) * TICK
     values = np.random.default_rng(seed).normal(size=(3, count))

@@ -302,7 +302,7 @@ def test_the_numbers_at_the_axes_are_exact(page: LabPage) -> None:
 
 
 def test_a_law_that_takes_over_states_its_stability_conditions(page: LabPage) -> None:
-    """The conditions below the gains, with numbers, follow the law and its gains; the run goes on."""
+    """The conditions and their numbers, shown below the gains, follow the law and its gains; the run goes on."""
     page.wait_for_text("‖Ψ‖ ≤ K ε")
     wait_until(lambda: float(page.snapshot.display.time[0]) > 0.2, "the paper's law has worked for a while")
     before = page.snapshot

@@ -33,7 +33,7 @@ def another_value(handle: Any) -> Any:
 def test_nothing_that_a_student_does_changes_a_locked_lab(
     session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(tmp_path)  # A student may save the scenario, here.
+    monkeypatch.chdir(tmp_path)  # A student may save the scenario: here.
     lab_state = session.lab_state
     with RawBrowser(session) as browser:
         report(browser, session, 1)

@@ -69,7 +69,7 @@ def test_the_beams_tube_is_closed_and_follows_its_line() -> None:
     assert volume(vertices, tube_faces(STATIONS)) == pytest.approx(section * length, rel=1e-3)
 
 
-def test_the_gripper_holds_the_beam_at_the_grip() -> None:
+def test_the_gripper_reaches_back_from_the_grip_by_its_length() -> None:
     points = np.concatenate([solid.vertices for solid, _ in MODELS["gripper"]()])
     assert points[:, 0].min() == pytest.approx(-GRIPPER_LENGTH - 0.012)
     assert np.abs(points[:, 1]).max() < 0.03

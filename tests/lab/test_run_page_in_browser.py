@@ -29,7 +29,7 @@ def test_a_page_of_ten_seconds_is_under_three_megabytes_and_escapes_names(tmp_pa
     assert MOST_FRAMES >= 3000
 
 
-def test_a_page_plays_from_disk_without_network_and_the_plots_follow(chromium: Browser, tmp_path: Path):
+def test_a_page_plays_from_disk_without_network(chromium: Browser, tmp_path: Path):
     question, guess = "How often does the beam swing in a second, if it is as stiff?", "twice as often as before"
     lesson = LessonProgress("Lesson 9: Stiffness", 2, question, (guess, "as often"), "as often", guess, "")
     write_run_page(flexlab.simulate("paper", 3.0), tmp_path / "run.html", "paper", Noted(lessons=(lesson,)))

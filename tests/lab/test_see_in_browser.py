@@ -83,7 +83,7 @@ def test_the_unseen_parts_for_grabbing_hide_nothing_behind_them(page: LabPage) -
     wait_until(lambda: page.page.evaluate(ask) == [[False], [False]], "neither keeps its depth")
 
 
-def test_every_switch_shows_its_part_and_its_scale(page: LabPage) -> None:
+def test_switches_of_the_view_show_their_parts_and_scales(page: LabPage) -> None:
     page.open_tab("View")
     for label, node, words in (
         ("Strain colours", "/strain", "strain, 1 mm off the axis"),

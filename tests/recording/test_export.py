@@ -1,4 +1,4 @@
-"""Exports equal the original when they are read again, by flexlab bit for bit and by other programs by name."""
+"""Exports are read again bit for bit by flexlab, and by other programs under plain column names."""
 
 import csv
 import json
@@ -52,7 +52,7 @@ def test_a_recording_is_exported_with_its_commands(suffix: str, run: Run, tmp_pa
     assert metadata["events"][0] == {"time": 0.3, "text": "tap", "level": "info", "command": tap}
 
 
-def test_names_say_what_and_in_which_unit(run: Run, tmp_path: Path) -> None:
+def test_column_names_say_the_signal_the_part_and_the_unit(run: Run, tmp_path: Path) -> None:
     path = export_run(run, tmp_path / "run.csv")
     with path.open(encoding="utf-8") as file:
         about = json.loads(file.readline().removeprefix("# "))
@@ -64,7 +64,7 @@ def test_names_say_what_and_in_which_unit(run: Run, tmp_path: Path) -> None:
     assert float(rows[7]["time [s]"]) == 0.007
 
 
-def test_parquet_and_npz_are_plain_to_others(run: Run, tmp_path: Path) -> None:
+def test_other_programs_can_read_parquet_and_npz(run: Run, tmp_path: Path) -> None:
     table = parquet.read_table(export_run(run, tmp_path / "run.parquet"))
     np.testing.assert_array_equal(table.column("tracking_error_y [m]").to_numpy(), run.tracking_error[:, 1])
     with np.load(export_run(run, tmp_path / "run.npz")) as file:
@@ -86,7 +86,7 @@ def test_every_mesh_has_as_many_columns_as_coordinates(boundary: str, elements: 
 
 @EVERY_FORMAT
 @pytest.mark.parametrize("content", [b"", b"time\n1\n", b"# {}\ntime [s]\n1\n", b"PAR1nonsensePAR1"])
-def test_other_files_are_refused_in_a_sentence(suffix: str, content: bytes, tmp_path: Path) -> None:
+def test_other_files_are_refused_in_one_sentence(suffix: str, content: bytes, tmp_path: Path) -> None:
     path = tmp_path / f"other{suffix}"
     path.write_bytes(content)
     with pytest.raises(RecordingError, match="is not a run exported by flexlab") as caught:
@@ -94,7 +94,7 @@ def test_other_files_are_refused_in_a_sentence(suffix: str, content: bytes, tmp_
     assert "\n" not in str(caught.value)
 
 
-def test_what_cannot_be_exported_is_said(run: Run, tmp_path: Path) -> None:
+def test_what_cannot_be_exported_or_imported_is_refused_with_a_reason(run: Run, tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"no known format: let its name end in \.csv, \.parquet, \.npz"):
         export_run(run, tmp_path / "run.xlsx")
     with pytest.raises(RecordingError, match="From 5 to 6 s there is no sample: choose times within 0 to 1 s"):

@@ -1,4 +1,4 @@
-"""Bytes of a recording that a disk or a transfer changed: the file is read as it was, or refused; never read as another run."""
+"""Recordings with bytes changed by a disk or a transfer: read as they were or refused, never read as another run."""
 
 import random
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ from flexlab.sim.snapshot import Event
 from flexlab.sim.world import World
 
 FLIPS = 25
-"""Per word at which bits are changed, one at a time."""
+"""Number of bits flipped near each word, one at a time."""
 GOLDEN = Path(__file__).parent / "golden"
 
 
@@ -29,14 +29,14 @@ def sound(run: Run, tmp_path: Path) -> Path:
 
 
 def said(recording: Recording) -> tuple[object, ...]:
-    """All that figures are computed from."""
+    """Everything from which results are computed."""
     numbers = {name: np.asarray(signal).tobytes() for name, signal in recording.samples.signals().items()}
     circumstances = recording.scenario, repr(recording.events), repr(recording.start), str(recording.status)
     return numbers, *circumstances, recording.status, recording.sample_period, recording.started, recording.part
 
 
 def flipped(path: Path, word: bytes, around: int) -> Iterator[Path]:
-    """Copies with one bit changed each, at the places of a word and up to `around` bytes behind."""
+    """Copies with one flipped bit each, less than `around` bytes after the start of a word."""
     whole = path.read_bytes()
     places = [place for place in range(len(whole)) if whole.startswith(word, place)]
     assert places
@@ -51,7 +51,7 @@ def flipped(path: Path, word: bytes, around: int) -> Iterator[Path]:
         copy.unlink()
 
 
-# Not the schemas of rerun's chunks: some of what these can be changed to ends the process that reads them.
+# The schemas of rerun's chunks are left out: some changes there end the process that reads them.
 @pytest.mark.parametrize(
     ("word", "around"),
     [
@@ -63,7 +63,7 @@ def flipped(path: Path, word: bytes, around: int) -> Iterator[Path]:
         (b"Softer", 200),
     ],
 )
-def test_a_flipped_bit_makes_no_other_run(sound: Path, word: bytes, around: int) -> None:
+def test_a_recording_with_a_flipped_bit_is_never_read_as_another_run(sound: Path, word: bytes, around: int) -> None:
     before = said(read_recording(sound))
     for copy in flipped(sound, word, around):
         try:
@@ -75,7 +75,7 @@ def test_a_flipped_bit_makes_no_other_run(sound: Path, word: bytes, around: int)
 
 @pytest.mark.parametrize(("number", "place"), [(1, 112264), (1, 113764)])
 def test_lost_events_and_samples_of_older_recordings_are_noticed(number: int, place: int, tmp_path: Path) -> None:
-    """One byte each makes rerun leave out all events, or all samples, without a word."""
+    """Each of these bytes makes rerun silently leave out all events or all samples."""
     data = bytearray((GOLDEN / f"format-{number}" / "continued.rrd").read_bytes())
     data[place] ^= 128
     copy = tmp_path / "flipped.rrd"

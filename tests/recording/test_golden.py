@@ -1,4 +1,4 @@
-"""Recordings of every format that was ever written open, list, export, come in again, compare, replay and go on."""
+"""Recordings of every format ever written can be read, listed, exported, imported, compared, replayed and continued."""
 
 import hashlib
 import json
@@ -24,10 +24,10 @@ from flexlab.sim.world import World
 from flexlab.text import number_text
 
 AGREEMENT = 1e-4
-"""Share of a signal's peak to which the engines of all formats agree: some damping was integrated less exactly before."""
+"""Largest difference between the formats' engines, as a share of the peak: older ones integrated some damping less exactly."""
 
 SAME_POSE = 1e-11
-"""m and rad: to which the pose is the same on every machine; half a second of rounding errors."""
+"""Largest difference of a pose between machines, m and rad: half a second of rounding errors."""
 
 FOLDER = Path(__file__).parent / "golden"
 CASES = [
@@ -50,7 +50,7 @@ def test_there_is_a_golden_recording_of_every_format() -> None:
 
 
 @every_recording
-def test_it_opens_with_every_bit_that_was_written(number: int, path: Path) -> None:
+def test_it_is_read_with_every_bit_that_was_written(number: int, path: Path) -> None:
     known, recording = facts(path), read_recording(path)
     assert recording.format == number
     assert len(recording.samples) == known["samples"]
@@ -63,7 +63,7 @@ def test_it_opens_with_every_bit_that_was_written(number: int, path: Path) -> No
 
 
 @every_recording
-def test_its_blocks_and_ranges_are_those_of_the_whole(number: int, path: Path) -> None:
+def test_its_blocks_and_ranges_hold_the_samples_of_the_whole(number: int, path: Path) -> None:
     whole = read_recording(path).samples
     in_blocks = join_blocks(list(read_recording(path).blocks()))
     middle = float(whole.time[len(whole) // 2])
@@ -75,7 +75,7 @@ def test_its_blocks_and_ranges_are_those_of_the_whole(number: int, path: Path) -
 
 @every_recording
 def test_it_replays_and_says_what_wrote_it(number: int, path: Path) -> None:
-    """With a stated tolerance, whatever the machine; else the first difference, and in any case who recorded it."""
+    """The replay agrees within a stated tolerance or names the first difference; if not identical, it says what recorded it."""
     recording = read_recording(path)
     found = replay(recording)
     maker = f"recorded by flexlab {recording.properties['flexlab_version']}"
@@ -91,7 +91,7 @@ def test_it_replays_and_says_what_wrote_it(number: int, path: Path) -> None:
 
 @every_recording
 def test_every_signal_means_what_it_means_today(number: int, path: Path) -> None:
-    """A repetition, which computes today's signals, agrees: also where a format recorded another quasi-static part."""
+    """A repetition, which computes today's signals, agrees even where a format recorded another quasi-static part."""
     recording = read_recording(path)
     again = join_blocks(list(Repetition(recording).samples_until(float(recording.samples.time[-1]))))
     for name in TABLE.keys() & facts(path)["sha256"].keys():
@@ -109,7 +109,7 @@ def test_it_is_listed_and_summarised(number: int, path: Path, tmp_path: Path) ->
 
 
 @every_recording
-def test_it_is_exported_and_comes_in_again(number: int, path: Path, tmp_path: Path) -> None:
+def test_it_can_be_exported_and_imported_again(number: int, path: Path, tmp_path: Path) -> None:
     recording = read_recording(path)
     table = export_recording(recording, tmp_path / "run.parquet")
     back, about = import_run(table)
@@ -128,24 +128,24 @@ def test_it_is_exported_and_comes_in_again(number: int, path: Path, tmp_path: Pa
 
 
 @every_recording
-def test_it_is_laid_over_another_one(number: int, path: Path, tmp_path: Path) -> None:
+def test_it_can_be_compared_with_another_one(number: int, path: Path, tmp_path: Path) -> None:
     other = next(other for _, other in CASES if other != path)
     compared = compare_into([path, other], tmp_path / "both.rrd")
     values = {row.title: row.value for rows in compared.metrics for row in rows}
-    # A sine never stops, so that nothing can be left after its stop. No golden recording has the compression.
+    # A sine path never stops, so it has no residual vibration after a stop; no golden recording has the compression.
     known = ("Residual", "Peak compression")
     unknown = [name for name, value in values.items() if not np.isfinite(value) and not name.startswith(known)]
     assert len(unknown) <= 1, "only a run that has not settled has no settling time"
 
 
 @every_recording
-def test_a_lab_goes_on_from_it(number: int, path: Path) -> None:
+def test_a_lab_can_continue_it(number: int, path: Path) -> None:
     recording = read_recording(path)
     scenario, origin = resume(recording)
     world = World(scenario)
     world.restore(origin.state)
     samples = world.run(50)
     assert not world.status.failed
-    # Other processors' kernels of BLAS and the C library round otherwise.
+    # On other processors, BLAS and the C library round differently.
     np.testing.assert_allclose(samples.pose[0], recording.samples.pose[-1], rtol=0, atol=SAME_POSE)
     assert np.abs(samples.tracking_error).max() < 2 * np.abs(recording.samples.tracking_error).max()

@@ -1,4 +1,4 @@
-"""What was exported, or recorded elsewhere, becomes a run of the library again: the same bits, and it still replays."""
+"""Exported runs and recordings made elsewhere can be imported into the library: with the same bits, and they replay."""
 
 import io
 import json
@@ -31,7 +31,7 @@ from flexlab.text import visible
 
 @pytest.fixture
 def original(tmp_path: Path) -> Recording:
-    """A run that went on at t = 0.1 s, was tapped and changed, and refused one command."""
+    """A run that begins at t = 0.1 s, with a tap, a changed slider and a refused command."""
     world = World(load_preset("paper"))
     world.advance(100)
     with HeadlessRecording(tmp_path / "original", RunInfo("my run", world.scenario, start=world.state())) as recording:
@@ -46,7 +46,7 @@ def original(tmp_path: Path) -> Recording:
     return read_recording(recording.path)
 
 
-def test_a_table_that_begins_with_a_byte_order_mark_is_taken_in(original: Recording, tmp_path: Path) -> None:
+def test_a_table_that_begins_with_a_byte_order_mark_is_imported(original: Recording, tmp_path: Path) -> None:
     path = export_recording(original, tmp_path / "run.csv")
     path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
     assert_same_bits(read_recording(import_into(path, tmp_path / "logs")).samples, original.samples)
@@ -77,14 +77,14 @@ def test_an_exported_run_comes_back_bit_for_bit_and_replays(suffix: str, origina
     assert read_notes(found.path)["duration"] == pytest.approx(0.25)
 
 
-def test_what_recorded_a_run_first_is_remembered(original: Recording, tmp_path: Path) -> None:
+def test_an_import_keeps_the_versions_and_machine_that_made_the_run(original: Recording, tmp_path: Path) -> None:
     elsewhere = {"flexlab_version": "0.0.1", "numpy_version": "1.0", "machine": "Abacus"}
     exported = export_recording(replace(original, properties=original.properties | elsewhere), tmp_path / "x.npz")
     found = read_recording(import_into(exported, tmp_path / "logs"))
     assert found.properties == original.properties | elsewhere
 
 
-def test_a_part_of_a_run_comes_back_and_replays(original: Recording, tmp_path: Path) -> None:
+def test_an_exported_part_of_a_run_comes_back_and_replays(original: Recording, tmp_path: Path) -> None:
     exported = export_recording(original, tmp_path / "x.parquet", start=0.2)
     found = read_recording(import_into(exported, tmp_path / "logs"))
     names = [field.name for field in fields(Samples)]
@@ -92,7 +92,7 @@ def test_a_part_of_a_run_comes_back_and_replays(original: Recording, tmp_path: P
     assert replay(found).compared == 151
 
 
-def test_a_recording_comes_in_as_it_is_beside_its_original(original: Recording, tmp_path: Path) -> None:
+def test_a_recording_is_imported_as_an_identical_copy_beside_its_original(original: Recording, tmp_path: Path) -> None:
     logs = original.path.parent
     path = import_into(original.path, logs)
     assert path.name == original.path.stem + "-2.rrd"
@@ -102,7 +102,7 @@ def test_a_recording_comes_in_as_it_is_beside_its_original(original: Recording, 
 
 
 def objects() -> bytes:
-    """An archive of NumPy with Python objects."""
+    """A NumPy archive that holds Python objects."""
     archive = io.BytesIO()
     np.savez(archive, a=np.array([{}], dtype=object))
     return archive.getvalue()
@@ -124,7 +124,7 @@ def objects() -> bytes:
         ("x.xlsx", b"PK", "choose a file that ends in .rrd, .csv, .parquet, .npz"),
     ],
 )
-def test_anything_else_is_refused_and_leaves_nothing(name: str, content: bytes, says: str, tmp_path: Path) -> None:
+def test_other_files_are_refused_and_leave_nothing(name: str, content: bytes, says: str, tmp_path: Path) -> None:
     (tmp_path / name).write_bytes(content)
     with pytest.raises(RecordingError, match=says):
         import_into(tmp_path / name, tmp_path / "logs")
@@ -132,7 +132,7 @@ def test_anything_else_is_refused_and_leaves_nothing(name: str, content: bytes, 
 
 
 def changed_table(original: Recording, folder: Path, **metadata: object) -> Path:
-    """An exported run of which something was changed by hand."""
+    """An exported run whose metadata were changed by hand."""
     path = export_recording(original, folder / "x.csv")
     about, rest = path.read_text().split("\n", 1)
     values = json.loads(about.removeprefix("# ")) | metadata
@@ -150,7 +150,7 @@ def changed_table(original: Recording, folder: Path, **metadata: object) -> Path
         (7, "0.003", "row 8: time = 0.003 s is not later than the 0.106 s of the row before"),
     ],
 )
-def test_times_that_are_not_finite_and_rising_are_told_with_their_row(
+def test_times_that_are_not_finite_and_increasing_are_refused_with_their_row(
     original: Recording, tmp_path: Path, row: int, time: str, says: str
 ) -> None:
     path = changed_table(original, tmp_path)
@@ -183,27 +183,27 @@ def test_times_that_are_not_finite_and_rising_are_told_with_their_row(
         *(({"computed_in": number}, "computed in format") for number in (-5, 0, 99, 10**30, 1.5, True, "x", None)),
     ],
 )
-def test_what_else_no_run_can_have_is_told(original: Recording, tmp_path: Path, metadata: dict, says: str) -> None:
+def test_impossible_metadata_are_refused(original: Recording, tmp_path: Path, metadata: dict, says: str) -> None:
     with pytest.raises(RecordingError, match=says):
         import_into(changed_table(original, tmp_path, **metadata), tmp_path / "logs")
     assert list_runs(tmp_path / "logs") == []
 
 
-def test_empty_texts_are_as_good_as_none(original: Recording, tmp_path: Path) -> None:
+def test_empty_texts_count_as_missing(original: Recording, tmp_path: Path) -> None:
     path = changed_table(original, tmp_path, preset="", processor="", status=["finished", "", 0.3])
     found = read_recording(import_into(path, tmp_path / "logs"))
     assert (found.name, found.properties["processor"]) == ("imported", "unknown")
     assert_same_bits(found.samples, original.samples)
 
 
-def test_metadata_without_an_end_of_nesting_is_refused(original: Recording, tmp_path: Path) -> None:
+def test_too_deeply_nested_metadata_are_refused(original: Recording, tmp_path: Path) -> None:
     path = changed_table(original, tmp_path)
     path.write_text("# " + "[" * 100_000 + "\n" + path.read_text().split("\n", 1)[1])
     with pytest.raises(RecordingError, match="is not a run exported"):
         import_into(path, tmp_path / "logs")
 
 
-def test_a_recording_whose_times_fall_back_is_refused(original: Recording, run: Run, tmp_path: Path) -> None:
+def test_a_recording_whose_times_go_back_is_refused(original: Recording, run: Run, tmp_path: Path) -> None:
     with HeadlessRecording(tmp_path / "made", RunInfo("paper", original.scenario)) as recording:
         for part in (run.slice(100, 200), run.slice(50, 150)):
             recording.write(part)
@@ -213,7 +213,7 @@ def test_a_recording_whose_times_fall_back_is_refused(original: Recording, run: 
 
 
 @pytest.mark.parametrize("unit", ["mm", "cubits", "\x1b[2J"])
-def test_a_column_of_an_unknown_unit_is_told_and_not_left_out(unit: str, original: Recording, tmp_path: Path) -> None:
+def test_a_column_with_an_unknown_unit_is_refused_not_left_out(unit: str, original: Recording, tmp_path: Path) -> None:
     file = tmp_path / "mine.csv"
     export_recording(original, file)
     file.write_text(file.read_text(encoding="utf-8").replace("pose_x [m]", f"pose_x [{unit}]", 1), encoding="utf-8")
@@ -231,10 +231,10 @@ def test_a_column_of_an_unknown_unit_is_told_and_not_left_out(unit: str, origina
         (np.atleast_2d, "values"),
     ],
 )
-def test_a_column_that_is_no_real_number_per_time_is_refused(
+def test_a_column_without_one_real_number_per_time_is_refused(
     change: Callable[[np.ndarray], np.ndarray], says: str, original: Recording, tmp_path: Path
 ) -> None:
-    """NumPy took the real part of complex ones."""
+    """Without a check, NumPy takes the real part of complex numbers."""
     file = tmp_path / "mine.npz"
     export_recording(original, file)
     with np.load(file) as columns:
@@ -251,7 +251,7 @@ def test_a_column_that_is_no_real_number_per_time_is_refused(
 @pytest.mark.parametrize(
     "change", [("pose_x [m]", "wind [m/s]"), ("pose_x [m]", "\x1b[2J"), ("input_work [J]", "input_works [J]")]
 )
-def test_a_column_of_an_unknown_name_is_left_out_and_said_so(
+def test_a_column_with_an_unknown_name_is_left_out_and_named_in_the_note(
     change: tuple[str, str], original: Recording, tmp_path: Path
 ) -> None:
     file = tmp_path / "mine.csv"
@@ -290,7 +290,7 @@ def twice_in_metadata(file: Path) -> Path:
     ("twice", "name"),
     [(twice_in_csv, "x.csv"), (twice_in_parquet, "x.parquet"), (twice_in_metadata, "x.csv")],
 )
-def test_what_is_given_twice_is_refused(
+def test_a_field_that_is_given_twice_is_refused(
     twice: Callable[[Path], Path], name: str, original: Recording, tmp_path: Path
 ) -> None:
     file = twice(export_recording(original, tmp_path / name))
@@ -329,7 +329,7 @@ def test_a_table_without_times_is_refused(original: Recording, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("place", [74287, 75634, 79380])
-def test_a_flipped_bit_that_crashes_reruns_reader_ends_no_process(place: int, tmp_path: Path) -> None:
+def test_a_flipped_bit_that_crashes_reruns_reader_does_not_end_the_process(place: int, tmp_path: Path) -> None:
     data = bytearray((Path(__file__).parent / "golden" / "format-2" / "single-arm.rrd").read_bytes())
     data[place] ^= 8
     (tmp_path / "flipped.rrd").write_bytes(data)

@@ -1,4 +1,4 @@
-"""Exported runs that were tampered with, and disks that are full: one sentence each, and nothing is left behind."""
+"""Exported runs that were tampered with, and full disks: each is refused in one sentence, and nothing is left behind."""
 
 import json
 import struct
@@ -19,7 +19,7 @@ from flexlab.recording.reader import read_recording
 from flexlab.sim.simulate import simulate
 
 LOCAL, CENTRAL = b"PK\x03\x04", b"PK\x01\x02"
-"""What begins the two heads of each file in an archive."""
+"""First bytes of the two headers that an archive has for each of its files."""
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +56,7 @@ def torn(data: bytearray) -> None:
 
 @pytest.mark.parametrize("change", [locked, torn, packed_by(1), packed_by(93), packed_by(99)])
 @pytest.mark.parametrize("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2])
-def test_an_odd_archive_is_one_sentence(
+def test_an_odd_archive_is_refused_in_one_sentence(
     exported: Path, tmp_path: Path, change: Callable[[bytearray], None], method: int
 ) -> None:
     path = tmp_path / "odd.npz"
@@ -75,7 +75,7 @@ def test_an_odd_archive_is_one_sentence(
 @pytest.mark.parametrize(
     "shape", ["(10**12,)", "(1000000000000,)", "(1000000, 1000000, 1000000)", "(-1,)", "('a',)", "(" * 300 + ")" * 300]
 )
-def test_an_array_whose_shape_lies_is_one_sentence(exported: Path, tmp_path: Path, shape: str) -> None:
+def test_an_array_with_a_false_shape_is_refused(exported: Path, tmp_path: Path, shape: str) -> None:
     path = tmp_path / "odd.npz"
     words = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".ljust(1013).encode() + b"\n"
     with zipfile.ZipFile(exported) as good, zipfile.ZipFile(path, "w") as archive:
@@ -94,7 +94,7 @@ def change_metadata(exported: Path, path: Path, text: str) -> Path:
 
 
 @pytest.mark.parametrize("text", ["[" * 100_000, '{"scenario":' * 50_000, "[1]", "null", "NaN"])
-def test_nested_metadata_are_one_sentence(exported: Path, tmp_path: Path, text: str) -> None:
+def test_metadata_of_the_wrong_form_are_refused(exported: Path, tmp_path: Path, text: str) -> None:
     path = change_metadata(exported, tmp_path / "odd.npz", text)
     with pytest.raises(RecordingError, match="is not a run exported by flexlab"):
         import_into(path, tmp_path / "logs")
@@ -102,9 +102,7 @@ def test_nested_metadata_are_one_sentence(exported: Path, tmp_path: Path, text: 
 
 @pytest.mark.parametrize("change", [bytearray.clear, locked, torn, packed_by(1), packed_by(99)])
 @pytest.mark.parametrize("text", ["[" * 100_000, "[1]", '{"@graph":[{"@id":[],"@type":"File","sha256":1}]}'])
-def test_an_odd_archive_of_a_run_is_one_sentence(
-    tmp_path: Path, change: Callable[[bytearray], None], text: str
-) -> None:
+def test_an_odd_capsule_is_refused(tmp_path: Path, change: Callable[[bytearray], None], text: str) -> None:
     path = tmp_path / "odd.zip"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr(METADATA, text)
@@ -117,7 +115,7 @@ def test_an_odd_archive_of_a_run_is_one_sentence(
         unpack_capsule(path, tmp_path)
 
 
-def test_halves_of_characters_are_replaced(exported: Path, tmp_path: Path) -> None:
+def test_lone_surrogates_are_replaced(exported: Path, tmp_path: Path) -> None:
     with np.load(exported) as file:
         metadata = json.loads(str(file["flexlab"]))
     odd = "odd \ud800 text"
@@ -132,7 +130,7 @@ def test_halves_of_characters_are_replaced(exported: Path, tmp_path: Path) -> No
     assert "odd \N{REPLACEMENT CHARACTER} text" in [event.text for event in found.events]
 
 
-def test_a_column_with_an_endless_name_is_one_sentence(tmp_path: Path) -> None:
+def test_a_column_with_a_very_long_name_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "odd.csv"
     path.write_text("# {}\n" + '"' + "a" * 300_000 + '",b\n1,2\n')
     with pytest.raises(RecordingError, match="is not a run exported by flexlab"):
@@ -164,14 +162,14 @@ ROOMS = 1000, 200_000, 300_000, 400_000, 600_000
 
 @pytest.fixture(scope="module")
 def small_disks(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, str]]:
-    """One run on disks with so many bytes of room: a folder of logs for each in one folder, and what was said of each."""
+    """One run written to disks with `ROOMS` bytes: the folder with a logs folder for each, and the error for each."""
     folder = tmp_path_factory.mktemp("small")
     said = start_script(SMALL_DISKS, folder, *map(str, ROOMS)).communicate()[0]
     return folder, dict(line.split(" ", 1) for line in said.splitlines())
 
 
 @pytest.mark.parametrize("room", ROOMS)
-def test_what_a_full_disk_left_is_what_the_sentence_says(small_disks: tuple[Path, dict[str, str]], room: int) -> None:
+def test_a_full_disk_leaves_what_the_error_says(small_disks: tuple[Path, dict[str, str]], room: int) -> None:
     logs, said = small_disks[0] / str(room), small_disks[1].get(str(room), "")
     files = list(logs.glob("*"))
     if "nothing of the run is recorded" in said or "the run is not recorded" in said or room == 1000:

@@ -1,4 +1,4 @@
-"""Rerun files that hold what flexlab never writes: each is read, or refused in one sentence, and nothing of it is left."""
+"""Rerun files that hold what flexlab never writes: each is read, or refused in one sentence and not imported."""
 
 import json
 import struct
@@ -23,7 +23,7 @@ from flexlab.sim.samples import Run, Samples
 from flexlab.sim.world import World
 
 GONE = "left out"
-"""What stands for a value that is left out."""
+"""Stands for a value that is left out."""
 DEEP = "[" * 100_000
 INFINITE = float("inf")
 
@@ -34,13 +34,13 @@ def changed(values: dict[str, Any], name: str, value: Any) -> dict[str, Any]:
 
 @pytest.fixture(autouse=True)
 def any_type(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Rerun keeps the type that a value had first, for as long as a process runs."""
+    """Allow values of another type: rerun remembers the first type of a value for the life of the process."""
     monkeypatch.setattr(any_batch_value, "ANY_VALUE_TYPE_REGISTRY", any_batch_value.TypeRegistry())
 
 
 @pytest.fixture
 def written(run: Run, tmp_path: Path) -> Callable[[], Path]:
-    """Writes a few samples and an event with what was changed in the writer."""
+    """A function that writes a few samples and the end of a run, with what the test changed in the writer."""
 
     def write() -> Path:
         info = RunInfo("paper", run.scenario, 0.001, World(run.scenario).state())
@@ -54,7 +54,7 @@ def written(run: Run, tmp_path: Path) -> Callable[[], Path]:
 
 
 def check(path: Path, refused: bool) -> None:
-    """Every reader gives something, or one sentence; an import that is refused leaves nothing."""
+    """Check that every reader returns something or raises one sentence, and that a refused import leaves nothing behind."""
     logs = path.parent / "logs"
     sentences: list[str] = []
     for read in (
@@ -140,7 +140,7 @@ HEADS: dict[str, Callable[[dict[str, Any]], Any]] = {
 
 
 def by_zstd(raw: bytes) -> bytes:
-    """A block whose checksum is right, whatever it holds."""
+    """A block with the right checksum, whatever it holds."""
     frame = codec.PACKING.compress(raw, asbytes=True)
     return frame + codec.TRAILER.pack(len(raw), zlib.adler32(frame))
 
@@ -168,7 +168,7 @@ def test_odd_blocks(monkeypatch: pytest.MonkeyPatch, written: Callable[[], Path]
 
 
 @pytest.mark.parametrize("name", ["slice", "signals", "take", "scenario", "status"])
-def test_a_signal_that_is_called_as_what_every_run_has_hides_nothing(
+def test_a_signal_named_like_an_attribute_of_every_run_does_not_hide_it(
     monkeypatch: pytest.MonkeyPatch, written: Callable[[], Path], name: str
 ) -> None:
     with_heads(monkeypatch, called("beam_rates", name))
@@ -192,7 +192,7 @@ BLOCKS = {
 
 
 @pytest.mark.parametrize("kind", BLOCKS)
-def test_blocks_that_are_none(monkeypatch: pytest.MonkeyPatch, written: Callable[[], Path], kind: str) -> None:
+def test_bytes_that_are_no_block(monkeypatch: pytest.MonkeyPatch, written: Callable[[], Path], kind: str) -> None:
     monkeypatch.setattr(codec, "LARGEST_BLOCK", 10_000_000)
     monkeypatch.setattr(run_encoder, "encode_block", lambda samples: BLOCKS[kind])
     check(written(), refused=True)
@@ -230,7 +230,7 @@ def test_odd_events(monkeypatch: pytest.MonkeyPatch, written: Callable[[], Path]
         *(("layout", value) for value in ("x", None, [])),
     ],
 )
-def test_odd_states(monkeypatch: pytest.MonkeyPatch, written: Callable[[], Path], name: str, value: Any) -> None:
+def test_odd_start_states(monkeypatch: pytest.MonkeyPatch, written: Callable[[], Path], name: str, value: Any) -> None:
     state_json = run_encoder.state_json
     monkeypatch.setattr(
         run_encoder, "state_json", lambda state: json.dumps(changed(json.loads(state_json(state)), name, value))
@@ -239,7 +239,7 @@ def test_odd_states(monkeypatch: pytest.MonkeyPatch, written: Callable[[], Path]
 
 
 @pytest.mark.parametrize("text", ["[]", "null", "5", DEEP])
-def test_states_that_are_none(monkeypatch: pytest.MonkeyPatch, written: Callable[[], Path], text: str) -> None:
+def test_texts_that_are_no_start_state(monkeypatch: pytest.MonkeyPatch, written: Callable[[], Path], text: str) -> None:
     monkeypatch.setattr(run_encoder, "state_json", lambda state: text)
     check(written(), refused=True)
 
@@ -248,7 +248,7 @@ def test_states_that_are_none(monkeypatch: pytest.MonkeyPatch, written: Callable
     ("name", "value"),
     [("status", 5), ("text", 5), ("text", b"\xff"), *(("time_s", value) for value in ("x", [], INFINITE))],
 )
-def test_odd_ends(monkeypatch: pytest.MonkeyPatch, written: Callable[[], Path], name: str, value: Any) -> None:
+def test_odd_end_records(monkeypatch: pytest.MonkeyPatch, written: Callable[[], Path], name: str, value: Any) -> None:
     def end(self: RunEncoder, status: Any, dropped: int = 0) -> None:
         values = {"status": "finished", "text": "Over.", "time_s": 0.04, "rows": 40}
         for sink in self._sinks:

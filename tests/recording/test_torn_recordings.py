@@ -1,4 +1,4 @@
-"""Files that broke off, were emptied or never were recordings: what can be read is read, the rest is said in a sentence."""
+"""Files that are cut off, empty or no recordings: what can be read is read, else one sentence says why it cannot."""
 
 import shutil
 from pathlib import Path
@@ -56,7 +56,7 @@ def test_a_recording_without_an_end_is_read_and_mended(unfinished: Path, run: Ru
     assert_same_bits(read_recording(unfinished).samples, run.slice(0, 1000))
 
 
-def test_who_looks_at_a_file_is_no_writer_and_hinders_no_mending(
+def test_a_reader_of_a_file_is_not_taken_for_its_writer_and_does_not_prevent_mending(
     unfinished: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fcntl = pytest.importorskip("fcntl", reason="Windows has no such locks")
@@ -64,13 +64,13 @@ def test_who_looks_at_a_file_is_no_writer_and_hinders_no_mending(
         fcntl.flock(looker, fcntl.LOCK_SH)
         assert not is_in_use(unfinished)
         assert run_state(unfinished) == "unfinished"
-        # It looks until `finish` waits for it.
+        # The reader keeps its lock until `finish` waits for it.
         monkeypatch.setattr(run_files.time, "sleep", lambda seconds: looker.close())
         finish(unfinished)
     assert run_state(unfinished) == "recovered"
 
 
-def test_a_run_that_is_being_recorded_is_read_up_to_when_the_reading_began(run: Run, tmp_path: Path) -> None:
+def test_a_run_that_is_being_recorded_is_read_up_to_where_it_was_when_reading_began(run: Run, tmp_path: Path) -> None:
     info = RunInfo("paper", load_preset("paper"))
     file = claim_run_file(tmp_path, "paper", info.started)
     recording = RunWriter(file, info)
@@ -113,7 +113,7 @@ def test_a_run_is_read_while_it_is_written(run: Run, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("share", [0.999, 0.9, 0.6, 0.35])
-def test_a_torn_tail_costs_what_is_behind_the_tear_only(unfinished: Path, run: Run, share: float) -> None:
+def test_a_cut_off_file_loses_only_what_follows_the_cut(unfinished: Path, run: Run, share: float) -> None:
     data = unfinished.read_bytes()
     unfinished.write_bytes(data[: int(share * len(data))])
     found = read_recording(unfinished)
@@ -158,7 +158,7 @@ def test_finishing_twice_changes_nothing(recording_file: Path) -> None:
         (b"RRF2", "damaged beyond repair"),
     ],
 )
-def test_what_is_no_recording_is_said_in_one_sentence(content: bytes, sentence: str, tmp_path: Path) -> None:
+def test_a_file_that_is_no_recording_is_refused_in_one_sentence(content: bytes, sentence: str, tmp_path: Path) -> None:
     path = tmp_path / "x.rrd"
     path.write_bytes(content)
     with pytest.raises(RecordingError, match=sentence) as caught:
@@ -167,7 +167,7 @@ def test_what_is_no_recording_is_said_in_one_sentence(content: bytes, sentence: 
     assert str(path) in str(caught.value)
 
 
-def test_the_head_of_a_recording_alone_is_damaged_and_tried_once(unfinished: Path) -> None:
+def test_a_file_cut_to_its_head_is_noted_as_damaged_and_left_as_it_is(unfinished: Path) -> None:
     unfinished.write_bytes(unfinished.read_bytes()[:40])
     with pytest.raises(RecordingError, match="damaged beyond repair"):
         finish(unfinished)
@@ -176,14 +176,14 @@ def test_the_head_of_a_recording_alone_is_damaged_and_tried_once(unfinished: Pat
     assert unfinished.stat().st_size == 40
 
 
-def test_a_missing_file_and_a_folder_are_said(tmp_path: Path) -> None:
+def test_a_missing_file_and_a_folder_are_refused_with_a_reason(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"There is no recording .*no\.rrd: check the name"):
         read_recording(tmp_path / "no.rrd")
     with pytest.raises(RecordingError, match="cannot be read"):
         read_recording(tmp_path)
 
 
-def test_a_foreign_recording_is_told_apart(tmp_path: Path) -> None:
+def test_a_recording_of_another_program_is_refused_as_such(tmp_path: Path) -> None:
     import rerun as rr
 
     stream = rr.RecordingStream("other")

@@ -1,7 +1,7 @@
-"""Makes the golden recordings of the present format: `python tests/recording/golden/make.py`.
+"""Make the golden recordings of the present format: `python tests/recording/golden/make.py`.
 
-To be run once, when a format is new; what it made is then kept as it is. Every run holds what a recording can hold: sliders,
-taps, pulls on beam and link, sampled control with noise and delay, one arm, and a run that goes on from another.
+Run it once, when a format is new, and keep what it made as it is. The recordings hold all that a recording can: sliders,
+taps, pulls on beam and link, sampled control with noise and delay, one arm, and a run that continues from another.
 """
 
 import hashlib
@@ -25,7 +25,7 @@ from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Origin
 
 FRAME = 0.0692
-"""Wall seconds between two commands: no multiple of a sample."""
+"""Wall-clock time between two commands, s: not a multiple of the sample period."""
 
 COMMANDS = (
     ChangeScenario({"payload.bending_stiffness": 61.0}),
@@ -47,12 +47,12 @@ NOISY = {
 
 
 def clock_of(time: list[float]) -> Callable[[], float]:
-    """A clock that stands where it was set."""
+    """A clock that shows `time[0]`."""
     return lambda: time[0]
 
 
 def record(logs: Path, name: str, scenario: Scenario, origin: Origin | None = None) -> Path:
-    """Record half a second of a lab in which somebody does everything."""
+    """Record half a second of a lab in which all of `COMMANDS` are given."""
     time = [0.0]
     recorder = Recorder(logs, queue_rows=10**6)
     runner = Runner(scenario, name, [recorder], clock=clock_of(time), origin=origin)
@@ -67,7 +67,7 @@ def record(logs: Path, name: str, scenario: Scenario, origin: Origin | None = No
 
 
 def main(folder: Path) -> None:
-    """Write recordings and facts into `folder`."""
+    """Write the recordings and their facts into `folder`."""
     folder.mkdir()
     with TemporaryDirectory() as place:
         logs = Path(place)

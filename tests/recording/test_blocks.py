@@ -1,4 +1,4 @@
-"""Exact samples survive their compact form, whatever their bits."""
+"""Samples come out of an encoded block with the same bits, whatever these are."""
 
 import zlib
 from dataclasses import fields
@@ -25,8 +25,8 @@ def test_any_bit_pattern_comes_back(count: int, arms: int, coordinates: int, dat
 
 
 @pytest.mark.parametrize("rows", [1, 2, 3, 385, 3000])
-def test_a_long_block_comes_back_whatever_its_bits(rows: int) -> None:
-    """Noise, columns that repeat others, and columns that hold little."""
+def test_a_block_of_any_length_comes_back_whatever_its_bits(rows: int) -> None:
+    """Noise, columns that repeat others, and columns that hold little information."""
     random = np.random.default_rng(rows)
     bits = random.integers(0, 2**64, (rows, row_length(2, 6)), np.uint64)
     bits[:, 5:8], bits[:, 9], bits[:, 12] = bits[:, 2:5], 0, np.arange(rows)
@@ -46,7 +46,7 @@ def by_zlib(data: bytes) -> bytes:
     return zlib.compress(_unpack_zstd(data), 1)
 
 
-def test_a_block_that_zlib_packed_is_read(run: Run) -> None:
+def test_a_block_packed_by_zlib_can_be_read(run: Run) -> None:
     samples = run.slice(0, 300)
     assert_same_bits(decode_block(by_zlib(encode_block(samples)))[0], samples)
 
@@ -67,7 +67,7 @@ def test_blocks_join_in_order(run: Run) -> None:
 
 
 def flipped(data: bytes, place: int) -> bytes:
-    """The same bytes with one bit turned over."""
+    """The same bytes with one bit flipped."""
     return data[:place] + bytes([data[place] ^ 16]) + data[place + 1 :]
 
 
@@ -92,7 +92,7 @@ def test_bytes_that_are_no_block_are_refused_in_a_sentence(run: Run, damage) -> 
         decode_block(damage(encode_block(run.slice(0, 10))))
 
 
-def test_a_block_of_another_layout_says_which(run: Run) -> None:
+def test_a_block_of_an_unknown_format_is_refused_with_its_number(run: Run) -> None:
     raw = bytes(_unpack_zstd(encode_block(run.slice(0, 2)))).replace(b'"format": 1', b'"format": 9')
     frame = PACKING.compress(raw, asbytes=True)
     for block in (frame + TRAILER.pack(len(raw), zlib.adler32(frame)), zlib.compress(raw)):

@@ -21,7 +21,7 @@ from flexlab.sim.world import World
 
 
 class Clock:
-    """Time that passes when told, so that a runner's frames are a test's own."""
+    """A clock that only a test moves, so that the test decides when a runner's frames come."""
 
     def __init__(self) -> None:
         self.now = 0.0
@@ -64,7 +64,7 @@ def test_a_session_leaves_one_complete_file_per_run(tmp_path: Path, clock: Clock
         np.testing.assert_array_equal(run.samples.time, np.arange(len(run.samples)) * 0.001)
 
 
-def test_every_sample_is_there_and_the_world_gives_them_again(tmp_path: Path, clock: Clock) -> None:
+def test_every_sample_is_recorded_and_a_world_reproduces_it(tmp_path: Path, clock: Clock) -> None:
     recorder = Recorder(tmp_path)
     runner = Runner(load_preset("paper"), "paper", [recorder], clock=clock)
     commands = [
@@ -100,7 +100,7 @@ def test_every_sample_is_there_and_the_world_gives_them_again(tmp_path: Path, cl
     assert first == len(found.samples)
 
 
-def test_a_change_of_structure_goes_on_in_a_new_file(tmp_path: Path, clock: Clock) -> None:
+def test_a_run_continues_in_a_new_file_after_a_change_of_structure(tmp_path: Path, clock: Clock) -> None:
     recorder = Recorder(tmp_path)
     runner = Runner(load_preset("paper"), "paper", [recorder], clock=clock)
     drive(runner, clock, 0.2)
@@ -116,7 +116,7 @@ def test_a_change_of_structure_goes_on_in_a_new_file(tmp_path: Path, clock: Cloc
     assert four.start.tick == round(four.samples.time[0] / 0.001)
 
 
-def test_a_full_queue_drops_and_counts_without_blocking(tmp_path: Path) -> None:
+def test_a_full_queue_drops_and_counts_samples_without_blocking(tmp_path: Path) -> None:
     world = World(load_preset("paper"))
     release = threading.Event()
     recorder = Recorder(tmp_path, on_problem=lambda text: None, queue_rows=500)
@@ -133,7 +133,7 @@ def test_a_full_queue_drops_and_counts_without_blocking(tmp_path: Path) -> None:
     assert read_notes(path)["dropped"] == 300
 
 
-def test_two_labs_in_one_folder_and_one_second_keep_apart(tmp_path: Path) -> None:
+def test_labs_that_start_in_the_same_folder_and_second_write_separate_files(tmp_path: Path) -> None:
     world = World(load_preset("paper"))
     recorders = [Recorder(tmp_path) for _ in range(3)]
     for recorder in recorders:
@@ -153,7 +153,7 @@ def test_two_labs_in_one_folder_and_one_second_keep_apart(tmp_path: Path) -> Non
         assert run_state(path) == "complete"
 
 
-def test_a_file_that_others_look_at_while_it_is_made_is_claimed_all_the_same(tmp_path: Path) -> None:
+def test_a_file_is_claimed_even_if_others_read_it_while_it_is_made(tmp_path: Path) -> None:
     looking, world = threading.Event(), World(load_preset("paper"))
     looking.set()
 
@@ -178,7 +178,7 @@ def test_a_file_that_others_look_at_while_it_is_made_is_claimed_all_the_same(tmp
     assert len(list_runs(tmp_path)) == 20
 
 
-def test_the_next_start_mends_what_a_dead_lab_left(tmp_path: Path, recording_file: Path) -> None:
+def test_the_next_recorder_mends_the_file_of_a_killed_lab(tmp_path: Path, recording_file: Path) -> None:
     whole = recording_file.read_bytes()
     recording_file.write_bytes(whole[: len(whole) * 3 // 4])
     recording_file.with_suffix(".json").unlink()
@@ -188,7 +188,7 @@ def test_the_next_start_mends_what_a_dead_lab_left(tmp_path: Path, recording_fil
     recorder.close()
 
 
-def test_file_names_say_when_and_what(tmp_path: Path) -> None:
+def test_a_file_name_holds_the_start_time_and_the_preset(tmp_path: Path) -> None:
     world = World(load_preset("paper"))
     recorder = Recorder(tmp_path)
     recorder.begin_run(1, "paper", world.scenario, world.state())
@@ -200,7 +200,7 @@ def test_file_names_say_when_and_what(tmp_path: Path) -> None:
     assert name == "paper"
 
 
-def test_slow_motion_is_drawn_at_every_sample(tmp_path: Path, clock: Clock) -> None:
+def test_slow_motion_is_drawn_at_nearly_every_sample(tmp_path: Path, clock: Clock) -> None:
     recorder = Recorder(tmp_path)
     runner = Runner(load_preset("paper"), "paper", [recorder], clock=clock)
     runner.submit(SetSpeed(1 / 256))

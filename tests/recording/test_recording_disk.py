@@ -1,4 +1,4 @@
-"""Folders and disks that refuse: the lab runs on, the person is told, recording resumes when it can."""
+"""Folders and disks that cannot be written: the lab runs on, the person is told, and recording resumes when it can."""
 
 import contextlib
 import os
@@ -36,32 +36,32 @@ from flexlab.sim.samples import Run
 from flexlab.sim.world import World
 
 TOLD_WITHIN = 2.0
-"""s of simulation at real time."""
+"""Longest time until the person is told, s of simulation at real time."""
 
 
 @pytest.fixture
 def blocked(tmp_path: Path) -> Path:
-    """A folder that nobody can make, not even root: its parent is a file."""
+    """A folder that nobody can make, not even root, because its parent is a file."""
     (tmp_path / "file").write_text("in the way")
     return tmp_path / "file" / "logs"
 
 
-def test_a_folder_that_cannot_be_written_is_said_before_the_lab_starts(blocked: Path) -> None:
+def test_a_folder_that_cannot_be_written_is_refused_before_the_lab_starts(blocked: Path) -> None:
     with pytest.raises(RecordingError, match=r"The logs folder .*logs cannot be written .*choose another with --logs"):
         check_folder(blocked)
 
 
-def test_a_folder_is_made_if_it_is_not_there(tmp_path: Path) -> None:
+def test_a_missing_folder_is_made(tmp_path: Path) -> None:
     check_folder(tmp_path / "a" / "b")
     assert list((tmp_path / "a" / "b").iterdir()) == []
 
 
-def test_a_finished_run_says_where_it_cannot_go(blocked: Path, run: Run) -> None:
+def test_a_finished_run_cannot_be_written_into_a_blocked_folder(blocked: Path, run: Run) -> None:
     with pytest.raises(RecordingError, match="cannot be written"):
         write_run(run, blocked, "paper")
 
 
-def test_a_file_where_the_folder_should_be_is_told_as_such(tmp_path: Path) -> None:
+def test_a_file_in_place_of_the_folder_is_named_as_the_reason(tmp_path: Path) -> None:
     (tmp_path / "logs").write_text("in the way")
     for place in (tmp_path / "logs", tmp_path / "logs" / "deeper"):
         with pytest.raises(RecordingError, match=r"cannot be written \(it is not a folder\): the run is not recorded"):
@@ -70,7 +70,7 @@ def test_a_file_where_the_folder_should_be_is_told_as_such(tmp_path: Path) -> No
             claim_named_file(place / "run.rrd")
 
 
-def test_no_recording_is_said(tmp_path: Path) -> None:
+def test_a_folder_without_recordings_has_no_newest_run(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="There is no recording in"):
         newest_run(tmp_path / "nowhere")
 
@@ -97,7 +97,7 @@ def test_a_lab_runs_on_without_a_folder_and_records_once_it_is_there(tmp_path: P
     assert [("not being recorded" in text, "goes on in" in text) for text in told] == [(True, False), (False, True)]
 
 
-def test_a_file_that_is_taken_away_is_told_and_replaced(tmp_path: Path) -> None:
+def test_a_file_that_is_deleted_is_reported_and_replaced(tmp_path: Path) -> None:
     told: list[str] = []
     recorder = Recorder(tmp_path, on_problem=told.append)
     runner = Runner(load_preset("paper"), "paper", [recorder])
@@ -116,25 +116,25 @@ def test_a_file_that_is_taken_away_is_told_and_replaced(tmp_path: Path) -> None:
 
 
 def cut_off(path: Path) -> None:
-    """As `truncate` does, or an editor that saves something else."""
+    """Do what `truncate` does, or an editor that saves something else."""
     os.truncate(path, path.stat().st_size // 2)
 
 
 def replace_by_copy(path: Path) -> None:
-    """As `mv other.rrd path` does."""
+    """Do what `mv other.rrd path` does."""
     copy = path.with_suffix(".copy")
     copy.write_bytes(path.read_bytes())
     copy.replace(path)
 
 
 def write_over(path: Path) -> None:
-    """As `cp other.rrd path` does."""
+    """Do what `cp other.rrd path` does."""
     path.write_bytes(b"something else")
 
 
 def write_over_the_same_size(path: Path) -> None:
-    """As an editor does that keeps the length, or a program that writes into the middle."""
-    for _ in range(3):  # A date is as fine as the system's clock tick, which the lab's own write may share.
+    """Do what an editor does that keeps the length, or a program that writes into the middle."""
+    for _ in range(3):  # File times are as fine as the system's clock tick, which the lab's own write may share.
         with path.open("rb+") as file:
             file.seek(path.stat().st_size // 2)
             file.write(b"something else")
@@ -142,7 +142,7 @@ def write_over_the_same_size(path: Path) -> None:
 
 
 @pytest.mark.parametrize("harm", [cut_off, replace_by_copy, write_over, write_over_the_same_size])
-def test_a_file_that_is_changed_while_it_is_written_is_told_and_the_run_goes_on_in_another(
+def test_a_file_that_others_change_is_reported_and_the_run_continues_in_another(
     tmp_path: Path, harm: Callable[[Path], None]
 ) -> None:
     told: list[str] = []
@@ -171,7 +171,7 @@ def test_a_file_that_is_changed_while_it_is_written_is_told_and_the_run_goes_on_
     assert found.samples.time[-1] > harmed + 1
 
 
-def test_a_file_that_is_only_touched_goes_on(tmp_path: Path) -> None:
+def test_touching_the_file_does_not_interrupt_the_recording(tmp_path: Path) -> None:
     told: list[str] = []
     recorder = Recorder(tmp_path, on_problem=told.append)
     runner = Runner(load_preset("paper"), "paper", [recorder])
@@ -188,7 +188,7 @@ def test_a_file_that_is_only_touched_goes_on(tmp_path: Path) -> None:
     assert read_recording(path).state == "complete"
 
 
-def test_a_run_without_a_screen_says_that_its_file_was_changed(tmp_path: Path, run: Run) -> None:
+def test_a_headless_recording_reports_that_its_file_was_changed(tmp_path: Path, run: Run) -> None:
     with HeadlessRecording(tmp_path, RunInfo("paper", run.scenario)) as recording:
         recording.write(run.slice(0, 500))
         cut_off(recording.path)
@@ -227,7 +227,7 @@ def test_a_run_that_is_lost_leaves_no_pipe_behind(tmp_path: Path, run: Run, monk
     assert list(place.iterdir()) == []
 
 
-def test_the_empty_file_of_a_lab_that_was_killed_as_it_made_it_is_swept(tmp_path: Path) -> None:
+def test_the_empty_file_of_a_killed_lab_is_removed_by_the_next_recorder(tmp_path: Path) -> None:
     assert start_script(KILLED_AT_ONCE, tmp_path).wait() < 0
     (path,) = list_runs(tmp_path)
     assert path.stat().st_size == 0
@@ -278,11 +278,11 @@ print(runner.snapshot.dropped_samples, runner.snapshot.status, told[1], sep="|",
 runner.stop()
 recorder.close(60)
 """
-"""A lab whose files may not grow for a while: to the writer the same as a full disk, on any machine."""
+"""A lab whose files may not grow for a while, which is like a full disk to the writer and works on any machine."""
 
 
 @pytest.mark.parametrize("when", ["later", "from the start"])
-def test_a_disk_that_takes_no_more_is_told_and_costs_nothing(when: str, tmp_path: Path) -> None:
+def test_a_file_that_cannot_grow_for_a_while_is_reported_and_loses_nothing(when: str, tmp_path: Path) -> None:
     lab = start_script(FULL_DISK, tmp_path, when)
     assert lab.stdout is not None
     full, said, sentence = lab.stdout.readline().strip().split("|")
@@ -303,7 +303,7 @@ def test_a_disk_that_takes_no_more_is_told_and_costs_nothing(when: str, tmp_path
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A disk of 48 MB of its own; needs root, which the machines that check changes have."""
+    """A separate disk of 48 MB; needs root, which the CI machines have."""
     disk = tmp_path / "disk"
     disk.mkdir()
     mounted = subprocess.run(
@@ -316,18 +316,18 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 
 
 def fill(disk: Path) -> Path:
-    """Leave no byte on a disk; the file that does."""
+    """Fill a disk to the last byte; return the file that fills it."""
     filler = disk / "filler"
     with filler.open("wb") as file:
         while (place := os.statvfs(disk)).f_bavail > 0:
-            # Whoever writes there at this very moment takes some of it: then what is left is looked at again.
+            # Another writer may take some of the space at this moment: then try again with what is left.
             with contextlib.suppress(OSError):
                 os.posix_fallocate(file.fileno(), os.fstat(file.fileno()).st_size, place.f_bavail * place.f_frsize)
     return filler
 
 
 def leave(disk: Path, room: int) -> Path:
-    """Leave about `room` bytes on a disk; the file that takes the others."""
+    """Fill a disk except for about `room` bytes; return the file that fills it."""
     filler = fill(disk)
     os.truncate(filler, filler.stat().st_size - room)
     return filler
@@ -350,7 +350,7 @@ def test_mending_without_room_changes_nothing_and_works_once_there_is_some(small
 
 
 def test_a_finished_run_is_on_a_disk_whole_or_not_at_all(small_disk: Path, run: Run) -> None:
-    """It is written in one piece, with its index, so that nothing is left to be mended."""
+    """It is written in one piece with its index, so that nothing needs mending later."""
     filler = leave(small_disk, 300_000)
     with pytest.raises(RecordingError, match=r"No space left on device.*nothing of the run is recorded"):
         write_run(run, small_disk, "paper")
@@ -361,14 +361,14 @@ def test_a_finished_run_is_on_a_disk_whole_or_not_at_all(small_disk: Path, run: 
     assert_same_bits(read_recording(path).samples, run.slice(0, len(run)))
 
 
-def test_a_piece_of_a_mended_copy_is_never_taken_for_the_whole(small_disk: Path, run: Run, tmp_path: Path) -> None:
+def test_a_mended_copy_that_does_not_fit_is_an_error(small_disk: Path, run: Run, tmp_path: Path) -> None:
     path = write_run(run, tmp_path, "paper")
     leave(small_disk, 300_000)
     with pytest.raises(OSError, match="No space left on device"):
         Mending().rewrite(path, small_disk / "copy.rrd")
 
 
-def test_a_run_without_a_screen_says_what_a_full_disk_left_of_it(small_disk: Path) -> None:
+def test_a_headless_recording_on_a_full_disk_says_how_far_it_got(small_disk: Path) -> None:
     world = World(load_preset("paper"))
     leave(small_disk, 1_000_000)
 
@@ -387,7 +387,7 @@ def test_a_run_without_a_screen_says_what_a_full_disk_left_of_it(small_disk: Pat
     assert str(caught.value).endswith(f"the run is recorded up to t = {saved:g} s.")
 
 
-def test_a_full_disk_is_called_full_and_costs_nothing_once_there_is_room(small_disk: Path) -> None:
+def test_a_full_disk_is_called_full_and_nothing_is_lost_once_there_is_room(small_disk: Path) -> None:
     told: list[str] = []
     logs = small_disk / "logs"
     recorder = Recorder(logs, on_problem=told.append)

@@ -35,18 +35,18 @@ while True:
     print(f"{runner.snapshot.latest.time[0]:.3f}", flush=True)
     time.sleep(0.005)
 """
-"""A lab without a screen that says how far its simulation is."""
+"""A headless lab that prints how far its simulation is."""
 
 ALLOWED_LOSS = 0.3
-"""s of simulation at real time."""
+"""Largest loss that is allowed, s of simulation at real time."""
 
 
 KILLS = int(os.environ.get("FLEXLAB_KILLS", "4"))
-"""How many instants are tried: 100 take five minutes."""
+"""Number of instants that are tried: 100 take five minutes."""
 
 
 @pytest.mark.parametrize("seed", range(KILLS))
-def test_kill_minus_nine_loses_little(seed: int, tmp_path: Path) -> None:
+def test_a_lab_killed_with_kill_minus_nine_loses_little(seed: int, tmp_path: Path) -> None:
     lab = start_script(LAB, tmp_path)
     assert lab.stdout is not None
     reached, end = 0.0, 0.6 + random.Random(seed).random()
@@ -68,7 +68,7 @@ def test_kill_minus_nine_loses_little(seed: int, tmp_path: Path) -> None:
         assert reached - plotted(path, entity)[0][-1] / 1e9 <= ALLOWED_LOSS + SHOW_PERIOD
 
 
-def test_a_killed_lab_holds_no_claim(tmp_path: Path) -> None:
+def test_the_file_of_a_killed_lab_is_no_longer_in_use(tmp_path: Path) -> None:
     lab = start_script(LAB, tmp_path)
     assert lab.stdout is not None
     lab.stdout.readline()

@@ -1,4 +1,4 @@
-"""What goes into a recording comes out of it, and what the viewer shows is in it."""
+"""What goes into a recording comes out of it again, and it holds what the viewer shows."""
 
 import subprocess
 from pathlib import Path
@@ -68,7 +68,7 @@ def test_events_keep_their_order_time_and_command(tmp_path: Path) -> None:
     assert list(read_recording(recording.path).events[:-1]) == events
 
 
-def test_plots_are_the_samples_in_the_units_they_name(run: Run, recording_file: Path) -> None:
+def test_plots_show_the_samples_in_the_units_that_they_name(run: Run, recording_file: Path) -> None:
     scales = {
         "/error": 1e3 * run.tracking_error,
         "/vibration": 1e3 * np.stack([run.vibration, run.midspan_deflection, run.quasi_static_deflection], axis=1),
@@ -92,7 +92,7 @@ def test_the_drawing_has_sixty_states_a_second(recording_file: Path) -> None:
     np.testing.assert_allclose(strips[0][[0, -1]], [[-0.25, 0.75, 0], [0.25, 0.75, 0]], atol=1e-7)
 
 
-def test_the_file_brings_its_layout_and_its_parameters(recording_file: Path) -> None:
+def test_the_file_contains_its_layout_and_its_parameters(recording_file: Path) -> None:
     reader = RrdReader(recording_file)
     assert len(reader.recordings()) == 1
     assert len(reader.blueprints()) == 1
@@ -104,7 +104,7 @@ def test_the_file_brings_its_layout_and_its_parameters(recording_file: Path) -> 
     assert '"bending_stiffness": 100.0' in texts[0]
 
 
-def test_only_simulation_time_is_an_axis(recording_file: Path) -> None:
+def test_simulation_time_is_the_only_timeline(recording_file: Path) -> None:
     names = {name for chunk in RrdReader(recording_file).stream() for name in chunk.timeline_names}
     assert names == {"sim_time"}
 
@@ -125,7 +125,7 @@ def test_blocks_are_read_in_the_order_of_time_however_they_stand_in_the_file(run
     assert_same_bits(join_blocks(blocks), read_recording(recording.path).samples)
 
 
-def test_the_scenario_alone_is_read_too(run: Run, recording_file: Path) -> None:
+def test_the_scenario_can_be_read_alone(run: Run, recording_file: Path) -> None:
     assert read_scenario(recording_file) == run.scenario
     assert read_recording(recording_file).name == "paper"
     assert run_state(recording_file) == "complete"

@@ -1,4 +1,4 @@
-"""What flexlab uses of rerun without rerun having promised it. Each failure says what a new version no longer does."""
+"""The parts of rerun that flexlab uses although rerun does not promise them; a failure says what a new version changed."""
 
 import ast
 import re
@@ -17,7 +17,7 @@ from flexlab.recording.rerun_internals.chunks import TIMELINE, scalars, send_col
 
 INTERNALS = Path("flexlab/recording/rerun_internals")
 UNPROMISED = ("rerun.chunk", "rerun.catalog", "rerun.experimental", "rerun_bindings", "rerun_cli")
-"""Modules of rerun that its documentation does not describe, or calls experimental."""
+"""Modules of rerun that its documentation does not describe or calls experimental."""
 
 TIMES = np.array([0.001, 0.002, 0.003])
 
@@ -42,13 +42,13 @@ def pieces() -> list[bytes]:
 
 @pytest.fixture
 def joined(pieces: list[bytes], tmp_path: Path) -> Path:
-    """Their messages behind one head: a file without an end, as the recorder writes it."""
+    """The messages of both pieces after one head: a file without an end, as the recorder writes it."""
     path = tmp_path / "joined.rrd"
     path.write_bytes(b"".join(rrd_file.messages(piece, with_head=not n) for n, piece in enumerate(pieces)))
     return path
 
 
-def test_nobody_else_uses_what_is_not_promised(root: Path):
+def test_only_rerun_internals_imports_modules_that_rerun_does_not_promise(root: Path):
     for file in (root / "flexlab").rglob("*.py"):
         if file.is_relative_to(root / INTERNALS):
             continue
@@ -95,7 +95,7 @@ def test_the_reader_filters_and_counts(joined: Path):
     assert TIMELINE in batch.schema.names, "a batch has no column of the timeline's name"
 
 
-def test_the_tool_gives_a_file_its_end(joined: Path, tmp_path: Path):
+def test_the_tool_completes_unfinished_and_torn_files(joined: Path, tmp_path: Path):
     whole = tmp_path / "whole.rrd"
     assert tool.Mending().rewrite(joined, whole), "`rerun rrd optimize` does not mend a file without an end"
     assert rrd_file.has_footer(whole), "a finished file does not end with RRF2FOOT"
@@ -105,13 +105,13 @@ def test_the_tool_gives_a_file_its_end(joined: Path, tmp_path: Path):
     assert tool.Mending().rewrite(torn, whole), "`--continue-on-error` does not read a torn file up to its tear"
 
 
-def test_the_tool_says_which_error_the_system_gave(joined: Path, tmp_path: Path):
-    # Rerun's program says it in its warnings only; without them a full disk would pass for success.
+def test_the_tool_reports_the_error_of_the_system(joined: Path, tmp_path: Path):
+    # Rerun's program tells it only in its warnings; without them a full disk would look like success.
     with pytest.raises(OSError, match="No such file"):
         tool.Mending().rewrite(joined, tmp_path / "no" / "folder.rrd")
 
 
-def test_the_server_gives_an_address_and_takes_the_layout_of_the_file(joined: Path, tmp_path: Path):
+def test_the_server_gives_an_address_and_uses_the_layout_in_the_file(joined: Path, tmp_path: Path):
     whole = tmp_path / "whole.rrd"
     tool.Mending().rewrite(joined, whole)
     with chunks.quiet_reader(whole) as reader:
@@ -133,14 +133,14 @@ def test_the_viewer_is_three_files():
     assert b"re_viewer" in page, "the viewer's page loads another script"
 
 
-def test_the_viewers_page_takes_the_option_that_tells_of_its_cursor() -> None:
+def test_the_viewers_page_has_the_option_that_reports_its_time_cursor() -> None:
     page = (tool.viewer_folder() / "index.html").read_bytes()
     assert tool.TELLING in page
     assert b"on_viewer_event" in (tool.viewer_folder() / "re_viewer_bg.wasm").read_bytes()
 
 
 def test_streams_that_ended_leave_no_thread_behind() -> None:
-    """Two for each stream and two for its layout, unless rerun is asked to let go of them."""
+    """Rerun leaves two threads for each stream and two for its layout, unless it is asked to release them."""
     threads = []
     for number in range(8):
         stream = chunks.new_stream("contract", str(number))

@@ -1,4 +1,4 @@
-"""Bytes on their way to a disk that may be full: whole messages or nothing, and nothing lost that can be kept."""
+"""Writing to a disk that may be full: only whole messages are written, and nothing is lost that can be kept."""
 
 import os
 import threading
@@ -13,7 +13,7 @@ from flexlab.recording.rerun_internals.rrd_file import Pipe, RrdFile
 
 
 class Narrow:
-    """A file that takes `room` bytes more and then says that the disk is full, like `os.write` on a real one."""
+    """A disk that takes `room` more bytes; then `os.write` raises the error of a full disk."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, room: int):
         self.room, self._write = room, os.write
@@ -29,7 +29,7 @@ class Narrow:
 
 @pytest.fixture
 def pieces() -> list[bytes]:
-    """Twenty pieces as rerun encodes them, each with a text of its own."""
+    """Twenty pieces as rerun encodes them, each with its own text."""
     stream = rr.RecordingStream("test", recording_id="one")
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
@@ -81,7 +81,7 @@ def test_a_full_disk_leaves_whole_messages_and_the_rest_follows(
 
 
 @pytest.mark.parametrize("begun", [True, False])
-def test_a_disk_that_stays_full_costs_the_oldest_but_never_the_first(
+def test_a_disk_that_stays_full_loses_the_oldest_pieces_but_never_the_first(
     pieces: list[bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, begun: bool
 ) -> None:
     path = tmp_path / "x.rrd"
@@ -104,7 +104,7 @@ def test_a_disk_that_stays_full_costs_the_oldest_but_never_the_first(
     assert 0 < file.given_up < 16
 
 
-def test_another_rerun_is_told(tmp_path: Path) -> None:
+def test_pieces_of_another_version_of_rerun_are_refused(tmp_path: Path) -> None:
     with (tmp_path / "x.rrd").open("wb", buffering=0) as handle, pytest.raises(RecordingError, match="needs rerun-sdk"):
         RrdFile(handle).hold(b"RRF9 and so on")
 

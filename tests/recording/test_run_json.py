@@ -1,4 +1,4 @@
-"""Every command comes back from JSON as it was."""
+"""Every command comes back from JSON unchanged."""
 
 import json
 from dataclasses import fields
@@ -44,7 +44,7 @@ def test_every_bit_of_a_number_comes_back(command: Command) -> None:
 @pytest.mark.parametrize(
     "command", [Reset(), Play(), Pause(), StepOnce(7), LoadScenario(load_preset("paper"), "paper")]
 )
-def test_the_others_come_back(command: Command) -> None:
+def test_the_other_commands_come_back(command: Command) -> None:
     assert through_json(command) == command
 
 
@@ -66,7 +66,7 @@ def test_changes_keep_their_values() -> None:
     assert through_json(change) == change
 
 
-def test_numbers_of_numpy_become_plain() -> None:
+def test_numpy_numbers_become_plain_numbers() -> None:
     found = through_json(ChangeScenario({"gravity": np.float64(9.81), "a": np.array([1.0, 2.0])}))
     assert found == ChangeScenario({"gravity": 9.81, "a": (1.0, 2.0)})
 

@@ -12,11 +12,11 @@ from flexlab.sim.simulate import simulate
 
 @pytest.fixture(scope="session")
 def run() -> Run:
-    """One second of the paper's run: the start-up ring and after."""
+    """One second of the paper's run: the ringing at the start and what follows."""
     return simulate(load_preset("paper"), duration=1.0)
 
 
 @pytest.fixture
 def recording_file(run: Run, tmp_path: Path) -> Path:
-    """That run as a file."""
+    """A recording of `run`."""
     return write_run(run, tmp_path, "paper")

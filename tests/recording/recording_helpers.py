@@ -1,4 +1,4 @@
-"""What several tests of the recordings need."""
+"""Helpers that several tests of recordings share."""
 
 import subprocess
 import sys
@@ -14,7 +14,7 @@ from flexlab.sim.samples import Samples
 
 
 def assert_same_bits(found: Samples, expected: Samples) -> None:
-    """Every signal, every bit (NaN and -0.0 too)."""
+    """Check that every signal has the same bits, NaN and -0.0 included."""
     for field in fields(Samples):
         one, other = np.asarray(getattr(found, field.name)), np.asarray(getattr(expected, field.name))
         assert one.shape == other.shape, field.name
@@ -22,19 +22,19 @@ def assert_same_bits(found: Samples, expected: Samples) -> None:
 
 
 def start_script(script: str, *words: str | Path) -> "subprocess.Popen[str]":
-    """Run Python code in a process of its own; what it prints can be read line by line."""
+    """Start Python code in a process of its own; its output can be read line by line."""
     command = [sys.executable, "-c", script, *map(str, words)]
     return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
 
 def opened(path: Path) -> RrdReader:
-    """Rerun's reader of a file, without its warning of a live stream, which ends without an index."""
+    """Rerun's reader of a file, without the warning that a live stream ends without an index."""
     with quiet_reader(path) as reader:
         return reader
 
 
 def plotted(path: Path, entity: str) -> tuple[np.ndarray, np.ndarray]:
-    """(times in ns, values) of a plotted entity, as any rerun client finds them."""
+    """Times in ns and values of a plotted entity, as any client of rerun finds them."""
     times, values = [], []
     for chunk in opened(path).stream().filter(content=[entity]):
         batch = chunk.to_record_batch()
@@ -46,7 +46,7 @@ def plotted(path: Path, entity: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def drawn_beam(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """(times in ns, points of the beam) of all drawn states."""
+    """Times in ns and points of the beam of all drawn states."""
     times, strips = [], []
     for chunk in opened(path).stream().filter(content=["/scene/beam"]):
         if not chunk.is_static:

@@ -1,4 +1,4 @@
-"""Runs laid over each other, with what was set differently and what came of it."""
+"""Runs compared: their curves in one file, their different settings and their metrics."""
 
 from pathlib import Path
 
@@ -41,7 +41,7 @@ def test_curves_of_all_runs_are_in_one_file(recording_file: Path, softer: Path, 
 
 
 def test_every_view_has_one_place_in_the_layout(recording_file: Path, softer: Path, tmp_path: Path) -> None:
-    """Rerun drops a layout in which one has two."""
+    """Rerun drops a layout in which a view has two places."""
     target = tmp_path / "both.out"
     compare_into([recording_file, softer], target)
     reader = RrdReader(target)
@@ -68,7 +68,7 @@ def test_tables_say_what_differs(recording_file: Path, softer: Path) -> None:
 def test_runs_of_different_length_are_compared_over_what_both_have(
     recording_file: Path, softer: Path, run: Run
 ) -> None:
-    """The whole second of the longer run is not held against half a second of the shorter one."""
+    """The whole second of the longer run is not compared with half a second of the shorter one."""
     expected = run_metrics(run, (0.0, 0.5))
     found = {rows[0].column.field: rows[0].value for rows in compare([recording_file, softer]).metrics}
     wanted = {row.column.field: row.value for row in expected.rows}
@@ -76,8 +76,8 @@ def test_runs_of_different_length_are_compared_over_what_both_have(
     assert found["rms-x"] > 1.2 * 1e3 * run_metrics(run).rms_error[0]
 
 
-def test_what_was_done_and_how_often_it_was_looked_at_is_told(tmp_path: Path) -> None:
-    """Runs of one scenario may differ by these alone; nothing was said to differ."""
+def test_different_commands_and_sample_periods_are_shown(tmp_path: Path) -> None:
+    """Runs of one scenario may differ in these alone; they were once said not to differ."""
     tapped = flexlab.simulate("paper", 0.05, commands=[(0.02, Tap(0.0, (0.0, 0.1)))])
     pulled = flexlab.simulate("paper", 0.05, commands=[(0.001 * k, Pull(0.0, (0.0, 1.0), k)) for k in range(1, 6)])
     found = flexlab.compare(flexlab.simulate("paper", 0.05, 0.003), tapped, pulled)
@@ -111,7 +111,7 @@ def test_time_is_counted_from_each_runs_first_sample(recording_file: Path, tmp_p
     assert (times[0], times[-1]) == (0, 100_000_000)
 
 
-def test_what_cannot_be_compared_is_said(recording_file: Path, tmp_path: Path) -> None:
+def test_what_cannot_be_compared_is_refused_with_a_reason(recording_file: Path, tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="1 runs cannot be compared: choose 2 to 6"):
         compare_into([recording_file], tmp_path / "x.out")
     with pytest.raises(RecordingError, match="There is no recording"):

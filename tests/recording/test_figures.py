@@ -1,4 +1,4 @@
-"""The paper's figures as files: what they show, and that the same run gives the same file."""
+"""The paper's figures as files: they show the run's signals, and the same run gives the same file."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from flexlab.sim.simulate import simulate
 from flexlab.views import BLUE, GREEN, VIOLET
 
 
-def test_all_figures_in_both_formats(run: Run, tmp_path: Path) -> None:
+def test_all_figures_are_drawn_in_both_formats(run: Run, tmp_path: Path) -> None:
     paths = paper_figures(run, tmp_path / "figures", name="paper")
     assert [path.name for path in paths] == [
         f"paper-figure-{n}.{kind}" for n in (2, 3, 4, 5) for kind in ("png", "svg")
@@ -51,7 +51,7 @@ def test_the_same_run_gives_the_same_file(run: Run, tmp_path: Path) -> None:
     assert [path.read_bytes() for path in one] == [path.read_bytes() for path in other]
 
 
-def test_what_no_axis_can_show_is_a_gap(run: Run, tmp_path: Path) -> None:
+def test_values_that_no_axis_can_show_become_gaps(run: Run, tmp_path: Path) -> None:
     beyond = {name: np.where(np.arange(len(run)) % 2, 1e308, 1.0) for name in ("midspan_deflection", "vibration")}
     paper_figures(run.having(**beyond), tmp_path, formats=["svg"])
     shown = draw_figure(3, run.having(**beyond)).axes[0].get_lines()[0].get_ydata()
@@ -64,7 +64,7 @@ def test_one_arm_has_figures_too(tmp_path: Path) -> None:
     assert len(draw_figure(5, run).axes[0].get_lines()) == 1
 
 
-def test_a_time_range_is_kept(run: Run) -> None:
+def test_the_time_axis_of_a_figure_is_that_of_the_run(run: Run) -> None:
     figure = draw_figure(4, run.slice(200, 401))
     assert figure.axes[0].get_xlim() == (0.2, 0.4)
 
@@ -78,14 +78,14 @@ def test_thinning_keeps_every_peak() -> None:
     assert short.max() == 7.0
     assert (short_time[0], short_time[-1]) == (time[0], time[-1])
     assert np.all(np.diff(short_time) > 0)
-    # An envelope, not an alias: every stretch of 50 ms still reaches nearly to 1 on both sides.
+    # An envelope, not an alias: every stretch of 10 s still reaches nearly to 1 on both sides.
     for start in range(0, 100_000, 10_000):
         part = short[(short_time >= time[start]) & (short_time < time[start] + 10)]
         assert part.max() > 0.99
         assert part.min() < -0.99
 
 
-def test_what_cannot_be_drawn_is_said(run: Run, tmp_path: Path) -> None:
+def test_what_cannot_be_drawn_is_refused_with_a_reason(run: Run, tmp_path: Path) -> None:
     with pytest.raises(StudyError, match="format = gif is not a format of figures: choose png or svg"):
         paper_figures(run, tmp_path, formats=["gif"])
     with pytest.raises(RecordingError, match="The run has no samples"):

@@ -1,4 +1,4 @@
-"""Notes on runs: metrics, changes against the preset, and which old runs may go."""
+"""Notes on runs (metrics, and changes from the preset), and which old runs may be removed."""
 
 import os
 from pathlib import Path
@@ -41,7 +41,7 @@ def test_notes_hold_metrics_and_changes_and_leave_a_persons_own_alone(tmp_path: 
     assert stored["metrics"] == notes["metrics"]
 
 
-def test_missing_metrics_are_made_up_for_and_bad_files_passed_over(run: Run, tmp_path: Path) -> None:
+def test_missing_metrics_are_added_and_bad_files_are_skipped(run: Run, tmp_path: Path) -> None:
     for _ in range(2):
         write_run(run, tmp_path, "paper")
     (tmp_path / "bad.rrd").write_text("nonsense")
@@ -57,8 +57,8 @@ def test_metrics_that_an_earlier_version_noted_are_measured_again(run: Run, tmp_
     assert read_notes(path)["metrics"]["Vibration below 1 % after [s]"] == pytest.approx(0.44, abs=0.005)
 
 
-def test_another_file_under_a_runs_name_is_measured_anew_and_a_mended_or_copied_one_is_not(tmp_path: Path) -> None:
-    """The library told the metrics, the changes and the length of the file that had the name before."""
+def test_another_file_under_a_runs_name_is_measured_anew_but_a_mended_or_copied_one_is_not(tmp_path: Path) -> None:
+    """The library once showed the metrics, the changes and the duration of the file that had the name before."""
     old, new = (simulate(load_preset(name), duration=0.2 + k) for k, name in enumerate(("paper", "soft-beam")))
     path, other = write_run(old, tmp_path, "paper"), write_run(new, tmp_path, "soft-beam")
     note_missing_metrics(tmp_path)
@@ -85,7 +85,7 @@ def test_a_run_that_has_not_settled_is_noted_as_such(tmp_path: Path) -> None:
 
 
 def test_a_run_that_stopped_before_its_end_has_no_metrics_but_its_duration(run: Run, tmp_path: Path) -> None:
-    """Nor has one whose numbers an earlier version noted; and a comparison gives none either."""
+    """This holds even if an earlier version noted numbers, and in a comparison too."""
     with HeadlessRecording(tmp_path, RunInfo("paper", run.scenario), MetricNotes("paper", run.scenario)) as recording:
         recording.write(run.slice(0, 301))
         recording.end(Status("diverged", "The run diverged.", 0.3))
@@ -133,7 +133,7 @@ def test_differences_name_fields_by_path() -> None:
 
 @pytest.fixture
 def runs(recording_file: Path) -> list[Path]:
-    """Five runs of one size, a day apart, newest first."""
+    """Five recordings of the same size, a day apart, newest first."""
     made = []
     for day in range(5):
         path = recording_file.with_name(f"run-{day}.rrd")
@@ -145,11 +145,11 @@ def runs(recording_file: Path) -> list[Path]:
     return made
 
 
-def test_nothing_goes_without_a_limit(runs: list[Path]) -> None:
+def test_no_run_is_removable_without_a_limit(runs: list[Path]) -> None:
     assert removable_runs(runs[0].parent, now=2e9) == []
 
 
-def test_age_and_size_take_the_oldest_first_and_never_a_kept_one(runs: list[Path]) -> None:
+def test_limits_of_age_and_size_remove_the_oldest_runs_but_never_a_kept_one(runs: list[Path]) -> None:
     logs, size = runs[0].parent, runs[0].stat().st_size
     assert removable_runs(logs, most_days=2.5, now=1e9) == [runs[4], runs[3]]
     assert removable_runs(logs, most_bytes=3.5 * size, now=1e9) == [runs[4], runs[3]]
@@ -163,7 +163,7 @@ def test_age_and_size_take_the_oldest_first_and_never_a_kept_one(runs: list[Path
     assert read_recording(runs[4]).state == "complete"
 
 
-def test_a_run_being_written_never_goes(tmp_path: Path) -> None:
+def test_a_run_being_written_is_never_removable(tmp_path: Path) -> None:
     world = World(load_preset("paper"))
     recorder = Recorder(tmp_path)
     recorder.begin_run(1, "paper", world.scenario, world.state())
@@ -173,12 +173,12 @@ def test_a_run_being_written_never_goes(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("limit", [0, -1, float("nan")])
-def test_a_limit_that_is_none_is_said(tmp_path: Path, limit: float) -> None:
+def test_a_limit_that_is_not_positive_is_refused(tmp_path: Path, limit: float) -> None:
     with pytest.raises(RecordingError, match=r"most_bytes = .* is not a limit"):
         removable_runs(tmp_path, most_bytes=limit)
 
 
-def test_a_name_that_leaves_no_room_for_notes_and_a_link_are_deleted_alone(tmp_path: Path) -> None:
+def test_a_run_whose_notes_name_is_too_long_and_a_link_are_removed_alone(tmp_path: Path) -> None:
     kept = tmp_path / "elsewhere.rrd"
     kept.write_bytes(b"kept")
     logs = tmp_path / "logs"

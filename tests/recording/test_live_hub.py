@@ -1,4 +1,4 @@
-"""The live data as rerun's own reader finds them: who joins late still sees parameters and what happened."""
+"""The live data as rerun's own reader finds them: a viewer that joins late still gets the parameters and the history."""
 
 from pathlib import Path
 
@@ -19,18 +19,18 @@ from flexlab.sim.world import World
 
 
 def joined(hub: LiveHub, path: Path) -> Path:
-    """What a viewer has that joins now, as a file."""
+    """What a viewer that joins now gets, as a file."""
     _, pieces = hub.after(-1)
     path.write_bytes(b"".join(pieces))
     return path
 
 
 def runs(path: Path) -> list[str]:
-    """Ids of the recordings in a file."""
+    """Ids of flexlab's recordings in a file."""
     return [entry.recording_id for entry in opened(path).recordings() if entry.application_id == "flexlab"]
 
 
-def test_who_joins_after_ten_seconds_has_it_all(tmp_path: Path) -> None:
+def test_a_late_viewer_gets_the_whole_history(tmp_path: Path) -> None:
     World(load_preset("paper")).advance(2)
     hub = LiveHub()
     recorder = Recorder(tmp_path / "logs", hub.take)
@@ -84,7 +84,7 @@ def test_all_runs_go_through_one_hub(tmp_path: Path) -> None:
     assert len(set(runs(joined(hub, tmp_path / "late.rrd")))) == 4
 
 
-def test_the_oldest_data_make_room_and_what_a_run_begins_with_stays(tmp_path: Path) -> None:
+def test_the_oldest_data_are_dropped_but_the_parameters_of_the_run_stay(tmp_path: Path) -> None:
     hub = LiveHub(most_bytes=1_500_000)
     recorder = Recorder(tmp_path / "logs", hub.take, queue_rows=10**6)
     world = World(load_preset("paper"))
@@ -121,7 +121,7 @@ def test_a_recording_does_not_depend_on_viewers(tmp_path: Path) -> None:
     assert len(read_recording(path).samples) == 200
 
 
-def test_a_closed_hub_says_so(tmp_path: Path) -> None:
+def test_a_closed_hub_is_empty_and_refuses_data(tmp_path: Path) -> None:
     hub = LiveHub()
     hub.close()
     assert hub.after(-1) == (-1, [])

@@ -1,4 +1,4 @@
-"""Notes beside recordings: changes that come at the same time are all kept."""
+"""Notes on recordings: changes made at the same time are all kept."""
 
 import subprocess
 import sys
@@ -16,7 +16,7 @@ for number in range(60):
 """
 
 
-def test_changes_by_many_at_once_are_all_kept(tmp_path: Path) -> None:
+def test_changes_by_many_threads_and_processes_at_once_are_all_kept(tmp_path: Path) -> None:
     run = tmp_path / "run.rrd"
     write_notes(run, owner="anna")
     others = [subprocess.Popen([sys.executable, "-c", ELSEWHERE, str(run), f"process-{k}"]) for k in range(2)]

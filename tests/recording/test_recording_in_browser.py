@@ -1,4 +1,4 @@
-"""A recording opened in a real browser: drawn without a click, and without a word to anybody else."""
+"""A recording opened in a real browser is drawn without a click, and the page contacts no other machine."""
 
 import io
 from pathlib import Path
@@ -15,13 +15,13 @@ from flexlab.views import BLUE, GREEN, VERMILION
 
 
 def shares(image: np.ndarray) -> list[float]:
-    """Share of an image's pixels that have the colour of each arm and of the beam, shaded or not."""
+    """Shares of an image's pixels in the colours of the two arms and of the beam, shaded or not."""
     return [float(np.mean(np.abs(image - color).max(axis=2) < 24)) for color in (BLUE, VERMILION, GREEN)]
 
 
-def test_opening_a_recording_shows_arms_and_plots_and_calls_nobody(recording_file: Path, chromium: Browser) -> None:
+def test_a_recording_shows_arms_and_plots_and_contacts_nobody_else(recording_file: Path, chromium: Browser) -> None:
     asked: list[str] = []
-    # The window goes first, whatever happened in it: a server that is closed waits for who still looks.
+    # Whatever happens, the window closes before the server, which waits for open pages when it closes.
     with review(recording_file) as address, open_window(chromium, 900, 600, drawn=True) as window:
         page = window.new_page()
         page.on("request", lambda request: asked.append(urlsplit(request.url).hostname or ""))

@@ -1,4 +1,4 @@
-"""A recording is served to this machine's browser, mended first, from its own files; what cannot be is said."""
+"""A recording is mended, then served to this machine's browser with the viewer's own files, or refused with a reason."""
 
 import socket
 import sys
@@ -29,8 +29,8 @@ def test_the_newest_recording_is_opened_and_mended_first(recording_file: Path, t
 
 
 @pytest.mark.skipif(sys.platform == "darwin", reason="macOS has one loopback address only")
-def test_no_page_whose_name_leads_to_this_machine_finds_the_data(recording_file: Path) -> None:
-    """The server that gives recordings out piece by piece looks at no name, and would read any recording for who asks."""
+def test_a_page_whose_host_name_leads_to_this_machine_cannot_find_the_data(recording_file: Path) -> None:
+    """The server that serves recordings piece by piece ignores the host name and would read any recording for anyone."""
     found: set[str] = set()
     for _ in range(3):
         with review(recording_file) as address:
@@ -61,7 +61,7 @@ def test_a_run_that_is_being_recorded_opens_without_a_warning(tmp_path: Path, re
     assert [str(warning.message) for warning in recwarn.list] == []
 
 
-def test_what_cannot_be_reviewed_is_said(tmp_path: Path) -> None:
+def test_what_cannot_be_reviewed_is_refused_with_a_reason(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="There is no recording in"):
         find_run("newest", tmp_path)
     with pytest.raises(RecordingError, match="There is no recording"), review(tmp_path / "x.rrd"):
@@ -90,6 +90,6 @@ def test_the_viewer_serves_its_own_files_only() -> None:
             pass
 
 
-def test_the_page_names_no_outside_address_to_load() -> None:
+def test_the_viewers_page_loads_no_fonts_from_google() -> None:
     page = (viewer_folder() / "index.html").read_text()
     assert "fonts.googleapis.com" not in page

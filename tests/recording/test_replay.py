@@ -1,4 +1,4 @@
-"""A recorded run comes out again bit for bit, can be gone on from, and a changed one is found out."""
+"""A recorded run replays bit for bit and can be continued, and a changed recording is detected."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -35,13 +35,13 @@ OF_THE_PATH = (
     {"trajectory.pose": (0.01, 0.76, 0.02)},
     {"trajectory.start": 0.1},
 )
-"""Changes of a path, of which the first that it has is made."""
+"""Changes of a path; the first one whose field the path has is made."""
 
 
 def live_recording(
     preset: str, logs: Path, scenario: Scenario | None = None, origin: Origin | None = None
 ) -> Recording:
-    """A live run of half a second with changed sliders and pokes, as a person makes it."""
+    """A live run of half a second with changed sliders, a tap and pulls, as a person makes them."""
     now = [0.0]
     recorder = Recorder(logs)
     runner = Runner(scenario or load_preset(preset), preset, [recorder], clock=lambda: now[0], origin=origin)
@@ -107,20 +107,20 @@ def test_a_single_flipped_bit_is_found_with_time_and_signal(recording: Recording
 
 
 def older(recording: Recording) -> Recording:
-    """As it would have been recorded before results were the same on every machine."""
+    """The recording as it would have been before results were the same on every machine."""
     properties = {
         name: value for name, value in recording.properties.items() if name not in ("arithmetic", "processor")
     }
     return replace(recording, properties=properties)
 
 
-def test_a_recording_says_by_which_rule_and_on_what_it_was_made(recording: Recording) -> None:
+def test_a_recording_names_its_arithmetic_machine_and_versions(recording: Recording) -> None:
     assert recording.properties["arithmetic"] == ARITHMETIC
     names = ("processor", "machine", "flexlab_version", "numpy_version", "numba_version", "llvmlite_version")
     assert all(recording.properties[name] for name in names)
 
 
-def test_an_older_recording_is_compared_with_a_tolerance_that_is_said(recording: Recording) -> None:
+def test_an_older_recording_is_compared_with_a_stated_tolerance(recording: Recording) -> None:
     assert replay(older(recording)).identical
     last_bits = recording.samples.joint_torque * (1 + 1e-15)
     rounded = having(recording, recording.samples.having(joint_torque=last_bits))
@@ -136,7 +136,7 @@ def test_an_older_recording_is_compared_with_a_tolerance_that_is_said(recording:
     assert "an unknown processor" in found.text
 
 
-def test_an_older_recording_is_told_from_one_of_a_slightly_other_gain(tmp_path: Path) -> None:
+def test_an_older_recording_does_not_agree_with_a_slightly_different_gain(tmp_path: Path) -> None:
     for preset in ("paper", "weak-feedback"):
         scenario = load_preset(preset)
         gain = scenario.controller.feedback_gain
@@ -148,7 +148,7 @@ def test_an_older_recording_is_told_from_one_of_a_slightly_other_gain(tmp_path: 
         assert f"beyond a tolerance of {number_text(TOLERANCE)}" in found.text
 
 
-def test_a_hole_in_an_older_recording_is_no_rounding(recording: Recording) -> None:
+def test_a_nan_in_an_older_recording_is_not_taken_for_rounding(recording: Recording) -> None:
     pose = recording.samples.pose.copy()
     pose[200, 1] = np.nan
     found = replay(having(older(recording), recording.samples.having(pose=pose)))
@@ -156,7 +156,7 @@ def test_a_hole_in_an_older_recording_is_no_rounding(recording: Recording) -> No
     assert (found.difference.time, found.difference.signal) == (0.2, "pose")
 
 
-def test_a_forgotten_command_is_found(recording: Recording) -> None:
+def test_a_missing_command_is_found(recording: Recording) -> None:
     events = tuple(event for event in recording.events if not isinstance(event.command, Tap))
     found = replay(replace(recording, events=events))
     (tap,) = (event for event in recording.events if isinstance(event.command, Tap))
@@ -164,15 +164,15 @@ def test_a_forgotten_command_is_found(recording: Recording) -> None:
     assert found.difference.time == pytest.approx(tap.time + 0.001, abs=1e-9)
 
 
-def test_a_recording_that_has_lost_its_samples_did_not_come_out_again(recording: Recording) -> None:
-    """ "All 0 samples came out again, bit for bit" was said of a recording that breaks off before its first one."""
+def test_a_recording_without_samples_does_not_count_as_replayed(recording: Recording) -> None:
+    """Replay once said of a recording that broke off before its first sample that all 0 samples came out again."""
     found = replay(having(recording, recording.samples.slice(0, 0)))
     assert found.text == "The recording has no samples: there was nothing to compare."
     assert not found.agrees
     assert not found.identical
 
 
-def test_a_gap_is_left_out(recording: Recording) -> None:
+def test_a_gap_in_the_samples_is_left_out(recording: Recording) -> None:
     keep = np.r_[0:100, 250 : len(recording.samples)]
     samples = replace(recording.samples, **{n: getattr(recording.samples, n)[keep] for n in vars(recording.samples)})
     found = replay(having(recording, samples))
@@ -181,7 +181,7 @@ def test_a_gap_is_left_out(recording: Recording) -> None:
 
 
 @pytest.mark.parametrize("time", [0.0, 0.1, 0.25, 0.4])
-def test_going_on_from_any_time_gives_the_same_samples(recording: Recording, time: float) -> None:
+def test_continuing_from_any_time_gives_the_same_samples(recording: Recording, time: float) -> None:
     scenario, state = state_at(recording, time)
     world = World(scenario)
     world.restore(state)
@@ -194,7 +194,7 @@ def test_going_on_from_any_time_gives_the_same_samples(recording: Recording, tim
 
 
 @pytest.mark.parametrize("preset", ["paper", "fast-adaptation"])
-def test_a_run_that_went_on_live_is_recorded_and_replays_bit_for_bit(preset: str, tmp_path: Path) -> None:
+def test_a_run_continued_live_is_recorded_and_replays_bit_for_bit(preset: str, tmp_path: Path) -> None:
     earlier = live_recording(preset, tmp_path / "earlier")
     scenario, origin = resume(earlier, 0.2)
     later = live_recording(preset, tmp_path / "later", scenario=scenario, origin=origin)
@@ -208,7 +208,7 @@ def test_a_run_that_went_on_live_is_recorded_and_replays_bit_for_bit(preset: str
         batch.column("sim_time").cast("int64").to_pylist() for batch in batches if "sim_time" in batch.schema.names
     ]
     assert min(map(min, times)) == 200_000_000, "a viewer's time begins with the run"
-    # And once more, from the end of the one that went on.
+    # Continue once more, from the end of the continued run.
     scenario, origin = resume(later)
     assert origin.time == later.samples.time[-1]
     assert World(scenario).observe().pose.tobytes() != later.samples.pose[-1].tobytes()
@@ -217,7 +217,7 @@ def test_a_run_that_went_on_live_is_recorded_and_replays_bit_for_bit(preset: str
     assert world.observe().pose.tobytes() == later.samples.pose[-1].tobytes()
 
 
-def test_going_on_keeps_to_the_instants_of_a_lab(tmp_path: Path) -> None:
+def test_a_run_is_continued_only_at_an_instant_of_the_lab(tmp_path: Path) -> None:
     scenario = load_preset("paper")
     run = simulate(scenario, duration=0.05, sample_period=0.0004)
     recording = read_recording(write_run(run, tmp_path, "paper"))
@@ -227,12 +227,12 @@ def test_going_on_keeps_to_the_instants_of_a_lab(tmp_path: Path) -> None:
         resume(recording, 0.0204)
 
 
-def test_a_time_that_was_not_recorded_is_said(recording: Recording) -> None:
+def test_a_time_that_was_not_recorded_is_refused(recording: Recording) -> None:
     with pytest.raises(StudyError, match=r"t = 99 s was not recorded: choose 0 to "):
         state_at(recording, 99.0)
 
 
-def test_a_run_of_one_sample_is_told_of_as_one(tmp_path: Path) -> None:
+def test_messages_about_a_run_of_one_sample_use_the_singular(tmp_path: Path) -> None:
     run = simulate(load_preset("paper"), duration=0.0)
     recording = read_recording(write_run(run, tmp_path, "paper"))
     assert replay(recording).text == "The only sample came out again, bit for bit."
@@ -248,8 +248,8 @@ def test_a_run_of_one_sample_is_told_of_as_one(tmp_path: Path) -> None:
         {"controller.control_period": 0.002},
     ],
 )
-def test_a_run_whose_law_changes_in_motion_replays_and_goes_on(changes: dict[str, Any], tmp_path: Path) -> None:
-    """The replay called its recording broken: in a lab such a change begins a new run, in `simulate` it does not."""
+def test_a_run_whose_law_changes_in_motion_replays_and_continues(changes: dict[str, Any], tmp_path: Path) -> None:
+    """In a lab such a change begins a new run, in `simulate` it does not; replay once called its recording broken."""
     run = flexlab.simulate("paper", duration=0.1, commands=[(0.05, ChangeScenario(changes))])
     recording = read_recording(run.save(tmp_path))
     assert replay(recording).text == "All 101 samples came out again, bit for bit."

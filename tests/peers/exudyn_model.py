@@ -147,7 +147,7 @@ class _Builder:
         damping = self.bodies.damping
         for i, mode in enumerate(self.bodies.modes):
             alike = [j for j, other in enumerate(self.bodies.modes) if other.slides == mode.slides]
-            # The damping matrix as dampers: the sum of a row acts to the carrier, its other entries between two bodies.
+            # The damping matrix as dampers: the sum of a row to the carrier, its other entries between two bodies.
             self._connect(middle, markers[i], mode.slides, mode.stiffness, float(damping[i, alike].sum()))
             for j in alike:
                 if j > i:

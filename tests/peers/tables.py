@@ -8,7 +8,7 @@ from peers.chain_comparison import ChainComparison
 from peers.peer_comparison import SAME_POSE, PeerComparison
 
 WHOLE = 1e3
-"""Costs above this are shown without decimals, ms."""
+"""Costs of this and more are shown without decimals, ms."""
 
 
 def peers_table(result: PeerComparison) -> Table:

@@ -288,7 +288,7 @@ def test_a_file_that_cannot_grow_for_a_while_is_reported_and_loses_nothing(when:
     full, said, sentence = lab.stdout.readline().strip().split("|")
     dropped, status, resumed = lab.stdout.readline().strip().split("|")
     assert lab.wait(60) == 0
-    if when == "later":  # At the start the encoder is still being read.
+    if when == "later":  # At the start the compiled encoder is still being loaded.
         assert float(said) - float(full) < TOLD_WITHIN
     assert "not being recorded until that is mended" in sentence
     assert (dropped, status) == ("0", "running")

@@ -1,4 +1,4 @@
-"""Sliding mode for the slow motion, damping for the beam: flexlab's law composite, written again as a law of one's own."""
+"""Sliding mode for the slow motion, damping for the beam: flexlab's law composite, written as an own law."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Model predictive control: the best accelerations over a horizon, within a limit, found anew at each instant (OSQP)."""
+"""Model predictive control: at each instant OSQP finds the best accelerations within a limit over a horizon."""
 
 import numpy as np
 import scipy.sparse as sparse
@@ -11,7 +11,7 @@ except ImportError:
     raise ImportError("OSQP is not installed: pip install flexlab[mpc]") from None
 
 HORIZON = 20
-"""Control periods that are looked ahead."""
+"""Number of control periods to look ahead."""
 
 
 class PredictiveControl(OwnLaw):
@@ -24,7 +24,7 @@ class PredictiveControl(OwnLaw):
     first_acceleration = readout("m/s²", "acceleration asked for along x, beyond the path's", "a_x")
 
     def prepare(self, period):
-        """Prediction matrices over the horizon, and the solver of min ½aᵀHa + gᵀa with |a| ≤ limit."""
+        """Make the prediction matrices over the horizon, and the solver of min ½aᵀHa + gᵀa with |a| ≤ limit."""
         ahead, steps = np.arange(1, HORIZON + 1), np.arange(HORIZON)
         later = np.clip(ahead[:, None] - steps, 0, None)
         self.from_rate = ahead * period
@@ -34,7 +34,7 @@ class PredictiveControl(OwnLaw):
         H += self.acceleration_weight * np.eye(HORIZON)
         limit = np.full(HORIZON, self.acceleration_limit)
         self.solver = osqp.OSQP()
-        # Scaled to numbers near one; no warm start: the answer follows from the instant alone, as a replay needs it.
+        # Scaled to numbers near one. Without a warm start the answer depends on this instant alone, as a replay needs.
         self.scale = 1 / np.abs(H).max()
         self.solver.setup(
             sparse.csc_matrix(np.triu(self.scale * H)),

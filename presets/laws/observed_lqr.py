@@ -1,4 +1,4 @@
-"""LQR on pose and the beam's lowest modes: flexlab's law lqr, written again as a law of one's own."""
+"""LQR on pose and the beam's lowest modes: flexlab's law lqr, written as an own law."""
 
 import numpy as np
 
@@ -21,7 +21,7 @@ class ObservedLQR(OwnLaw):
     begun = memory(1)
 
     def design(self, at):
-        """Φ, Γ of forces and Γ_w of the weight that bends the beam; the filter's gain L on readings C z; the regulator's K."""
+        """Compute Φ, Γ (forces), Γ_w (weight that bends the beam), the filter's gain L on readings C z, the regulator's K."""
         plant = at.believed.lowest(MODES)
         B, n = plant.input_matrix, 3 + MODES
         self.Phi, inputs = plant.held(at.period, np.column_stack([B, B[:, 3:] @ -plant.h]))
@@ -29,7 +29,7 @@ class ObservedLQR(OwnLaw):
         self.C = np.zeros((6 + len(plant.strain), 2 * n))
         self.C[:3, :3] = self.C[3:6, n : n + 3] = np.eye(3)
         self.C[6:, 3:n] = plant.strain
-        strain_noise = np.full(len(plant.strain), max(plant.strain_noise, 1e-7))  # Sensors are never believed wholly.
+        strain_noise = np.full(len(plant.strain), max(plant.strain_noise, 1e-7))  # No sensor counts as exact.
         noise = np.concatenate([np.maximum(plant.pose_noise, 1e-6), np.maximum(plant.rate_noise, 1e-4), strain_noise])
         pushes = inputs[:, :n] * np.concatenate([self.unknown_force, np.full(MODES, self.unknown_modal_force)])
         P = discrete_riccati(self.Phi.T, self.C.T, pushes @ pushes.T, np.diag(noise**2))

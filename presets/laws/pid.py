@@ -1,4 +1,4 @@
-"""PID in task space: the integral takes away what a constant load leaves of the error."""
+"""PID in task space: the integral removes the error that a constant load leaves."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""LQR on the rigid motion, designed for the sampling that it runs with."""
+"""LQR on the rigid motion, designed for the control period at which it runs."""
 
 import numpy as np
 from scipy.linalg import solve_discrete_are
@@ -14,7 +14,7 @@ class SampledLQR(OwnLaw):
     period = 0.002
 
     def feedback(self, period):
-        """Gains (2,) of u = -K (e, ė) for x(k+1) = A x(k) + B u(k)."""
+        """Return the gains K (2,) of u = -K (e, ė) for x(k+1) = A x(k) + B u(k)."""
         A, B = np.array([[1.0, period], [0.0, 1.0]]), np.array([[period**2 / 2], [period]])
         Q, R = np.diag([self.error_weight, 0.0]), np.array([[self.acceleration_weight]])
         S = solve_discrete_are(A, B, Q, R)

@@ -1,4 +1,4 @@
-"""A heart: x and y are sums of sines, so that it repeats as smoothly as can be."""
+"""A heart: x and y are sums of sines and cosines, so that it repeats smoothly."""
 
 from math import cos, pi, sin
 

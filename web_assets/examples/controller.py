@@ -1,6 +1,6 @@
-"""A control law in a program of its own: PD with weight compensation.
+"""A control law in a separate program: PD with weight compensation.
 
-python controller.py 9000, and then elsewhere: flexlab --law tcp://localhost:9000
+Run python controller.py 9000, and then in another shell flexlab --law tcp://localhost:9000
 """
 
 import socket
@@ -8,11 +8,11 @@ import sys
 
 import msgspec
 
-POSITION_GAIN, VELOCITY_GAIN = 2e4, 800.0  # N/m, N·s/m and the like in N·m/rad
+POSITION_GAIN, VELOCITY_GAIN = 2e4, 800.0  # N/m and N·s/m along x and y, N·m/rad and N·m·s/rad about θ
 
 
 def receive(connection):
-    """A message: its length in four bytes, highest first, then so many bytes of MessagePack; None at the end."""
+    """Return the next message, or None at the end: four bytes of length, highest first, then as many of MessagePack."""
     head = connection.recv(4, socket.MSG_WAITALL)
     if len(head) < 4:
         return None
@@ -25,7 +25,7 @@ def send(connection, message):
 
 
 def act(at):
-    """The inputs of the arms, forces in N and torques in N·m at the grips, an array (arms, 3)."""
+    """Return the inputs of the arms: forces, N, and torques, N·m, at the grips, (arms, 3)."""
     errors = [
         -POSITION_GAIN * (x - x_d) - VELOCITY_GAIN * (v - v_d)
         for x, x_d, v, v_d in zip(at["pose"], at["desired_pose"], at["pose_rate"], at["desired_rate"], strict=True)

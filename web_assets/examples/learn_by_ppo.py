@@ -1,8 +1,8 @@
-"""Learns a control law for the two arms by proximal policy optimisation, and writes it down as a law for the lab.
+"""Learns a control law for the two arms by proximal policy optimisation, and writes it into a file for the lab.
 
-pip install "flexlab[learn]" brings Stable-Baselines3. Less than ten minutes on two cores: in the leaderboard's case B1 the learnt
-law then has an RMS error of 0.3 to 0.5 mm, depending on the version of torch, and `pd` one of 10.9 mm. flexlab leaderboard
---law learnt_law.py enters it.
+pip install "flexlab[learn]" installs Stable-Baselines3. Learning takes less than ten minutes on two cores. In the leaderboard's
+case B1 the learnt law then has an RMS error of 0.3 to 0.5 mm, depending on the version of torch, and `pd` one of 10.9 mm.
+To enter it there: flexlab leaderboard --law learnt_law.py
 """
 
 import time
@@ -20,8 +20,8 @@ from flexlab.gym_environment.worlds import RULES
 
 WORLDS, PERIODS, STEPS = 64, 200, 3_000_000
 OPTIONS = {"control_period": 0.005, "duration": 1.0, "stiffness": (50, 200)}
-SIZE = np.array([0.02] * 3 + [0.4] * 3 + [8.0] * 3 + [0.5, 0.1] + [0.5] * 3, np.float32)  # what is observed, usually
-REWARD = 0.2  # so that a good second costs about as much as a poor prediction of it
+SIZE = np.array([0.02] * 3 + [0.4] * 3 + [8.0] * 3 + [0.5, 0.1] + [0.5] * 3, np.float32)  # of usual observations
+REWARD = 0.2  # scaled so that a good second costs about as much as a poor prediction of it
 P, D = 20000.0, 800.0  # the gains of `pd`
 WRENCH = np.array(RULES[1].wrench_scale)  # N, N, N·m
 
@@ -31,7 +31,7 @@ def scaled(seen):
 
 
 class Worlds(VecEnv):
-    """The environment as Stable-Baselines3 wants it: a world that ends begins anew at once."""
+    """The environment as Stable-Baselines3 needs it: a world whose episode ends restarts at once."""
 
     def __init__(self):
         self.envs = gymnasium.make_vec(flexlab.gym_environment.ID, num_envs=WORLDS, **OPTIONS)
@@ -82,7 +82,7 @@ def reward_of(law):
 
 
 class Report(BaseCallback):
-    """Says how good the law is by now, eleven times."""
+    """Prints how good the law is so far, ten times."""
 
     begun = time.monotonic()
 
@@ -125,7 +125,7 @@ class Learnt(OwnLaw):
 
 
 def write_law(policy, file):
-    """The network as a law of one's own: flexlab --law FILE."""
+    """Write the network as an own law, for flexlab --law FILE."""
     linear = [each for each in policy.mlp_extractor.policy_net if isinstance(each, torch.nn.Linear)] + [
         policy.action_net
     ]

@@ -6,7 +6,7 @@ import numpy as np
 import flexlab.gym_environment
 
 WORLDS, KEPT, GENERATIONS = 64, 10, 12
-SIZE = np.repeat([20.0, 2.0, 0.4], 3)  # of the gains of e, ė and ẍ_d, for x, y and θ
+SIZE = np.repeat([20.0, 2.0, 0.4], 3)  # scale of the gains of e, ė and ẍ_d, for x, y and θ
 
 envs = gymnasium.make_vec(flexlab.gym_environment.ID, num_envs=WORLDS, duration=0.5, stiffness=(50, 200))
 random = np.random.default_rng(0)
@@ -17,7 +17,7 @@ for generation in range(GENERATIONS):
     seen, _ = envs.reset(seed=generation)
     total, running = np.zeros(WORLDS), np.ones(WORLDS, bool)
     while running.any():
-        actions = (gains * seen[:, :9]).reshape(WORLDS, 3, 3).sum(axis=1)  # per axis: e, ė and ẍ_d, weighted
+        actions = (gains * seen[:, :9]).reshape(WORLDS, 3, 3).sum(axis=1)  # per axis, the weighted sum of e, ė and ẍ_d
         seen, reward, failed, over, _ = envs.step(actions)
         total += reward * running
         running &= ~(failed | over)

@@ -1,8 +1,4 @@
-"""Draws the guide's equations as SVG, in the colour of the page's text.
-
-matplotlib is needed here and nowhere else, so it is not a dependency of flexlab:
-    python3 -m venv /tmp/draw && /tmp/draw/bin/pip install matplotlib && /tmp/draw/bin/python web_assets/make/equations.py
-"""
+"""Draws the guide's equations as SVG, in the page's text colour: `.venv/bin/python web_assets/make/equations.py`."""
 
 from pathlib import Path
 
@@ -17,7 +13,7 @@ SIZE = 100
 PIXELS = 17
 """Font size on the page, px."""
 INDENT, GAP, PAD = 160, 60, 12
-"""Indent of a continued line, gap between lines, margin, in units of the drawing."""
+"""Indent of a continuation line, gap between lines, and margin, in units of the drawing."""
 
 EQUATIONS: dict[str, list[str]] = {
     "point": [r"R(s,t)=\genfrac{(}{)}{0}{0}{x_0}{y_0}+s\,e_1+w(s,t)\,e_2", r"w(s,t)=N(s)\,q(t)"],
@@ -61,7 +57,7 @@ EQUATIONS: dict[str, list[str]] = {
         r"a=k_v\,h^T\dot{q}\,,\quad \alpha=k_\theta\,g^T\dot{q}",
     ],
 }
-"""Name → lines; a line that starts with "> " goes on from the one before."""
+"""Name → lines; a line that starts with "> " continues the one before."""
 
 
 def outline(line: str) -> tuple[TextPath, float]:
@@ -72,7 +68,7 @@ def outline(line: str) -> tuple[TextPath, float]:
 
 
 def path_data(path: TextPath, dx: float, dy: float) -> str:
-    """The outline as SVG path data, moved by (dx, dy), y downwards, whole-numbered."""
+    """The outline as SVG path data in whole numbers, moved by (dx, dy), with y downwards."""
     letters = {Outline.MOVETO: "M", Outline.LINETO: "L", Outline.CURVE3: "Q", Outline.CURVE4: "C"}
     words = []
     for points, code in path.iter_segments(curves=True, simplify=False):

@@ -1,4 +1,4 @@
-"""Computes the table that the page Leaderboard shows before anybody pressed Compute: `python web_assets/make/leaderboard.py`."""
+"""Computes the table that the page Leaderboard shows until somebody presses Compute: `python web_assets/make/leaderboard.py`."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory

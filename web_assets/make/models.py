@@ -2,8 +2,8 @@
 
     .venv/bin/python web_assets/make/models.py
 
-They fit arms of any size: a link's bar is one unit long and stretched to the link, joints and gripper keep their proportions.
-All lengths in m, for the paper's arm (0.7, 0.6, 0.2 m links).
+They fit arms of any size: a link's bar has length 1 and is stretched to the link, joints and gripper keep their proportions.
+All lengths are in m, for the paper's arm (0.7, 0.6, 0.2 m links).
 """
 
 import json
@@ -126,7 +126,7 @@ class Material(NamedTuple):
 
 
 def encode_glb(parts: list[tuple[Solid, Material]]) -> bytes:
-    """A GLB file with one mesh per (solid, material) pair, positions in m, z up as flexlab and viser have it."""
+    """A GLB file with one mesh per (solid, material) pair, positions in m, z up as in flexlab and viser."""
     binary = bytearray()
     document: dict = {
         "asset": {"version": "2.0", "generator": "flexlab"},
@@ -153,7 +153,7 @@ def encode_glb(parts: list[tuple[Solid, Material]]) -> bytes:
 
 
 def _append(document: dict, binary: bytearray, data: np.ndarray, kind: int, target: int) -> int:
-    """Adds an array to the buffer; returns its accessor's number. float32 and uint32 keep the buffer 4-byte aligned."""
+    """Add an array to the buffer, and return its accessor's number. float32 and uint32 keep the buffer 4-byte aligned."""
     view = {"buffer": 0, "byteOffset": len(binary), "byteLength": data.nbytes, "target": target}
     accessor = {
         "bufferView": len(document["bufferViews"]),
@@ -181,17 +181,17 @@ def _material(material: Material) -> dict:
 
 
 def _linear(channel: float) -> float:
-    """sRGB to linear light, both 0..1: glTF factors are linear."""
+    """Convert sRGB to linear light, both 0..1, as glTF factors are linear."""
     value = channel / 12.92 if channel <= 0.04045 else ((channel + 0.055) / 1.055) ** 2.4
     return round(value, 6)
 
 
 SHELL = Material((118, 126, 138), metallic=0.05, roughness=0.6)
-"""Of links and joints: darker than what they carry, which is to be seen first."""
+"""Material of links and joints: darker than the payload, which should be seen first."""
 DARK = Material((62, 68, 78), metallic=0.2, roughness=0.55)
 STEEL = Material((132, 140, 152), metallic=0.2, roughness=0.4)
 BRIGHT = Material((246, 247, 249), metallic=0.0, roughness=0.35)
-"""Of the grips."""
+"""Material of the grips."""
 
 
 def link_parts() -> list[tuple[Solid, Material]]:

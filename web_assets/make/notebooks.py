@@ -1,6 +1,6 @@
-"""Runs the notebooks in `web_assets/notebooks`, and keeps what their cells print and draw: `python web_assets/make/notebooks.py`.
+"""Runs the notebooks in `web_assets/notebooks` and stores what their cells print and draw: `python web_assets/make/notebooks.py`.
 
-Without Jupyter: the code cells of a notebook are run one after the other in one namespace.
+Jupyter is not needed: the code cells of a notebook run one after the other in one namespace.
 """
 
 import ast
@@ -18,11 +18,11 @@ from matplotlib.figure import Figure
 
 NOTEBOOKS = Path(__file__).parents[1] / "notebooks"
 RESOLUTION = 72
-"""Dots per inch of the pictures that are kept."""
+"""Dots per inch of the stored pictures."""
 
 
 def run_notebook(path: Path) -> dict[str, Any]:
-    """A notebook's content with the outputs of its code cells. Raises what a cell raises."""
+    """Run a notebook, and return its content with the outputs of its code cells. Raises what a cell raises."""
     notebook, names = json.loads(path.read_text(encoding="utf-8")), {"__name__": "__main__"}
     count = 0
     with tempfile.TemporaryDirectory() as folder, chdir(folder):
@@ -34,7 +34,7 @@ def run_notebook(path: Path) -> dict[str, Any]:
 
 
 def _run(source: str, names: dict[str, Any]) -> list[dict[str, Any]]:
-    """The outputs of a cell: what it prints, and the value of its last line."""
+    """Run a cell, and return its outputs: what it prints, and the value of its last line."""
     tree, printed, value = ast.parse(source), io.StringIO(), None
     last = tree.body.pop() if tree.body and isinstance(tree.body[-1], ast.Expr) else None
     with redirect_stdout(printed):
@@ -60,7 +60,7 @@ def _data(value: Any) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Run the notebooks that are named, or all."""
+    """Run the notebooks named on the command line, or all."""
     for path in [Path(word) for word in sys.argv[1:]] or sorted(NOTEBOOKS.glob("*.ipynb")):
         text = json.dumps(run_notebook(path), indent=1, ensure_ascii=False) + "\n"
         path.write_text(text, encoding="utf-8")

@@ -2,8 +2,8 @@
 
     .venv/bin/python web_assets/make/pictures.py
 
-Colours are Okabe and Ito's, told apart with any colour vision; greys are of middle brightness, so that the pictures stand
-out from white and from black.
+The colours are Okabe and Ito's, distinct with any colour vision; the greys are of medium brightness, so that the pictures
+stand out from white and from black.
 """
 
 import math
@@ -29,11 +29,11 @@ ARM_COLORS, BEAM, DESIRED, GRAY = ("#0072b2", "#d55e00"), "#009e73", "#cc79a7", 
 LINK_WIDTHS = (7.0, 6.0, 4.0)
 """Stroke widths, px."""
 DRAWN_BENDING = 0.12
-"""How large the beam's largest deflection is drawn, m."""
+"""Size at which the beam's largest deflection is drawn, m."""
 COLUMNS = 117
-"""Columns of the curve at the foot, each drawn by its lowest and highest value."""
+"""Number of columns of the curve at the foot, each drawn by its lowest and highest value."""
 BLUR = 6
-"""Drawn shapes of the beam within one vibration."""
+"""Number of shapes of the beam drawn within one period of its vibration."""
 
 
 class Curve(NamedTuple):
@@ -48,7 +48,7 @@ class Curve(NamedTuple):
 DEFLECTION = Curve("mid-span deflection", "mm", 1.0, lambda samples: 1e3 * samples.midspan_deflection)
 ERROR = Curve("tracking error y", "mm", 3.0, lambda samples: 1e3 * samples.tracking_error[:, 1])
 CURVES = {"weak-feedback": ERROR, "fast-adaptation": ERROR, "slow-adaptation": ERROR, "gravity": DEFLECTION}
-"""What a preset is about, where it is not the deflection."""
+"""Curves of some presets; the others show the deflection."""
 
 
 class Canvas:
@@ -77,7 +77,7 @@ class Canvas:
         self.parts.append(f'<circle cx="{pixel[0]:.1f}" cy="{pixel[1]:.1f}" r="{radius:g}" fill="{color}"/>')
 
     def text(self, x: float, y: float, words: str, color: str = GRAY, anchor: str = "start", size: float = 10) -> None:
-        """Words with their base line at px (x, y)."""
+        """Words with their baseline at px (x, y)."""
         font = f'font-family="system-ui,sans-serif" font-size="{size:g}" text-anchor="{anchor}" fill="{color}"'
         self.parts.append(f'<text x="{x:.0f}" y="{y:.0f}" {font}>{words}</text>')
 
@@ -114,7 +114,7 @@ def draw_path(canvas: Canvas, run: Run) -> None:
 
 
 def draw_beam(canvas: Canvas, run: Run, row: int, factor: float) -> None:
-    """The beam at one row, and faintly at moments of the vibration around it, held at the same pose."""
+    """The beam at one row, and faintly its shapes within the period of vibration that follows, all at the same pose."""
     scenario = run.scenario
     period = 2 * math.pi / float(build_beam(scenario.payload).modes.omega.min())
     tick = float(run.time[1])
@@ -151,7 +151,7 @@ def draw_preset(name: str) -> str:
     run = simulate(scenario, 3.0, 0.001)
     middle = run.midspan_deflection if len(scenario.arms) == 2 else run.beam_coordinates[:, -2]
     row = int(np.abs(middle).argmax())
-    # As on the screen of the lab that the picture leads to.
+    # As in the lab, to which the picture links.
     largest = float(np.abs(middle).max())
     factor = tamed_exaggeration(fitting_exaggeration(scenario), largest, scenario.payload.length)
     points = np.concatenate([arm_points(scenario, run).reshape(-1, 2), beam_points(scenario, run, 3).reshape(-1, 2)])
@@ -168,7 +168,7 @@ def draw_preset(name: str) -> str:
 
 
 def draw_overview() -> str:
-    """The guide's picture with words on it: a lazy controller, so that pose and desired pose are apart."""
+    """The guide's picture with labels: the controller is slow, so that pose and desired pose differ."""
     lazy = {"controller.feedback_gain": 60.0, "controller.sliding_slope": 8.0, "payload.bending_stiffness": 10.0}
     scenario = load_preset("paper").replace(lazy)
     run = simulate(scenario, 1.0, 0.001)

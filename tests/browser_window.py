@@ -1,6 +1,6 @@
-"""Windows of the tests' browser: as a person's, but drawn seldom, and the lab's pixels only where somebody looks at them.
+"""Browser windows for the tests: they draw seldom, and leave out the pixels of the lab's scene where no test looks at it.
 
-A machine without a graphics card pays for each picture.
+On a machine without a graphics card, each frame costs processor time.
 """
 
 import os
@@ -9,11 +9,11 @@ from typing import Any
 from playwright.sync_api import Browser, BrowserContext
 
 PAUSE = 250
-"""ms without drawing after each picture: else the page draws all the time, and takes a whole processor."""
+"""Pause after each frame, ms: without it a page draws all the time and takes a whole processor."""
 LEFT_OUT = (
-    # Pages that stand ready below the address bar of every window, unseen: three quarters of an empty window's cost.
+    # Hidden pages that every window keeps ready below its address bar: three quarters of an empty window's cost.
     *("WebUIOmniboxPopup", "WebUIOmniboxAimPopup"),
-    # As playwright has it: of two such lists Chromium takes the last one.
+    # Playwright's own list, repeated here because Chromium takes only the last of two such lists.
     *("AvoidUnnecessaryBeforeUnloadCheckSync", "DestroyProfileOnBrowserClose", "HttpsUpgrades", "LensOverlay"),
     *("HttpsFirstBalancedModeAutoEnable", "MediaRouter", "PaintHolding", "ThirdPartyStoragePartitioning"),
     *("AvoidCorsURLLoaderRestartOnRedirect", "OptimizationHints", "NetworkTimeServiceQuerying", "AimEnabled"),
@@ -21,7 +21,7 @@ LEFT_OUT = (
 )
 """Features of Chromium that no test needs."""
 SOFTWARE_RENDERING = [
-    # Rerun's viewer is not compiled a second time, to run faster: no page of a test lives long enough to gain by it.
+    # Do not compile rerun's viewer a second time for speed: no page of a test lives long enough to gain from it.
     "--js-flags=--no-wasm-tier-up --no-wasm-dynamic-tiering",
     f"--disable-features={','.join(LEFT_OUT)}",
     "--use-angle=swiftshader",
@@ -29,16 +29,16 @@ SOFTWARE_RENDERING = [
     "--no-sandbox",
     "--ignore-gpu-blocklist",
 ]
-"""What Chromium needs to draw the lab and rerun's viewer without a graphics card."""
+"""Options with which Chromium draws the lab and rerun's viewer without a graphics card."""
 BY_THE_PROCESSOR = "--disable-gpu-compositing"
-"""Leaves all but the lab's scene to the processor: 2.5 times cheaper than to have a graphics card imitated for it. Rerun's viewer
-cannot be looked at then."""
+"""Draws everything but the lab's scene directly on the processor: 2.5 times cheaper than through the emulated graphics card.
+Rerun's viewer cannot be seen then."""
 PATIENCE = 90_000
-"""ms that a page on a busy machine may take for anything."""
+"""Timeout for anything that a page does, ms: generous, as the machine may be busy."""
 PICTURES = bool(os.environ.get("FLEXLAB_PICTURES"))
-"""Whether somebody wants screenshots to look at: each costs a second of a processor, and the lab is drawn for them."""
+"""Whether to take screenshots for people: each costs a second of processor time, and the lab is drawn for them."""
 REST = "(rests) => window.flexlabRest(rests)"
-"""Has a page draw nothing (true) until it is to go on (false)."""
+"""Script that stops a page from drawing (true) and lets it go on (false)."""
 SELDOM = f"""(() => {{
   const draw = window.requestAnimationFrame.bind(window);
   const waiting = new Map();
@@ -64,12 +64,12 @@ UNDRAWN = """(() => {
   for (const call of ['Arrays', 'Elements', 'ArraysInstanced', 'ElementsInstanced'])
     WebGL2RenderingContext.prototype[`draw${call}`] = () => {};
 })()"""
-"""Leaves the last step of each picture out, the pixels: they take a processor, and only in some tests somebody looks at them."""
+"""Script that skips the last step of each frame, the pixels: they take a processor, and few tests look at them."""
 BUT_THE_VIEWER = f"if (!location.pathname.includes('/viewer/')) {UNDRAWN}"
 
 
 def open_window(browser: Browser, width: int, height: int, drawn: bool = PICTURES, **options: Any) -> BrowserContext:
-    """A browser's window of its own, px: no cookies yet, no page yet. `drawn`: somebody looks at the lab's scene."""
+    """Open a new browser context of this size, px, without cookies or pages. `drawn`: the test looks at the lab's scene."""
     context = browser.new_context(viewport={"width": width, "height": height}, **options)
     context.set_default_timeout(PATIENCE)
     context.add_init_script(SELDOM)

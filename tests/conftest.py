@@ -1,4 +1,4 @@
-"""Shared by all tests: where things are, the command line, and one browser."""
+"""Fixtures for all tests: paths, the command line, the lab, and one browser."""
 
 import contextlib
 import gc
@@ -38,17 +38,17 @@ REGISTRIES = LAWS, PATHS
 
 
 def pytest_configure() -> None:
-    """Hear Ctrl-C, which a shell takes from what it starts in the background, also in the processes of tests."""
+    """React to Ctrl-C in the test processes too: a shell lets what it starts in the background ignore it."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_collection_finish() -> None:
-    """Leave what is loaded by now out of the collection of garbage, which would walk through it all again and again."""
+    """Exempt everything loaded so far from garbage collection, which would walk through it again and again."""
     gc.freeze()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """What the tests leave out unless they are told."""
+    """Add the options that run tests left out by default."""
     parser.addoption("--all-lessons", action="store_true", help="do every lesson of the guide in a real browser")
     parser.addoption(
         "--documented", action="store_true", help="do every command of README, CONTRIBUTING and the documentation"
@@ -56,7 +56,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what drives a browser: `pytest -m "not browser"` is the quick answer."""
+    """Mark the tests that drive a browser: `pytest -m "not browser"` leaves out these slow ones."""
     for item in items:
         if " at 0x" in item.nodeid:
             raise pytest.UsageError(f"{item.nodeid}: the name holds an address, so that no two processes agree on it")
@@ -68,7 +68,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @contextlib.contextmanager
 def forgetting_own_kinds() -> Iterator[None]:
-    """What becomes known, and may run, within it is forgotten at its end: others draw from all that there are."""
+    """Forget at the end which laws and paths were added or allowed to run inside: other tests draw from all known ones."""
     before = [set(registry.all()) for registry in REGISTRIES]
     apart, allowed = hosts._apart, hosts.allowed()
     yield
@@ -91,15 +91,15 @@ def _forget_those_of_a_test() -> Iterator[None]:
 
 @pytest.fixture(scope="module", autouse=True)
 def _forget_those_of_a_file() -> Iterator[None]:
-    """What a file's shared fixtures made known."""
-    hosts.run_apart(False)  # As it is in Python, whatever the fixtures of all tests began.
+    """Forget the laws and paths that a file's shared fixtures added."""
+    hosts.run_apart(False)  # The default in Python, whatever fixtures of the session have set.
     with forgetting_own_kinds():
         yield
 
 
 @pytest.fixture(scope="session", autouse=True)
 def _one_blas_thread() -> Iterator[None]:
-    """Small matrices: one thread is fastest, and idle ones would spin on the cores of other tests."""
+    """Use one BLAS thread: it is fastest for small matrices, and idle threads would spin on the cores of other tests."""
     with threadpool_limits(1, user_api="blas"):
         yield
 
@@ -111,15 +111,15 @@ def root() -> Path:
 
 
 SPOKEN_TO = {"COLUMNS": "120", "NO_COLOR": "1", "PYTHONIOENCODING": "utf-8"}
-"""What a command's output depends on, set the same for all tests."""
+"""Environment variables that shape a command's output, the same for all tests."""
 
 
 @pytest.fixture
 def flexlab_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
-    """Run the command line in an empty folder; returns exit code, output and complaints.
+    """Run the command line in an empty folder; the result holds exit code, output and errors.
 
-    It runs in this process, which has loaded and compiled everything: a start of its own takes most commands a hundred times
-    longer than what they do. `flexlab_process` starts one.
+    It runs in this process, which has loaded and compiled everything: starting a new process takes a hundred times longer
+    than most commands do. `flexlab_process` does start one.
     """
 
     def run(*words: str, folder: Path = tmp_path) -> subprocess.CompletedProcess[str]:
@@ -133,7 +133,7 @@ def flexlab_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
             notes.cache_clear()
             with redirect_stdout(said), redirect_stderr(complained), pytest.raises(SystemExit) as ended:
                 main(words)
-        hosts.run_apart(False)  # As it is in Python.
+        hosts.run_apart(False)  # The default in Python.
         output.cache_clear()
         notes.cache_clear()
         assert isinstance(ended.value.code, int)
@@ -144,7 +144,7 @@ def flexlab_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
 
 @pytest.fixture
 def flexlab_process(tmp_path: Path) -> Command:
-    """As `flexlab_command`, in a process of its own, as a person starts it."""
+    """Like `flexlab_command`, but in a new process, as a user starts it."""
 
     def run(*words: str, folder: Path = tmp_path) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
@@ -175,7 +175,7 @@ def chromium() -> Iterator[Browser]:
 
 @pytest.fixture(scope="session")
 def plain_chromium(chromium: Browser) -> Iterator[Browser]:
-    """A cheaper one, for pages without rerun's viewer."""
+    """A cheaper browser, for pages without rerun's viewer."""
     arguments = [*SOFTWARE_RENDERING, BY_THE_PROCESSOR]
     browser = chromium.browser_type.launch(executable_path=find_browser(), args=arguments)
     yield browser
@@ -184,7 +184,7 @@ def plain_chromium(chromium: Browser) -> Iterator[Browser]:
 
 @pytest.fixture
 def start_lab(tmp_path: Path) -> Iterator[Callable[..., Lab]]:
-    """Starts the lab as a person would, in the test's folder; ends what is left after the test."""
+    """Start labs as a user would, in the test's folder; kill those that still run after the test."""
     labs: list[Lab] = []
 
     def start(*words: str, **circumstances) -> Lab:

@@ -14,7 +14,7 @@ ON_MACOS = (
 
 
 def find_browser() -> str | None:
-    """Path of a Chromium: the one named by FLEXLAB_CHROMIUM, one of the system, or playwright's own; None if none."""
+    """Return the path of a Chromium: that in FLEXLAB_CHROMIUM, the system's, or playwright's own; None if there is none."""
     named = os.environ.get("FLEXLAB_CHROMIUM")
     if named:
         return named
@@ -37,7 +37,7 @@ def _of_playwright() -> str | None:
 
 
 def _install() -> None:
-    """Debian's or Ubuntu's package where we may install it, else the build that playwright offers."""
+    """Install the package of Debian or Ubuntu if we may, else the build that playwright offers."""
     if shutil.which("apt-get") and hasattr(os, "geteuid") and os.geteuid() == 0:
         environment = os.environ | {"DEBIAN_FRONTEND": "noninteractive"}
         subprocess.run(["apt-get", "-qq", "update"], check=True, env=environment)
@@ -52,7 +52,7 @@ def _install() -> None:
 
 
 def main() -> int:
-    """Say which browser the tests will use; 1 if there is none and none could be installed."""
+    """Print which browser the tests will use; return 1 if there is none and none could be installed."""
     if find_browser() is None:
         try:
             _install()

@@ -1,4 +1,4 @@
-"""`flexlab` in a process of its own, as a person starts it."""
+"""`flexlab` in a process of its own, as a user starts it."""
 
 import http.client
 import os
@@ -14,13 +14,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
-"""Does what `flexlab` and these words do: `flexlab_command`, `flexlab_process`."""
+"""Runs `flexlab` with these words: the fixtures `flexlab_command` and `flexlab_process`."""
 PATIENCE = 300.0
-"""s: generous, since a machine may be busy and a cache cold; no test passes or fails by speed."""
+"""Timeout, s: generous, as the machine may be busy and the cache cold; it is no measure of speed."""
 
 
 def refused(done: subprocess.CompletedProcess[str], lines: int = 1) -> str:
-    """The sentence, of so many lines at most, with which a command refused its input; it did nothing else."""
+    """Return the sentence, of at most `lines` lines, with which a command refused its input; assert that it printed only this."""
     assert done.returncode == 2, done.stdout + done.stderr
     assert done.stdout == ""
     assert "Traceback" not in done.stderr
@@ -33,7 +33,7 @@ class Lab:
     """A lab in a process of its own."""
 
     def __init__(self, folder: Path, *words: str, port: int = 0, handles: int | None = None, **environment: str):
-        """`handles`: files and connections that it may have at once, by the shell's `ulimit`."""
+        """`handles`: how many files and connections it may have open at once, set by the shell's `ulimit`."""
         plain = {"NO_COLOR": "1", "PYTHONUNBUFFERED": "1", "PYTHONIOENCODING": "utf-8"}
         limit = [] if handles is None else ["sh", "-c", f'ulimit -n {handles}; exec "$@"', "sh"]
         self.folder = folder
@@ -61,7 +61,7 @@ class Lab:
         lines.extend(iter(stream.readline, ""))
 
     def url(self) -> str:
-        """The lab's address, once it says it."""
+        """Wait until the lab prints its address, and return it."""
         return self.wait(lambda: re.search(r"open at (http://\S+)", "".join(self.said)))[1]
 
     def port(self) -> int:
@@ -69,7 +69,7 @@ class Lab:
         return int(self.url().split(":")[2].split("/")[0])
 
     def wait(self, found: Callable[[], object]):
-        """What `found` gives as soon as it gives something."""
+        """Wait until `found` returns something true, and return that."""
         until = time.monotonic() + PATIENCE
         while time.monotonic() < until:
             result = found()
@@ -80,24 +80,24 @@ class Lab:
         raise AssertionError(f"waited in vain: {self.said} {self.complained}")
 
     def end(self, how: signal.Signals = signal.SIGINT) -> int:
-        """Ask it to end and wait for that; returns the exit code."""
+        """Send a signal that ends the lab, wait for the end, and return the exit code."""
         self.process.send_signal(how)
         return self.wait_for_end()
 
     def wait_for_end(self) -> int:
-        """The exit code, once it has ended."""
+        """Wait until the lab has ended, and return the exit code."""
         code = self.process.wait(PATIENCE)
         for reader in self._readers:
             reader.join()
         return code
 
     def recordings(self, logs: str = "logs") -> list[Path]:
-        """Files that hold something."""
+        """Recordings that are not empty."""
         return [file for file in (self.folder / logs).glob("*.rrd") if file.stat().st_size > 0]
 
 
 def answer(url: str) -> int | None:
-    """The page's status for a visitor who keeps cookies, None while nobody listens."""
+    """Return the HTTP status of a page for a visitor who keeps cookies, None while nobody listens."""
     visitor = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
     try:
         with visitor.open(url) as page:

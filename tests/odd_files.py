@@ -1,4 +1,4 @@
-"""A logs folder in which everything that can be odd is odd, around one good run."""
+"""A logs folder with odd files of every kind around one good run."""
 
 import json
 import os
@@ -8,7 +8,7 @@ SECRET = b"a secret that lies outside"
 
 
 def make_odd_folder(logs: Path, recorded: Path) -> None:
-    """Fill `logs` with a copy of `recorded` and with what must not harm it."""
+    """Fill `logs` with a copy of `recorded` and with odd files that must do no harm."""
     logs.mkdir(parents=True, exist_ok=True)
     (logs / "good.rrd").write_bytes(recorded.read_bytes())
     outside = logs.parent / "outside.txt"
@@ -42,4 +42,4 @@ def make_odd_folder(logs: Path, recorded: Path) -> None:
 
 
 RUNS = 24
-"""Entries of such a folder."""
+"""Number of runs listed for such a folder."""

@@ -1,4 +1,4 @@
-"""A control law in plain Python that tests of several rooms use."""
+"""A control law in plain Python for tests in several folders."""
 
 from flexlab.control.law import forget_law, laws
 from flexlab.own import hosts
@@ -32,13 +32,13 @@ class OwnPD(OwnLaw):
 
 
 def at_work(body: str) -> str:
-    """The PD law that first does something at each instant."""
+    """Return the PD law with more statements at the start of `act`."""
     lines = "".join(f"        {line}\n" for line in body.strip("\n").split("\n"))
     return "import os, sys, json\n" + PD.replace("        e, e_dot", f"{lines}        e, e_dot", 1)
 
 
 def forget_own_laws() -> None:
-    """As if no law in Python had been given."""
+    """Forget all laws in Python, and run further ones in this process."""
     hosts.run_apart(False)
     for kind in [kind for kind, law in laws().items() if isinstance(law, PythonLaw)]:
         forget_law(kind)

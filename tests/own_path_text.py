@@ -1,4 +1,4 @@
-"""A path in plain Python that tests of several rooms use."""
+"""A path in plain Python for tests in several folders."""
 
 from flexlab.control.path import forget_path, paths
 from flexlab.own import hosts
@@ -29,7 +29,7 @@ class RoundTrip(OwnPath):
 
 
 def forget_own_paths() -> None:
-    """As if no path in Python had been given."""
+    """Forget all paths in Python, and run further ones in this process."""
     hosts.close_all()
     hosts.run_apart(False)
     hosts._allowed.clear()

@@ -1,4 +1,4 @@
-"""Runs of presets that tests of several files look at, each simulated once."""
+"""Runs of presets for the tests in several files, each simulated once."""
 
 from functools import cache
 
@@ -10,6 +10,6 @@ from flexlab.sim.simulate import simulate
 
 @cache
 def run(preset: str, *changes: tuple[float, str, float], duration: float = 3.0) -> Run:
-    """A preset with live changes (time in s, path, value)."""
+    """Simulate a preset with live changes (time in s, path of a field, value)."""
     commands = [(time, ChangeScenario({path: value})) for time, path, value in changes]
     return simulate(load_preset(preset), duration, 0.001, commands)

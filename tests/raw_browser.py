@@ -1,4 +1,4 @@
-"""A browser that says what no proper browser would: viser's wire format, spoken by hand."""
+"""A client that sends what no proper browser would, in viser's wire format."""
 
 import json
 from collections.abc import Iterator
@@ -27,13 +27,13 @@ CAMERA = {
 
 
 def widget(session: Session, label: str) -> Any:
-    """The server's handle of the widget with a label."""
+    """Return the server's handle of the widget with this label."""
     handles = list(session.server.gui._gui_input_handle_from_uuid.values())
     return next(handle for handle in handles if getattr(handle._impl.props, "label", None) == label)
 
 
 def html_texts(session: Session) -> list[Any]:
-    """The handles of all HTML texts of the panel."""
+    """Return the handles of all HTML texts in the panel."""
     found, queue = [], list(session.server.gui._container_handle_from_uuid.values())
     for container in queue:
         found += [child for child in container._children.values() if type(child).__name__ == "GuiHtmlHandle"]
@@ -41,16 +41,16 @@ def html_texts(session: Session) -> list[Any]:
 
 
 def open_socket(address: str) -> ClientConnection:
-    """A connection as the page opens it, to ws://…; it has said where it looks from."""
+    """Open a connection to ws://… as the page does, and send the position of the camera."""
     protocol: Any = f"viser-v{viser.__version__}"
-    # The lab goes on sending and is slow to say goodbye; a browser would not wait for that either.
+    # The lab goes on sending and is slow to close; a browser would not wait for that either.
     plug = connect(address, subprotocols=[protocol], max_size=None, close_timeout=0.2, ping_interval=None)
     plug.send(msgspec.msgpack.encode(CAMERA))
     return plug
 
 
 def text_of(data: bytes) -> str:
-    """What a window of messages from the lab says, as text."""
+    """Return the contents of a window of messages from the lab as text."""
     return _unpacked(data).decode("utf-8", "replace")
 
 
@@ -60,7 +60,7 @@ def _unpacked(data: bytes) -> bytes:
 
 
 def _mappings(part: Any) -> Iterator[dict[str, Any]]:
-    """All mappings within decoded messages."""
+    """Yield all dictionaries within decoded messages."""
     if isinstance(part, dict):
         yield part
     for inner in part.values() if isinstance(part, dict) else part if isinstance(part, list) else ():
@@ -68,7 +68,7 @@ def _mappings(part: Any) -> Iterator[dict[str, Any]]:
 
 
 def page_report(run: int, **told: Any) -> str:
-    """What a page tells that has drawn a run, and sees no charts unless told."""
+    """Return the report of a page that has drawn a run; it shows no charts unless `told` has some."""
     usual = {"charts": {}, "dark": False, "width": 1440, "covered": (0, 0), "open": (), "hears": False, "again": 0}
     return json.dumps(usual | {"run": run, **told})
 
@@ -84,7 +84,7 @@ class RawBrowser:
         self._socket.send(msgspec.msgpack.encode(message))
 
     def send_bytes(self, data: bytes) -> None:
-        """Send what is not even a message."""
+        """Send bytes that need not be a message."""
         self._socket.send(data)
 
     def update(self, handle: Any, updates: dict[str, Any]) -> None:
@@ -92,13 +92,13 @@ class RawBrowser:
         self.send({"type": "GuiUpdateMessage", "uuid": handle._impl.uuid, "updates": updates})
 
     def receive(self, seconds: float) -> bytes:
-        """The next message from the lab."""
+        """Return the next message from the lab."""
         data = self._socket.recv(timeout=seconds)
         assert isinstance(data, bytes)
         return data
 
     def values_of(self, handle: Any) -> list[Any]:
-        """The values of a widget in the next message from the lab."""
+        """Return the values of a widget in the next message from the lab."""
         window = msgspec.msgpack.decode(_unpacked(self.receive(20.0)))
         told = [message for message in _mappings(window) if message.get("uuid") == handle._impl.uuid]
         return [message["updates"]["value"] for message in told if "value" in message.get("updates", {})]

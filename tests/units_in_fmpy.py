@@ -1,4 +1,4 @@
-"""Functional mock-up units in FMPy, an importer that is not ours."""
+"""Functional mock-up units in FMPy, an independent importer."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -15,7 +15,7 @@ from flexlab.sim.simulate import simulate
 
 
 def fresh(file: Path, folder: Path) -> Any:
-    """An instance of a unit that is not initialized."""
+    """Return an instance of a unit that is not yet initialized."""
     about = fmpy.read_model_description(str(file))
     kind = FMU3Slave if about.fmiVersion == "3.0" else FMU2Slave
     unit: Any = kind(
@@ -38,7 +38,7 @@ def enter(unit: Any) -> None:
 
 @contextmanager
 def instance(file: Path, folder: Path) -> Iterator[Any]:
-    """An instance of a unit that stands at t = 0."""
+    """An initialized instance of a unit, at t = 0."""
     unit = fresh(file, folder)
     enter(unit)
     unit.exitInitializationMode()
@@ -48,24 +48,24 @@ def instance(file: Path, folder: Path) -> Iterator[Any]:
 
 
 def get(unit: Any, names: Sequence[str]) -> np.ndarray:
-    """Values of variables of a unit of either version."""
+    """Read variables of a unit of either version."""
     read = unit.getFloat64 if isinstance(unit, FMU3Slave) else unit.getReal
     return np.array(read([unit.numbers[name] for name in names]))
 
 
 def put(unit: Any, names: Sequence[str], values: Any) -> None:
-    """As `get`, the other way."""
+    """Set variables of a unit of either version."""
     write = unit.setFloat64 if isinstance(unit, FMU3Slave) else unit.setReal
     write([unit.numbers[name] for name in names], list(values))
 
 
 def inputs_of(file: Path) -> set[str]:
-    """Names of a unit's inputs."""
+    """Return the names of a unit's inputs."""
     return {each.name for each in fmpy.read_model_description(str(file)).modelVariables if each.causality == "input"}
 
 
 def apart(scenario: Scenario, files: tuple[Path, Path], step: float, duration: float, folder: Path) -> float:
-    """How far plant and law of a scenario, which exchange values after each step, get from `simulate`: of any axis, m or rad."""
+    """Return the largest deviation of the pose from `simulate`, m or rad, if plant and law exchange values after each step."""
     run, names, worst = simulate(scenario, duration, step), [sorted(inputs_of(file)) for file in files], 0.0
     with instance(files[0], folder / "plant") as plant, instance(files[1], folder / "law") as law:
         for number in range(1, len(run)):

@@ -1,4 +1,4 @@
-"""A study as somebody writes it who wants a table for a paper: all of the interface, checked by pyright in its strict mode."""
+"""A study as a user writes it for a table in a paper: it uses all of the interface and passes pyright in strict mode."""
 
 from pathlib import Path
 
@@ -19,7 +19,7 @@ def rms_torque(samples: flexlab.Samples) -> np.ndarray:
 
 
 def study(folder: Path) -> dict[str, float]:
-    """What came of it, by name."""
+    """Run the study and return its results by name."""
     logs, stiffness = folder / "logs", "payload.bending_stiffness"
     paper, figures = flexlab.load_preset("paper"), list[object]()
     run = flexlab.simulate(paper, 0.2, check=True)

@@ -1,4 +1,4 @@
-"""How tests wait: for what is to come true, never for a time."""
+"""Waiting in tests: for a condition, never for a fixed time."""
 
 import time
 from collections.abc import Callable
@@ -6,15 +6,15 @@ from pathlib import Path
 from typing import Any
 
 PATIENCE = 180.0
-"""Wall seconds that anything may take on a busy machine; no test passes or fails by speed."""
+"""Timeout for anything, s of wall time: generous, as the machine may be busy; it is no measure of speed."""
 ARTIFACTS = Path(__file__).parents[1] / ".artifacts"
 """Screenshots for people to look at."""
 SHORTEST, LONGEST, SHARE = 0.02, 0.2, 0.1
-"""s between two looks, of which many cost more than what is waited for: that share of the time waited so far, within limits."""
+"""Pause between two looks, s: SHARE of the time waited so far, from SHORTEST to LONGEST, as many looks would cost too much."""
 
 
 def wait_until(look: Callable[[], Any], what: str, patience: float = PATIENCE, pause: float = 0.0) -> Any:
-    """Look until there is something true and return it; fails naming `what` and what was there last. `pause`: s between looks."""
+    """Call `look` until it returns something true, and return that; else fail with `what`. `pause`: time between calls, s."""
     begun = time.monotonic()
     while True:
         found = look()

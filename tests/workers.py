@@ -1,8 +1,8 @@
-"""Folders of tests run in a few more processes than there are processors, a file in one of them; single files run here.
+"""Folders of tests run in a few more processes than there are processors, each file in one of them; single files run here.
 
-So `pytest` needs no option, a debugger meets one process (`pytest tests/test_api.py`, `-n0`, `--pdb`, `-p no:xdist`), and what
-the tests of a file share is made once. Two processes drive a browser, one those of the lab, the other those of the server: more
-of them draw so slowly on two processors that pages time out. They begin, as they take longest; then come the servers.
+So `pytest` needs no option, a debugger meets one process (`pytest tests/test_api.py`, `-n0`, `--pdb`, `-p no:xdist`), and the
+fixtures of a file are made once. Two processes drive a browser, one for tests of the lab, one for tests of the server: with more,
+pages draw so slowly on two processors that they time out. These two start first, as they take longest; then come the servers.
 """
 
 import os
@@ -13,24 +13,24 @@ from pathlib import Path
 import pytest
 
 MOST = 4
-"""Processes at most: more of them wait for those that drive browsers."""
+"""Largest number of processes: more would only wait for those that drive browsers."""
 WAITING = 2
-"""Processes more than there are processors: who drives a browser waits for it most of the time."""
+"""Processes beyond the number of processors: those that drive a browser wait for it most of the time."""
 BROWSERS = LAB_BROWSER, SERVER_BROWSER = "browser of the lab", "browser of the server"
-"""What the scheduler calls all files of a browser."""
+"""Names under which the scheduler groups all files of a browser."""
 
 FEW_AND_LONG = ("test_same_bits.py", "test_cluster.py", "test_bench.py", "test_documented.py", "test_plain_python.py")
-"""Files of few tests that take long: as the last ones they would leave a processor without work."""
+"""Files with few but long tests: run last, they would leave a processor idle."""
 
 
 def is_of_browser(test: str) -> bool:
-    """Whether a test's file drives a browser, by its name: the process that deals out the tests knows no more of them."""
+    """Whether a test's file drives a browser, judged by its name: the process that distributes the tests knows no more."""
     return test.partition("::")[0].endswith("_in_browser.py")
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_cmdline_main(config: pytest.Config) -> None:
-    """Choose the number of processes, if nobody did; have the kernels compiled once before they all want them."""
+    """Choose the number of processes if no option does; compile the kernels once before all processes need them."""
     if not config.pluginmanager.hasplugin("xdist") or hasattr(config, "workerinput"):
         return
     chosen = [Path(config.invocation_params.dir, name) for name in config.args]
@@ -44,7 +44,7 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log):
-    """By files, with those of a folder's browsers as one; what takes or waits long first, then what has most tests."""
+    """Schedule by file, all files of a browser as one; long or waiting files first, then those with the most tests."""
     if config.option.dist != "loadfile":
         return None
     from xdist.scheduler import LoadFileScheduling
@@ -63,12 +63,12 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log):
 
 
 def _turn(unit: str) -> int:
-    """Which turn a file has among others; within one the order stays."""
+    """Rank of a file in the schedule; files of the same rank keep their order."""
     return 0 if unit in BROWSERS else 1 if "/server/" in unit or unit.endswith(FEW_AND_LONG) else 2
 
 
 def _processors() -> int:
-    """Processors that this process may use."""
+    """Number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

@@ -16,7 +16,7 @@ from flexlab.presets import scenario_text
 from flexlab.sim.commands import Tap
 
 
-def test_a_scenario_is_a_name_a_file_a_value_or_plain_data(tmp_path: Path):
+def test_a_scenario_may_be_a_name_a_file_an_object_or_plain_data(tmp_path: Path):
     paper = flexlab.load_preset("paper")
     file = tmp_path / "mine.json"
     file.write_text(scenario_text(paper), encoding="utf-8")
@@ -44,13 +44,13 @@ def test_a_scenario_is_a_name_a_file_a_value_or_plain_data(tmp_path: Path):
         (["paper"], StudyError, "list is not a scenario"),
     ],
 )
-def test_what_is_no_scenario_is_said(given: object, kind: type[FlexlabError], says: str):
+def test_a_wrong_scenario_is_refused_in_one_line(given: object, kind: type[FlexlabError], says: str):
     with pytest.raises(kind, match=says) as caught:
         flexlab.simulate(given)  # type: ignore[arg-type]
     assert "\n" not in str(caught.value)
 
 
-def test_a_run_has_its_metrics_and_says_what_it_is_in_a_line(tmp_path: Path):
+def test_a_run_has_metrics_and_a_repr_of_one_line(tmp_path: Path):
     run = flexlab.simulate("paper", 1.0)
     assert run.metrics.settling_time == pytest.approx(0.44, abs=0.005)
     assert run.metrics.window == (0.0, 1.0)
@@ -67,7 +67,7 @@ def test_a_run_has_its_metrics_and_says_what_it_is_in_a_line(tmp_path: Path):
     assert refused.endswith("), 0 samples>")
 
 
-def test_a_run_is_a_table_and_a_figure_for_other_tools():
+def test_a_run_becomes_an_arrow_table_a_data_frame_and_a_figure():
     run = flexlab.simulate("paper", 0.1)
     table = run.to_arrow()
     assert table.num_rows == 101
@@ -86,7 +86,7 @@ def test_a_run_is_a_table_and_a_figure_for_other_tools():
         flexlab.simulate_many([{"gravity": 99}], progress=False)[0].plot()
 
 
-def test_notebooks_show_tables_without_anybodys_markup():
+def test_tables_in_notebooks_escape_the_markup_of_a_title():
     scenario = flexlab.load_preset("paper").replace({"title": "<script>alert(1)</script>"})
     run = flexlab.simulate(scenario, 0.05)
     for shown in (scenario, run, run.metrics, flexlab.modes(scenario)):
@@ -97,8 +97,8 @@ def test_notebooks_show_tables_without_anybodys_markup():
     assert "RMS internal force [N]" in run._repr_html_()
 
 
-def test_a_csv_is_read_by_plain_readers(tmp_path: Path):
-    """As README says."""
+def test_pandas_and_numpy_read_an_exported_csv(tmp_path: Path):
+    """The documentation shows both calls."""
     run = flexlab.simulate("paper", 0.05)
     file = export_run(run, tmp_path / "run.csv")
     frame = pandas.read_csv(file, comment="#")
@@ -123,7 +123,7 @@ def test_a_saved_run_is_read_again_bit_for_bit(tmp_path: Path, monkeypatch: pyte
         flexlab.read(7)  # type: ignore[arg-type]
 
 
-def test_dir_and_all_are_complete():
+def test_dir_and_all_list_every_public_name():
     assert set(flexlab.__all__) == {"__version__", *flexlab._HOMES}
     assert set(flexlab.__all__) <= set(dir(flexlab))
     for name in flexlab.__all__:
@@ -132,20 +132,20 @@ def test_dir_and_all_are_complete():
         _ = flexlab.simulat  # type: ignore[attr-defined]
 
 
-def test_tab_offers_no_name_that_is_not_flexlabs():
+def test_tab_completion_offers_no_names_of_other_modules():
     assert not {"Any", "annotations"} & set(dir(flexlab))
 
 
 @pytest.mark.parametrize(
     ("package", "now"), [("own_laws", "flexlab.Measurement and"), ("own_paths", "flexlab.OwnPath")]
 )
-def test_a_package_of_an_earlier_version_is_answered_with_what_took_its_place(package: str, now: str):
+def test_a_removed_package_is_answered_with_its_replacement(package: str, now: str):
     with pytest.raises(AttributeError, match=f"no attribute '{package}': since 0.3.0 take {now}"):
         getattr(flexlab, package)
 
 
-def test_results_can_be_compared_and_counted():
-    """A comparison of two raised "the truth value of an array is ambiguous", and none could be in a set."""
+def test_results_can_be_compared_and_put_in_a_set():
+    """`==` raised "the truth value of an array is ambiguous", and no result could be put in a set."""
     run = flexlab.simulate("paper", 0.3)
     tapped = flexlab.simulate("paper", 0.6, commands=[(0.1, Tap(0.0, (0.0, 0.05)))])
     for first, second in (
@@ -159,7 +159,7 @@ def test_results_can_be_compared_and_counted():
 
 
 def test_type_checkers_see_the_public_names(root: Path, tmp_path: Path):
-    """As a user's own file, beside the installed package: py.typed is there, and names have types."""
+    """In a user's own file beside the installed package: py.typed is there, and names have types."""
     assert (root / "flexlab" / "py.typed").exists()
     own = tmp_path / "own.py"
     own.write_text(
@@ -181,8 +181,8 @@ def test_type_checkers_see_the_public_names(root: Path, tmp_path: Path):
     assert "0 errors" in done.stdout
 
 
-def test_importing_is_quick_and_lean():
-    """The names are there without what they need."""
+def test_importing_flexlab_loads_no_heavy_library():
+    """`dir` knows the public names before the libraries behind them are loaded."""
     code = (
         "import flexlab, sys; dir(flexlab); print(*sorted({'numba', 'numpy', 'pydantic', 'rerun'} & set(sys.modules)))"
     )
@@ -190,7 +190,7 @@ def test_importing_is_quick_and_lean():
     assert done.stdout.strip() == ""
 
 
-def test_a_run_is_a_dataset_with_named_axes():
+def test_a_run_becomes_an_xarray_dataset_with_named_axes():
     run = flexlab.simulate("paper", 0.05)
     data = run.to_xarray()
     torque = data.joint_torque.sel(arm="right", joint="2")

@@ -1,4 +1,4 @@
-"""What no argument of a Python function can be is refused in one sentence that names it, and nothing is taken for a yes."""
+"""Wrong arguments of Python functions are refused in one sentence that names the argument; only True counts as a yes."""
 
 import math
 import pydoc
@@ -43,7 +43,7 @@ def one_sentence(ask: Callable[[], object], *says: str) -> None:
 
 
 @pytest.mark.parametrize("given", NO_PATH)
-def test_a_folder_is_a_path(run: flexlab.Run, given: Any, tmp_path: Path):
+def test_a_folder_or_file_must_be_a_path(run: flexlab.Run, given: Any, tmp_path: Path):
     one_sentence(lambda: flexlab.compare(run, "newest", logs=given), "logs = ", "is not a path")
     one_sentence(lambda: flexlab.replay("newest", logs=given), "logs = ", "is not a path")
     one_sentence(lambda: flexlab.fit("newest", logs=given), "logs = ", "is not a path")
@@ -54,7 +54,7 @@ def test_a_folder_is_a_path(run: flexlab.Run, given: Any, tmp_path: Path):
 
 
 @pytest.mark.parametrize("file", ["a\0.py", "a\0.csv", "a\0.fmu", "\ud800.py", "\ud800.csv"])
-def test_a_file_that_no_file_can_be_is_said(file: str):
+def test_an_impossible_file_name_is_refused(file: str):
     asked: list[Callable[[], object]] = [lambda: flexlab.simulate("paper", 0.01, path=file)]
     if not file.endswith(".csv"):
         asked += [lambda: flexlab.simulate("paper", 0.01, law=file)]
@@ -63,7 +63,7 @@ def test_a_file_that_no_file_can_be_is_said(file: str):
 
 
 @pytest.mark.parametrize("given", NO_TIME)
-def test_a_time_is_a_finite_number(run: flexlab.Run, given: Any, tmp_path: Path):
+def test_a_time_must_be_a_finite_number(run: flexlab.Run, given: Any, tmp_path: Path):
     for name in ("start", "end"):
         one_sentence(lambda name=name: flexlab.export(run, tmp_path / "a.csv", **{name: given}), f"{name} = ", " s is")
         one_sentence(lambda name=name: flexlab.fit(run, **{name: given}), f"{name} = ", " s is not usable")
@@ -74,42 +74,42 @@ def test_a_time_is_a_finite_number(run: flexlab.Run, given: Any, tmp_path: Path)
 
 
 @pytest.mark.parametrize("duration", [1e300, 1e308, 10**300])
-def test_a_duration_that_no_memory_holds_is_said(duration: float):
+def test_a_duration_too_long_for_the_memory_is_refused(duration: float):
     one_sentence(lambda: flexlab.simulate("paper", duration), "samples, over", "choose a shorter duration")
 
 
-def test_a_fraction_is_a_number():
+def test_a_duration_and_a_period_may_be_fractions():
     run = flexlab.simulate("paper", Fraction(1, 50), Fraction(1, 1000))
     assert run.result_hash == flexlab.simulate("paper", 0.02).result_hash
 
 
 @pytest.mark.parametrize("accuracy", [-1.0, -1e-9])
-def test_an_accuracy_is_not_below_zero(accuracy: float):
+def test_a_negative_accuracy_is_refused(accuracy: float):
     one_sentence(lambda: flexlab.sweep("paper", {EI: [50.0]}, accuracy=accuracy), "accuracy = -1", "of at least 0")
 
 
 @pytest.mark.parametrize("given", NO_FLAG)
-def test_nothing_is_taken_for_a_yes(run: flexlab.Run, given: Any):
+def test_a_flag_must_be_true_or_false(run: flexlab.Run, given: Any):
     asked: dict[str, Callable[[], object]] = {
         "check": lambda: flexlab.simulate("paper", 0.01, check=given),
         "progress": lambda: flexlab.simulate_many(["paper"], 0.01, progress=given),
         "run_own_law": lambda: flexlab.replay("newest", run_own_law=given),
         "long": lambda: flexlab.leaderboard(["pd"], ["B1"], long=given),
     }
-    if given is not None:  # That is "by itself".
+    if given is not None:  # The inputs then decide.
         asked["closed"] = lambda: flexlab.linearize("paper", closed=given)
     for name, ask in asked.items():
         one_sentence(ask, f"{name} = ", "give True or False")
 
 
 @pytest.mark.parametrize("given", NO_TEXT)
-def test_a_signal_is_a_name(run: flexlab.Run, given: Any):
+def test_a_signal_must_be_a_name(run: flexlab.Run, given: Any):
     one_sentence(lambda: flexlab.fit(run, signal=given), "signal = ", "give a text")
     one_sentence(lambda: flexlab.fit(run, time=given), "time = ", "give a text")
 
 
 @pytest.mark.parametrize("given", [None, 5, b"x", 1.5, ("payload",), object()])
-def test_a_field_is_a_name(given: Any):
+def test_a_field_must_be_a_name(given: Any):
     scenario = flexlab.load_preset("paper")
     one_sentence(lambda: scenario.get(given), "is not a scenario field")
     one_sentence(lambda: scenario.about(given), "is not a scenario field")
@@ -117,7 +117,7 @@ def test_a_field_is_a_name(given: Any):
 
 
 @pytest.mark.parametrize("given", NO_PATH)
-def test_a_folder_of_presets_is_a_path(given: Any):
+def test_a_folder_of_presets_must_be_a_path(given: Any):
     one_sentence(lambda: flexlab.load_preset("paper", given), "own = ", "is not a path")
     one_sentence(lambda: flexlab.preset_names(given), "own = ", "is not a path")
 
@@ -129,12 +129,12 @@ def test_a_folder_of_presets_may_be_a_text(tmp_path: Path):
 
 
 @pytest.mark.parametrize("given", [0, None, slice(0, 2), ("pose",)])
-def test_samples_are_asked_for_signals_by_name(run: flexlab.Run, given: Any):
+def test_a_run_is_indexed_by_the_names_of_its_signals(run: flexlab.Run, given: Any):
     with pytest.raises(TypeError, match=r"names no signal: give a name, as in \['pose'\]"):
         run[given]
 
 
-def test_what_would_be_ignored_is_refused(run: flexlab.Run, tmp_path: Path):
+def test_an_option_that_would_have_no_effect_is_refused(run: flexlab.Run, tmp_path: Path):
     one_sentence(lambda: flexlab.fit(run, time="t"), "time = 't' names a column of a file")
     one_sentence(lambda: flexlab.export("paper", tmp_path / "a.urdf", part="law"), "part: an option of units")
     for name in ("a.urdf", "a.xml", "a.fmu"):
@@ -144,13 +144,13 @@ def test_what_would_be_ignored_is_refused(run: flexlab.Run, tmp_path: Path):
 
 
 @pytest.mark.parametrize("pose", [10**400, (0, 10**400, 0), np.array([0, 0.75, 1j]), ["0", "0.75", "0"], "a" * 5000])
-def test_a_pose_is_three_numbers(pose: Any):
+def test_a_pose_must_be_three_numbers(pose: Any):
     one_sentence(lambda: flexlab.modes("paper", pose), "pose = ", "give three numbers")
     one_sentence(lambda: flexlab.linearize("paper", pose), "pose = ", "give three numbers")
 
 
 @pytest.mark.parametrize("given", [-1, 1.5, "1", None, True, [1], object()])
-def test_a_seed_is_a_whole_number(given: Any):
+def test_a_seed_must_be_a_whole_number(given: Any):
     one_sentence(lambda: flexlab.tune("paper", {EI: "50:60"}, duration=0.01, candidates=8, seed=given), "seed = ")
     one_sentence(
         lambda: flexlab.sweep("paper", {EI: "50:60"}, 0.01, design="sobol", samples=2, seed=given),
@@ -160,25 +160,25 @@ def test_a_seed_is_a_whole_number(given: Any):
 
 
 @pytest.mark.parametrize("given", [None, 0, -5, 2.5, "all", [1], np.zeros(2), math.nan])
-def test_a_number_of_cells_is_a_whole_number(given: Any):
+def test_a_number_of_cells_must_be_a_whole_number(given: Any):
     one_sentence(lambda: flexlab.sweep("paper", {EI: [50.0]}, 0.01, most_cells=given), "most_cells = ", "at least 1")
 
 
 @pytest.mark.parametrize("count", ["1000001", "99999999999", "1" * 300])
-def test_a_range_has_no_more_values_than_memory_holds(count: str):
+def test_a_range_with_too_many_values_is_refused(count: str):
     one_sentence(lambda: flexlab.sweep("paper", {EI: f"50:60:{count}"}), "a range has 2 to")
 
 
-def test_a_cost_is_a_number_that_a_float_holds():
+def test_a_cost_must_fit_in_a_float():
     one_sentence(lambda: flexlab.tune("paper", {EI: "50:60"}, cost={"rms_error.y": 10**400}), "cost: rms_error.y=1")
 
 
 @pytest.mark.parametrize("height", [None, "100%", '1" onload="x', -1, 0, 2.5, math.nan, [1]])
-def test_the_height_of_a_cell_is_a_number_of_pixels(height: Any):
+def test_the_height_of_a_lab_must_be_a_number_of_pixels(height: Any):
     one_sentence(lambda: flexlab.Lab(height=height), "height = ", "give a whole number of at least 1")
 
 
-def test_a_metric_has_a_unit_a_title_and_a_named_function():
+def test_a_metric_must_have_a_unit_a_title_and_a_named_function():
     def work(samples: flexlab.Samples) -> float:
         return 1.0
 
@@ -195,7 +195,7 @@ def test_a_metric_has_a_unit_a_title_and_a_named_function():
 
 
 @pytest.mark.parametrize("gives", [1j, np.array([1 + 2j]), "3.0", None, np.array("3"), {"J": 1.0}])
-def test_a_metric_gives_real_numbers(run: flexlab.Run, gives: Any):
+def test_a_metric_must_return_real_numbers(run: flexlab.Run, gives: Any):
     from flexlab.analysis.metrics.metric import forget
 
     @flexlab.metric("J")
@@ -208,7 +208,7 @@ def test_a_metric_gives_real_numbers(run: flexlab.Run, gives: Any):
         forget("odd_work")
 
 
-def test_long_names_are_not_repeated_whole(run: flexlab.Run):
+def test_a_refusal_does_not_repeat_a_very_long_name(run: flexlab.Run):
     long = "a" * 5000
     for ask in (
         lambda: flexlab.simulate(long),
@@ -231,7 +231,7 @@ def test_one_number_is_no_list_of_scenarios():
 @pytest.mark.parametrize(
     "given", [None, 5, "ab", (), (1,), (0, 0, 0), {0, 1}, {}, np.array(1.0), np.zeros(3), object()]
 )
-def test_a_point_of_a_hand_is_two_numbers(given: Any):
+def test_the_point_of_a_pull_or_tap_must_be_two_numbers(given: Any):
     for name, command in {"pull target": Pull(0.1, given, 1.0), "tap": Tap(0.1, given)}.items():
         one_sentence(
             lambda command=command: flexlab.simulate("paper", 0.01, commands=[(0.0, command)]), f"{name} = ", "(x, y)"
@@ -241,14 +241,14 @@ def test_a_point_of_a_hand_is_two_numbers(given: Any):
 @pytest.mark.parametrize(
     "link", [np.zeros(2), np.array(1.0), (1.0, 2.0), (True, True), "11", 5, (1, 1, 1), (np.zeros(2), 1)]
 )
-def test_a_link_is_two_whole_numbers(link: Any):
+def test_a_pulled_link_must_be_two_whole_numbers(link: Any):
     one_sentence(
         lambda: flexlab.simulate("paper", 0.01, commands=[(0.0, Pull(0.1, (0, 0), 1.0, link))]), "pulled link = "
     )
 
 
 @pytest.mark.parametrize("given", [10**400, "a" * 5000])
-def test_a_hand_takes_no_number_that_no_float_holds(given: Any):
+def test_the_numbers_of_a_pull_or_tap_must_fit_in_a_float(given: Any):
     for command in (
         Pull(given, (0, 0), 1.0),
         Pull(0.1, (given, 0), 1.0),
@@ -259,7 +259,7 @@ def test_a_hand_takes_no_number_that_no_float_holds(given: Any):
 
 
 @pytest.mark.parametrize("given", [[], {}, np.zeros(0), None, object()])
-def test_a_unit_has_a_part_a_version_and_a_period(given: Any, tmp_path: Path):
+def test_a_unit_with_a_wrong_part_version_or_period_is_refused(given: Any, tmp_path: Path):
     file = tmp_path / "a.fmu"
     one_sentence(lambda: flexlab.export_fmu("paper", file, part=given), "part = ", "is not a part")
     one_sentence(lambda: flexlab.export_fmu("paper", file, version=given), "fmi = ", "choose 2 or 3")
@@ -268,7 +268,7 @@ def test_a_unit_has_a_part_a_version_and_a_period(given: Any, tmp_path: Path):
 
 
 @pytest.mark.parametrize("given", [5, math.nan, "leaderbord", object(), [], b"rms_error.y", np.zeros(3)])
-def test_a_metric_is_a_known_name(run: flexlab.Run, given: Any, tmp_path: Path):
+def test_a_metric_must_be_a_known_name(run: flexlab.Run, given: Any, tmp_path: Path):
     one_sentence(lambda: run.metrics[given], " is not a metric: choose one of ")
     swept = flexlab.sweep("paper", {EI: [50.0]}, 0.01, folder=tmp_path, progress=False)
     tuned = flexlab.tune("paper", {EI: "50:60"}, duration=0.01, candidates=8, progress=False)
@@ -277,8 +277,8 @@ def test_a_metric_is_a_known_name(run: flexlab.Run, given: Any, tmp_path: Path):
 
 
 @pytest.mark.parametrize("file", ["a.csv", "a.npz", "a.html", "a.zip", "a.urdf", "a.fmu"])
-def test_an_option_that_export_does_not_have_is_said(run: flexlab.Run, file: str, tmp_path: Path):
-    """A unit's was a TypeError that spoke of another function, and a table's was called an option of units."""
+def test_an_unknown_option_of_export_is_refused(run: flexlab.Run, file: str, tmp_path: Path):
+    """For a unit it was a TypeError about another function, and for a table it was called an option of units."""
     one_sentence(
         lambda: flexlab.export(run, tmp_path / file, nope=1), "nope: export has no such option: there are start"
     )
@@ -289,25 +289,25 @@ def test_an_option_that_export_does_not_have_is_said(run: flexlab.Run, file: str
 
 
 @pytest.mark.parametrize("given", ["", "pd", 5, -1, math.nan, True, object(), {"pd": 1}, {"pd"}])
-def test_laws_and_cases_are_lists(given: Any):
+def test_laws_and_cases_must_be_lists(given: Any):
     for name in ("laws", "more_laws", "cases"):
         asked: dict[str, Any] = {"laws": ["pd"], "cases": ["B1"], name: given}
         one_sentence(lambda asked=asked: flexlab.leaderboard(**asked), f"{name} = ", "is not a list")
 
 
-def test_a_leaderboard_of_nothing_is_said():
+def test_a_leaderboard_without_laws_or_cases_is_refused():
     one_sentence(lambda: flexlab.leaderboard([], ["B1"]), "laws is empty: name one law or more")
     one_sentence(lambda: flexlab.leaderboard(["pd"], []), "cases is empty: name one case or more")
 
 
 @pytest.mark.parametrize("given", [np.zeros(3), 5, True, "x", object(), [5]])
-def test_what_varies_is_a_dictionary_or_a_list(given: Any):
+def test_changes_and_robust_scenarios_must_be_a_dictionary_or_a_list(given: Any):
     one_sentence(lambda: flexlab.tune("paper", {EI: "50:60"}, robust=given, duration=0.01, candidates=8), "not")
     one_sentence(lambda: flexlab.tune("paper", given, duration=0.01, candidates=8), "change = ", "is not usable")
 
 
 @pytest.mark.parametrize("given", NO_TEXT)
-def test_a_cluster_is_the_text_of_an_address(given: Any):
+def test_a_cluster_must_be_an_address(given: Any):
     one_sentence(lambda: flexlab.simulate_many(["paper"], 0.01, cluster=given), "cluster = ", "as in 'tcp://HOST:8786'")
 
 
@@ -318,8 +318,8 @@ def test_a_cluster_is_the_text_of_an_address(given: Any):
         ({"payload": {"damping.coefficient": 1}}, '{"damping": {"coefficient": …}}'),
     ],
 )
-def test_a_path_as_a_key_is_to_be_nested(given: Any, nested: str):
-    """The sentence was: 'payload.length' is not a scenario field: did you mean payload.length?"""
+def test_a_dotted_path_as_a_key_is_answered_with_the_nested_form(given: Any, nested: str):
+    """The answer was: 'payload.length' is not a scenario field: did you mean payload.length?"""
     one_sentence(lambda: flexlab.simulate(given, 0.01), "names a field by its path", nested)
 
 

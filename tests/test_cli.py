@@ -34,7 +34,7 @@ print(json.dumps(said))
 
 @pytest.fixture(scope="module")
 def explained() -> dict[str, list]:
-    """Of each command: the exit code of its help, what that says, what it complains of, and what it loads that is heavy."""
+    """For each command: exit code, output and errors of its `--help`, and the heavy libraries loaded by then."""
     return json.loads(subprocess.run([sys.executable, "-c", HELP], capture_output=True, text=True, check=True).stdout)
 
 
@@ -48,7 +48,7 @@ def test_help_shows_every_command(flexlab_process: Command):
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_every_command_explains_itself_and_loads_nothing_heavy(explained: dict[str, list], name: str):
+def test_every_command_has_help_that_loads_no_heavy_library(explained: dict[str, list], name: str):
     code, said, complained, heavy = explained[name]
     assert (code, complained, heavy) == (0, "", [])
     assert said.startswith(f"usage: flexlab {name}")
@@ -69,7 +69,7 @@ def test_presets_are_listed_with_what_to_watch(flexlab_command: Command):
 
 
 @pytest.mark.parametrize(("words", "expected"), [(("presets",), "paper "), (("run", "--help"), "usage: flexlab run")])
-def test_a_terminal_without_room_is_written_to_as_if_it_had_some(root: Path, words: tuple[str, ...], expected: str):
+def test_a_terminal_of_no_width_is_written_to_as_one_of_40_columns(root: Path, words: tuple[str, ...], expected: str):
     # With one column the help took minutes; with none there were no presets.
     said = [
         subprocess.run(
@@ -83,7 +83,7 @@ def test_a_terminal_without_room_is_written_to_as_if_it_had_some(root: Path, wor
 
 
 @pytest.mark.parametrize("size", ["²", "-5", "x", "", "9" * 5000])
-def test_a_terminal_of_no_known_size_is_written_to(root: Path, size: str):
+def test_a_terminal_of_unknown_size_is_written_to(root: Path, size: str):
     done = subprocess.run(
         [sys.executable, "-m", "flexlab", "presets"], cwd=root, env=os.environ | {"COLUMNS": size, "LINES": size},
         capture_output=True, text=True, encoding="utf-8", timeout=120, check=False,
@@ -92,7 +92,7 @@ def test_a_terminal_of_no_known_size_is_written_to(root: Path, size: str):
     assert done.stdout.startswith("paper ")
 
 
-def test_a_preset_is_printed_changed_as_a_scenario_file(flexlab_command: Command, tmp_path: Path):
+def test_a_changed_preset_is_printed_as_a_scenario_file(flexlab_command: Command, tmp_path: Path):
     done = flexlab_command("presets", "soft-beam", "--set", "gravity=9.81", "--law", "pd")
     assert done.returncode == 0, done.stderr
     (tmp_path / "mine.json").write_text(done.stdout, encoding="utf-8")
@@ -143,7 +143,7 @@ def test_a_closed_pipe_is_no_error(root: Path):
 
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 @pytest.mark.parametrize("words", [["--version"], ["--help"], ["presets", "paper"], ["completion", "bash"]])
-def test_output_that_finds_no_room_is_one_sentence(words: list[str], unbuffered: str):
+def test_output_to_a_full_disk_ends_in_one_sentence(words: list[str], unbuffered: str):
     command = [sys.executable, "-m", "flexlab", *words]
     environment = os.environ | {"PYTHONUNBUFFERED": unbuffered}
     with open("/dev/full", "w") as full:

@@ -1,4 +1,4 @@
-"""`flexlab compare` says what differs and lays the runs over each other, in a file or in the viewer."""
+"""`flexlab compare` says what differs and overlays the runs, in a file or in the viewer."""
 
 import json
 import urllib.request
@@ -17,7 +17,7 @@ from flexlab.sim.simulate import simulate
 
 @pytest.fixture
 def logs(tmp_path: Path) -> Path:
-    """Two runs, the newer one with a softer beam and shorter."""
+    """Two runs; the newer one is shorter and has a softer beam."""
     paper = load_preset("paper")
     write_run(simulate(paper, duration=0.3), tmp_path / "logs", "stiff")
     softer = paper.replace({"payload.bending_stiffness": 60.0})
@@ -41,7 +41,7 @@ def test_tables_are_printed_and_the_overlay_is_saved_and_opens_again(
         assert page.status == 200
 
 
-def test_without_a_file_the_viewer_shows_it(logs: Path, tmp_path: Path):
+def test_without_a_file_the_viewer_shows_the_overlay(logs: Path, tmp_path: Path):
     lines = showing(tmp_path, "compare", "newest", "newest")
     assert "No setting differs.\n" in lines
     assert "The overlay is open at\n" in lines

@@ -1,4 +1,4 @@
-"""`flexlab completion` prints and installs what shells take; the shell then completes commands."""
+"""`flexlab completion` prints and installs scripts with which shells complete the commands."""
 
 import os
 import pwd
@@ -15,7 +15,7 @@ from flexlab.cli import COMMANDS, main
 BASH = shutil.which("bash")
 
 
-def test_bash_completes_commands_and_options_after_one_command(
+def test_bash_completes_commands_and_options_once_installed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
     monkeypatch.setenv("HOME", str(tmp_path))
@@ -52,8 +52,8 @@ def test_an_unknown_shell_is_one_sentence(flexlab_command: Callable, monkeypatch
     assert done.stderr == "The shell tcsh is not known: name bash, zsh or fish.\n"
 
 
-def test_who_has_no_home_is_told_so(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
-    """As the user of a container may have none, and no name: `completion --install` ended in a traceback."""
+def test_a_user_without_a_home_is_told_so(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+    """A container's user may have neither home nor name: `completion --install` ended in a traceback."""
 
     def unknown(number: int) -> NoReturn:
         raise KeyError(number)
@@ -69,8 +69,8 @@ def test_who_has_no_home_is_told_so(monkeypatch: pytest.MonkeyPatch, capsys: pyt
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_help_offers_no_value_that_means_nothing(command: str, capsys: pytest.CaptureFixture[str]):
-    """`--part {None,plant,…}` and "(default: None)" told what Python has, and not what to write."""
+def test_help_does_not_show_the_none_of_python(command: str, capsys: pytest.CaptureFixture[str]):
+    """`--part {None,plant,…}` and "(default: None)" said what Python holds, not what to write."""
     with pytest.raises(SystemExit):
         main([*([] if command == "lab" else [command]), "--help"])
     assert "None" not in capsys.readouterr().out

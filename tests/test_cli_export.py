@@ -1,4 +1,4 @@
-"""`flexlab export`, `import` and `replay`: a run goes out and comes back, and is the same, bit for bit."""
+"""`flexlab export`, `import` and `replay`: a run that is exported and imported again is the same, bit for bit."""
 
 import zipfile
 from dataclasses import replace
@@ -38,7 +38,7 @@ def bits(samples: Samples) -> list[bytes]:
 
 
 def test_a_file_may_have_as_long_a_name_as_the_system_takes(flexlab_command: Command, tapped: Path, tmp_path: Path):
-    """Its draft had a longer one."""
+    """Its temporary draft had a longer name."""
     name = f"{'ü' * 125}y.csv"
     assert len(name.encode()) == 255
     out = flexlab_command("export", tapped.stem, "--to", name)
@@ -47,7 +47,7 @@ def test_a_file_may_have_as_long_a_name_as_the_system_takes(flexlab_command: Com
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".npz"])
-def test_a_run_comes_back_as_it_went(flexlab_command: Command, tapped: Path, tmp_path: Path, suffix: str):
+def test_an_exported_run_is_imported_bit_for_bit(flexlab_command: Command, tapped: Path, tmp_path: Path, suffix: str):
     out = flexlab_command("export", tapped.stem, "--to", f"out{suffix}")
     assert out.returncode == 0, out.stderr
     assert out.stdout.startswith(f"out{suffix}  ")
@@ -64,7 +64,7 @@ def test_a_run_comes_back_as_it_went(flexlab_command: Command, tapped: Path, tmp
     )
 
 
-def test_a_part_and_the_figures(flexlab_command: Command, tapped: Path, tmp_path: Path):
+def test_part_of_a_run_and_its_figures_are_exported(flexlab_command: Command, tapped: Path, tmp_path: Path):
     done = flexlab_command("export", "--to", "part.csv", "--start", "0.1", "--end", "0.2", "--figures", "SVG")
     assert done.returncode == 0, done.stderr
     assert len((tmp_path / "part.csv").read_text().splitlines()) == 2 + 101
@@ -72,7 +72,7 @@ def test_a_part_and_the_figures(flexlab_command: Command, tapped: Path, tmp_path
     assert figures == {path.name for path in tmp_path.glob("*.svg")} == set(done.stdout.split()[-4:])
 
 
-def test_a_preset_goes_out_as_a_unit(flexlab_command: Command, tmp_path: Path):
+def test_a_preset_is_exported_as_a_unit(flexlab_command: Command, tmp_path: Path):
     done = flexlab_command("export", "paper", "--to", "paper.fmu", "--fmi", "2", "--part", "loop")
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("paper.fmu  ")
@@ -80,7 +80,7 @@ def test_a_preset_goes_out_as_a_unit(flexlab_command: Command, tmp_path: Path):
         assert b'fmiVersion="2.0" modelName="paper (loop)"' in archive.read("modelDescription.xml")
 
 
-def test_a_preset_goes_out_as_bodies(flexlab_command: Command, tmp_path: Path):
+def test_a_preset_is_exported_as_urdf_and_as_mujoco_xml(flexlab_command: Command, tmp_path: Path):
     for file, head in (("paper.urdf", '<robot name="paper">'), ("paper.xml", '<mujoco model="paper">')):
         done = flexlab_command("export", "paper", "--to", file)
         assert done.returncode == 0, done.stderr

@@ -1,4 +1,4 @@
-"""Ctrl-C at any moment, as a program loads or a law is asked, is nobody's fault: it ends quietly, as interrupted."""
+"""Ctrl-C at any moment, while modules load or a law computes, ends the program quietly and blames nobody."""
 
 import subprocess
 import sys
@@ -21,7 +21,7 @@ sys.meta_path.insert(0, Pressing())
 sys.argv = ["flexlab", *{words!r}]
 runpy.run_module("flexlab", run_name="__main__", alter_sys=True)
 """
-"""Ctrl-C at the moment at which a module begins to load."""
+"""A program that presses Ctrl-C the moment a module begins to load."""
 PRESS = "os.kill(os.getpid(), signal.SIGINT)"
 AS_ANOTHER_ERROR = f"""
             try:
@@ -47,11 +47,11 @@ if at.time > 0.02:
     os.kill(int(open(f"/proc/{os.getppid()}/stat").read().rpartition(")")[2].split()[1]), signal.SIGINT)
     time.sleep(%s)
 """
-"""Of a law: Ctrl-C for the command that asks it, which is above its supervisor, some time before the answer, s."""
+"""Statements in a law that press Ctrl-C on the command, the parent of its supervisor, `%s` seconds before the answer."""
 
 
 @pytest.mark.parametrize("before", [0.005, 0.06, 600.0])
-def test_ctrl_c_while_a_law_is_asked_is_no_fault_of_the_law(
+def test_ctrl_c_while_a_law_computes_is_not_blamed_on_the_law(
     before: float, flexlab_process: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
 ):
     (tmp_path / "presses.py").write_text(at_work(PRESS_AT_WORK % before))
@@ -75,8 +75,8 @@ for number in range(40):
 """
 
 
-def test_ctrl_c_in_python_ends_a_run_with_a_law_wherever_it_finds_it(tmp_path: Path):
-    """In the law, or in machine code: then Python raises it before the law's next call begins, and drops it."""
+def test_ctrl_c_in_python_ends_a_run_with_a_law_wherever_it_comes(tmp_path: Path):
+    """It may come in the law or in machine code, where Python raises it just before the law's next call, then drops it."""
     (tmp_path / "own_pd.py").write_text(PD)
     command = [sys.executable, "-c", PRESSED_OFTEN]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
@@ -106,8 +106,8 @@ if builtins.calls - 1 == builtins.pressed:
 """
 
 
-def test_ctrl_c_in_the_last_call_of_a_run_ends_what_follows(tmp_path: Path):
-    """No step waits for that call, so that the run is over; a script would go on with its next one."""
+def test_ctrl_c_in_the_last_call_of_a_law_is_not_lost(tmp_path: Path):
+    """No step follows that call, so the run ends without seeing it, and a script would go on with its next run."""
     (tmp_path / "presses.py").write_text(at_work(PRESS_IN_ONE_CALL))
     command = [sys.executable, "-c", PRESSED_IN_EACH_CALL]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)

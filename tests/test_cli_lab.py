@@ -1,4 +1,4 @@
-"""`flexlab` as a person starts it: serves a page, records, ends on Ctrl-C, refuses what it cannot do."""
+"""`flexlab` as a user starts it: serves a page, records, ends on Ctrl-C, refuses what it cannot do."""
 
 import re
 import signal
@@ -12,7 +12,7 @@ from lab_process import Command, Lab, answer, refused
 
 
 def recording_of_the_ended(lab: Lab, how: signal.Signals) -> Path:
-    """End a lab that has recorded something; the recording that it names."""
+    """End a lab once it has recorded something; return the recording that it names."""
     lab.wait(lab.recordings)
     assert lab.end(how) == 0, lab.complained
     assert "Traceback" not in "".join(lab.complained)
@@ -74,7 +74,7 @@ def test_live_data_is_offered_with_rerun(start_lab: Callable[..., Lab]):
     recording_of_the_ended(lab, signal.SIGTERM)
 
 
-def test_private_labs_for_others_ask_for_their_token_open_and_close(start_lab: Callable[..., Lab]):
+def test_private_labs_for_others_open_with_their_token_only_and_close(start_lab: Callable[..., Lab]):
     lab = start_lab("--host", "0.0.0.0", "--private", "--max-sessions", "1")
     url = lab.url()
     assert "?token=" in url
@@ -84,7 +84,7 @@ def test_private_labs_for_others_ask_for_their_token_open_and_close(start_lab: C
     assert "Traceback" not in "".join(lab.complained)
 
 
-def test_a_token_on_this_machine_makes_a_teacher_who_is_told_the_address(start_lab: Callable[..., Lab]):
+def test_a_lab_with_a_token_prints_a_secret_address_for_the_teacher(start_lab: Callable[..., Lab]):
     lab = start_lab("--token", "the-word-of-the-class")
     assert answer(lab.url()) == 200
     page = lab.wait(lambda: re.search(r"for the teacher: (http://\S+)", "".join(lab.said)))[1]

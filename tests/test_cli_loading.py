@@ -1,4 +1,4 @@
-"""What `flexlab.cli.warmup` leaves out is there as soon as somebody asks for it."""
+"""The modules that `flexlab.cli.warmup` puts off are loaded at their first use."""
 
 import gc
 import importlib
@@ -12,7 +12,7 @@ from flexlab.cli import warmup
 
 @pytest.fixture
 def module(tmp_path, monkeypatch):
-    """A module that says when it is read."""
+    """The name of a module that notes when it is executed."""
     (tmp_path / "seldom_asked.py").write_text("import sys\nsys.read_at_last = True\nanswer = 42\n")
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(sys, "read_at_last", False, raising=False)
@@ -21,7 +21,7 @@ def module(tmp_path, monkeypatch):
     gc.unfreeze()
 
 
-def test_a_module_that_nobody_asks_is_read_when_somebody_does(module, monkeypatch):
+def test_a_module_that_is_put_off_is_executed_at_its_first_use(module, monkeypatch):
     monkeypatch.setattr(warmup, "UNASKED", frozenset({module}))
     with warmup.loading():
         found = importlib.import_module(module)
@@ -30,7 +30,7 @@ def test_a_module_that_nobody_asks_is_read_when_somebody_does(module, monkeypatc
     assert sys.read_at_last  # type: ignore[attr-defined]
 
 
-def test_other_modules_and_later_ones_are_read_at_once(module, monkeypatch):
+def test_all_other_modules_are_executed_at_once(module, monkeypatch):
     before = list(sys.meta_path)
     with warmup.loading():
         importlib.import_module(module)
@@ -39,8 +39,8 @@ def test_other_modules_and_later_ones_are_read_at_once(module, monkeypatch):
     assert gc.isenabled()
 
 
-def test_a_lab_in_which_nobody_draws_or_fits_loads_no_library_for_it():
-    """Together they take as long to load as everything that flexlab itself has."""
+def test_a_lab_loads_no_library_for_figures_or_fits_at_its_start():
+    """Together these libraries take as long to load as all of flexlab itself."""
     program = "import sys, flexlab.server.front_server; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert "flexlab.analysis.figures" in done.stdout.split()

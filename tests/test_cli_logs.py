@@ -1,4 +1,4 @@
-"""`flexlab logs`: the table of runs, what is noted on them, and which of them go."""
+"""`flexlab logs`: the table of runs, the notes on them, and which of them are deleted."""
 
 import json
 import os
@@ -19,7 +19,7 @@ from flexlab.recording.store.run_files import list_runs
 from flexlab.sim.simulate import simulate
 
 MANY_RUNS, LISTED_WITHIN = 200, 2.0
-"""Runs, and s from the command to the end of its table."""
+"""Number of runs, and the longest time in which they may be listed, s."""
 
 DAY = 86400
 
@@ -36,7 +36,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def logs(made: Path, tmp_path: Path) -> Path:
-    """A copy of that folder, three more bad files in it; the paper's run is two days old, the soft beam's is new."""
+    """A copy of that folder with three bad files more; the paper's run is two days old, the soft beam's is new."""
     logs = tmp_path / "logs"
     shutil.copytree(made, logs)
     (logs / "garbage.rrd").write_bytes(b"junk" * 100)
@@ -81,13 +81,13 @@ def test_the_table_has_a_line_of_numbers_for_each_run(flexlab_command: Command, 
     assert "Without metrics: 3. flexlab logs --measure" in done.stderr
 
 
-def test_of_many_changes_the_table_shows_a_few(flexlab_command: Command, logs: Path):
+def test_the_table_shows_a_few_of_many_changes(flexlab_command: Command, logs: Path):
     write_notes(run_of(logs, "paper"), changes=[f"change {number}" for number in range(64)])
     assert "  change 0; change 1; change 2; 61 more" in good(flexlab_command("logs")).splitlines()
     assert "change 63" in good(flexlab_command("logs", run_of(logs, "paper").stem))
 
 
-def test_words_and_fields_choose_and_order(flexlab_command: Command, logs: Path):
+def test_runs_are_searched_by_words_and_sorted_by_fields(flexlab_command: Command, logs: Path):
     def names(*words: str) -> list[str]:
         return [row["preset"] for row in json.loads(good(flexlab_command("logs", "--json", *words)))]
 
@@ -102,7 +102,7 @@ def test_words_and_fields_choose_and_order(flexlab_command: Command, logs: Path)
     assert "No run of these has the words" in flexlab_command("logs", both[0], "--search", "soft").stderr
 
 
-def test_what_has_not_settled_comes_last_either_way(flexlab_command: Command, logs: Path):
+def test_runs_that_have_not_settled_come_last_in_either_order(flexlab_command: Command, logs: Path):
     write_notes(run_of(logs, "soft-beam"), metrics={"Vibration below 1 % after [s]": 0.25})
     for words in ([], ["--reverse"]):
         done = flexlab_command("logs", "--sort", "settled", "--search", "gravity: 0", *words)
@@ -113,7 +113,7 @@ def test_what_has_not_settled_comes_last_either_way(flexlab_command: Command, lo
     assert "has the words 'zzz'" in flexlab_command("logs", "--search", "zzz").stderr
 
 
-def test_all_is_told_of_one_run(flexlab_command: Command, logs: Path):
+def test_a_run_that_is_named_is_shown_with_all_its_metrics(flexlab_command: Command, logs: Path):
     path = run_of(logs, "paper")
     (row,) = json.loads(good(flexlab_command("logs", path.stem, "--json")))
     assert row["duration [s]"] == 0.3
@@ -126,14 +126,14 @@ def test_all_is_told_of_one_run(flexlab_command: Command, logs: Path):
     assert "gravity: 0 → 1" in text
 
 
-def test_a_run_is_a_name_its_beginning_a_file_or_newest(flexlab_command: Command, logs: Path):
+def test_a_run_is_found_by_its_name_its_beginning_its_file_or_newest(flexlab_command: Command, logs: Path):
     soft = run_of(logs, "soft-beam")
     for name in (soft.stem, soft.name, soft.stem[:-3], f"logs/{soft.name}", str(soft), "newest"):
         assert good(flexlab_command("logs", name)).splitlines()[0] == soft.stem, name
     assert good(flexlab_command("logs", "gar")).splitlines()[0] == "garbage"
 
 
-def test_notes_tags_and_marks_are_written(flexlab_command: Command, logs: Path):
+def test_notes_tags_and_the_mark_to_keep_are_written(flexlab_command: Command, logs: Path):
     words = ["--note", "look at [this]", "--tags", "a, b,a", "--keep"]
     text = good(flexlab_command("logs", "newest", *words))
     assert "look at [this]" in text
@@ -161,7 +161,7 @@ def test_deleting_asks_and_spares_what_is_kept(flexlab_command: Command, logs: P
     assert not soft.with_suffix(".json").exists()
 
 
-def test_limits_take_the_oldest_first_and_never_kept_ones(flexlab_command: Command, logs: Path):
+def test_limits_delete_the_oldest_runs_first_and_never_kept_ones(flexlab_command: Command, logs: Path):
     paper, soft = run_of(logs, "paper"), run_of(logs, "soft-beam")
     good(flexlab_command("logs", "torn", "--keep"))
     asked = flexlab_command("logs", "--max-age", "1.5")
@@ -176,7 +176,7 @@ def test_limits_take_the_oldest_first_and_never_kept_ones(flexlab_command: Comma
     assert "No run is over the limits" in good(flexlab_command("logs", "--max-size", "1e-6", "--yes"))
 
 
-def test_measuring_mends_and_measures_what_can_be_read(flexlab_command: Command, logs: Path):
+def test_measuring_repairs_and_measures_what_can_be_read(flexlab_command: Command, logs: Path):
     good(flexlab_command("logs", "--measure"))
     rows = {row["run"]: row for row in json.loads(good(flexlab_command("logs", "--json")))}
     assert rows["torn"]["state"] == "recovered"
@@ -184,7 +184,7 @@ def test_measuring_mends_and_measures_what_can_be_read(flexlab_command: Command,
     assert rows["garbage"]["metrics"] == {}
 
 
-def test_two_hundred_runs_are_listed_at_once(flexlab_command: Command, made: Path, tmp_path: Path):
+def test_two_hundred_runs_are_listed_within_two_seconds(flexlab_command: Command, made: Path, tmp_path: Path):
     (tmp_path / "logs").mkdir()
     for number in range(MANY_RUNS):
         for suffix in (".rrd", ".json"):

@@ -1,4 +1,4 @@
-"""Every command runs a person's law in a process of its own, whose end is a sentence and whose output has an end."""
+"""Every command runs a user's law in a process of its own: its end is told in a sentence, and its output is limited."""
 
 import re
 from pathlib import Path
@@ -19,7 +19,7 @@ COMMANDS = {
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_a_law_that_ends_its_process_ends_no_command(name: str, flexlab_command: Command, tmp_path: Path):
+def test_a_law_that_ends_its_process_does_not_end_the_command(name: str, flexlab_command: Command, tmp_path: Path):
     (tmp_path / "ends.py").write_text(at_work("if at.time > 0.02: os._exit(0)"))
     if name == "compare":
         assert flexlab_command("run", "paper", "--duration", "0.05").returncode == 0
@@ -30,7 +30,9 @@ def test_a_law_that_ends_its_process_ends_no_command(name: str, flexlab_command:
 
 
 @pytest.mark.parametrize("after", [-1.0, 0.02])
-def test_the_recorded_law_of_a_replay_ends_no_command(after: float, flexlab_command: Command, tmp_path: Path):
+def test_a_replayed_law_that_ends_its_process_does_not_end_the_command(
+    after: float, flexlab_command: Command, tmp_path: Path
+):
     (tmp_path / "ends.py").write_text(at_work(f"if at.time > {after} and os.path.exists('again'): os._exit(0)"))
     assert flexlab_command("run", "paper", "--duration", "0.05", "--law", "ends.py").returncode == 0
     (tmp_path / "again").touch()
@@ -39,7 +41,7 @@ def test_the_recorded_law_of_a_replay_ends_no_command(after: float, flexlab_comm
     assert "it ended its own process with os._exit" in " ".join(done.stdout.split())
 
 
-def test_what_a_law_prints_is_shown_obeyed_by_nobody_and_has_an_end(flexlab_process: Command, tmp_path: Path):
+def test_what_a_law_prints_is_escaped_and_cut_off(flexlab_process: Command, tmp_path: Path):
     (tmp_path / "prints.py").write_text(at_work("while at.time > 0.02: print('\\x1b[2J', 'x' * 100_000)"))
     done = flexlab_process("run", "paper", "--duration", "0.1", "--law", "prints.py")
     assert done.returncode == 1
@@ -50,7 +52,7 @@ def test_what_a_law_prints_is_shown_obeyed_by_nobody_and_has_an_end(flexlab_proc
     assert "act did not answer within 50 ms" in done.stderr
 
 
-def test_what_a_law_of_the_leaderboard_prints_is_no_part_of_the_table(flexlab_process: Command, tmp_path: Path):
+def test_what_a_law_prints_stays_out_of_the_table_of_the_leaderboard(flexlab_process: Command, tmp_path: Path):
     (tmp_path / "prints.py").write_text("print('hello', flush=True)\n" + PD)
     done = flexlab_process(*BOARD, "prints.py")
     assert done.returncode == 0, done.stderr

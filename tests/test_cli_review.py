@@ -1,4 +1,4 @@
-"""`flexlab review` serves a recording to the rerun viewer, the newest by default, and says why it cannot."""
+"""`flexlab review` serves a recording to the rerun viewer, the newest by default, or says why it cannot."""
 
 import re
 import signal
@@ -16,7 +16,7 @@ from flexlab.recording.viewer import review
 
 
 def showing(folder: Path, *words: str) -> list[str]:
-    """Start a command that opens the viewer, read the page it names, end it as Ctrl-C would; returns what it said."""
+    """Start a command that opens the viewer, read the page it names, end it as Ctrl-C would, and return its output."""
     with subprocess.Popen(
         [sys.executable, "-u", "-m", "flexlab", *words, "--no-browser"],
         cwd=folder,
@@ -72,7 +72,9 @@ def test_the_newest_or_a_named_or_a_torn_recording_opens(flexlab_command: Comman
         (["."], "cannot be read"),
     ],
 )
-def test_what_cannot_be_opened_is_one_sentence(flexlab_command: Command, tmp_path: Path, words: list[str], says: str):
+def test_a_recording_that_cannot_be_opened_is_one_sentence(
+    flexlab_command: Command, tmp_path: Path, words: list[str], says: str
+):
     (tmp_path / "empty.rrd").touch()
     (tmp_path / "junk.rrd").write_bytes(b"junk" * 1000)
     (tmp_path / "header.rrd").write_bytes(b"RRF2" + bytes(40))

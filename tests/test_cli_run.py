@@ -25,7 +25,7 @@ def test_a_run_is_recorded_and_summed_up(flexlab_process: Command, tmp_path: Pat
     assert float(rows["mid-span deflection"][0]) == pytest.approx(1.770, rel=0.01)
 
 
-def test_a_scenario_file_and_another_sample_period(flexlab_command: Command, tmp_path: Path):
+def test_a_scenario_file_runs_with_another_sample_period(flexlab_command: Command, tmp_path: Path):
     save_scenario(Scenario(title="Mine [bold]", gravity=1.0), tmp_path / "mine.json")
     done = flexlab_command("run", "mine.json", "--duration", "0.5", "--sample-period", "0.01")
     assert done.returncode == 0, done.stderr
@@ -41,7 +41,7 @@ def test_the_first_run_of_a_process_needs_no_title(flexlab_process: Command, tmp
     assert read_recording(path).scenario.title == ""
 
 
-def test_an_unreachable_path_ends_with_its_sentence(flexlab_command: Command, tmp_path: Path):
+def test_an_unreachable_path_ends_in_a_sentence(flexlab_command: Command, tmp_path: Path):
     far = Scenario().replace({"trajectory.center": [0.0, 1.6, 0.0]})
     save_scenario(far, tmp_path / "far.json")
     done = flexlab_command("run", "far.json", "--duration", "0.1")
@@ -51,7 +51,7 @@ def test_an_unreachable_path_ends_with_its_sentence(flexlab_command: Command, tm
     assert "reach" in done.stderr
 
 
-def test_several_scenarios_with_settings_all_digits_and_the_hash_of_python(flexlab_command: Command, tmp_path: Path):
+def test_several_scenarios_with_settings_give_the_digits_and_hash_of_python(flexlab_command: Command, tmp_path: Path):
     words = ("--set", "controller.position_gain=5000", "--law", "pd", "--seed", "3", "--duration", "0.2", "--json")
     done = flexlab_command("run", "paper", "soft-beam", *words)
     assert done.returncode == 0, done.stderr
@@ -78,7 +78,7 @@ def test_forces_beyond_all_bounds_are_one_sentence_and_no_warning(flexlab_proces
     assert "huge.py:" not in done.stderr
 
 
-def test_one_of_several_that_fails_makes_the_exit_code(flexlab_command: Command, tmp_path: Path):
+def test_a_run_that_fails_sets_the_exit_code_and_says_why_in_json(flexlab_command: Command, tmp_path: Path):
     done = flexlab_command("run", "paper", "--set", "trajectory.center=[0, 1.6, 0]", "--json", "--duration", "0.1")
     assert done.returncode == 1
     (run,) = json.loads(done.stdout)

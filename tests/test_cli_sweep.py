@@ -1,4 +1,4 @@
-"""`flexlab sweep`: a table, figures, a question before very many cells, a sentence for what cannot be."""
+"""`flexlab sweep`: a table, figures, a question before very many cells, a sentence for bad input."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from lab_process import Command, refused
 import flexlab
 
 
-def test_a_sweep_leaves_the_table_that_python_gives(flexlab_command: Command, tmp_path: Path):
+def test_a_sweep_writes_the_same_table_as_python(flexlab_command: Command, tmp_path: Path):
     words = ("--vary", "payload.bending_stiffness=10:100:log:3", "--duration", "0.2", "--set", "gravity=1", "--to", "a")
     done = flexlab_command(
         "sweep", "paper", *words, "--vary", "trajectory.center=[0,0.75,0],[0,1.6,0]", "--show", "force"

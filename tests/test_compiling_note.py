@@ -1,4 +1,4 @@
-"""A command that finds everything compiled says nothing of it; `test_same_bits` looks at what a first start says."""
+"""What commands say about compiling, and which machine code they remove; `test_same_bits` covers a first start."""
 
 import os
 import signal
@@ -18,7 +18,7 @@ def test_a_command_that_finds_everything_compiled_says_nothing(
     flexlab_command: Command, monkeypatch: pytest.MonkeyPatch
 ):
     words = "run", "paper", "soft-beam", "--duration", "0.01", "--json"
-    flexlab_command(*words)  # Where nothing has compiled them for all tests.
+    flexlab_command(*words)  # Compiles them if that was not done for all tests.
     monkeypatch.setattr(compiled, "A_MOMENT", 0.0)
     monkeypatch.setattr(compiled.COMPILATION, "told", False)
     done = flexlab_command(*words)
@@ -26,7 +26,7 @@ def test_a_command_that_finds_everything_compiled_says_nothing(
 
 
 def machine_code(folder: Path, read: float, written: float) -> Path:
-    """A folder of machine code that was read and written so many days ago."""
+    """Make a folder of machine code that was read and written so many days ago."""
     file = folder / "flexlab.sim" / "advance.nbc"
     file.parent.mkdir(parents=True)
     file.touch()
@@ -34,7 +34,7 @@ def machine_code(folder: Path, read: float, written: float) -> Path:
     return folder
 
 
-def test_only_machine_code_that_nobody_uses_goes(tmp_path: Path):
+def test_only_machine_code_that_nobody_uses_is_removed(tmp_path: Path):
     own = machine_code(tmp_path / "kernels-00112233445566aa", 100, 100)
     used = machine_code(tmp_path / "kernels-00112233445566bb", 1, 100)
     new = machine_code(tmp_path / "kernels-00112233445566cc", 100, 1)
@@ -50,7 +50,7 @@ def test_only_machine_code_that_nobody_uses_goes(tmp_path: Path):
     assert not any(folder.exists() for folder in (unused, unused_unit, begun))
 
 
-def test_machine_code_that_finds_no_room_is_a_sentence(tmp_path: Path):
+def test_machine_code_that_finds_no_room_is_answered_in_a_sentence(tmp_path: Path):
     done = subprocess.run(
         ["sh", "-c", 'ulimit -f 1; exec "$@"', "sh", sys.executable, "-m", "flexlab", "run", "paper"],
         cwd=tmp_path,
@@ -65,7 +65,7 @@ def test_machine_code_that_finds_no_room_is_a_sentence(tmp_path: Path):
 
 
 @pytest.mark.parametrize("words", [("run", "paper", "--duration", "0.01"), ("--no-browser", "--port", "0")])
-def test_ctrl_c_while_compiling_is_a_sentence(tmp_path: Path, words: tuple[str, ...]):
+def test_ctrl_c_while_compiling_is_answered_in_a_sentence(tmp_path: Path, words: tuple[str, ...]):
     unused = machine_code(tmp_path / "cache" / "flexlab" / "kernels-0123456789abcdef", read=31, written=31)
     process = subprocess.Popen(
         [sys.executable, "-m", "flexlab", *words],

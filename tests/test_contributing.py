@@ -1,4 +1,4 @@
-"""What the guide for contributors names is there."""
+"""What the guide for contributors names exists."""
 
 import re
 from pathlib import Path
@@ -16,7 +16,7 @@ def test_every_file_that_is_named_exists(root: Path, document: str):
     assert [path for path in named if not (root / path).exists()] == []
 
 
-def test_what_can_be_added_has_something_to_copy(root: Path):
+def test_the_table_of_what_can_be_added_has_every_kind(root: Path):
     rows = re.findall(r"^\| (a \w[^|]*) \|", (root / DOCUMENTS[0]).read_text(encoding="utf-8"), re.MULTILINE)
     words = " ".join(rows)
     assert all(word in words for word in ("law", "signal", "path", "damping", "metric", "lesson")), rows

@@ -19,7 +19,7 @@ COMMANDS = {
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_a_law_that_ends_its_process_does_not_end_the_command(name: str, flexlab_command: Command, tmp_path: Path):
+def test_a_law_that_exits_does_not_end_the_command(name: str, flexlab_command: Command, tmp_path: Path):
     (tmp_path / "ends.py").write_text(at_work("if at.time > 0.02: os._exit(0)"))
     if name == "compare":
         assert flexlab_command("run", "paper", "--duration", "0.05").returncode == 0
@@ -30,9 +30,7 @@ def test_a_law_that_ends_its_process_does_not_end_the_command(name: str, flexlab
 
 
 @pytest.mark.parametrize("after", [-1.0, 0.02])
-def test_a_replayed_law_that_ends_its_process_does_not_end_the_command(
-    after: float, flexlab_command: Command, tmp_path: Path
-):
+def test_a_replayed_law_that_exits_does_not_end_the_command(after: float, flexlab_command: Command, tmp_path: Path):
     (tmp_path / "ends.py").write_text(at_work(f"if at.time > {after} and os.path.exists('again'): os._exit(0)"))
     assert flexlab_command("run", "paper", "--duration", "0.05", "--law", "ends.py").returncode == 0
     (tmp_path / "again").touch()
@@ -52,7 +50,7 @@ def test_what_a_law_prints_is_escaped_and_cut_off(flexlab_process: Command, tmp_
     assert "act did not answer within 50 ms" in done.stderr
 
 
-def test_what_a_law_prints_stays_out_of_the_table_of_the_leaderboard(flexlab_process: Command, tmp_path: Path):
+def test_what_a_law_prints_stays_out_of_the_leaderboard(flexlab_process: Command, tmp_path: Path):
     (tmp_path / "prints.py").write_text("print('hello', flush=True)\n" + PD)
     done = flexlab_process(*BOARD, "prints.py")
     assert done.returncode == 0, done.stderr

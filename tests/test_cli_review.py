@@ -72,9 +72,7 @@ def test_the_newest_or_a_named_or_a_torn_recording_opens(flexlab_command: Comman
         (["."], "cannot be read"),
     ],
 )
-def test_a_recording_that_cannot_be_opened_is_one_sentence(
-    flexlab_command: Command, tmp_path: Path, words: list[str], says: str
-):
+def test_an_unreadable_recording_is_one_sentence(flexlab_command: Command, tmp_path: Path, words: list[str], says: str):
     (tmp_path / "empty.rrd").touch()
     (tmp_path / "junk.rrd").write_bytes(b"junk" * 1000)
     (tmp_path / "header.rrd").write_bytes(b"RRF2" + bytes(40))

@@ -11,16 +11,16 @@ import pytest
 from packaging.specifiers import SpecifierSet
 
 DISTRIBUTIONS = {"rerun_bindings": "rerun-sdk", "rerun_cli": "rerun-sdk", "pinocchio": "pin", "mujoco": "mujoco"}
-"""Of modules that a part of the distribution brings, or one of another name."""
+"""Distributions of the modules whose names do not tell them."""
 
 FOR_TYPES = {"pandas"}
-"""Only named as the type of what pyarrow makes for those who have it."""
+"""Only imported for the type of a table that pyarrow makes for users who have it."""
 
 BY_HAND = {"omsimulator"}
-"""Built from its sources by whoever runs `peers/om_simulator.py`: the package index has nothing that installs."""
+"""Built from its sources by those who run `peers/om_simulator.py`: the package index has none that installs."""
 
 TOOLS = {"hatchling", "pyright", "ruff", "pytest", "pytest-timeout"}
-"""In the extra `test` to be run, not imported."""
+"""Programs of the extra `test` that are run, not imported."""
 
 
 def normal(name: str) -> str:
@@ -45,7 +45,7 @@ def pins(root: Path) -> dict[str, str]:
 
 
 def imported(folder: Path) -> set[str]:
-    """Distributions of the outside modules that the files of a folder import, as pyproject names them."""
+    """Return the distributions, as pyproject names them, of the outside modules that the files of a folder import."""
     modules = set()
     for file in folder.rglob("*.py"):
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
@@ -56,7 +56,7 @@ def imported(folder: Path) -> set[str]:
     own = {path.stem for path in folder.rglob("*")} | {"flexlab"}
     homes = packages_distributions()
     outside = modules - own - set(sys.stdlib_module_names)
-    # The peers need not be installed; their modules are named as they are.
+    # The peers need not be installed: their modules then keep their own names.
     return {normal(DISTRIBUTIONS.get(module) or homes.get(module, [module])[0]) for module in outside}
 
 
@@ -91,7 +91,7 @@ def test_everything_that_gets_installed_is_pinned(project: dict, pins: dict[str,
                 wanted.append(requirement_name(line))
 
 
-def test_pins_are_plain(root: Path):
+def test_every_pin_is_one_exact_version(root: Path):
     for line in (root / "constraints.txt").read_text(encoding="utf-8").splitlines():
         assert line.startswith("#") or re.fullmatch(r"[\w.-]+==[\w.+!-]+", line), line
 

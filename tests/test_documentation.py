@@ -1,4 +1,4 @@
-"""The site of the documentation: built without a warning, it has all that a user can name, and asks nobody else for anything."""
+"""The documentation site builds without a warning, lists all that a user can name, and loads nothing from other servers."""
 
 import html
 import re
@@ -41,7 +41,7 @@ def site(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def text_of(site: Path, page: str) -> str:
-    """What a page shows, without its marks."""
+    """Return the text of a page without its tags."""
     return html.unescape(re.sub(r"<[^>]+>", "", (site / f"{page}.html").read_text(encoding="utf-8")))
 
 
@@ -50,7 +50,7 @@ def headings(site: Path, page: str) -> set[str]:
     return {html.unescape(re.sub(r"<[^>]+>", "", each)).replace("¶", "").split()[0] for each in found}
 
 
-def test_it_has_all_that_a_user_can_name(site: Path):
+def test_the_site_lists_all_that_a_user_can_name(site: Path):
     assert headings(site, "laws") == set(laws())
     assert headings(site, "paths") >= set(paths())
     assert headings(site, "commands") == set(cli.COMMANDS)
@@ -67,13 +67,13 @@ def test_it_has_all_that_a_user_can_name(site: Path):
         assert chapter.title in text_of(site, f"guide/{chapter.id}")
 
 
-def test_options_of_commands_stand_there_with_their_meaning(site: Path):
+def test_the_site_explains_the_options_of_commands(site: Path):
     shown = text_of(site, "commands")
     for words in ("--sample-period S", "Time between samples, s.", "--set PATH=VALUE", "RUN"):
         assert words in shown
 
 
-def test_no_page_asks_another_address(site: Path):
+def test_no_page_loads_anything_from_another_server(site: Path):
     for page in site.rglob("*.html"):
         text = page.read_text(encoding="utf-8")
         asked = re.findall(r'<(?:script|link|img|iframe)[^>]+(?:src|href)="(https?:[^"]+)"', text)

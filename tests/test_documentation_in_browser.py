@@ -1,4 +1,4 @@
-"""The documentation in a real browser: it fits a phone, and its switch of light and dark works by keyboard."""
+"""The documentation in a real browser: it fits a phone, and its theme can be switched by keyboard."""
 
 import threading
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ WIDER = "document.documentElement.scrollWidth > innerWidth"
 
 @pytest.fixture(scope="module")
 def address(site: Path) -> Iterator[str]:
-    """The site on a server: in a folder, browsers keep a page from its search."""
+    """Address of the site on a server: browsers block the search of pages that are opened from a folder."""
     server = ThreadingHTTPServer(("127.0.0.1", 0), partial(SimpleHTTPRequestHandler, directory=str(site)))
     threading.Thread(target=server.serve_forever, daemon=True).start()
     yield f"http://127.0.0.1:{server.server_port}"
@@ -24,13 +24,13 @@ def address(site: Path) -> Iterator[str]:
     server.server_close()
 
 
-def test_it_fits_a_phone_and_turns_dark_by_keyboard(plain_chromium: Browser, site: Path, address: str) -> None:
+def test_the_site_fits_a_phone_and_turns_dark_by_keyboard(plain_chromium: Browser, site: Path, address: str) -> None:
     window = open_window(plain_chromium, 390, 844, color_scheme="light", base_url=address)
     page, errors = window.new_page(), []
     page.on("pageerror", lambda error: errors.append(str(error)))
     wide: list[str] = []
     for file in sorted(site.rglob("*.html")):
-        if file.name != "404.html":  # Which no hook of the site sees.
+        if file.name != "404.html":  # No hook of the site handles this page.
             page.goto(f"/{file.relative_to(site).as_posix()}")
             wide += [file.name] if page.evaluate(WIDER) else []
     assert wide == []

@@ -1,7 +1,7 @@
-"""Every command and snippet of README, CONTRIBUTING and the documentation does what is written, in the order of the text.
+"""Every command and snippet in README, CONTRIBUTING and the documentation runs, in the order of the text.
 
-Snippets and a few commands are always tried; all commands, which take minutes, by `pytest tests/test_documented.py
---documented`. What sets up and checks a checkout is done by `.ci/run` on each one.
+Snippets and a few commands are always tried; all commands, which take minutes, with `pytest tests/test_documented.py
+--documented`. The commands that set up and check a checkout are tried by `.ci/run`.
 """
 
 import functools
@@ -39,7 +39,7 @@ OF_THE_CHECKOUT = {
     'pip install --constraint constraints.txt --editable ".[test]"',
     "ruff check .", "ruff format .", "pyright --level error", "pytest tests/physics",
 }  # fmt: skip
-"""What `.ci/run` does, step by step."""
+"""Commands that `.ci/run` does, step by step."""
 ELSEWHERE = {
     "pytest tests/lab/test_lessons_in_browser.py --all-lessons": "two of the lessons are done each time",
     "python tests/analysis/planted_errors.py": "tests/analysis/test_validation.py plants one of them",
@@ -65,7 +65,7 @@ ELSEWHERE = {
     "largest(vibration)": "tests/analysis/test_lesson_checks.py",
     "rms(tracking_error[0:2])": "tests/analysis/test_lesson_checks.py",
 }
-"""What is not tried here, and where else or why not."""
+"""What is not tried here → where it is tried, or why not."""
 USUAL = ("flexlab presets --schema", "flexlab fit newest", "flexlab logs RUN")
 """Commands that are always tried."""
 STANDS_FOR = (
@@ -83,16 +83,16 @@ STANDS_FOR = (
     ("FILE.csv", "run.csv"),
     ("FILE", "run.csv"),
 )
-"""What a reader writes in place of what the texts leave open."""
+"""Placeholders in the texts, and what a reader writes in their place."""
 NEVER = 4e9
-"""s since 1970: a recording of this instant is newer than all that the commands make."""
+"""A date in the far future, s since 1970: a recording of this date is newer than all that the commands make."""
 CACHE = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
 LONGEST = 1500.0
-"""s that a command may take on a busy machine: alone, `bench` with its cold start takes ten minutes on a slow one."""
+"""Longest time of a command on a busy machine, s: `bench` with its cold start takes ten minutes on a slow, idle one."""
 
 
 def written(root: Path) -> tuple[list[str], list[str]]:
-    """(commands, snippets of Python) of the documents, as they stand there, each once."""
+    """Return (commands, Python snippets) of the documents as they are written, each once."""
     pieces: list[str] = []
     for document in DOCUMENTS:
         for code in CODE.finditer((root / document).read_text(encoding="utf-8")):
@@ -115,7 +115,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         metafunc.parametrize("command", [command for command in tried if wanted or command in USUAL])
 
 
-def test_every_exception_is_written(root: Path):
+def test_every_command_that_is_not_tried_is_still_in_the_documents(root: Path):
     commands, snippets = written(root)
     assert {*OF_THE_CHECKOUT, *ELSEWHERE} - {*commands, *snippets} == set()
     assert [
@@ -125,7 +125,7 @@ def test_every_exception_is_written(root: Path):
 
 @pytest.fixture(scope="module")
 def folder(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where a reader works: with the files and runs that the texts speak of."""
+    """A reader's working folder, with the files and runs that the texts mention."""
     folder = tmp_path_factory.mktemp("reader")
     for snippet in written(root)[1]:
         for name in (
@@ -142,7 +142,7 @@ def folder(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def record_runs(logs: Path) -> None:
-    """Two runs as a lab records them; the newest is one in which the beam is tapped, and stays the newest."""
+    """Record two runs as a lab does; the one in which the beam is tapped is the newest and stays so."""
     tap = Tap(0.05, (0.0, 0.3))
     for name, commands in (("other", []), ("tapped", [(0.5, tap)])):
         run = flexlab.simulate("smooth-start", 1.5, commands=commands)
@@ -155,7 +155,7 @@ def record_runs(logs: Path) -> None:
 
 
 def flexlab_in(folder: Path, command: str) -> str:
-    """Do a command as a person's shell does, and end it (Ctrl-C) once it shows a page; what it said.
+    """Run a command as a user's shell does, end it with Ctrl-C once it shows a page, and return its output.
 
     Raises `AssertionError` if it fails.
     """
@@ -179,8 +179,8 @@ def flexlab_in(folder: Path, command: str) -> str:
 
 
 @pytest.mark.timeout(2 * LONGEST)
-def test_a_command_does_what_is_written(folder: Path, command: str):
-    # The first ones of these names: an import makes another one.
+def test_a_documented_command_runs(folder: Path, command: str):
+    # The first run of each name: an import makes another.
     runs = {name: min(folder.glob(f"logs/*-{name}.rrd")).stem for name in ("tapped", "other")}
     for left_open, filled in STANDS_FOR:
         command = command.replace(left_open, filled.format(**runs))

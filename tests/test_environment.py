@@ -1,4 +1,4 @@
-"""An environment that libraries do not take: a sentence on what to mend, or it works."""
+"""If libraries refuse the environment, flexlab says in a sentence what to mend, or works without them."""
 
 import os
 import subprocess
@@ -12,7 +12,7 @@ from flexlab.cli.circumstances import refusal
 
 
 def done(*words: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    """What `flexlab` and these words do where the environment says this, too."""
+    """Run `flexlab` with these words and these further environment variables."""
     return subprocess.run(
         [sys.executable, "-m", "flexlab", *words], cwd=folder, env=os.environ | environment, stdin=subprocess.DEVNULL,
         capture_output=True, text=True, encoding="utf-8", timeout=PATIENCE, check=False,
@@ -23,7 +23,7 @@ def done(*words: str, folder: Path, **environment: str) -> subprocess.CompletedP
     ("variable", "value", "library"),
     [("NUMBA_NUM_THREADS", "0", "numba"), ("MPLBACKEND", "nope", "matplotlib"), ("SOURCE_DATE_EPOCH", "x", "numpy")],
 )
-def test_what_a_library_refuses_at_its_start_is_one_sentence(tmp_path: Path, variable: str, value: str, library: str):
+def test_a_variable_that_a_library_refuses_is_one_sentence(tmp_path: Path, variable: str, value: str, library: str):
     said = refused(
         done("sweep", "paper", "--vary", "gravity=1,2", "--to", "here", folder=tmp_path, **{variable: value})
     )
@@ -32,7 +32,7 @@ def test_what_a_library_refuses_at_its_start_is_one_sentence(tmp_path: Path, var
 
 
 def test_a_folder_of_machine_code_that_cannot_be_written_is_named(monkeypatch: pytest.MonkeyPatch):
-    """Where the package cannot be written either: it was said that numba cannot be loaded, "install numba again"."""
+    """Where the package cannot be written either, the answer was that numba cannot be loaded: "install numba again"."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", "/code")
     error = RuntimeError("cannot cache function 'reduced': no locator available for file 'elementary.py'")
     assert refusal(error) == (
@@ -40,7 +40,7 @@ def test_a_folder_of_machine_code_that_cannot_be_written_is_named(monkeypatch: p
     )
 
 
-def test_a_library_that_is_broken_is_named(tmp_path: Path):
+def test_a_broken_library_is_named(tmp_path: Path):
     (tmp_path / "segno.py").write_text("from os import nothing_of_this_name\n")
     said = refused(done("lab", "--port", "0", "--no-browser", folder=tmp_path))
     assert said.startswith("segno cannot be loaded (cannot import name 'nothing_of_this_name'")
@@ -49,7 +49,7 @@ def test_a_library_that_is_broken_is_named(tmp_path: Path):
     assert said.startswith("segno cannot be loaded (No module named 'no_such_library')")
 
 
-def test_a_variable_that_numba_cannot_read_is_said_without_the_program(tmp_path: Path):
+def test_a_variable_that_numba_cannot_read_is_one_line_without_traceback(tmp_path: Path):
     said = done("presets", folder=tmp_path, NUMBA_NUM_THREADS="many")
     assert said.returncode == 0
     assert "'NUMBA_NUM_THREADS' is defined but its associated value 'many' could not be parsed" in said.stderr
@@ -57,7 +57,7 @@ def test_a_variable_that_numba_cannot_read_is_said_without_the_program(tmp_path:
     assert said.stderr.count("\n") == 1
 
 
-def test_rerun_that_is_switched_off_is_the_reason_why_nothing_is_recorded(tmp_path: Path):
+def test_recording_is_refused_while_rerun_is_switched_off(tmp_path: Path):
     said = refused(done("run", "smooth-start", "--duration", "0.01", folder=tmp_path, RERUN="off"))
     assert "RERUN = off" in said
     assert done("run", "smooth-start", "--duration", "0.01", folder=tmp_path).returncode == 0
@@ -84,8 +84,8 @@ except flexlab.FlexlabError as error:
         (14, ("-c", OPEN_A_LAB), "may have 14 files and connections open at once, and a lab needs 64"),
     ],
 )
-def test_what_the_machine_refuses_is_one_sentence(tmp_path: Path, handles: int, words: tuple[str, ...], says: str):
-    """With so few handles a lab hung as it began."""
+def test_too_few_file_handles_give_one_sentence(tmp_path: Path, handles: int, words: tuple[str, ...], says: str):
+    """With so few handles a lab hung at its start."""
     said = subprocess.run(
         ["sh", "-c", f'ulimit -n {handles}; exec "$@"', "sh", sys.executable, *words], cwd=tmp_path, stdin=subprocess.DEVNULL,
         capture_output=True, text=True, encoding="utf-8", timeout=PATIENCE, check=False,

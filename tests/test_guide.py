@@ -1,4 +1,4 @@
-"""The guide is whole: chapters, lessons and pictures are there, fit together, and stay small."""
+"""The guide is complete: chapters, lessons and pictures exist, fit together, and stay small."""
 
 import re
 import xml.etree.ElementTree as ET
@@ -48,12 +48,12 @@ PICTURES = sorted(file for name in ("guide", "pictures") for file in (web_assets
 
 
 def texts() -> list[tuple[str, str]]:
-    """(name, markdown) of everything that a person reads."""
+    """Return (name, markdown) of all chapters and lessons."""
     found = [(chapter.id, chapter.text) for chapter in guide.chapters()]
     return found + [(lesson.id, lesson.text) for lesson in guide.lessons()]
 
 
-def test_chapters_and_lessons_are_there_in_order():
+def test_chapters_and_lessons_come_in_this_order():
     assert [chapter.title for chapter in guide.chapters()] == CHAPTERS
     assert [lesson.title for lesson in guide.lessons()][: len(LESSONS)] == LESSONS
     ids = [name for name, _ in texts()]
@@ -61,7 +61,7 @@ def test_chapters_and_lessons_are_there_in_order():
 
 
 @pytest.mark.parametrize("lesson", guide.lessons(), ids=lambda lesson: lesson.id)
-def test_a_lesson_is_whole(lesson: guide.Lesson):
+def test_a_lesson_has_all_its_parts(lesson: guide.Lesson):
     assert lesson.preset in preset_names()
     read_check(lesson)
     assert lesson.question
@@ -72,7 +72,7 @@ def test_a_lesson_is_whole(lesson: guide.Lesson):
 
 
 @pytest.mark.parametrize(("name", "text"), texts())
-def test_texts_name_presets_and_fields_that_exist(name: str, text: str):
+def test_texts_name_presets_and_pictures_that_exist(name: str, text: str):
     for word in re.findall(r"preset `([^`]+)`", text.replace("\n", " ")):
         assert word in preset_names()
     assert "![" not in text, "a picture that was not found"
@@ -80,7 +80,7 @@ def test_texts_name_presets_and_fields_that_exist(name: str, text: str):
 
 
 @pytest.mark.parametrize(("name", "text"), texts())
-def test_no_html_but_the_pictures(name: str, text: str):
+def test_texts_hold_no_html_but_pictures_and_subscripts(name: str, text: str):
     bare = re.sub(r"<div style=.*?</svg></div>|</?sub>", "", text)
     assert "<" not in bare
     assert "\n\n" not in "".join(re.findall(r"<div style=.*?</div>", text, re.S)), "an empty line ends HTML in markdown"
@@ -100,7 +100,7 @@ def test_symbol_tables_come_from_the_symbol_table():
         guide.symbol_table(["no symbol"])
 
 
-def test_a_broken_lesson_says_what_it_lacks(tmp_path: Path):
+def test_a_file_that_is_no_lesson_is_refused(tmp_path: Path):
     file = tmp_path / "1-broken.md"
     file.write_text("# no head\n", encoding="utf-8")
     with pytest.raises(ValueError, match="not a lesson"):
@@ -108,7 +108,7 @@ def test_a_broken_lesson_says_what_it_lacks(tmp_path: Path):
 
 
 @pytest.mark.parametrize("file", PICTURES, ids=lambda file: file.stem)
-def test_a_picture_is_small_safe_svg(file: Path):
+def test_a_picture_is_a_small_and_safe_svg(file: Path):
     assert file.stat().st_size < 40_000
     root = ET.fromstring(file.read_text(encoding="utf-8"))
     assert root.tag == f"{SVG}svg"
@@ -132,7 +132,7 @@ def test_every_preset_has_a_picture_that_exaggerates_as_the_lab_does():
         assert f"bending × {number_text(factor)}" in words, preset
 
 
-def test_models_are_light_and_described():
+def test_three_dimensional_models_are_small_and_described():
     folder = web_assets_folder() / "models"
     files = sorted(folder.glob("*.glb"))
     assert files

@@ -1,4 +1,4 @@
-"""Whatever a file, a name or a note holds: every command shows it, and no terminal obeys it."""
+"""Control characters and markup in files, names and notes are shown by every command, and obeyed by no terminal."""
 
 import io
 import json
@@ -27,13 +27,13 @@ from flexlab.sim.simulate import simulate
 from flexlab.text import console, visible, visible_json
 
 HOSTILE = "\x1b[2J\x1b[8m\x1b]0;owned\x07\x1b]8;;http://x\x1b\\\x9b31m\x85\x7f\x08\x0b\x0c\r\u202e\u2066\u200b\u200f\u2028\ufeff\U000e0041\u3164\u00ad\ufe01"
-"""Erases, conceals, names the window, links, goes back, turns the direction, hides."""
+"""Erases the screen, conceals, renames the window, links, moves back, reverses the direction, hides."""
 MARKUP = "[red]not red[/red] :bomb: [link=http://x]no link[/link]"
 OBEYED = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff\u3164\xad\ufe01\U000e0000-\U000e007f]"
 )
 NAME = "odd\x1b[31m\x9b8m\u202ename"
-"""Of files: without what a file system refuses."""
+"""A name for files, without what a file system refuses."""
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def folder(recorded: Path, tmp_path: Path) -> Path:
-    """Where everything is hostile that somebody else may have written."""
+    """A folder in which everything that somebody else may have written is hostile."""
     (tmp_path / "logs").symlink_to(recorded)
     (tmp_path / "presets").mkdir()
     (tmp_path / "presets" / "laws").mkdir()
@@ -118,7 +118,7 @@ CALLS: dict[str, list[tuple[str, ...]]] = {
     "bench": [(HOSTILE,)],
     "completion": [(HOSTILE,)],
 }
-"""What each command is asked for, a new one for `HOSTILE`; {one} and {odd}: the two runs."""
+"""Arguments with which each command is called; one that is not listed gets `HOSTILE`. {one} and {odd}: the two runs."""
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -128,7 +128,7 @@ def test_no_command_shows_a_control_character(
     few = Validation({"The beam in closed form": tuple(closed_form(Runs()))}, Runs())
     monkeypatch.setattr(
         "flexlab.analysis.validation.validate", lambda: few
-    )  # All take seconds, and nobody else writes them.
+    )  # All checks take seconds, and show nothing that others wrote.
     one, odd = (next((folder / "logs").glob(f"*{name}*.rrd")).stem for name in ("one", "odd"))
     for words in CALLS.get(command, [(HOSTILE,)]):
         done = flexlab_command(command, *(word.replace("{one}", one).replace("{odd}", odd) for word in words))
@@ -141,8 +141,7 @@ def test_no_command_shows_a_control_character(
     forget_own_paths()
 
 
-def test_what_is_shown_is_the_same_data(folder: Path, flexlab_command: Command):
-    """JSON keeps what it means; a title keeps its brackets."""
+def test_json_keeps_its_data_and_a_title_keeps_its_brackets(folder: Path, flexlab_command: Command):
     assert HOSTILE in "".join(json.loads(visible_json(json.dumps([HOSTILE], ensure_ascii=False))))
     listed = flexlab_command("presets").stdout.replace("\n", " ")
     assert re.sub(r"\s+", " ", MARKUP) in re.sub(r"\s+", " ", listed)
@@ -177,7 +176,7 @@ def test_a_terminal_gets_the_styles_of_flexlab_and_no_others(monkeypatch: pytest
     assert without_styles.count("not red[/red]") >= 3
 
 
-def test_what_libraries_log_is_shown_and_not_obeyed(flexlab_process: Command, capsys: pytest.CaptureFixture[str]):
+def test_control_characters_in_logs_are_not_obeyed(flexlab_process: Command, capsys: pytest.CaptureFixture[str]):
     assert logging.lastResort is not None
     with pytest.raises(SystemExit):
         flexlab.cli.main(["--version"])
@@ -207,10 +206,10 @@ if __name__ == "__main__":
     finally:
         fail(TEXT)
 """
-"""A defect of flexlab's own while it works on what somebody else wrote."""
+"""A program in which flexlab fails on what others wrote: in a thread, a task and the main program."""
 
 
-def test_tracebacks_are_shown_and_not_obeyed(tmp_path: Path):
+def test_control_characters_in_tracebacks_are_not_obeyed(tmp_path: Path):
     script = tmp_path / "fails.py"
     script.write_text(FAILS.replace("TEXT", repr(HOSTILE)))
     told = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False).stderr
@@ -218,5 +217,5 @@ def test_tracebacks_are_shown_and_not_obeyed(tmp_path: Path):
     assert OBEYED.findall(told) == []
 
 
-def test_all_commands_that_are_asked_exist():
+def test_all_commands_with_arguments_listed_here_exist():
     assert CALLS.keys() <= set(COMMANDS)

@@ -1,4 +1,4 @@
-"""Lower rooms know nothing of higher ones, and each outside library has its room."""
+"""A room, a module or package directly in flexlab, imports no higher one, and some outside libraries have their own room."""
 
 import ast
 import re
@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 LAYERS = {
-    "__version__": 0,  # what flexlab/__init__.py says before anything else
+    "__version__": 0,  # defined in flexlab/__init__.py before anything else
     "errors": 0,
     "files": 0,
     "notation": 0,
@@ -49,7 +49,7 @@ LAYERS = {
     "__main__": 11,
 }
 CLOSED_ROOMS = {"recording", "lab"}
-"""Neighbours that may not lean on each other: a screen works without a recorder and the other way round."""
+"""Rooms that may not import each other: a lab works without a recorder and the other way round."""
 
 HOMES = {
     "viser": {"lab"},
@@ -58,16 +58,16 @@ HOMES = {
     "tyro": {"cli"},
     "gymnasium": {"gym_environment"},
 }
-"""The only rooms that import an outside library which shapes everything it touches."""
+"""Outside libraries that shape all code around them, and the only rooms that may import them."""
 
 FREE_OF_CONFIGURATION = {"numerics", "physics"}
-"""Rooms that speak numbers only."""
+"""Rooms that compute with plain numbers and know no scenarios."""
 
 
 def imports(file: Path, package: Path) -> Iterator[tuple[str, int]]:
-    """(absolute module or module.name, line) of every import in a file, also those inside functions.
+    """Yield (absolute module or module.name, line) for every import in a file, also those inside functions.
 
-    Imports under `if TYPE_CHECKING` count too: a type is knowledge.
+    Imports under `if TYPE_CHECKING` count too: a type is a dependency.
     """
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -85,13 +85,13 @@ def imports(file: Path, package: Path) -> Iterator[tuple[str, int]]:
 
 
 def room_of_file(file: Path, package: Path) -> str:
-    """The first part of a file's module name below flexlab; "" for flexlab/__init__.py."""
+    """Return the first part of a file's module name below flexlab; "" for flexlab/__init__.py."""
     first = file.relative_to(package).parts[0]
     return "" if first.startswith("__init__.py") else first.removesuffix(".py")
 
 
 def room_of_module(module: str) -> str | None:
-    """The room of an imported name, or None if it is not of flexlab."""
+    """Return the room of an imported name, or None if it is not of flexlab."""
     parts = module.split(".")
     if parts[0] != "flexlab":
         return None
@@ -99,7 +99,7 @@ def room_of_module(module: str) -> str | None:
 
 
 def problems(package: Path) -> list[str]:
-    """One sentence per import that points the wrong way."""
+    """Return one sentence for each import that is not allowed."""
     found = []
     for file in sorted([*package.rglob("*.py"), *package.rglob("*.pyi")]):
         room = room_of_file(file, package)
@@ -122,11 +122,11 @@ def problems(package: Path) -> list[str]:
     return found
 
 
-def test_imports_point_down(root: Path):
+def test_no_import_points_to_a_higher_layer(root: Path):
     assert problems(root / "flexlab") == []
 
 
-def test_the_guide_names_the_folders_in_this_order(root: Path):
+def test_contributing_lists_the_folders_in_the_order_of_their_layers(root: Path):
     table = (
         (root / ".github/CONTRIBUTING.md").read_text(encoding="utf-8").split("## Where things are")[1].split("##")[0]
     )
@@ -152,14 +152,14 @@ def test_the_guide_names_the_folders_in_this_order(root: Path):
         ("attic", "import math"),
     ],
 )
-def test_a_wrong_import_is_found(tmp_path: Path, room: str, line: str):
+def test_a_forbidden_import_is_found(tmp_path: Path, room: str, line: str):
     package = tmp_path / "flexlab"
     (package / room).mkdir(parents=True)
     (package / room / "new.py").write_text(line + "\n")
     assert len(problems(package)) == 1
 
 
-def test_right_imports_are_left_alone(tmp_path: Path):
+def test_allowed_imports_are_left_alone(tmp_path: Path):
     package = tmp_path / "flexlab"
     package.mkdir()
     (package / "lab").mkdir()

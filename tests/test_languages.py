@@ -1,4 +1,4 @@
-"""The catalogues of the languages: whole, alike, and of texts that flexlab still says."""
+"""The catalogues of the languages are complete, have the same entries, and hold only texts that flexlab still says."""
 
 import ast
 import json
@@ -18,22 +18,22 @@ from flexlab.server.pages.templating import catalogues, read_catalogue
 from flexlab.server.visitors import checked_name
 
 COMPLETE = ("de", "zh")
-"""Languages that come with flexlab. A text that is new may lack in all of them: it is shown in English."""
+"""Languages that come with flexlab. A new text may be missing in all of them: it is then shown in English."""
 PLACEHOLDER = re.compile(r"\{(\w+)\}")
 MARK = re.compile(r"`|\*\*|\*|\[|\]|<sub>|</sub>")
-"""What a page has in bold, as code, as a link or as an index, in the marks of `static/language.js`."""
+"""Marks of `static/language.js` for code, bold and italic text, links and subscripts."""
 WORDS = re.compile(r"[^\W\d_]{3,}(?:['’-][^\W\d_]+)*")
 LOOSE = 8
-"""Of so many pairs of words one may be said apart."""
+"""One in so many pairs of words may be missing from the sources."""
 OF_VISER = """About Viser; Inactive; Minimize panel; Save Canvas; Reset View; Orbit Origin Tool; Dev Settings; WebGL
 Stats; Dark Mode; Show Viser Logo; Log Camera to Console; Show Orbit Crosshair; Device Pixel Ratio; Reset Panel
 Layout; Scene tree; Expand column; Collapse column; Expand panel; Collapse panel; Connecting...; Software WebGL
 rendering; WebGL is; WebGL unavailable; This may be caused by; Could not detect browser; Your browser; It may not be;
 Unsupported browser; Consider updating; Connection rejected; Uploading; File uploaded; Receiving; Received"""
-"""Beginnings of texts that viser says, whose page is packed."""
+"""First words of texts from viser, whose sources are not searched."""
 
 
-def test_the_languages_that_come_with_flexlab_are_there() -> None:
+def test_the_languages_that_come_with_flexlab_have_catalogues() -> None:
     assert set(catalogues()) == set(COMPLETE)
     assert [read_catalogue(catalogues()[code])["English"] for code in COMPLETE] == ["Deutsch", "中文"]
 
@@ -58,11 +58,11 @@ def test_no_text_is_given_twice(code: str) -> None:
 
 
 @pytest.mark.parametrize("code", COMPLETE)
-def test_placeholders_and_marks_stay(code: str) -> None:
+def test_a_translation_keeps_placeholders_and_marks(code: str) -> None:
     for english, text in read_catalogue(catalogues()[code]).items():
         assert text.strip(), f"{english!r} has no translation"
         assert sorted(PLACEHOLDER.findall(text)) == sorted(PLACEHOLDER.findall(english)), english
-        # A page puts texts between its elements, and moves none of them.
+        # A page fills in texts between its elements and does not move these.
         assert MARK.findall(text) == MARK.findall(english), english
         for ours, theirs in zip(MARK.split(text), MARK.split(english), strict=True):
             assert theirs or not ours.strip(), f"{english!r} has no place for {ours!r}"
@@ -78,7 +78,7 @@ def test_numbers_look_the_same_in_all_languages(code: str) -> None:
 
 @cache
 def _runs_of_words(root: Path) -> frozenset[tuple[str, ...]]:
-    """All words, and pairs of words, that sources, lessons and presets of flexlab hold."""
+    """Return all words, and pairs of neighbouring words, in the sources, guide, pictures and presets of flexlab."""
     package, assets = root / "flexlab", root / "web_assets"
     texts: list[str] = []
     for file in package.rglob("*.py"):
@@ -112,7 +112,7 @@ def test_every_text_of_the_catalogues_is_still_said(root: Path) -> None:
         for part in re.split(r"\{\w+\}|[\[\]`*()]|</?[a-z]+>|(?<=[.:;,?!]) ", english):
             words = WORDS.findall(part.lower())
             sought += pairwise(words) if len(words) > 1 else [(word,) for word in words]
-        # A long sentence may be put together where it is said.
+        # The source may put a long sentence together from parts.
         if sum(words not in said for words in sought) > len(sought) // LOOSE:
             stale.append(english)
     assert not stale, (
@@ -147,7 +147,7 @@ UNSEEN = {
     control/law.py; control/path.py; samples have no signal""",
     "in files": "presets.py: Where; presets.py: Format; presets.py: Place; own/unit.py: ◦: computed by the unit",
 }
-"""Where sentences are told that no page shows → sources, or beginnings of them."""
+"""Where sentences that no page shows are shown instead → their sources, or their first words."""
 HOLE = "◦"
 """Stands for a value in a sentence of a source."""
 VALUE = f"(?:.{{1,16}}|.{{0,12}}{HOLE}.{{0,12}})"
@@ -157,7 +157,7 @@ UNTOLD = re.compile(r"(log|warnings)\..*|.*(Value|Runtime|Type|Key|Import|Connec
 
 
 def _text_of(node: ast.AST) -> str:
-    """A text of a source with holes for its values; empty if it is none."""
+    """Return a text in a source, with holes for its values; empty for a node that is no text."""
     if isinstance(node, ast.JoinedStr):
         return "".join(str(part.value) if isinstance(part, ast.Constant) else HOLE for part in node.values)
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add) and (_text_of(node.left) or _text_of(node.right)):
@@ -166,7 +166,7 @@ def _text_of(node: ast.AST) -> str:
 
 
 def _sentences(node: ast.AST) -> Iterator[str]:
-    """The texts in a part of a source that end as sentences do, without docstrings."""
+    """Yield the texts in a part of a source that end like sentences, without docstrings."""
     is_docstring = isinstance(node, ast.Expr) and _text_of(node.value)
     if is_docstring or (isinstance(node, ast.Call) and UNTOLD.fullmatch(ast.unparse(node.func))):
         return
@@ -184,7 +184,7 @@ def test_every_sentence_that_a_page_may_show_is_translated(root: Path) -> None:
     unseen = tuple("; ".join(" ".join(told.split()) for told in UNSEEN.values()).split("; "))
 
     def is_translated(text: str) -> bool:
-        """Whether it is an entry, or a part of one: then its holes may be the words between."""
+        """Whether a text is an entry, or a part of one, in which its holes may stand for any words."""
         return bool(known.fullmatch(text) or re.search(".*".join(map(re.escape, text.split(HOLE))), "\n".join(keys)))
 
     lacking: list[str] = []

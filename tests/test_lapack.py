@@ -1,4 +1,4 @@
-"""Decompositions without the global lock: what scipy finds, and others go on meanwhile."""
+"""Decompositions without Python's global lock: they agree with scipy, and other threads run meanwhile."""
 
 import threading
 import time
@@ -11,7 +11,7 @@ from flexlab.lapack import complex_schur, eigenvectors
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 10, 70])
-def test_schur_form(n: int):
+def test_the_schur_form_is_triangular_and_gives_the_matrix_back(n: int):
     A = np.random.default_rng(n).normal(size=(n, n))
     T, Z = complex_schur(A)
     assert np.abs(Z @ T @ Z.conj().T - A).max() < 1e-13 * n
@@ -20,13 +20,13 @@ def test_schur_form(n: int):
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 10, 70])
-def test_eigenvectors_are_scipy_s(n: int):
+def test_eigenvectors_are_those_of_scipy(n: int):
     A = np.random.default_rng(n).normal(size=(n, n))
     for ours, theirs in zip(eigenvectors(A), scipy.linalg.eig(A, left=True, right=True), strict=True):
         assert np.abs(ours - theirs).max() < 1e-12
 
 
-def test_a_matrix_with_double_eigenvalues_and_pure_pairs():
+def test_double_and_purely_imaginary_eigenvalues_are_found():
     A = np.array([[0.0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 3], [0, 0, -3, 0]])
     values, left, right = eigenvectors(A)
     assert sorted(values.imag) == pytest.approx([-3, 0, 0, 3])
@@ -35,15 +35,15 @@ def test_a_matrix_with_double_eigenvalues_and_pure_pairs():
 
 
 @pytest.mark.parametrize("A", [np.zeros((2, 3)), np.zeros((0, 0)), np.array([[np.nan]])])
-def test_what_is_no_matrix_is_refused(A: np.ndarray):
+def test_anything_but_a_finite_square_matrix_is_refused(A: np.ndarray):
     for decompose in (complex_schur, eigenvectors):
         with pytest.raises(ValueError, match="square matrix of finite numbers"):
             decompose(A)
 
 
 @pytest.mark.parametrize("decompose", [complex_schur, eigenvectors])
-def test_others_go_on_meanwhile(decompose):
-    """Where the lock is kept, nobody counts until the decomposition is over."""
+def test_other_threads_run_during_a_decomposition(decompose):
+    """If the lock is held, this thread cannot count until the decomposition is over."""
     A = np.random.default_rng(0).normal(size=(400, 400))
     over = threading.Event()
 

@@ -26,7 +26,7 @@ def test_no_name_means_two_things(column: str):
     assert sorted(names) == sorted(set(names))
 
 
-def test_every_row_is_whole():
+def test_every_row_has_all_its_entries():
     for row in SYMBOLS:
         assert row.symbol
         assert row.code
@@ -35,14 +35,14 @@ def test_every_row_is_whole():
         assert row.shape.startswith("("), row
 
 
-def test_code_names_of_one_room_differ():
-    # `w` is a turning rate in physics and a deflection on paper; no other name serves twice.
+def test_no_code_name_stands_for_two_symbols():
+    # `w` is a turning rate in the code and a deflection in the formulas; no other name has two meanings.
     names = [row.code for row in SYMBOLS if row.code not in ("w", NOT_FORMED)]
     assert sorted(names) == sorted(set(names))
 
 
 def names_in_code(root: Path) -> set[str]:
-    """Everything that a kernel or the table of signals gives a name to: functions, arguments, variables, fields."""
+    """Return all names given in physics, control and the table of signals: functions, arguments, variables, fields."""
     names = set()
     files = [file for room in ("physics", "control") for file in (root / "flexlab" / room).rglob("*.py")]
     for file in (*files, root / "flexlab" / "sim" / "signals.py"):
@@ -56,7 +56,7 @@ def names_in_code(root: Path) -> set[str]:
     return names
 
 
-def test_every_code_name_stands_in_the_code(root: Path):
+def test_every_code_name_is_used_in_the_code(root: Path):
     names = names_in_code(root)
     for row in SYMBOLS:
         assert row.code == NOT_FORMED or row.code.split("[")[0] in names, f"{row.symbol} is called {row.code} nowhere"
@@ -64,7 +64,7 @@ def test_every_code_name_stands_in_the_code(root: Path):
 
 
 def equations_cited(root: Path) -> set[str]:
-    """Numbers that docstrings of physics and control cite as `Eq. (25)` or in a list, `Eqs. (23), (24) and (25)`."""
+    """Return the numbers that docstrings of physics and control cite as `Eq. (25)` or in a list, `Eqs. (23), (24) and (25)`."""
     cited = set()
     for file in (file for room in ("physics", "control") for file in (root / "flexlab" / room).rglob("*.py")):
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):

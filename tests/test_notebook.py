@@ -31,7 +31,7 @@ class AlongX(flexlab.OwnPath):
         return 0.05 * np.sin(np.pi * t), 0.75, 0.0
 
 
-def test_a_class_of_a_cell_works_wherever_scenarios_do(tmp_path: Path):
+def test_a_law_or_path_defined_in_a_cell_works_wherever_scenarios_do(tmp_path: Path):
     run = flexlab.simulate("paper", 0.1, law=OfACell, path=AlongX, check=True)
     many = flexlab.simulate_many(["paper", {}, {"gravity": 99}], 0.1, progress=False, law=OfACell, path=AlongX)
     assert [str(one.status) for one in many] == ["finished", "finished", "invalid"]
@@ -47,14 +47,14 @@ def test_a_class_of_a_cell_works_wherever_scenarios_do(tmp_path: Path):
         assert lab.session.runner.snapshot.scenario.trajectory.kind == "along-x"
 
 
-def test_a_run_is_a_page_in_a_cell():
+def test_a_notebook_shows_a_run_as_a_page():
     page = flexlab.simulate("paper", 0.5).show()
     assert "<title>paper – flexlab</title>" in page.html
     assert page._repr_html_().startswith('<iframe srcdoc="&lt;!doctype html&gt;')
     assert repr(page).endswith("MB: a notebook shows it; .html is its text>")
 
 
-def test_a_lab_lives_as_long_as_its_block():
+def test_a_lab_is_open_only_inside_its_with_block():
     with flexlab.Lab("soft-beam") as lab:
         assert f'src="{lab.url}"' in lab._repr_html_()
         assert repr(lab) == f"<Lab of soft-beam: open at {lab.url}>"

@@ -1,4 +1,4 @@
-"""The notebooks that are shipped run from top to bottom, and say what they check."""
+"""The shipped notebooks run from top to bottom and check their own results."""
 
 import json
 import runpy
@@ -10,7 +10,7 @@ NAMES = ("1-a-ring-read-off-a-run", "2-which-gain-for-which-beam")
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_notebook_runs_and_shows_what_it_draws(root: Path, name: str):
+def test_a_notebook_runs_and_gives_the_kinds_of_output_it_is_shipped_with(root: Path, name: str):
     path = root / "web_assets" / "notebooks" / f"{name}.ipynb"
     run_notebook = runpy.run_path(str(root / "web_assets" / "make" / "notebooks.py"))["run_notebook"]
     shipped, ran = json.loads(path.read_text(encoding="utf-8")), run_notebook(path)

@@ -1,4 +1,4 @@
-"""What flexlab uses of numba without its promise is still there, and is left as it was found."""
+"""The internals of numba that flexlab uses still exist, and are left as they were."""
 
 import gc
 import importlib
@@ -55,8 +55,8 @@ def test_numba_is_left_as_it_was_even_by_a_kernel_that_does_not_compile():
     assert gc.isenabled()
 
 
-def test_a_branch_for_what_is_none_is_not_compiled():
-    """`sim.integrators.step` relies on it: one integrator at a time."""
+def test_a_branch_for_an_argument_that_is_none_is_not_compiled():
+    """`sim.integrators.step` relies on it: only the chosen integrator is compiled."""
 
     @inlined
     def never(a):
@@ -76,7 +76,7 @@ def test_a_branch_for_what_is_none_is_not_compiled():
     assert np.isfinite(chosen(None, 1.0))
 
 
-def test_machine_code_on_disk_is_taken_up_without_what_compiling_needs(monkeypatch, tmp_path):
+def test_machine_code_is_read_from_disk_without_loading_the_compiler(monkeypatch, tmp_path):
     monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path))
 
     def length(a, b):
@@ -110,7 +110,7 @@ def twice(number):
     return number + number
 
 
-def test_machine_code_serves_every_checkout_of_the_same_text(monkeypatch, tmp_path):
+def test_checkouts_with_the_same_source_share_machine_code(monkeypatch, tmp_path):
     monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path / "cache"))
 
     def kernel(checkout, text):
@@ -132,7 +132,7 @@ def test_machine_code_serves_every_checkout_of_the_same_text(monkeypatch, tmp_pa
     assert kernel("changed", text + "OTHER = 1\n") == 0
 
 
-def test_two_processes_never_keep_two_kernels_under_one_name(monkeypatch, tmp_path):
+def test_a_kernel_has_one_file_name_that_no_other_kernel_has(monkeypatch, tmp_path):
     """Numba's index is read and written in two steps, between which another process may take the same number."""
 
     def names(folder, argument):
@@ -153,7 +153,7 @@ class Pair(NamedTuple):
     count: int
 
 
-def test_a_fingerprint_tells_apart_all_that_machine_code_is_made_for():
+def test_fingerprints_tell_apart_arguments_that_need_their_own_machine_code():
     square = np.ones((2, 2))
     frozen = square.copy()
     frozen.flags.writeable = False
@@ -180,7 +180,7 @@ def _total(numbers):
     return result
 
 
-def test_a_kernel_that_python_calls_is_no_part_of_the_kernels_that_call_it():
+def test_only_inlined_kernels_become_part_of_the_kernels_that_call_them():
     total = compiled(_total)
 
     @inlined
@@ -225,8 +225,8 @@ print(ask(*arguments), entry_point(ask, *arguments)(*arguments))
 """
 
 
-def test_a_version_of_numba_that_nobody_knows_compiles_in_its_own_way(tmp_path):
-    file = tmp_path / "program.py"  # Numba caches what stands in a file.
+def test_an_unknown_version_of_numba_compiles_without_its_internals(tmp_path):
+    file = tmp_path / "program.py"  # Numba caches only functions from a file.
     file.write_text(UNKNOWN_NUMBA)
     circumstances = os.environ | {"FLEXLAB_PLAIN_NUMBA": "1", "NUMBA_CACHE_DIR": str(tmp_path)}
     done = subprocess.run([sys.executable, file], env=circumstances, capture_output=True, text=True, timeout=200)

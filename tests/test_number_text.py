@@ -30,12 +30,12 @@ def test_numbers_have_no_letters_and_a_real_minus_sign() -> None:
         ("my_law.py, a_b.csv, x_longer, payload.bending_stiffness", None),
     ],
 )
-def test_an_index_is_a_real_subscript_and_a_name_in_code_stays(text: str, shown: str | None) -> None:
+def test_an_index_becomes_a_subscript_and_a_name_in_code_stays(text: str, shown: str | None) -> None:
     assert with_subscripts(text) == (shown or text)
     assert (in_mathtext(text) == text) == (shown is None)
 
 
-def test_a_zero_has_no_sign_and_rounding_is_no_difference() -> None:
+def test_a_zero_has_no_sign_and_a_rounding_error_is_no_difference() -> None:
     assert fixed_text(-1e-9, 3) == fixed_text(1e-9, 3, signed=True) == "0.000"
     assert fixed_text(-0.13, 3, signed=True) == "−0.130"
     assert difference_text(1.0, 1.0 - 9.44e-16) == "0"
@@ -46,7 +46,7 @@ def test_a_zero_has_no_sign_and_rounding_is_no_difference() -> None:
     assert difference_text(2.019e-17, 5e-18, scale=1e3) == "0"
 
 
-def test_sizes_and_durations_round_up_to_the_next_unit() -> None:
+def test_sizes_and_durations_are_rounded_as_people_write_them() -> None:
     assert [size_text(size) for size in (0, 999.7, 1500, 2.5e6, 9.996e11)] == [
         "0 B",
         "1000 B",
@@ -58,16 +58,16 @@ def test_sizes_and_durations_round_up_to_the_next_unit() -> None:
 
 
 @given(st.floats())
-def test_no_number_is_odd(value: float) -> None:
+def test_no_number_is_written_with_an_e_as_nan_or_inf_or_with_a_hyphen(value: float) -> None:
     assert not re.search(r"e[+-]|nan|inf|-", number_text(value) + fixed_text(value, 3))
 
 
 @given(st.floats(min_value=1e-4, max_value=9e6))
-def test_what_is_written_is_the_number(value: float) -> None:
+def test_a_number_that_is_written_reads_back_to_four_digits(value: float) -> None:
     assert float(number_text(value)) == pytest.approx(value, rel=5.1e-4)
 
 
-def test_fields_and_values_are_told_in_words() -> None:
+def test_fields_and_values_are_named_in_words() -> None:
     paper = load_preset("paper")
     other = paper.replace({"controller.kind": "pd", "payload.bending_stiffness": 50.0})
     news = {

@@ -1,6 +1,6 @@
-"""Every number with a unit that README, presets, guide and lessons state is computed here, or named as a setting.
+"""Every number with a unit in README, documentation, presets, guide and lessons is computed here or listed as a setting.
 
-A number must agree to its last digit. One that nothing here accounts for fails the test: write its pattern and how it is
+A number must agree to its last digit. One that nothing here accounts for fails the test: add its pattern and how it is
 computed.
 """
 
@@ -44,7 +44,7 @@ def metrics(preset: str, first: float = 0.0, last: float = 3.0) -> RunMetrics:
 
 
 def peak(of: Run, signal: str, first: float, last: float, axes: slice = slice(None)) -> float:
-    """Largest magnitude of a signal between two instants, SI."""
+    """Return the largest magnitude of a signal between two times, SI."""
     values = getattr(between(of, first, last), signal)
     return float(np.abs(values if values.ndim == 1 else values[:, axes]).max())
 
@@ -65,12 +65,12 @@ def pinned(k: int) -> float:
 
 
 def softened(stiffness: float, signal: str) -> float:
-    """Peak in the fifth second of the preset paper whose stiffness was changed at t = 2 s, mm."""
+    """Return the peak of a signal in the fifth second of the preset paper with a stiffness changed at t = 2 s, mm."""
     return 1e3 * peak(run("paper", (2.0, EI, stiffness), duration=5.0), signal, 4, 5, slice(2))
 
 
 def thinner(signal: str, number: int, axes: slice = slice(None)) -> float:
-    """Peak of fast-adaptation with ε = 0.1, 0.01, 0.001 (`number` 0, 1, 2), SI."""
+    """Return the peak of a signal in fast-adaptation with ε = 0.1, 0.01, 0.001 (`number` 0, 1, 2), SI."""
     return peak(_thinned(), signal, 1 + 2 * number, 2 + 2 * number, axes)
 
 
@@ -88,7 +88,7 @@ def squeeze(of: Run, first: float, last: float) -> float:
 
 
 def wrist() -> float:
-    """How far the wrists of large-swing come from their bases, m."""
+    """Return the largest distance of a wrist from the base of its arm in large-swing, m."""
     swing = run("large-swing")
     scenario, pose = swing.scenario, swing.pose
     offset = scenario.payload.length / 2 + scenario.left_arm.link_length[2]
@@ -113,7 +113,7 @@ def tip(first: float, last: float) -> float:
 
 
 def growth(preset: str, other: str) -> float:
-    """How many times larger the bound estimates of a preset are after three seconds than another's."""
+    """Return the ratio of the bound estimates of two presets after three seconds."""
     return float((run(preset).bound_estimates[-1] / run(other).bound_estimates[-1]).mean())
 
 
@@ -127,7 +127,7 @@ def path_rate(preset: str) -> float:
 
 
 def worse(preset: str, first: float, last: float) -> float:
-    """Growth of the largest error of any axis against the preset paper, %."""
+    """Return by how much the peak error of the worst axis grows against the preset paper, %."""
     ratio = [
         peak(run(preset), "tracking_error", first, last, slice(a, a + 1))
         / peak(run("paper"), "tracking_error", first, last, slice(a, a + 1))
@@ -141,12 +141,12 @@ def moment(preset: str) -> float:
 
 
 def bends(preset: str) -> float:
-    """Mid-span deflection in steady motion, mm."""
+    """Return the peak mid-span deflection in steady motion, mm."""
     return 1e3 * peak(run(preset), "midspan_deflection", 1, 3)
 
 
 def error_left(kind: str, factor: float) -> float:
-    """Largest error from t = 2 s on in the preset paper under a law that takes the beam for so much heavier, mm."""
+    """Return the largest error from t = 2 s on in the preset paper with a law that takes the beam for `factor` as heavy, mm."""
     changes = {"controller.kind": kind, "controller.model.linear_density_factor": factor}
     rival = simulate(load_preset("paper").replace(changes), 3.0)
     return 1e3 * peak(rival, "tracking_error", 2, 3, slice(2))
@@ -168,30 +168,30 @@ UNDAMPED_OBSERVED: Changes = (*UNDAMPED, *ESTIMATED)
 
 @cache
 def real(changes: Changes) -> Run:
-    """The preset vibration-damping with a clock, a delay and noisy gauges."""
+    """Simulate the preset vibration-damping with changes: a clock, a delay, noisy strain gauges."""
     return simulate(load_preset("vibration-damping").replace(dict(changes)), 3.0)
 
 
 @cache
 def grows(changes: Changes) -> PoleRow:
-    """The fastest growing pole of the preset vibration-damping with changes."""
+    """Return the fastest growing pole of the preset vibration-damping with changes."""
     return modes(load_preset("vibration-damping").replace(dict(changes))).pole_rows()[0]
 
 
 @cache
 def shaped(shaper: str, frequency: float | None = None) -> Run:
-    """The preset sudden-stop through an input shaper."""
+    """Simulate the preset sudden-stop with an input shaper."""
     path = {"trajectory.shaper": shaper, "trajectory.shaper_frequency": frequency}
     return simulate(load_preset("sudden-stop").replace(path), 2.0)
 
 
 def left_after(shaper: str, frequency: float | None = None) -> float:
-    """Residual vibration after the stop, mm."""
+    """Return the residual vibration after the stop, mm."""
     return 1e3 * run_metrics(shaped(shaper, frequency)).residual_vibration[0]
 
 
 def jumps(of: Run) -> float:
-    """How much joint torques change from one millisecond to the next, N·m (RMS)."""
+    """Return the RMS change of the joint torques from one millisecond to the next, N·m."""
     return torque_jump(torque_turns(between(of, 0.5, 1.0), 0.001))
 
 
@@ -201,26 +201,26 @@ def settling(preset: str) -> float:
 
 @cache
 def spun() -> Run:
-    """The preset spin-up until it spins down."""
+    """Simulate the preset spin-up until it spins down."""
     return simulate(load_preset("spin-up"), 5.0, 0.01)
 
 
 def crossings(of: Run) -> float:
-    """Frequency of the mid-span deflection, Hz, by its crossings of the line."""
+    """Return the frequency of the mid-span deflection, from its upward zero crossings, Hz."""
     w = of.midspan_deflection
     upwards = np.flatnonzero((w[:-1] < 0) & (w[1:] >= 0))
     return float((len(upwards) - 1) / (of.time[upwards[-1]] - of.time[upwards[0]]))
 
 
 def share_that_buckles() -> float:
-    """Compression that takes all stiffness from the beam's matrices, in % of the buckling load that is stated."""
+    """Return the compression at which the beam's matrices lose all stiffness, in % of the stated buckling load."""
     return (
         100 * buckling.critical_load(16, "pinned-pinned") / buckling_load(buckling.LENGTH, buckling.EI, "pinned-pinned")
     )
 
 
 def coupled_apart() -> float:
-    """How far plant and law of `paper` that exchange values each millisecond are off `simulate`, mm and mrad."""
+    """Return how far plant and law of `paper`, units that exchange values each millisecond, are off `simulate`, mm and mrad."""
     if shutil.which("cc") is None and not os.environ.get("CI"):
         pytest.skip("no C compiler (cc): units cannot be made")
     with TemporaryDirectory() as name:
@@ -423,7 +423,7 @@ LIMITS: dict[str, tuple[tuple[str, Number], ...]] = {
     ),
     "6-vibration": ((r"less than (\S+) µm", lambda: 1e6 * peak(run("vibration-damping"), "vibration", 1, 3)),),
 }  # fmt: skip
-"""As above, for numbers that something stays under, but not far."""
+"""Like CLAIMS, for upper limits, which the value stays under but comes close to."""
 
 CHAOTIC: dict[str, tuple[tuple[str, Number], ...]] = {
     "fast-adaptation": (
@@ -436,9 +436,9 @@ CHAOTIC: dict[str, tuple[tuple[str, Number], ...]] = {
         (r"µm to (\S+) µm", lambda: 1e6 * thinner("vibration", 2)),
     ),
 }  # fmt: skip
-"""Chatter is not smooth in its causes: another compiler gives slightly other numbers."""
+"""Like CLAIMS, for numbers of chatter, which amplifies rounding: another compiler gives slightly other numbers."""
 CHATTER_SPREAD = 0.15
-"""Relative."""
+"""Relative tolerance of the numbers of chatter."""
 
 SETTINGS = (
     r"\(1 s\)|one second|t = (0\.6|1) s|at 1 kHz|at 60 Hz|steps? of 1 ms|the 1 Hz motion|T_c|Λ = 50 1/s|RMS per step",
@@ -448,13 +448,13 @@ SETTINGS = (
 """Numbers with a unit that are set, not measured."""
 
 PAGES = "scripts", "own", "studies", "class", "runs"
-"""Pages of the documentation to which README leads."""
+"""Pages of the documentation to which README links."""
 UNITS = "mm|µm|micrometres|Hz|kHz|N·m|N|s|ms|%|m/s|kg|m|rad|times"
 WITH_UNIT = re.compile(rf"(?<![\w.])\d+(?:\.\d+)?\s(?:{UNITS})(?![\w·/])")
 
 
 def texts() -> dict[str, str]:
-    """Every text that states numbers, line breaks as spaces, without code."""
+    """Return every text that states numbers by name, without code, with line breaks as spaces."""
     guide = {path.stem: path.read_text(encoding="utf-8") for path in web_assets_folder().glob("guide/**/*.md")}
     found = {name: text.partition("\n## Check\n")[0] for name, text in guide.items()}
     found |= {name: f"{load_preset(name).title}. {load_preset(name).watch}" for name in preset_names(Path("/none"))}
@@ -468,7 +468,7 @@ TEXTS = texts()
 
 
 def stated(text: str, pattern: str) -> tuple[float, int]:
-    """The number that a text gives, and its decimals."""
+    """Return the number that a text gives and how many decimals it has."""
     found = re.search(pattern, TEXTS[text])
     assert found, f"{pattern} is not in {text}"
     words = found[1].rstrip(".,:")
@@ -480,7 +480,7 @@ def cases(table: dict[str, tuple[tuple[str, Number], ...]]) -> list[tuple[str, s
 
 
 def short(value: str | Number) -> str:
-    """A part of a test's name, the same in all processes."""
+    """Return a part of a test's name that is the same in all processes."""
     return value[:40] if isinstance(value, str) else "number"
 
 
@@ -491,13 +491,13 @@ def test_a_number_is_right_to_its_last_digit(text: str, pattern: str, number: Nu
 
 
 @pytest.mark.parametrize(("text", "pattern", "number"), cases(LIMITS), ids=short)
-def test_a_limit_is_kept_and_tight(text: str, pattern: str, number: Number):
+def test_a_limit_holds_and_is_tight(text: str, pattern: str, number: Number):
     value, _ = stated(text, pattern)
     assert 0.6 * value < number() < value
 
 
 @pytest.mark.parametrize(("text", "pattern", "number"), cases(CHAOTIC), ids=short)
-def test_a_number_of_chatter_is_right_in_size(text: str, pattern: str, number: Number):
+def test_a_number_of_chatter_is_right_within_its_spread(text: str, pattern: str, number: Number):
     assert number() == pytest.approx(stated(text, pattern)[0], rel=CHATTER_SPREAD)
 
 
@@ -513,8 +513,8 @@ def test_no_number_is_left_unaccounted_for(text: str):
     assert left == []
 
 
-def test_words_for_numbers():
-    """'A hundred times' and its like."""
+def test_numbers_in_words_are_right():
+    """Such as 'a hundred times'."""
     paper, soft = load_preset("paper"), first_mode("soft-beam")
     assert "A hundred times stiffer" in TEXTS["stiff-beam"]
     assert load_preset("stiff-beam").payload.bending_stiffness == 100 * paper.payload.bending_stiffness
@@ -534,8 +534,8 @@ def test_words_for_numbers():
     assert grows(UNDAMPED_OBSERVED).origin == "beam mode 5"
 
 
-def test_what_stays_of_a_soft_beams_vibration_is_forced():
-    """It repeats itself period by period, to a ten-thousandth, where a free ring would have died down or be out of step."""
+def test_the_vibration_that_stays_in_a_soft_beam_is_forced():
+    """It repeats itself each period to one part in ten thousand; a free ring would have died down or be out of step."""
     soft = run("soft-beam", duration=8.0)
     period = 1000
     later, earlier = soft.vibration[-2 * period :], soft.vibration[-3 * period : -period]

@@ -1,7 +1,7 @@
 """What the guide for contributors promises: a new metric, signal, damping, case, lesson, study or command touches one file.
 
-Each is added to a copy of flexlab, in the one file that the guide names, and then shows wherever the others show. The copy
-runs as plain Python: nothing has to be compiled for it. One process looks at all of them.
+Each is added to a copy of flexlab, in the one file that the guide names, and then appears wherever the others do. The copy
+runs as plain Python, so that nothing has to be compiled. One process tries almost all of them.
 """
 
 import json
@@ -20,11 +20,11 @@ from flexlab.recording.store.formats import FORMAT
 from flexlab.sim.simulate import simulate
 
 LEFT_OUT = shutil.ignore_patterns("*.nbi", "*.nbc")
-"""Machine code. What Python keeps of sources holds for their copies, but for those that are changed."""
+"""Machine code. Python's bytecode is copied: it stays valid except for the files that are changed."""
 
 
 def run(copy: Path, program: str) -> Any:
-    """What a program prints that runs with the copy, as JSON."""
+    """Run a program with the copy and return the JSON in its last line."""
     environment = os.environ | {"PYTHONPATH": str(copy), "NUMBA_DISABLE_JIT": "1", "PYTHONIOENCODING": "utf-8"}
     done = subprocess.run(
         [sys.executable, "-c", program], cwd=copy, env=environment, capture_output=True, text=True, encoding="utf-8"
@@ -168,7 +168,7 @@ INSERTED = (
     (SIGNALS, "        joint_angles(theta, ", "        arm[PUSH] = abs(ws.u[i, 0])\n"),
     (SIGNALS, "\n\n@inlined\ndef write_sample(", '\nSPEED, PUSH = COLUMN["speed_squared"], COLUMN["push"]\n'),
 )  # fmt: skip
-"""What is written ahead of a text's first place in a file."""
+"""(file, text in it, what is inserted before the first occurrence of that text)."""
 
 PROGRAM = """
 import io, json, pydoc
@@ -252,7 +252,7 @@ print(json.dumps(found))
 
 @pytest.fixture(scope="module")
 def copy(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of flexlab with one more of each, and a run as flexlab is without them."""
+    """A copy of flexlab with one more of each, and a run recorded without them."""
     copy = tmp_path_factory.mktemp("copy")
     for folder in ("flexlab", "presets", "web_assets"):
         shutil.copytree(root / folder, copy / folder, ignore=LEFT_OUT)
@@ -268,7 +268,7 @@ def copy(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def found(copy: Path) -> dict[str, Any]:
-    """What the copy says of what was added."""
+    """What the copy reports about the additions."""
     found = run(copy, PROGRAM)
     assert Path(found["home"]).is_relative_to(copy)
     return found
@@ -290,7 +290,7 @@ def test_a_damping_is_one_class_in_one_file(found: dict[str, Any]):
     assert again
 
 
-def test_a_signal_that_follows_from_others_is_one_property(found: dict[str, Any]):
+def test_a_signal_computed_from_others_is_one_property(found: dict[str, Any]):
     speed = found["speed"]
     assert len(speed["values"]) == 5
     assert all(speed["same"])
@@ -306,7 +306,7 @@ def test_a_signal_that_follows_from_others_is_one_property(found: dict[str, Any]
         ("push", ["push_left [N]", "push_right [N]"], "|u|: common force, N, (N, arms)"),
     ],
 )
-def test_a_signal_that_is_simulated_is_one_row_and_its_line_in_the_same_file(
+def test_a_simulated_signal_is_one_row_and_one_line_in_the_same_file(
     found: dict[str, Any], name: str, columns: list[str], documented: str
 ):
     signal = found[name]
@@ -374,7 +374,7 @@ def test_a_command_is_one_file(found: dict[str, Any]):
     assert "greet" in completed[1]
 
 
-def test_a_signal_of_a_format_that_is_not_written_yet_is_refused(copy: Path):
+def test_a_signal_since_a_later_format_than_the_present_one_is_refused(copy: Path):
     file = copy / SIGNALS
     before = file.read_text(encoding="utf-8")
     late = f'"squared speed", since={FORMAT + 1})'

@@ -13,12 +13,12 @@ from flexlab.sim.simulate import simulate
 
 
 def peak(run: Run, signal: np.ndarray, start: float, stop: float) -> np.ndarray:
-    """Largest magnitude of a signal in a span of time."""
+    """Return the largest magnitude of a signal in a span of time."""
     return np.abs(signal[(run.time >= start) & (run.time <= stop)]).max(axis=0)
 
 
 def frequency(run: Run, signal: np.ndarray, above: float) -> float:
-    """Strongest frequency above a limit within the first 0.3 s, Hz."""
+    """Return the strongest frequency above a limit within the first 0.3 s, Hz."""
     part = signal[run.time < 0.3]
     spectrum = np.abs(np.fft.rfft((part - part.mean()) * np.hanning(len(part)), 1 << 15))
     hertz = np.fft.rfftfreq(1 << 15, 0.001)
@@ -26,7 +26,7 @@ def frequency(run: Run, signal: np.ndarray, above: float) -> float:
 
 
 def says(name: str, pattern: str) -> float:
-    """The number that a preset's text gives, so that text and test cannot part ways."""
+    """Return the number that a preset's text gives, so that text and test cannot disagree."""
     found = re.search(pattern, load_preset(name).watch)
     assert found, pattern
     return float(found[1])
@@ -40,12 +40,12 @@ def test_every_preset_runs_to_its_end_with_a_beam_that_bends_little(name: str):
 
 
 @pytest.mark.parametrize("name", [name for name in preset_names() if "a millimetre" in load_preset(name).watch])
-def test_less_than_a_millimetre_is_meant(name: str):
+def test_an_error_below_a_millimetre_is_kept_where_it_is_claimed(name: str):
     result = run(name)
     assert peak(result, result.tracking_error, 1, 3)[:2].max() < 1e-3
 
 
-def test_paper_rings_then_follows():
+def test_paper_rings_at_first_and_then_follows_the_path():
     paper = run("paper")
     assert frequency(paper, paper.vibration, 10) == pytest.approx(says("paper", r"at (\S+) Hz"), rel=0.01)
     assert peak(paper, paper.vibration, 0.5, 3) < 0.01 * peak(paper, paper.vibration, 0, 0.1)
@@ -89,7 +89,7 @@ def test_large_swing_is_wide_and_reachable():
     assert np.max(distances) == pytest.approx(says("large-swing", r"as far as (\S+) m"), abs=0.01)
 
 
-def test_slow_adaptation_changes_little():
+def test_slow_adaptation_changes_the_error_little():
     slow, paper = run("slow-adaptation"), run("paper")
     ratio = paper.bound_estimates[-1] / slow.bound_estimates[-1]
     assert np.all((ratio > 95) & (ratio < 105))
@@ -97,7 +97,7 @@ def test_slow_adaptation_changes_little():
     assert 0.01 < np.abs(change).max() < 0.015
 
 
-def test_composite_damps_as_with_exact_rates_and_no_delay():
+def test_composite_damps_almost_as_well_as_with_exact_rates_and_no_delay():
     scenario = load_preset("composite")
     assert scenario.controller.input_delay * scenario.controller.control_period == 0.001
     assert scenario.controller.sensor_noise.strain > 0
@@ -108,7 +108,7 @@ def test_composite_damps_as_with_exact_rates_and_no_delay():
     assert later[0] < 1.2 * later[1] < 0.1 * later[2]
 
 
-def test_lqr_trades_torque_for_error_and_ring():
+def test_lqr_lowers_error_and_ring_at_the_cost_of_torque():
     lqr, paper = run("lqr"), run("paper")
     assert peak(lqr, lqr.vibration, 0.1, 0.4) < 0.1 * peak(paper, paper.vibration, 0.1, 0.4)
     assert peak(lqr, lqr.tracking_error, 0, 3)[:2].max() < 0.7 * peak(paper, paper.tracking_error, 0, 3)[:2].max()
@@ -178,7 +178,7 @@ def test_a_squeezed_beam_rings_more_slowly():
     assert 1e3 * w[0] == pytest.approx(says(name, r"bent by (\S+) mm"))
 
 
-def test_a_spun_beam_lags_and_comes_back():
+def test_a_spun_beam_lags_and_recovers_and_without_axial_load_diverges():
     whole = simulate(load_preset("spin-up"), 5.0, 0.01)
     tip = 1e3 * np.abs(whole.beam_coordinates[:, -2])
     assert tip.max() == pytest.approx(says("spin-up", r"up to (\S+) mm"), abs=0.5)

@@ -34,11 +34,11 @@ def one_sentence(text: str) -> bool:
 
 
 def stored(name: str) -> dict[str, Any]:
-    """What the file of a preset of flexlab holds."""
+    """Return the contents of the file of a built-in preset."""
     return json.loads((presets_folder() / f"{name}.json").read_text(encoding="utf-8"))
 
 
-def test_all_are_there_in_the_order_of_their_files_and_then_ones_own(tmp_path: Path):
+def test_presets_come_in_menu_order_with_the_users_own_last(tmp_path: Path):
     assert set(NAMES) >= ASKED_FOR
     orders = {name: stored(name)["menu_order"] for name in NAMES}
     assert len(set(orders.values())) == len(NAMES)
@@ -51,7 +51,7 @@ def test_all_are_there_in_the_order_of_their_files_and_then_ones_own(tmp_path: P
     assert load_preset("early", tmp_path) == load_preset("paper")
 
 
-def test_a_moved_preset_stands_at_its_new_place(tmp_path: Path):
+def test_a_preset_with_a_new_menu_order_moves(tmp_path: Path):
     for name, order in (("one", 1), ("two", 2)):
         (tmp_path / f"{name}.json").write_text(json.dumps({"menu_order": order}))
     assert preset_names(tmp_path)[-2:] == ["one", "two"]
@@ -96,7 +96,7 @@ def test_a_preset_holds_what_differs_from_the_defaults_and_no_more(name: str):
             continue  # Not even valid without it.
 
 
-def test_a_format_of_thousands_of_digits_is_a_short_sentence():
+def test_a_format_number_of_thousands_of_digits_is_a_short_sentence():
     with pytest.raises(ScenarioError, match="is not known here") as caught:
         parse_scenario({"format": int("9" * 4000)})
     assert len(str(caught.value)) < 200
@@ -130,7 +130,7 @@ def test_a_preset_name_is_not_a_path(name: str):
         load_preset(name)
 
 
-def test_own_presets_join_but_do_not_replace(tmp_path: Path):
+def test_own_presets_are_added_but_replace_no_built_in_one(tmp_path: Path):
     save_scenario(Scenario(title="mine", gravity=1.0), tmp_path / "mine.json")
     save_scenario(Scenario(gravity=1.0), tmp_path / "paper.json")
     assert "mine" in preset_names(tmp_path)
@@ -206,14 +206,14 @@ def test_an_invalid_scenario_is_one_sentence_with_the_file_name(tmp_path: Path, 
     assert len(caught.value.problems) == 1
 
 
-def test_folders_and_missing_places_are_one_sentence(tmp_path: Path):
+def test_a_folder_or_a_missing_folder_is_one_sentence(tmp_path: Path):
     with pytest.raises(PresetError, match="cannot be read"):
         load_scenario_file(tmp_path)
     with pytest.raises(PresetError, match="cannot be written"):
         save_scenario(Scenario(), tmp_path / "nowhere" / "file.json")
 
 
-def test_every_preset_reaches_another_process_whole():
-    """Studies and labs of their own compute in processes of their own: composite's parts have no name to be found under."""
+def test_every_preset_can_be_pickled():
+    """Studies and private labs compute in other processes, and the parts of composite have no name to be found under."""
     for name in preset_names():
         assert pickle.loads(pickle.dumps(load_preset(name))) == load_preset(name), name

@@ -1,7 +1,7 @@
-"""What scripts and notebooks say behind a dot: no member of a public class goes by accident.
+"""No member of a public class, which scripts and notebooks may use, is removed by accident.
 
-`public_members.txt` has them all. Who adds one, or takes one away on purpose and says so in the changelog, writes the file anew:
-`python tests/test_public_members.py`.
+`public_members.txt` lists them all. After adding one, or removing one on purpose and saying so in the changelog, write the file
+anew: `python tests/test_public_members.py`.
 """
 
 from pathlib import Path
@@ -14,17 +14,17 @@ from flexlab.analysis.validation.check import Check
 
 LISTED = Path(__file__).with_name("public_members.txt")
 IN_RESULTS = (Candidate, Check, Cost, MetricRow, Row)
-"""Classes that are met in results, as the cost in a tuning."""
+"""Classes that users meet only in results, such as the cost of a tuning."""
 
 
 def classes() -> dict[str, type]:
-    """Public classes by name."""
+    """Return the public classes by name."""
     public = [value for name in flexlab.__all__ if isinstance(value := getattr(flexlab, name), type)]
     return {kind.__name__: kind for kind in sorted([*public, *IN_RESULTS], key=lambda kind: kind.__name__)}
 
 
 def members(kind: type) -> list[str]:
-    """Public names of a class that are its own or from another class of flexlab, fields without a default too."""
+    """Return the public names of a class, its own and inherited from flexlab, with fields that have no default."""
     of_flexlab = [each for each in kind.__mro__ if each.__module__.startswith("flexlab")]
     return sorted(
         {
@@ -37,7 +37,7 @@ def members(kind: type) -> list[str]:
 
 
 def listing() -> str:
-    """A line for each class."""
+    """Return a line for each class."""
     return "".join(f"{name}: {' '.join(members(kind))}\n" for name, kind in classes().items())
 
 

@@ -40,7 +40,7 @@ def test_the_command_table_names_commands(readme: str):
     assert named <= set(COMMANDS), "the documentation has all of them"
 
 
-def test_set_up_uses_what_is_there(readme: str, root: Path):
+def test_the_set_up_commands_use_files_that_exist(readme: str, root: Path):
     for line in re.findall(r"```sh\n(.*?)```", readme, re.DOTALL):
         for file in re.findall(r"-c (\S+)|python (tests/\S+)", line):
             assert (root / "".join(file)).is_file()
@@ -53,7 +53,7 @@ def test_links_lead_to_files(readme: str, root: Path):
     assert [link for link in linked if not (root / link).is_file()] == []
 
 
-def test_the_citation_is_of_this_version(root: Path):
+def test_the_citation_is_of_the_newest_release(root: Path):
     """`.github/CITATION.cff` has the newest release of the changelog, with its date."""
     release, date = re.findall(
         r"^## (\S+) \((\S+)\)", (root / ".github/CHANGELOG.md").read_text(encoding="utf-8"), re.M

@@ -1,4 +1,4 @@
-"""Registries of laws and paths, to which several threads add and from which they take."""
+"""Registries of laws and paths when several threads change them."""
 
 import threading
 
@@ -20,7 +20,7 @@ class Named:
         return 0
 
 
-def test_what_one_thread_forgets_no_other_brings_back():
+def test_adding_in_one_thread_does_not_restore_what_another_forgets():
     known, other = Registry(Named, "law", "LAW", "flexlab.control.paths"), Named("other", slow=True)
     known._built_in = True
     known.add(Named("forgotten"))

@@ -44,7 +44,7 @@ def with_value(path: tuple[str, ...], value: object) -> dict:
 
 
 def parsed(data: object) -> tuple[Scenario | None, list[tuple[str, str]]]:
-    """The scenario, or none and the problems; any other outcome fails the test by its own exception."""
+    """Return the scenario, or None and the problems; any other exception fails the test."""
     try:
         return parse_scenario(data), []
     except ScenarioError as error:
@@ -75,7 +75,7 @@ def test_any_value_in_any_field_gives_a_scenario_or_sentences(path, value):
 
 
 @given(path=st.sampled_from(paths(PAPER)), name=st.text(min_size=1, max_size=12))
-def test_a_strange_field_is_refused_by_name(path, name):
+def test_an_unknown_field_gives_sentences_and_is_refused(path, name):
     data = with_value((*path[:-1], name), 1.5)
     if name not in PAPER and path[:-1] == ():
         with pytest.raises(ScenarioError):
@@ -84,7 +84,7 @@ def test_a_strange_field_is_refused_by_name(path, name):
 
 
 @pytest.mark.parametrize("path", [path for path in paths(PAPER) if path[-1] not in ("title", "watch")])
-def test_not_a_number_is_refused_everywhere(path):
+def test_nan_is_refused_in_every_field(path):
     with pytest.raises(ScenarioError):
         parse_scenario(with_value(path, math.nan))
 
@@ -122,6 +122,6 @@ def test_the_sentence_names_field_value_and_range(path: str, value: object, says
 
 
 @pytest.mark.parametrize("changes", [None, 5, "gravity=9.81", [("gravity", 9.81)], {5: 1.0}, {None: 1.0}])
-def test_changes_are_values_by_path(changes: object):
+def test_changes_must_be_values_by_path(changes: object):
     with pytest.raises(ScenarioError, match="give values by dotted path, as in"):
         load_preset("paper").replace(changes)  # type: ignore[arg-type]  # As somebody may.

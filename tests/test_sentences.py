@@ -31,7 +31,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def answer(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
-    """The complaint of a command that is refused."""
+    """A function that runs a command, which must be refused, and returns the error."""
     monkeypatch.chdir(tmp_path)
 
     def ask(*words: str) -> str:
@@ -46,13 +46,13 @@ def answer(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pyte
     return ask
 
 
-def test_a_folder_or_pipe_in_place_of_a_run_is_said(answer: Callable[..., str], tmp_path: Path):
+def test_a_folder_in_place_of_a_run_is_refused(answer: Callable[..., str], tmp_path: Path):
     (tmp_path / "FOLDER.rrd").mkdir()
     for command in (("logs", "FOLDER.rrd"), ("review", "FOLDER.rrd"), ("replay", "FOLDER.rrd"), ("logs", ".")):
         assert "cannot be read: it is a folder; name a recording in it." in answer(*command), command
 
 
-def test_a_run_that_is_compared_to_itself_is_said(recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_comparing_a_run_with_itself_is_pointed_out(recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     with pytest.raises(SystemExit) as ended:
         main(["compare", str(recorded), str(recorded), "--save", str(tmp_path / "both.rrd")])
     assert ended.value.code == 0
@@ -68,11 +68,11 @@ def test_a_run_that_is_compared_to_itself_is_said(recorded: Path, tmp_path: Path
         (("--duration", "-1"), "--duration -1 is not usable"),
     ],
 )
-def test_a_time_that_is_none_is_blamed_by_its_own_name(answer: Callable[..., str], words: tuple[str, ...], says: str):
+def test_a_refusal_of_a_time_names_its_option(answer: Callable[..., str], words: tuple[str, ...], says: str):
     assert says in answer("run", "paper", *words)
 
 
-def test_a_listing_of_odd_files_ends_well(recorded: Path, tmp_path: Path, flexlab_command: Command):
+def test_odd_files_are_listed_without_escape_codes(recorded: Path, tmp_path: Path, flexlab_command: Command):
     make_odd_folder(tmp_path / "logs", recorded)
     outside = subprocess.run(
         [sys.executable, "-m", "flexlab", "logs"], cwd=tmp_path, stdin=subprocess.DEVNULL, capture_output=True,
@@ -103,14 +103,14 @@ def test_a_listing_of_odd_files_ends_well(recorded: Path, tmp_path: Path, flexla
         ([(1.0, Reset())], "is no command of a world"),
     ],
 )
-def test_commands_that_are_none_are_said(commands: object, says: str):
+def test_wrong_commands_for_a_simulation_are_refused(commands: object, says: str):
     with pytest.raises(StudyError) as caught:
         simulate(load_preset("paper"), 0.01, commands=commands)  # type: ignore[arg-type]
     assert says in str(caught.value)
 
 
 @pytest.mark.parametrize("duration", ["3", None, True, float("nan"), float("inf"), -1.0, 1j, [1.0], 1e300])
-def test_a_duration_that_is_none_is_said(duration: object):
+def test_an_unusable_duration_is_refused(duration: object):
     with pytest.raises(StudyError, match="duration"):
         simulate(load_preset("paper"), duration)  # type: ignore[arg-type]
 
@@ -144,7 +144,7 @@ def test_a_large_wrong_value_makes_a_short_answer(data: dict):
     assert "\x1b" not in str(caught.value)
 
 
-def test_a_value_nested_without_end_is_answered():
+def test_a_very_deeply_nested_value_is_refused():
     nested: list = []
     for _ in range(100_000):
         nested = [nested]
@@ -153,12 +153,12 @@ def test_a_value_nested_without_end_is_answered():
 
 
 @pytest.mark.parametrize("name", [3, None, "paper\x1b[31m", ["paper"]])
-def test_a_preset_that_is_none_is_said(name: object):
+def test_an_unknown_preset_is_refused(name: object):
     with pytest.raises(PresetError, match="There is no preset"):
         load_preset(name)  # type: ignore[arg-type]
 
 
-def test_a_field_that_is_given_twice_is_said(tmp_path: Path):
+def test_a_field_that_is_given_twice_is_refused(tmp_path: Path):
     path = tmp_path / "twice.json"
     path.write_text('{"gravity": 1, "gravity": 2}')
     with pytest.raises(PresetError, match="the field 'gravity' is given twice in one place"):

@@ -1,4 +1,4 @@
-"""Hosts in other spellings are what they stand for. Nothing here listens."""
+"""Every spelling of a host stands for the same address. No test here listens."""
 
 import pytest
 
@@ -10,7 +10,7 @@ from flexlab.sockets import LOOPBACK, WILDCARDS, base_address, listen, usual_spe
 @pytest.mark.parametrize(
     "host", ["0.0.0.0", "0", "0x0", "0.0", "00000", "*", "::ffff:0.0.0.0", "::", "[::]", "::0", "0:0:0:0:0:0:0:0", ""]
 )
-def test_all_addresses_of_this_machine_are_known_in_every_spelling(host: str) -> None:
+def test_the_wildcard_address_is_known_in_every_spelling(host: str) -> None:
     assert usual_spelling(host) in WILDCARDS
     settings = Settings(host=host, token="wordwordwordword")
     assert not settings.is_local
@@ -27,7 +27,7 @@ def test_loopback_is_known_in_every_spelling(host: str) -> None:
 
 
 @pytest.mark.parametrize("host", ["localhost", "lab.example", "192.0.2.7", "2001:db8::7", "unix:[x]", "[", "[]", "%"])
-def test_names_and_other_addresses_stay(host: str) -> None:
+def test_names_and_other_addresses_stay_as_they_are(host: str) -> None:
     assert usual_spelling(host) == host
 
 
@@ -41,7 +41,7 @@ def test_the_address_of_a_server_is_one_that_a_browser_opens(host: str, name: st
 @pytest.mark.parametrize(
     ("host", "port", "said"), [("127.0.0.1", 70000, "not a port number"), ("192.0.2.1", 0, "192.0.2.1")]
 )
-def test_an_address_that_cannot_be_had_is_explained(host: str, port: int, said: str) -> None:
+def test_an_address_that_cannot_be_used_is_explained(host: str, port: int, said: str) -> None:
     with pytest.raises(LabError, match=said):
         listen(host, port)
 
@@ -49,6 +49,6 @@ def test_an_address_that_cannot_be_had_is_explained(host: str, port: int, said: 
 @pytest.mark.parametrize(
     "host", ["x" * 64 + ".invalid", "256.1.1.1", "a..invalid", "\udcff.invalid", "[::1", "0.0.0.0."]
 )
-def test_what_is_no_host_is_one_sentence(host: str) -> None:
+def test_an_impossible_host_is_one_sentence(host: str) -> None:
     with pytest.raises(LabError, match=r"is not an address of this machine: use 127\.0\.0\.1 or 0\.0\.0\.0"):
         listen(host, 0)

@@ -1,4 +1,4 @@
-"""Pipes, folders and devices where a file is asked for: one sentence, and no waiting."""
+"""Pipes, folders and devices in place of a file are refused in one sentence, without waiting."""
 
 import contextlib
 import os
@@ -27,7 +27,7 @@ READS: dict[str, tuple[str, ...]] = {
 
 @pytest.fixture
 def pipe(tmp_path: Path) -> Iterator[Callable[[str], None]]:
-    """Makes pipes; whoever reads one gets nothing, and does not wait."""
+    """A function that makes pipes; a reader of one gets nothing and does not wait."""
     made: list[Path] = []
 
     def give_nothing(path: Path) -> None:
@@ -59,8 +59,8 @@ def test_a_pipe_or_a_folder_is_one_sentence(
         assert "not an ordinary file" in said or "it is a pipe" in said or "it is a folder" in said
 
 
-def test_a_file_takes_the_place_of_no_pipe(flexlab_command: Command, pipe: Callable[[str], None], tmp_path: Path):
-    """Nor of a device: where /dev/null is written to by root, that is at stake."""
+def test_an_export_does_not_replace_a_pipe(flexlab_command: Command, pipe: Callable[[str], None], tmp_path: Path):
+    """Nor of a device: an export by root to /dev/null would replace it."""
     pipe("unit.fmu")
     said = refused(flexlab_command("export", "paper", "--to", "unit.fmu"))
     assert "unit.fmu cannot be written (it is not an ordinary file)" in said

@@ -1,4 +1,4 @@
-"""Studies for Python users: one way of naming a metric, tables that say where they come from, and metrics of one's own."""
+"""Studies for Python users: one way to name a metric, tables that say where they come from, and metrics of one's own."""
 
 import importlib
 import math
@@ -30,14 +30,14 @@ EI = "payload.bending_stiffness"
 
 @pytest.fixture(autouse=True)
 def as_declared() -> Iterator[None]:
-    """Metrics of one's own are there for the whole process."""
+    """Forget the metrics of a test, which are declared for the whole process."""
     yield
     for name in list(DECLARED):
         forget(name)
 
 
 def test_a_users_study_runs_as_it_is_written(tmp_path: Path):
-    # Not before: its metrics are from then on those of all runs of the process.
+    # Imported only here: from then on its metrics belong to all runs of the process.
     users_study = importlib.import_module("users_study")
     found = users_study.study(tmp_path)
     assert found["error"] == found["same"] > 0
@@ -50,7 +50,7 @@ def test_a_users_study_runs_as_it_is_written(tmp_path: Path):
     assert (tmp_path / "run.csv").stat().st_size > 1000
 
 
-def test_a_number_has_one_name_in_si_and_older_names_still_read(tmp_path: Path):
+def test_a_metric_has_one_name_in_si_and_older_names_still_work(tmp_path: Path):
     run = flexlab.simulate("paper", 0.05)
     assert number_names()[1:4] == ["rms_error.x", "rms_error.y", "rms_error.theta"]
     assert run.metrics["rms_error.y"] == run.metrics.rms_error.y == run.metrics.rms_error[1]
@@ -106,7 +106,7 @@ def test_a_metric_of_ones_own_is_in_runs_and_sweeps(tmp_path: Path):
         _ = flexlab.simulate("paper", 0.05).metrics
 
 
-def test_a_metric_that_is_declared_or_changed_later_counts_in_a_run_whose_metrics_were_read():
+def test_a_metric_declared_or_changed_later_counts_in_a_run_whose_metrics_were_read():
     """As in a notebook, whose cells run in any order."""
     run = flexlab.simulate("paper", 0.05)
     assert run.metrics is run.metrics
@@ -126,8 +126,8 @@ def test_a_metric_that_is_declared_or_changed_later_counts_in_a_run_whose_metric
     assert run.metrics.own == []
 
 
-def test_results_of_before_a_metric_was_declared_keep_their_tables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """A table that was not yet looked at was "damaged", or a traceback."""
+def test_results_from_before_a_metric_was_declared_keep_their_tables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A table that had not been read yet was called "damaged", or ended in a traceback."""
     monkeypatch.chdir(tmp_path)
     runs = [flexlab.simulate(name, 0.05).save(tmp_path / "logs") for name in ("paper", "soft-beam")]
     swept = flexlab.sweep("paper", {EI: [50.0, 100.0]}, duration=0.05, progress=False)
@@ -147,7 +147,7 @@ def test_results_of_before_a_metric_was_declared_keep_their_tables(tmp_path: Pat
     forget("late")
 
 
-def test_a_metric_of_ones_own_is_read_back_where_nobody_declares_it(flexlab_command: Command, tmp_path: Path):
+def test_a_metric_of_ones_own_is_read_back_where_it_is_not_declared(flexlab_command: Command, tmp_path: Path):
     @flexlab.metric("m", "Farthest place", of="peak")
     def farthest(samples: flexlab.Samples) -> np.ndarray:
         return samples.pose[:, 1]
@@ -177,7 +177,7 @@ def _named(name: str) -> Callable[[flexlab.Samples], np.ndarray]:
     return function
 
 
-def test_runs_of_changed_scenarios_are_called_after_what_was_changed(tmp_path: Path):
+def test_a_run_of_a_changed_scenario_is_named_after_the_change(tmp_path: Path):
     paper = flexlab.load_preset("paper")
     run = flexlab.simulate(paper.replace({EI: 50.0}), 0.02)
     assert run.name == "paper-bending_stiffness-50"
@@ -187,15 +187,15 @@ def test_runs_of_changed_scenarios_are_called_after_what_was_changed(tmp_path: P
     assert flexlab.simulate(paper.replace({"title": "Mine"}), 0.02).name == "run"
 
 
-def test_an_ending_that_no_export_has_is_told_whatever_is_exported(tmp_path: Path):
-    """Of a preset, it said that there is no recording called paper."""
+def test_an_unknown_format_is_refused_for_presets_and_for_runs(tmp_path: Path):
+    """For a preset, the answer was that there is no recording called paper."""
     for what in ("paper", flexlab.simulate("paper", 0.01)):
         for name in ("a", "a.xyz"):
             with pytest.raises(StudyError, match=rf"{name} has no known format: let its name end in \.csv"):
                 flexlab.export(what, tmp_path / name)
 
 
-def test_a_run_is_saved_as_the_file_that_was_named(tmp_path: Path):
+def test_a_run_is_saved_under_the_file_name_that_is_given(tmp_path: Path):
     """`run.save("squeezed.rrd")` made a folder of that name."""
     run, named = flexlab.simulate("paper", 0.02), tmp_path / "new" / "squeezed.rrd"
     assert run.save(named) == named
@@ -219,7 +219,7 @@ COMMANDS = [
 
 @pytest.mark.parametrize("sample_period", [0.001, 0.0007])
 def test_a_run_with_commands_is_recorded_with_them(tmp_path: Path, sample_period: float):
-    """Without them, its replay differed from it, and the differences were laid on versions of flexlab."""
+    """Without them its replay differed, and the difference was blamed on versions of flexlab."""
     run = flexlab.simulate("paper", 0.06, sample_period, COMMANDS)
     for one in (run, flexlab.read(run.save(tmp_path))):
         assert flexlab.replay(one).identical
@@ -238,7 +238,7 @@ def test_a_run_that_a_command_ends_is_recorded_with_it(tmp_path: Path):
     assert len([event for event in read_recording(run.save(tmp_path)).events if event.command]) == 1
 
 
-def test_the_ring_of_a_run_in_memory_is_that_after_its_tap():
+def test_the_ring_of_a_run_in_memory_begins_after_its_tap():
     run = flexlab.simulate("smooth-start", 1.0, commands=[(0.5, Tap(0.05, (0.0, 0.3)))])
     assert flexlab.fit(run).ring.start == run.time[501]
 
@@ -246,14 +246,14 @@ def test_the_ring_of_a_run_in_memory_is_that_after_its_tap():
 @pytest.mark.parametrize(
     "path", sorted((Path(__file__).parent / "recording" / "golden").glob("format-*/*.rrd")), ids=str
 )
-def test_what_is_read_and_saved_again_replays_as_the_recording_does(tmp_path: Path, path: Path):
-    """With its start, commands, sample period, and with what computed it."""
+def test_a_recording_that_is_read_into_python_replays_as_its_file_does(tmp_path: Path, path: Path):
+    """It keeps its start, commands and sample period, and what computed it."""
     first = flexlab.replay(path)
     again = flexlab.replay(flexlab.read(path))
     assert (again.agrees, again.identical, again.compared) == (first.agrees, first.identical, first.compared)
 
 
-def test_a_law_may_call_a_readout_as_a_run_calls_something_within(tmp_path: Path):
+def test_a_readout_may_have_a_name_that_a_run_uses_internally(tmp_path: Path):
     text = """
 from flexlab import OwnLaw, readout
 
@@ -273,7 +273,7 @@ class Noting(OwnLaw):
     assert flexlab.read(run.save(tmp_path)).noted[-1] == 2.0
 
 
-def test_newest_is_not_compared_with_what_was_made_of_it(flexlab_command: Command, tmp_path: Path):
+def test_newest_does_not_mean_the_run_that_a_comparison_made(flexlab_command: Command, tmp_path: Path):
     logs = tmp_path / "logs"
     first = write_run(flexlab.simulate("paper", 0.1), logs, "paper")
     os.utime(first, (0, 0))
@@ -286,7 +286,7 @@ def test_newest_is_not_compared_with_what_was_made_of_it(flexlab_command: Comman
     assert list(logs.glob("*-paper-bending_stiffness-50.rrd"))
 
 
-def test_a_run_in_memory_is_replayed_and_every_result_says_what_it_is_in_a_line():
+def test_a_run_in_memory_is_replayed_and_results_have_a_repr_of_one_line():
     run, soft = (flexlab.simulate(name, 0.2) for name in ("paper", "soft-beam"))
     replay = flexlab.replay(run)
     assert replay.identical
@@ -310,7 +310,7 @@ def test_bad_arguments_are_one_sentence(tmp_path: Path):
 
 
 @pytest.mark.parametrize("given", [None, 5, math.nan, 1e300, b"x", np.array([1.0]), object()])
-def test_what_no_argument_can_be_is_one_sentence(given: Any):
+def test_an_argument_of_a_wrong_kind_is_one_sentence(given: Any):
     run = flexlab.simulate("paper", 0.01)
     asked: dict[str, Callable[[], object]] = {
         "is not a path": lambda: run.save(given),
@@ -332,6 +332,6 @@ def test_what_no_argument_can_be_is_one_sentence(given: Any):
 
 
 @pytest.mark.parametrize("given", [None, 5, "paper", b"paper", {"gravity": 9.81}])
-def test_scenarios_are_a_list(given: Any):
+def test_scenarios_must_be_a_list(given: Any):
     with pytest.raises(StudyError, match=r"scenarios = .* is not a list: give scenarios, as in"):
         flexlab.simulate_many(given, 0.01)

@@ -11,14 +11,14 @@ import pytest
 from flexlab.assets import user_cache
 
 
-def test_the_user_says_where(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+def test_xdg_cache_home_chooses_the_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     assert user_cache() == tmp_path
     monkeypatch.setenv("XDG_CACHE_HOME", "")
     assert user_cache() == Path.home() / ".cache"
 
 
-def test_who_has_no_home_gets_a_folder_that_nobody_else_can_write(monkeypatch: pytest.MonkeyPatch):
+def test_a_user_without_a_home_gets_a_private_folder(monkeypatch: pytest.MonkeyPatch):
     def nowhere() -> Path:
         raise RuntimeError("Could not determine home directory.")
 
@@ -32,7 +32,7 @@ def test_who_has_no_home_gets_a_folder_that_nobody_else_can_write(monkeypatch: p
 # Root may write into every folder.
 @pytest.mark.parametrize("place", ["a file", *(["a folder that cannot be written"] if os.getuid() else [])])
 def test_a_home_that_cannot_be_written_does_not_keep_flexlab_from_running(tmp_path: Path, place: str):
-    """Services and containers have such homes; numba was said to be broken: "install numba again"."""
+    """Services and containers have such homes; the answer was that numba is broken: "install numba again"."""
     home = tmp_path / "home"
     if place == "a file":
         home.write_text("")

@@ -12,7 +12,7 @@ from flexlab.sockets import free_ports
 
 
 class Lab(http.server.SimpleHTTPRequestHandler):
-    """Gives its pages to people alone, as a lab gives the addresses of its presets."""
+    """Serves pages only to people who open them, as a lab does with the addresses of its presets."""
 
     def do_GET(self) -> None:
         if self.headers["Sec-Fetch-Dest"] == "document":
@@ -21,7 +21,7 @@ class Lab(http.server.SimpleHTTPRequestHandler):
             self.send_error(403)
 
 
-def test_a_browser_turns_to_the_lab_by_itself(tmp_path: Path, plain_chromium: Browser):
+def test_the_waiting_page_turns_into_the_lab_by_itself(tmp_path: Path, plain_chromium: Browser):
     (tmp_path / "index.html").write_text("<title>the lab</title>")
     tab = plain_chromium.new_page(locale="de-DE")
     [port] = free_ports(1)

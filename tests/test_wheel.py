@@ -1,4 +1,4 @@
-"""The wheel is whole: presets and web assets are inside and found, nothing else of the checkout is."""
+"""The wheel is complete: presets and web assets are inside and found, and nothing else of the checkout is."""
 
 import os
 import subprocess
@@ -21,13 +21,13 @@ def wheel(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def files_below(folder: Path) -> set[str]:
-    """What is kept there; not what Python writes beside it, as it does where a test has built the documentation."""
+    """Return the files in a folder, without the bytecode that Python writes there when a test builds the documentation."""
     paths = (path for path in folder.rglob("*") if path.is_file() and "__pycache__" not in path.parts)
     return {str(path.relative_to(folder)) for path in paths}
 
 
 @pytest.mark.parametrize("name", ["presets", "web_assets"])
-def test_data_folders_are_inside(wheel: Path, root: Path, name: str):
+def test_the_data_folders_are_inside(wheel: Path, root: Path, name: str):
     prefix = f"flexlab/_data/{name}/"
     with zipfile.ZipFile(wheel) as archive:
         inside = {file.removeprefix(prefix) for file in archive.namelist() if file.startswith(prefix)}

@@ -95,7 +95,7 @@ def test_a_frequency_that_is_not_the_first_modes_gives_no_beam_parameters(period
 
 @pytest.mark.parametrize("elements", [2, 3, 8])
 def test_modes_hidden_by_noise_are_not_listed_with_those_of_the_ring(elements: int):
-    """They only absorb what the fit of a ring in moving arms leaves, and are no modes of the beam."""
+    """Such modes only absorb what the fit of a ring in moving arms leaves; they are no modes of the beam."""
     scenario = flexlab.load_preset("smooth-start").replace({"payload.element_count": elements})
     fit = flexlab.fit(flexlab.simulate(scenario, 1.5, commands=[(0.5, Tap(0.05, (0.0, 0.3)))]))
     assert all(mode.frequency.identifiable for mode in fit.ring.modes)

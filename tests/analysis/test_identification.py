@@ -43,7 +43,7 @@ def test_exact_data_give_the_exact_modes_even_at_uneven_times():
 
 @pytest.mark.parametrize("begins", [2.0, 2.375, 2.75, 2.875])
 def test_the_arms_motion_during_a_ring_adds_no_modes(begins: float):
-    """The frequency changes with the pose: modes at 42.2, 45.6 and 47.9 Hz were found, though the second is at 198 Hz."""
+    """The frequency changes with the pose: modes at 42.2, 45.6 and 47.9 Hz were found, though the beam's second is at 198 Hz."""
     run = flexlab.simulate("paper", begins + 1.0, commands=[(begins, Tap(0.0, (0.0, 0.15)))])
     ring_after = (run.time > begins + 0.001) & (run.time < begins + 0.545)
     fit = fit_ring(run.time[ring_after], run.vibration[ring_after])
@@ -502,7 +502,7 @@ def test_a_log_that_begins_before_the_tap_rings_from_the_tap_on(seed: int, tmp_p
 def test_a_few_quiet_samples_before_the_ring_do_not_count_as_damping(
     quiet: int, per_period: float, periods: int, tmp_path: Path
 ):
-    """They were fitted by modes with damping ratios of 0.1 to 0.9, loud at first, whose intervals missed the truth."""
+    """They were fitted with modes of damping ratios 0.1 to 0.9, loud at first, whose intervals missed the truth."""
     random = np.random.default_rng(quiet)
     t = np.arange(-quiet, int(per_period * periods)) / per_period / 50
     ring = np.where(t >= 0, np.exp(-0.003 * 2 * np.pi * 50 * t) * np.sin(2 * np.pi * 50 * t), 0.0)

@@ -179,7 +179,7 @@ def test_a_sagging_beam_that_feels_its_axial_load_rings_as_its_poles_say():
 
 
 def test_a_sagging_beam_that_is_squeezed_rests_where_the_simulation_comes_to_rest():
-    """Its bending enters the axial force, which softens it; the computed rest point was 3 % short of this."""
+    """Its bending enters the axial force, which softens it; the computed rest point was 3 % short."""
     scenario = sagging(**{"controller.wanted_internal_force": 30.0, "payload.damping.ratio": 0.2})
     found, run = modes(scenario), flexlab.simulate(scenario, 4.0, 0.01)
     q = found.shape @ linear_of(found).rest.motion.eta

@@ -173,7 +173,7 @@ flexlab.sweep("paper", ["payload.bending_stiffness=1:1000:log:12", "controller.f
     ],
 )
 def test_values_of_several_kinds_share_a_column_of_text(tmp_path: Path, vary: object, column: list[str]):
-    """For example of a field that may be null: a column of text lets the sweep keep what it has computed."""
+    """A field may be null, for example: a column of text lets the sweep keep what it has computed."""
     sweep = flexlab.sweep("paper", vary, 0.02, folder=tmp_path / "sweep")  # type: ignore[arg-type]  # Any of these.
     (path,) = (axis.path for axis in sweep.axes)
     assert sweep.table.column(path).to_pylist() == column

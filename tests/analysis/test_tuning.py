@@ -73,7 +73,7 @@ def test_a_scenario_that_fails_as_it_is_and_a_list_to_search_are_refused():
 
 
 def test_a_metric_without_a_value_has_no_cost():
-    """It counted as ten times the run's length, in metres or joules, which may be the best of all."""
+    """Its cost was ten times the run's length, in metres or joules, which may be the least of all."""
 
     @flexlab.metric("J")
     def worth(samples: flexlab.Samples) -> float:

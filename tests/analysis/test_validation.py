@@ -68,7 +68,7 @@ def test_the_report_has_the_table_and_four_figures_and_needs_no_network(validati
         write_report(validation, tmp_path / "file" / "report.html", 1.0)
 
 
-def test_the_command_prints_the_table_and_says_where_the_report_is(
+def test_the_command_prints_the_table_as_json_and_writes_the_report(
     flexlab_command: Callable[..., subprocess.CompletedProcess[str]],
     validation: Validation,
     tmp_path: Path,

@@ -22,7 +22,7 @@ STATIC = {
 @pytest.mark.parametrize("n", [1, 2, 5, 16])
 @pytest.mark.parametrize("boundary", STATIC)
 def test_uniform_load_bends_the_nodes_exactly(n: int, boundary: str):
-    """K_F q = ∫N p ds: cubic elements are exact at their nodes, slopes included."""
+    """K_F q = ∫N p ds: the deflections at the nodes of cubic elements are exact."""
     if (n, boundary) == (1, "clamped-clamped"):
         n = 2
     beam = beam_matrices(LENGTH, RHO, EI, n, boundary)

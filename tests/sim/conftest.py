@@ -1,4 +1,4 @@
-"""A live runner without thread and wall time, with a clock set by hand and a consumer that keeps everything."""
+"""Fixtures: a live runner without thread or wall clock, driven by hand, and a consumer that keeps everything it gets."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
@@ -16,7 +16,7 @@ from flexlab.sim.snapshot import Event, Snapshot
 
 @dataclass
 class Keeper:
-    """A consumer that keeps all it gets; it reports `drop` rows of every block as lost."""
+    """A consumer that keeps everything it gets and reports `drop` rows of every block as lost."""
 
     runs: list[tuple[int, str, Scenario, WorldState]] = field(default_factory=list)
     blocks: list[tuple[int, Samples]] = field(default_factory=list)
@@ -46,7 +46,7 @@ class Keeper:
 
 
 class Live:
-    """A runner, its hand-set clock and its keeper."""
+    """A runner with a clock set by hand and a keeper as its only consumer."""
 
     def __init__(self, scenario: Scenario, **options):
         self.now = 1000.0
@@ -54,7 +54,7 @@ class Live:
         self.runner = Runner(scenario, "test", [self.keeper], clock=lambda: self.now, sleep=lambda _: None, **options)
 
     def frame(self, later: float = 1 / 60, *commands: Command) -> Snapshot:
-        """Let `later` s pass, submit commands, do one round of the runner."""
+        """Let `later` seconds pass, submit the commands, and do one round of the runner."""
         self.now += later
         for command in commands:
             self.runner.submit(command)
@@ -70,7 +70,7 @@ class Live:
 
 @pytest.fixture
 def live() -> Callable[..., Live]:
-    """Return a maker of live runners, with the paper's scenario unless another is given."""
+    """Return a function that makes live runners, with the paper's scenario unless another is given."""
 
     def make(scenario: Scenario | None = None, **options) -> Live:
         return Live(load_preset("paper") if scenario is None else scenario, **options)
@@ -87,5 +87,5 @@ def _same_bits(a: Samples, b: Samples) -> None:
 
 @pytest.fixture
 def same_bits() -> Callable[[Samples, Samples], None]:
-    """Return an assertion that two blocks agree in every bit of every signal."""
+    """Return a function that asserts that two blocks agree in every bit of every signal."""
     return _same_bits

@@ -1,4 +1,4 @@
-"""Runs that go on from a state in the middle, for the tests of each extension."""
+"""Checks that every extension's tests share: a run in blocks, continued from a state, or live has the same bits."""
 
 import numpy as np
 
@@ -8,11 +8,11 @@ from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
 
 ROWS, CUT = 200, 77
-"""Samples of a run, and the number of them after which it is cut."""
+"""Number of samples of a run, and of those before it is cut in two."""
 
 
 def whole_run_as_in_blocks(scenario: Scenario, equal_nan: bool = False) -> Run:
-    """Return the run; assert the same bits in two blocks, and in another world that goes on from the state between."""
+    """Return a whole run; assert that cutting it in two, or going on in a new world from the state between, changes no bit."""
     whole, world, again = simulate(scenario, 0.001 * ROWS), World(scenario), World(scenario)
     world.advance(CUT)
     again.restore(world.state())
@@ -23,7 +23,7 @@ def whole_run_as_in_blocks(scenario: Scenario, equal_nan: bool = False) -> Run:
 
 
 def check_live(stage, whole: Run, *names: str) -> None:
-    """Assert that a live run of the same scenario has the same bits of these signals."""
+    """Assert that a live run of the same scenario has the same bits in these signals, for 150 samples."""
     stage.play(0.2)
     for name in names:
         seen = np.concatenate([block[name] for _, block in stage.keeper.blocks])

@@ -1,8 +1,8 @@
-"""Other equations of two arms, a flexible beam and compliant grips: Newton-Euler, nodal matrices, joint angles, plain numpy.
+"""Independent Newton-Euler equations of arms, a flexible beam and compliant grips, in plain numpy.
 
-They use nothing of `flexlab.physics` but the beam's matrices M_q, K_F, h and g, which have tests of their own. Coordinates are
-the absolute link angles of each arm and the payload's pose and nodal coordinates; springs and dampers act between points in the
-plane.
+From `flexlab.physics` they take only the beam's matrices M_q, K_F, h and g, which have tests of their own. The coordinates are
+the absolute link angles of each arm, and the payload's pose and nodal coordinates. Springs and dampers act between points in
+the plane.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from flexlab.physics.beam import beam_matrices
 
 
 class Machine:
-    """Arms with held joint torques, or with torques that a function of time and state gives."""
+    """Arms, beam and grips under constant joint torques."""
 
     def __init__(self, scenario, D: np.ndarray | None = None):
         payload = scenario.payload
@@ -25,7 +25,7 @@ class Machine:
         self.k, self.c = np.array(scenario.grips.stiffness), np.array(scenario.grips.damping)
 
     def arm_start(self, i: int, pose: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Absolute link angles and their rates with the grip at the beam's end, by the law of cosines."""
+        """Absolute link angles and their rates with the arm's grip point at the beam's end, by the law of cosines."""
         arm, side = self.scenario.arms[i], (-0.5, 0.5)[i] * self.L
         a, b, last = arm.link_length
         phi = pose[2] + (0.0, np.pi)[i]
@@ -43,14 +43,14 @@ class Machine:
         return angles, np.array([*np.linalg.solve(columns, wrist_rate), rate[2]])
 
     def arm_acceleration(self, i, angles, rates, force, moment, tau):
-        """Accelerations of the link angles, by balances of the links; `force`, `moment`: at the grip; tau (3,): in the joints."""
+        """Accelerations of the link angles; `force` and `moment` act on the arm at its grip, tau (3,) in the joints."""
         arm = self.scenario.arms[i]
         across = np.stack([-np.sin(angles), np.cos(angles)], axis=1)
         inward = -np.stack([np.cos(angles), np.sin(angles)], axis=1)
         mass, reach = np.diag(arm.inertia), np.array(arm.link_length)
         right = reach * (across @ force) + np.array([tau[0] - tau[1], tau[1] - tau[2], tau[2] + moment])
         for link, m in enumerate(arm.link_mass):
-            # The centre of `link` moves by d(centre)/d(angle j) = arms[j]: virtual power of the forces at it.
+            # arms[j] = d(centre of `link`)/d(angle j): the forces at the centre enter by their virtual power.
             lengths, moved = np.array([*reach[:link], arm.link_center[link]]), slice(link + 1)
             arms = lengths[:, None] * across[moved]
             bent = (lengths * rates[moved] ** 2) @ inward[moved]
@@ -59,7 +59,7 @@ class Machine:
         return np.linalg.solve(mass, right)
 
     def grip(self, i, angles, rates, x, v):
-        """Force (2,) and moment of grip i on the payload, and the arm's grip point."""
+        """Force (2,) and moment of grip i on the payload, the arm's grip point (2,), and the grip's displacement (3,)."""
         arm, side = self.scenario.arms[i], (-0.5, 0.5)[i] * self.L
         e1, e2 = np.array([np.cos(x[2]), np.sin(x[2])]), np.array([-np.sin(x[2]), np.cos(x[2])])
         directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -74,12 +74,12 @@ class Machine:
         return f[0] * e1 + f[1] * e2, f[2], point, delta
 
     def payload_acceleration(self, x, q, v, q_dot, force, moment):
-        """Accelerations of pose and nodal coordinates; force (2,) and moment about the origin are those of all grips."""
+        """Accelerations of pose and nodal coordinates under the total force (2,) and moment about (x, y) of all grips."""
         beam, w = self.beam, v[2]
         c, s = np.cos(x[2]), np.sin(x[2])
         e1, e2 = np.array([c, s]), np.array([-s, c])
         w_bar, w_rate, Mq = beam.h @ q, beam.h @ q_dot, beam.M_q @ q
-        # Acceleration of a point: R'' + (s e1 + w e2)'' with (s e1 + w e2)'' = (s w' + w_tt - w w'^2) e2 - (...) e1, by hand.
+        # The acceleration of a point, by hand: R'' + (s e1 + w e2)'' with (s e1 + w e2)'' = (s w' + w_tt - w w'^2) e2 - (...) e1.
         A = np.zeros((3 + self.n, 3 + self.n))
         A[0, 0] = A[1, 1] = beam.m
         A[:2, 2] = A[2, :2] = -w_bar * e1
@@ -96,7 +96,7 @@ class Machine:
         return np.linalg.solve(A, load - bias)
 
     def rates(self, y, torques):
-        """d/dt of (x, q, v, q̇, then of each arm angles and rates)."""
+        """Time derivative of the state: x, q, v, q̇, then the link angles and rates of each arm."""
         n = self.n
         x, q, v, q_dot = np.split(y[: 6 + 2 * n], [3, 3 + n, 6 + n])
         force, moment, parts = np.zeros(2), 0.0, []
@@ -109,12 +109,12 @@ class Machine:
         return np.concatenate([v, q_dot, self.payload_acceleration(x, q, v, q_dot, force, moment), *parts])
 
     def start(self, pose, rate, q):
-        """The state with grips that have not given way."""
+        """The state with undeformed grips and q̇ = 0."""
         arms = [part for i in range(len(self.scenario.arms)) for part in self.arm_start(i, pose, rate)]
         return np.concatenate([pose, q, rate, np.zeros(self.n), *arms])
 
     def run(self, y, torques, times):
-        """States at these instants under joint torques (arms, 3) that are held."""
+        """States at these times under constant joint torques (arms, 3)."""
         found = solve_ivp(
             lambda _, at: self.rates(at, torques), times[[0, -1]], y, "LSODA", times, rtol=1e-11, atol=1e-13
         )

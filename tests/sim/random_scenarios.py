@@ -1,8 +1,8 @@
-"""Random scenarios over the ranges of the sliders, each run again with much finer steps.
+"""Random scenarios within the ranges of the sliders, each compared with a run of much finer steps.
 
-`python tests/sim/random_scenarios.py 300` judges the first 300 (a quarter of an hour), with `--wide` those with other paths,
-limits and integrators, with `--axial` beams that feel the force along them; a few of them are in the suite. `--seconds 2`
-limits the processor time of each finer run.
+`python tests/sim/random_scenarios.py 300` judges the first 300, which takes a quarter of an hour. `--wide` also varies paths,
+limits and integrators, `--axial` takes beams that feel the force along them, and `--seconds 2` limits the processor time of each
+finer run. A few of the scenarios are part of the test suite.
 """
 
 import argparse
@@ -25,13 +25,13 @@ from flexlab.sim.step_levels import LIMITED_STEP
 from flexlab.sim.world import World
 
 DURATION = 0.3
-"""Simulated time, s: the start's jerk and what it leaves."""
+"""Simulated time, s: the jerk at the start and the vibration that it leaves."""
 
 LONGEST_REFERENCE = 8.0
 """Estimated processor time, s, after which the finer run is cut short."""
 
 REFERENCES = (1.0, 1.09, 1.16)
-"""Factors by which steps of the finer run are shorter than a fourth or sixteenth, tried until it is accurate."""
+"""Factors by which the steps of the finer run, a quarter or a sixteenth, are shortened further, until that run is accurate."""
 
 SHORTEST_STEP = 1e-7
 """Shortest step that a scenario may give, s."""
@@ -40,13 +40,13 @@ SHORT_STEPS, TIMED = 30, 30
 """Ticks with shorter steps after a start, and number of ticks timed after them."""
 
 FORCE_BOUND = 1e-4
-"""Largest error of the force, over its peak, of a run that is called accurate."""
+"""Largest error of the force, relative to its peak, of a run that is called accurate."""
 
 POSE_BOUND = 1e-8
 """Largest error of the pose, m or rad, of such a run."""
 
 EXCEEDED = 3.0
-"""Factor by which an error may exceed the one stated."""
+"""Factor by which an error may exceed the one that the warning states."""
 
 DAMPINGS = (
     lambda rng: {"kind": "nodal", "coefficient": float(rng.uniform(0, 1))},
@@ -67,7 +67,7 @@ class Judgement:
 
 
 def slider(rng: np.random.Generator, model: type, name: str) -> float:
-    """A value from a field's slider."""
+    """A random value within the range of a field's slider."""
     about = describe(model, name)
     assert about.slider is not None
     low, high = about.slider
@@ -75,7 +75,7 @@ def slider(rng: np.random.Generator, model: type, name: str) -> float:
 
 
 def random_scenario(seed: int) -> Scenario:
-    """A scenario of the given number that can be built."""
+    """The random scenario with this seed: the first one drawn that can be built and started."""
     rng = np.random.default_rng(seed)
     while True:
         boundary = str(rng.choice(list(HELD_COORDINATES)))
@@ -137,7 +137,7 @@ def wide_scenario(seed: int) -> Scenario:
 
 
 def stated_size(what: str, warning: str) -> float:
-    """The error of the "pose" or "force" that a warning states, m or rad, or over its peak; infinite if it states none."""
+    """The error that a warning states: of the "pose", m or rad, or of the "force", over its peak; infinite if it states none."""
     said = re.search(
         rf"{what} may be off by (?:([\d.]+) · )?([\d.]+)([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]*) (% of its peak|m or rad)", warning
     )
@@ -149,7 +149,7 @@ def stated_size(what: str, warning: str) -> float:
 
 
 def with_joints(scenario: Scenario, seed: int) -> Scenario:
-    """The scenario with joints that are not ideal: late and weak motors, friction, encoders of a sampled controller."""
+    """The scenario with joints that are not ideal: slow and weak motors, friction and, with sampled control, encoders."""
     rng = np.random.default_rng([seed, 2])
     while True:
         changes: dict = {}
@@ -172,7 +172,7 @@ def with_joints(scenario: Scenario, seed: int) -> Scenario:
 
 
 def with_mass_change(scenario: Scenario, seed: int) -> Scenario:
-    """The scenario with a payload that is filled or emptied while it is judged."""
+    """The scenario with a payload that is filled or emptied during the run."""
     rng = np.random.default_rng([seed, 3])
     names = {
         "factor": 10 ** rng.uniform(-1, 1),
@@ -184,14 +184,14 @@ def with_mass_change(scenario: Scenario, seed: int) -> Scenario:
     filled = scenario.replace({"simulation.integrator": "auto"}).replace(changes)
     try:
         World(filled)
-    except ScenarioError:  # Too fine and stiff for rk4, the only integrator for it.
+    except ScenarioError:  # Too fine and stiff for rk4, the only integrator for a changing mass.
         changes = {"payload.element_count": 2, "payload.mode_count": None, "payload.bending_stiffness": 100.0}
         filled = filled.replace({**changes, "payload.damping": {"kind": "nodal", "coefficient": 0.1}})
     return filled
 
 
 def with_grips(scenario: Scenario, seed: int) -> Scenario:
-    """The scenario with grips that give way."""
+    """The scenario with compliant grips."""
     rng = np.random.default_rng([seed, 4])
     firm = 10 ** rng.uniform(3, 7)
     stiffness = np.array([firm, firm * 10 ** rng.uniform(-1, 1), 0.1 * firm * 10 ** rng.uniform(-1, 0)])
@@ -204,7 +204,7 @@ def with_grips(scenario: Scenario, seed: int) -> Scenario:
     held = scenario.replace({"simulation.integrator": "auto"}).replace(changes)
     try:
         World(held)
-    except ScenarioError:  # As `with_mass_change`.
+    except ScenarioError:  # As in `with_mass_change`.
         changes = {"payload.element_count": 2, "payload.mode_count": None, "payload.bending_stiffness": 100.0}
         held = held.replace({**changes, "payload.damping": {"kind": "nodal", "coefficient": 0.1}})
     return held
@@ -219,9 +219,9 @@ def judge(
     mass: bool = False,
     grips: bool = False,
 ) -> Judgement:
-    """Run a scenario as it is and with finer steps; `axial`: its beam feels the force along itself.
+    """Compare a run of a random scenario with one of finer steps; with `axial`, its beam feels the force along itself.
 
-    `joints`, `mass`, `grips`: as `with_joints`, `with_mass_change`, `with_grips`.
+    `wide`, `joints`, `mass` and `grips` choose scenarios of `wide_scenario`, `with_joints`, `with_mass_change` and `with_grips`.
     """
     scenario = wide_scenario(seed) if wide else random_scenario(seed)
     if joints:
@@ -242,7 +242,7 @@ def judge(
     run = world.run(ticks)
     took, warned = pace_after_the_start(world)
     for shorter in REFERENCES:
-        # A given step is not checked beforehand: its errors may grow, where those of another step do not.
+        # Nothing checks a given step beforehand: its errors may grow where those of another step do not.
         reference = World(scenario.replace({"simulation.step": max(step / shorter, SHORTEST_STEP * shorter)}))
         exact = reference.run(ticks)
         if not reference.accuracy_warning:
@@ -274,12 +274,12 @@ def judge(
 
 
 def force_of(scenario: Scenario, samples: Samples) -> np.ndarray:
-    """The internal forces, (N, arms, 3), or the moving force, (N, 3), of a single arm, which has none."""
+    """The internal forces, (N, arms, 3); for a single arm, which has none, the moving force, (N, 3)."""
     return samples.moving_force if len(scenario.arms) == 1 else samples.internal_force
 
 
 def pace_after_the_start(world: World) -> tuple[float, str]:
-    """Processor time per simulated time of a copy after the finer steps of its start, and its pace warning."""
+    """Processor time per simulated time of a new world, after the finer steps of its start, and its pace warning."""
     later = World(world.scenario)
     later.advance_rows(SHORT_STEPS)
     begun = time.thread_time()

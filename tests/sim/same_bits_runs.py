@@ -1,4 +1,4 @@
-"""Print as JSON the result hash of runs of every preset, law, path, integrator and change, in this process's environment."""
+"""Print as JSON the result hashes of runs with every preset, law, path, integrator and change, in this process's environment."""
 
 import json
 import sys
@@ -14,7 +14,7 @@ from flexlab.sim.commands import ChangeScenario, Pull, Tap
 from flexlab.sim.simulate import simulate
 
 DURATION = 0.1
-"""Duration, s: a run that differs in one bit differs from its first step on, or from a change on."""
+"""Duration, s: runs that differ at all do so from their first step on, or from a change on."""
 SOONER, LATER = 0.03, 0.06
 
 TABLE = tuple((t, 0.1 * t, 0.65 + 0.3 * t * t, 0.2 * t) for t in np.linspace(0.0, 1.0, 12).tolist())
@@ -28,7 +28,7 @@ SAMPLED_ONLY = ("lqr",)
 
 
 def scenarios() -> dict[str, Scenario]:
-    """Every scenario that is simulated, by a name."""
+    """All scenarios to simulate, by name."""
     plain = Scenario()
     found = {f"preset {name}": load_preset(name) for name in preset_names()}
     for kind in laws():

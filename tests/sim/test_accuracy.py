@@ -16,13 +16,13 @@ from flexlab.sim.world import World
 
 
 def undamped() -> Scenario:
-    """A beam whose modes ring on, so that errors of the steps add up in them."""
+    """The paper's scenario with an undamped beam: errors of the steps add up in modes that ring on."""
     still = {"kind": "nodal", "coefficient": 0.0}
     return load_preset("paper").replace({"payload.element_count": 8, "payload.damping": still})
 
 
 def test_an_undamped_stiff_beam_is_called_inaccurate():
-    """No step that anybody would wait for follows modes of 10⁶ rad/s."""
+    """Steps that follow modes of 10⁶ rad/s would take longer than anybody would wait."""
     run = simulate(undamped().replace({"payload.bending_stiffness": 1e6}), 0.3)
     assert run.status == "finished"
     assert "Results are no longer accurate since about t = " in run.status.text
@@ -30,14 +30,14 @@ def test_an_undamped_stiff_beam_is_called_inaccurate():
 
 
 def stiff(**changes: object) -> Scenario:
-    """A beam with a few fast modes that fade at once."""
+    """The paper's scenario with a beam of a few fast modes that fade at once."""
     still = {"kind": "nodal", "coefficient": 0.6}
     beam = {"payload.element_count": 4, "payload.bending_stiffness": 1e6, "payload.damping": still}
     return load_preset("paper").replace({**beam, **changes})
 
 
-def test_fast_modes_that_a_start_excites_are_seen_before_they_fade():
-    """The force is off by 2e-4 of its peak; at the automatic step, by 3e-5."""
+def test_errors_of_fast_modes_that_the_start_excites_are_noticed_before_they_fade():
+    """With steps of 8 µs the force is off by 2e-4 of its peak, with the automatic step by 3e-5."""
     scenario = stiff(**{"payload.element_count": 3, "payload.bending_stiffness": 5e6})
     fine, world = World(scenario), World(scenario.replace({"simulation.step": 8e-6}))
     fine.advance(20)
@@ -47,7 +47,7 @@ def test_fast_modes_that_a_start_excites_are_seen_before_they_fade():
     assert "the start or a change excites modes that are faster than the steps" in world.accuracy_warning
 
 
-def test_a_tap_is_looked_at_as_a_start_is():
+def test_errors_after_a_tap_are_noticed_like_those_after_a_start():
     world = World(stiff(**{"trajectory": {"kind": "hold"}, "simulation.step": 2e-5}))
     world.advance(100)
     assert not world.accuracy_warning, "nothing moves"
@@ -57,14 +57,14 @@ def test_a_tap_is_looked_at_as_a_start_is():
     assert "the internal force may be off by" in world.accuracy_warning
 
 
-def test_a_run_that_starts_at_rest_is_not_judged_by_a_force_that_is_still_to_come():
+def test_a_smooth_start_is_not_called_inaccurate_before_its_force_has_grown():
     world = World(load_preset("paper").replace({"trajectory.smooth_start": 1.0, "payload.element_count": 8}))
     world.advance(300)
     assert not world.accuracy_warning
 
 
-def test_what_fades_within_a_tick_is_not_added_up():
-    """Each tick of this sampled loop is off by 1.5e-5 of the peak, and so is the run; it was said to be off by 1e-4."""
+def test_errors_that_fade_within_a_tick_do_not_add_up():
+    """Each tick of this sampled loop is off by 1.5e-5 of the peak, and so is the run; the warning used to say 1e-4."""
     beam = {"boundary": "clamped-clamped", "element_count": 4, "bending_stiffness": 1.78e4, "linear_density": 7.3}
     law = {"kind": "super-twisting", "control_period": 5e-4, "input_delay": 1, "sliding_slope": 137.0}
     world = World(
@@ -82,8 +82,8 @@ def test_what_fades_within_a_tick_is_not_added_up():
     assert not world.accuracy_warning
 
 
-def test_torques_that_stand_at_their_limits_lead_no_errors_back():
-    """A law that reaches its limit many times in a tick, 0.2 s after the start, is off by 1e-7 m: no warning said so."""
+def test_errors_made_while_torques_are_at_their_limits_are_called_inaccurate():
+    """0.2 s after the start, this law reaches its limit many times in a tick and is off by 1e-7 m; no warning used to say so."""
     gains = {"feedback_gain": 840.0, "sliding_slope": 200.0, "load_share": 0.67, "torque_limit": (730.0, 365.0, 146.0)}
     beam = {"payload.bending_stiffness": 1.7, "payload.linear_density": 2.9, "gravity": 9.81}
     world = World(load_preset("paper").replace({**beam, "controller": {"kind": "regressor-adaptive", **gains}}))
@@ -93,7 +93,7 @@ def test_torques_that_stand_at_their_limits_lead_no_errors_back():
     assert "a torque is at its limit, so that nothing leads errors of the steps back" in world.accuracy_warning
 
 
-def test_of_one_arm_the_moving_force_counts():
+def test_a_single_arm_is_judged_by_its_moving_force():
     world = World(load_preset("single-arm").replace({"payload.bending_stiffness": 2e7}))
     world.advance(12)
     assert "the moving force may be off by" in world.accuracy_warning
@@ -102,12 +102,12 @@ def test_of_one_arm_the_moving_force_counts():
 @pytest.mark.parametrize("name", preset_names())
 def test_presets_are_called_accurate(name: str):
     text = simulate(load_preset(name), 1.0).status.text
-    # A warning that the start presses the beam is another matter.
+    # The text may go on with a warning that the start compresses the beam, which is another matter.
     assert text.startswith("Finished at t = 1 s.")
     assert "accurate" not in text
 
 
-def test_the_runner_says_it_once_and_the_snapshot_keeps_it():
+def test_the_runner_reports_the_warning_once_and_the_snapshot_keeps_it():
     coarse = stiff(**{"payload.element_count": 3, "payload.bending_stiffness": 5e6, "simulation.step": 8e-6})
     runner = Runner(coarse, playing=False, clock=lambda: 0.0)
     while not runner._run.world.accuracy_warning:
@@ -121,7 +121,7 @@ def test_the_runner_says_it_once_and_the_snapshot_keeps_it():
 
 
 def test_the_monitor_changes_no_bit_and_block_sizes_change_no_warning(monkeypatch: pytest.MonkeyPatch):
-    """Also with a sampled law, whose held torques and delay line a repeated tick must not change."""
+    """The law is sampled: a tick that is repeated must not change its held torques and delay line."""
     sampled = {"controller.control_period": 0.002, "controller.input_delay": 1}
     scenario = undamped().replace(sampled)
     whole = World(scenario)
@@ -134,8 +134,8 @@ def test_the_monitor_changes_no_bit_and_block_sizes_change_no_warning(monkeypatc
     assert np.array_equal(rows, World(scenario).advance_rows(400))
 
 
-def test_a_jump_of_the_torques_is_looked_at_and_block_sizes_change_nothing(monkeypatch: pytest.MonkeyPatch):
-    """A sampled law on a path with jumps, the second twice the first and long after the checks at the start."""
+def test_a_jump_of_the_torques_is_checked_whatever_the_block_sizes(monkeypatch: pytest.MonkeyPatch):
+    """A sampled law follows a path with jumps; the second is twice the first and comes long after the checks at the start."""
     checks: list[int] = []
     note = accuracy.note
 

@@ -1,4 +1,4 @@
-"""Runs of beams that feel the force along them: energy, poles, commands, replays, and what is said of runs."""
+"""Runs of beams that feel the force along them: energy, poles, commands, same bits and warnings."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def soft(changes: dict) -> Scenario:
 
 
 def imbalance(run: Run) -> float:
-    """Error of the energy balance over the energy moved."""
+    """Error of the energy balance, relative to the energy moved."""
     gained = run.total_energy - run.total_energy[0]
     work = run.input_work + run.axial_work - run.dissipated_energy
     moved = (
@@ -35,7 +35,7 @@ def imbalance(run: Run) -> float:
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 @pytest.mark.parametrize("force", [-40.0, 30.0])
-def test_the_balance_closes_with_the_work_of_the_axial_load(integrator: str, force: float) -> None:
+def test_energy_is_balanced_with_the_work_of_the_axial_load(integrator: str, force: float) -> None:
     run = simulate(soft({**FELT, "controller.wanted_internal_force": force, "simulation.integrator": integrator}), 1.0)
     assert not run.status.failed
     assert imbalance(run) < 1e-6
@@ -50,7 +50,7 @@ def test_integrators_agree_on_a_squeezed_beam() -> None:
         np.testing.assert_allclose(run.axial_work, ends[0].axial_work, atol=1e-6)
 
 
-def test_the_end_of_one_arm_bears_nothing_and_each_place_what_is_beyond_it() -> None:
+def test_with_one_arm_the_axial_load_accelerates_the_mass_beyond_it() -> None:
     """N'(s) = -ρ a(s): the force at a place is the mass beyond that place times its acceleration."""
     run = simulate(load_preset("single-arm").replace(FELT), 0.3)
     payload = run.scenario.payload
@@ -62,15 +62,15 @@ def test_the_end_of_one_arm_bears_nothing_and_each_place_what_is_beyond_it() -> 
     assert np.all(run.axial_load_share >= 0)
 
 
-def test_a_steady_squeeze_is_what_the_signal_says() -> None:
+def test_the_axial_load_of_a_steady_squeeze_is_the_wanted_force() -> None:
     run = simulate(soft(SQUEEZED), 3.0)
     np.testing.assert_allclose(run.axial_load[-1], -30.0, atol=1e-3)
     assert run.axial_load_share[-1] == pytest.approx(30 / P_CR, rel=1e-3)
 
 
 @pytest.mark.parametrize("force", [-40.0, 20.0, 40.0])
-def test_the_free_ring_of_a_squeezed_beam_is_as_slow_as_its_pole_says(force: float) -> None:
-    """Its frequency also follows √(1 - P/P_cr), but for heavy grips that give way a little."""
+def test_the_free_ring_of_a_squeezed_or_stretched_beam_has_the_frequency_of_its_pole(force: float) -> None:
+    """Its frequency also follows √(1 - P/P_cr), except that even these heavy arms give way a little."""
     heavy = {"left_arm.link_mass": (80, 80, 40), "right_arm.link_mass": (80, 80, 40), "payload.element_count": 4}
     damped = {"controller.feedback_gain": 5e3, "payload.damping.coefficient": 0.01}
     scenario = soft({**SQUEEZED, **heavy, **damped, "controller.wanted_internal_force": force})
@@ -87,8 +87,8 @@ def test_the_free_ring_of_a_squeezed_beam_is_as_slow_as_its_pole_says(force: flo
     assert found == pytest.approx(linear.frequency[0] * np.sqrt(1 - force / P_CR), rel=4e-3)
 
 
-def test_a_tap_along_the_beam_and_a_pull_at_it_count_from_where_they_act() -> None:
-    """Pulled away from one arm that hardly moves, the beam is in tension up to the hand, and bears nothing beyond it."""
+def test_a_pull_along_the_beam_loads_it_only_as_far_as_the_hand() -> None:
+    """Pulled away from an arm that hardly moves, the beam is in tension up to the hand and bears nothing beyond it."""
     one = load_preset("single-arm").replace({**FELT, **HELD})
     world = World(one)
     x, y, _ = one.trajectory.middle
@@ -100,7 +100,7 @@ def test_a_tap_along_the_beam_and_a_pull_at_it_count_from_where_they_act() -> No
 
 
 def test_a_tap_is_the_limit_of_a_short_strong_pull() -> None:
-    """A bent beam that is hit along its axis turns by the force that it feels during the blow."""
+    """A bent beam that is hit along its axis turns because of the force that it feels during the blow."""
     bent = {"initial.beam_coordinates": (0.02, 0.003, 0.0, -0.02), "payload.damping.coefficient": 0.0}
     changes = {**SQUEEZED, **bent, "controller.kind": "none"}
     hit = World(soft(changes))
@@ -109,7 +109,7 @@ def test_a_tap_is_the_limit_of_a_short_strong_pull() -> None:
     plain = World(soft({**changes, "payload.axial_load": "none"}))
     plain.apply(Tap(0.05, (0.2, 0.0)))
     without = plain.observe()
-    # A spring so soft that its force is constant, for a thousandth of a tick.
+    # Pull for 10 µs by a spring so soft that its force is constant.
     short = 1e-6
     world = World(soft({**changes, "simulation.step": short}), short)
     here = world.observe().pose[0]
@@ -133,7 +133,7 @@ COMMANDS = (
 )
 
 
-def test_whatever_the_blocks_the_bits_are_the_same() -> None:
+def test_block_sizes_change_no_bit() -> None:
     sampled = {"controller.control_period": 0.002, "controller.input_delay": 1}
     whole = simulate(soft({**FELT, **sampled}), 0.6, 0.001, COMMANDS)
     world, parts = World(soft({**FELT, **sampled})), []
@@ -147,8 +147,8 @@ def test_whatever_the_blocks_the_bits_are_the_same() -> None:
     np.testing.assert_array_equal(np.concatenate(parts), whole.pose[1:])
 
 
-def test_the_paper_hardly_feels_it() -> None:
-    """Under 1 % of the deflection: at its peak and in steady motion; the free ring between drifts in phase by 0.4 %."""
+def test_the_papers_beam_hardly_feels_the_axial_load() -> None:
+    """The deflection changes by under 1 % at its peak and in steady motion; the ring in between drifts in phase by 0.4 %."""
     paper, felt = (simulate(load_preset("paper").replace(c), 2.0).midspan_deflection for c in ({}, FELT))
     assert np.abs(felt).max() == pytest.approx(np.abs(paper).max(), rel=0.01)
     assert not np.array_equal(paper, felt)
@@ -165,14 +165,14 @@ def test_a_beam_squeezed_beyond_its_buckling_load_buckles_and_the_run_says_so() 
     assert np.abs(calm.midspan_deflection).max() < 1e-3
 
 
-def test_what_is_said_at_ten_and_at_a_hundred_percent() -> None:
+def test_warnings_begin_at_10_percent_of_the_buckling_load_and_change_at_100() -> None:
     said = [simulate(soft({**HELD, "controller.wanted_internal_force": f}), 0.3).status.text for f in (4.0, 10.0, 60.0)]
     assert "along it" not in said[0]
     assert "% of what buckles it" in said[1]
     assert "more than the 50.1 N that buckle it" in said[2]
 
 
-def test_a_spin_that_ends_the_papers_beam_is_told_as_what_ended_it() -> None:
+def test_a_run_that_spin_makes_diverge_names_the_spin() -> None:
     run = simulate(load_preset("spin-up").replace({"payload.axial_load": "none"}), 3.0, 0.01)
     assert run.status == "diverged"
     assert "exceeded the beam's length" in run.status.text
@@ -180,8 +180,8 @@ def test_a_spin_that_ends_the_papers_beam_is_told_as_what_ended_it() -> None:
 
 
 @pytest.mark.parametrize(("share", "said"), [(0.07, "Large deflection: |w|/L = 7 %, above 5 %."), (0.045, "")])
-def test_a_run_says_that_its_beam_has_bent_far_wherever_it_did(share: float, said: str):
-    """A cantilever's free end, bent like a parabola: its middle is a quarter as far from the axis."""
+def test_a_large_deflection_is_reported_wherever_on_the_beam_it_is(share: float, said: str):
+    """A cantilever bent like a parabola: its middle is a quarter as far from the axis as its free end."""
     length = load_preset("single-arm").payload.length
     shape = [(share * s**2 * length, 2 * share * s) for s in (0.5, 1.0)]
     bent = {"payload.element_count": 2, "initial.beam_coordinates": [value for node in shape for value in node]}

@@ -1,4 +1,4 @@
-"""One BLAS thread, whichever of our threads asks for it, and only for as long as somebody does."""
+"""BLAS is held to one thread, whichever of our threads asks for it, and only for as long as one does."""
 
 import subprocess
 import sys
@@ -29,9 +29,9 @@ print(found)
 
 
 def test_any_thread_can_hold_blas_to_one_thread():
-    """Also after another thread, which lives on, has done so: threadpoolctl allows it to the first thread only.
+    """A second thread can do so while the first lives on; with threadpoolctl alone, only the first could.
 
-    Runs in a process of its own, as a lab that another test keeps open may hold BLAS here.
+    The test runs in a process of its own, as a lab that another test keeps open may hold BLAS in this one.
     """
     found = subprocess.run([sys.executable, "-c", PROGRAM], check=True, capture_output=True, text=True).stdout
     assert found.strip() == str([{2}, {1}, {2}] * 2)

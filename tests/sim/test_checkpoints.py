@@ -9,8 +9,8 @@ from flexlab.sim.world import World
 
 
 @pytest.mark.parametrize("time", [0.1, 0.35, 0.4, 0.6, 0.9, 1.0])
-def test_an_instant_is_computed_again_bit_for_bit_and_goes_on_the_same_way(live, same_bits, time: float):
-    """Through a tap, a stiffness that changes, and a hand that pulls."""
+def test_a_past_instant_is_recomputed_bit_for_bit_and_goes_on_the_same_way(live, same_bits, time: float):
+    """The run has a tap, a change of stiffness and a pull."""
     stage = live()
     stage.play(0.3)
     stage.frame(1 / 60, Tap(0.5, (0.0, 0.5)))
@@ -33,8 +33,8 @@ def test_an_instant_is_computed_again_bit_for_bit_and_goes_on_the_same_way(live,
         same_bits(world.advance(10), runner.recent(0.009, now - time - 0.01))
 
 
-def test_what_is_kept_is_bounded(live):
-    """Checkpoints are limited in time, and in number however much a person drags."""
+def test_checkpoints_are_bounded(live):
+    """They are limited in time and in number, however much a person drags a slider."""
     stage = live()
     for number in range(MOST + 100):
         stage.frame(1 / 60, ChangeScenario({"controller.feedback_gain": 200.0 + number % 7}))

@@ -1,4 +1,4 @@
-"""Of many commands, those remain whose effect a person would see."""
+"""Of many commands, the queue keeps those whose effect a person would see."""
 
 from flexlab.presets import load_preset
 from flexlab.sim.command_queue import MOST_STEPS, MOST_WAITING, CommandQueue, merged_changes
@@ -20,8 +20,8 @@ def left_of(*commands) -> list:
     return queue.take()
 
 
-def test_the_last_value_of_a_field_counts():
-    """Two people drag two sliders: one change with the last values of both remains."""
+def test_only_the_last_value_of_each_field_remains():
+    """Two people drag two sliders: the last value of each remains."""
     drag = [change(gravity=float(k)) for k in range(500)]
     other = [change(payload__bending_stiffness=100.0 + k) for k in range(500)]
     (group,) = left_of(*(one for pair in zip(drag, other, strict=True) for one in pair))
@@ -29,7 +29,7 @@ def test_the_last_value_of_a_field_counts():
     assert len(group) == 2
 
 
-def test_a_whole_part_supersedes_its_fields_but_not_the_other_way_round():
+def test_a_change_of_a_whole_part_supersedes_changes_of_its_fields_but_not_vice_versa():
     whole, field = change(trajectory={"kind": "sine"}), change(trajectory__phase=(0.1, 0.1, 0.1))
     assert left_of(field, whole) == [(whole,)]
     assert left_of(whole, field) == [(whole, field)]
@@ -42,24 +42,24 @@ def test_merged_changes_are_in_the_order_of_their_last_values():
     assert list(merged_changes([second, first])) == ["controller.kind", "controller.position_gain"]
 
 
-def test_of_many_presets_the_last_one_is_loaded():
+def test_only_the_last_of_many_presets_is_loaded():
     """Commands to the runs that never began are dropped with them; commands to the clock stay."""
     storm = [command for k in range(300) for command in (PAPER, change(gravity=float(k)), TAP, StepOnce(5), SOFT)]
     assert left_of(SetSpeed(0.5), *storm, Play()) == [(SetSpeed(0.5),), (SOFT,), (Play(),)]
 
 
-def test_of_many_resets_one_is_left_and_the_changes_with_it():
+def test_one_of_many_resets_remains_and_with_it_the_last_change():
     storm = [command for k in range(1000) for command in (change(gravity=k / 100), TAP, Reset())]
     assert left_of(*storm) == [(change(gravity=9.99),), (Reset(),)]
 
 
-def test_a_run_that_has_not_begun_begins_changed_instead_of_being_reset():
+def test_changes_and_a_reset_after_a_load_become_a_load_of_the_changed_scenario():
     ((load,),) = left_of(PAPER, change(gravity=9.81), Reset())
     assert load == LoadScenario(PAPER.scenario.replace({"gravity": 9.81}), "paper")
 
 
-def test_clock_and_hand():
-    """The last of play and pause, of speeds and of pulls remains; steps add up to the most that one command may ask for."""
+def test_only_the_last_of_play_and_pause_speeds_and_pulls_remains_and_steps_add_up():
+    """Steps add up to no more than one command may ask for."""
     pulls = [Pull(0.0, (0.0, k / 100), 100.0) for k in range(50)]
     assert left_of(Play(), Pause(), SetSpeed(1.0), *pulls, SetSpeed(0.5), Play()) == [
         (pulls[-1],),
@@ -74,7 +74,7 @@ def test_clock_and_hand():
     assert left_of(StepOnce(MOST_STEPS), StepOnce(1)) == [(StepOnce(MOST_STEPS),), (StepOnce(1),)]
 
 
-def test_changes_stay_on_their_side_of_a_new_run_and_of_steps():
+def test_changes_are_not_merged_across_a_new_run_or_steps():
     before, after = change(gravity=1.0), change(gravity=2.0)
     assert left_of(before, Reset(), after) == [(before,), (Reset(),), (after,)]
     assert left_of(before, StepOnce(1), after) == [(before,), (StepOnce(1),), (after,)]
@@ -90,8 +90,8 @@ def test_the_queue_is_bounded_and_counts_what_it_refused():
     assert queue.refused() == 0
 
 
-def test_what_begins_a_run_can_be_left_waiting():
-    """Commands after it wait with it."""
+def test_commands_that_begin_a_run_can_be_left_waiting():
+    """Later commands wait with them."""
     queue = CommandQueue()
     for command in (TAP, change(payload__element_count=4), change(gravity=1.0)):
         queue.put(command)
@@ -102,7 +102,7 @@ def test_what_begins_a_run_can_be_left_waiting():
     assert queue.take() == [(change(payload__element_count=5),)]
 
 
-def test_what_is_put_back_stands_first():
+def test_commands_that_are_put_back_come_first():
     queue = CommandQueue()
     queue.put(change(gravity=1.0))
     groups = queue.take()

@@ -12,7 +12,7 @@ from flexlab.sim.samples import Samples
 from flexlab.sim.world import World
 
 FINE = 1e-5
-"""Step, s: all discontinuities of the paths below are multiples of it, and none of a step that is chosen."""
+"""Step, s: all discontinuities of the paths below are multiples of it, but not of any automatic step."""
 TICK, TICKS = 0.005, 14
 SIGNALS = ("pose", "pose_rate", "tracking_error", "beam_coordinates", "joint_torque", "internal_force", "input_work")
 
@@ -32,7 +32,7 @@ PATHS: dict[str, dict[str, Any]] = {
         "ends": "free",
         "rows": (*ROWS, (0.04, 0.0, 0.7, 0.0), (0.04562, 0.01, 0.7, 0.01)),
     },
-    # Four phases of √(distance / 2 jerk) = 0.01173 s.
+    # Four phases of ∛(distance / 2 jerk) = 0.01173 s each.
     "waypoints": {"kind": "waypoints", "points": POSES, "start": 0.00314, "jerk_limit": 0.01 / (2 * 0.01173**3),
                   "acceleration_limit": 1e3, "velocity_limit": 100.0},
 }  # fmt: skip
@@ -53,7 +53,7 @@ def run(wanted: Scenario) -> Samples:
 
 @pytest.mark.parametrize(("path", "integrator"), [*((path, "etdrk4") for path in PATHS), ("shaped bang-bang", "rk4")])
 def test_discontinuities_between_steps_cost_no_accuracy(path: str, integrator: str):
-    """Errors stay below 1e-7 of a run in which each ends a step; a step across one is off by 1e-3 to 0.1 of the force's peak."""
+    """The run is within 1e-7 of one whose steps end at them; a step across one is off by 1e-3 to 0.1 of the force's peak."""
     found = run(scenario(path, **{"simulation.accuracy": 1e-12, "simulation.integrator": integrator}))
     exact = run(scenario(path, **{"simulation.step": FINE}))
     for signal in SIGNALS:
@@ -61,8 +61,8 @@ def test_discontinuities_between_steps_cost_no_accuracy(path: str, integrator: s
         assert np.abs(found[signal] - right).max() < 1e-7 * np.abs(right).max(), signal
 
 
-def test_discontinuities_lie_where_they_are_said_to():
-    """Those of the shaped sine lie where copies begin, those of the shaped move where a copy's acceleration jumps."""
+def test_a_system_knows_the_discontinuities_of_its_path():
+    """Those of the shaped sine are where its copies begin, those of the shaped move where a copy's acceleration jumps."""
     delays = 0.01137 * np.arange(3)
     assert World(scenario("shaped sine")).system.trajectory.discontinuities == pytest.approx(delays[1:])
     jumps = LINE["start"] + LINE["duration"] * np.array([0, 0.5, 1])
@@ -73,7 +73,7 @@ def test_discontinuities_lie_where_they_are_said_to():
 
 
 @pytest.mark.parametrize("along", [1e-6, 0.01, 0.15, 0.2, 3.0])
-def test_a_smooth_start_moves_discontinuities(along: float):
+def test_time_of_inverts_the_path_time_of_a_smooth_start(along: float):
     assert path_time(time_of(along, 0.4), 0.4)[0] == pytest.approx(along, rel=1e-12)
 
 

@@ -15,20 +15,20 @@ DURATION = 0.1
 
 
 def damped(boundary: str, element_count: int, damping: dict, **changes) -> Scenario:
-    """The paper's jerk with another beam."""
+    """The paper's scenario, or the single arm's, with another beam."""
     preset = load_preset("single-arm" if boundary == "clamped-free" else "paper")
     beam = {"boundary": boundary, "element_count": element_count, "damping": damping}
     return preset.replace({f"payload.{name}": value for name, value in beam.items()} | changes)
 
 
 def unaccounted(samples: Samples) -> float:
-    """Largest error of the energy balance, over the loss."""
+    """Largest error of the energy balance, relative to the loss."""
     gained = samples.total_energy - samples.total_energy[0]
     return float(np.abs(gained - samples.input_work + samples.dissipated_energy).max() / samples.dissipated_energy[-1])
 
 
-def test_the_loss_is_what_damping_takes_from_the_rates():
-    """The loss is ∫q̇ᵀDq̇ of samples that resolve everything, without any balance of energies."""
+def test_the_loss_is_the_integral_of_the_damping_power():
+    """The loss equals ∫q̇ᵀDq̇ over samples that resolve every mode; no energy balance is used."""
     scenario = damped("pinned-pinned", 2, {"kind": "stiffness", "coefficient": 2e-3})
     step = 5e-7
     world = World(scenario.replace({"simulation.step": step}), step)
@@ -42,8 +42,8 @@ def test_the_loss_is_what_damping_takes_from_the_rates():
 
 
 @pytest.mark.parametrize("element_count", [8, 64])
-def test_the_force_of_modes_that_are_damped_faster_than_the_step(element_count: int):
-    """With damping up to 10¹² 1/s, force within 1e-4 of its peak and pose within 1e-8 m at every sample."""
+def test_the_force_of_modes_damped_faster_than_the_step_is_accurate(element_count: int):
+    """With damping of up to 10¹² 1/s, the force is within 1e-4 of its peak and the pose within 1e-8 m at every sample."""
     damping = {"kind": "stiffness", "coefficient": 2e-3}
     scenario = damped("pinned-pinned", element_count, damping, **{"payload.bending_stiffness": 1000.0})
     run = simulate(scenario, DURATION)
@@ -55,8 +55,8 @@ def test_the_force_of_modes_that_are_damped_faster_than_the_step(element_count: 
 
 
 @pytest.mark.parametrize("smooth_start", [0.3, 1.0])
-def test_the_small_loss_of_a_smooth_start(smooth_start: float):
-    """It is about 10⁻⁷ J of several J that the arms exchange: the balance of energies misses it by half of it and more."""
+def test_the_small_loss_of_a_smooth_start_is_found(smooth_start: float):
+    """It is about 10⁻⁷ J, of several J that the arms exchange: an energy balance would miss it by half its size or more."""
     changes = {"payload.bending_stiffness": 1000.0, "trajectory.smooth_start": smooth_start}
     scenario = damped("pinned-pinned", 8, {"kind": "stiffness", "coefficient": 2e-3}, **changes)
     run, exact = (simulate(one, 0.6) for one in (scenario, scenario.replace({"simulation.step": 2e-5})))
@@ -80,7 +80,7 @@ def test_an_undamped_beam_loses_nothing():
 def test_force_of_modes_damped_faster_than_the_step_follows_the_slope_of_the_motion(
     elements, stiffness, damping, bound
 ):
-    """In samples of the start-up, it was off by 2e-5, 3e-6, 1e-5 and 1e-4 of its peak."""
+    """In samples of the start-up, the force used to be off by 2e-5, 3e-6, 1e-5 and 1e-4 of its peak."""
     changes = {"payload.element_count": elements, "payload.bending_stiffness": stiffness, "payload.damping": damping}
     scenario = load_preset("paper").replace(changes)
     found = World(scenario).run(60).internal_force
@@ -106,7 +106,7 @@ def pulled(scenario: Scenario) -> Samples:
     ],
 )
 def test_loss_is_right_while_a_hand_holds_the_beam(elements: int, damping: dict):
-    """It was off by up to its own size: a sum over stages tells nothing about modes damped faster than the step."""
+    """The loss used to be off by up to its own size: a sum over stages misses modes damped faster than the step."""
     scenario = damped("pinned-pinned", elements, damping)
     found, right = pulled(scenario), pulled(scenario.replace({"simulation.step": 1e-5}))
     lost = right.dissipated_energy[-1] - right.dissipated_energy[0]

@@ -1,4 +1,4 @@
-"""Encoders: the limit of many counts, few counts, live changes, repetition, what is refused."""
+"""Encoders: the limit of many counts, few counts, live changes, same bits, refusals."""
 
 import numpy as np
 import pytest
@@ -21,26 +21,26 @@ def with_counts(number: float, **changes: object):
     return load_preset("paper").replace({**CLOCKED, COUNTS: (number,) * 3, **changes})
 
 
-def test_many_counts_are_no_counts_but_for_the_lag_of_the_rate():
+def test_with_very_many_counts_only_the_lag_of_the_rate_remains():
     finest, fine = (simulate(with_counts(number), 0.5) for number in (1e9, 1e7))
     np.testing.assert_allclose(fine.pose, finest.pose, rtol=0, atol=2e-6)
     exact = simulate(load_preset("paper").replace(CLOCKED), 0.5)
     assert np.abs(exact.pose - finest.pose).max() > 1e-5  # the lag of half a period
 
 
-def test_torques_jump_by_what_a_count_is():
+def test_torques_jump_more_with_coarser_counts():
     jumps = [np.abs(np.diff(simulate(with_counts(n), 1.0).joint_torque[500:], axis=0)).max() for n in (1e4, 2e4, 1e6)]
     assert jumps[0] > 1.5 * jumps[1] > 3 * jumps[2]
 
 
-def test_a_loop_that_rests_on_a_count_stays_there():
+def test_a_payload_held_still_stays_within_the_resolution_of_the_encoders():
     hold = {"trajectory": {"kind": "hold", "pose": (0.0, 0.75, 0.0)}, "controller.kind": "pd"}
     run = simulate(with_counts(4096.0, **hold), 2.0)
     reach = 2 * np.pi / 4096 * 1.5
     assert np.abs(run.tracking_error[-500:]).max() < 2 * reach
 
 
-def test_one_joint_alone_may_count():
+def test_a_single_joint_may_have_an_encoder():
     world = World(load_preset("paper").replace({**CLOCKED, COUNTS: (0.0, 0.0, 2000.0)}))
     now = world.advance(50)
     told = own_states_of(world.system, world.state().y)["reading"]
@@ -50,11 +50,11 @@ def test_one_joint_alone_may_count():
 
 
 @pytest.mark.parametrize("noise", [{}, {"controller.sensor_noise.pose": (1e-5, 1e-5, 1e-5)}])
-def test_same_bits_in_blocks_and_from_a_state(noise):
+def test_blocks_and_continued_runs_have_the_same_bits(noise):
     whole_run_as_in_blocks(with_counts(2e5, **noise))
 
 
-def test_counts_change_in_motion():
+def test_counts_can_change_during_a_run():
     world = World(load_preset("paper").replace(CLOCKED))
     world.advance(100)
     before = world.observe()
@@ -65,13 +65,13 @@ def test_counts_change_in_motion():
     world.apply(ChangeScenario({"controller.control_period": 0.0005}))
     first = np.abs(np.diff(world.advance(20).joint_torque, axis=0)).max()
     later = np.abs(np.diff(world.advance(200).joint_torque, axis=0)).max()
-    assert first < 1.5 * later  # A reading of another period is not taken for a rate.
+    assert first < 1.5 * later  # Readings of different periods make no rate.
     world.apply(ChangeScenario({COUNTS: (0.0,) * 3}))
     world.advance(100)
     assert not world.status.failed
 
 
-def test_friction_and_encoders_share_the_state():
+def test_the_friction_loss_goes_on_when_encoders_come_and_go():
     friction = {"joints.friction.viscous": (5.0, 5.0, 2.0)}
     world = World(with_counts(1e5, **friction))
     lost = world.advance(50).own["friction_loss"][-1]
@@ -82,14 +82,14 @@ def test_friction_and_encoders_share_the_state():
     assert not world.advance(50).own["friction_loss"][-1] < lost
 
 
-def test_a_run_says_up_to_what_it_is_certain():
+def test_a_run_warns_that_its_results_are_certain_up_to_a_count():
     world = World(with_counts(1e5))
     world.advance(200)
     assert "up to a count of the encoders" in world.accuracy_warning
 
 
-def test_the_poles_know_the_lag_of_the_rate():
-    """At the edge of its stability, PD is stable with exact rates and not with differenced ones, as its poles say."""
+def test_the_poles_include_the_lag_of_differenced_rates():
+    """Around the edge of stability, a PD loop with exact or differenced rates grows exactly where its poles say so."""
     hold = {"trajectory": {"kind": "hold", "pose": (0.0, 0.75, 0.0)}, "controller.kind": "pd"}
     start = {"initial.pose": (1e-6, 0.75, 0.0), "initial.pose_rate": (0.0, 0.0, 0.0), "controller.input_delay": 1}
     found = []
@@ -104,7 +104,7 @@ def test_the_poles_know_the_lag_of_the_rate():
     assert found[:5] != found[5:] or any(found)
 
 
-def test_what_cannot_be_measured_is_said():
+def test_encoders_that_cannot_work_are_refused_or_named_as_the_cause():
     with pytest.raises(
         ScenarioError, match=r"joints\.encoders\) belong to sampled control: .*control_period.* or .* 0"
     ):

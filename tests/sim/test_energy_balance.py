@@ -63,7 +63,7 @@ def test_energy_is_balanced_when_a_bent_beam_is_let_go_without_control(integrato
 
 
 @pytest.mark.parametrize("integrator", ["rk4", "etdrk4"])
-def test_energy_stays_for_ten_seconds_without_control_and_damping(integrator: str):
+def test_energy_is_conserved_for_ten_seconds_without_control_and_damping(integrator: str):
     """The relative drift is at most 1e-6 at the default step, with arms moving slowly and the beam ringing."""
     paper = load_preset("paper")
     changes = {
@@ -81,7 +81,7 @@ def test_energy_stays_for_ten_seconds_without_control_and_damping(integrator: st
 
 @pytest.mark.parametrize("integrator", ["rk4", "etdrk4"])
 def test_nothing_is_missing_from_the_balance(integrator: str):
-    """With steps that resolve every mode (20 µs), gravity, control, damping, a pull and a tap balance to 1e-9."""
+    """With steps that resolve every mode (5 or 20 µs), gravity, control, damping, a pull and a tap balance to 1e-9."""
     changes = {
         "gravity": 9.81,
         "controller.kind": "pd",
@@ -98,7 +98,7 @@ def test_nothing_is_missing_from_the_balance(integrator: str):
 
 
 def test_the_pulls_work_is_what_its_spring_gives():
-    """Input work without motors = energy that the spring has given up, ½k(d0² - d²)."""
+    """Without motors, the input work is the energy that the spring has given up, ½k(d0² - d²)."""
     at, target, stiffness = 0.1, np.array([0.2, 0.9]), 500.0
     world = World(load_preset("paper").replace({"controller.kind": "none", "simulation.step": 5e-5}))
     world.apply(Pull(at, tuple(target), stiffness))

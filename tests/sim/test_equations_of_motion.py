@@ -1,7 +1,7 @@
-"""The compiled right-hand side against Hamilton's equations of a Lagrangian made of moving points.
+"""The compiled right-hand side against Hamilton's equations of a Lagrangian of moving points.
 
-The Lagrangian (`reference.lagrangian`) knows positions of masses only; momenta and forces are its derivatives by
-differences. Beam, both arms, weights, damping and a pull take part.
+The Lagrangian (`reference.lagrangian`) knows only the positions of masses; momenta and forces are its derivatives, by
+differences. The system has a beam, both arms, gravity, damping and a pull.
 """
 
 from typing import NamedTuple
@@ -23,7 +23,7 @@ PULL_AT, PULL_TO, PULL_STIFFNESS = 0.1, (0.3, 0.9), 800.0
 
 
 class Derivative(NamedTuple):
-    """State and rates of the kernel, and the state in p = (x0, y0, θ, q)."""
+    """The kernel's state and its derivative, and the same state in p = (x0, y0, θ, q)."""
 
     world: World
     lagrangian: Lagrangian
@@ -66,7 +66,7 @@ def derivative(request) -> Derivative:
     V = world.beam.modes.V
     y, count = world.state().y, V.shape[1]
     workspace = make_workspace(2, count)
-    # The world starts with q̇ = 0: add to the momenta what q̇ adds to them.
+    # The world starts with q̇ = 0: set the momenta to those with the random q̇.
     held = np.setdiff1d(np.arange(2 * n + 2), free_coordinates(n, boundary)).tolist()
     lagrangian = Lagrangian(scenario, held)
     p, p_rate = np.concatenate([pose, q]), np.concatenate([rate, q_dot])
@@ -87,13 +87,13 @@ def test_momenta_are_the_lagrangians_derivatives(derivative: Derivative):
 
 
 def test_coordinates_move_with_their_rates(derivative: Derivative):
-    """The kernel finds ẋ and η̇ back from the momenta."""
+    """The kernel recovers ẋ and η̇ from the momenta."""
     V, n = derivative.world.beam.modes.V, derivative.world.beam.modes.V.shape[1]
     np.testing.assert_allclose(derivative.dy[X : X + 3], derivative.p_rate[:3], atol=1e-11)
     np.testing.assert_allclose(V @ derivative.dy[ETA : ETA + n], derivative.p_rate[3:], atol=1e-9)
 
 
-def test_momenta_change_by_the_lagrangians_slope_damping_and_pull(derivative: Derivative):
+def test_momenta_change_by_the_lagrangians_gradient_damping_and_pull(derivative: Derivative):
     """Ṗ = ∂L/∂x - ∂U_pull/∂x, π̇ = ∂L/∂η - Dη̇ - ∂U_pull/∂η."""
     lagrangian, V = derivative.lagrangian, derivative.world.beam.modes.V
     n = V.shape[1]
@@ -134,7 +134,7 @@ def test_powers_are_those_of_pull_and_damping(derivative: Derivative):
 
 
 def test_energies_are_those_of_the_points(derivative: Derivative):
-    """Kinetic, elastic and gravity energy of the sample add up to the points' T and U (weights from y = 0)."""
+    """The sample's kinetic energy is the points' T; its elastic and gravity energy add up to their U (heights from y = 0)."""
     world = World(
         derivative.world.scenario.replace(
             {"initial.pose": derivative.p[:3], "initial.pose_rate": derivative.p_rate[:3]}

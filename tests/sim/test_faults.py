@@ -22,14 +22,14 @@ def all_finite(samples: Samples) -> bool:
 
 
 def test_an_unreachable_trajectory_is_found_before_the_run():
-    """The sentence says which arm, where, when, by how much, and what to do. At (0.9, 0.9) only the left wrist is too far."""
+    """The sentence says which arm, where, when, by how much, and what to do. At (0.8, 1) only the left wrist is too far."""
     run = simulate(paper(**{"trajectory.center": (0.5, 1.0, 0.0), "trajectory.amplitude": (0.3, 0.0, 0.0)}), 1.0)
     assert run.status == "unreachable"
     assert len(run) == 1
     assert "left arm" in run.status.text
     for words in ("x = ", "y = 1.000 m", "t = ", "beyond the 1.300 m", "smaller"):
         assert words in run.status.text
-    # The sentence's numbers hold: wrist at x - 0.45 m from a base at (-0.5, 0).
+    # The sentence's numbers are right: the wrist is at x - 0.45 m, the base at (-0.5, 0).
     x = float(run.status.text.split("x = ")[1].split(" m")[0])
     distance = float(run.status.text.split("would be ")[1].split(" m")[0])
     assert distance == pytest.approx(np.hypot(x - 0.45 + 0.5, 1.0), abs=2e-3)
@@ -37,7 +37,7 @@ def test_an_unreachable_trajectory_is_found_before_the_run():
     assert all_finite(run)
 
 
-def test_the_right_arm_is_named_when_it_is_the_one():
+def test_the_right_arm_is_named_when_it_is_the_one_out_of_reach():
     """Mirror image of the case above."""
     world = World(paper(**{"trajectory.center": (-0.5, 1.0, 0.0), "trajectory.amplitude": (0.3, 0.0, 0.0)}))
     assert world.status == "unreachable"
@@ -91,7 +91,7 @@ def test_an_arm_that_falls_out_of_its_workspace_stops_the_run():
 
 
 def test_motors_that_are_off_are_named():
-    """No gain and no amplitude holds an arm that falls freely."""
+    """No gain and no amplitude can hold an arm that falls freely."""
     world = World(paper(**{"controller.kind": "none", "gravity": 9.81, "initial.pose": (0.05, 0.9, 0.0)}))
     world.run(3000)
     assert "arm left its workspace" in world.status.text
@@ -174,8 +174,8 @@ def test_divergence_keeps_the_last_good_state(changes: dict):
     assert world.time == samples.time[-1]
 
 
-def test_bending_without_meaning_stops_the_run():
-    """A beam is bent by more than its length, where the linear model means nothing."""
+def test_a_beam_bent_by_more_than_its_length_stops_the_run():
+    """The linear model means nothing for a beam bent so far."""
     world = World(paper(**{"payload.bending_stiffness": 0.01, "trajectory.frequency": (3.0, 3.0, 3.0)}))
     samples = world.run(2000)
     assert world.status == "diverged"
@@ -216,14 +216,14 @@ def test_no_damping_makes_an_automatic_step_unstable(integrator: str, damping: d
 @pytest.mark.parametrize("n", [2, 8])
 @pytest.mark.parametrize("density", [0.01, 20.0, 1000.0])
 def test_no_payload_makes_an_automatic_step_unstable(integrator: str, n: int, density: float):
-    """Beams light and heavy, at the paper's frequencies: the automatic step allows for grips that give way."""
+    """Beams may be light or heavy, at the paper's frequencies: the automatic step allows for arms that give way."""
     changes = {"payload.linear_density": density, "payload.bending_stiffness": 50 * density}
     world = World(paper(**changes, **{"payload.element_count": n, "simulation.integrator": integrator}))
     world.run(30)
     assert world.status == "running", world.status.text
 
 
-def test_a_free_end_that_bends_beyond_all_sense_stops_the_run():
+def test_a_free_end_bent_by_more_than_the_beams_length_stops_the_run():
     """A limp beam in one arm, bent like a parabola: its end is 0.6 m off its axis, its middle only 0.15 m."""
     arm = load_preset("single-arm").replace({"payload.bending_stiffness": 0.01, "payload.element_count": 2})
     length = arm.payload.length

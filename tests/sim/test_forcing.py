@@ -1,4 +1,4 @@
-"""A beam whose damping couples many modes: responses to a few numbers give the same motion as whole matrices."""
+"""A beam whose damping couples many modes: its responses to a few fixed forces give the same motion as whole matrices."""
 
 import numpy as np
 import pytest
@@ -31,8 +31,8 @@ def operators_of(assembly, dt: float):
 
 @pytest.mark.parametrize("hand_pulls", [False, True])
 @pytest.mark.parametrize(("preset", "elements"), [("paper", 24), ("paper", 40), ("single-arm", 20)])
-def test_few_numbers_say_what_the_whole_matrices_say(preset, elements, hand_pulls, monkeypatch):
-    """All matrix functions agree, for rates of the equations of motion with rotation at 10 rad/s."""
+def test_responses_to_a_few_forces_equal_products_with_whole_matrices(preset, elements, hand_pulls, monkeypatch):
+    """All matrix functions agree, for rates as in the equations of motion with rotation at 10 rad/s."""
     scenario = load_preset(preset).replace({"payload.element_count": elements})
     scenario = scenario.replace({"gravity": 9.81})
     assembly, dt, rng = build_assembly(scenario, 1e-3), 1e-4, np.random.default_rng(3)
@@ -70,8 +70,8 @@ def test_few_numbers_say_what_the_whole_matrices_say(preset, elements, hand_pull
             assert np.abs(found[part] - right[part]).max() < 1e-11 * np.abs(right[part]).max()
 
 
-def test_only_modes_far_stiffer_than_any_rotation_are_spared():
-    """At 10 rad/s rotation takes (10/Ω)² of a mode's stiffness."""
+def test_only_modes_in_which_rotation_is_notable_count_as_soft():
+    """Rotation at 10 rad/s takes away the share (10/Ω)² of a mode's stiffness."""
     assert (10 / STIFF_MODE) ** 2 < 2e-9
     fine = build_assembly(load_preset("paper").replace({"payload.element_count": 32}), 1e-3)
     found = operators_of(fine, 1e-4)

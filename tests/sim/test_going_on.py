@@ -1,4 +1,4 @@
-"""A run that goes on from an earlier one: its state, its time, its name, and its texts."""
+"""Runs that go on from an earlier one: state, time, name and texts."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from flexlab.sim.world import World
 
 @pytest.fixture(params=["paper", "fast-adaptation"])
 def earlier(request) -> World:
-    """A world at t = 0.25 s, with continuous control or with sampled control that has torques on their way."""
+    """A world at t = 0.25 s, with continuous control, or with sampled control and torques on their way."""
     world = World(load_preset(request.param))
     world.advance(250)
     return world
@@ -22,7 +22,7 @@ def origin_of(world: World) -> Origin:
     return Origin("2026-01-01T00-00-00-earlier", world.time, world.state())
 
 
-def test_a_lab_that_starts_there_gives_the_same_samples(live, earlier: World):
+def test_a_lab_that_starts_from_an_earlier_run_gives_the_same_samples(live, earlier: World):
     stage = live(earlier.scenario, origin=origin_of(earlier))
     assert stage.runner.snapshot.latest.time[0] == 0.25
     stage.play(0.3)
@@ -32,7 +32,7 @@ def test_a_lab_that_starts_there_gives_the_same_samples(live, earlier: World):
     assert stage.runner.snapshot.events[0].text == "Go on from 2026-01-01T00-00-00-earlier at t = 0.250 s"
 
 
-def test_a_running_lab_can_be_sent_there_and_reset_begins_at_zero(live, earlier: World):
+def test_a_running_lab_can_go_on_from_an_earlier_run_and_reset_begins_at_zero(live, earlier: World):
     stage = live()
     stage.play(0.1)
     stage.frame(0.0, LoadScenario(earlier.scenario, "earlier", origin_of(earlier)))

@@ -1,4 +1,4 @@
-"""Compliant grips: no bit without them, the paper's limit, other equations, closed forms, energy, replays, refusals."""
+"""Compliant grips: the paper's limit, independent equations, closed forms, energy, live changes, replays, refusals."""
 
 import json
 
@@ -35,7 +35,7 @@ SAMPLED = {
         "sensor_noise": {"pose": (1e-5, 1e-5, 1e-5), "seed": 3},
     }
 }
-"""A sampled law, soft enough for its period: last links that springs hold are light."""
+"""A sampled law with gains low enough for its period: the last links, which springs hold, are light."""
 WEIGHT, AXIAL = {"gravity": 9.81}, {"payload.axial_load": "first-order"}
 JOINTS = {"joints.friction.viscous": (5.0, 5.0, 2.0), "joints.motor.time_constant": 0.004}
 FILLED = {"payload.mass_change.factor": 3.0, "payload.mass_change.begin": 0.02, "payload.mass_change.duration": 0.1}
@@ -48,7 +48,7 @@ def grips(stiffness, damping=(0.0, 0.0, 0.0)) -> dict:
 
 
 def imbalance(run: Samples) -> float:
-    """Error of the energy balance over the energy moved."""
+    """Error of the energy balance, relative to the energy moved."""
     put_in = run.input_work + run.axial_work + run.own.get("material_energy", 0.0)
     lost = run.dissipated_energy + run.own.get("friction_loss", 0.0) + run.own["grip_loss"]
     gained = run.total_energy - put_in + lost
@@ -64,7 +64,7 @@ def test_rigid_grips_change_no_bit(control, same_bits):
 
 
 @pytest.mark.parametrize("measured_at", ["arms", "payload"])
-def test_stiff_grips_are_the_papers_at_first_order(measured_at):
+def test_stiff_grips_converge_to_the_papers_rigid_grips_at_first_order(measured_at):
     plain = load_preset("paper").replace({"initial.pose_rate": None})
     exact = simulate(plain.replace({"simulation.integrator": "rk4", "simulation.step": 5e-6}), 0.2)
     after = slice(40, None)  # The ring of the start has faded by then.
@@ -100,7 +100,7 @@ FREE = {"controller.kind": "none", "gravity": 9.81, "initial.pose_rate": (0.6, 0
         ("single-arm", {"payload.bending_stiffness": 20.0}, 2),
     ],
 )
-def test_other_equations_of_the_same_machine_move_alike(preset, further, elements):
+def test_independent_equations_of_the_same_machine_give_the_same_motion(preset, further, elements):
     free = {
         **FREE,
         "payload.element_count": elements,
@@ -131,8 +131,8 @@ def test_other_equations_of_the_same_machine_move_alike(preset, further, element
     assert np.abs(run.own["left_grip_displacement"]).max() > 1e-4
 
 
-def test_the_ring_is_that_of_nodal_matrices_between_mass_points():
-    """The linear motion after a tap, by a matrix exponential, shows frequencies and damping of all modes at once."""
+def test_the_ring_after_a_tap_is_that_of_a_linear_model_with_mass_points():
+    """A matrix exponential gives the linear motion, which shows frequencies and damping of all modes at once."""
     k, c = np.array((5e3, 8e3, 400.0)), np.array((3.0, 4.0, 0.2))
     still = {"controller.kind": "none", "initial.pose": (0.0, 0.75, 0.0), "payload.bending_stiffness": 20.0}
     scenario = load_preset("paper").replace({**grips(k, c), **still, "simulation.step": 1e-5})
@@ -169,7 +169,7 @@ def test_the_ring_is_that_of_nodal_matrices_between_mass_points():
     assert moved > 1e-7
 
 
-def test_a_payload_between_heavy_arms_rings_with_the_root_of_2k_over_m():
+def test_a_payload_between_heavy_arms_rings_at_the_root_of_2k_over_m():
     """Along its axis the beam is rigid: one mass on two springs and two dampers, in closed form."""
     heavy = {f"{side}_arm.link_mass": (1e4,) * 3 for side in ("left", "right")}
     still = {"controller.kind": "none", "initial.pose": (0.0, 0.75, 0.0), "simulation.step": 1e-5}
@@ -182,7 +182,7 @@ def test_a_payload_between_heavy_arms_rings_with_the_root_of_2k_over_m():
 
 
 def test_a_payload_sags_by_its_weight_over_the_stiffness():
-    """The law asks for no moment about the middle: the moments of the grips balance that of their forces."""
+    """The law asks for no moment about the middle, so the moments of the grips balance those of their forces."""
     hold = {"trajectory": {"kind": "hold", "pose": (0.0, 0.75, 0.0)}, **WEIGHT}
     run = simulate(load_preset("paper").replace({**grips((1e5, 4e4, 5e3), (200.0, 200.0, 20.0)), **hold}), 2.0)
     for side, turn in (("left", 1), ("right", -1)):
@@ -210,7 +210,7 @@ def test_energy_is_balanced(preset, further):
 
 
 @pytest.mark.parametrize("link", [None, (1, 1), (1, 3), (2, 2)])
-def test_energy_is_balanced_with_taps_and_hands(link):
+def test_energy_is_balanced_with_a_tap_and_a_pull(link):
     changes = {**COMPLIANT, **WEIGHT, "initial.beam_coordinates": (0.05, 0.006, -0.02, -0.03)}
     world = World(load_preset("paper").replace(changes))
     world.advance(100)
@@ -223,7 +223,7 @@ def test_energy_is_balanced_with_taps_and_hands(link):
     assert np.abs(free.run(200).pose - run.pose).max() > 1e-4
 
 
-def test_the_force_along_the_beam_is_the_grips():
+def test_the_axial_load_at_the_ends_is_the_force_of_the_grips():
     changes = {**COMPLIANT, **AXIAL, "payload.bending_stiffness": 10.0, "controller.wanted_internal_force": 20.0}
     run = simulate(load_preset("paper").replace(changes), 0.3)
     along = np.stack([np.cos(run.pose[:, 2]), np.sin(run.pose[:, 2])], axis=1)
@@ -238,13 +238,13 @@ def test_the_force_along_the_beam_is_the_grips():
 
 
 @pytest.mark.parametrize("further", [{}, COUNTED, {**FILLED, **JOINTS}])
-def test_same_bits_in_blocks_from_a_state_and_live(further, live):
+def test_blocks_continued_runs_and_live_runs_have_the_same_bits(further, live):
     scenario = load_preset("paper").replace({**COMPLIANT, **further})
     whole = whole_run_as_in_blocks(scenario, equal_nan=True)
     check_live(live(scenario), whole, "pose", "internal_force", "right_grip_displacement", "grip_loss")
 
 
-def test_a_recording_replays_to_the_bit_and_its_signals_come_back(tmp_path):
+def test_a_recording_replays_bit_for_bit_and_holds_the_signals_of_the_grips(tmp_path):
     run = simulate(load_preset("paper").replace({**COMPLIANT, **WEIGHT}), 0.2)
     recording = read_recording(write_run(run, tmp_path, "compliant"))
     assert replay(recording).identical
@@ -252,7 +252,7 @@ def test_a_recording_replays_to_the_bit_and_its_signals_come_back(tmp_path):
         assert np.array_equal(recording.samples[name], run[name])
 
 
-def test_a_scenario_goes_through_a_file():
+def test_a_scenario_survives_json_and_states_the_units_of_its_grips():
     scenario = load_preset("paper").replace({**grips((1e5, 2e5, 3e3), (1.0, 2.0, 3.0)), "grips.measured_at": "payload"})
     again = parse_scenario(json.loads(scenario.model_dump_json()))
     assert again == scenario
@@ -267,8 +267,8 @@ def arms_motion(world: World) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("measured_at", ["arms", "payload"])
-def test_a_controller_measures_by_the_arms_or_at_the_payload(measured_at):
-    """At the pose that it measures, it asks for the same torques as with rigid grips."""
+def test_a_controller_measures_the_pose_of_the_arms_or_of_the_payload(measured_at):
+    """It asks for the same torques as it would with rigid grips at the measured pose."""
     law = {"trajectory": {"kind": "hold", "pose": (0.1, 0.7, 0.1)}, "controller": {"kind": "pd"}, **WEIGHT}
     start = {"initial.pose": (0.05, 0.72, 0.0), "initial.pose_rate": (0.5, 0.3, -0.4)}
     rigid = load_preset("paper").replace({**law, **start})
@@ -284,7 +284,7 @@ def test_a_controller_measures_by_the_arms_or_at_the_payload(measured_at):
         assert np.abs(arms_motion(world)[0] - seen.pose[0]).max() > 1e-6
 
 
-def test_encoders_tell_where_the_arms_are():
+def test_encoders_measure_the_arms_even_if_the_pose_is_measured_at_the_payload():
     fine = {**COMPLIANT, **COUNTED, "joints.encoders.counts": (1e9, 1e9, 1e9)}
     world = World(load_preset("paper").replace({**fine, "grips.measured_at": "payload"}))
     for _ in range(3):
@@ -294,12 +294,12 @@ def test_encoders_tell_where_the_arms_are():
         assert np.abs(told - world.state().y[:3]).max() > 1e-6
 
 
-def test_grips_change_in_motion():
+def test_grips_can_change_during_a_run():
     plain = load_preset("paper")
     world = World(plain)
     world.advance(100)
     before = world.observe()
-    assert world.apply(ChangeScenario(COMPLIANT))  # Rows have other columns: a new run, but one motion.
+    assert world.apply(ChangeScenario(COMPLIANT))  # Rows have other columns: a new run; the motion goes on.
     after = world.observe()
     np.testing.assert_allclose(after.pose_rate, before.pose_rate, rtol=0, atol=1e-12)
     np.testing.assert_allclose(after.beam_rates, before.beam_rates, rtol=0, atol=1e-9)
@@ -327,7 +327,7 @@ def test_grips_change_in_motion():
 @pytest.mark.parametrize(
     "held", [grips((1e3, 1e3, 100.0)), grips((1e5, 1e5, 1e4), (100, 100, 10)), grips((1e7, 1e7, 1e5))]
 )
-def test_automatic_steps_are_short_enough(preset, held):
+def test_automatic_steps_are_short_enough_for_the_grips(preset, held):
     scenario = load_preset(preset).replace(
         {**held, "controller.kind": "none"} if held == grips((1e3, 1e3, 100.0)) else held
     )
@@ -347,7 +347,7 @@ def test_an_arm_that_leaves_its_workspace_on_soft_grips_is_named():
     assert "arm left its workspace" in run.status.text
 
 
-def test_what_are_no_grips_is_refused():
+def test_impossible_grips_are_refused_with_a_reason():
     paper = load_preset("paper").replace(COMPLIANT)
     for name, value, said in (
         (
@@ -386,7 +386,7 @@ def test_what_are_no_grips_is_refused():
         World(both)
 
 
-def test_where_compliant_grips_cannot_go_it_is_said():
+def test_what_needs_rigid_grips_refuses_compliant_ones_or_says_so():
     from flexlab.fmi.parts import make_part
     from flexlab.gym_environment.worlds import Settings, WorldBatch
 
@@ -402,7 +402,7 @@ def test_where_compliant_grips_cannot_go_it_is_said():
 
 
 @pytest.mark.parametrize("changes", [{}, WEIGHT, JOINTS, FILLED, COUNTED, AXIAL], ids=str)
-def test_a_path_that_no_arm_reaches_is_said(changes: dict):
+def test_an_unreachable_path_is_reported_with_every_extension(changes: dict):
     far = load_preset("paper").replace(COMPLIANT | changes | {"left_arm.base": (-20.0, -20.0)})
     run = simulate(far, 0.01)
     assert str(run.status) == "unreachable"

@@ -1,4 +1,4 @@
-"""The ring of recent samples that plots read."""
+"""The ring buffer of recent samples that plots read."""
 
 import threading
 
@@ -13,7 +13,7 @@ SIZE = round(HISTORY_SECONDS / 0.001) + 1
 
 
 def rows(start: int, count: int) -> np.ndarray:
-    """Sample rows of one arm and one coordinate, numbered in time and in every other column."""
+    """Rows for one arm and one beam coordinate: time is the row's number in ms, every other column the number itself."""
     numbers = np.arange(start, start + count, dtype=float)
     block = np.repeat(numbers[:, None], samples.row_length(1, 1), axis=1)
     block[:, TIME] = numbers * 0.001
@@ -29,23 +29,23 @@ def filled(total: int, block: int = 777) -> History:
 
 @pytest.mark.parametrize("total", [1, 500, SIZE - 1, SIZE, SIZE + 1, 2 * SIZE + 123])
 @pytest.mark.parametrize("seconds", [0.001, 0.3, 0.7, 10.0, 29.9, 60.0])
-def test_the_last_seconds_come_oldest_first_across_the_wrap(total: int, seconds: float):
-    """Both ends of the window are included, as far as there are samples."""
+def test_the_last_seconds_come_oldest_first_even_where_the_ring_wraps(total: int, seconds: float):
+    """Both ends of the window are included if there are that many samples."""
     found = np.rint(filled(total).recent(seconds).kinetic_energy).astype(int)
     count = min(round(seconds / 0.001) + 1, total, SIZE)
     assert np.array_equal(found, np.arange(total - count, total))
 
 
 def test_all_signals_of_a_row_belong_together():
-    """Also across the wrap."""
+    """This holds where the ring wraps around, too."""
     recent = filled(SIZE + 5000).recent(20.0)
     numbers = np.rint(recent.time / 0.001)
     for signal in (recent.kinetic_energy, recent.pose[:, 1], recent.joint_torque[:, 0, 2], recent.beam_rates[:, 0]):
         assert np.array_equal(np.rint(signal), numbers)
 
 
-def test_a_block_longer_than_the_ring_leaves_its_end():
-    """A block of 100 s, as by single steps at once."""
+def test_the_end_of_a_block_longer_than_the_ring_is_kept():
+    """Single steps can bring blocks of 100 s; this one has 180 s."""
     history = filled(100)
     history.append(rows(100, 3 * SIZE))
     found = np.rint(history.recent(HISTORY_SECONDS).kinetic_energy).astype(int)
@@ -57,8 +57,8 @@ def test_an_empty_history_has_no_samples():
     assert len(History(samples.row_length(1, 1), 1).recent(5.0)) == 0
 
 
-def test_what_is_handed_out_is_a_copy():
-    """Later samples do not change it."""
+def test_recent_samples_are_a_copy():
+    """Later samples do not change them."""
     history = filled(1000)
     before = history.recent(0.5)
     kept = before.kinetic_energy.copy()
@@ -90,8 +90,8 @@ def test_readers_see_whole_blocks_while_the_runner_writes():
 
 @pytest.mark.parametrize("total", [1, 500, SIZE, 2 * SIZE + 123])
 @pytest.mark.parametrize("ago", [0, 1, 400, 30_000, 10 * SIZE])
-def test_the_past_comes_as_it_was_then(total: int, ago: int):
-    """Beyond what is remembered, the oldest sample stands for all before it."""
+def test_recent_samples_can_be_those_of_an_earlier_instant(total: int, ago: int):
+    """If the ring does not go back that far, they end at its oldest sample."""
     found = np.rint(filled(total).recent(0.3, ago).kinetic_energy).astype(int)
     kept = min(total, SIZE)
     end = total - min(ago, kept - 1)

@@ -1,4 +1,4 @@
-"""Observed order of each integrator: the slope over halvings of the step of the error against a much finer run."""
+"""Observed order of each integrator: how fast the error against a much finer run falls when the step is halved."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
 
 TICK = 0.002
-"""s: longest step in the tables below."""
+"""Sample period, s: a multiple of every step below."""
 SIGNALS = ("pose", "beam_coordinates", "pose_rate", "bound_estimates")
 
 STEPS = {
@@ -19,7 +19,7 @@ STEPS = {
     "etdrk4": (1e-3, 5e-4, 2.5e-4, 1.25e-4),
     "generalized-alpha": (5e-4, 2.5e-4, 1.25e-4, 6.25e-5),
 }
-"""s."""
+"""Steps, s, each half of the one before."""
 
 
 def sample(scenario: Scenario, integrator: str, step: float) -> Samples:
@@ -33,7 +33,7 @@ def sample(scenario: Scenario, integrator: str, step: float) -> Samples:
 
 
 def slopes(scenario: Scenario, integrator: str, reference_step: float) -> dict[str, np.ndarray]:
-    """log2 of the ratio of errors for each halving and signal."""
+    """Observed orders: log2 of the ratio of errors, for each halving of the step and each signal."""
     exact = sample(scenario, "etdrk4", reference_step)
     runs = [sample(scenario, integrator, step) for step in STEPS[integrator]]
     errors = {name: [np.abs(getattr(run, name) - getattr(exact, name)).max() for run in runs] for name in SIGNALS}
@@ -41,7 +41,7 @@ def slopes(scenario: Scenario, integrator: str, reference_step: float) -> dict[s
 
 
 RINGING = {"controller.boundary_layer": 10.0, "payload.bending_stiffness": 10.0}
-"""The paper's jerk on a beam whose four modes (14 to 286 Hz) all steps resolve; wholly inside the boundary layer, as the
+"""The paper's jerk on a beam whose four modes (14 to 286 Hz) all steps resolve. The motion stays inside the boundary layer: the
 law has a kink at its edge, where any method falls to low order."""
 
 SCENARIOS = {
@@ -69,11 +69,11 @@ def test_pose_converges_with_order_four_from_a_smooth_start():
         assert np.all(np.abs(found[signal] - 4) < 0.25), (signal, found[signal])
 
 
-def test_etdrk4_loses_order_where_modes_beyond_the_step_are_driven():
-    """Where the order drops: the coupling -h v2 - g ω of stiff modes to the pose is not part of the exact linear flow.
+def test_etdrk4_loses_order_where_modes_too_fast_for_its_steps_are_driven():
+    """The coupling -h v2 - g ω of stiff modes to the pose is not part of the exact linear flow.
 
     A jerk excites 32 modes up to 10⁵ rad/s. While Δt ω ≫ 1 for most of them, the coupling is a stiff term that is
-    only interpolated over the step, and the order falls to between 2 and 3.5; it stays convergent, and accurate.
+    only interpolated over the step, and the order falls to between 2 and 3.5. The method stays convergent and accurate.
     """
     changes = {"controller.boundary_layer": 10.0, "payload.element_count": 16}
     found = slopes(load_preset("paper").replace(changes), "etdrk4", TICK / 512)

@@ -19,9 +19,9 @@ TWO_ARMS = [case for case in CASES if len(case.scenario.arms) == 2]
 
 @pytest.mark.parametrize("case", [PAPER, *TWO_ARMS[1:]], ids=lambda case: case.name)
 def test_both_routes_agree(case: Solution):
-    """They agree to 1e-9 of the forces of which they are differences, at samples spread over half a second.
+    """They agree to 1e-9 of the larger forces whose difference they are, at samples spread over half a second.
 
-    Eq. (26) finds ẍ anew from dense matrices in (x, q); its terms M̄_i ẍ, u_i cancel down to the internal force.
+    Eq. (26) computes ẍ again from dense matrices in (x, q); its terms M̄_i ẍ and u_i cancel down to the internal force.
     """
     world = World(case.scenario)
     samples = world.run(min(500, int(case.rows[-1])))
@@ -47,8 +47,8 @@ def test_both_routes_agree(case: Solution):
         np.testing.assert_allclose(force, samples.internal_force[k], atol=1e-9 * scale)
 
 
-def test_a_user_gets_the_other_route_too():
-    """`flexlab.internal_force_eq_26` returns it at given samples of a run, or refuses in a sentence where it makes no sense."""
+def test_users_can_compute_eq_26_for_samples_of_a_run():
+    """`flexlab.internal_force_eq_26` takes every 10th sample here, and refuses in a sentence what makes no sense."""
     run = flexlab.simulate("paper", 0.3)
     found = flexlab.internal_force_eq_26(run, every=10)
     assert found.shape == (31, 2, 3)
@@ -60,8 +60,8 @@ def test_a_user_gets_the_other_route_too():
             flexlab.internal_force_eq_26(run, every=every)  # type: ignore[arg-type]
 
 
-def test_eq_26_is_refused_where_it_is_not_that_of_the_run(tmp_path: Path):
-    """It was off by newtons: it left out the axial load, and after a change it used the first scenario."""
+def test_eq_26_is_refused_for_runs_that_it_does_not_describe(tmp_path: Path):
+    """It used to be off by newtons: it left out the axial load, and after a change it used the first scenario."""
     with pytest.raises(StudyError, match=r"feels no force along it \(payload\.axial_load\)"):
         flexlab.internal_force_eq_26(flexlab.simulate("squeeze-until-it-buckles", 0.01))
     for command in (ChangeScenario({"payload.bending_stiffness": 50.0}), Pull(0.0, (0.0, 1.0), 100.0)):

@@ -15,16 +15,15 @@ def ends():
     return before, world.observe()
 
 
-def test_ends_are_the_samples_themselves():
-    """Fraction 0 gives the earlier sample, 1 the later one."""
+def test_fraction_0_gives_the_earlier_sample_and_fraction_1_the_later_one():
     before, after = ends()
     assert interpolate(before, after, 1.0) is after
     for name in ("pose", "beam_coordinates", "time", "joint_torque"):
         np.testing.assert_allclose(getattr(interpolate(before, after, 0.0), name), getattr(before, name), rtol=1e-14)
 
 
-def test_in_between_lies_the_motion_that_finer_samples_show():
-    """Cubic in time: pose within 1e-9 m and beam within 1e-6 m of states computed every 0.1 ms."""
+def test_interpolated_states_agree_with_finer_samples():
+    """Cubic in time: pose within 1e-8 m and beam within 2e-6 m of states computed every 0.1 ms."""
     before, after = ends()
     fine = World(load_preset("paper"), 1e-4)
     fine.advance(200)
@@ -37,14 +36,13 @@ def test_in_between_lies_the_motion_that_finer_samples_show():
 
 
 def test_states_of_different_meshes_are_not_mixed():
-    """The later sample is taken as it is."""
+    """The later sample is returned as it is."""
     before, _ = ends()
     other = World(load_preset("paper").replace({"payload.element_count": 5})).observe()
     assert interpolate(before, other, 0.3) is other
 
 
-def test_the_result_is_read_only():
-    """It is so like every sample."""
+def test_an_interpolated_state_is_read_only_like_every_sample():
     state = interpolate(*ends(), 0.5)
     for name in ("pose", "beam_coordinates", "time", "saturated"):
         assert not getattr(state, name).flags.writeable

@@ -1,4 +1,4 @@
-"""Friction in the joints: stick-slip against exact Coulomb friction, motion that the control knows of, sampling, replay."""
+"""Friction in the joints: stick-slip against exact Coulomb friction, energy, steps, compensation, same bits, refusals."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ STEPS = 1e-6 * np.concatenate([np.eye(3), -np.eye(3)])
 
 
 def sticking(smoothing: float) -> Scenario:
-    """One arm with a stiff beam, led along a slow path by soft springs in its joints."""
+    """One arm with a stiff beam, led along a slow path by a joint controller with low gains."""
     return load_preset("single-arm").replace(
         {
             "controller.kind": "joint-pd",
@@ -48,7 +48,7 @@ def sticking(smoothing: float) -> Scenario:
 
 
 class ExactArm:
-    """Three links and a rigid payload with discontinuous Coulomb friction: joints stick or slip, with events at the changes."""
+    """Three links and a rigid payload with discontinuous Coulomb friction: joints stick or slip, and events find the changes."""
 
     def __init__(self, scenario: Scenario):
         arm, payload = scenario.left_arm, scenario.payload
@@ -74,12 +74,12 @@ class ExactArm:
         return np.array([first, bend, theta - first - bend])
 
     def motors(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Torques of the joints' springs and dampers, N·m."""
+        """Torques of the joint controller, N·m."""
         rate = (self.desired(t + 1e-6) - self.desired(t - 1e-6)) / 2e-6
         return -GAINS * (q - self.desired(t)) - RATE_GAINS * (v - rate)
 
     def dynamics(self, t: float, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Mass matrix of the relative joints, and all forces but friction."""
+        """Mass matrix in the relative joint angles, and all torques but friction."""
         chain = np.tril(np.ones((3, 3)))
         alpha, rate = chain @ q, chain @ v
         between = alpha[:, None] - alpha
@@ -91,7 +91,7 @@ class ExactArm:
         return COULOMB * (1 + (STATIC - 1) / (1 + (v / SPEED) ** 2))
 
     def accelerations(self, t: float, q: np.ndarray, v: np.ndarray, way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Accelerations of the joints, and friction in those that stick, N·m; way: -1, 1, or 0 for a joint that sticks."""
+        """Accelerations of the joints, and friction in those that stick, N·m; way: sign of the slip, 0 if it sticks."""
         mass, force = self.dynamics(t, q, v)
         force = force - VISCOUS * v - way * self.sliding(v)
         free, a = way != 0, np.zeros(3)
@@ -138,14 +138,14 @@ class ExactArm:
 
 @pytest.fixture(scope="module")
 def exact() -> tuple[np.ndarray, int]:
-    """Joint angles (N, 3) of the arm with discontinuous friction, and its number of changes."""
+    """Joint angles (N, 3) of the arm with discontinuous friction, and how often its joints begin or cease to stick."""
     scenario = sticking(0.01)
     arm, start = ExactArm(scenario), simulate(scenario, 0.001)
     v = (arm.desired(1e-6) - arm.desired(-1e-6)) / 2e-6
     return arm.run(start.joint_angle[0, 0], v, np.arange(0, DURATION + 5e-4, 1e-3))
 
 
-def test_stick_slip_comes_to_that_of_friction_that_jumps(exact):
+def test_stick_slip_converges_to_that_of_discontinuous_friction(exact):
     angles, changes = exact
     moved = np.ptp(angles, axis=0)
     assert changes > 10
@@ -157,7 +157,7 @@ def test_stick_slip_comes_to_that_of_friction_that_jumps(exact):
         errors.append(np.abs(run.joint_angle[:, 0] - angles).max())
         turned = np.count_nonzero(np.diff(np.sign(run.own["left_joint_friction"]), axis=0))
         assert turned <= changes  # it does not chatter
-    # The rest is creep, in proportion to the speed of the smooth curve.
+    # What remains is creep, in proportion to the smoothing speed.
     assert errors[1] < 0.01 * moved.max()
     assert errors[1] < 0.45 * errors[0]
 
@@ -176,7 +176,7 @@ def test_energy_is_balanced(integrator, control):
 
 
 @pytest.mark.parametrize("integrator", ["rk4", "etdrk4", "generalized-alpha"])
-def test_all_integrators_find_one_motion(integrator):
+def test_all_integrators_find_the_same_motion(integrator):
     scenario = load_preset("paper").replace(FRICTION)
     one, other = (simulate(scenario.replace({"simulation.integrator": name}), 0.2) for name in ("etdrk4", integrator))
     np.testing.assert_allclose(one.pose, other.pose, atol=2e-8)
@@ -195,7 +195,7 @@ def test_automatic_steps_resolve_friction(smoothing, control):
     np.testing.assert_allclose(run.internal_force, finer.internal_force, rtol=0, atol=1e-4 * force)
 
 
-def test_a_controller_that_knows_friction_moves_as_without():
+def test_a_controller_that_knows_friction_moves_as_if_there_were_none():
     plain = load_preset("paper")
     known = plain.replace({**FRICTION, "controller.model.friction_factor": 1.0})
     ideal, run = simulate(plain, 0.5), simulate(known, 0.5)
@@ -205,7 +205,7 @@ def test_a_controller_that_knows_friction_moves_as_without():
     np.testing.assert_allclose(run.joint_torque - friction, ideal.joint_torque, rtol=0, atol=1e-2)
 
 
-def test_a_sampled_controller_that_knows_friction_follows_better():
+def test_a_sampled_controller_that_knows_friction_tracks_better():
     sampled = {**FRICTION, "controller.control_period": 0.001}
     runs = [
         simulate(load_preset("paper").replace({**sampled, "controller.model.friction_factor": factor}), 1.5)
@@ -216,15 +216,15 @@ def test_a_sampled_controller_that_knows_friction_follows_better():
 
 
 @pytest.mark.parametrize("control", PLANT)
-def test_same_bits_in_blocks_and_from_a_state(control):
+def test_blocks_and_continued_runs_have_the_same_bits(control):
     whole_run_as_in_blocks(load_preset("paper").replace({**FRICTION, **control}))
 
 
-def test_friction_begins_and_ends_in_motion():
+def test_friction_can_begin_and_end_during_a_run():
     plain, world = load_preset("paper"), World(load_preset("paper"))
     world.advance(100)
     before = world.observe()
-    assert world.apply(ChangeScenario(FRICTION))  # Rows have other columns: a new run, but one motion.
+    assert world.apply(ChangeScenario(FRICTION))  # Rows have other columns: a new run; the motion goes on.
     after = world.observe()
     np.testing.assert_allclose(after.pose_rate, before.pose_rate, rtol=0, atol=1e-12)
     assert after.own["friction_loss"][0] == 0
@@ -238,7 +238,7 @@ def test_friction_begins_and_ends_in_motion():
     assert not world.status.failed
 
 
-def test_the_linear_model_has_viscous_friction():
+def test_the_linear_model_includes_viscous_friction():
     plain, viscous = load_preset("paper"), {"joints.friction.viscous": (5.0, 4.0, 2.0)}
     one, other = (flexlab.linearize(scenario) for scenario in (plain, plain.replace(viscous)))
     moved = [simulate(plain.replace({"initial.pose": tuple(one.about.pose + step)}), 0.0) for step in STEPS]
@@ -247,12 +247,12 @@ def test_the_linear_model_has_viscous_friction():
     np.testing.assert_allclose((other.damping - one.damping)[:3, :3], expected, rtol=1e-6, atol=1e-6)
 
 
-def test_forces_are_those_of_the_second_route():
+def test_internal_forces_agree_with_eq_26():
     run = simulate(load_preset("paper").replace(FRICTION), 0.1)
     np.testing.assert_allclose(internal_force_eq_26(run), run.internal_force, rtol=0, atol=1e-7)
 
 
-def test_what_is_no_friction_is_refused():
+def test_impossible_friction_is_refused_with_a_reason():
     with pytest.raises(ScenarioError, match=r"joints\.friction\.viscous.*0 to 10000 N·m·s/rad"):
         load_preset("paper").replace({"joints.friction.viscous": (-1.0, 0.0, 0.0)})
     strong = {"joints.friction.coulomb": (1e4,) * 3, "joints.friction.smoothing_speed": 1e-6}

@@ -98,7 +98,7 @@ def test_a_kernel_that_allocates_does_not_compile():
 
 @pytest.mark.parametrize("integrator", ["rk4", "etdrk4", "generalized-alpha"])
 def test_plain_python_computes_what_the_machine_code_does(integrator: str):
-    """`.py_func` is the debug path: one step of the innermost functions agrees to rounding."""
+    """`.py_func` is the debug path: one call of an inner function agrees to rounding."""
     from flexlab.physics.dynamics import set_momenta
     from flexlab.physics.plant import make_workspace
 

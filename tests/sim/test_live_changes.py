@@ -1,4 +1,4 @@
-"""Slow changes are derived beside the running world, and storms of them are merged; all of it can be replayed."""
+"""Slow changes are derived beside the running world, and floods of them are merged; every run can be replayed."""
 
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
@@ -12,11 +12,11 @@ from flexlab.sim.pacing import RUNS_AT_ONCE
 from flexlab.sim.world import World
 
 FINE = 12
-"""Number of elements: more than are derived at once."""
+"""Number of elements: too many to be derived at once."""
 
 
 class ByHand(Executor):
-    """An executor that works when it is told to."""
+    """An executor that works only when it is told to."""
 
     def __init__(self) -> None:
         self.waiting: list[tuple[Future, Callable]] = []
@@ -35,7 +35,7 @@ class ByHand(Executor):
 
 @pytest.fixture
 def fine(live):
-    """A live runner with a fine mesh, 50 ms on its way, and the executor of its derivations."""
+    """A live runner with a fine mesh, 50 ms after its start, and the executor of its derivations."""
     executor = ByHand()
     stage = live(load_preset("paper").replace({"payload.element_count": FINE}), executor=executor)
     stage.play(0.05)
@@ -67,7 +67,7 @@ def assert_replays(stage) -> None:
             assert np.array_equal(repeated, stage.keeper.signal(name, number)), (number, name)
 
 
-def test_a_slow_change_is_taken_on_when_it_is_ready(fine):
+def test_a_slow_change_takes_effect_when_it_is_ready(fine):
     """Until then the world goes on as it was, and cheap changes act at once."""
     stage, executor = fine
     snapshot = stage.frame(0.02, ChangeScenario({"payload.bending_stiffness": 50.0}))
@@ -86,8 +86,8 @@ def test_a_slow_change_is_taken_on_when_it_is_ready(fine):
     assert_replays(stage)
 
 
-def test_values_that_come_meanwhile_are_merged_and_the_last_one_counts(fine):
-    """There is one derivation for the first value and one for all that came while it ran."""
+def test_values_that_arrive_during_a_derivation_are_merged_into_the_last(fine):
+    """One derivation serves the first value, and one all that came while it ran."""
     stage, executor = fine
     for value in (90.0, 80.0, 70.0, 60.0):
         stage.frame(0.02, ChangeScenario({"payload.bending_stiffness": value}))
@@ -102,8 +102,8 @@ def test_values_that_come_meanwhile_are_merged_and_the_last_one_counts(fine):
     assert_replays(stage)
 
 
-def test_another_preset_supersedes_what_is_being_prepared(fine):
-    """A slow preset waits beside the old run, commands to it wait with it, and the next preset ends both."""
+def test_another_preset_replaces_what_is_being_prepared(fine):
+    """A slow preset, and the commands to it, wait beside the old run; the next preset replaces them."""
     stage, executor = fine
     other = load_preset("soft-beam").replace({"payload.element_count": FINE})
     stage.frame(0.02, ChangeScenario({"payload.bending_stiffness": 50.0}))
@@ -121,8 +121,7 @@ def test_another_preset_supersedes_what_is_being_prepared(fine):
     assert_replays(stage)
 
 
-def test_a_change_whose_derivation_fails_is_an_event(fine):
-    """The run goes on."""
+def test_a_change_whose_derivation_fails_is_reported_and_the_run_goes_on(fine):
     stage, executor = fine
     stage.frame(0.02, ChangeScenario({"payload.bending_stiffness": 50.0}))
     executor.waiting.pop()[0].set_exception(MemoryError("no room"))
@@ -136,16 +135,16 @@ def test_a_change_whose_derivation_fails_is_an_event(fine):
 @pytest.mark.parametrize(
     "command", [Reset(), LoadScenario(load_preset("soft-beam"), "soft-beam")], ids=["reset", "load"]
 )
-def test_a_burst_of_new_runs_is_one(live, command):
-    """With 1000 at once, the runs in between never begin."""
+def test_a_burst_of_resets_or_loads_begins_a_single_run(live, command):
+    """Of 1000 at once, only the last run begins."""
     stage = live()
     stage.play(0.05)
     assert stage.frame(0.02, *[command] * 1000).run_number == 2
     assert len(stage.keeper.runs) == 2
 
 
-def test_a_lasting_storm_of_new_runs_is_slowed(live):
-    """With one every frame, a number begin at once, then one a second; the last one asked for stays."""
+def test_a_lasting_flood_of_new_runs_is_slowed_down(live):
+    """Of one every frame, the first few begin at once, then one a second; the last one asked for remains."""
     stage = live()
     for k in range(4 * RUNS_AT_ONCE):
         stage.frame(1 / 60, ChangeScenario({"gravity": k / 100}), Reset())
@@ -154,8 +153,8 @@ def test_a_lasting_storm_of_new_runs_is_slowed(live):
     assert stage.runner.snapshot.scenario.gravity == pytest.approx((4 * RUNS_AT_ONCE - 1) / 100)
 
 
-def test_a_storm_of_everything_can_be_replayed(live):
-    """Eight people send any commands and derivations finish at any time: each run can be repeated bit for bit."""
+def test_a_flood_of_all_kinds_of_commands_can_be_replayed(live):
+    """Eight people send random commands, and derivations finish at random times: each run can be repeated bit for bit."""
     rng, executor = np.random.default_rng(3), ByHand()
     stage = live(executor=executor)
     slow = ({"payload.element_count": n} for n in (FINE, FINE + 1, 3, FINE))
@@ -192,7 +191,7 @@ def test_an_interrupted_tick_leaves_no_trace(same_bits):
     same_bits(world.run(20), quiet.run(20))
 
 
-def test_long_steps_are_done_in_rounds(live):
+def test_many_ticks_asked_for_at_once_are_done_over_several_rounds(live):
     """With a clock that moves while the engine works, each round does its share, and all ticks are done exactly once."""
     stage = live(playing=False)
     fill = stage.runner._run.world.fill

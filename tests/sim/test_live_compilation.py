@@ -24,7 +24,7 @@ from flexlab.sim.world import World
     "changes", [{"controller.kind": "computed-torque"}, {"simulation.integrator": "rk4", "simulation.step": 1e-4}]
 )
 def test_the_simulation_thread_never_compiles(changes: dict, monkeypatch: pytest.MonkeyPatch, same_bits):
-    """It raises `Unprepared`; once prepared, the change is applied as always."""
+    """It raises `Unprepared`; once the kernels are prepared, the change is applied as always."""
     expected = World(load_preset("paper"))
     expected.apply(ChangeScenario(changes))
     world = World(load_preset("paper"))
@@ -45,7 +45,7 @@ EXTENSIONS = [
 
 
 @pytest.mark.parametrize("changes", EXTENSIONS)
-def test_a_plant_that_is_changed_is_compiled_as_one_that_is_built(changes: dict) -> None:
+def test_a_changed_plant_needs_the_same_kernels_as_one_built_anew(changes: dict) -> None:
     plain = load_preset("paper")
     known: list[assembly.Assembly] = []
     for scenario in (plain, plain.replace(changes), plain):
@@ -81,15 +81,15 @@ print(*sorted(name for name in opened - compiled if name.endswith(".nbc")))
 
 
 @pytest.mark.skipif(PLAIN_PYTHON, reason="nothing is compiled")
-def test_a_lab_with_any_preset_needs_no_more_than_that(tmp_path: Path):
-    """The lab shows the modes of its scenario: their kernels were compiled in the lab, once on each machine."""
+def test_a_lab_with_any_preset_needs_no_further_kernels(tmp_path: Path):
+    """The lab also shows the modes of its scenario; it used to compile their kernels itself, once on each machine."""
     done = subprocess.run([sys.executable, "-c", LATER], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert done.stdout.split() == []
 
 
 @pytest.mark.skipif(PLAIN_PYTHON, reason="nothing is compiled")
 def test_machine_code_of_another_python_or_processor_does_not_count(monkeypatch: pytest.MonkeyPatch):
-    """Home folders are shared among machines and outlive a Python. Results, and the engine's name, are the same everywhere."""
+    """Machines share home folders, which outlive a version of Python. Results and the engine's name are the same everywhere."""
     World(load_preset("paper"))
     name = engine()
     assert is_warm()

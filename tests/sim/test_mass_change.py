@@ -1,4 +1,4 @@
-"""A payload that is filled or emptied: bits, energy, closed forms, the motion afterwards, live changes, what is refused."""
+"""A payload that is filled or emptied: same bits, energy, closed forms, the motion afterwards, live changes, refusals."""
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ def change(factor: float, begin: float = 0.05, duration: float = 0.1) -> dict:
 
 
 def imbalance(run: Samples) -> float:
-    """Error of the energy balance over the energy moved."""
+    """Error of the energy balance, relative to the energy moved."""
     put_in = run.input_work + run.axial_work + run.own["material_energy"]
     lost = run.dissipated_energy + run.own.get("friction_loss", 0.0)
     gained = run.total_energy - put_in + lost
@@ -52,7 +52,7 @@ def test_a_factor_of_one_changes_no_bit(control, integrator, same_bits):
 
 @pytest.mark.parametrize("factor", [0.3, 4.0])
 @pytest.mark.parametrize("further", [{}, WEIGHT, {**WEIGHT, **AXIAL}, {**WEIGHT, **JOINTS}, SAMPLED])
-def test_energy_is_balanced_with_what_material_brings(factor, further):
+def test_energy_is_balanced_with_the_energy_that_material_brings(factor, further):
     run = simulate(load_preset("paper").replace({**change(factor), **further}), 0.3)
     assert run.status == "finished"
     np.testing.assert_allclose(run.own["payload_mass"][[0, -1]], (1.0, factor), rtol=1e-15)
@@ -61,7 +61,7 @@ def test_energy_is_balanced_with_what_material_brings(factor, further):
 
 
 @pytest.mark.parametrize("further", [{}, AXIAL])
-def test_energy_is_balanced_with_taps_and_hands(further):
+def test_energy_is_balanced_with_a_tap_and_a_pull(further):
     changes = {**change(2.5), **WEIGHT, **further, "initial.beam_coordinates": (0.05, 0.006, -0.02, -0.03)}
     world = World(load_preset("paper").replace(changes))
     world.advance(100)
@@ -78,11 +78,11 @@ def test_energy_is_balanced_with_one_arm():
 @pytest.mark.parametrize("preset", ["paper", "single-arm", "spin-up"])
 @pytest.mark.parametrize("factor", [0.4, 3.0])
 @pytest.mark.parametrize("control", [{}, SAMPLED, {**WEIGHT, **AXIAL, "payload.bending_stiffness": 5.0}])
-def test_afterwards_a_payload_of_that_density_moves_alike_in_all_signals(preset, factor, control):
-    """Weights, forces along and across, deflection and energies agree."""
+def test_after_the_change_all_signals_are_those_of_a_payload_of_the_new_density(preset, factor, control):
+    """Weight, forces along and across the beam, deflection and energies agree."""
     still = {"simulation.integrator": "rk4", "simulation.step": 5e-6, "payload.damping": NodalDamping(coefficient=0.01)}
     still |= {"payload.element_count": 2}  # No mode is so fast that the axial load takes it as moving with the link.
-    # This law uses no beam rates and is soft enough for any control period.
+    # This law uses no beam rates, and its gains are low enough for any control period.
     law = ProportionalDerivative(position_gain=(500.0, 500.0, 20.0), velocity_gain=(50.0, 50.0, 1.0))
     scenario = load_preset(preset).replace({"controller": law})
     worlds = [World(scenario.replace({**change(factor), **still, **control})) for _ in range(2)]
@@ -106,7 +106,7 @@ KNOWN = {"controller.model.mass_change_factor": 1.0}
     "kind", ["pd", "computed-torque", "adaptive-sliding-mode", "disturbance-observer", "super-twisting"]
 )
 @pytest.mark.parametrize("control", [{}, {"control_period": 1e-3, "input_delay": 1}])
-def test_a_law_that_knows_the_change_is_then_that_of_the_heavy_payload(kind, control):
+def test_a_law_that_knows_the_change_then_acts_as_for_the_heavy_payload(kind, control):
     still = {"simulation.integrator": "rk4", "simulation.step": 2e-5, "payload.damping": NodalDamping(coefficient=0.01)}
     scenario = load_preset("paper").replace({"controller": {"kind": kind, **control}, **WEIGHT, **still})
     worlds = [World(scenario.replace({**change(3.0), **KNOWN})) for _ in range(2)]
@@ -120,7 +120,7 @@ def test_a_law_that_knows_the_change_is_then_that_of_the_heavy_payload(kind, con
 
 
 @pytest.mark.parametrize("part", [0.0, 0.4, 1.0])
-def test_a_payload_hangs_by_the_weight_that_its_law_does_not_know(part):
+def test_a_payload_sags_by_the_weight_that_its_law_does_not_know(part):
     hold = {"trajectory": {"kind": "hold", "pose": (0.0, 0.75, 0.0)}, **WEIGHT, "controller.kind": "pd"}
     gains = {"controller.position_gain": (2e3, 2e3, 1e3), "controller.velocity_gain": (200.0, 200.0, 100.0)}
     known = {"controller.model.mass_change_factor": part}
@@ -128,7 +128,7 @@ def test_a_payload_hangs_by_the_weight_that_its_law_does_not_know(part):
     assert run.tracking_error[-1, 1] == pytest.approx(-(1 - part) * 2.0 * 9.81 / 2e3, rel=1e-6, abs=1e-9)
 
 
-def test_an_observer_that_knows_the_change_takes_what_material_brings_for_no_disturbance():
+def test_an_observer_that_knows_the_change_does_not_take_it_for_a_disturbance():
     """Along its axis the beam is rigid: without material, the observer sees no disturbance there."""
     along = {"controller.kind": "disturbance-observer", "trajectory.amplitude": (0.2, 0.0, 0.0)}
     scenario = load_preset("paper").replace(along).replace(change(3.0, 0.4, 0.2))
@@ -140,7 +140,7 @@ def test_an_observer_that_knows_the_change_takes_what_material_brings_for_no_dis
     assert known < 1e-4
 
 
-def test_a_free_payload_keeps_its_velocity_and_answers_a_pull_by_the_mass_it_has():
+def test_a_free_payload_keeps_its_velocity_and_resists_a_pull_with_its_new_mass():
     arms = {f"{side}_arm.link_mass": (1e-7,) * 3 for side in ("left", "right")}
     still = {"controller.kind": "none", "initial.pose": (0.0, 0.75, 0.0), "initial.pose_rate": (0.3, 0.0, 0.0)}
     for factor in (0.3, 4.0):
@@ -177,12 +177,12 @@ def test_a_tap_does_the_work_of_an_impulse_while_the_mass_changes(at):
 
 
 @pytest.mark.parametrize("control", CONTROL)
-def test_same_bits_in_blocks_from_a_state_and_live(control, live):
+def test_blocks_continued_runs_and_live_runs_have_the_same_bits(control, live):
     scenario = load_preset("paper").replace({**change(2.0), **control})
     check_live(live(scenario), whole_run_as_in_blocks(scenario), "pose", "internal_force", "material_energy")
 
 
-def test_a_recording_replays_to_the_bit_and_its_signals_come_back(tmp_path):
+def test_a_recording_replays_bit_for_bit_and_holds_the_signals_of_the_change(tmp_path):
     run = simulate(load_preset("paper").replace(change(2.0)), 0.2)
     recording = read_recording(write_run(run, tmp_path, "filled"))
     assert replay(recording).identical
@@ -206,18 +206,18 @@ def test_automatic_steps_are_short_enough_for_the_lightest_payload(preset, facto
     np.testing.assert_allclose(run.internal_force, finer.internal_force, rtol=0, atol=1e-4 * force)
 
 
-def test_the_internal_force_has_both_routes():
+def test_internal_forces_agree_with_eq_26():
     run = simulate(load_preset("paper").replace({**change(3.0), **WEIGHT}), 0.2)
     away = np.abs(internal_force_eq_26(run, 7) - run.internal_force[::7]).max()
     assert away < 1e-9 * np.abs(run.internal_force).max()
 
 
-def test_the_mass_changes_in_motion_without_a_jump_of_the_motion():
+def test_a_mass_change_can_begin_and_end_during_a_run_without_a_jump():
     plain = load_preset("paper")
     world = World(plain)
     world.advance(100)
     before = world.observe()
-    assert world.apply(ChangeScenario(change(2.0, 0.15)))  # Rows have other columns: a new run, but one motion.
+    assert world.apply(ChangeScenario(change(2.0, 0.15)))  # Rows have other columns: a new run; the motion goes on.
     after = world.observe()
     np.testing.assert_allclose(after.pose_rate, before.pose_rate, rtol=0, atol=1e-12)
     np.testing.assert_allclose(after.beam_rates, before.beam_rates, rtol=0, atol=1e-9)
@@ -228,7 +228,7 @@ def test_the_mass_changes_in_motion_without_a_jump_of_the_motion():
     after = world.observe()
     assert after.own["material_energy"][0] == brought != 0
     np.testing.assert_allclose(after.kinetic_energy, before.kinetic_energy, rtol=1e-12)
-    world.apply(ChangeScenario({"payload.mass_change.factor": 0.5}))  # At once it is as light as it would have become.
+    world.apply(ChangeScenario({"payload.mass_change.factor": 0.5}))  # At once it is as light as with that factor.
     np.testing.assert_allclose(world.observe().pose_rate, before.pose_rate, rtol=0, atol=1e-12)
     world.advance(100)
     world.apply(ChangeScenario({"payload.mass_change": plain.payload.mass_change}))
@@ -244,7 +244,7 @@ def test_poles_and_modes_are_those_of_the_start():
     np.testing.assert_allclose(one.poles, other.poles, rtol=1e-9)
 
 
-def test_what_is_no_change_of_mass_is_refused():
+def test_an_impossible_mass_change_is_refused_with_a_reason():
     paper = load_preset("paper")
     for name, value, said in (
         ("factor", 0.0, r"payload\.mass_change\.factor = 0 .*0\.05 to 20"),
@@ -268,7 +268,7 @@ def test_what_is_no_change_of_mass_is_refused():
         World(paper.replace({**change(3.0), "payload.bending_stiffness": 1e12}))
 
 
-def test_where_a_changing_mass_cannot_go_it_is_said():
+def test_what_needs_a_constant_mass_refuses_a_changing_one_or_says_so():
     from flexlab.gym_environment.worlds import Settings, WorldBatch
 
     filled = load_preset("paper").replace(change(3.0))

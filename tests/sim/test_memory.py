@@ -1,4 +1,4 @@
-"""The memory of a live engine stays constant, that of a headless run is its samples."""
+"""The memory of a live engine stays constant; that of a headless run is the size of its samples."""
 
 import gc
 import tracemalloc
@@ -12,7 +12,7 @@ from flexlab.sim.world import World
 
 
 def test_a_live_runners_memory_stays_flat(live):
-    """Once the history ring is full, ten more simulated seconds with slider moves leave no memory allocated."""
+    """After 11 simulated seconds, ten more with slider moves leave hardly any further memory allocated."""
     stage = live()
     stage.keeper.blocks = Forgetful()
     stage.play(1.0)
@@ -23,7 +23,7 @@ def test_a_live_runners_memory_stays_flat(live):
             for k in range(300):
                 stage.frame(1 / 60, *([ChangeScenario({"controller.feedback_gain": 200.0 + k})] if k % 30 == 0 else []))
             stage.keeper.events.clear()
-            gc.collect()  # Cycles of references are freed later, at a moment that depends on all tests before.
+            gc.collect()  # Otherwise reference cycles are freed at a moment that depends on earlier tests.
             levels.append(tracemalloc.get_traced_memory()[0])
     finally:
         tracemalloc.stop()
@@ -37,7 +37,7 @@ class Forgetful(list):
         pass
 
 
-def test_a_runs_peak_is_its_samples():
+def test_the_peak_memory_of_a_run_is_that_of_its_samples():
     """Twice the samples take twice the memory: the peak is that of the rows kept, within a few per cent and a constant."""
     world = World(load_preset("paper"))
     row_bytes = 8 * world.row_length

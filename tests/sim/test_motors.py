@@ -1,4 +1,4 @@
-"""Motors with a time constant and a no-load speed: integrators, steps, live changes, poles, what is refused."""
+"""Motors with a time constant and a no-load speed: integrators, steps, live changes, poles, refusals."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ CONTROL = [{}, {"controller.control_period": 0.001}]
 
 
 @pytest.mark.parametrize("integrator", ["rk4", "generalized-alpha"])
-def test_all_integrators_find_one_motion(integrator):
+def test_all_integrators_find_the_same_motion(integrator):
     scenario = load_preset("paper").replace(MOTORS)
     one, other = (simulate(scenario.replace({"simulation.integrator": name}), 0.2) for name in ("etdrk4", integrator))
     np.testing.assert_allclose(one.pose, other.pose, atol=2e-8)
@@ -38,12 +38,12 @@ def test_automatic_steps_resolve_motors(changes, control):
 
 
 @pytest.mark.parametrize("control", CONTROL)
-def test_same_bits_in_blocks_and_from_a_state(control):
+def test_blocks_and_continued_runs_have_the_same_bits(control):
     whole_run_as_in_blocks(load_preset("paper").replace({**MOTORS, **control}))
 
 
 @pytest.mark.parametrize("control", CONTROL)
-def test_motors_become_late_in_motion_without_a_jump(control):
+def test_a_time_constant_can_begin_and_end_during_a_run_without_a_jump(control):
     world = World(load_preset("paper").replace(control))
     world.advance(100)
     before = world.observe()
@@ -61,7 +61,7 @@ def test_motors_become_late_in_motion_without_a_jump(control):
     assert not world.status.failed
 
 
-def test_one_arms_motors_and_encoders_are_not_taken_for_one_another():
+def test_with_one_arm_the_states_of_motors_and_encoders_are_not_confused():
     world = World(load_preset("single-arm").replace({"controller.control_period": 0.0002, **LATE}))
     world.advance(50)
     world.apply(ChangeScenario({"joints.motor.time_constant": 0.0, "joints.encoders.counts": (1e6,) * 3}))
@@ -78,7 +78,7 @@ def test_a_motor_that_is_too_weak_is_called_saturated():
     np.testing.assert_array_equal(run.saturated > 0, less)
 
 
-def test_the_controllers_own_limit_comes_first():
+def test_the_controllers_own_torque_limit_applies_before_the_motors():
     limit = (300.0, 200.0, 50.0)
     run = simulate(load_preset("paper").replace({**LATE, "controller.torque_limit": limit}), 0.1)
     assert np.abs(run.own["left_asked_torque"]).max(axis=0) == pytest.approx(limit, abs=1e-9)
@@ -86,7 +86,7 @@ def test_the_controllers_own_limit_comes_first():
     assert run.saturated[0] > 0
 
 
-def test_poles_say_when_late_motors_lose_the_loop():
+def test_poles_show_when_slow_motors_make_the_loop_unstable():
     hold = {"trajectory": {"kind": "hold", "pose": (0.0, 0.75, 0.0)}, "controller.kind": "pd"}
     start = {"initial.pose": (1e-6, 0.75, 0.0), "initial.pose_rate": (0.0, 0.0, 0.0)}
     said = []
@@ -100,7 +100,7 @@ def test_poles_say_when_late_motors_lose_the_loop():
     assert said[-1]
 
 
-def test_what_is_no_motor_is_refused():
+def test_impossible_motors_are_refused_with_a_reason():
     with pytest.raises(ScenarioError, match=r"joints\.motor\.time_constant.*0 to 1 s"):
         load_preset("paper").replace({"joints.motor.time_constant": -1.0})
     with pytest.raises(ScenarioError, match=r"motors' time constant would need a step .*joints\.motor\.time_constant"):

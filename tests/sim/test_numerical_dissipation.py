@@ -30,7 +30,7 @@ def decay_rate(run) -> float:
 
 @pytest.mark.parametrize("mode", [0, 1, 2])
 def test_the_lowest_three_modes_lose_under_one_per_cent_in_ten_seconds(mode: int):
-    """The loss at the default step is measured over half a second of free ringing."""
+    """The rate of loss at the default step is measured over half a second of free ringing."""
     rate = decay_rate(simulate(ringing(mode), 0.5))
     loss = 1 - np.exp(-10 * rate)
     assert -1e-6 < loss < 0.01

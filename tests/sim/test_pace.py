@@ -27,14 +27,14 @@ def announced(changes: dict, preset: str = "paper") -> str:
         ),
     ],
 )
-def test_what_is_slow_is_announced_with_its_cause_and_cure(changes: dict, cause: str, cure: str):
+def test_a_slow_scenario_is_announced_with_its_cause_and_cure(changes: dict, cause: str, cure: str):
     text = announced(changes, "single-arm")
     assert text.startswith("Slower than real time: a simulated second takes about ")
     assert cause in text.partition("To keep up")[0]
     assert cure in text.partition("To keep up")[2]
 
 
-def test_what_is_suggested_helps():
+def test_the_suggested_changes_make_a_run_faster():
     world = World(load_preset("single-arm").replace(DENSE))
     modal = World(world.scenario.replace({"payload.damping": {"kind": "modal", "ratio": 0.01}}))
     fewer = World(modal.scenario.replace({"payload.mode_count": 8}))

@@ -1,4 +1,4 @@
-"""The line that simulation time follows, in wall time set by hand."""
+"""How simulation time follows a wall time that is set by hand."""
 
 import pytest
 
@@ -40,7 +40,7 @@ def test_a_short_lag_is_caught_up():
 
 @pytest.mark.parametrize("speed", [0.25, 1.0, 4.0])
 def test_a_long_lag_is_dropped_and_flagged_for_a_second(speed: float):
-    """Only the limit's worth of ticks is due; the line goes on from there."""
+    """Only the limit's worth of ticks is due; time goes on from there."""
     pacing = playing(speed)
     due = pacing.due_ticks(15.0, 0)
     assert due == int(BACKLOG_LIMIT * speed / TICK + 1e-6)
@@ -64,7 +64,6 @@ def test_the_actual_speed_is_measured_over_the_last_second():
 
 
 def test_the_actual_speed_is_zero_while_paused_or_unknown():
-    """Without a measurement, it is not stated."""
     pacing = playing()
     assert pacing.actual_speed() == 0.0
     pacing.note(10.0, 0.0)

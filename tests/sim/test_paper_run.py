@@ -1,4 +1,4 @@
-"""The paper's experiment against the independent solution and the table of what it must show."""
+"""The paper's experiment against the independent solution and a table of figures that it must show."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ TOLERANCE = {
     "pose_acceleration": 1e-4,
     "beam_rates": 1e-5,
 }
-"""m, rad, m/s, N, N·m, …"""
+"""Largest difference of each signal, in its unit (m, rad, m/s, N, N·m, …)."""
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""What the paper says of its simulation (Section IV), a test for each sentence."""
+"""What the paper says about its simulation (Section IV), one test for each sentence."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ PERIOD = 0.001
 
 @pytest.fixture(scope="module")
 def paper() -> Run:
-    """A run of six seconds: the last four periods serve for spectra."""
+    """A run of six seconds, the last four of which serve for spectra."""
     return simulate(load_preset("paper"), 6.0, PERIOD)
 
 
@@ -46,7 +46,7 @@ def test_the_original_vibration_is_gone_at_half_a_second(paper: Run):
     assert strongest == pytest.approx(44.4, rel=0.08)
 
 
-def test_afterwards_the_rigid_motion_compels_it_at_one_hertz(paper: Run):
+def test_afterwards_the_rigid_motion_drives_the_vibration_at_one_hertz(paper: Run):
     """From 2 s to 6 s, the strongest line of every beam coordinate that bends is 1 Hz, with nothing beyond 10 Hz."""
     frequency, amplitude = spectrum(paper.beam_coordinates[rows(2, 6)][:, [0, 1, 3]])
     assert np.all(frequency[1 + np.argmax(amplitude[1:], axis=0)] == 1.0)
@@ -56,7 +56,7 @@ def test_afterwards_the_rigid_motion_compels_it_at_one_hertz(paper: Run):
 def test_the_bending_is_then_quasi_static(paper: Run):
     """q follows K_F⁻¹ times the inertial load: what is left of the vibration is under half a per cent of the deflection.
 
-    The load is that of the desired motion: the rest comes from the difference between the actual motion and the desired one.
+    The load is that of the desired motion; the rest comes from the difference between the actual and the desired motion.
     """
     left = np.abs(paper.vibration[rows(1, 6)]).max()
     assert left < 5e-3 * np.abs(paper.midspan_deflection[rows(1, 6)]).max()

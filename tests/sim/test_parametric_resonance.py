@@ -1,4 +1,4 @@
-"""Steps that make the modes of an undamped beam, in arms that give way, ring louder without bound."""
+"""Steps that make the modes of an undamped beam, in arms that give way, ring ever louder."""
 
 import math
 
@@ -34,7 +34,7 @@ def growth(world: World, step: float) -> float:
     return growth_rate(assembly.system, assembly.beam, assembly.rates, pose, step)
 
 
-def test_growth_is_what_a_run_shows():
+def test_the_computed_growth_is_what_a_run_shows():
     world = World(undamped(5e3, LOUD))
     world.run(40)
     louder = [np.abs(world.run(10).moving_force).max() for _ in range(3)]
@@ -43,7 +43,7 @@ def test_growth_is_what_a_run_shows():
     assert seen > 100
 
 
-def test_a_steady_step_does_not_grow():
+def test_a_run_with_a_steady_step_does_not_grow():
     world = World(undamped(5e3, LOUD / 4))
     assert abs(growth(world, LOUD / 4)) < STEADY_GROWTH
     early = np.abs(world.run(200).moving_force).max()
@@ -52,8 +52,8 @@ def test_a_steady_step_does_not_grow():
 
 
 @pytest.mark.parametrize(("stiffness", "ratio"), [(2721.0, 0.0), (30079.0, 0.0), (2721.0, 1e-5), (2721.0, 1e-4)])
-def test_a_step_that_nobody_gave_is_a_steady_one(stiffness: float, ratio: float):
-    """The step that accuracy asks for makes errors grow 10⁸ times in half a second: a shorter one is taken."""
+def test_the_automatic_step_is_a_steady_one(stiffness: float, ratio: float):
+    """The step that accuracy asks for would make errors grow 10⁸ times in half a second; a shorter one is taken."""
     world = World(undamped(stiffness).replace({"payload.damping.ratio": ratio}))
     asked, taken = world.assembly.asked, (world.assembly.unrefined or world.assembly).steps
     assert growth(world, world.step) <= STEADY_GROWTH
@@ -66,7 +66,7 @@ def test_a_step_that_nobody_gave_is_a_steady_one(stiffness: float, ratio: float)
     assert not world.status.failed
 
 
-def test_damping_that_is_stronger_than_any_growth_leaves_the_step_alone():
+def test_damping_stronger_than_any_growth_leaves_the_step_alone():
     world = World(undamped(2721.0).replace({"payload.damping.ratio": 0.02}))
     assert world.assembly.steps is world.assembly.asked
 
@@ -76,7 +76,7 @@ def law_bound(gain: float) -> Scenario:
     return undamped(2e4).replace({"controller.feedback_gain": gain})
 
 
-def test_steps_do_not_depend_on_what_was_known_before():
+def test_steps_do_not_depend_on_earlier_assemblies():
     gain = 3364.858933419802
     world = World(law_bound(gain))
     world.apply(ChangeScenario({"controller.feedback_gain": 0.999 * gain}))
@@ -86,13 +86,13 @@ def test_steps_do_not_depend_on_what_was_known_before():
 
 
 @pytest.mark.parametrize("before", [{"simulation.step": 1e-5}, {"simulation.integrator": "generalized-alpha"}])
-def test_steps_that_were_given_or_another_integrator_s_are_not_taken_for_steady_ones(before: dict):
+def test_given_steps_and_those_of_another_integrator_do_not_count_as_steady(before: dict):
     world = World(undamped(2721.0).replace(before))
     world.apply(ChangeScenario({"simulation.step": None, "simulation.integrator": "auto"}))
     assert world.assembly.steps == World(undamped(2721.0)).assembly.steps
 
 
-def test_what_does_not_count_is_not_looked_at_again():
+def test_changes_that_do_not_affect_growth_keep_the_tested_steps():
     def steady(world: World) -> Count:
         """The steps that were tested, before they are halved for the run's beginning."""
         return (world.assembly.unrefined or world.assembly).steps
@@ -111,7 +111,7 @@ def test_a_slow_run_says_what_makes_it_slow():
     assert "payload.damping" in said
 
 
-def test_gains_that_blow_up_at_once_are_not_taken_for_growth():
+def test_a_run_that_high_gains_blow_up_at_once_is_not_blamed_on_growth():
     world = World(undamped(5e3, 1e-5).replace({"controller.feedback_gain": 1e5}))
     world.run(20)
     assert world.status.failed
@@ -119,7 +119,7 @@ def test_gains_that_blow_up_at_once_are_not_taken_for_growth():
     assert "lower gains" in world.status.text
 
 
-def test_what_grew_is_named():
+def test_a_run_that_growth_ends_names_the_undamped_modes():
     world = World(undamped(5e3, LOUD))
     world.run(1000)
     assert world.status.failed
@@ -127,6 +127,6 @@ def test_what_grew_is_named():
     assert "payload.damping" in world.status.text
 
 
-def test_a_path_out_of_reach_is_said_as_ever():
+def test_an_unreachable_path_is_still_reported():
     world = World(undamped(1e5).replace({"trajectory.center": (0.0, 3.0, 0.0)}))
     assert world.status == "unreachable"

@@ -131,7 +131,7 @@ print(json.dumps([run.pose.tolist(), run.desired_pose.tolist(), run.joint_torque
 """
 
 
-def test_gains_and_options_may_be_called_like_methods_of_arrays(tmp_path: Path):
+def test_gains_and_options_may_be_named_like_methods_of_arrays(tmp_path: Path):
     (tmp_path / "law.py").write_text(LAW_WITH_METHOD_NAMES, encoding="utf-8")
     (tmp_path / "path.py").write_text(PATH_WITH_METHOD_NAMES, encoding="utf-8")
     found = []
@@ -150,7 +150,7 @@ def test_gains_and_options_may_be_called_like_methods_of_arrays(tmp_path: Path):
         np.testing.assert_allclose(plain, compiled, rtol=0, atol=1e-9)
 
 
-def test_a_recording_of_the_first_format_opens(root: Path):
+def test_a_recording_of_the_first_format_opens_with_and_without_compilation(root: Path):
     path = root / "tests/recording/golden/format-1/paper.rrd"
     program = f"from flexlab.recording.reader import read_recording; print(len(read_recording({str(path)!r}).samples))"
     for setting in ("0", "1"):
@@ -162,8 +162,8 @@ def test_a_recording_of_the_first_format_opens(root: Path):
 
 
 @pytest.mark.parametrize("name", ["find_state", "rates"])
-def test_an_inlined_kernel_is_no_machine_code_of_its_own(name: str):
-    """`numba_internals` does its task: inner kernels are typed, but have no machine code to call."""
+def test_inlined_kernels_have_no_machine_code_of_their_own(name: str):
+    """`numba_internals` does its work: inner kernels are typed, but have no machine code to call."""
     from flexlab.numba_internals import NOWHERE, BitcodeLibrary
     from flexlab.sim import closed_loop
 

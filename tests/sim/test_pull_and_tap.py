@@ -1,4 +1,4 @@
-"""A spring and a hammer on the beam."""
+"""A spring (pull) and a hammer (tap) on the beam."""
 
 import numpy as np
 import pytest
@@ -82,8 +82,8 @@ def test_a_tap_does_the_work_of_an_impulse(at: float):
     assert after.elastic_energy[0] == before.elastic_energy[0]
 
 
-def test_a_tap_sets_free_beam_and_arms_in_motion_with_every_integrator():
-    """From rest and without control, all integrators agree on the next 20 ms, with steps of 10 µs for the highest modes."""
+def test_all_integrators_agree_on_the_motion_after_a_tap():
+    """They agree on the next 20 ms, from rest and without control, with steps of 10 µs for the highest modes."""
     runs = []
     for integrator in ("rk4", "etdrk4", "generalized-alpha"):
         changes = {**FREE, "simulation.integrator": integrator, "simulation.step": 1e-5}
@@ -97,7 +97,7 @@ def test_a_tap_sets_free_beam_and_arms_in_motion_with_every_integrator():
 
 
 def test_a_pull_is_a_spring_from_the_point_to_the_target():
-    """With motors off, energy and ½k d² together stay; the point ends up swinging about the target."""
+    """With motors off, the sum of energy and ½k d² is constant; the point swings about the target."""
     at, target, stiffness = -0.08, np.array([0.05, 0.8]), 900.0
     world = World(load_preset("paper").replace({**FREE, "simulation.step": 1e-4}))
     world.apply(Pull(at, tuple(target), stiffness))
@@ -113,7 +113,7 @@ def test_a_pull_is_a_spring_from_the_point_to_the_target():
 
 
 def test_letting_go_ends_the_force():
-    """At stiffness 0 no more work is done, and the acceleration is that of a world in the same state that was never pulled."""
+    """At stiffness 0 the acceleration changes at once, and no more work is done."""
     world = World(load_preset("paper").replace(FREE))
     world.apply(Pull(0.1, (0.2, 0.9), 500.0))
     world.advance(50)
@@ -139,8 +139,8 @@ def test_a_pull_stays_on_its_point_across_a_new_mesh():
     assert np.abs(before).max() > 1
 
 
-def test_a_hand_holds_on_when_a_gain_changes_in_a_run_with_a_halved_step():
-    """Its beam and plant are shared with the untried step's, which has no hand."""
+def test_a_pull_outlasts_a_change_of_gain_in_a_run_whose_step_was_halved():
+    """Beam and plant are shared with the assembly before the halving, which knows of no pull."""
     scenario = load_preset("paper").replace({"payload.bending_stiffness": 3000.0})
     held, changed = World(scenario), World(scenario)
     assert held._motion.assembly.unrefined is not None

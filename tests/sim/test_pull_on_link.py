@@ -39,7 +39,7 @@ def spring_energy(scenario: Scenario, samples: Samples, pull: Pull) -> np.ndarra
 
 @pytest.mark.parametrize("pull", PULLS, ids=str)
 def test_the_pulls_work_is_what_its_spring_gives(pull: Pull) -> None:
-    """With motors off and no damping: work done = energy that the spring has given up = energy that the machine has gained."""
+    """With motors off and no damping, the work done is the energy that the spring gives up and that the machine gains."""
     world = World(load_preset("paper").replace({**FREE, "simulation.step": 5e-5}))
     world.apply(pull)
     samples = world.run(250)
@@ -51,7 +51,7 @@ def test_the_pulls_work_is_what_its_spring_gives(pull: Pull) -> None:
 
 
 @pytest.mark.parametrize("pull", PULLS, ids=str)
-def test_every_integrator_feels_the_same_hand(pull: Pull) -> None:
+def test_every_integrator_feels_the_same_pull(pull: Pull) -> None:
     """Momentum form (rk4, etdrk4) and acceleration form (generalized-alpha) agree on the next 20 ms."""
     runs = []
     for integrator in ("rk4", "etdrk4", "generalized-alpha"):
@@ -65,7 +65,7 @@ def test_every_integrator_feels_the_same_hand(pull: Pull) -> None:
 
 
 @pytest.mark.parametrize("pull", PULLS, ids=str)
-def test_internal_force_counts_the_hand_as_part_of_the_arm(pull: Pull) -> None:
+def test_internal_force_counts_the_pull_as_an_input_of_the_arm(pull: Pull) -> None:
     """Eq. (26) with u_i + Q gives the sampled internal force, Q = -∂(½k d²)/∂x by differences of the kinematics."""
     world = World(load_preset("paper"))
     world.advance(37)

@@ -11,8 +11,8 @@ LONGEST_REFERENCE = 2.0
 """Processor time, s: enough for the start's jerk, where errors are largest."""
 
 
-# Errors of 29 outgrow those stated first, a sampled torque of 90 jumps at tick 75, the paths of 117 and 181 are fast, 148 and 241
-# were off by 1e-4, the rate of 204 was off at first and its pose later by 4e-8 m, and errors of 1047 add up for 0.2 s.
+# Errors of 29 outgrow those stated first, a sampled torque of 90 jumps at tick 75, the paths of 117 and 181 are fast. 148 and 241
+# were once off by 1e-4, the rate of 204 at first and its pose later by 4e-8 m, and errors of 1047 add up for 0.2 s.
 @pytest.mark.parametrize("seed", [1, 3, 5, 7, 29, 90, 117, 148, 181, 204, 241, 1047])
 def test_a_random_scenario_is_right_or_called_inaccurate(seed: int):
     judged = judge(seed, LONGEST_REFERENCE)
@@ -20,13 +20,13 @@ def test_a_random_scenario_is_right_or_called_inaccurate(seed: int):
 
 
 @pytest.mark.parametrize("seed", [5, 6, 8, 9, 12])
-def test_so_is_one_with_another_path_limits_or_integrator(seed: int):
+def test_one_with_another_path_limits_or_integrator_is_right_or_called_inaccurate(seed: int):
     judged = judge(seed, LONGEST_REFERENCE, wide=True)
     assert not judged.complaints, judged.text
 
 
-def test_a_law_whose_slope_jumps_at_its_layer_is_followed_across_it():
-    """Super-twisting corrects errors beyond its boundary layer slowly: the pose was off by 3e-8 m, without a warning."""
+def test_a_law_with_a_kink_at_its_boundary_layer_is_followed_across_it():
+    """Super-twisting corrects errors beyond its boundary layer slowly: the pose used to be off by 3e-8 m without a warning."""
     judged = judge(30, axial=True)
     assert not judged.complaints, judged.text
 

@@ -19,7 +19,7 @@ def compared(request) -> tuple[Solution, Samples]:
 
 
 @pytest.mark.parametrize("signal", ["pose", "beam_coordinates", "bound_estimates", "joint_angle"])
-def test_configuration(compared: tuple[Solution, Samples], signal: str):
+def test_configurations_agree_with_the_reference(compared: tuple[Solution, Samples], signal: str):
     """Pose, beam coordinates, bound estimates and joint angles agree within 1e-6."""
     case, samples = compared
     assert case.difference(samples, signal) < 1e-6
@@ -35,14 +35,14 @@ def test_configuration(compared: tuple[Solution, Samples], signal: str):
         ("joint_torque", 1e-5),
     ],
 )
-def test_rates_and_forces(compared: tuple[Solution, Samples], signal: str, relative: float):
+def test_rates_and_forces_agree_with_the_reference(compared: tuple[Solution, Samples], signal: str, relative: float):
     """Rates, accelerations and inputs agree relative to their largest value: beam rates are q times frequencies of 10² to 10⁴."""
     case, samples = compared
     scale = max(1.0, float(np.abs(case.signals[signal]).max()))
     assert case.difference(samples, signal) < relative * scale
 
 
-def test_internal_force(compared: tuple[Solution, Samples]):
-    """It agrees within 1e-3 N and N·m."""
+def test_internal_forces_agree_with_the_reference(compared: tuple[Solution, Samples]):
+    """They agree within 1e-3 N and N·m."""
     case, samples = compared
     assert case.difference(samples, "internal_force") < 1e-3

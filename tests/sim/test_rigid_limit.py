@@ -11,7 +11,7 @@ from flexlab.sim.samples import Samples
 from flexlab.sim.world import World
 
 DURATION = 500
-"""Number of samples of 1 ms: the whole start-up and an entry into the boundary layer."""
+"""Number of samples, one per ms: the whole start-up, until the law has entered its boundary layer."""
 
 
 def flexible(stiffness: float, **changes) -> tuple[Scenario, Samples]:

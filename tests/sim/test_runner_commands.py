@@ -60,7 +60,7 @@ def test_a_refused_command_is_an_event_and_the_run_goes_on(live, same_bits, comm
         assert np.array_equal(asked.keeper.signal(name), quiet.keeper.signal(name))
 
 
-def test_values_of_one_round_are_one_change(live):
+def test_values_of_one_field_in_one_round_become_one_change(live):
     """Of ten changes of one field in one round, only the last one is applied and recorded."""
     stage = live()
     values = [100.0 + k for k in range(10)]
@@ -69,7 +69,7 @@ def test_values_of_one_round_are_one_change(live):
     assert [dict(event.command.changes) for event in snapshot.events] == [{"controller.feedback_gain": values[-1]}]
 
 
-def test_a_bad_value_does_not_take_the_good_ones_of_its_round_with_it(live):
+def test_a_bad_value_does_not_stop_the_good_ones_of_its_round(live):
     """Changes of one round are carried out as one, but refused one by one."""
     stage = live()
     good, bad = ChangeScenario({"gravity": 9.81}), ChangeScenario({"payload.bending_stiffness": -1.0})
@@ -78,7 +78,7 @@ def test_a_bad_value_does_not_take_the_good_ones_of_its_round_with_it(live):
     assert [event.level for event in snapshot.events] == ["info", "error", "info"]
 
 
-def test_an_event_carries_time_words_and_the_command(live):
+def test_an_event_carries_time_text_and_the_command(live):
     """The recording and the event list need simulation time, a text with value and unit, and the command itself."""
     stage = live()
     stage.play(0.1)
@@ -101,7 +101,7 @@ def test_reset_starts_a_new_run_from_the_present_scenario(live):
     assert time_of(stage.play(0.1)) == pytest.approx(0.1, abs=0.0011)
 
 
-def test_an_unreachable_scenario_is_a_run_that_has_failed_and_the_lab_lives_on(live):
+def test_an_unreachable_scenario_is_a_failed_run_and_the_lab_goes_on(live):
     """Loading it gives a failed status with a sentence and pauses; Play is refused in words; a good scenario plays again."""
     stage = live()
     stage.play(0.1)
@@ -135,8 +135,8 @@ def test_divergence_pauses_with_a_sentence_and_a_reset_helps(live):
     assert time_of(stage.play(0.2)) == pytest.approx(0.2, abs=0.002)
 
 
-def test_switching_laws_compiles_nothing(live):
-    """All laws share the same machine code: no new signature of the main kernel appears."""
+def test_switching_laws_and_integrators_compiles_nothing(live):
+    """They share the same machine code: no new signature of the main kernel appears."""
     from flexlab.sim.advance import advance
 
     stage = live()
@@ -150,7 +150,7 @@ def test_switching_laws_compiles_nothing(live):
     assert len(advance.signatures) == known
 
 
-def test_the_thread_survives_a_command_that_nobody_foresaw():
+def test_the_simulation_thread_survives_an_unforeseen_command():
     """Whatever is submitted, the simulation thread goes on and reports an error event."""
     now, frames = [0.0], threading.Semaphore(0)
 

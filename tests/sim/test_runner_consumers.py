@@ -11,7 +11,7 @@ def ticks(keeper, run_number: int) -> np.ndarray:
     return np.rint(keeper.signal("time", run_number) / 0.001).astype(int)
 
 
-def test_every_sample_comes_exactly_once_and_contiguously(live):
+def test_consumers_get_every_sample_exactly_once_and_in_order(live):
     """With jittery frames, dropped backlog, pause, steps and speed changes, samples are 0, 1, 2, … without gap or repetition."""
     stage, rng = live(), np.random.default_rng(1)
     for k in range(150):
@@ -79,7 +79,7 @@ def test_coordinates_with_another_meaning_make_a_new_run(live):
 
 
 def test_dropped_samples_are_counted_until_the_next_run(live):
-    """The number of samples that a consumer reports as lost is shown."""
+    """The snapshot counts the samples that a consumer reports as lost."""
     stage = live()
     stage.play(0.1)
     assert stage.runner.snapshot.dropped_samples == 0
@@ -103,8 +103,7 @@ def test_a_failed_run_ends_with_its_status(live):
     assert stage.keeper.ends[0][1].text == status.text
 
 
-def test_stopping_twice_ends_once(live):
-    """`stop` may be called twice."""
+def test_stopping_a_runner_twice_ends_its_run_once(live):
     stage = live()
     stage.play(0.05)
     stage.runner.stop()

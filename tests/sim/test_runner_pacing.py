@@ -38,7 +38,7 @@ def test_backlog_is_dropped_and_flagged(live):
     assert np.array_equal(np.rint(stage.keeper.signal("time") / 0.001), np.arange(len(stage.keeper.signal("time"))))
 
 
-def test_a_change_of_speed_does_not_jump(live):
+def test_time_does_not_jump_when_the_speed_changes(live):
     """Slower or faster, time goes on from where it is: no tick is skipped or repeated."""
     stage = live()
     last = time_of(stage.play(0.5))
@@ -65,7 +65,7 @@ def test_a_senseless_speed_is_refused_in_a_sentence(live, speed: float):
 
 
 def test_pause_holds_time_and_play_goes_on_without_a_jump(live):
-    """This holds however long the pause is."""
+    """The pause lasts an hour."""
     stage = live()
     stage.play(0.3)
     snapshot = stage.frame(0.0, Pause())
@@ -81,8 +81,8 @@ def test_pause_holds_time_and_play_goes_on_without_a_jump(live):
     assert not stage.runner.snapshot.too_slow
 
 
-def test_single_steps_while_paused(live):
-    """Exactly the ticks asked for are done, the newest is drawn, and play goes on from there."""
+def test_single_steps_while_paused_do_exactly_the_ticks_asked_for(live):
+    """The newest sample is drawn, and play goes on from there."""
     stage = live(playing=False)
     for ticks, expected in ((1, 0.001), (1, 0.002), (10, 0.012)):
         snapshot = stage.frame(0.5, StepOnce(ticks))
@@ -93,7 +93,7 @@ def test_single_steps_while_paused(live):
 
 
 def test_a_step_while_playing_pauses(live):
-    """A person steps to look closely."""
+    """A person who steps wants to look closely."""
     stage = live()
     stage.play(0.1)
     snapshot = stage.frame(0.0, StepOnce(5))
@@ -103,7 +103,7 @@ def test_a_step_while_playing_pauses(live):
 
 @pytest.mark.parametrize("ticks", [0, -3, 10**9])
 def test_senseless_steps_are_refused(live, ticks: int):
-    """There is a sentence, and nothing moves."""
+    """A sentence says why, and time stands still."""
     stage = live(playing=False)
     snapshot = stage.frame(0.1, StepOnce(ticks))
     assert snapshot.events[-1].level == "error"
@@ -186,8 +186,7 @@ def test_every_run_waits_at_its_start_until_it_is_released(live):
 
 
 @pytest.mark.parametrize(("command", "plays"), [(Play(), True), (Pause(), False), (StepOnce(3), False)])
-def test_a_person_need_not_wait(live, command, plays: bool):
-    """Play, pause and step act at once on a run that waits."""
+def test_play_pause_and_step_act_at_once_on_a_run_that_waits(live, command, plays: bool):
     stage = live(hold_starts=True)
     snapshot = stage.frame(0.1, command)
     snapshot = stage.play(0.1)
@@ -241,7 +240,7 @@ def test_a_change_right_after_a_reset_still_waits(live):
     assert (snapshot.run_number, snapshot.waiting) == (3, True)
 
 
-def test_a_consumer_that_takes_its_time_does_not_slow_the_run(live):
+def test_a_slow_consumer_does_not_slow_the_run(live):
     """It takes 6 ms for every block of samples, as if it waited for a lock: blocks grow, and the run keeps real time."""
     stage = live()
 

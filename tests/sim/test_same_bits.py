@@ -1,7 +1,7 @@
 """The same scenario gives the same bits with every BLAS, C library, numpy dispatch and instruction set that this machine has.
 
-Runs of every preset, law, path, integrator and live change are made in processes whose libraries and compiler take another
-processor for this one, and their hashes are compared.
+Runs of every preset, law, path, integrator and live change are made in processes whose libraries and compiler are told
+that they run on another processor, and their hashes are compared.
 """
 
 import json

@@ -36,7 +36,7 @@ def test_short_periods_converge_to_the_continuous_law(kind: str, start: str):
 
 
 @pytest.mark.parametrize("period", [0.002, 0.005])
-def test_torques_are_constant_between_instants(period: float):
+def test_torques_are_constant_between_control_instants(period: float):
     """Joint torques are held within a period and new at each instant; 𝒥ᵀτ changes with the pose meanwhile."""
     samples = run(60, **{"controller.control_period": period, "initial.pose_rate": None})
     per_period = round(period / 0.001)
@@ -48,7 +48,7 @@ def test_torques_are_constant_between_instants(period: float):
     assert np.abs(first[-1] - first[0]).max() > 1e-6
 
 
-def test_the_first_instant_is_the_start():
+def test_a_sampled_controller_acts_from_the_start():
     """At t = 0 the sampled controller has acted: its torques are the continuous law's."""
     sampled, continuous = run(0, **{"controller.control_period": 0.002}), run(0)
     np.testing.assert_allclose(sampled.joint_torque, continuous.joint_torque, rtol=1e-12)
@@ -149,5 +149,5 @@ def test_motors_go_on_when_a_delayed_controller_takes_over(delay: int):
 
 @pytest.mark.parametrize("law", ["composite", "lqr"])
 def test_a_prediction_beyond_the_delay_depends_on_the_state_alone(law: str):
-    """A run that goes on from a state has the same bits: lqr used its previous input, which no state holds."""
+    """A run that goes on from a state has the same bits: lqr used to need its previous input, which no state holds."""
     whole_run_as_in_blocks(load_preset(law).replace({"controller.observer.horizon": 2.5}), equal_nan=True)

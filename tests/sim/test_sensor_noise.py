@@ -15,7 +15,7 @@ COUNT = 20_000
 
 @numba.njit
 def draw(seed: int, channels: int) -> np.ndarray:
-    """Numbers of one seed, (channels, COUNT)."""
+    """Random numbers of one seed, (channels, COUNT)."""
     numbers = np.empty((channels, COUNT))
     for channel in range(channels):
         for instant in range(COUNT):
@@ -25,7 +25,7 @@ def draw(seed: int, channels: int) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def numbers() -> np.ndarray:
-    """(channels, instants) of one seed."""
+    """Random numbers of one seed, (channels, instants)."""
     return draw(7, 8)
 
 
@@ -60,7 +60,6 @@ def noisy(seed: int = 1, **changes) -> Scenario:
 
 
 def test_the_same_seed_gives_the_same_bits(same_bits):
-    """Runs stay reproducible."""
     same_bits(simulate(noisy(), 0.2), simulate(noisy(), 0.2))
 
 
@@ -73,7 +72,7 @@ def test_another_seed_gives_another_run():
 
 
 def measured_error(run, gain: np.ndarray) -> np.ndarray:
-    """The measurement of a PD law without rate gain, less the truth, from its inputs u = -P (e + noise)."""
+    """Error of what a PD law without rate gain has measured, from its inputs u = -P (e + noise)."""
     return -run.arm_input.sum(axis=1) / gain - run.tracking_error
 
 
@@ -99,7 +98,7 @@ def test_noise_on_the_pose_has_the_size_asked_for(sigma: tuple[float, ...]):
 
 
 def test_noise_on_the_rate_has_the_size_asked_for():
-    """As for the pose, through the rate gain."""
+    """As for the pose, seen through the rate gain."""
     gain, sigma = np.array([400.0, 400.0, 100.0]), np.array([1e-4, 2e-4, 3e-4])
     changes = {
         "controller.kind": "pd",
@@ -149,7 +148,7 @@ def beam_readings(scenario: Scenario, count: int = 5000) -> np.ndarray:
 
 
 def test_strain_noise_is_that_of_differenced_readings():
-    """σ of hᵀq̇ in kg·m/s: √2 σ_ε ‖W‖/T_c with W by hand for the paper's beam on pins, and each reading counts twice."""
+    """σ of hᵀq̇ is √2 σ_ε ‖W‖/T_c, kg·m/s, with W by hand for the paper's pinned beam; each reading enters two differences."""
     sigma, period, t = 2e-6, 0.002, 0.004
     changes = {
         "controller.kind": "vibration-damping",
@@ -162,14 +161,14 @@ def test_strain_noise_is_that_of_differenced_readings():
     s = np.array([-1, -1, 1, 1]) * 0.125 + np.array([-1, 1, -1, 1]) * 0.125 / np.sqrt(3)
     moments = np.array([0.5 * 2 * (s**2 - 0.0625), 2 * (s**3 / 6 - s * 0.25 / 24)])
     expected = np.sqrt(2) * sigma / period * np.linalg.norm(2 / t * 0.125 * moments, axis=1)
-    # Two elements give the bending moment of a load but for the part that a piecewise linear curve misses.
+    # Two elements give the bending moment of a load except for what a piecewise linear curve misses.
     np.testing.assert_allclose(seen.std(axis=0), expected, rtol=0.12)
     correlation = (seen[1:] * seen[:-1]).mean(axis=0) / seen.var(axis=0)
     np.testing.assert_allclose(correlation, -0.5, atol=0.05)
     assert np.abs(np.corrcoef(seen.T)[0, 1]) < 0.05
 
 
-def test_strain_noise_goes_with_the_strain_not_with_the_mesh():
+def test_strain_noise_depends_on_the_thickness_and_not_on_the_mesh():
     """Twice the thickness gives half the noise; eight elements give the same noise as thirty-two."""
     base = {
         "controller.kind": "vibration-damping",
@@ -183,7 +182,7 @@ def test_strain_noise_goes_with_the_strain_not_with_the_mesh():
     np.testing.assert_allclose(coarse, fine, rtol=0.05, atol=0.01 * np.abs(fine).max())
 
 
-def test_noise_of_the_rates_themselves_has_the_size_asked_for():
+def test_noise_of_the_moment_rates_has_the_size_asked_for():
     noise = {"controller.control_period": 0.001, "controller.sensor_noise": {"moment_rate": (2e-3, 3e-4)}}
     seen = beam_readings(load_preset("paper").replace(noise))
     np.testing.assert_allclose(seen.std(axis=0), [2e-3, 3e-4], rtol=0.05)

@@ -49,7 +49,7 @@ def test_a_cubic_that_meets_the_boundary_is_interpolated_exactly(boundary, cubic
 
 
 @pytest.mark.parametrize("boundary", FIXED_COORDINATES)
-def test_nodes_take_their_own_deflection_and_slope_and_held_ones_none(boundary) -> None:
+def test_free_coordinates_are_deflections_and_slopes_of_nodes_and_held_ones_are_zero(boundary) -> None:
     payload = Payload(length=0.8, element_count=3, boundary=boundary)
     free = np.random.default_rng(1).normal(size=(1, payload.coordinate_count))
     nodal = np.zeros(8)

@@ -51,7 +51,7 @@ def test_units_are_one_or_one_for_each_entry():
 
 
 def test_a_missing_signal_is_absent_and_not_an_error(run: Run, tmp_path: Path):
-    """Samples as of an older version without it can be opened, joined, exported, plotted, recorded and replayed."""
+    """Samples of an older version, which lack signals, can be opened, joined, exported, recorded and replayed."""
     lost = {"saturated", "moving_force", "quasi_static_deflection", "joint_torque", "beam_rates"}
     older = Samples(**{name: signal for name, signal in run.signals().items() if name not in lost})
     found = decode_block(encode_block(older))[0]
@@ -83,6 +83,6 @@ def test_a_signal_of_a_newer_version_is_kept(run: Run, tmp_path: Path):
     assert replay(recording).identical
 
 
-def test_an_unknown_name_says_which_there_are(run: Run):
+def test_an_unknown_signal_name_is_refused_with_the_names_that_exist(run: Run):
     with pytest.raises(AttributeError, match=r"no signal temprature: there are time, pose, .*vibration"):
         run["temprature"]

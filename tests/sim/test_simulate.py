@@ -44,7 +44,7 @@ def test_shapes_are_those_of_the_readme():
 
 
 def test_commands_take_effect_as_in_a_live_world(same_bits):
-    """They act in order of their times, on the first sample not before; they are given unsorted."""
+    """They are given unsorted and act in the order of their times, each at the first sample that is not earlier."""
     commands = [
         (0.06, Pull(0.1, (0.1, 0.9), 200.0)),
         (0.0205, ChangeScenario({"payload.bending_stiffness": 40.0})),
@@ -61,8 +61,7 @@ def test_commands_take_effect_as_in_a_live_world(same_bits):
     assert np.array_equal(run.input_work, np.concatenate([part.input_work for part in parts]))
 
 
-def test_a_command_at_the_start_and_one_after_the_end():
-    """A command at t = 0 acts on the motion of the first sample; one beyond the end does nothing."""
+def test_a_command_at_the_start_acts_and_one_after_the_end_does_nothing():
     late = simulate(load_preset("paper"), 0.05, commands=[(0.2, Tap(0.0, (1.0, 1.0)))])
     plain = simulate(load_preset("paper"), 0.05)
     assert np.array_equal(late.pose, plain.pose)
@@ -112,8 +111,7 @@ def test_numpy_numbers_are_numbers():
     assert len(simulate(load_preset("paper"), np.float64(0.01), np.float64(0.001))) == 11
 
 
-def test_the_run_knows_the_scenario_it_started_from():
-    """It does so also after commands."""
+def test_the_run_knows_the_scenario_it_started_from_even_after_commands():
     paper = load_preset("paper")
     run = simulate(paper, 0.02, commands=[(0.01, ChangeScenario({"gravity": 5.0}))])
     assert run.scenario == paper

@@ -48,8 +48,8 @@ def test_torques_at_their_limits_keep_the_accuracy():
 
 
 @pytest.mark.parametrize("sample_period", [0.001, 0.004])
-def test_a_run_that_soon_ends_is_right_until_then(sample_period: float):
-    """This loop runs away at 40 ms. Its step was taken without a trial, which could not end, and was off by 7 µm and 25 N."""
+def test_a_run_that_soon_fails_is_right_until_then(sample_period: float):
+    """This loop runs away at 40 ms, so no trial could end: its step used to be taken untried, and was off by 7 µm and 25 N."""
     law = {"kind": "pd", "control_period": 0.004, "velocity_gain": (2000.0, 2000.0, 2000.0)}
     scenario = load_preset("paper").replace({"controller": law})
     runs = [simulate(one, 0.04, sample_period) for one in (scenario, scenario.replace({"simulation.step": 2e-6}))]
@@ -65,7 +65,7 @@ def test_a_given_step_is_kept_and_one_that_is_enough_is_not_halved():
     assert World(load_preset("paper")).assembly.unrefined is None
 
 
-def test_steps_do_not_depend_on_what_was_known_before():
+def test_steps_do_not_depend_on_earlier_assemblies():
     scenario = load_preset("paper").replace(CLAMPED)
     before = World(load_preset("paper"))
     before.advance(20)
@@ -77,7 +77,7 @@ def test_steps_do_not_depend_on_what_was_known_before():
     assert before.assembly.steps == World(load_preset("paper")).assembly.steps
 
 
-def test_a_loop_that_its_clock_cannot_hold_is_said_to_depend_on_rounding():
+def test_a_loop_unstable_at_its_control_period_is_said_to_depend_on_rounding():
     slow = {"controller.kind": "sliding-mode", "controller.control_period": 0.02, "controller.boundary_layer": 0.05}
     world = World(load_preset("paper").replace(slow))
     world.advance(200)
@@ -95,7 +95,7 @@ def test_a_smooth_start_does_not_hide_that_a_loop_depends_on_rounding():
     assert "Results depend on rounding: with a control period of 0.001 s" in world.accuracy_warning
 
 
-def test_what_is_next_to_nothing_is_not_called_inaccurate():
+def test_tiny_errors_of_a_tiny_force_are_not_called_inaccurate():
     """An error of 10⁻¹³ N does not count as 4e-4 of the peak only because the force of a slow start is tiny too."""
     sampled = {"controller.kind": "lqr", "controller.control_period": 0.005, "payload.bending_stiffness": 1e4}
     world = World(load_preset("paper").replace({**sampled, "trajectory": {"kind": "waypoints", "smooth_start": 0.4}}))
@@ -104,8 +104,8 @@ def test_what_is_next_to_nothing_is_not_called_inaccurate():
 
 
 @pytest.mark.parametrize(("preset", "elements"), [("smooth-start", 16), ("stiff-beam", 2)])
-def test_metrics_of_a_sweeps_cell_are_exact_to_what_is_said(preset: str, elements: int):
-    """These metrics were off by 2e-4 and 3e-4."""
+def test_metrics_of_a_sweeps_cell_are_as_accurate_as_documented(preset: str, elements: int):
+    """These metrics used to be off by 2e-4 and 3e-4."""
     cell = load_preset(preset).replace({"payload.element_count": elements, "simulation.accuracy": DEFAULT_ACCURACY})
     found, exact = (run_metrics(simulate(one, 1.5)) for one in (cell, cell.replace({"simulation.step": 2e-5})))
     for name in ("rms_internal_moment", "rms_internal_force", "peak_vibration", "settling_time"):

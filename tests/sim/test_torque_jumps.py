@@ -10,7 +10,7 @@ from flexlab.sim.samples import Samples
 from flexlab.sim.world import World
 
 SETTLED = 30
-"""Time after which the start's jolt is over, ms."""
+"""Time after which the jerk at the start is over, ms."""
 
 DENSE, STIFF = {"kind": "nodal", "coefficient": 1.0}, {"kind": "stiffness", "coefficient": 2e-3}
 
@@ -30,14 +30,14 @@ def force_error(changes: dict[str, Any], ticks: int) -> np.ndarray:
     ("elements", "damping"), [(16, DENSE), (16, STIFF), (32, {"kind": "nodal", "coefficient": 0.1})]
 )
 def test_force_is_right_at_control_instants(elements: int, damping: dict[str, Any], period: float):
-    """It was off by 3e-5 to 2e-4 of its peak there, and by 5e-7 in between."""
+    """The force used to be off by 3e-5 to 2e-4 of its peak there, and by 5e-7 in between."""
     changes = {"payload.element_count": elements, "payload.damping": damping, "controller.control_period": period}
     assert force_error(changes, 120).max() < 2e-6
 
 
 @pytest.mark.parametrize(("elements", "coefficient"), [(8, 0.1), (16, 1.0)])
 def test_force_is_right_where_the_path_jumps_on_a_sample(elements: int, coefficient: float):
-    """bang-bang jumps at 0.25 s, where the force was off by 1.3e-3 and 5.5e-2 of its peak, now no more than around it."""
+    """bang-bang jumps at 0.25 s. The force used to be off by 1.3e-3 and 5.5e-2 of its peak there, now by no more than before."""
     damping = {"kind": "nodal", "coefficient": coefficient}
     changes = {"payload.element_count": elements, "payload.damping": damping, "trajectory": {"kind": "bang-bang"}}
     error = force_error(changes, 260)

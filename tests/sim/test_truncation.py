@@ -31,8 +31,7 @@ def test_four_modes_of_thirty_two_elements_give_the_same_pose(damping: str):
     assert np.abs(kept.midspan_deflection - whole.midspan_deflection).max() < 2e-6
 
 
-def test_more_modes_come_closer():
-    """Pose errors fall from one kept mode to eight."""
+def test_the_error_of_the_pose_falls_with_the_number_of_kept_modes():
     whole = run(fine("modal"))
     gaps = [np.abs(run(fine("modal", **{"payload.mode_count": k})).pose - whole.pose).max() for k in (1, 2, 4, 8)]
     assert np.all(np.diff(gaps) < 0), gaps
@@ -46,8 +45,7 @@ def test_the_controller_knows_the_whole_beam_whatever_the_plant_keeps():
     assert kept.plant.modal.shape[1] == 1
 
 
-def test_all_modes_kept_by_number_is_the_same_as_all_modes():
-    """mode_count = n_q truncates nothing."""
+def test_keeping_as_many_modes_as_there_are_truncates_nothing():
     paper = load_preset("paper")
     a, b = World(paper).run(50), World(paper.replace({"payload.mode_count": 4})).run(50)
     np.testing.assert_array_equal(a.pose, b.pose)

@@ -139,7 +139,7 @@ def test_mid_span_deflection_is_continuous_across_a_new_mesh(steps: list[dict], 
 
 
 def test_a_finer_mesh_keeps_the_whole_shape():
-    """n = 2 → 8: the coarse shape lies in the fine space, so it is kept everywhere, with its energy; 8 → 2 → 8 is not."""
+    """n = 2 → 8: the coarse shape lies in the fine space, so it is kept everywhere, and with it its energy."""
     world = ringing_world()
     place = np.linspace(-0.25, 0.25, 41)
     coarse = deflection_at(world.scenario.payload, world.observe().beam_coordinates, place)
@@ -160,8 +160,8 @@ RESTARTS = [
 
 
 @pytest.mark.parametrize("changes", RESTARTS, ids=str)
-def test_what_cannot_go_on_starts_anew_and_says_so(changes: dict):
-    """A change of length, arms or start state begins a new run at t = 0."""
+def test_a_change_after_which_the_motion_cannot_go_on_begins_a_new_run(changes: dict):
+    """Changes of length, arms or start state do, and it begins at t = 0."""
     world = ringing_world()
     assert world.apply(ChangeScenario(changes)) is True
     assert (world.tick, world.time, world.status) == (0, 0.0, "running")
@@ -204,7 +204,7 @@ def test_a_refused_change_leaves_the_world_as_it_was(changes: dict, same_bits):
 @pytest.mark.parametrize("kind", ["hold", "rest-to-rest", "bang-bang"])
 @pytest.mark.parametrize("restart", [{}, {"left_arm.base": (-0.6, 0.0)}])
 def test_a_path_that_would_begin_outside_its_range_is_refused(kind: str, restart: dict, same_bits):
-    """Such a path is made from the target: nobody has checked it, and a recording of it could not be read."""
+    """Such a path is derived from the present target, which nothing has checked; a recording of it could not be read."""
     turned = {"trajectory.center": (0.0, 0.75, 6 * np.pi + 0.3), "trajectory.amplitude": (0.0, 0.0, 1.0)}
     world, other = (World(load_preset("paper").replace(turned)) for _ in range(2))
     world.advance(250)

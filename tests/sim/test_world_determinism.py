@@ -1,4 +1,4 @@
-"""Same scenario, same commands at the same ticks: same bits, whatever the blocks, live or headless."""
+"""The same scenario with the same commands at the same ticks gives the same bits, in any blocks, live or headless."""
 
 from dataclasses import fields
 
@@ -43,7 +43,7 @@ def joined(blocks: list[Samples]) -> Samples:
 
 
 def in_blocks(changes: dict, sizes: list[int]) -> Samples:
-    """The run with all commands, in blocks of the given sizes, over and over, broken at commands too."""
+    """The run with all commands, in blocks of the given sizes, over and over; blocks also end at commands."""
     world = World(load_preset("paper").replace(changes))
     blocks, pending, turn = [world.observe()], list(COMMANDS), 0
     while world.tick < TICKS:
@@ -57,7 +57,7 @@ def in_blocks(changes: dict, sizes: list[int]) -> Samples:
 
 
 @pytest.mark.parametrize("changes", SETTINGS.values(), ids=SETTINGS)
-def test_block_sizes_leave_no_trace(changes: dict, same_bits):
+def test_block_sizes_change_no_bit(changes: dict, same_bits):
     """Blocks are one tick, odd numbers of ticks, or as long as possible."""
     whole = in_blocks(changes, [TICKS])
     same_bits(whole, in_blocks(changes, [1]))
@@ -101,7 +101,7 @@ def test_looking_at_a_world_does_not_change_it(same_bits):
 
 
 @pytest.mark.parametrize("changes", SETTINGS.values(), ids=SETTINGS)
-def test_a_look_sees_what_the_run_wrote(changes: dict, same_bits):
+def test_observe_returns_the_last_sample_of_the_run(changes: dict, same_bits):
     world = World(load_preset("paper").replace(changes))
     for ticks in (1, 2, 30):
         block, look = world.advance(ticks), world.observe()
@@ -134,7 +134,7 @@ def test_a_state_is_a_copy(same_bits):
     same_bits(world.run(30), first)
 
 
-def test_ten_thousand_samples_lie_exactly_on_their_instants():
+def test_thousands_of_samples_lie_exactly_on_their_instants():
     """time[k] = k · sample_period to the last bit, from t = 0, also for periods that are not binary fractions."""
     for period in (0.001, 0.0007, 1 / 3000):
         samples = World(load_preset("smooth-start"), period).run(3000)

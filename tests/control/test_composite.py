@@ -37,7 +37,7 @@ def test_with_the_papers_law_and_measured_rates_it_is_vibration_damping(period: 
 
 
 @pytest.mark.parametrize("kind", SIMPLE)
-def test_without_vibration_gains_it_is_its_slow_part(kind: str):
+def test_without_vibration_gains_it_equals_its_slow_part(kind: str):
     """Motion, memory and the law's own signals are the same, whatever law is the slow part."""
     alone = load_preset("paper").replace({"controller.kind": kind, "gravity": 9.81})
     both = alone.replace({**COMPOSITE, "controller.slow.kind": kind, "controller.lateral_vibration_gain": 0.0})

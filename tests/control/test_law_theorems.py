@@ -121,7 +121,7 @@ def test_v_of_sliding_mode_falls_at_least_as_fast_as_its_feedback_says():
     assert np.all(slope(proof.kinetic)[outside[2:-2]] < -feedback[2:-2][outside[2:-2]])
 
 
-def test_super_twisting_within_its_layer():
+def test_v_of_super_twisting_within_its_layer_obeys_its_theorem():
     """V = ½ sᵀBs + ε‖w + Ψ‖²/(2 k2): dV/dt = -k1‖s‖²/√ε + (ε/k2)(w + Ψ)·dΨ/dt."""
     k1, k2, layer = 80.0, 300.0, 4.0
     proof = prove("super-twisting", proportional_gain=k1, integral_gain=k2, boundary_layer=layer)
@@ -133,7 +133,7 @@ def test_super_twisting_within_its_layer():
     agrees(V, expected)
 
 
-def test_super_twisting_outside_its_layer():
+def test_super_twisting_outside_its_layer_obeys_its_theorem():
     """d(½ sᵀBs)/dt = -k1‖s‖^{3/2} + sᵀ(w + Ψ), and dw/dt = -k2 s/‖s‖."""
     k1, k2 = 80.0, 300.0
     proof = prove("super-twisting", proportional_gain=k1, integral_gain=k2, boundary_layer=1e-3)

@@ -67,18 +67,18 @@ def test_every_law_has_its_reference():
 
 
 @pytest.mark.parametrize("kind", [kind for kind in LAWS if kind != "none"])
-def test_continuous(kind: str):
+def test_continuous_laws_agree_with_the_reference(kind: str):
     assert difference(scenario_of(kind))[0] < TOLERANCE
 
 
 @pytest.mark.parametrize("kind", [kind for kind in LAWS if kind != "none"])
-def test_sampled_with_a_delay(kind: str):
+def test_sampled_laws_with_a_delay_agree_with_the_reference(kind: str):
     changes = {"controller.control_period": 0.002, "controller.input_delay": 1}
     assert difference(scenario_of(kind, **changes))[0] < TOLERANCE
 
 
 @pytest.mark.parametrize("kind", ["regressor-adaptive", "joint-pd", "disturbance-observer"])
-def test_one_arm(kind: str):
+def test_laws_on_one_arm_agree_with_the_reference(kind: str):
     changes = {"controller.kind": kind, "gravity": 9.81, "simulation.accuracy": 1e-12}
     assert difference(load_preset("single-arm").replace(changes), 0.05)[0] < TOLERANCE
 
@@ -94,7 +94,7 @@ OBSERVER = {
     ("delay", "horizon"), [(0, None), (1, None), (3, None), (2, 1.3), (1, 0.0), (0, 1.0), (1, 2.4)]
 )
 @pytest.mark.parametrize("kind", OBSERVED)
-def test_sampled_with_an_observer(kind: str, delay: int, horizon: float | None):
+def test_sampled_laws_with_an_observer_agree_with_the_reference(kind: str, delay: int, horizon: float | None):
     changes = {**OBSERVER, "controller.input_delay": delay, "controller.observer.horizon": horizon}
     if kind == "composite":
         changes |= {"controller.slow.kind": "sliding-mode", "controller.slow.boundary_layer": 0.9}

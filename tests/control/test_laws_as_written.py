@@ -90,7 +90,7 @@ def law(scenario: Scenario, terms, x, v, desired, b_hat, loads_rate, m, A) -> np
 
 @pytest.mark.parametrize("base", SCENARIOS)
 @pytest.mark.parametrize("kind", LAWS)
-def test_inputs_are_those_of_the_law(kind: str, base: str):
+def test_arm_inputs_equal_the_formula_of_the_law(kind: str, base: str):
     """u_i sampled over the jerky start, inside and outside the boundary layer, equals the formula to rounding."""
     scenario = SCENARIOS[base].replace(LAWS[kind])
     world = World(scenario)

@@ -92,7 +92,7 @@ def test_one_arm_carries_everything_whatever_the_share():
 
 
 def test_leakage_lets_the_bound_estimates_fade():
-    """ḃ = … - σ b̂: with the payload at rest on its target b̂ falls as e^{-σt}; without leakage it stays."""
+    """ḃ = … - σ b̂: with the payload at rest on its target b̂ falls as e^{-σt}; without leakage it never falls."""
     changes = {
         "trajectory.amplitude": (0.0, 0.0, 0.0),
         "initial.pose": (0.02, 0.75, 0.0),

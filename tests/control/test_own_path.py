@@ -1,4 +1,4 @@
-"""Paths in plain Python: poses of their function, in this process and in another, and all that can go wrong."""
+"""Paths in plain Python: they follow their function, in this process and in another, and failures are reported."""
 
 import re
 from pathlib import Path

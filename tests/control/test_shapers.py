@@ -74,7 +74,7 @@ def test_the_mode_of_a_shaper_is_that_of_the_closed_loop():
 
 @pytest.mark.parametrize("kind", [kind for kind, law in laws().items() if law.drives])
 def test_a_shaper_is_made_for_every_law(kind: str):
-    """Its delay is about half a period at 45.5 Hz; for lqr, which runs sampled only, of the beam between free arms."""
+    """The delay of zv is about half a period at 45.5 Hz, also for lqr, whose mode is that of the beam between free arms."""
     clocked = {"controller.control_period": 0.001}
     for changes in (clocked,) if kind == "lqr" else ({}, clocked):
         scenario = load_preset("paper").replace({"controller.kind": kind, **changes, "trajectory.shaper": "zv"})

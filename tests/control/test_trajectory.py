@@ -116,7 +116,7 @@ def test_a_smooth_start_begins_at_rest_and_goes_the_same_way():
     np.testing.assert_allclose(desired_at(smooth, 1.7), desired_at(plain, 1.4), rtol=0, atol=1e-12)
 
 
-def test_the_start_velocity_may_be_the_paths():
+def test_the_start_velocity_may_be_that_of_the_path():
     run = simulate(on("circle").replace({"initial.pose_rate": None}), 0.01)
     np.testing.assert_allclose(run.pose_rate[0], desired_at(build_trajectory(on("circle")), 0.0)[1], rtol=0, atol=1e-12)
 

@@ -37,7 +37,7 @@ def _of_playwright() -> str | None:
 
 
 def _install() -> None:
-    """Install the package of Debian or Ubuntu if we may, else the build that playwright offers."""
+    """Install the package of Debian or Ubuntu if we are root there, else the build that playwright offers."""
     if shutil.which("apt-get") and hasattr(os, "geteuid") and os.geteuid() == 0:
         environment = os.environ | {"DEBIAN_FRONTEND": "noninteractive"}
         subprocess.run(["apt-get", "-qq", "update"], check=True, env=environment)

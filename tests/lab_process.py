@@ -14,7 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
-"""Runs `flexlab` with these words: the fixtures `flexlab_command` and `flexlab_process`."""
+"""Type of the fixtures `flexlab_command` and `flexlab_process`, which run `flexlab` with the given words."""
 PATIENCE = 300.0
 """Timeout, s: generous, as the machine may be busy and the cache cold; it is no measure of speed."""
 

@@ -42,4 +42,4 @@ def make_odd_folder(logs: Path, recorded: Path) -> None:
 
 
 RUNS = 24
-"""Number of runs listed for such a folder."""
+"""Number of entries `*.rrd` in such a folder."""

@@ -36,7 +36,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def logs(made: Path, tmp_path: Path) -> Path:
-    """A copy of that folder with three bad files more; the paper's run is two days old, the soft beam's is new."""
+    """A copy of that folder with three bad files added; the paper's run is two days old, the soft beam's is new."""
     logs = tmp_path / "logs"
     shutil.copytree(made, logs)
     (logs / "garbage.rrd").write_bytes(b"junk" * 100)

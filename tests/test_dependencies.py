@@ -11,7 +11,7 @@ import pytest
 from packaging.specifiers import SpecifierSet
 
 DISTRIBUTIONS = {"rerun_bindings": "rerun-sdk", "rerun_cli": "rerun-sdk", "pinocchio": "pin", "mujoco": "mujoco"}
-"""Distributions of the modules whose names do not tell them."""
+"""Distribution of each module whose own name does not tell it."""
 
 FOR_TYPES = {"pandas"}
 """Only imported for the type of a table that pyarrow makes for users who have it."""

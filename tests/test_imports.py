@@ -1,4 +1,4 @@
-"""A room, a module or package directly in flexlab, imports no higher one, and some outside libraries have their own room."""
+"""Each room (a module or package directly in flexlab) imports no higher layer, and some outside libraries have their own room."""
 
 import ast
 import re

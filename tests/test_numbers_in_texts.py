@@ -146,7 +146,7 @@ def bends(preset: str) -> float:
 
 
 def error_left(kind: str, factor: float) -> float:
-    """Return the largest error from t = 2 s on in the preset paper with a law that takes the beam for `factor` as heavy, mm."""
+    """Return the largest error from t = 2 s on in the preset paper, if a law takes the beam to be `factor` times as heavy, mm."""
     changes = {"controller.kind": kind, "controller.model.linear_density_factor": factor}
     rival = simulate(load_preset("paper").replace(changes), 3.0)
     return 1e3 * peak(rival, "tracking_error", 2, 3, slice(2))

@@ -214,6 +214,6 @@ def test_a_folder_or_a_missing_folder_is_one_sentence(tmp_path: Path):
 
 
 def test_every_preset_can_be_pickled():
-    """Studies and private labs compute in other processes, and the parts of composite have no name to be found under."""
+    """Studies and private labs compute in other processes, and pickle does not find the parts of composite by name."""
     for name in preset_names():
         assert pickle.loads(pickle.dumps(load_preset(name))) == load_preset(name), name

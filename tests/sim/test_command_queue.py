@@ -13,7 +13,7 @@ def change(**values) -> ChangeScenario:
 
 
 def left_of(*commands) -> list:
-    """The groups that the runner would take."""
+    """The groups of commands that the runner would take."""
     queue = CommandQueue()
     for command in commands:
         queue.put(command)

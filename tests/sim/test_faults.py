@@ -70,14 +70,14 @@ def test_an_unreachable_start_pose_is_named():
 
 @pytest.mark.parametrize("frequency", [(1.0, 1.0, 1.0), (1.0, 1.7, 0.3), (0.05, 2.0, 0.7)])
 def test_the_whole_trajectory_is_checked(frequency: tuple[float, ...]):
-    """The extreme pose comes late in the period: still found before the first step."""
+    """The extreme pose comes late in the period and is still found before the first step."""
     world = World(paper(**{"trajectory.amplitude": (0.5, 0.5, 0.0), "trajectory.frequency": frequency}))
     assert world.status in ("unreachable", "singular")
     assert world.status.time > 0
 
 
 def test_an_arm_that_falls_out_of_its_workspace_stops_the_run():
-    """Motors off under gravity: good samples up to the stop, the last good state kept, arm and place named."""
+    """Motors are off under gravity. Samples are good up to the stop, the last good state is kept, and the arm is named."""
     scenario = paper(**{"controller.kind": "none", "gravity": 9.81, "initial.pose": (0.05, 0.9, 0.0)})
     world = World(scenario)
     samples = world.run(3000)
@@ -158,7 +158,7 @@ ABSURD = {
 
 @pytest.mark.parametrize("changes", ABSURD.values(), ids=ABSURD)
 def test_divergence_keeps_the_last_good_state(changes: dict):
-    """Gains or steps that no physics can follow: a failed status with a sentence; every sample handed out is finite."""
+    """Absurd gains and steps end in a failed status with a sentence; every sample handed out is finite."""
     world = World(paper(**changes))
     samples = world.run(400)
     assert world.status.failed

@@ -38,7 +38,7 @@ class Forgetful(list):
 
 
 def test_the_peak_memory_of_a_run_is_that_of_its_samples():
-    """Twice the samples take twice the memory: the peak is that of the rows kept, within a few per cent and a constant."""
+    """Twice the samples take twice the memory: the peak is that of the kept rows, to a few per cent and a constant."""
     world = World(load_preset("paper"))
     row_bytes = 8 * world.row_length
     simulate(load_preset("paper"), 0.1)

@@ -24,7 +24,7 @@ def ringing(mode: int, **changes) -> Scenario:
 
 
 def decay_rate(run) -> float:
-    """-d(ln E)/dt, 1/s, by a straight line through ln E."""
+    """-d(ln E)/dt, 1/s, from a straight line fitted to ln E."""
     return -float(np.polyfit(run.time, np.log(run.total_energy), 1)[0])
 
 

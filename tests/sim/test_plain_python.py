@@ -28,7 +28,7 @@ OWN_PATHS = "flexlab.control.paths."
 STEPS = {"etdrk4": 5e-4, "rk4": 2e-4, "generalized-alpha": 5e-4}
 
 
-def test_two_ticks_of_every_law_path_and_integrator_are_those_of_the_machine_code():
+def test_two_ticks_of_every_law_path_and_integrator_agree_with_the_machine_code():
     cases = [
         {
             "controller.kind": kind,

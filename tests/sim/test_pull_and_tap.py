@@ -126,7 +126,7 @@ def test_letting_go_ends_the_force():
 
 
 def test_a_pull_stays_on_its_point_across_a_new_mesh():
-    """From 2 to 6 elements while pulled, the force goes on at the same place."""
+    """The mesh changes from 2 to 6 elements during the pull, which goes on at the same place."""
     world = moving_world(**FREE)
     world.apply(Pull(0.11, (0.1, 1.0), 700.0))
     world.advance(5)
@@ -168,7 +168,7 @@ def test_a_pull_outlasts_a_change_of_gain_in_a_run_whose_step_was_halved():
     ids=str,
 )
 def test_senseless_pulls_and_taps_are_refused_by_name(command, words: str, same_bits):
-    """One sentence that names the quantity at fault; the run goes on as if nothing had been asked."""
+    """One sentence names the quantity at fault, and the run goes on as if nothing had been asked."""
     world = moving_world()
     with pytest.raises(ScenarioError) as refusal:
         world.apply(command)

@@ -1,4 +1,4 @@
-"""A hand's spring on an arm's link."""
+"""Pulls on a link: the spring of a hand acts on a point of an arm."""
 
 import numpy as np
 import pytest

@@ -8,7 +8,7 @@ from random_scenarios import judge, stated_size
 from flexlab.text import number_text
 
 LONGEST_REFERENCE = 2.0
-"""Processor time, s: enough for the start's jerk, where errors are largest."""
+"""Processor time, s: enough for the jerk at the start, where errors are largest."""
 
 
 # Errors of 29 outgrow those stated first, a sampled torque of 90 jumps at tick 75, the paths of 117 and 181 are fast. 148 and 241

@@ -113,7 +113,7 @@ def test_senseless_steps_are_refused(live, ticks: int):
 
 @pytest.mark.parametrize("speed", [1 / 256, 1 / 16, 1.0, 4.0])
 def test_what_is_drawn_is_never_ahead_of_the_newest_sample(live, speed: float):
-    """It moves forward smoothly: no step backwards, and none longer than a frame's share and a tick."""
+    """It moves forward smoothly: never backwards, and never further than a frame's share plus a tick."""
     stage = live()
     stage.frame(0.0, SetSpeed(speed))
     rng = np.random.default_rng(0)

@@ -113,7 +113,7 @@ def test_compiling_is_announced_once(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(PLAIN_PYTHON, reason="nothing is compiled")
 def test_a_cold_start_says_that_it_compiles(start_lab: Callable[..., Lab], tmp_path: Path) -> None:
-    """What the lab has compiled is not compiled again for the runs."""
+    """What the lab has compiled is not compiled again for a simulation."""
     other = {"NUMBA_CPU_NAME": "generic", "NUMBA_CACHE_DIR": str(tmp_path / "cold")}
     (port,) = free_ports(1)
     lab = start_lab(port=port, **other)

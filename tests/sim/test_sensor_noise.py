@@ -124,8 +124,8 @@ def test_strain_noise_matters_to_vibration_damping_only(same_bits):
     assert np.abs(difference).max() > 0.1
 
 
-def test_the_truth_is_sampled_without_noise():
-    """Samples show the state, not the measurement: pose and rate belong together."""
+def test_samples_show_the_state_without_noise():
+    """They are not measurements: pose and rate belong together."""
     run = simulate(noisy(), 0.2)
     moved = np.diff(run.pose, axis=0)
     mean_rate = (run.pose_rate[1:] + run.pose_rate[:-1]) / 2
@@ -157,7 +157,7 @@ def test_strain_noise_is_that_of_differenced_readings():
         "payload.thickness": t,
     }
     seen = beam_readings(load_preset("paper").replace(changes))
-    # hᵀq = ∫ ½ρ(s² - L²/4) w'' ds for a pinned beam: that is EI b'' for the uniform load; gᵀq likewise with ρ(s³/6 - sL²/24).
+    # For a pinned beam hᵀq = ∫ ½ρ(s² - L²/4) w'' ds, with the bending moment of a uniform load; gᵀq has ρ(s³/6 - sL²/24).
     s = np.array([-1, -1, 1, 1]) * 0.125 + np.array([-1, 1, -1, 1]) * 0.125 / np.sqrt(3)
     moments = np.array([0.5 * 2 * (s**2 - 0.0625), 2 * (s**3 / 6 - s * 0.25 / 24)])
     expected = np.sqrt(2) * sigma / period * np.linalg.norm(2 / t * 0.125 * moments, axis=1)

@@ -42,7 +42,7 @@ def test_every_signal_has_the_shape_that_the_table_says(run: Run):
         assert nothing[signal.name].shape == (0, *signal.shape(1, 5))
 
 
-def test_units_are_one_or_one_for_each_entry():
+def test_a_signal_has_one_unit_or_one_for_each_entry():
     for signal in TABLE.values():
         last = signal.axes[-1] if signal.axes else None
         assert len(signal.units) in {1, 0 if last is None else len(last.labels)}

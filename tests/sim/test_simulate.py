@@ -106,7 +106,7 @@ def test_a_senseless_time_is_refused_by_name(name: str, value):
     assert str(refusal.value).endswith(".")
 
 
-def test_numpy_numbers_are_numbers():
+def test_durations_may_be_numpy_numbers():
     """Parameters often come from linspace."""
     assert len(simulate(load_preset("paper"), np.float64(0.01), np.float64(0.001))) == 11
 

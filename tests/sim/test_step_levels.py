@@ -13,7 +13,7 @@ FAST_ADAPTATION = {
     "trajectory.frequency": (3.0, 3.0, 3.0),
     "controller.adaptation": (0.03, 0.03, 0.03),
 }
-"""b̂ grows in hundredths of a second as it would in minutes with the paper's law."""
+"""b̂ grows as much in hundredths of a second as with the paper's law in minutes."""
 
 
 def test_the_step_shrinks_as_the_bound_estimates_grow():

@@ -17,7 +17,7 @@ DISCONTINUOUS = {"trajectory": {"kind": "bang-bang", "start": 0.1}, "payload.ben
 
 
 def errors(scenario: Scenario, step: float, ticks: int) -> tuple[Samples, float, float]:
-    """A run, and the distances of its pose and, over its peak, its internal force from those with a given step, s."""
+    """A run and its errors against a run with a given step, s: of the pose, and of the internal force over its peak."""
     run, exact = (World(one).run(ticks) for one in (scenario, scenario.replace({"simulation.step": step})))
     peak = np.abs(exact.internal_force).max()
     return (

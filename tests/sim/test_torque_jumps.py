@@ -37,7 +37,7 @@ def test_force_is_right_at_control_instants(elements: int, damping: dict[str, An
 
 @pytest.mark.parametrize(("elements", "coefficient"), [(8, 0.1), (16, 1.0)])
 def test_force_is_right_where_the_path_jumps_on_a_sample(elements: int, coefficient: float):
-    """bang-bang jumps at 0.25 s. The force used to be off by 1.3e-3 and 5.5e-2 of its peak there, now by no more than before."""
+    """bang-bang jumps at 0.25 s. The force used to be off there by 1.3e-3 and 5.5e-2 of its peak, now as little as before it."""
     damping = {"kind": "nodal", "coefficient": coefficient}
     changes = {"payload.element_count": elements, "payload.damping": damping, "trajectory": {"kind": "bang-bang"}}
     error = force_error(changes, 260)

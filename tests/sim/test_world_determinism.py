@@ -58,7 +58,7 @@ def in_blocks(changes: dict, sizes: list[int]) -> Samples:
 
 @pytest.mark.parametrize("changes", SETTINGS.values(), ids=SETTINGS)
 def test_block_sizes_change_no_bit(changes: dict, same_bits):
-    """Blocks are one tick, odd numbers of ticks, or as long as possible."""
+    """Blocks are of one tick, of varying numbers of ticks, or as long as possible."""
     whole = in_blocks(changes, [TICKS])
     same_bits(whole, in_blocks(changes, [1]))
     same_bits(whole, in_blocks(changes, [7, 64, 3]))
@@ -125,7 +125,7 @@ def test_a_restored_state_goes_on_bit_for_bit(changes: dict, same_bits):
 
 
 def test_a_state_is_a_copy(same_bits):
-    """Going on does not change a state taken before; it can be restored twice."""
+    """Going on does not change a state taken before."""
     world = World(load_preset("paper"))
     world.advance(20)
     state = world.state()

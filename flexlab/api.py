@@ -157,7 +157,11 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
     def __repr__(self) -> str:
         span = f", t = {self.time[0]:g} s to {self.time[-1]:g} s" if len(self) else ""
         why = " ".join(self.status.text.split())
-        how = f"did not finish ({self.status}: {why})" if self.status.failed else str(self.status)
+        if self.status.failed:
+            how = f"did not finish ({self.status}: {why})"
+        else:  # After the first sentence come warnings.
+            warned = why.partition(" s. ")[2]
+            how = f"{self.status} ({warned})" if warned else str(self.status)
         return f"<Run of {self.name}: {how}, {len(self)} samples{span}>"
 
 

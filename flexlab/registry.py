@@ -80,9 +80,9 @@ class Registry(Generic[K]):
         self._enter(one, instead)
         self._tell()
 
-    def add_file(self, file: Path) -> K:
+    def add_file(self, file: str | Path) -> K:
         """Add the entry that a Python file defines. Raises ImportError, and whatever the file raises."""
-        one = getattr(module_from_file(file), self.constant, None)
+        one = getattr(module_from_file(Path(file)), self.constant, None)
         if not isinstance(one, self.sort):
             raise ImportError(f"{file} defines no {self.what}: it needs {self.constant} = {self.sort.__name__}(...).")
         self._all()

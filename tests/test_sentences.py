@@ -94,13 +94,13 @@ def test_odd_files_are_listed_without_escape_codes(recorded: Path, tmp_path: Pat
 @pytest.mark.parametrize(
     ("commands", "says"),
     [
-        (5, "commands = 5 is no list"),
-        ("tap", "commands = 'tap' is no list"),
+        (5, "commands = 5 is not a list"),
+        ("tap", "commands = 'tap' is not a list"),
         ([Pull(0.1, (0.0, 0.0), 1.0)], "give pairs of a time in s and a command"),
         ([(float("nan"), Pull(0.1, (0.0, 0.0), 1.0))], "commands: time = nan s is not usable"),
         ([("1", Pull(0.1, (0.0, 0.0), 1.0))], "commands: time = '1' s is not usable"),
-        ([(1.0, "tap")], "commands: 'tap' is no command of a world: give one of ChangeScenario, Pull, Tap"),
-        ([(1.0, Reset())], "is no command of a world"),
+        ([(1.0, "tap")], "commands: 'tap' is not a command of a world: give one of ChangeScenario, Pull, Tap"),
+        ([(1.0, Reset())], "is not a command of a world"),
     ],
 )
 def test_wrong_commands_for_a_simulation_are_refused(commands: object, says: str):

@@ -75,7 +75,7 @@ def _driven(inputs: str | Sequence[str], arms: int) -> list[Part]:
     names = _listed("inputs", inputs)
     parts = [(signal, place, part) for signal in INPUTS for place, part in enumerate(_parts(signal, arms))]
     known = {signal: [part.name for name, _, part in parts if name == signal] for signal in INPUTS}
-    _check_known("inputs", names, known, "input of a linear model")
+    _check_known("inputs", names, known, "an input of a linear model")
     if not names:
         raise StudyError(f"inputs is empty: name one or more of {', '.join(INPUTS)}.")
     return [each for name in names for each in parts if name in (each[0], each[2].name)]
@@ -88,7 +88,7 @@ def _check_known(what: str, names: Sequence[str], known: Mapping[str, Sequence[s
         parts = known.get(name) or [part for parts in known.values() for part in parts if part == name]
         if not parts:
             near = difflib.get_close_matches(str(name), [*known, *(part for parts in known.values() for part in parts)])
-            raise StudyError(f"{what}: {name!r:.60} is no {kind}: did you mean {', '.join(near or known)}?")
+            raise StudyError(f"{what}: {name!r:.60} is not {kind}: did you mean {', '.join(near or known)}?")
         named += parts
     if twice := [part for part in named if named.count(part) > 1]:
         raise StudyError(f"{what}: {twice[0]} is named twice.")
@@ -246,7 +246,7 @@ def choose_columns(linear: Linearization, signals: Sequence[str]) -> tuple[Colum
     known: dict[str, list[str]] = {}
     for column in every:
         known.setdefault(column.signal, []).append(column.part)
-    _check_known("outputs", signals, known, "signal of a run")
+    _check_known("outputs", signals, known, "a signal of a run")
     return tuple(column for name in signals for column in every if name in (column.signal, column.part))
 
 

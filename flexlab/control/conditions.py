@@ -86,8 +86,8 @@ def slower_than_the_beam(around: Circumstances) -> Condition:
     """Whether the loop is slow against the beam's first mode, so that the law may treat the payload as rigid."""
     rate, first = around.slow_rate, float(np.min(around.omega))
     return Condition(
-        f"λ < ω1 (singular perturbation): the loop with a rigid payload moves at {n(rate)} 1/s, the beam's first mode at "
-        f"{n(first)} 1/s; the beam follows the better, the smaller λ/ω1 = {n(rate / first)}.",
+        f"λ < ω₁ (singular perturbation): the loop with a rigid payload moves at {n(rate)} 1/s, the beam's first mode at "
+        f"{n(first)} 1/s; λ/ω₁ = {n(rate / first)}, and the beam follows better the smaller that is.",
         rate < first,
     )
 

@@ -126,6 +126,10 @@ class Law:
         """The last error of a person's own law, as a sentence; empty if there was none."""
         return ""
 
+    def warning(self, settings: Any) -> str:
+        """Why runs of a person's own law cannot be repeated, as a sentence; empty as far as is known."""
+        return ""
+
     def is_ready(self, settings: Any) -> bool:
         """Whether a world can use it at once."""
         return True

@@ -67,6 +67,7 @@ class Report(msgspec.Struct, omit_defaults=True):
     """Number of the process in which the text runs."""
     ready: bool = False
     problem: str = ""
+    warning: str = ""
 
 
 Say = Callable[..., None]
@@ -100,9 +101,9 @@ def _serve(load: Callable[[str, str], T], answer: Callable[[T, socket.socket, Sa
     calls, reported = socket.socket(fileno=int(sys.argv[1])), socket.socket(fileno=int(sys.argv[2]))
     file = sys.argv[4]
 
-    def say(pid: int = 0, ready: bool = False, problem: str = "") -> None:
+    def say(pid: int = 0, ready: bool = False, problem: str = "", warning: str = "") -> None:
         # Lone surrogates, which UTF-8 cannot encode, are made visible.
-        reported.sendall(msgspec.json.encode(Report(pid, ready, visible(problem))) + b"\n")
+        reported.sendall(msgspec.json.encode(Report(pid, ready, visible(problem), visible(warning))) + b"\n")
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the lab, which then closes the lifeline.
     name = os.path.basename(file)
@@ -129,11 +130,15 @@ def _serve(load: Callable[[str, str], T], answer: Callable[[T, socket.socket, Sa
 
 
 def _answer_law(law: RunningLaw, calls: socket.socket, say: Say) -> None:
+    warned = False
     while (data := receive(calls, MESSAGE.itemsize + LAW_INPUT.itemsize)) is not None:
         message = np.frombuffer(data, MESSAGE, 1)[0]
         text = law.answer(message, np.frombuffer(data, LAW_INPUT, 1, MESSAGE.itemsize)[0])
         if text:
             say(problem=text)
+        if law.warning and not warned:
+            say(warning=law.warning)
+            warned = True
         message["outcome"] = FAILED if text else ANSWERED
         calls.sendall(memoryview(data)[:ANSWER_BYTES])
 

@@ -7,6 +7,7 @@ import ctypes
 import math
 import sys
 import threading
+import time
 import traceback
 from collections.abc import Callable
 from pathlib import Path
@@ -57,6 +58,13 @@ FORMER_PLACES = {
     "flexlab.own_laws.measurement": measurement,
 }  # fmt: skip
 """Modules from which texts of version 0.2.0 import."""
+UNREPEATABLE = (
+    "act gave two answers to the same measurement, so this run cannot be repeated. What a law remembers belongs in a memory, "
+    "and it may draw no random numbers."
+)
+"""The warning about a law that does not follow from gains, measurement and memory alone."""
+QUICK = 0.01
+"""Longest time of a call that is made twice, s: the second one must not make the answer late."""
 LONGEST_WORDS = 200
 """Characters of an exception's own text that are shown."""
 
@@ -186,6 +194,9 @@ class RunningLaw(RunningText):
         self._function = AnswerFunction(self._called)
         self.channel = Channel(address_of(self._function), 0, -1, -1, -1)
         self._problem, self._is_interrupted = "", False
+        self._calls = 0
+        self.warning = ""
+        """A sentence if the law gave two answers to one measurement; empty if not."""
 
     @property
     def problem(self) -> str:
@@ -197,6 +208,7 @@ class RunningLaw(RunningText):
 
     def ensure(self) -> None:
         """Forget earlier problems, as a run begins. Raises a KeyboardInterrupt that came too late for the last run."""
+        self._calls = 0
         if self.problem:
             self._problem = ""
 
@@ -221,10 +233,18 @@ class RunningLaw(RunningText):
         """Make one call with gains and memory of the `message` (fields of `MESSAGE` by name) at `now` (a `LAW_INPUT` record).
 
         Write inputs, signals and memory into the message. Return a sentence if something went wrong, empty if not. Raises
-        KeyboardInterrupt.
+        KeyboardInterrupt. The calls 1, 2, 4, 8, ... of a run are made twice, to see whether the answer is the same.
         """
+        self._calls += 1
+        again = message.copy() if not self.warning and self._calls & (self._calls - 1) == 0 else None
+        begun = time.perf_counter()
         try:
-            return self._answer(message, now)
+            problem = self._answer(message, now)
+            if again is not None and not problem and time.perf_counter() - begun < QUICK:
+                problem = self._answer(again, now)
+                if any(again[name].tobytes() != message[name].tobytes() for name in ("inputs", "signals", "memory")):
+                    self.warning = f"{self._first_line('act')}: {UNREPEATABLE}"
+            return problem
         except KeyboardInterrupt:
             raise
         except BaseException as error:

@@ -87,6 +87,11 @@ class PythonLaw(Law):
         law = hosts.known_law(settings.source)
         return "" if law is None else law.problem
 
+    def warning(self, settings: Any) -> str:
+        """Why runs of its text cannot be repeated, as a sentence; empty as far as is known."""
+        law = hosts.known_law(settings.source)
+        return "" if law is None else law.warning
+
     def is_ready(self, settings: Any) -> bool:
         """Whether it answers at once, if only with the sentence that it may not run."""
         law = hosts.known_law(settings.source)

@@ -84,7 +84,7 @@ class OwnProcess:
         self._lifeline = -1
         self._worker = 0
         self.is_loaded = False
-        self._problem = ""
+        self._problem = self._warning = ""
         self._start()
 
     @property
@@ -92,6 +92,12 @@ class OwnProcess:
         """The last problem, as a sentence; empty if there was none."""
         self._listen(0.0)
         return self._problem
+
+    @property
+    def warning(self) -> str:
+        """The warning that the process reported, as a sentence; empty if there was none."""
+        self._listen(0.0)
+        return self._warning
 
     @property
     def is_ready(self) -> bool:
@@ -214,6 +220,7 @@ class OwnProcess:
             self.is_loaded |= said.ready
             self._worker = self._worker or said.pid
             self._problem = self._problem or visible(said.problem, LONGEST_PROBLEM)
+            self._warning = self._warning or visible(said.warning, LONGEST_PROBLEM)
 
     def _give_up(self, problem: str) -> bool:
         self._problem = self._problem or problem

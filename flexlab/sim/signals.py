@@ -109,7 +109,7 @@ class Signals:
         """Deflection at mid-span less its quasi-static part: what can be driven to zero.
 
         A beam that is soft against the motion also answers its changes (forced, at the motion's own frequency): that part
-        stays and is no free ring.
+        stays and is not a free ring.
         """
         return self.midspan_deflection - self.quasi_static_deflection
 

@@ -70,14 +70,16 @@ def _check_commands(commands: Sequence[tuple[float, WorldCommand]]) -> None:
     kinds = ", ".join(kind.__name__ for kind in get_args(WorldCommand))
     example = 'as in [(1.0, ChangeScenario({"gravity": 9.81}))]'
     if not isinstance(commands, Sequence) or isinstance(commands, str):
-        raise StudyError(f"commands = {commands!r:.60} is no list: give pairs of a time in s and a command, {example}.")
+        raise StudyError(
+            f"commands = {commands!r:.60} is not a list: give pairs of a time in s and a command, {example}."
+        )
     for item in commands:
         if not isinstance(item, Sequence) or isinstance(item, str) or len(item) != 2:
             raise StudyError(f"commands has {item!r:.60}: give pairs of a time in s and a command, {example}.")
         time, command = item
         finite_number("commands: time", time, "s")
         if not isinstance(command, get_args(WorldCommand)):
-            raise StudyError(f"commands: {command!r:.60} is no command of a world: give one of {kinds}, {example}.")
+            raise StudyError(f"commands: {command!r:.60} is not a command of a world: give one of {kinds}, {example}.")
 
 
 def tick_at(time: float, sample_period: float) -> int:

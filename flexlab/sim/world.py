@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flexlab.control.law import laws
 from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import ETA
 from flexlab.scenario import Scenario, parse_scenario
@@ -74,8 +75,9 @@ class World:
 
     @property
     def accuracy_warning(self) -> str:
-        """A sentence that says since when and why results are no longer accurate; empty while they are."""
-        return self._motion.estimate.warning
+        """Why results are no longer accurate, and since when, or why they cannot be repeated; empty while all is well."""
+        law = self.scenario.controller
+        return laws()[law.kind].warning(law) or self._motion.estimate.warning
 
     @property
     def model_warning(self) -> ModelWarning:

@@ -163,8 +163,8 @@ def test_a_model_names_its_channels_and_their_units_and_prints_in_one_line():
     ("arguments", "sentence"),
     [
         ({"inputs": "joint_torqe"}, "did you mean joint_torque"),
-        ({"outputs": ("pose", "deflection")}, "'deflection' is no signal"),
-        ({"outputs": "pose_z"}, "'pose_z' is no signal of a run: did you mean pose_y"),
+        ({"outputs": ("pose", "deflection")}, "'deflection' is not a signal"),
+        ({"outputs": "pose_z"}, "'pose_z' is not a signal of a run: did you mean pose_y"),
         ({"inputs": "desired_pose_z"}, "did you mean desired_pose_y"),
         ({"outputs": ("pose", "pose_y")}, "pose_y is named twice"),
         ({"outputs": ()}, "outputs is empty"),

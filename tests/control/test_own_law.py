@@ -59,6 +59,31 @@ def test_it_gives_the_motion_of_the_built_in_law_to_the_last_bit(apart: bool):
     assert np.abs(other["push"]).max() > 1
 
 
+@pytest.mark.parametrize("apart", [False, True], ids=["here", "apart"])
+@pytest.mark.parametrize(
+    ("above", "act"),
+    [
+        ("", "return np.random.normal(size=(2, 3))"),
+        ("\n    last = 0.0", "gone, self.last = at.time - self.last, at.time\nreturn np.full((2, 3), gone)"),
+        ("\n    sum = memory(1)\n    turns = 0", "self.turns += 1\nself.sum += self.turns\nreturn np.zeros((2, 3))"),
+    ],
+    ids=["random numbers", "an attribute", "a memory of an attribute"],
+)
+def test_a_law_that_answers_one_measurement_in_two_ways_is_told_so(above: str, act: str, apart: bool):
+    hosts.run_apart(apart)
+    run = flexlab.simulate(scenario(acting(act, above), "own_bad.py"), 0.05)
+    assert run.status == "finished"
+    said = "act gave two answers to the same measurement, so this run cannot be repeated."
+    assert said in run.status.text
+    assert said in repr(run)
+
+
+@pytest.mark.parametrize("apart", [False, True], ids=["here", "apart"])
+def test_a_law_that_keeps_what_it_remembers_in_a_memory_is_not_warned_about(apart: bool):
+    hosts.run_apart(apart)
+    assert simulate(scenario(), 0.05).status.text == "Finished at t = 0.05 s."
+
+
 def test_joint_torques_and_angles_are_those_of_the_arms():
     source = acting(
         "self.angles = at.joint_angles.ravel()\nself.rates = at.joint_rates.ravel()\n"

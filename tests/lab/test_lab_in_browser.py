@@ -315,6 +315,6 @@ def test_a_law_that_takes_over_states_its_stability_conditions(page: LabPage) ->
     page.choose("Control law", "regressor-adaptive")
     page.wait_for_text("combinations of masses")
     page.choose("Control law", "none")
-    wait_until(lambda: "λ < ω1" not in page.text(), "motors that are off need nothing")
+    wait_until(lambda: "λ < ω₁" not in page.text(), "motors that are off need nothing")
     assert float(page.snapshot.display.time[0]) > float(before.display.time[0])
     assert not page.errors

@@ -122,7 +122,7 @@ def bumpless_transfer(before: Start, begin: Start, memory: dict[str, np.ndarray]
 def conditions(around: Circumstances) -> tuple[Condition, ...]:
     """The observer must be slow compared with the beam's first mode."""
     gain, first = around.scenario.controller.observer_gain, float(np.min(around.omega))
-    text = f"ℓ ≤ ω1/{n(SEPARATION)}: the observer follows at {n(gain)} 1/s, a third of the beam's first mode is "
+    text = f"ℓ ≤ ω₁/{n(SEPARATION)}: the observer follows at {n(gain)} 1/s, a third of the beam's first mode is "
     return (Condition(f"{text}{n(first / SEPARATION)} 1/s.", gain <= first / SEPARATION),)
 
 

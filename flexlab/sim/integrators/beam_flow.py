@@ -147,7 +147,7 @@ TICKS = 2
 SAVED = 9
 """Row of `Workspace.stage` that keeps η, η̇ and f of a step's beginning; its last entries keep the grips' motion."""
 START, MIDDLE = -6, -3
-"""Index in that row of v2, ω and the part of b that is no derivative, ω v1 + gravity cos θ, at these instants."""
+"""Index in that row of v2, ω and the part of b that is not a derivative, ω v1 + gravity cos θ, at these instants."""
 BEGINNING, LINE = -8, -10
 """Index in that row of two values for the beginning of a tick's last step: b, NaN if unknown, and what the line gives for it."""
 

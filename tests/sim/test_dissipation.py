@@ -21,12 +21,6 @@ def damped(boundary: str, element_count: int, damping: dict, **changes) -> Scena
     return preset.replace({f"payload.{name}": value for name, value in beam.items()} | changes)
 
 
-def unaccounted(samples: Samples) -> float:
-    """Largest error of the energy balance, relative to the loss."""
-    gained = samples.total_energy - samples.total_energy[0]
-    return float(np.abs(gained - samples.input_work + samples.dissipated_energy).max() / samples.dissipated_energy[-1])
-
-
 def test_the_loss_is_the_integral_of_the_damping_power():
     """The loss equals ∫q̇ᵀDq̇ over samples that resolve every mode; no energy balance is used."""
     scenario = damped("pinned-pinned", 2, {"kind": "stiffness", "coefficient": 2e-3})

@@ -40,7 +40,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize("command", REFUSED, ids=lambda command: str(command)[:80])
-def test_a_refused_command_is_an_event_and_the_run_goes_on(live, same_bits, command):
+def test_a_refused_command_is_an_event_and_the_run_goes_on(live, command):
     """The event is one sentence at level error; later samples are as if nothing had been asked."""
     asked, quiet = live(), live()
     for stage in (asked, quiet):

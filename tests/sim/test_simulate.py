@@ -43,7 +43,7 @@ def test_shapes_are_those_of_the_readme():
     assert len(run) == 11
 
 
-def test_commands_take_effect_as_in_a_live_world(same_bits):
+def test_commands_take_effect_as_in_a_live_world():
     """They are given unsorted and act in the order of their times, each at the first sample that is not earlier."""
     commands = [
         (0.06, Pull(0.1, (0.1, 0.9), 200.0)),

@@ -11,8 +11,9 @@ from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
 
 
-def test_a_live_runners_memory_stays_flat(live):
-    """After 11 simulated seconds, ten more with slider moves leave hardly any further memory allocated."""
+def test_a_live_runners_memory_stays_flat(live, monkeypatch):
+    """Once the history is full, ten more simulated seconds with slider moves leave hardly any further memory allocated."""
+    monkeypatch.setattr("flexlab.sim.history.HISTORY_SECONDS", 5.0)
     stage = live()
     stage.keeper.blocks = Forgetful()
     stage.play(1.0)

@@ -16,7 +16,7 @@ from numba.core.targetconfig import TargetConfig
 from numba.core.types.functions import BaseFunction
 
 from flexlab.compiled import PLAIN_PYTHON, compiled, entry_point, inlined
-from flexlab.numba_internals import QuickCache, QuickCompiler, fingerprint
+from flexlab.numba_internals import BitcodeLibrary, QuickCache, QuickCompiler, fingerprint
 
 pytestmark = pytest.mark.skipif(PLAIN_PYTHON, reason="nothing is compiled")
 
@@ -196,6 +196,8 @@ def test_only_inlined_kernels_become_part_of_the_kernels_that_call_them():
     defined = [line for line in text.splitlines() if line.startswith("define")]
     assert any("_total" in line and "next_total" not in line for line in defined)
     assert not any("next_total" in line for line in defined)
+    (alone,) = next_total._dispatcher.overloads.values()  # type: ignore[attr-defined]
+    assert isinstance(alone.library, BitcodeLibrary), "it has no machine code of its own"
 
 
 UNKNOWN_NUMBA = """

@@ -94,14 +94,14 @@ def test_the_poles_include_the_lag_of_differenced_rates():
     start = {"initial.pose": (1e-6, 0.75, 0.0), "initial.pose_rate": (0.0, 0.0, 0.0), "controller.input_delay": 1}
     found = []
     for number in (0.0, 1e9):
-        for gain in (500.0, 1000.0, 2000.0, 4000.0, 8000.0):
+        for gain in (1000.0, 2700.0, 4000.0):
             scenario = with_counts(number, **hold, **start).replace({"controller.velocity_gain": gain})
             growth = float(flexlab.modes(scenario).poles.real.max())
             run = simulate(scenario, 0.2)
             grows = run.status.failed or np.abs(run.tracking_error[-20:]).max() > 1e-6
             assert grows == (growth > 0), (number, gain, growth)
             found.append(grows)
-    assert found[:5] != found[5:] or any(found)
+    assert found == [False, False, True, False, True, True]
 
 
 def test_encoders_that_cannot_work_are_refused_or_named_as_the_cause():

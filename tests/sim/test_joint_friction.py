@@ -175,7 +175,7 @@ def test_energy_is_balanced(integrator, control):
     assert gained < (2e-3 if control and integrator == "generalized-alpha" else 2e-7) * run.input_work.max()
 
 
-@pytest.mark.parametrize("integrator", ["rk4", "etdrk4", "generalized-alpha"])
+@pytest.mark.parametrize("integrator", ["rk4", "generalized-alpha"])
 def test_all_integrators_find_the_same_motion(integrator):
     scenario = load_preset("paper").replace(FRICTION)
     one, other = (simulate(scenario.replace({"simulation.integrator": name}), 0.2) for name in ("etdrk4", integrator))
@@ -234,8 +234,7 @@ def test_friction_can_begin_and_end_during_a_run():
     assert world.observe().own["friction_loss"][0] == lost > 0
     world.apply(ChangeScenario({"joints": plain.joints}))
     assert "friction_loss" not in world.observe().own
-    assert world.advance(100) is not None
-    assert not world.status.failed
+    assert len(world.advance(100)) == 100
 
 
 def test_the_linear_model_includes_viscous_friction():

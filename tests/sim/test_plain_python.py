@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from flexlab.control.law import laws
 from flexlab.control.path import paths
@@ -159,16 +158,3 @@ def test_a_recording_of_the_first_format_opens_with_and_without_compilation(root
             [sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=False
         )
         assert (done.returncode, done.stdout) == (0, "554\n"), done.stderr[-2000:]
-
-
-@pytest.mark.parametrize("name", ["find_state", "rates"])
-def test_inlined_kernels_have_no_machine_code_of_their_own(name: str):
-    """`numba_internals` does its work: inner kernels are typed, but have no machine code to call."""
-    from flexlab.numba_internals import NOWHERE, BitcodeLibrary
-    from flexlab.sim import closed_loop
-
-    World(load_preset("paper").replace({"simulation.integrator": "rk4", "simulation.step": 1e-4})).run(1)
-    kernel = getattr(closed_loop, name)
-    assert NOWHERE == 1
-    for result in kernel._dispatcher.overloads.values():
-        assert isinstance(result.library, BitcodeLibrary)

@@ -76,7 +76,7 @@ def test_a_signal_of_a_newer_version_is_kept(run: Run, tmp_path: Path):
     newer = run.slice(0, 20).having(temperature=np.linspace(20.0, 30.0, 20))
     found = decode_block(encode_block(newer))[0]
     np.testing.assert_array_equal(found["temperature"], newer.own["temperature"])
-    assert join_blocks([found, run.slice(20, 30)]).own["temperature"][-1] != 30.0
+    assert np.isnan(join_blocks([found, run.slice(20, 30)]).own["temperature"][20:]).all()
     again = Run(**newer.signals(), scenario=run.scenario, status=run.status)
     recording = read_recording(write_run(again, tmp_path, "newer"))
     np.testing.assert_array_equal(recording.samples["temperature"], newer.own["temperature"])

@@ -151,8 +151,9 @@ def own_texts(recording: Recording, part: str) -> dict[str, str]:
     found = {first.source: first.kind} if isinstance(first, (OwnController, OwnTrajectory)) else {}
     for event in recording.events:
         changes = event.command.changes if isinstance(event.command, ChangeScenario) else {}
-        if f"{part}.source" in changes:
-            found.setdefault(changes[f"{part}.source"], str(changes.get(f"{part}.kind", first.kind)))
+        source = changes.get(f"{part}.source")
+        if isinstance(source, str):  # A recording may hold anything.
+            found.setdefault(source, str(changes.get(f"{part}.kind", first.kind)))
     return found
 
 

@@ -249,6 +249,7 @@ def command_from_values(given: Mapping[str, Any]) -> Command:
         values = dict(given)
         kind = KINDS[values.pop("kind")]
         if kind is ChangeScenario:
+            values["changes"] = dict(values["changes"])
             values.setdefault("keeps_target", False)
         if kind is LoadScenario:
             values["scenario"] = parse_scenario(values["scenario"])

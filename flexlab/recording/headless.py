@@ -43,7 +43,8 @@ class HeadlessRecording:
         self._safe: float | None = None
         self._blocks = 0
         self._in_one_piece = in_one_piece
-        self._writer = RunWriter(file, info, in_one_piece)
+        with self._telling():
+            self._writer = RunWriter(file, info, in_one_piece)
         self._run = RunEncoder(info, [self._writer.stream], notes)
 
     def write(self, samples: Samples) -> None:

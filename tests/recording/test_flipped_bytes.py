@@ -53,24 +53,28 @@ def flipped(path: Path, word: bytes, around: int) -> Iterator[Path]:
 
 # The schemas of rerun's chunks are left out: some changes there end the process that reads them.
 @pytest.mark.parametrize(
-    ("word", "around"),
+    ("word", "around", "some_are_harmless"),
     [
-        (b'"linear_density":2.0', 25),
-        (b"exact/events", 12),
-        (b"exact/samples", 13),
-        (b"exact/start", 11),
-        (b"held_torque", 300),
-        (b"Softer", 200),
+        (b'"linear_density":2.0', 25, False),
+        (b"exact/events", 12, True),
+        (b"exact/samples", 13, True),
+        (b"exact/start", 11, True),
+        (b"held_torque", 300, True),
+        (b"Softer", 200, True),
     ],
 )
-def test_a_recording_with_a_flipped_bit_is_never_read_as_another_run(sound: Path, word: bytes, around: int) -> None:
-    before = said(read_recording(sound))
+def test_a_recording_with_a_flipped_bit_is_never_read_as_another_run(
+    sound: Path, word: bytes, around: int, some_are_harmless: bool
+) -> None:
+    before, read = said(read_recording(sound)), 0
     for copy in flipped(sound, word, around):
         try:
             found = said(read_recording(copy))
         except RecordingError:
             continue
         assert found == before, copy.name
+        read += 1
+    assert (read > 0) == some_are_harmless
 
 
 @pytest.mark.parametrize(("number", "place"), [(1, 112264), (1, 113764)])

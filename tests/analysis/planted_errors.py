@@ -319,6 +319,15 @@ leg that does not reach its speed: control/paths/waypoints.py
 leg that reaches no limit but its jerk: control/paths/waypoints.py
     _cube_root(0.5 / jerk)
     _cube_root(2.0 / jerk)
+spin in the axial load: physics/axial_load.py
+    density / 2 * terms[SPIN]
+    density * terms[SPIN]
+bending in the axial load: physics/axial_load.py
+    h_force += own_h * force
+    h_force -= own_h * force
+spin in the axial stiffness: physics/axial_load.py
+    factor * terms[SPIN], eta
+    -factor * terms[SPIN], eta
 damping for which a shaper is made: sim/target.py
     np.clip(-value.real[place]
     np.clip(value.real[place]

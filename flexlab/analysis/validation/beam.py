@@ -7,7 +7,20 @@ from scipy.linalg import eigh
 from scipy.optimize import brentq
 
 from flexlab.analysis.lesson_measures import upward_frequency
-from flexlab.analysis.validation.check import Check, Runs, above, balanced, below, close, subject, true
+from flexlab.analysis.validation.check import (
+    DAMPING,
+    Check,
+    Runs,
+    above,
+    alike,
+    balanced,
+    below,
+    close,
+    general,
+    subject,
+    true,
+)
+from flexlab.analysis.validation.mass_points import MassPoints, coordinates, residual_force
 from flexlab.physics.axial_load import BUCKLING, buckling_load, geometric_matrices
 from flexlab.physics.beam import beam_matrices, shape_row, undamped_modes
 from flexlab.presets import load_preset
@@ -60,6 +73,10 @@ SPUN = {0.0: 3.5160, 1.0: 3.5432, 2.0: 3.6218, 5.0: 4.0739, 10.0: 5.0490}
 SOFTENED_AWAY = 3.516
 """γ at which a spun beam has no stiffness left in a model without axial load."""
 FELT, PLAIN = {"payload.axial_load": "first-order"}, {"payload.axial_load": "none"}
+SOFT = 5.0
+"""Bending stiffness of a beam whose modes all feel the force along it, N·m²."""
+GAUGES = (-0.25 * (1 + 3**-0.5), -0.25 * (1 - 3**-0.5), 0.25 * (1 - 3**-0.5), 0.25 * (1 + 3**-0.5))
+"""s/L of the four strain gauges: the Gauss points of the two halves."""
 PRESSED = {"controller.wanted_internal_force": 30.0}
 SPIN_UP, SPUN_FOR = 3.0, 5.0
 """Times at which the preset `spin-up` begins to spin steadily, and to spin down, s."""
@@ -87,7 +104,26 @@ def axial_load(runs: Runs) -> Iterator[Check]:
         yield close(f"cantilever spun with γ = {gamma:g}: λ", value, spun_frequency(ELEMENTS, gamma), relative=1e-3)
     softened = spun_frequency(ELEMENTS, SOFTENED_AWAY, felt=False)
     yield below(f"without the force along it, with γ = {SOFTENED_AWAY}: λ", 0.05, softened)
+    yield from _general_motion()
     yield from _motions(runs)
+
+
+def _general_motion() -> Iterator[Check]:
+    """N(s) and its work on the beam's coordinates, against mass points, in a soft beam, all of whose modes feel it."""
+    run = general("the general run of a soft beam", {**FELT, "payload.bending_stiffness": SOFT})
+    points, (_, _, rows) = MassPoints(run.scenario), coordinates(run)
+    gauges = run.scenario.payload.length * np.array(GAUGES)
+    along = [points.axial_force(run, k, run.pose_acceleration[k], gauges) for k in rows]
+    yield alike(
+        "N(s) is what the left arm and the link's motion make it: relative error", 1e-9, along, run.axial_load[rows]
+    )
+
+    def force(k: int) -> np.ndarray:
+        on_beam = DAMPING * run.beam_rates[k] + points.axial_stiffness(run, k) @ run.beam_coordinates[k]
+        return np.concatenate([run.arm_input[k].sum(axis=0), -on_beam])
+
+    error = residual_force(run, lambda _: (points.inertia, points.potential), force)
+    yield below("Lagrange's equations hold for x0, y0, θ and, with K_G, for q: relative residual", 1e-6, error.max())
 
 
 def squeezed_frequency(n: int, share: float) -> float:

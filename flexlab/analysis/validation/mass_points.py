@@ -19,22 +19,24 @@ STEP = 1e-4
 """Step of fourth-order differences, m and rad."""
 GAUSS_POINTS = 6
 """Per element, exact for the beam's kinetic energy."""
+CORRECTIONS = 30
+"""Fixed-point steps for an acceleration; a few are enough."""
 HELD = {"pinned-pinned": (0, -2), "pinned-clamped": (0, -2, -1)}
 """Boundary → which of the 2 (n + 1) nodal coordinates are zero."""
 
 
-def hermite(s: np.ndarray, length: float, n: int, boundary: str) -> tuple[np.ndarray, np.ndarray]:
-    """Rows N(s), N''(s) of a beam of n cubic elements over its free coordinates, (len(s), n_q) each; s from the middle, m."""
+def hermite(s: np.ndarray, length: float, n: int, boundary: str) -> np.ndarray:
+    """Rows N(s), N'(s), N''(s) of a beam of n cubic elements, (3, len(s), n_q) over free coordinates; s from the middle, m."""
     size = length / n
     element = np.clip(((s + length / 2) / size).astype(int), 0, n - 1)
     z = (s + length / 2) / size - element
     value = [(1 + 2 * z) * (1 - z) ** 2, size * z * (1 - z) ** 2, z * z * (3 - 2 * z), size * z * z * (z - 1)]
+    first = [(6 * z - 6) * z / size, 1 + (3 * z - 4) * z, (6 - 6 * z) * z / size, (3 * z - 2) * z]
     second = [(12 * z - 6) / size**2, (6 * z - 4) / size, (6 - 12 * z) / size**2, (6 * z - 2) / size]
-    N, N2 = np.zeros((2, len(s), 2 * n + 2))
+    rows = np.zeros((3, len(s), 2 * n + 2))
     for k in range(4):
-        N[np.arange(len(s)), 2 * element + k], N2[np.arange(len(s)), 2 * element + k] = value[k], second[k]
-    held = [place % (2 * n + 2) for place in HELD[boundary]]
-    return np.delete(N, held, axis=1), np.delete(N2, held, axis=1)
+        rows[:, np.arange(len(s)), 2 * element + k] = value[k], first[k], second[k]
+    return np.delete(rows, [place % (2 * n + 2) for place in HELD[boundary]], axis=2)
 
 
 class MassPoints:
@@ -51,7 +53,7 @@ class MassPoints:
         middle, width = (edges[1:] + edges[:-1]) / 2, np.diff(edges)[:, None] / 2
         self._s = (middle[:, None] + width * x).ravel()
         self._weight = (width * weight).ravel()
-        self._N, self._N2 = hermite(self._s, payload.length, n, payload.boundary)
+        self._N, self._N1, self._N2 = hermite(self._s, payload.length, n, payload.boundary)
 
     def payload_inertia(self, p: np.ndarray) -> np.ndarray:
         """A(p) of the payload alone, Eq. (8)."""
@@ -77,6 +79,25 @@ class MassPoints:
         """A11 - A12 A22⁻¹A21 of the straight payload, (3, 3)."""
         A = self.payload_inertia(np.concatenate([x, np.zeros(self._N.shape[1])]))
         return A[:3, :3] - A[:3, 3:] @ np.linalg.solve(A[3:, 3:], A[3:, :3])
+
+    def axial_force(self, run: Run, k: int, change: np.ndarray, s: np.ndarray) -> np.ndarray:
+        """N(s), N, of the straight link at sample k, if its pose changed with ẍ = `change`: tension is positive."""
+        x, v, length = run.pose[k], run.pose_rate[k], self._payload.length
+        M, C, G = self.arm_terms(x, v, 0)
+        left = run.arm_input[k, 0] - M @ change - C @ v - G
+        along = np.array([np.cos(x[2]), np.sin(x[2])])
+        pulled, turning = along @ change[:2] + self.gravity * along[1], 0.5 * v[2] ** 2 * (length**2 / 4 - s**2)
+        return -along @ left[:2] + self._payload.linear_density * (pulled * (s + length / 2) + turning)
+
+    def axial_stiffness(self, run: Run, k: int) -> np.ndarray:
+        """K_G at sample k, with N(s) of the ẍ that the payload would have without it."""
+        q, change = run.beam_coordinates[k], run.pose_acceleration[k]
+        inertia = self.inertia(np.concatenate([run.pose[k], q]))
+        for _ in range(CORRECTIONS):
+            force = self._weight * self.axial_force(run, k, change, self._s)
+            K_G = np.einsum("k,ka,kb->ab", force, self._N1, self._N1)
+            change = run.pose_acceleration[k] + np.linalg.solve(inertia, np.concatenate([np.zeros(3), K_G @ q]))[:3]
+        return K_G
 
     def filled(self, factor: float) -> "MassPoints":
         """The same mass points with a payload whose density is `factor` times as large."""

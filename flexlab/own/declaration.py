@@ -33,8 +33,8 @@ class OwnLaw:
     `at.from_torques(joint_torques)` makes of joint torques. `at`: a `Measurement`. Within it `self.<gain>` is the gain's
     present value, `self.<memory>` an array to read and change, `self.<readout>` a number to set.
 
-    `act` must follow from gains, measurement and memory alone: the engine may ask twice for one instant, to check its own
-    accuracy, and a replay asks again. What it needs to remember belongs in a memory, which recordings keep.
+    `act` must follow from gains, measurement and memory alone: the engine asks twice for some instants, to check its own
+    accuracy and the law, and a replay asks again. What a law needs to remember belongs in a memory, which recordings keep.
     """
 
     period: float = DEFAULT_PERIOD

@@ -47,13 +47,16 @@ def test_a_zero_has_no_sign_and_a_rounding_error_is_no_difference() -> None:
 
 
 def test_sizes_and_durations_are_rounded_as_people_write_them() -> None:
-    assert [size_text(size) for size in (0, 999.7, 1500, 2.5e6, 9.996e11)] == [
-        "0 B",
-        "1000 B",
-        "1.5 kB",
-        "2.5 MB",
-        "1000 GB",
-    ]
+    sizes = {
+        0: "0 B",
+        999: "999 B",
+        1500: "1.5 kB",
+        999_700: "1 MB",
+        2.5e6: "2.5 MB",
+        9.996e11: "1 TB",
+        2e15: "2000 TB",
+    }
+    assert {size: size_text(size) for size in sizes} == sizes
     assert [duration_text(span) for span in (None, 1e-5, 3.0, 179.7)] == ["–", "10⁻⁵ s", "3 s", "3 min 00 s"]
 
 

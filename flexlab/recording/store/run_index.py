@@ -267,11 +267,11 @@ def state_word(row: RunRow) -> str:
 
 def size_text(size: float) -> str:
     """A size, bytes, as a text with a suitable unit."""
-    for unit in ("B", "kB", "MB"):
-        if size < 1000:
+    for unit in ("B", "kB", "MB", "GB"):
+        if size < 999.5:  # What is shown as 1000 is one of the next unit.
             return f"{number_text(size, 3)} {unit}"
         size /= 1000
-    return f"{number_text(size, 3)} GB"
+    return f"{number_text(size, 3)} TB"
 
 
 def duration_text(duration: float | None) -> str:

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from flexlab.errors import ScenarioError
@@ -74,13 +74,18 @@ def test_any_value_in_any_field_gives_a_scenario_or_sentences(path, value):
     check(with_value(path, value))
 
 
-@given(path=st.sampled_from(paths(PAPER)), name=st.text(min_size=1, max_size=12))
-def test_an_unknown_field_gives_sentences_and_is_refused(path, name):
-    data = with_value((*path[:-1], name), 1.5)
-    if name not in PAPER and path[:-1] == ():
-        with pytest.raises(ScenarioError):
-            parse_scenario(data)
-    check(data)
+@given(path=st.sampled_from(paths(PAPER)), name=st.text(min_size=1, max_size=12) | st.just("\ud800"))
+def test_an_unknown_field_gives_a_sentence_with_its_name_and_is_refused(path, name):
+    place = (*path[:-1], name)
+    assume(place not in paths(PAPER))
+    scenario, problems = parsed(with_value(place, 1.5))
+    assert scenario is None
+    ((field, sentence),) = problems
+    assert sentence.startswith(f"{field} is not a scenario field")
+    assert field.startswith(".".join(path[:-1]))
+    if name.isidentifier():
+        assert field == ".".join(place)
+    check(with_value(place, 1.5))
 
 
 @pytest.mark.parametrize("path", [path for path in paths(PAPER) if path[-1] not in ("title", "watch")])

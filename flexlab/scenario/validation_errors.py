@@ -97,7 +97,7 @@ def unknown_field(path: str, here: Iterable[str], anywhere: Iterable[str] = ()) 
 
 def problem(model: type[Part], item: Any) -> tuple[str, str]:
     """(path, sentence) for one pydantic error in data for `model`."""
-    path, about, _ = locate(model, item["loc"])
+    path, about, parts = locate(model, item["loc"])
     unit = about.unit_text() if about else ""
     shown = _shown(item["input"])
     kind, text = item["type"], item["msg"]
@@ -109,6 +109,9 @@ def problem(model: type[Part], item: Any) -> tuple[str, str]:
             nested = ": {".join(f'"{name}"' for name in key.split(".")) + ": …" + "}" * key.count(".")
             return path, f"{path} names a field by its path: nest it, as in {{{nested}}}."
         return path, unknown_field(path, here, known)
+    if kind == "string_unicode" and parts:  # A name with half a character: pydantic names the part that holds it.
+        name = f"{path}.{shown}" if path else shown
+        return name, unknown_field(name, field_paths(model))
     if kind == "missing":
         return path, f"{path} is missing: give it a value."
     if kind == "range":
@@ -125,7 +128,7 @@ def problem(model: type[Part], item: Any) -> tuple[str, str]:
         return path, f"{path}.kind is missing: give it a value."
     if kind in ("model_type", "model_attributes_type"):
         return path, f"{path} = {shown} is not usable: it has fields of its own, so give a dictionary of them."
-    if kind == "string_type":
+    if kind in ("string_type", "string_unicode"):
         return path, f"{path} = {shown} is not usable: give a text."
     if kind in ("mesh", "arms", "inertia", "sampling", "integrator", "path"):
         return path, f"{path + ': ' if path else ''}{text}."

@@ -133,7 +133,7 @@ def test_spillover_grows_at_the_rate_of_the_poles(kept: int):
 
 
 def test_the_estimated_modes_follow_the_true_ones():
-    """On a moving, ringing beam without noise, modes 1 and 3 are estimated to 5 %, though the model is that of one pose."""
+    """On a moving, ringing beam without noise, all four are estimated to 2 %, though the model is that of one pose."""
     law = {"controller.kind": "composite", "controller.control_period": 1e-3, "controller.input_delay": 1}
     own = {"controller.observer.kind": "kalman", "controller.observer.observer_modes": 4}
     world = World(load_preset("paper").replace({**law, **own, "controller.lateral_vibration_gain": 5.0}), 1e-3)
@@ -147,4 +147,4 @@ def test_the_estimated_modes_follow_the_true_ones():
         pairs.append((y[memory][6 : 6 + n], y[ETA : ETA + n][rank]))
     estimate, truth = np.moveaxis(np.array(pairs), 1, 0)
     error = np.abs(estimate - truth).max(axis=0) / np.abs(truth).max(axis=0)
-    assert np.all(error[[0, 2]] < 0.05), error
+    assert np.all(error < 0.02), error

@@ -1,6 +1,6 @@
 """A change of law in motion: the torques jump only by the difference of the two laws, and replays repeat the change."""
 
-from itertools import pairwise, permutations
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -149,7 +149,3 @@ def test_a_headless_run_has_the_signals_of_each_law_while_it_acts():
     at_work = np.isfinite(run["twisting_force"][:, 0])
     np.testing.assert_array_equal(np.flatnonzero(at_work), np.arange(21, 41))
     assert np.isfinite(run["disturbance_estimate"][41:61]).all()
-
-
-def test_there_are_ninety_pairs_of_laws():
-    assert len(list(permutations(LAWS, 2))) == len(LAWS) * (len(LAWS) - 1) == 90

@@ -78,7 +78,7 @@ def test_the_load_share_divides_the_torques_and_not_the_motion(share: float):
     halves = simulate(load_preset("paper").replace(changes), 0.2)
     run = simulate(load_preset("paper").replace(changes | {"controller.load_share": share}), 0.2)
     np.testing.assert_allclose(run.pose, halves.pose, rtol=0, atol=1e-12)
-    total = 2 * (run.arm_input[:, 0] - halves.arm_input[:, 0]) / (2 * share - 1) if share != 0.5 else None
+    total = 2 * (run.arm_input[:, 0] - halves.arm_input[:, 0]) / (2 * share - 1)
     np.testing.assert_allclose(run.arm_input.sum(axis=1), halves.arm_input.sum(axis=1), rtol=0, atol=1e-8)
     again = simulate(load_preset("paper").replace(changes | {"controller.load_share": 0.9}), 0.2)
     np.testing.assert_allclose(total, 2 * (again.arm_input[:, 0] - halves.arm_input[:, 0]) / 0.8, rtol=0, atol=1e-7)

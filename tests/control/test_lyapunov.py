@@ -34,14 +34,11 @@ class Proof(NamedTuple):
     s: np.ndarray
     Psi: np.ndarray
     """(N, 3)."""
-    bound: np.ndarray
-    """b (1 + ‖x‖ + ‖ẋ‖²), (N,)."""
     V: np.ndarray
     dissipation: np.ndarray
     """sᵀKs, (N,)."""
     predicted: np.ndarray
     """V̇ by the proof's equality, before any bound is used, (N,)."""
-    b: float
 
 
 def rigid_payload(beam, theta: float) -> np.ndarray:
@@ -89,7 +86,7 @@ def proof(request) -> Proof:
     robust = norm * (samples.bound_estimates * growth).sum(axis=1)
     adapting = norm * (missing * growth).sum(axis=1)
     predicted = -dissipation - robust + (s * Psi).sum(axis=1) - adapting
-    return Proof(samples, s, Psi, b * growth.sum(axis=1), V, dissipation, predicted, b)
+    return Proof(samples, s, Psi, V, dissipation, predicted)
 
 
 def slope(V: np.ndarray) -> np.ndarray:
@@ -97,13 +94,10 @@ def slope(V: np.ndarray) -> np.ndarray:
     return (8 * (V[3:-1] - V[1:-3]) - (V[4:] - V[:-4])) / (12 * PERIOD)
 
 
-def test_psi_stays_within_its_bound_and_reaches_it(proof: Proof):
-    """‖Ψ‖ ≤ b_0 + b_1‖x‖ + b_2‖ẋ‖² (Eq. 22) along the run, by the choice of b; Ψ is large enough to matter."""
-    norm = np.linalg.norm(proof.Psi, axis=1)
-    assert len(norm) > 1000
-    assert np.all(norm <= proof.bound * (1 + 1e-12))
-    assert norm.max() > 10
-    assert (norm / proof.bound).max() == pytest.approx(1, abs=1e-12)
+def test_psi_is_large_and_acts_for_long(proof: Proof):
+    """Otherwise the tests below would prove little."""
+    assert len(proof.Psi) > 1000
+    assert np.linalg.norm(proof.Psi, axis=1).max() > 10
 
 
 def test_the_closed_loop_obeys_the_equality_of_the_proof(proof: Proof):

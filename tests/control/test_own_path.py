@@ -83,13 +83,16 @@ def test_options_are_fields_with_sliders_and_a_change_evaluates_the_function_aga
         chosen.replace({"trajectory.radius": 3.0})
 
 
-def test_a_change_in_motion_does_not_make_the_target_jump():
+def test_after_a_change_in_motion_the_target_goes_on_from_its_place():
     world = World(scenario())
     world.advance(300)
     before = world.observe().desired_pose
     world.apply(ChangeScenario({"trajectory.period": 4.0}))
     np.testing.assert_allclose(world.observe().desired_pose, before, rtol=0, atol=1e-8)
-    assert len(world.advance(50)) == 50
+    after = world.advance(50)
+    turn = 2 * np.pi * (0.3 / 2.0 + (after.time - 0.3) / 4.0)
+    x_d = np.stack([0.1 * np.sin(turn), 0.75 + 0.05 * np.cos(turn), 0.1 * np.sin(turn)], axis=1)
+    np.testing.assert_allclose(after.desired_pose, x_d, rtol=0, atol=1e-8)
 
 
 def test_a_recording_replays_without_the_code_even_after_changes(tmp_path: Path):
@@ -236,8 +239,10 @@ POSITION = "    def position(self, t): ...\n"
     ],
 )
 def test_an_unusable_declaration_is_refused(source: str, said: str):
+    known = list(paths())
     with pytest.raises(ScenarioError, match=said):
         add_own_path(source, "own.py")
+    assert list(paths()) == known
 
 
 def test_a_target_out_of_reach_is_reported_with_its_time():

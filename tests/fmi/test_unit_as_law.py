@@ -20,6 +20,7 @@ from flexlab.own.files import LAW_FILES, law_kind
 from flexlab.own.unit import unit_in
 from flexlab.presets import load_preset
 from flexlab.quantities import base_exponents
+from flexlab.scenario.field_text import options
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.world import World
 
@@ -242,9 +243,12 @@ def test_a_recording_names_the_file_and_a_replay_needs_it(
     )
 
 
-def test_a_unit_in_the_folder_of_laws_is_added(exported: Exported, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_unit_in_the_folder_of_laws_is_added_to_the_menu(
+    exported: Exported, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "presets/laws").mkdir(parents=True)
     shutil.copy(exported(load_preset("paper")), tmp_path / "presets/laws/mine.fmu")
     assert LAW_FILES.add_all() == []
-    assert law_kind("fmu-mine") == "fmu-mine"
+    assert "fmu-mine" in options("controller.kind")
+    assert flexlab.simulate("paper", 0.01, law="fmu-mine").status == "finished"

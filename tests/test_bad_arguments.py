@@ -151,12 +151,11 @@ def test_a_pose_must_be_three_numbers(pose: Any):
 
 @pytest.mark.parametrize("given", [-1, 1.5, "1", None, True, [1], object()])
 def test_a_seed_must_be_a_whole_number(given: Any):
-    one_sentence(lambda: flexlab.tune("paper", {EI: "50:60"}, duration=0.01, candidates=8, seed=given), "seed = ")
-    one_sentence(
+    for ask in (
+        lambda: flexlab.tune("paper", {EI: "50:60"}, duration=0.01, candidates=8, seed=given),
         lambda: flexlab.sweep("paper", {EI: "50:60"}, 0.01, design="sobol", samples=2, seed=given),
-        "seed = ",
-        "at least 0",
-    )
+    ):
+        one_sentence(ask, "seed = ", "give a whole number of at least 0")
 
 
 @pytest.mark.parametrize("given", [None, 0, -5, 2.5, "all", [1], np.zeros(2), math.nan])
@@ -302,7 +301,11 @@ def test_a_leaderboard_without_laws_or_cases_is_refused():
 
 @pytest.mark.parametrize("given", [np.zeros(3), 5, True, "x", object(), [5]])
 def test_changes_and_robust_scenarios_must_be_a_dictionary_or_a_list(given: Any):
-    one_sentence(lambda: flexlab.tune("paper", {EI: "50:60"}, robust=given, duration=0.01, candidates=8), "not")
+    one_sentence(
+        lambda: flexlab.tune("paper", {EI: "50:60"}, robust=given, duration=0.01, candidates=8),
+        "robust = ",
+        "is not usable",
+    )
     one_sentence(lambda: flexlab.tune("paper", given, duration=0.01, candidates=8), "change = ", "is not usable")
 
 

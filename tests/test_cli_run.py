@@ -79,11 +79,14 @@ def test_forces_beyond_all_bounds_are_one_sentence_and_no_warning(flexlab_proces
 
 
 def test_a_run_that_fails_sets_the_exit_code_and_says_why_in_json(flexlab_command: Command, tmp_path: Path):
-    done = flexlab_command("run", "paper", "--set", "trajectory.center=[0, 1.6, 0]", "--json", "--duration", "0.1")
+    save_scenario(Scenario().replace({"trajectory.center": [0.0, 1.6, 0.0]}), tmp_path / "far.json")
+    done = flexlab_command("run", "paper", "far.json", "soft-beam", "--json", "--duration", "0.1")
     assert done.returncode == 1
-    (run,) = json.loads(done.stdout)
-    assert run["status"] == "unreachable"
-    assert run["text"] == done.stderr.strip()
+    runs = json.loads(done.stdout)
+    assert [(run["name"], run["status"]) for run in runs] == [
+        ("paper", "finished"), ("far", "unreachable"), ("soft-beam", "finished"),
+    ]  # fmt: skip
+    assert runs[1]["text"] in done.stderr.strip()
 
 
 @pytest.mark.parametrize(

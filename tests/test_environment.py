@@ -93,4 +93,7 @@ def test_too_few_file_handles_give_one_sentence(tmp_path: Path, handles: int, wo
     assert says in said.stderr
     assert said.stderr.count("\n") == 1
     assert said.returncode
+
+
+def test_a_lack_of_memory_is_one_sentence():
     assert refusal(MemoryError()) == "No memory is left: close other programs, or allow more (ulimit -v)."

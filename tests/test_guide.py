@@ -12,6 +12,7 @@ from flexlab.analysis.lesson_checks import read_check
 from flexlab.assets import web_assets_folder
 from flexlab.lab.view_settings import fitting_exaggeration, tamed_exaggeration
 from flexlab.presets import load_preset, preset_names
+from flexlab.scenario.field_text import options
 from flexlab.sim.simulate import simulate
 from flexlab.text import number_text
 
@@ -72,9 +73,12 @@ def test_a_lesson_has_all_its_parts(lesson: guide.Lesson):
 
 
 @pytest.mark.parametrize(("name", "text"), texts())
-def test_texts_name_presets_and_pictures_that_exist(name: str, text: str):
+def test_texts_name_presets_paths_shapers_fields_and_pictures_that_exist(name: str, text: str):
     for word in re.findall(r"preset `([^`]+)`", text.replace("\n", " ")):
         assert word in preset_names()
+    known = {*preset_names(), *options("trajectory.kind"), *options("trajectory.shaper")}
+    for word in re.findall(r"`([a-z][\w.-]*)`", text):
+        assert load_preset("paper").has(word) if "." in word else word in known, word
     assert "![" not in text, "a picture that was not found"
     assert "[symbols" not in text
 
@@ -103,7 +107,7 @@ def test_symbol_tables_come_from_the_symbol_table():
 def test_a_file_that_is_no_lesson_is_refused(tmp_path: Path):
     file = tmp_path / "1-broken.md"
     file.write_text("# no head\n", encoding="utf-8")
-    with pytest.raises(ValueError, match="not a lesson"):
+    with pytest.raises(ValueError, match=r"1-broken\.md is not a lesson: line 1: a lesson begins with a line ---"):
         guide._lesson(file)
 
 

@@ -70,12 +70,8 @@ def folder(recorded: Path, tmp_path: Path) -> Path:
         ROUND.replace("        turn =", f"        raise ValueError({HOSTILE + MARKUP!r})\n        turn =")
     )
     time = np.linspace(0, 1, 200)
+    rows = "\n".join(f"{t},{y}" for t, y in zip(time, np.exp(-3 * time) * np.sin(90 * time), strict=True))
     for name, heading in (("odd.csv", f'"{HOSTILE}","{MARKUP}"'), ("fit.csv", f't [s],"{HOSTILE} [mm]"')):
-        rows = (
-            "\n".join(f"{t},{y}" for t, y in zip(time, np.exp(-3 * t * time) * np.sin(90 * time), strict=True))
-            if (t := 1.0)
-            else ""
-        )
         (tmp_path / name).write_text(f"{heading}\n{rows}\n", encoding="utf-8", newline="\n")
     for file in recorded.glob("*.rrd"):
         notes = {"note": HOSTILE + MARKUP, "tags": [HOSTILE, MARKUP], "preset": HOSTILE, "status": HOSTILE}
@@ -176,7 +172,7 @@ def test_a_terminal_gets_the_styles_of_flexlab_and_no_others(monkeypatch: pytest
     assert without_styles.count("not red[/red]") >= 3
 
 
-def test_control_characters_in_logs_are_not_obeyed(flexlab_process: Command, capsys: pytest.CaptureFixture[str]):
+def test_control_characters_in_logs_are_not_obeyed():
     assert logging.lastResort is not None
     with pytest.raises(SystemExit):
         flexlab.cli.main(["--version"])

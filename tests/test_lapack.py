@@ -1,5 +1,6 @@
 """Decompositions without Python's global lock: they agree with scipy, and other threads run meanwhile."""
 
+import sys
 import threading
 import time
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from flexlab.lapack import complex_schur, eigenvectors
+from flexlab.lapack import _routine, complex_schur, eigenvectors
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 10, 70])
@@ -42,19 +43,27 @@ def test_anything_but_a_finite_square_matrix_is_refused(A: np.ndarray):
 
 
 @pytest.mark.parametrize("decompose", [complex_schur, eigenvectors])
-def test_other_threads_run_during_a_decomposition(decompose):
-    """If the lock is held, this thread cannot count until the decomposition is over."""
-    A = np.random.default_rng(0).normal(size=(400, 400))
-    over = threading.Event()
+def test_other_threads_run_during_a_decomposition(decompose, monkeypatch: pytest.MonkeyPatch):
+    """Python itself never takes the lock from a thread here, so this one runs only if a routine has released it."""
+    at_work, seen = [], 0
 
-    def work() -> None:
-        decompose(A)
-        over.set()
+    def watched(name: str, count: int):
+        def call(*arguments: int) -> None:
+            at_work.append(name)
+            _routine(name, count)(*arguments)
+            at_work.clear()
 
-    thread, looks = threading.Thread(target=work), 0
-    thread.start()
-    while not over.is_set():
-        time.sleep(1e-4)
-        looks += 1
-    thread.join()
-    assert looks > 20
+        return call
+
+    monkeypatch.setattr("flexlab.lapack._routine", watched)
+    thread = threading.Thread(target=decompose, args=(np.random.default_rng(0).normal(size=(400, 400)),))
+    usual = sys.getswitchinterval()
+    sys.setswitchinterval(1000)
+    try:
+        thread.start()
+        while thread.is_alive():
+            time.sleep(1e-4)
+            seen += bool(at_work)
+    finally:
+        sys.setswitchinterval(usual)
+    assert seen

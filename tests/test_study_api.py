@@ -246,7 +246,7 @@ def test_the_ring_of_a_run_in_memory_begins_after_its_tap():
 @pytest.mark.parametrize(
     "path", sorted((Path(__file__).parent / "recording" / "golden").glob("format-*/*.rrd")), ids=str
 )
-def test_a_recording_that_is_read_into_python_replays_as_its_file_does(tmp_path: Path, path: Path):
+def test_a_recording_that_is_read_into_python_replays_as_its_file_does(path: Path):
     """It keeps its start, commands and sample period, and what computed it."""
     first = flexlab.replay(path)
     again = flexlab.replay(flexlab.read(path))

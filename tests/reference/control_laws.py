@@ -1,7 +1,5 @@
 """Every control law written in NumPy as its equation reads: it maps what it sees to u_i and the rate of its memory."""
 
-from collections.abc import Callable
-
 import numpy as np
 
 from reference.flexible_system import Law, Seen, inverse_kinematics
@@ -146,6 +144,3 @@ def start(seen: Seen) -> np.ndarray:
     if law.kind == "disturbance-observer":
         return np.concatenate([_momentum(seen), np.zeros(3)])
     return np.zeros(3)
-
-
-Start = Callable[[Seen], np.ndarray]

@@ -38,7 +38,7 @@ class PinocchioArm:
         return np.array([first, bend, last - first - bend])
 
     def in_task_space(self, pose: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, ...]:
-        """M̄ (3, 3), C̄ (3, 3), Ḡ (3,) and 𝒥 (3, 3) by Eqs. (12), (13)."""
+        """M̄ (3, 3), C̄ (3, 3) and Ḡ (3,) by Eqs. (12), (13)."""
         angles, rotation = self.angles(pose), np.array([-np.sin(pose[2]), np.cos(pose[2])])
         arm_at = self.side * self.payload_length / 2
         J_x, J_x_rate = np.eye(3), np.zeros((3, 3))
@@ -56,7 +56,7 @@ class PinocchioArm:
         M = np.triu(M) + np.triu(M, 1).T
         C = pin.computeCoriolisMatrix(self.model, self.data, angles, speeds).copy()
         G = pin.computeGeneralizedGravity(self.model, self.data, angles).copy()
-        return J.T @ M @ J, J.T @ (C @ J + M @ J_rate), J.T @ G, J
+        return J.T @ M @ J, J.T @ (C @ J + M @ J_rate), J.T @ G
 
 
 def pinocchio_arms(scenario) -> list[PinocchioArm]:

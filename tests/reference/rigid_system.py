@@ -42,7 +42,7 @@ class RigidSystem:
         """d/dt of (x, ẋ, b̂)."""
         law = self.scenario.controller
         x, v, b_hat = state[:3], state[3:6], state[6:]
-        terms = [arm.in_task_space(x, v)[:3] for arm in self.arms]
+        terms = [arm.in_task_space(x, v) for arm in self.arms]
         M, C, G = (sum(part) for part in zip(*terms, strict=True))
         x_d, v_d, a_d = self.desired(t)
         e, e_dot = x - x_d, v - v_d

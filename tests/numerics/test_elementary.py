@@ -22,7 +22,7 @@ def off(value: float, exact: mpmath.mpf) -> float:
 def worst(values: np.ndarray, exact: Callable[..., mpmath.mpf], *arguments: np.ndarray) -> float:
     with mpmath.workprec(1300):
         given = zip(*(map(mpmath.mpf, row.tolist()) for row in arguments), strict=True)
-        return max(off(value, exact(*each)) for value, each in zip(values, given, strict=True))
+        return np.max([off(value, exact(*each)) for value, each in zip(values, given, strict=True)])  # NaN if one is.
 
 
 @pytest.fixture

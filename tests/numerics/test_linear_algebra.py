@@ -90,6 +90,7 @@ def test_eigenvalues_are_those_of_numpy_and_eigenvectors_belong_to_them(n: int, 
     assert all(value.conjugate() in found for value in pairs)
     for value in found[:3]:
         v = eigenvector(A, value)
+        assert np.linalg.norm(v) == pytest.approx(1, rel=1e-14)
         np.testing.assert_allclose(A @ v, value * v, rtol=0, atol=1e-11 * n * np.abs(A).max())
     assert spectral_radius(A) == pytest.approx(scale, rel=3e-4)
 
@@ -131,9 +132,8 @@ def test_exponentials_and_phi_functions_are_those_of_scipy(size: float, random: 
     for block in range(3):
         whole[8 * block : 8 * block + 8, 8 * block + 8 : 8 * block + 16] = np.eye(8)
     expected = scipy.linalg.expm(whole)[:8]
-    for k, found in enumerate(phi_functions(A)[0]):
-        atol = 1e-15 * max(30.0, 30 * size)
-        np.testing.assert_allclose(found, expected[:, 8 * k : 8 * k + 8], rtol=0, atol=atol)
+    for found, wanted in zip(phi_functions(A)[0], np.hsplit(expected, 4), strict=True):
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-15 * max(30.0, 30 * size))
 
 
 def test_a_slow_part_beside_a_fast_one_keeps_its_digits() -> None:

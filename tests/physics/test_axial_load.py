@@ -9,7 +9,6 @@ from flexlab.physics.axial_load import (
     buckling_load,
     geometric_matrices,
     geometric_stiffness,
-    in_modes,
     part_beyond,
 )
 from flexlab.physics.beam import shape_row
@@ -57,7 +56,7 @@ def test_the_parts_before_and_beyond_a_hand_make_up_the_whole() -> None:
     before = whole - part_beyond(L, 4, "clamped-pinned", -0.07)
     mirrored = part_beyond(L, 4, "pinned-clamped", 0.07)
     eigen = np.linalg.eigvalsh(before), np.linalg.eigvalsh(mirrored)
-    np.testing.assert_allclose(*eigen, atol=1e-12 * np.abs(eigen[0]).max())
+    np.testing.assert_allclose(*eigen, rtol=0, atol=1e-12 * np.abs(eigen[0]).max())
 
 
 def test_modal_matrices_are_symmetric_and_agree_with_the_nodal_ones() -> None:
@@ -66,8 +65,7 @@ def test_modal_matrices_are_symmetric_and_agree_with_the_nodal_ones() -> None:
     for found, nodal in zip(beam.axial, G, strict=False):
         np.testing.assert_array_equal(found, found.T)
         exact = beam.modes.V.T @ nodal @ beam.modes.V
-        np.testing.assert_allclose(found, exact, atol=1e-12 * np.abs(exact).max())
-    np.testing.assert_array_equal(in_modes(np.eye(2), np.eye(2)), np.eye(2))
+        np.testing.assert_allclose(found, exact, rtol=0, atol=1e-12 * np.abs(exact).max())
     assert build_beam(Payload(element_count=5)).axial.shape == (4, 0, 0)
 
 

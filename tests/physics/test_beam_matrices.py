@@ -19,12 +19,10 @@ STATIC = {
 """Boundary → w EI/(p L⁴) of a beam under the uniform load p, at z = s/L + ½."""
 
 
-@pytest.mark.parametrize("n", [1, 2, 5, 16])
+@pytest.mark.parametrize("n", [2, 5, 16])
 @pytest.mark.parametrize("boundary", STATIC)
 def test_uniform_load_bends_the_nodes_exactly(n: int, boundary: str):
     """K_F q = ∫N p ds: the deflections at the nodes of cubic elements are exact."""
-    if (n, boundary) == (1, "clamped-clamped"):
-        n = 2
     beam = beam_matrices(LENGTH, RHO, EI, n, boundary)
     load = 3.0
     q = np.linalg.solve(beam.K_F, load / RHO * beam.h)
@@ -74,6 +72,6 @@ def test_two_pinned_elements_have_the_papers_coordinates():
     left, middle, right = (shape_row(s, LENGTH, 2, "pinned-pinned") for s in (-at + step, 0.0, at - step))
     beyond = shape_row(step, LENGTH, 2, "pinned-pinned")
     np.testing.assert_allclose(left / step, [1, 0, 0, 0], atol=1e-5)
-    np.testing.assert_allclose(middle, [0, 1, 0, 0], atol=1e-15)
+    np.testing.assert_allclose(middle, [0, 1, 0, 0], rtol=0, atol=1e-15)
     np.testing.assert_allclose((beyond - middle) / step, [0, 0, 1, 0], atol=1e-5)
     np.testing.assert_allclose(-right / step, [0, 0, 0, 1], atol=1e-5)

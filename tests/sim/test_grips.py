@@ -119,7 +119,7 @@ def test_independent_equations_of_the_same_machine_give_the_same_motion(preset, 
     for i, side in enumerate(("left", "right")[: len(scenario.arms)]):
         arm = y[:, 6 + 2 * n + 6 * i :]
         turned = np.diff(arm[:, :3], axis=1, prepend=0.0) - run.joint_angle[:, i]
-        np.testing.assert_allclose((turned + np.pi) % (2 * np.pi), np.pi, atol=1e-8)
+        np.testing.assert_allclose((turned + np.pi) % (2 * np.pi), np.pi, rtol=0, atol=1e-8)
         seen = [machine.grip(i, a[:3], a[3:6], at[:3], at[3 + n : 6 + n]) for a, at in zip(arm, y, strict=True)]
         np.testing.assert_allclose(run.own[f"{side}_grip_displacement"], [one[3] for one in seen], rtol=0, atol=1e-8)
         given = run.internal_force[:, i] + run.moving_force

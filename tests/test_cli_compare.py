@@ -65,7 +65,7 @@ def test_a_run_is_compared_with_itself_under_other_settings(flexlab_command: Com
         (["newest"], "needs two runs at least"),
         (["newest", "--set", "gravty=1"], "did you mean gravity?"),
         (["newest", "zzz"], "no recording zzz"),
-        (["newest"] * 7, "7 runs cannot be compared: choose 2 to 6"),
+        (["newest"] * 7, "Choose 2 to 6 runs to compare, not 7."),
         (["newest", "newest", "--save", "both.png"], "give a name that ends in .rrd"),
         (["newest", "newest", "--save", "no/such/both.rrd"], "cannot be written to no/such/both.rrd"),
         (["newest", "junk.rrd"], "not a rerun recording"),

@@ -48,7 +48,7 @@ def write_comparison(
     each piece that was written. Raises `RecordingError`.
     """
     if not 2 <= len(recordings) <= MOST_RUNS:
-        raise RecordingError(f"{len(recordings)} runs cannot be compared: choose 2 to {MOST_RUNS}.")
+        raise RecordingError(f"Choose 2 to {MOST_RUNS} runs to compare, not {len(recordings)}.")
     stream = new_stream(APPLICATION)
     try:
         encoded = stream.binary_stream()

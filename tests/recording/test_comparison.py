@@ -112,7 +112,7 @@ def test_time_is_counted_from_each_runs_first_sample(recording_file: Path, tmp_p
 
 
 def test_what_cannot_be_compared_is_refused_with_a_reason(recording_file: Path, tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match="1 runs cannot be compared: choose 2 to 6"):
+    with pytest.raises(RecordingError, match="Choose 2 to 6 runs to compare, not 1"):
         compare_into([recording_file], tmp_path / "x.out")
     with pytest.raises(RecordingError, match="There is no recording"):
         compare([recording_file, tmp_path / "no.rrd"])

@@ -87,7 +87,7 @@ def standing(pid: int) -> Iterator[None]:
 def test_pages_are_served_while_labs_open(open_another: Callable[..., FrontServer]):
     count = (os.cpu_count() or 1) + 6
     server = open_another(private=True, max_sessions=count, max_per_address=count)
-    pid = getattr(forkserver._forkserver, "_forkserver_pid", 0)  # type: ignore[attr-defined]
+    pid = forkserver._forkserver._forkserver_pid  # type: ignore[attr-defined]
     begun: list[asyncio.Task[Lab]] = []
 
     async def begin() -> None:

@@ -241,7 +241,6 @@ def test_a_lab_goes_on_after_mutated_messages_of_every_kind(
         address = f"ws://127.0.0.1:{front_server.port}/lab"
         thread.submit(Attack(address, messages=800, seed=7).run).result()
     (place,) = front_server.places.running()
-    assert place.status().state in ("running", "paused", "stopped")
     assert ask(front_server.url, "/lab/stiff-beam").status == 303
     wait_until(lambda: place.status().name == "stiff-beam", "a fresh visitor gets what they ask for")
     a_fresh_visitor_sees_a_moving_lab(front_server)

@@ -14,7 +14,7 @@ from http_client import ask, wait_until
 from person import TOKEN
 
 from flexlab.server.front_server import FrontServer
-from flexlab.server.limits import MOST_HELD, MOST_PENDING
+from flexlab.server.limits import MOST_PENDING
 
 
 def send(server: FrontServer, words: bytes) -> bytes:
@@ -113,7 +113,6 @@ def test_few_answers_are_held_back_at_once_and_signed_in_visitors_get_in(open_an
         thread.join()
     assert statuses.count(429) >= 60 - 10 - 2 * MOST_PENDING, statuses
     assert set(statuses) == {401, 429}
-    assert MOST_HELD >= MOST_PENDING
     assert ask(server.url, f"/?token={TOKEN}").status == 303, "the right token passes as soon as nobody guesses"
 
 

@@ -1,17 +1,21 @@
 """The addresses and QR codes that a class is given, and the panel's sentence about the recording."""
 
-import ipaddress
+import re
 from pathlib import Path
+from urllib.parse import unquote
+
+import pytest
+import segno
 
 from flexlab.server.labs.recorded_lab import LITTLE_SPACE, RecordingText
 from flexlab.server.settings import Settings, network_addresses, picture_code, terminal_code
 
 
-def test_network_addresses_are_neither_loopback_nor_unspecified() -> None:
-    for address in network_addresses():
-        number = ipaddress.ip_address(address)
-        assert not number.is_loopback
-        assert not number.is_unspecified
+def test_network_addresses_are_those_that_other_machines_can_reach(monkeypatch: pytest.MonkeyPatch) -> None:
+    own = "127.0.0.1", "192.0.2.7", "0.0.0.0", "169.254.1.1", "192.0.2.7", "::1", "2001:db8::7", "fe80::1%eth0", "::"
+    monkeypatch.setattr("flexlab.server.settings.FAR_AWAY", {})
+    monkeypatch.setattr("socket.getaddrinfo", lambda *_: [(0, 0, 0, "", (address, 0)) for address in own])
+    assert network_addresses() == ["192.0.2.7", "2001:db8::7"]
 
 
 def test_a_lab_for_this_machine_only_has_no_outside_addresses(tmp_path: Path) -> None:
@@ -23,10 +27,22 @@ def test_the_outside_address_has_the_given_host_and_the_token(tmp_path: Path) ->
     assert settings.outside_addresses(8080, "/lab/") == ["http://192.0.2.7:8080/lab/?token=wordwordwordword"]
 
 
-def test_qr_codes_come_as_text_and_as_a_picture() -> None:
-    lines = terminal_code("http://192.0.2.7:8080/lab/?token=wordwordwordword").splitlines()
-    assert len(lines) > 10
-    assert picture_code("http://192.0.2.7:8080/lab/").startswith("data:image/svg+xml")
+def test_qr_codes_as_text_and_as_a_picture_hold_the_address() -> None:
+    address = "http://192.0.2.7:8080/lab/?token=wordwordwordword"
+    squares = segno.make(address, micro=False).matrix
+    dark = {(row, column) for row, line in enumerate(squares) for column, square in enumerate(line) if square}
+    written, drawn = set(), set()
+    for row, line in enumerate(terminal_code(address).splitlines()):
+        for column, mark in enumerate(line):  # One light square as a border; two rows of squares in each line.
+            written |= {(2 * row + half - 1, column - 1) for half in (0, 1) if mark not in ("█▀", "█▄")[half]}
+    assert {place for place in written if place[0] <= len(squares)} == dark
+    x = y = 0
+    path = unquote(picture_code(address)).rpartition(" d='")[2]
+    for kind, along, down in re.findall(r"([Mmh])(-?\d+)(?: (-?[\d.]+))?", path):
+        if kind == "h":
+            drawn |= {(y - 2, x - 2 + square) for square in range(int(along))}
+        x, y = (0 if kind == "M" else x) + int(along), y + int(float(down or 0))
+    assert drawn == dark
 
 
 class Growing:

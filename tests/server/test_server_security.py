@@ -83,7 +83,7 @@ def test_a_pass_opens_one_recording_only(guarded: FrontServer, recorded: Path):
 
 def test_signing_in_redirects_to_no_other_site(guarded: FrontServer):
     answer = ask(guarded.url, f"//evil.example/?token={TOKEN}")
-    assert not answer.headers.get("Location", "").startswith("//")
+    assert (answer.status, answer.headers["Location"]) == (303, "/evil.example/"), "a path of this server"
 
 
 @pytest.mark.parametrize(

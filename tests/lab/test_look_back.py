@@ -7,7 +7,8 @@ import pytest
 from lab_page import wait_until
 
 from flexlab.errors import LabError
-from flexlab.guide import ClassRules
+from flexlab.guide import LOCKED, ClassRules
+from flexlab.lab.lab_state import BY_PERSON
 from flexlab.lab.look_back import LookBack
 from flexlab.lab.session import Session
 from flexlab.sim.commands import Pause, Play, Reset, SetSpeed, Tap
@@ -91,9 +92,18 @@ def test_a_run_continues_from_the_shown_instant_with_exactly_its_state(session: 
         assert np.array_equal(getattr(run, signal.name)[0], getattr(shown.latest, signal.name)[0]), signal.name
 
 
-def test_a_paused_lab_that_is_locked_can_be_looked_back_at(session: Session, look_back: LookBack) -> None:
+def test_a_paused_lab_that_is_locked_can_be_looked_back_at_but_not_continued(
+    session: Session, look_back: LookBack
+) -> None:
     session.lab_state.submit(Pause())
     answered(session)
     session.lab_state.rules = ClassRules(locked=True)
-    look_back.look(0.2)
-    assert look_back.ago == 0.2
+    token = BY_PERSON.set(True)  # The lock binds only people.
+    try:
+        look_back.look(0.2)
+        assert look_back.ago == 0.2
+        with pytest.raises(LabError, match=LOCKED):
+            look_back.go_on()
+    finally:
+        BY_PERSON.reset(token)
+    assert session.runner.snapshot.run_number == 1

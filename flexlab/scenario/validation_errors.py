@@ -75,7 +75,7 @@ def locate(model: type[Part], location: Sequence[Any]) -> tuple[str, Quantity | 
         chosen = [
             owner for owner in owners if "kind" in owner.model_fields and owner.model_fields["kind"].default == item
         ]
-        if chosen:
+        if chosen and chosen != owners:  # A field may be named as the kind that is chosen already.
             owners = chosen
             continue
         names.append(item if len(item) <= LONGEST and (item.isidentifier() or item.isdecimal()) else _shown(item))

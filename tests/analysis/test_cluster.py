@@ -26,6 +26,7 @@ from flexlab.analysis.leaderboard.case import chosen_cases
 from flexlab.analysis.leaderboard.entry import chosen_entrants
 from flexlab.analysis.leaderboard.store import RowStore
 from flexlab.analysis.sweep.axes import parse_axes
+from flexlab.analysis.sweep.result import part_file
 from flexlab.analysis.tuning import parse_cost, tune
 from flexlab.analysis.workers import chosen_workers
 from flexlab.errors import StudyError
@@ -222,7 +223,7 @@ def scheduler_to_kill(tmp_path: Path) -> Iterator[subprocess.Popen]:
 
 
 def test_a_killed_scheduler_is_reported_and_the_sweep_can_be_completed_later(
-    scheduler_to_kill: subprocess.Popen, computed_here: bytes, tmp_path: Path
+    scheduler_to_kill: subprocess.Popen, computed_here: bytes, tmp_path: Path, computed_parts: list[str]
 ):
     address, told = address_of(scheduler_to_kill), list[str]()
     worker = start_worker(tmp_path, address)
@@ -248,9 +249,11 @@ def test_a_killed_scheduler_is_reported_and_the_sweep_can_be_completed_later(
         assert told
         assert told[0].startswith("The cluster failed (")
         assert "\n" not in told[0]
-        kept = len(list((tmp_path / "cells" / "parts").glob("0*.parquet")))
-        assert 5 <= kept < 64
-        flexlab.sweep("paper", VARY, 0.3, folder=tmp_path / "cells")
+        kept = {file.name for file in (tmp_path / "cells" / "parts").glob("0*.parquet")}
+        assert 5 <= len(kept) < 64
+        computed_parts.clear()
+        sweep = flexlab.sweep("paper", VARY, 0.3, folder=tmp_path / "cells")
+        assert set(computed_parts) == {part_file(sweep.folder, cells).name for cells in sweep.plan.parts()} - kept
         assert (tmp_path / "cells" / "cells.parquet").read_bytes() == computed_here
     finally:
         worker.kill()

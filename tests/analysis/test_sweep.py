@@ -21,7 +21,7 @@ from flexlab.analysis.metrics.metric import forget
 from flexlab.analysis.sweep.axes import parse_axes
 from flexlab.analysis.sweep.figures import pareto_front, write_figures
 from flexlab.analysis.sweep.plan import BEAMS, make_plan, run_part
-from flexlab.analysis.sweep.result import run_sweep
+from flexlab.analysis.sweep.result import part_file, run_sweep
 from flexlab.analysis.workers import chosen_workers
 from flexlab.errors import FlexlabError, ScenarioError, StudyError
 from flexlab.presets import load_preset
@@ -149,7 +149,6 @@ def test_a_cell_is_the_run_of_its_scenario_and_a_failed_one_says_why(tmp_path: P
     assert "<th>payload.bending_stiffness</th>" in sweep._repr_html_()
     about = json.loads(sweep.table.schema.metadata[b"flexlab"])
     assert flexlab.parse_scenario(about["sweep"]["scenario"]) == sweep.plan.scenario
-    (tmp_path / "two").mkdir()
     with pytest.raises(StudyError, match="holds another sweep"):
         flexlab.sweep("paper", [f"{EI}=50:200:2"], 0.2, folder=tmp_path / "one")
     with pytest.raises(StudyError, match="cell = 8 is not usable: give a whole number from 0 to 7"):
@@ -181,7 +180,7 @@ def test_values_of_several_kinds_share_a_column_of_text(tmp_path: Path, vary: ob
     assert sweep.plot("peak_torque").axes[0].get_xticklabels()[1].get_text() == column[1]
 
 
-def test_a_killed_sweep_is_completed_to_the_same_bytes(tmp_path: Path):
+def test_a_killed_sweep_is_completed_to_the_same_bytes(tmp_path: Path, computed_parts: list[str]):
     words = [sys.executable, "-c", KILLED]
     subprocess.run([*words, str(tmp_path / "whole"), "1"], check=True)
     killed = subprocess.Popen([*words, str(tmp_path / "killed"), "2"])
@@ -194,9 +193,9 @@ def test_a_killed_sweep_is_completed_to_the_same_bytes(tmp_path: Path):
     killed.send_signal(signal.SIGKILL)
     killed.wait()
     assert not (tmp_path / "killed" / "cells.parquet").exists()
-    begun = {file.name: file.stat().st_mtime_ns for file in parts.glob("0*.parquet")}
-    assert begun
-    subprocess.run([*words, str(tmp_path / "killed"), "2"], check=True)
+    kept = {file.name for file in parts.glob("0*.parquet")}
+    sweep = flexlab.sweep("paper", [f"{EI}=1:1000:log:12", f"{K}=50:500:11"], 0.3, folder=tmp_path / "killed")
+    assert set(computed_parts) == {part_file(parts.parent, cells).name for cells in sweep.plan.parts()} - kept
     assert (tmp_path / "killed" / "cells.parquet").read_bytes() == (tmp_path / "whole" / "cells.parquet").read_bytes()
     assert sorted(os.listdir(tmp_path / "killed")) == ["cells.parquet", "sweep.json"]
     assert parquet.read_table(tmp_path / "killed" / "cells.parquet").num_rows == 132

@@ -19,7 +19,7 @@ from flexlab.sim.signals import TABLE
 from flexlab.sim.simulate import simulate
 
 SAMPLED = {"controller.control_period": 2e-3, "controller.input_delay": 2}
-MOTORS_OFF_LATE = {"controller.control_period": 2e-3}
+HELD_TORQUES = {"controller.control_period": 2e-3}
 
 
 def still(name: str = "paper", **changes) -> Scenario:
@@ -65,7 +65,7 @@ def test_eigenvalues_are_those_of_an_independent_linearisation(gravity: float):
 
 
 @pytest.mark.parametrize("law", ["adaptive-sliding-mode", "vibration-damping", "computed-torque", "pd"])
-@pytest.mark.parametrize("sampling", [{}, MOTORS_OFF_LATE, SAMPLED], ids=["continuous", "held", "late"])
+@pytest.mark.parametrize("sampling", [{}, HELD_TORQUES, SAMPLED], ids=["continuous", "held", "late"])
 def test_the_model_answers_a_step_of_the_target_as_the_run_does(law: str, sampling: dict):
     """Model and simulation agree if the target jumps by 10 µm and 1e-5 rad: second-order terms are far smaller."""
     if law == "vibration-damping" and sampling == SAMPLED:
@@ -95,7 +95,7 @@ def test_the_model_answers_a_step_of_the_target_as_the_run_does(law: str, sampli
 
 def test_the_sampled_plant_is_scipys_zero_order_hold():
     """With held torques it is `cont2discrete` of the continuous model; two periods of delay add a factor z⁻²."""
-    plain, held = (flexlab.linearize(still(**more), outputs="pose") for more in ({}, MOTORS_OFF_LATE))
+    plain, held = (flexlab.linearize(still(**more), outputs="pose") for more in ({}, HELD_TORQUES))
     expected = cont2discrete((plain.A, plain.B, plain.C, plain.D), 2e-3)
     np.testing.assert_allclose(held.A, expected[0], rtol=1e-9, atol=1e-9 * np.abs(expected[0]).max())
     np.testing.assert_allclose(held.B, expected[1], rtol=1e-6, atol=1e-9 * np.abs(expected[1]).max())

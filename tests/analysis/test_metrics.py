@@ -203,7 +203,7 @@ def test_a_metric_without_a_value_shows_why_and_sorts_last() -> None:
 def test_a_registered_metric_has_a_row_and_a_window_and_its_name_is_taken(run: Run) -> None:
     """One call makes it an attribute and a row of the table; a second class of the same name is refused."""
 
-    class Lowest(Peak):
+    class Farthest(Peak):
         """Largest distance of the payload's centre from the x axis, m."""
 
         name, place = "farthest", 25
@@ -213,14 +213,14 @@ def test_a_registered_metric_has_a_row_and_a_window_and_its_name_is_taken(run: R
             """y, (N, 1)."""
             return samples.pose[:, 1:2]
 
-    register(Lowest)
+    register(Farthest)
     try:
         found = run_metrics(run, (0.0, 0.5))
         assert found.farthest == run.pose[:501, 1].max()
         assert [row.title for row in found.rows].index("Farthest") == 7
         assert "Farthest [m]" in str(found)
         with pytest.raises(ValueError, match="farthest"):
-            register(Lowest)
+            register(Farthest)
     finally:
         del METRICS["farthest"]
 

@@ -1,7 +1,9 @@
 """The archive of a run: one file that another machine can verify, and in which any change is noticed."""
 
+import errno
 import hashlib
 import json
+import os
 import zipfile
 from pathlib import Path
 
@@ -93,11 +95,23 @@ def test_a_changed_archive_is_refused(capsule: Path, tmp_path: Path):
         unpack_capsule(tmp_path / "none.zip", tmp_path)
 
 
-def test_the_archive_is_written_whole_or_not_at_all(source: Path, tmp_path: Path):
+def test_the_archive_is_written_whole_or_not_at_all(source: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     (tmp_path / "file").write_text("")
     with pytest.raises(StudyError, match="cannot be written"):
         write_capsule(source, tmp_path / "file" / "run.zip")
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
+    write, room = zipfile.ZipFile.writestr, iter(range(3))
+
+    def onto_a_small_disk(archive: zipfile.ZipFile, *words: object) -> None:
+        if next(room, None) is None:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        write(archive, *words)
+
+    monkeypatch.setattr(zipfile.ZipFile, "writestr", onto_a_small_disk)
+    with pytest.raises(StudyError, match="No space left on device"):
+        write_capsule(source, tmp_path / "file")
+    assert next(room, None) is None, "it broke off on the way"
+    assert [(path.name, path.read_bytes()) for path in tmp_path.iterdir()] == [("file", b"")]
 
 
 def test_export_writes_the_archive_and_replay_verifies_it(flexlab_command: Command, source: Path, tmp_path: Path):

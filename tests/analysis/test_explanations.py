@@ -188,6 +188,10 @@ def test_each_explanation_names_an_equation_and_a_plot_of_the_lab():
     assert [each.place for each in EXPLANATIONS.values()] == sorted(each.place for each in EXPLANATIONS.values())
 
 
+WITHOUT_BOUND = {"sudden-stop", "weak-feedback", "composite", "lqr", "squeeze-until-it-buckles", "spin-up"}
+"""Presets whose sentence on the error, if there is one, may name no bound."""
+
+
 @pytest.mark.parametrize(("duration", "period"), [(3.0, 0.001), (400.0, 0.01)])
 @pytest.mark.parametrize("preset", preset_names())
 def test_the_error_never_exceeds_the_bound_that_its_sentence_names(preset: str, duration: float, period: float):
@@ -196,11 +200,13 @@ def test_the_error_never_exceeds_the_bound_that_its_sentence_names(preset: str, 
     end = scenario.trajectory.end
     # The sentence is not given for a payload that stands still.
     run = simulate(scenario, duration if end is None else min(duration, end + 10.0), period)
-    error = 1e3 * np.linalg.norm(run.tracking_error[:, :2], axis=1)
+    error, bounded = 1e3 * np.linalg.norm(run.tracking_error[:, :2], axis=1), 0
     for rows in range(round(2.0 / period), len(run) + 1, 37):
         said = sentences(scenario, run.slice(0, rows)).get("error within the layer", "")
         if " at most" in said:
             assert error[rows - round(1 / period) : rows].max() <= advised(r"give ([\d.]+) mm at most", said)
+            bounded += 1
+    assert bounded or preset in WITHOUT_BOUND
 
 
 @pytest.mark.parametrize("preset", ["paper", "smooth-start", "fast-adaptation"])

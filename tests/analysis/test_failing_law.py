@@ -1,5 +1,6 @@
 """A law that fails at its first instant: every command and study shows the law's own error."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from subprocess import CompletedProcess
@@ -55,9 +56,9 @@ def test_modes_and_linearize_show_the_laws_own_error(law: Path):
     run = flexlab.simulate("paper", 0.1, law=law)
     assert SAID in run.status.text
     assert SAID in flexlab.modes(run.scenario).note
-    with pytest.raises(FlexlabError, match=f"line {LINE}: RuntimeError"):
+    with pytest.raises(FlexlabError, match=re.escape(SAID)):
         flexlab.linearize(run.scenario)
-    assert isinstance(run.explanations, (list, tuple))
+    assert run.explanations == (), "a run without samples has nothing to explain"
 
 
 def test_metrics_of_a_run_that_stopped_are_not_numbers(law: Path):

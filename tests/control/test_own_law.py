@@ -94,11 +94,11 @@ def test_joint_torques_and_angles_are_those_of_the_arms():
     run = world.run(5)
     parts = controller_states(world.scenario, world.system, world.state().y)
     angles = run.joint_angle.reshape(6, 6)
-    np.testing.assert_allclose(np.exp(1j * parts["angles"]), np.exp(1j * angles[5]), atol=1e-12)
+    np.testing.assert_allclose(np.exp(1j * parts["angles"]), np.exp(1j * angles[5]), rtol=0, atol=1e-12)
     slopes = [np.polyval(np.polyder(np.polyfit(run.time, angle, 5)), 0.005) for angle in angles.T]
     np.testing.assert_allclose(parts["rates"], slopes, atol=1e-4)
     assert parts["now"][0] == pytest.approx(0.005)
-    np.testing.assert_allclose(run.joint_torque[0], np.arange(6.0).reshape(2, 3), atol=1e-12)
+    np.testing.assert_allclose(run.joint_torque[0], np.arange(6.0).reshape(2, 3), rtol=0, atol=1e-12)
 
 
 def test_its_memory_is_part_of_the_state():

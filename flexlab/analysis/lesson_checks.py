@@ -16,7 +16,8 @@ from functools import cache, partial
 from typing import NamedTuple
 
 from flexlab.analysis.lesson_expressions import ExpressionError, LookedAt, Value, expression
-from flexlab.analysis.lesson_measures import Look, length
+from flexlab.analysis.lesson_measures import VALUES, Look, length
+from flexlab.analysis.metrics import METRICS
 from flexlab.errors import FlexlabError
 from flexlab.guide import Lesson, lessons, told_together
 from flexlab.scenario import Scenario
@@ -84,6 +85,8 @@ class Check:
         try:
             if named:
                 name, text, given = named.groups()
+                if name in (*known, *VALUES, *METRICS):
+                    return f"{line[:60]!r} gives a second meaning to a name: choose another one."
                 self._named[name] = NOTHING  # Later lines may use the name even if this line is wrong.
                 self._named[name] = _sentence(text, known) if text else expression(given, known)
             elif rule:
@@ -104,7 +107,7 @@ class Check:
         try:
             rule = next(rule for rule in self._rules if rule.condition is None or rule.condition(run))
             return Verdict(rule.done, rule.sentence(run))
-        except (ExpressionError, ArithmeticError, IndexError, TypeError, ValueError) as error:
+        except (ExpressionError, ArithmeticError, IndexError, RecursionError, TypeError, ValueError) as error:
             return Verdict(False, f"The check cannot be worked out in this run ({error}). {self._hint}".strip())
         except FlexlabError as error:  # A measure of the closed loop does not exist for this scenario.
             return Verdict(False, str(error))

@@ -63,7 +63,11 @@ def own_lessons(folder: Path = OWN_LESSONS) -> list[OwnLesson]:
 def lesson_menu(own: Sequence[OwnLesson]) -> dict[str, Lesson]:
     """All lessons that can be read, flexlab's and a person's own, by their names in the guide's menu."""
     found = {f"Lesson {number}: {lesson.title}": lesson for number, lesson in enumerate(lessons(), 1)}
-    return found | {f"{OWN}{mine.lesson.title}": mine.lesson for mine in own if mine.lesson is not None}
+    titles = [mine.lesson.title for mine in own if mine.lesson is not None]
+    for name, lesson, _ in own:
+        if lesson is not None:  # Of two with the same title, the menu would have one only.
+            found[f"{OWN}{lesson.title}{f' ({name})' if titles.count(lesson.title) > 1 else ''}"] = lesson
+    return found
 
 
 def short_name(lesson: str) -> str:

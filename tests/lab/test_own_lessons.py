@@ -50,11 +50,11 @@ def test_the_documented_example_is_a_valid_lesson(tmp_path: Path) -> None:
 
 def test_two_own_lessons_have_different_short_names(tmp_path: Path) -> None:
     """Guesses in each of them used to be labelled "Own lesson" and nothing else."""
-    for file, title in (("a.md", "Stiffer: more EI"), ("b.md", "Softer")):
+    for file, title in (("a.md", "Stiffer: more EI"), ("b.md", "Softer"), ("c.md", "Softer")):
         (tmp_path / file).write_text(EXAMPLE.replace("title: Stiffer", f"title: {title}"), encoding="utf-8")
     shown = [short_name(name) for name in lesson_menu(own_lessons(tmp_path))]
     assert shown[0] == "Lesson 1"
-    assert shown[-2:] == ["Stiffer: more EI", "Softer"]
+    assert shown[-3:] == ["Stiffer: more EI", "Softer (b)", "Softer (c)"]
 
 
 def test_a_byte_order_mark_before_a_lesson_is_ignored(tmp_path: Path) -> None:
@@ -135,17 +135,27 @@ def test_folders_broken_links_and_pipes_are_not_lessons(tmp_path: Path) -> None:
 
 
 def test_all_mistakes_in_the_rules_of_a_lesson_are_said_at_once(tmp_path: Path) -> None:
-    rules = "\n## Check\nsize = largest(sound)\nif zeit < 1: Wait.\nperhaps\ndone if size > 1: It is loud.\n"
+    rules = "\n## Check\nsize = largest(sound)\nif zeit < 1: Wait.\nperhaps\nt = t + 1\nsize = 2\ndone if size > 1: It is loud.\n"
     head = re.sub("check: .*\n", "", EXAMPLE)
     said = write(tmp_path, head + rules).problem
     for part in (
         "sound is not a signal",
         "zeit is not a metric",
         "'perhaps' is not a rule",
+        "'t = t + 1' gives a second meaning to a name",
+        "'size = 2' gives a second meaning to a name",
         "the last rule must be done: or else:",
     ):
         assert part in said
     assert "size is no" not in said, "it was named"
+
+
+def test_names_that_need_each_other_too_often_end_in_a_sentence(tmp_path: Path) -> None:
+    chain = "n0 = t\n" + "".join(f"n{k + 1} = n{k}\n" for k in range(1000))
+    own = write(
+        tmp_path, re.sub("check: .*\n", "", EXAMPLE) + f"\n## Check\n{chain}done if n1000 > 1: Yes.\nelse: No.\n"
+    )
+    assert "cannot be worked out in this run" in verdict(own, load_preset("paper"), SAMPLES).sentence
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import pytest
 from lab_process import Command
 
 import flexlab
-from flexlab.analysis.metrics.metric import forget, named, number_names
+from flexlab.analysis.metrics.metric import METRICS, forget, named, number_names
 from flexlab.analysis.metrics.own import DECLARED
 from flexlab.analysis.run_summary import note_metrics
 from flexlab.analysis.sweep.plan import make_plan
@@ -118,6 +118,11 @@ def test_a_metric_declared_or_changed_later_counts_in_a_run_whose_metrics_were_r
             return scale * samples.pose[-1, 1]
 
         assert run.metrics["last_place"] == scale * run.pose[-1, 1]
+    for _ in METRICS:  # As in another thread of a cluster's worker, where each cell declares it again.
+        flexlab.metric("m")(last_place)
+    with pytest.raises(StudyError, match="give the function or its title another name"):
+        flexlab.metric("N·m", "Peak joint torque")(last_place)
+    assert run.metrics["last_place"] == 2.0 * run.pose[-1, 1], "the one before stays"
     with pytest.raises(StudyError, match="last_place was declared after these numbers were computed"):
         before["last_place"]
     forget("last_place")

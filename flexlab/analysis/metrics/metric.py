@@ -87,13 +87,20 @@ METRICS: dict[str, type[Metric]] = {}
 MetricClass = TypeVar("MetricClass", bound=type[Metric])
 
 
-def register(metric: MetricClass) -> MetricClass:
-    """Class decorator: adds a metric to `METRICS`. Raises ValueError for a name, field or title that is taken."""
-    taken = {word for other in METRICS.values() for column in other.columns for word in (column.field, column.key)}
+def register(metric: MetricClass, again: bool = False) -> MetricClass:
+    """Class decorator: adds a metric to `METRICS`. Raises ValueError for a name, field or title that is taken.
+
+    `again`: whether it may replace the metric of its name.
+    """
+    others = [other for other in METRICS.values() if not (again and other.name == metric.name)]
+    taken = {word for other in others for column in other.columns for word in (other.name, column.field, column.key)}
     for word in (metric.name, *(word for column in metric.columns for word in (column.field, column.key))):
-        if word in METRICS or word in taken:
+        if word in taken:
             raise ValueError(f"the metric {metric.name} calls something {word!r}, and another one does, too")
+    known = metric.name in METRICS
     METRICS[metric.name] = metric
+    if known:  # In place: another thread of a cluster's worker may be listing them.
+        return metric
     ordered = sorted(METRICS.items(), key=lambda item: item[1].place)
     METRICS.clear()
     METRICS.update(ordered)

@@ -9,13 +9,14 @@ their values beside the recording, where lists and later processes find them.
 """
 
 import inspect
+import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
 
 import numpy as np
 
-from flexlab.analysis.metrics.metric import METRICS, Column, Metric, Peak, RootMeanSquare, forget, of_signal, register
+from flexlab.analysis.metrics.metric import METRICS, Column, Metric, Peak, RootMeanSquare, of_signal, register
 from flexlab.errors import StudyError
 from flexlab.files import short_hash
 from flexlab.text import visible
@@ -57,6 +58,7 @@ class OwnMetric:
 
 
 DECLARED: dict[str, OwnMetric] = {}
+_ONE_BY_ONE = threading.Lock()
 
 
 def metric(unit: str, title: str = "", of: Kind = "run") -> Callable[[Function], Function]:
@@ -89,13 +91,12 @@ def metric(unit: str, title: str = "", of: Kind = "run") -> Callable[[Function],
 def know_own_metrics(declared: Sequence[OwnMetric]) -> None:
     """Declare metrics, for example on a worker that computes cells. Raises `StudyError`."""
     for own in declared:
-        if own.name in DECLARED:
-            forget(own.name)
-        try:
-            register(_made(own))
-        except ValueError as error:
-            raise StudyError(f"{error}: give the function or its title another name.") from None
-        DECLARED[own.name] = own
+        with _ONE_BY_ONE:
+            try:
+                register(_made(own), again=own.name in DECLARED)
+            except ValueError as error:
+                raise StudyError(f"{error}: give the function or its title another name.") from None
+            DECLARED[own.name] = own
 
 
 def own_metrics() -> list[OwnMetric]:

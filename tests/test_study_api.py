@@ -96,7 +96,7 @@ def test_a_metric_of_ones_own_is_in_runs_and_sweeps(tmp_path: Path):
     swept = run_sweep(plan, tmp_path / "left", chosen_workers(1))
     assert swept.failed == {0: "The metric leaving failed: SystemExit: 3"}
     forget("leaving")
-    before = plan.key
+    before = make_plan(plan.scenario, plan.axes, 0.05, 0.001).key
     flexlab.metric("m", of="rms")(farthest)
     assert make_plan(plan.scenario, plan.axes, 0.05, 0.001).key != before, "another metric is another sweep"
     with pytest.raises(StudyError, match="give the function or its title another name"):

@@ -102,9 +102,13 @@ def test_pieces_give_the_same_as_the_whole(name: str, seed: int, request: pytest
     run, found = request.getfixturevalue(name), MetricCollection()
     for piece in pieces(run, 9, seed):
         found.update(piece)
+    stops = METRICS["residual_vibration"]()
+    for piece in (run.slice(0, 300), run.slice(300, 301), run.slice(301, len(run))):
+        stops.update(piece)
     whole = run_metrics(run)
     assert found.compute().window == whole.window
     assert found.compute().residual_vibration == pytest.approx(whole.residual_vibration, abs=0, nan_ok=True)
+    assert stops.compute() == pytest.approx(whole.residual_vibration, abs=0, nan_ok=True), "cut at the stop"
     for row, expected in zip(found.compute().rows, whole.rows, strict=True):
         assert row.value == pytest.approx(expected.value, rel=1e-12, nan_ok=True)
 
@@ -194,6 +198,9 @@ def test_a_metric_without_a_value_shows_why_and_sorts_last() -> None:
     assert column.key == "Vibration below 1 % after [s]"
     texts = [noted_text(column, noted) for noted in ({column.key: 0.4689}, {column.key: None}, {}, {column.key: "x"})]
     assert texts == ["0.4689", "not settled", "–", "–"]
+    (duration,) = METRICS["duration"].columns
+    assert noted_text(duration, {duration.key: 0.3}, stopped=True) == "0.3"
+    assert noted_text(duration, {duration.key: True}) == "–", "notes may hold anything"
     assert noted_value(column, {column.key: 9e9}) < noted_value(column, {column.key: None}) < noted_value(column, {})
 
 

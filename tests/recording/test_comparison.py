@@ -17,6 +17,7 @@ from flexlab.recording.run_info import RunInfo
 from flexlab.sim.commands import Pull, Tap
 from flexlab.sim.samples import Run, Status
 from flexlab.sim.simulate import simulate
+from flexlab.sim.snapshot import Event
 from flexlab.sim.world import World
 
 
@@ -74,21 +75,30 @@ def test_runs_of_different_length_are_compared_over_what_both_have(
     wanted = {row.column.field: row.value for row in expected.rows}
     assert found == pytest.approx(wanted, rel=0, abs=0, nan_ok=True)
     assert found["rms-x"] > 1.2 * 1e3 * run_metrics(run).rms_error[0]
+    compared = compare([recording_file, softer])
+    assert compared.table["rms_error.x"][0].as_py() == pytest.approx(expected.rms_error[0], rel=1e-12), "SI"
+    assert compared.plot("rms-x").axes[0].patches[0].get_height() == pytest.approx(found["rms-x"], rel=1e-12), "mm"
+
+
+def test_every_run_is_compared_with_the_first(recording_file: Path, softer: Path) -> None:
+    found = compare([recording_file, recording_file, softer, softer])
+    assert ("payload.bending_stiffness", ("100", "100", "60", "60")) in found.settings
+    assert found.repeated() == [("B", "A"), ("D", "C")]
 
 
 def test_different_commands_and_sample_periods_are_shown(tmp_path: Path) -> None:
     """Runs of one scenario may differ in these alone; they were once said not to differ."""
     tapped = flexlab.simulate("paper", 0.05, commands=[(0.02, Tap(0.0, (0.0, 0.1)))])
     pulled = flexlab.simulate("paper", 0.05, commands=[(0.001 * k, Pull(0.0, (0.0, 1.0), k)) for k in range(1, 6)])
-    found = flexlab.compare(flexlab.simulate("paper", 0.05, 0.003), tapped, pulled)
-    assert found.settings[0] == ("sample_period", ("0.003 s", "0.001 s", "0.001 s"))
-    name, (none, tap, pulls) = found.settings[1]
+    found = flexlab.compare(tapped, pulled, flexlab.simulate("paper", 0.05, 0.003))
+    assert found.settings[0] == ("sample_period", ("0.001 s", "0.001 s", "0.003 s"))
+    name, (tap, pulls, none) = found.settings[1]
     assert (name, none, tap) == ("commands", "–", "Tap the beam at s = 0.000 m with (0, 0.1) N·s at t = 0.02 s")
     assert pulls.endswith("3 N/m at t = 0.003 s; and 2 more")
-    assert found.table.column("sample_period").to_pylist() == ["0.003 s", "0.001 s", "0.001 s"]
+    assert found.table.column("sample_period").to_pylist() == ["0.001 s", "0.001 s", "0.003 s"]
     assert flexlab.compare(tapped, tapped).settings == ()
     (told,) = found.coarse
-    assert told.startswith("A: Samples are 3 ms apart, and the beam's first mode has a period of 22.4 ms")
+    assert told.startswith("C: Samples are 3 ms apart, and the beam's first mode has a period of 22.4 ms")
     assert told in found.text()
 
 
@@ -103,12 +113,14 @@ def test_time_is_counted_from_each_runs_first_sample(recording_file: Path, tmp_p
     world.apply(Tap(0.0, (0.0, 0.1)))
     with HeadlessRecording(tmp_path, RunInfo("late", world.scenario, start=world.state())) as late:
         late.write(world.observe())
+        late.note(Event(0.25, "There is no arm 3.", Tap(0.0, (0.0, 0.1)), "error"))
         late.write(world.advance(100))
         late.end(Status("finished"))
     target = tmp_path / "both.out"
     compare_into([recording_file, late.path], target)
     times, _ = plotted(target, "/runs/B/vibration")
     assert (times[0], times[-1]) == (0, 100_000_000)
+    assert compare([recording_file, late.path]).settings == (), "a refused command is none"
 
 
 def test_what_cannot_be_compared_is_refused_with_a_reason(recording_file: Path, tmp_path: Path) -> None:

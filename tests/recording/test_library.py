@@ -103,6 +103,9 @@ def test_a_run_that_stopped_before_its_end_has_no_metrics_but_its_duration(run: 
     for rows in compare([recording.path, whole]).metrics:
         assert rows[1].text != "did not finish"
         assert (rows[0].text == "did not finish") == (rows[0].key != "Duration [s]")
+    brief = write_run(simulate(run.scenario, 0.2), tmp_path, "brief")
+    reached = compare([recording.path, brief]).metrics
+    assert "did not finish" not in {rows[0].text for rows in reached}, "it ran for as long as is compared"
     assert not read_row(whole).is_stopped
 
 

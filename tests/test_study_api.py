@@ -102,7 +102,10 @@ def test_a_metric_of_ones_own_is_in_runs_and_sweeps(tmp_path: Path):
     with pytest.raises(StudyError, match="give the function or its title another name"):
         flexlab.metric("N")(_named("peak_torque"))
     flexlab.metric("m", of="peak")(_named("two"))
-    with pytest.raises(StudyError, match=r"gives an array \(2,\): a signal of these samples has \(51,\)"):
+    with pytest.raises(StudyError, match=r"gives an array \(51, 2\): a signal of these samples has \(51,\)"):
+        _ = flexlab.simulate("paper", 0.05).metrics
+    flexlab.metric("m")(_named("two"))
+    with pytest.raises(StudyError, match="gives 102 numbers: one is needed of a run"):
         _ = flexlab.simulate("paper", 0.05).metrics
 
 
@@ -176,7 +179,7 @@ def test_a_metric_of_ones_own_is_read_back_where_it_is_not_declared(flexlab_comm
 
 def _named(name: str) -> Callable[[flexlab.Samples], np.ndarray]:
     def function(samples: flexlab.Samples) -> np.ndarray:
-        return np.zeros(2)
+        return np.zeros((len(samples), 2))
 
     function.__name__ = name
     return function

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from lab_process import Command
+from own_path_text import ROUND
 
 import flexlab
 from flexlab.analysis.capsule import METADATA, RUN, unpack_capsule, write_capsule
@@ -17,6 +18,7 @@ from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.reader import read_recording
 from flexlab.recording.run_info import RunInfo
 from flexlab.sim.commands import Tap
+from flexlab.sim.samples import Status
 from flexlab.sim.snapshot import Event
 
 
@@ -63,6 +65,25 @@ def test_the_archive_holds_the_run_and_describes_every_file(source: Path, capsul
     again = tmp_path / "again.zip"
     write_capsule(source, again)
     assert again.read_bytes() == capsule.read_bytes()
+
+
+def test_the_archive_of_a_run_that_failed_has_no_metrics_no_date_and_its_path(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("flexlab.analysis.capsule.paper_figures", lambda *_: None)  # They take seconds.
+    (tmp_path / "round.py").write_text(ROUND, encoding="utf-8")
+    run = flexlab.simulate("paper", 0.05, path=tmp_path / "round.py")
+    with HeadlessRecording(tmp_path, RunInfo("paper", run.scenario)) as recording:
+        recording.write(run)
+        recording.note(Event(0.05, "The run diverged."))
+        recording.end(Status("diverged", "The run diverged."))
+    write_capsule(recording.path, tmp_path / "run.zip")
+    with zipfile.ZipFile(tmp_path / "run.zip") as archive:
+        assert {about.date_time for about in archive.infolist()} == {(1980, 1, 1, 0, 0, 0)}
+        assert archive.read("path.py").decode() == run.scenario.trajectory.source
+        assert json.loads(archive.read("commands.json")) == []
+        metrics = json.loads(archive.read("metrics.json"))
+    assert (metrics["duration"], metrics["peak_torque"]) == (0.05, None)
 
 
 def test_a_changed_archive_is_refused(capsule: Path, tmp_path: Path):

@@ -16,10 +16,10 @@ from flexlab.recording.reader import read_recording
 from flexlab.recording.recorder import Recorder
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.notes import read_notes, write_notes
-from flexlab.recording.store.run_files import list_runs, removable_runs, remove_run
+from flexlab.recording.store.run_files import list_runs, removable_runs, remove_run, run_state
 from flexlab.recording.store.run_index import read_row
-from flexlab.sim.commands import ChangeScenario
-from flexlab.sim.samples import Run, Status
+from flexlab.sim.commands import ChangeScenario, LoadScenario
+from flexlab.sim.samples import Origin, Run, Status
 from flexlab.sim.simulate import simulate
 from flexlab.sim.snapshot import Event
 from flexlab.sim.world import World
@@ -45,6 +45,13 @@ def test_missing_metrics_are_added_and_bad_files_are_skipped(run: Run, tmp_path:
     for _ in range(2):
         write_run(run, tmp_path, "paper")
     (tmp_path / "bad.rrd").write_text("nonsense")
+    data = write_run(run, tmp_path / "whole", "paper").read_bytes()
+    tenth = len(data) // 10
+    (tmp_path / "torn.rrd").write_bytes(data[: 4 * tenth] + bytes(tenth) + data[5 * tenth :])
+    with HeadlessRecording(tmp_path / "whole", RunInfo("paper", run.scenario)) as going_on:
+        going_on.write(run)
+        assert note_metrics(going_on.path) == {}
+    assert run_state(tmp_path / "torn.rrd") == "complete"
     assert note_missing_metrics(tmp_path) == 2
     assert note_missing_metrics(tmp_path) == 0
 
@@ -116,6 +123,8 @@ def test_a_recorder_notes_metrics_and_changes_as_a_run_ends(tmp_path: Path) -> N
     for _ in range(3):
         recorder.take_samples(1, world.advance(100), 1.0)
     recorder.take_event(1, Event(0.3, "Gravity 1 → 2 m/s²", ChangeScenario({"gravity": 2.0})))
+    other = LoadScenario(world.scenario, "paper", Origin("other", 0.3, world.state()))
+    recorder.take_event(1, Event(0.3, "Leaves for another run", other))
     recorder.close()
     (path,) = list_runs(tmp_path)
     noted = {name: read_notes(path)[name] for name in ("metrics", "changes", "begins", "duration")}

@@ -9,6 +9,7 @@ import pytest
 from recording_helpers import assert_same_bits
 from rerun.chunk import RrdReader
 
+from flexlab.analysis.run_summary import note_missing_metrics
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
 from flexlab.recording.file_sink import RunWriter
@@ -54,6 +55,7 @@ def test_a_recording_without_an_end_is_read_and_mended(unfinished: Path, run: Ru
     assert run_state(unfinished) == "recovered"
     assert unfinished.stat().st_mtime_ns == date
     assert_same_bits(read_recording(unfinished).samples, run.slice(0, 1000))
+    assert note_missing_metrics(unfinished.parent) == 1
 
 
 def test_a_reader_of_a_file_is_not_taken_for_its_writer_and_does_not_prevent_mending(

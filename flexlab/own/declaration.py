@@ -177,7 +177,7 @@ def read_declaration(source: str, file: str) -> Declaration:
     law = DeclaredClass(source, file, "OwnLaw", "controller.source")
     found: dict[type, list[tuple[str, Any]]] = {Setting: [], Memory: [], OwnSignal: []}
     period, on_save = DEFAULT_PERIOD, OwnLaw.on_save
-    for name, value in law.attributes():
+    for name, value in law.attributes().items():
         maker = _MAKERS.get(called(value.func)) if isinstance(value, ast.Call) else None
         if maker is not None and isinstance(value, ast.Call):
             made = law.made(name, maker, value)
@@ -204,7 +204,7 @@ def read_path_declaration(source: str, file: str) -> PathDeclaration:
     path = DeclaredClass(source, file, "OwnPath", "trajectory.source")
     options: dict[str, Setting] = {}
     lasting = [name for name in LASTING if path.has_method(name)]
-    for name, value in path.attributes():
+    for name, value in path.attributes().items():
         is_option = isinstance(value, ast.Call) and called(value.func) == "option"
         if is_option and isinstance(value, ast.Call):
             options[name] = path.made(name, option, value)

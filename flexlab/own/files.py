@@ -7,6 +7,7 @@ import ast
 import contextlib
 import dis
 import inspect
+import math
 import re
 import sys
 import textwrap
@@ -114,7 +115,8 @@ def _definition(name: str, value: Any) -> str:
     if isinstance(value, ModuleType):
         return f"import {value.__name__} as {name}"
     if isinstance(value, (int, float)):
-        return f"{name} = {int(value) if isinstance(value, int) else float(value)!r}"
+        number = int(value) if isinstance(value, int) else float(value)
+        return f"{name} = {number!r}" if abs(number) < math.inf else f"{name} = float('{number}')"
     origin, known = getattr(value, "__module__", None), getattr(value, "__qualname__", "")
     if origin in (None, "__main__", "builtins") or getattr(sys.modules.get(origin), known, None) is not value:
         return ""

@@ -11,7 +11,7 @@ import io
 import operator
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -114,13 +114,15 @@ class DeclaredClass:
         """An error with file and line."""
         return ScenarioError([(self._field, f"{self._file}, line {line}: {text}.")])
 
-    def attributes(self) -> Iterator[tuple[str, ast.expr]]:
-        """(name, value) of the class's plain attributes."""
+    def attributes(self) -> dict[str, ast.expr]:
+        """Name → value of the class's plain attributes; as in Python, the last value counts."""
+        found: dict[str, ast.expr] = {}
         for node in self.node.body:
             if isinstance(node, ast.Assign) and len(node.targets) == 1 and isinstance(node.targets[0], ast.Name):
-                yield node.targets[0].id, node.value
+                found[node.targets[0].id] = node.value
             elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name) and node.value is not None:
-                yield node.target.id, node.value
+                found[node.target.id] = node.value
+        return found
 
     def has_method(self, name: str) -> bool:
         """Whether the class defines a method."""
@@ -174,14 +176,14 @@ class DeclaredClass:
         )
 
 
-def data_file(name: str, kept: str = "") -> io.BytesIO:
+def data_file(name: str, kept: str | None = None) -> io.BytesIO:
     """The contents of a file beside the law or path, up to 125 kB, as for `np.load(data_file("weights.npz"))`.
 
     flexlab adds `kept`, the file's bytes in base64, when it reads the law, so that recordings are complete. Raises `OSError`
     if there is no such file.
     """
     try:
-        if kept:
+        if kept is not None:
             return io.BytesIO(base64.b64decode(kept))
         beside = sys._getframe(1).f_globals.get("__file__", "")
         return io.BytesIO((Path(beside).parent / name).read_bytes())

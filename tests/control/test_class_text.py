@@ -166,9 +166,9 @@ def test_the_examples_of_the_readme_work_as_classes(root: Path, tmp_path: Path):
 def test_a_class_may_use_names_from_another_notebook_cell():
     cells = (
         "from math import pi\nimport numpy as numbers\nfrom scipy.linalg import solve\n"
-        "from flexlab import OwnPath\nWIDTH = 0.1\n",
+        "from flexlab import OwnPath\nWIDTH, FARTHEST = 0.1, float('inf')\n",
         "class InACell(OwnPath):\n    period = 2.0\n\n    def position(self, t):\n"
-        "        return WIDTH * float(solve([[1.0]], [numbers.sin(pi * t)])[0]), 0.75, 0.0\n",
+        "        return min(WIDTH * float(solve([[1.0]], [numbers.sin(pi * t)])[0]), FARTHEST), 0.75, 0.0\n",
     )
     notebook = ModuleType("a_notebook")
     sys.modules["a_notebook"] = notebook

@@ -3,6 +3,7 @@
 import importlib.util
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -93,5 +94,11 @@ def test_embedding_the_data_keeps_the_line_numbers_of_a_text(file: Path):
     assert [line[:30] for line in whole.split("\n")] == [line[:30] for line in TEXT.split("\n")]
     assert with_data(whole, Path("nowhere"), "controller.source") == whole
     assert without_data(whole).count("\n") == TEXT.count("\n")
+    (file.parent / "gains.npy").write_bytes(b"")
+    emptied: dict[str, Any] = {}
+    exec(
+        with_data('from flexlab import data_file\nleft = data_file("gains.npy").read()', file.parent, "source"), emptied
+    )
+    assert emptied["left"] == b"", "an empty file is kept, too"
     with pytest.raises(ScenarioError, match="there is no such file in nowhere"):
         with_data(TEXT, Path("nowhere"), "controller.source")

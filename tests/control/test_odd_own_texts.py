@@ -10,6 +10,7 @@ from exported import export_run
 
 import flexlab
 from flexlab.errors import FlexlabError, ScenarioError
+from flexlab.own.declaration import read_declaration
 from flexlab.own.law import add_own_law
 from flexlab.own.path import add_own_path
 from flexlab.own.reading import with_data
@@ -52,6 +53,13 @@ def law_text(body: str = "pass", scale: str = "low=0, high=2") -> str:
 
 def path_text(pose: str = "0.0, 0.75, 0.0", scale: str = "low=0, high=2", lasts: str = "duration = 1.0") -> str:
     return PATH.format(pose=pose, range=scale, lasts=lasts)
+
+
+def test_a_name_that_is_given_twice_has_its_last_meaning():
+    text = law_text().replace('s = readout("N")', 's = readout("N")\n    s = readout("m")\n    m = readout("K")')
+    declared = read_declaration(text, "odd.py")
+    assert [(name, signal.unit) for name, signal in declared.signals] == [("m", "K"), ("s", "m")]
+    assert declared.memory == ()
 
 
 @pytest.mark.parametrize("name", ["_k", "__class__", "__dict__", "model_config", "model_fields", "model_dump"])

@@ -138,8 +138,10 @@ def test_notes_tags_and_the_mark_to_keep_are_written(flexlab_command: Command, l
     assert "look at [this]" in text
     (row,) = json.loads(good(flexlab_command("logs", "newest", "--json")))
     assert (row["note"], row["tags"], row["kept"]) == ("look at [this]", ["a", "b"], True)
+    (row,) = json.loads(good(flexlab_command("logs", "newest", "--note", "seen", "--json")))
+    assert (row["note"], row["tags"], row["kept"]) == ("seen", ["a", "b"], True), "what is not named stays"
     (row,) = json.loads(good(flexlab_command("logs", "newest", "--unkeep", "--tags", "", "--json")))
-    assert (row["note"], row["tags"], row["kept"]) == ("look at [this]", [], False)
+    assert (row["note"], row["tags"], row["kept"]) == ("seen", [], False)
     assert row["metrics"]
 
 
@@ -149,6 +151,7 @@ def test_deleting_asks_and_spares_what_is_kept(flexlab_command: Command, logs: P
     assert nobody.returncode == 2
     assert "--yes deletes without asking" in nobody.stderr
     good(flexlab_command("logs", "newest", "--keep"))
+    assert soft.stem in good(flexlab_command("logs", "--search", "kept"))
     kept = flexlab_command("logs", "newest", "garbage", "--delete", "--yes")
     assert kept.returncode == 2
     assert "is marked to be kept" in kept.stderr
@@ -170,6 +173,9 @@ def test_limits_delete_the_oldest_runs_first_and_never_kept_ones(flexlab_command
     assert len(list_runs(logs)) == 5
     good(flexlab_command("logs", "--max-age", "1.5", "--yes"))
     assert {path.name for path in list_runs(logs)} == {"torn.rrd", "garbage.rrd", soft.name}
+    gigabytes = 1e-9 * (soft.stat().st_size + (logs / "torn.rrd").stat().st_size + 100)
+    good(flexlab_command("logs", "--max-size", str(gigabytes), "--yes"))
+    assert {path.name for path in list_runs(logs)} == {"torn.rrd", soft.name}
     good(flexlab_command("logs", "--max-size", "1e-6", "--yes"))
     assert [path.name for path in list_runs(logs)] == ["torn.rrd"]
     assert "No run is over the limits" in good(flexlab_command("logs", "--max-size", "1e-6", "--yes"))

@@ -26,7 +26,7 @@ class Range:
     def fit(self, extent: float) -> None:
         """Adapt to the largest absolute value now in the window."""
         wanted = max(round_up(extent * 1.05), self._least)
-        self._small_for = self._small_for + 1 if extent < SHRINK_BELOW * self.limit and wanted < self.limit else 0
+        self._small_for = self._small_for + 1 if extent < SHRINK_BELOW * self.limit else 0
         if wanted > self.limit or self._small_for >= self._patience:
             self.limit, self._small_for = wanted, 0
 

@@ -15,6 +15,8 @@ from flexlab.analysis.leaderboard.case import Case, Variant, cases, chosen_cases
 from flexlab.analysis.leaderboard.entry import Row, chosen_entrants, entrants
 from flexlab.analysis.leaderboard.report import draw_case, overview, sections, settings, write_report
 from flexlab.analysis.leaderboard.store import RowStore, law_source, shipped_rows
+from flexlab.analysis.workers import chosen_workers
+from flexlab.cli import leaderboard_command
 from flexlab.errors import StudyError
 from flexlab.presets import load_preset
 from flexlab.sim.commands import Tap
@@ -253,3 +255,10 @@ def test_numbers_in_the_table_keep_their_trailing_zeros(board: Leaderboard):
     texts = [cell.text for _, cells in overview(board).lines for cell in cells]
     assert "1.00" in texts
     assert all(len(text.replace(".", "")) == 3 for text in texts if text[0].isdecimal() and "\u202f" not in text)
+
+
+def test_the_command_that_verifies_fails_if_a_row_differs(board: Leaderboard, folder: Path):
+    tasks = make_tasks([QUICK], chosen_entrants(LAWS))
+    altered = replace(board.rows[0], result_hash="0" * len(board.rows[0].result_hash))
+    for rows, code in ((board.rows, 0), ((altered, *board.rows[1:]), 1)):
+        assert leaderboard_command._verify(list(rows), tasks, RowStore(folder), chosen_workers(None)) == code

@@ -78,11 +78,13 @@ def test_other_data_make_another_law(file: Path):
         ('data_file("../gains.npy")', "give the name of a file in the same folder"),
         ('data_file("/etc/passwd")', "give the name of a file in the same folder"),
         ('data_file("")', "give the name of a file in the same folder"),
+        ('data_file("link.npy")', "give the name of a file in the same folder"),
         ("data_file(NAME)", "data_file needs the name of a file, written out"),
         ('data_file("large.bin")', rf"it has {MOST_DATA + 1} bytes, {MOST_DATA} are the most"),
     ],
 )
 def test_a_data_file_that_cannot_be_kept_is_refused(file: Path, call: str, says: str):
+    file.with_name("link.npy").symlink_to("/etc/hostname")
     file.with_name("large.bin").write_bytes(bytes(MOST_DATA + 1))
     file.write_text(TEXT.replace("import numpy", f"X = {call}\nimport numpy", 1).replace("from a file", "X"), "utf-8")
     with pytest.raises(FlexlabError, match=says.replace("Line 2", "Line 3")):

@@ -1,5 +1,6 @@
 """What the head of the panel, the notices over the picture and the text for screen readers say about a run."""
 
+import re
 from dataclasses import replace
 
 import pytest
@@ -11,6 +12,7 @@ from flexlab.guide import LOCKED, ClassRules
 from flexlab.lab.lab_state import Notice
 from flexlab.lab.panel.readouts import (
     SEEN_TOGETHER,
+    events_html,
     largest_vibration,
     notices_html,
     number_html,
@@ -111,8 +113,18 @@ def test_bending_by_a_hand_is_not_counted_as_vibration():
     held = run.having(midspan_deflection=run.quasi_static_deflection + 0.005)
     pull = Pull(0.0, (0.0, 0.8), 500.0)
     assert largest_vibration(held, ()) == "5.00 mm"
+    for bent, said in ((4e-4, "0.40 mm"), (4e-5, "40.0 µm")):
+        assert largest_vibration(run.having(midspan_deflection=run.quasi_static_deflection + bent), ()) == said
     assert largest_vibration(held, [Event(0.0, "", pull)]) == "0.0 µm"
     assert largest_vibration(held, [Event(-1.0, "", replace(pull, stiffness=0.0))]) == "5.00 mm", "it has let go before"
+
+
+def test_a_drag_is_one_event_and_ends_where_the_beam_is_let_go():
+    pull = Pull(0.0, (0.0, 0.8), 500.0)
+    loose = replace(pull, stiffness=0.0)
+    told = [Event(0.1 * number, f"event {number}", each) for number, each in enumerate((pull, pull, loose, pull, pull))]
+    shown = events_html(replace(Runner(Scenario(), playing=False).snapshot, events=tuple(told)))
+    assert re.findall(r"event \d", shown) == ["event 4", "event 2", "event 1"]
 
 
 def test_a_warning_that_goes_on_is_shown_only_once():

@@ -64,6 +64,8 @@ def test_one_gesture_is_one_step_of_undo() -> None:
         history.note(with_stiffness(value), ("payload.bending_stiffness",))
     assert history.back(with_stiffness(70.0)) == with_stiffness(100.0)
     assert history.back(with_stiffness(100.0)) is None
+    history.note(with_stiffness(100.0), ("payload.bending_stiffness",))
+    assert history.back(with_stiffness(60.0)) == with_stiffness(100.0), "an undo ends the gesture"
 
 
 def test_after_a_new_change_nothing_can_be_redone() -> None:

@@ -29,7 +29,17 @@ from flexlab.recording.store.run_files import has_footer, list_runs
 from flexlab.recording.store.run_index import list_rows, state_word
 from flexlab.server.front_server import FrontServer
 from flexlab.server.labs.lab_provider import MOST_OF_ADDRESS, FullError, WaitingLine
-from flexlab.server.limits import LOOK_AGAIN, THE_SERVER, BusyError, Limit, Quota, Visitor, owner_word
+from flexlab.server.limits import (
+    LOOK,
+    LOOK_AGAIN,
+    THE_SERVER,
+    BusyError,
+    Limit,
+    Quota,
+    Visitor,
+    for_teacher,
+    owner_word,
+)
 from flexlab.server.pages import run_actions, runs_pages
 from flexlab.server.run_jobs import take_in
 from flexlab.server.tasks import AT_ONCE, MOST_OF_ONE, Turns
@@ -302,12 +312,18 @@ def test_an_import_beside_a_lab_that_records_stays_within_the_quota(tmp_path: Pa
 
 
 def test_notes_beside_runs_count_for_the_quota(tmp_path: Path, recorded: Path):
-    run, owner = Path(shutil.copy(recorded, tmp_path)), owner_word("anna")
+    run, owner, now = Path(shutil.copy(recorded, tmp_path)), owner_word("anna"), [0.0]
+    quota = Quota(tmp_path, owner, run.stat().st_size + 300_000, clock=lambda: now[0])
+    assert not quota(200_000), "a run that is just being opened has no owner yet"
     write_notes(run, owner=owner)
-    most = run.stat().st_size + 300_000
-    assert not Quota(tmp_path, owner, most)(200_000)
+    now[0] = LOOK
+    assert not quota(200_000)
     write_notes(run, note="n" * 200_000)
-    assert "that each visitor has" in Quota(tmp_path, owner, most)(200_000)
+    now[0] = 2 * LOOK
+    assert "that each visitor has, and this needs 0.2 MB: delete" in quota(200_000)
+    told = Quota(tmp_path, owner, 1e5)(200_000)
+    assert "of the 0 MB that each visitor has: delete" in told, "they take more already"
+    assert for_teacher(told).startswith(told.partition(":")[0].replace("Your", "Their"))
 
 
 def test_imports_count_for_the_quota(server: FrontServer, recorded: Path):

@@ -11,7 +11,7 @@ from flexlab.errors import LabError
 from flexlab.recording.store.notes import write_notes
 from flexlab.recording.store.run_files import list_runs
 from flexlab.server.front_server import delete_over_limits
-from flexlab.server.settings import Settings
+from flexlab.server.settings import KEPT_FREE, LAB_MEMORY, Capacity, Settings
 
 
 @pytest.mark.parametrize(
@@ -39,6 +39,15 @@ def test_a_setting_out_of_range_is_refused_in_a_sentence(field: str, value: obje
 def test_the_address_for_others_is_one_of_this_machine() -> None:
     assert Settings().public_host() == "127.0.0.1"
     assert Settings(host="0.0.0.0").public_host() not in ("0.0.0.0", "")
+
+
+def test_by_default_one_private_lab_is_left_to_other_addresses() -> None:
+    assert [Settings(max_sessions=labs).labs_per_address for labs in (1, 2, 40)] == [1, 1, 39]
+
+
+def test_cores_and_free_memory_bound_the_labs_of_a_machine() -> None:
+    several = KEPT_FREE + 3.5 * LAB_MEMORY
+    assert [Capacity(2, memory).labs for memory in (None, 1e12, several, 0.0)] == [12, 12, 3, 1]
 
 
 def test_runs_over_the_limits_are_deleted_oldest_first_and_kept_ones_stay(recorded: Path, tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from flexlab.server.front_server import FrontServer
 from flexlab.server.scenario_links import decode_scenario, encode_scenario
 from flexlab.server.studies.sweep import GrowingSweep, page_data
 from flexlab.server.study import MOST_AT_ONCE, MOST_VALUES, read_study
+from flexlab.text import number_text
 
 EI, K, LENGTH = "payload.bending_stiffness", "controller.feedback_gain", "payload.length"
 STUDY_PATIENCE = 4 * PATIENCE
@@ -170,7 +171,9 @@ def test_a_tuning_shows_before_and_after_and_leads_to_the_lab(server: FrontServe
     assert "Peak joint torque" in page
     found = json.loads(ask(server.url, f"{address}/data").text)
     assert len(found["points"]) >= 16
-    assert found["after"][0] <= found["before"][0]
+    assert found["after"][0] < found["before"][0]
+    before, after = (f">{number_text(found[when][0])}<" for when in ("before", "after"))
+    assert 0 < page.find(before) < page.find(after)
 
 
 def test_too_many_studies_are_refused_and_cancelled_ones_end(server: FrontServer):
@@ -236,6 +239,14 @@ def test_an_invalid_study_is_refused_in_a_sentence(changes: dict[str, str], says
         read_study(form, paper)
     assert says in str(caught.value)
     assert len(str(caught.value)) < 300
+
+
+def test_a_study_keeps_every_digit_of_a_range_and_names_its_spacing():
+    study = read_study(SWEEP | {"low1": "0.123456789"}, load_preset("paper"))
+    assert study.axes[0].low == 0.123456789
+    assert [study.axis_text(axis) for axis in study.axes] == [
+        "Length L: 0.1235 to 9.5 m, 2 values", "Bending stiffness EI: 50 to 200 N·m², equal ratios, 3 values",
+    ]  # fmt: skip
 
 
 def test_hostile_forms_and_unknown_studies_are_answered_without_a_traceback(server: FrontServer):

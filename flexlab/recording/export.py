@@ -26,7 +26,7 @@ from flexlab.files import check_ordinary, writing
 from flexlab.presets import scenario_text, unique_fields
 from flexlab.recording.codec import event_from_values, event_values, larger_blocks, state_values
 from flexlab.recording.reader import Recording, within
-from flexlab.recording.store.formats import FORMAT, Changes, migrate
+from flexlab.recording.store.formats import FORMAT, Changes, checked_format, migrate
 from flexlab.recording.table_columns import (
     Column,
     axis_labels,
@@ -144,7 +144,7 @@ def import_run(path: Path) -> tuple[Run, dict[str, Any]]:
         check_times(path.name, samples.time)
         events = [event_from_values(event) for event in metadata.get("events", ())]
         check_events(path.name, events)
-        samples = migrate(samples, metadata.get("format", 1), lambda: Changes(scenario, events))
+        samples = migrate(samples, checked_format(metadata.get("format", 1)), lambda: Changes(scenario, events))
         name, sentence, time = metadata["status"]
         status = Status(str(name), str(sentence), float(time))
         if not math.isfinite(status.time):
@@ -196,7 +196,10 @@ def _read_csv(path: Path) -> tuple[Columns, str]:
         names = next(csv.reader(file))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # A table without rows needs no warning.
-            table = np.loadtxt(file, delimiter=",", ndmin=2).reshape(-1, len(names))
+            table = np.loadtxt(file, delimiter=",", ndmin=2)
+    if table.size and table.shape[1] != len(names):
+        raise ValueError(f"its rows have {table.shape[1]} values, and its head {len(names)}")
+    table = table.reshape(-1, len(names))
     return unique_fields(list(zip(names, table.T, strict=True))), metadata
 
 

@@ -86,7 +86,7 @@ def decoded_path(content: bytes, name: str) -> tuple[tuple[float, float, float, 
 
 
 def _cells(text: str, name: str) -> Iterator[list[str]]:
-    first = text.split("\n", 1)[0]
+    first = text.lstrip().split("\n", 1)[0]
     separator = max(",;\t", key=first.count)
     try:
         for line in csv.reader(text.splitlines(), delimiter=separator, strict=True):

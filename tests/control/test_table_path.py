@@ -36,7 +36,7 @@ def on_table(**own: Any) -> Scenario:
 
 
 def test_decimal_commas_are_read_where_they_separate_no_columns(tmp_path: Path) -> None:
-    rows = "t [s];x [mm];y [m];theta [deg]\n0;0;0,75;0\n0,1;1,5;0,75;-2,5\n"
+    rows = "\nt [s];x [mm];y [m];theta [deg]\n0;0;0,75;0\n0,1;1,5;0,75;-2,5\n"
     (tmp_path / "comma.csv").write_text(rows, encoding="utf-8")
     (tmp_path / "point.csv").write_text(rows.replace(",", "."), encoding="utf-8")
     assert read_path_file(tmp_path / "comma.csv") == read_path_file(tmp_path / "point.csv")
@@ -76,9 +76,10 @@ def test_a_path_from_a_file_is_followed_and_kept_in_the_recording(tmp_path: Path
 
 
 def test_units_and_order_of_the_columns_are_those_of_the_header(tmp_path: Path):
-    other = np.stack([ROWS[:, 3] * 180 / np.pi, 1e3 * ROWS[:, 0], 1e3 * ROWS[:, 1], 1e2 * ROWS[:, 2]], axis=1)
-    file = write(tmp_path / "other.csv", other, "θ (°), Time (ms), X (mm), y (cm)")
-    np.testing.assert_allclose(read_path_file(file), ROWS, rtol=1e-14, atol=1e-16)
+    for angle, size in {"°": 180 / np.pi, "deg": 180 / np.pi, "mrad": 1e3}.items():
+        other = np.stack([ROWS[:, 3] * size, 1e3 * ROWS[:, 0], 1e3 * ROWS[:, 1], 1e2 * ROWS[:, 2]], axis=1)
+        file = write(tmp_path / "other.csv", other, f"θ ({angle}), Time (ms), X (mm), y (cm)")
+        np.testing.assert_allclose(read_path_file(file), ROWS, rtol=1e-14, atol=1e-16)
 
 
 WRONG = [
@@ -90,6 +91,8 @@ WRONG = [
     ("t,x,y,theta\n0,0,0.75,0\n0.1,0,abc,0\n", "row 2 (line 3): y = 'abc' is not a finite number"),
     ("t,x,y,theta\n0,0,0.75,0\n0.1,nan,0.75,0\n", "row 2 (line 3): x = 'nan' is not a finite number"),
     ("t,x,y,theta\n0,0,0.75,0\n0.1,0,0.75\n", "row 2 (line 3) has 3 values, not 4"),
+    ("t,x,y,theta\n0,0,0,75,0\n1,0,0,75,0\n", "row 1 (line 2) has 5 values, not 4"),
+    ("t,x,y,theta\n" + 3_000_000 * "0,", "is too long: a path has 10000 rows at most"),
     ("t,x,y,theta\n0,0,0.75,0\n", "has 1 rows below its header: a path needs 2 to 10000"),
     ("", "is empty"),
     (

@@ -58,7 +58,7 @@ def test_a_real_run_comes_back_read_only_and_small(run: Run) -> None:
     assert_same_bits(found, samples)
     assert not any(getattr(found, field.name).flags.writeable for field in fields(Samples))
     signals = sum(getattr(run, field.name)[0].size for field in fields(Samples))
-    assert len(data) < 0.5 * 8 * 500 * signals
+    assert len(data) < 0.55 * 8 * 500 * (signals - 3), "without the tracking error, which follows from the poses"
 
 
 def test_blocks_join_in_order(run: Run) -> None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from flexlab.presets import load_preset
 from flexlab.recording.store.run_index import duration_text, size_text
 from flexlab.scenario.field_text import differences, field_title, told, value_text
-from flexlab.text import difference_text, fixed_text, in_mathtext, number_text, result_text, with_subscripts
+from flexlab.text import difference_text, fixed_text, in_mathtext, number_text, result_text, visible, with_subscripts
 
 
 def test_numbers_have_no_letters_and_a_real_minus_sign() -> None:
@@ -57,7 +57,11 @@ def test_sizes_and_durations_are_rounded_as_people_write_them() -> None:
         2e15: "2000 TB",
     }
     assert {size: size_text(size) for size in sizes} == sizes
-    assert [duration_text(span) for span in (None, 1e-5, 3.0, 179.7)] == ["–", "10⁻⁵ s", "3 s", "3 min 00 s"]
+    assert [duration_text(span) for span in (None, 1e-5, 119.5, 179.7)] == ["–", "10⁻⁵ s", "119.5 s", "3 min 00 s"]
+
+
+def test_a_text_is_cut_to_the_length_that_is_allowed() -> None:
+    assert (visible("abcd", 4), visible("abcde", 4)) == ("abcd", "abc…")
 
 
 @given(st.floats())
@@ -81,6 +85,7 @@ def test_fields_and_values_are_named_in_words() -> None:
         "Control law": ("adaptive-sliding-mode", "pd"),
         "Bending stiffness EI (N·m²)": ("100", "50"),
     }
+    assert field_title("payload.damping.ratio", paper) == "Damping ratio ζ", "without the unit 1"
     assert field_title("controller.integral_gain", paper).startswith("Switching gain"), "of a law that no run here has"
     assert value_text({"linear_density_factor": 1.0}) == "linear density factor 1"
     assert value_text(None) == "–"

@@ -158,6 +158,7 @@ def test_writing_and_reading_lose_nothing(tmp_path_factory: pytest.TempPathFacto
     file = tmp_path_factory.getbasetemp() / "any.json"
     save_scenario(scenario, file)
     assert load_scenario_file(file) == scenario
+    assert next(iter(json.loads(file.read_text(encoding="utf-8"))["controller"])) == "kind"
 
 
 def test_a_file_that_begins_with_a_byte_order_mark_is_read(tmp_path: Path):

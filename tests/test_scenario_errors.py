@@ -108,6 +108,8 @@ def test_nan_is_refused_in_every_field(path):
             "controller.feedback_gain = 10⁹ N·s/m, N·m·s/rad is outside the allowed range",
         ),
         ("payload.boundary", "glued", "pinned-pinned"),
+        ("payload", {"mode_count": 5}, "mode_count = 5 is more than the 4 modes that this mesh has"),
+        ("left_arm", {"base": (-0.5, 0), "elbow": -1, "link_mass": (8, 0, 4)}, "link 2 has neither mass nor inertia"),
         ("controller.kind", "magic", "controller.kind = 'magic' is not one of 'adaptive-sliding-mode'"),
         ("controller", {}, "controller.kind is missing"),
         ("controller", 5, "it has fields of its own"),

@@ -496,6 +496,9 @@ def test_a_log_that_begins_before_the_tap_rings_from_the_tap_on(seed: int, tmp_p
     assert [mode.frequency.value for mode in fit.ring.modes] == pytest.approx([12.6, 80.0], rel=1e-3)
     assert [mode.damping_ratio.value for mode in fit.ring.modes] == pytest.approx([0.005, 0.01], rel=0.05)
     assert fit_file(path, start=2.2, end=3.9).notes == ()
+    said = fit_file(path, start=1.5).notes[-1]
+    assert said.startswith("The ring begins at t = 2.0")
+    assert "and the fit at 1.5 s: frequencies and damping ratios are wrong with what comes before the ring." in said
 
 
 @pytest.mark.parametrize("quiet", [1, 3, 4, 7, 10, 13, 40, 60])

@@ -145,7 +145,8 @@ def fit_file(
     if start is None and (first := ring_begins(y)):
         notes += (f"The ring begins at t = {t[first]:.6g} s, its first peak: what comes before is left out.",)
         t, y = t[first:], y[first:]
-    return _fit(path.stem, t, y, found.unit, scenario, notes)
+    fit = _fit(path.stem, t, y, found.unit, scenario, notes)
+    return fit if start is None else _with_silence_told(fit)
 
 
 def fit_run(
@@ -167,7 +168,20 @@ def fit_run(
     path = None
     if recording.status != MEASURED:  # A measurement has no loop and no pose.
         path = recording.samples.desired_pose[np.searchsorted(recording.samples.time, t)], own
-    return _fit(recording.path.stem, t, y, unit, scenario or own, (), path)
+    fit = _fit(recording.path.stem, t, y, unit, scenario or own, (), path)
+    return fit if start is None else _with_silence_told(fit)
+
+
+def _with_silence_told(fit: Fit) -> Fit:
+    """The fit, with a note if it begins, as it was told to, more than a period before the ring does."""
+    start, begins = float(fit.time[0]), float(fit.time[ring_begins(fit.signal)])
+    if not fit.ring.modes or (begins - start) * fit.ring.first.frequency.value <= 1:
+        return fit
+    note = (
+        f"The ring begins at t = {begins:.6g} s, its first peak, and the fit at {start:.6g} s: frequencies and damping ratios "
+        f"are wrong with what comes before the ring. Start at {begins:.6g} s, or leave the start out."
+    )
+    return replace(fit, notes=(*fit.notes, note))
 
 
 def _fit(

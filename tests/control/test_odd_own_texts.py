@@ -62,6 +62,14 @@ def test_a_name_that_is_given_twice_has_its_last_meaning():
     assert declared.memory == ()
 
 
+def test_a_gain_of_three_numbers_counts_as_three():
+    many = "".join(f"    k{number} = gain((1.0, 1.0, 1.0), 'N', low=0, high=2)\n" for number in range(21))
+    text = law_text().replace("    m = memory(3)\n", many)
+    assert len(read_declaration(text, "odd.py").settings) == 22
+    with pytest.raises(ScenarioError, match="Odd declares 65 gains: 64 are the most"):
+        read_declaration(text.replace("    k =", "    j = gain(1.0, 'N', low=0, high=2)\n    k ="), "odd.py")
+
+
 @pytest.mark.parametrize("name", ["_k", "__class__", "__dict__", "model_config", "model_fields", "model_dump"])
 def test_a_gain_or_option_may_not_take_a_name_that_its_model_needs(name: str):
     with pytest.raises(ScenarioError, match=f"{name} .*: give the gain another name"):

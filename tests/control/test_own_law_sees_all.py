@@ -10,7 +10,8 @@ from flexlab.control.law import USUAL_GAUGES
 from flexlab.own import hosts
 from flexlab.own.files import law_kind
 from flexlab.own.law import add_own_law
-from flexlab.own.measurement import Believed
+from flexlab.own.measurement import Believed, Measurement
+from flexlab.physics.law_input import LAW_INPUT
 from flexlab.presets import load_preset
 from flexlab.sim.build import build_beam, payload_row
 
@@ -95,3 +96,18 @@ def test_the_modes_that_a_law_sees_are_those_of_the_believed_beam():
     np.testing.assert_allclose(np.abs(believed.modes.shapes[5]), np.abs(shape), rtol=1e-9, atol=1e-12)
     stiffer = Believed(law.derive(scenario.replace({"controller.model.stiffness_factor": 4.0}))["plant"])
     np.testing.assert_allclose(stiffer.omega, 2 * believed.omega, rtol=1e-12)
+
+
+def test_joint_angles_that_a_law_sees_lie_within_half_a_turn():
+    now = np.zeros(1, LAW_INPUT)[0]
+    now["arm_count"], now["x"] = 2, (0.0, 0.0, 3.0)
+    now["direction"][:2] = [(np.cos(a), np.sin(a), np.cos(b), np.sin(b)) for a, b in ((3.0, -3.0), (0.5, 1.0))]
+    angles = Measurement(now, 0.001, lambda: None).joint_angles  # type: ignore[arg-type]  # No belief is asked for.
+    np.testing.assert_allclose(angles, [[3.0, 2 * np.pi - 6.0, 6.0 - 2 * np.pi], [0.5, 0.5, 2.0 - np.pi]], atol=1e-12)
+
+
+def test_the_net_force_that_a_law_sees_leaves_out_the_payload_s_weight():
+    now = np.zeros(1, LAW_INPUT)[0]
+    now["arm_count"], now["m"], now["gravity"] = 2, 2.0, 9.81
+    at = Measurement(now, 0.001, lambda: None)  # type: ignore[arg-type]  # As above.
+    np.testing.assert_allclose(at.net_force(np.ones((2, 3))), [2.0, 2.0 - 19.62, 2.0])

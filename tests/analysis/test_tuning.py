@@ -54,7 +54,7 @@ def test_a_cost_is_metrics_times_weights_and_limits_count_before_it(weight: floa
 
 
 def test_a_robust_cost_is_that_of_the_worst_scenario():
-    heavy = parse_axes({"payload.linear_density": [2.0, 8.0]}, PAPER)
+    heavy = parse_axes({"payload.linear_density": [8.0, 2.0]}, PAPER)
     found = tune(PAPER, GAIN, parse_cost("rms-y=2"), heavy, duration=0.2, candidates=8)
     runs = [flexlab.simulate(PAPER.replace({"payload.linear_density": density}), 0.2) for density in (2.0, 8.0)]
     assert found.before.cost == max(2 * numbers_of(run.metrics)["rms-y"] for run in runs)

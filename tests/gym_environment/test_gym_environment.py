@@ -82,9 +82,16 @@ def test_many_worlds_move_on_all_threads_as_one_does():
     state = envs.worlds.state
     assert len(set(state.variant)) == 4
     assert set(state.delay) == {0, 1, 2}
+    assert min(len(set(state.noise)), len(set(state.seed))) == 64
+    assert (state.offset.min(axis=0) < 0).all()
+    assert (state.offset.max(axis=0) > 0).all()
+    np.testing.assert_allclose(np.diff(np.log(envs.worlds.stiffness)), np.log(20) / 3)
     actions = envs.action_space.sample() * 0.2
+    np.testing.assert_array_equal(envs.reset(seed=[5, *[None] * 63])[0], seen)
     again = TwoArms(**options)
-    again.reset(seed=0)
+    told = [again.reset(seed=seed)[1]["stiffness"] for seed in range(8)]
+    assert set(told) <= set(envs.worlds.stiffness)
+    assert len(set(told)) > 1
     one, chosen = again.worlds.state, 37
     for name in ("variant", "delay", "seed", "noise", "offset", "y", "observation", "tick"):
         getattr(one, name)[0] = getattr(state, name)[chosen]
@@ -224,6 +231,9 @@ def test_one_world_restarts_while_others_continue():
     np.testing.assert_array_equal(envs.worlds.state.y[::2], before[::2])
     with pytest.raises(StudyError, match="give 3 truth values"):
         envs.reset(options={"reset_mask": [True]})
+    envs.worlds.state.failed[2] = True
+    envs.step(np.zeros((3, 3)))
+    assert envs.worlds.state.tick.tolist() == [6, 1, 0], "one that failed begins anew"
 
 
 def test_a_picture_shows_the_beam_where_it_is():

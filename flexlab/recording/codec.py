@@ -1,7 +1,7 @@
 """Samples as compact bytes and back, bit for bit.
 
 A recording keeps every signal of `Samples` in double precision, besides the curves that it shows: the paper's run has 69 numbers,
-552 bytes, per millisecond, of which this form makes 205 bytes in blocks of ten seconds and 268 in blocks of a tenth. The bit
+552 bytes, per millisecond, of which this form makes 210 bytes in blocks of ten seconds and 276 in blocks of a tenth. The bit
 pattern of a smooth signal, read as an integer, is nearly a cubic in time, so its third difference is small; small integers have
 empty upper bytes, which pack well. All of it is exact arithmetic on bit patterns: infinities and NaN come back too.
 

@@ -157,6 +157,13 @@ def test_no_vibration_is_settled_from_the_start() -> None:
     assert settling_time(TIME, 1e-12 * np.random.default_rng(0).normal(size=2001)) == 0
 
 
+def test_a_vibration_that_is_not_recorded_has_no_settling_time():
+    metric = SettlingTime()
+    metric.add(TIME, np.full(2001, np.nan))
+    assert np.isnan(metric.compute()[0])
+    assert metric.reason() == "not recorded"
+
+
 @pytest.mark.parametrize("hertz", [0.5, 1.0, 5.0, 44.4, 400.0])
 def test_a_steady_vibration_has_not_settled_wherever_it_is_cut(hertz: float) -> None:
     signal = np.sin(2 * np.pi * hertz * TIME)

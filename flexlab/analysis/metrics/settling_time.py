@@ -24,7 +24,7 @@ PARTS, KEEPS = 3, 0.8
 """Number of parts of an unsettled run, of which the last two are compared; ratio of their peaks from which there is no decay."""
 NOTHING = 1e-9
 """Largest vibration that may be the integrator's error, m."""
-NOT_SETTLED = "not settled"
+NOT_SETTLED, NOT_RECORDED = "not settled", "not recorded"
 
 
 @register
@@ -48,7 +48,7 @@ class SettlingTime(Metric):
 
     def __init__(self) -> None:
         self._first, self._last = np.inf, -np.inf
-        self._peak = 0.0
+        self._peak, self._is_recorded = 0.0, False
         self._time = np.empty(0)
         self._size = np.empty(0)
         self._piece = FINEST
@@ -64,6 +64,7 @@ class SettlingTime(Metric):
         if len(time) == 0:
             return
         size = np.fmax(np.abs(signal), 0.0)  # NaN: not recorded.
+        self._is_recorded |= not np.isnan(signal).all()
         self._first, self._last = min(self._first, float(time[0])), float(time[-1])
         self._peak = max(self._peak, float(np.max(size)))
         places = np.concatenate([self._places, np.floor(time / self._piece).astype(np.int64)])
@@ -89,8 +90,8 @@ class SettlingTime(Metric):
         return longest * self._piece
 
     def compute(self) -> tuple[float, ...]:
-        """Seconds; NaN for a run that has not settled, or has no samples."""
-        if self._last < self._first:
+        """Seconds; NaN for a run that has not settled, or has no samples, or none of its vibration."""
+        if self._last < self._first or not self._is_recorded:
             return (np.nan,)
         loud = self._time[self._size > SHARE * self._peak]
         if self._peak < NOTHING or len(loud) == 0:
@@ -102,6 +103,8 @@ class SettlingTime(Metric):
         """Whether an unsettled vibration persists or had no time to settle, and its share of the peak at the end."""
         if self._last <= self._first or not np.isnan(self.compute()[0]):
             return ""
+        if not self._is_recorded:
+            return NOT_RECORDED
         part = (self._last - self._first) / PARTS
         before, last = (self._largest(self._last - count * part, self._last - (count - 1) * part) for count in (2, 1))
         goes_on = last >= KEEPS * before

@@ -85,7 +85,9 @@ class Check:
         try:
             if named:
                 name, text, given = named.groups()
-                if name in (*known, *VALUES, *METRICS):
+                # A name of its own may hide a measure's, but not read it: within the lesson it means the new value only.
+                reads_itself = name in (*VALUES, *METRICS) and re.search(rf"\b{name}\b", text or given)
+                if name in known or reads_itself:
                     return f"{line[:60]!r} gives a second meaning to a name: choose another one."
                 self._named[name] = NOTHING  # Later lines may use the name even if this line is wrong.
                 self._named[name] = _sentence(text, known) if text else expression(given, known)

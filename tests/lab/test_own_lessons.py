@@ -150,6 +150,12 @@ def test_all_mistakes_in_the_rules_of_a_lesson_are_said_at_once(tmp_path: Path) 
     assert "size is no" not in said, "it was named"
 
 
+def test_a_name_of_a_lessons_own_may_hide_that_of_a_value(tmp_path: Path) -> None:
+    rules = "\n## Check\nt = 5\ndone if t > 4: Yes.\nelse: No.\n"
+    own = write(tmp_path, re.sub("check: .*\n", "", EXAMPLE) + rules)
+    assert verdict(own, load_preset("paper"), SAMPLES).done
+
+
 def test_names_that_need_each_other_too_often_end_in_a_sentence(tmp_path: Path) -> None:
     chain = "n0 = t\n" + "".join(f"n{k + 1} = n{k}\n" for k in range(1000))
     own = write(

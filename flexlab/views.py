@@ -1,4 +1,4 @@
-"""How signals are plotted: their groups, names, units and colours.
+"""How signals are plotted: their groups, names, units and colours; and how much the deflection is exaggerated in drawings.
 
 The lab's plots and a recording's curves and texts follow from these rows; the table of signals says what each signal means. A
 law's own signals get a view each. Views use convenient units (mm, mrad); recordings also hold all signals in SI units.
@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from flexlab.guide import HIGHEST_EXAGGERATION
 from flexlab.scenario import Scenario
 from flexlab.signal import Signal
 from flexlab.sim.samples import Samples
@@ -28,6 +29,12 @@ OWN = "own/"
 """Prefix of a law's own signals in recordings."""
 LEAST_OWN = 1e-6
 """Smallest axis range of a law's own signal, whose magnitude is not known beforehand."""
+USUAL_FACTOR, USUAL_BENDING = 50.0, 3.6e-4
+"""The factor that suits the paper's beam, and that beam's usual bending as a fraction of its length."""
+SOFTER_BENDS_MORE = 0.25
+"""Exponent with which the drawn bending grows with the true one: a softer beam looks more bent, but not wildly."""
+FACTOR_DIGITS = 2
+"""Significant digits of a factor that flexlab chooses."""
 
 
 @dataclass(frozen=True)
@@ -147,3 +154,17 @@ def views(scenario: Scenario) -> tuple[View, ...]:
     """All views of a run, the most important first, its law's own signals last."""
     torques, own = TORQUES[len(scenario.arms) - 1], own_views(scenario)
     return ERROR, DEFLECTION, INTERNAL_FORCE, torques, SLIDING, ESTIMATES, ENERGIES, AXIAL_LOAD, AXIAL_SHARE, *own
+
+
+def fitting_exaggeration(scenario: Scenario) -> float:
+    """The factor on the drawn deflection at which bending in steady motion is visible but moderate, and more for a softer beam.
+
+    Bending is that of a uniform beam, 5ρaL⁴/(384 EI) at mid-span, under the trajectory's largest acceleration and weight.
+    """
+    payload, path = scenario.payload, scenario.trajectory
+    load = payload.linear_density * math.hypot(*path.peak_acceleration[:2], scenario.gravity)
+    bending = 5 * load * payload.length**3 / (384 * payload.bending_stiffness)
+    if bending <= 0:
+        return USUAL_FACTOR
+    factor = USUAL_FACTOR * (bending / USUAL_BENDING) ** (SOFTER_BENDS_MORE - 1)
+    return min(max(float(f"{factor:.{FACTOR_DIGITS}g}"), 1.0), HIGHEST_EXAGGERATION)

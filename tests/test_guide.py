@@ -10,11 +10,12 @@ import pytest
 from flexlab import guide
 from flexlab.analysis.lesson_checks import read_check
 from flexlab.assets import web_assets_folder
-from flexlab.lab.view_settings import fitting_exaggeration, tamed_exaggeration
+from flexlab.lab.view_settings import tamed_exaggeration
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario.field_text import options
 from flexlab.sim.simulate import simulate
 from flexlab.text import number_text
+from flexlab.views import fitting_exaggeration
 
 CHAPTERS = [
     "What you see",

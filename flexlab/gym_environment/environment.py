@@ -34,11 +34,11 @@ from flexlab.lab import colors
 from flexlab.lab.scene.beam import STATIONS
 from flexlab.lab.scene.cameras import floor_extent
 from flexlab.lab.scene.scene import PICTURES_PER_SECOND, Window
-from flexlab.lab.view_settings import fitting_exaggeration
 from flexlab.scenario import Scenario
 from flexlab.sim.geometry import arm_points, beam_points
 from flexlab.sim.samples import Samples
 from flexlab.text import number_text
+from flexlab.views import fitting_exaggeration
 
 WIDTH, DPI = 640, 100
 """Width of a picture in dots, and dots per inch."""

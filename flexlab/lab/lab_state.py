@@ -15,7 +15,7 @@ from flexlab.guide import LOCKED, ClassRules, LessonProgress
 from flexlab.lab.changes import Settings, SlowChanges, Undo
 from flexlab.lab.mode_computation import peak_deflection
 from flexlab.lab.reference_run import ReferenceRun
-from flexlab.lab.view_settings import ViewSettings, fitting_exaggeration, fitting_window, tamed_exaggeration
+from flexlab.lab.view_settings import ViewSettings, fitting_window, tamed_exaggeration
 from flexlab.own.path import needs_running, with_table
 from flexlab.physics.plant import ON_BEAM, Hand
 from flexlab.presets import load_preset
@@ -27,6 +27,7 @@ from flexlab.sim.samples import Origin
 from flexlab.sim.snapshot import Snapshot
 from flexlab.sim.target import change_path
 from flexlab.sim.termination import check_trajectory, same_reach
+from flexlab.views import fitting_exaggeration
 
 NOTICE_TIME = 12.0
 """How long a notice stays on the screen, wall s: enough to read two lines twice."""

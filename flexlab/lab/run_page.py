@@ -21,13 +21,14 @@ from flexlab.lab.scene.beam import Beam
 from flexlab.lab.scene.cameras import FIELD_OF_VIEW, Window, draw_stage, floor_extent, overview
 from flexlab.lab.scene.forces import Forces
 from flexlab.lab.scene.overlays import Overlays
-from flexlab.lab.view_settings import ViewSettings, fitting_exaggeration
+from flexlab.lab.view_settings import ViewSettings
 from flexlab.lab.viser_internals import in_the_systems_colors
 from flexlab.lab.viser_server import open_server
 from flexlab.presets import scenario_text
 from flexlab.sim.samples import MEASURED, Run
 from flexlab.sim.snapshot import Event
 from flexlab.text import number_text, with_subscripts
+from flexlab.views import fitting_exaggeration
 
 FRAMES_PER_SECOND = 30
 """Pictures per second of the recording: smooth to the eye, and ten seconds still make a small file."""

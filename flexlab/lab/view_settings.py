@@ -6,13 +6,8 @@ from typing import Annotated, get_type_hints
 
 from flexlab.guide import HIGHEST_EXAGGERATION
 from flexlab.quantities import Quantity
-from flexlab.scenario import Scenario
+from flexlab.views import FACTOR_DIGITS
 
-USUAL_FACTOR, USUAL_BENDING = 50.0, 3.6e-4
-"""The factor that suits the paper's beam, and that beam's usual bending as a fraction of its length."""
-SOFTER_BENDS_MORE = 0.25
-"""Exponent with which the drawn bending grows with the true one: a softer beam looks more bent, but not wildly."""
-FACTOR_DIGITS = 2
 EXAGGERATION = Quantity(
     "Exaggeration of the deflection", unit="×", low=0, high=HIGHEST_EXAGGERATION, slider=(1, 1000), logarithmic=True
 )
@@ -53,17 +48,6 @@ class ViewSettings:
 _HINTS = get_type_hints(ViewSettings, include_extras=True)
 SWITCHES = {name: hint.__metadata__[0] for name, hint in _HINTS.items() if hasattr(hint, "__metadata__")}
 """Settings that are on or off → their names on the screen."""
-
-
-def fitting_exaggeration(scenario: Scenario) -> float:
-    """A factor at which the beam's bending in steady motion is visible but moderate, and a softer beam looks more bent."""
-    payload, path = scenario.payload, scenario.trajectory
-    load = payload.linear_density * math.hypot(*path.peak_acceleration[:2], scenario.gravity)
-    bending = 5 * load * payload.length**3 / (384 * payload.bending_stiffness)
-    if bending <= 0:
-        return USUAL_FACTOR
-    factor = USUAL_FACTOR * (bending / USUAL_BENDING) ** (SOFTER_BENDS_MORE - 1)
-    return min(max(float(f"{factor:.{FACTOR_DIGITS}g}"), 1.0), EXAGGERATION.high)
 
 
 def tamed_exaggeration(factor: float, deflection: float, length: float) -> float:

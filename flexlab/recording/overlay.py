@@ -17,7 +17,6 @@ from flexlab.recording.run_encoder import curves, shown_columns
 from flexlab.recording.scene_and_plots import (
     FRAMES_PER_SECOND,
     MAIN_PLOTS,
-    exaggeration,
     fixed_shapes,
     plot_view,
     scene_view,
@@ -26,7 +25,7 @@ from flexlab.recording.scene_and_plots import (
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import MEASURED, Samples
 from flexlab.text import number_text
-from flexlab.views import View, views
+from flexlab.views import View, fitting_exaggeration, views
 
 APPLICATION = "flexlab comparison"
 """Different from that of single runs, whose layout a person may have changed."""
@@ -100,7 +99,7 @@ def run_label(number: int) -> str:
 
 def _factor(runs: Sequence[NamedScenario]) -> float:
     """One exaggeration of the drawn deflection for all runs, so that they can be compared by eye."""
-    return min(exaggeration(scenario) for _, scenario in runs)
+    return min(fitting_exaggeration(scenario) for _, scenario in runs)
 
 
 def _send_run(stream: rr.RecordingStream, number: int, recording: Recording, factor: float) -> Iterator[int]:

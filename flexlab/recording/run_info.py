@@ -16,14 +16,13 @@ import rerun as rr
 
 from flexlab import __version__
 from flexlab.recording.checksums import checked
-from flexlab.recording.scene_and_plots import exaggeration
 from flexlab.recording.store.formats import ARITHMETIC, FORMAT, OLDEST_READER
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples, Status, WorldState
 from flexlab.sim.signals import TABLE, own_signals
 from flexlab.sim.snapshot import TICK, Event
 from flexlab.text import number_text
-from flexlab.views import REAL_TIME_FACTOR, views
+from flexlab.views import REAL_TIME_FACTOR, fitting_exaggeration, views
 
 
 @dataclass(frozen=True)
@@ -52,7 +51,7 @@ class RunInfo:
     @property
     def exaggeration(self) -> float:
         """The factor on the drawn deflection; it follows from the first scenario, so that it never jumps."""
-        return exaggeration(self.scenario)
+        return fitting_exaggeration(self.scenario)
 
     @property
     def title(self) -> str:

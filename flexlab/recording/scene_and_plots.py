@@ -31,25 +31,6 @@ BASE_SIZE = (0.09, 0.09, 0.05)
 """Half edges of a base block, m."""
 FORCE_SCALE = 1e-3
 """Length of an internal-force arrow, m per N: the paper's 300 N at the start is 0.3 m long."""
-SHOWN_BENDING = 0.012
-"""Share of the beam's length that its quasi-static bending should take up on screen."""
-LEAST_ACCELERATION = 1.0
-"""Smallest acceleration assumed, m/s², so that the exaggeration of a scenario without motion or weight is finite."""
-EXAGGERATIONS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
-"""Round factors that are easy to divide by."""
-
-
-def exaggeration(scenario: Scenario) -> float:
-    """The factor on the drawn deflection: round, and large enough to see bending under the motion's own load.
-
-    Bending is that of a uniform beam, 5ρaL⁴/(384 EI) at mid-span, under the trajectory's largest acceleration and weight.
-    """
-    payload, path = scenario.payload, scenario.trajectory
-    acceleration = float(np.hypot(*path.peak_acceleration[:2])) + abs(scenario.gravity)
-    load = payload.linear_density * max(acceleration, LEAST_ACCELERATION)
-    bending = 5 * load * payload.length**4 / (384 * payload.bending_stiffness)
-    wanted = SHOWN_BENDING * payload.length / bending
-    return float(min(EXAGGERATIONS, key=lambda factor: abs(np.log(factor / wanted))))
 
 
 def fixed_shapes(scenario: Scenario) -> Iterator[tuple[str, rr.AsComponents]]:

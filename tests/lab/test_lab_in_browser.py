@@ -13,8 +13,8 @@ from raw_browser import widget
 from viser._messages import GuiUpdateMessage
 
 from flexlab.lab.lab_state import LabState
-from flexlab.lab.view_settings import fitting_exaggeration
 from flexlab.presets import load_preset
+from flexlab.views import fitting_exaggeration
 
 SHOWN = "Object.values(window.__viserTestpoints.uplots).filter(({ chart }) => chart.root.offsetParent !== null)"
 """The charts of the open tab: an earlier test may have opened another one."""

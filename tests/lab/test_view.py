@@ -12,12 +12,13 @@ from flexlab.lab.lab_state import LabState
 from flexlab.lab.panel.number_control import Scale
 from flexlab.lab.panel.run_comparison import change_text
 from flexlab.lab.scene.cameras import FIELD_OF_VIEW, Window, floor_extent, overview, payload_view
-from flexlab.lab.view_settings import fitting_exaggeration, fitting_window, tamed_exaggeration
+from flexlab.lab.view_settings import fitting_window, tamed_exaggeration
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import Play, Reset
 from flexlab.sim.runner import Runner
 from flexlab.text import escaped, number_text, speed_text
+from flexlab.views import fitting_exaggeration
 
 
 def test_the_exaggeration_suits_the_bending_of_the_beam() -> None:

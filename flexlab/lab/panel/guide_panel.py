@@ -5,11 +5,11 @@ from flexlab.analysis.lesson_measures import SECONDS
 from flexlab.analysis.own_lessons import OWN, lesson_files, lesson_menu, own_lessons
 from flexlab.errors import LabError
 from flexlab.guide import STEPS, Chapter, Lesson, LessonProgress, chapters, step_text, without_html
-from flexlab.lab.view_settings import fitting_exaggeration
 from flexlab.lab.widgets import Menu, Widgets, put
 from flexlab.presets import load_preset
 from flexlab.sim.snapshot import Snapshot
 from flexlab.text import escaped, with_units
+from flexlab.views import fitting_exaggeration
 
 OPEN = "Choose one"
 

@@ -14,7 +14,7 @@ from flexlab.lab.scene.beam import Beam, ReferenceBeam, StrainBeam
 from flexlab.lab.scene.cameras import draw_stage
 from flexlab.lab.scene.forces import Forces, PullArrow
 from flexlab.lab.scene.overlays import Overlays, Reach
-from flexlab.lab.view_settings import ViewSettings, fitting_exaggeration
+from flexlab.lab.view_settings import ViewSettings
 from flexlab.lab.viser_server import set_theme
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import Pull
@@ -22,6 +22,7 @@ from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Snapshot
 from flexlab.sockets import raise_handles
 from flexlab.text import number_text
+from flexlab.views import fitting_exaggeration
 
 MODE_SHOWN_AT = 1.0
 """Frequency of an animated mode on the screen, Hz."""

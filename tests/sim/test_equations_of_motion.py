@@ -60,7 +60,9 @@ def derivative(request) -> Derivative:
             "controller.kind": "none",
         },
     )
-    pose, rate, q, q_dot = random_state(scenario, np.random.default_rng(seed))
+    rng, count = np.random.default_rng(seed), scenario.payload.coordinate_count
+    pose, rate = random_state(scenario, rng)
+    q, q_dot = 0.05 * rng.normal(size=count), rng.normal(size=count)
     world = World(scenario.replace({"initial.pose": pose, "initial.pose_rate": rate, "initial.beam_coordinates": q}))
     world.apply(Pull(PULL_AT, PULL_TO, PULL_STIFFNESS))
     V = world.beam.modes.V

@@ -85,7 +85,7 @@ class Check:
         try:
             if named:
                 name, text, given = named.groups()
-                # A name of its own may hide a measure's, but not read it: within the lesson it means the new value only.
+                # A lesson's name may hide that of a value, but its definition cannot read the value that it hides.
                 reads_itself = name in (*VALUES, *METRICS) and re.search(rf"\b{name}\b", text or given)
                 if name in known or reads_itself:
                     return f"{line[:60]!r} gives a second meaning to a name: choose another one."

@@ -146,7 +146,7 @@ def fit_file(
         notes += (f"The ring begins at t = {t[first]:.6g} s, its first peak: what comes before is left out.",)
         t, y = t[first:], y[first:]
     fit = _fit(path.stem, t, y, found.unit, scenario, notes)
-    return fit if start is None else _with_silence_told(fit)
+    return fit if start is None else _with_note_on_silence(fit)
 
 
 def fit_run(
@@ -169,11 +169,11 @@ def fit_run(
     if recording.status != MEASURED:  # A measurement has no loop and no pose.
         path = recording.samples.desired_pose[np.searchsorted(recording.samples.time, t)], own
     fit = _fit(recording.path.stem, t, y, unit, scenario or own, (), path)
-    return fit if start is None else _with_silence_told(fit)
+    return fit if start is None else _with_note_on_silence(fit)
 
 
-def _with_silence_told(fit: Fit) -> Fit:
-    """The fit, with a note if it begins, as it was told to, more than a period before the ring does."""
+def _with_note_on_silence(fit: Fit) -> Fit:
+    """The fit, with a note if its given start is more than a period before the ring begins."""
     start, begins = float(fit.time[0]), float(fit.time[ring_begins(fit.signal)])
     if not fit.ring.modes or (begins - start) * fit.ring.first.frequency.value <= 1:
         return fit

@@ -328,6 +328,9 @@ bending in the axial load: physics/axial_load.py
 spin in the axial stiffness: physics/axial_load.py
     factor * terms[SPIN], eta
     -factor * terms[SPIN], eta
+growth of the payload as a controller believes it: physics/mass_change.py
+    return factor, part * ws
+    return factor, 0.5 * part * ws
 damping for which a shaper is made: sim/target.py
     np.clip(-value.real[place]
     np.clip(value.real[place]

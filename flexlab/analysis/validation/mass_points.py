@@ -188,6 +188,13 @@ def lagrange(inertia, potential, at: np.ndarray, rate: np.ndarray, change: np.nd
     return change - kinetic + slopes(lambda p: np.array(potential(p)), at)
 
 
+def mass_ratio(time: np.ndarray, factor: float, begin: float, duration: float) -> tuple[np.ndarray, np.ndarray]:
+    """Mass ratio s and its rate ṡ with the ramp 10u³ - 15u⁴ + 6u⁵, 1 and 1/s, (N,) each."""
+    ramp = np.polynomial.Polynomial([0, 0, 0, 10, -15, 6])
+    u = np.clip((time - begin) / duration, 0.0, 1.0)
+    return 1 + (factor - 1) * ramp(u), (factor - 1) * ramp.deriv()(u) / duration
+
+
 def pose_by_angles(scenario: Scenario, index: int, angle: np.ndarray) -> np.ndarray:
     """Pose (N, 3) of the payload's middle, half its length beyond the grip, from an arm's relative joint angles (N, 3)."""
     arm, turned = scenario.arms[index], np.cumsum(angle, axis=1)

@@ -26,6 +26,7 @@ from flexlab.analysis.validation.mass_points import (
     MassPoints,
     coordinates,
     lagrange,
+    mass_ratio,
     pose_by_angles,
     residual_force,
     time_derivative,
@@ -179,13 +180,6 @@ def mass_change(runs: Runs) -> Iterator[Check]:
 
 def _change(factor: float) -> dict[str, object]:
     return {"payload.mass_change": {"factor": factor, "begin": BEGIN, "duration": DURATION}}
-
-
-def mass_ratio(time: np.ndarray, factor: float, begin: float, duration: float) -> tuple[np.ndarray, np.ndarray]:
-    """Mass ratio s and its rate ṡ with the ramp 10u³ - 15u⁴ + 6u⁵, 1 and 1/s, (N,) each."""
-    ramp = np.polynomial.Polynomial([0, 0, 0, 10, -15, 6])
-    u = np.clip((time - begin) / duration, 0.0, 1.0)
-    return 1 + (factor - 1) * ramp(u), (factor - 1) * ramp.deriv()(u) / duration
 
 
 def _filling_motion() -> Iterator[Check]:

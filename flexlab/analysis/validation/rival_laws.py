@@ -1,6 +1,7 @@
 """Every control law by its equation, with arms and payload made of mass points, along a general motion.
 
-The controller has a wrong model of the payload, shares the load unevenly and squeezes it, so that each of these effects counts.
+The controller has a wrong model of the payload and of how it is filled, shares the load unevenly and squeezes it, so that each
+of these effects counts.
 """
 
 from collections.abc import Callable, Iterator
@@ -10,11 +11,15 @@ import numpy as np
 
 from flexlab.analysis.lesson_measures import bound_terms
 from flexlab.analysis.validation.check import EVERY, FINE, Check, Runs, alike, below, general, subject
-from flexlab.analysis.validation.mass_points import MassPoints, slopes, time_derivative
+from flexlab.analysis.validation.mass_points import MassPoints, mass_ratio, slopes, time_derivative
 from flexlab.analysis.validation.paper import desired
 from flexlab.sim.samples import Run
 
+FILLING = {"factor": 2.0, "begin": 0.0, "duration": 0.01}
+"""The payload's mass doubles while the laws are compared; factor 1, times in s."""
 COMMON = {
+    "payload.mass_change": FILLING,
+    "controller.model.mass_change_factor": 0.6,
     "controller.model.linear_density_factor": 1.3,
     "controller.model.length_factor": 0.9,
     "controller.load_share": 0.3,
@@ -233,7 +238,8 @@ def instant(run: Run, k: int) -> Instant:
     model, payload = scenario.controller.model, scenario.payload
     heavy, long = payload.linear_density * model.linear_density_factor, payload.length * model.length_factor
     known = scenario.replace({"payload.linear_density": heavy, "payload.length": long})
-    points, believed, payload = MassPoints(scenario), MassPoints(known), known.payload
+    growth = model.mass_change_factor * (mass_ratio(run.time[k], **FILLING)[0] - 1)
+    points, believed = MassPoints(scenario), MassPoints(known).filled(1 + growth)
     x, v, law = run.pose[k], run.pose_rate[k], scenario.controller
     terms = [points.arm_terms(x, v, arm) for arm in range(2)]
     M, C, G = (np.array(part) for part in zip(*terms, strict=True))
@@ -242,6 +248,6 @@ def instant(run: Run, k: int) -> Instant:
     along = np.array([np.cos(x[2]), np.sin(x[2]), 0.0]) * law.wanted_internal_force
     return Instant(
         law, x, v, (goal, goal_rate, acceleration), points, believed, M, C, G, believed.rigid_inertia(x),
-        np.array([0.0, payload.linear_density * payload.length * scenario.gravity, 0.0]),
+        np.array([0.0, (1 + growth) * heavy * long * scenario.gravity, 0.0]),
         np.array([law.load_share, 1 - law.load_share]), loads @ run.beam_rates[k], np.array([along, -along]),
     )  # fmt: skip

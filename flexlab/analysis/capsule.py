@@ -22,12 +22,13 @@ from flexlab.recording.codec import command_values
 from flexlab.recording.export import export_recording
 from flexlab.recording.reader import Recording, read_recording
 from flexlab.recording.run_info import these_versions
+from flexlab.recording.store.run_index import size_text
 
 METADATA, RUN = "ro-crate-metadata.json", "run.rrd"
 SPECIFICATION = "https://w3id.org/ro/crate/1.1"
 LICENSE = "https://spdx.org/licenses/MIT"
-LARGEST_METADATA, LARGEST_RUN = 10_000_000, 50_000_000_000
-"""Largest size of the metadata and of an unpacked recording, bytes."""
+LARGEST = {METADATA: 10_000_000, RUN: 50_000_000_000}
+"""Largest sizes that are unpacked, bytes."""
 
 KINDS = {
     RUN: ("application/octet-stream", "The recording: every sample, bit for bit"),
@@ -133,14 +134,18 @@ def unpack_capsule(archive_path: Path, folder: Path) -> Path:
         check_ordinary(archive_path)
         with zipfile.ZipFile(archive_path) as archive:
             sizes = {about.filename: about.file_size for about in archive.infolist()}
-            if METADATA not in sizes or sizes[METADATA] > LARGEST_METADATA:
+            for name, most in LARGEST.items():
+                if sizes.get(name, 0) > most:
+                    size = f"{name} has {size_text(sizes[name])}, more than the {size_text(most)} that are unpacked"
+                    raise RecordingError(f"{archive_path}: {size}.")
+            if METADATA not in sizes:
                 raise RecordingError(f"{archive_path} is not an archive of a run: it has no {METADATA}.")
             described = {
                 item["@id"]: item["sha256"]
                 for item in json.loads(archive.read(METADATA))["@graph"]
                 if item.get("@type") == "File"
             }
-            if RUN not in described or sizes.get(RUN, 0) > LARGEST_RUN:
+            if RUN not in described:
                 raise RecordingError(f"{archive_path} is not an archive of a run: it does not describe {RUN}.")
             for name, digest in described.items():
                 if name not in sizes or _digest(archive, name, folder / RUN if name == RUN else None) != digest:

@@ -12,7 +12,7 @@ from lab_process import Command
 from own_path_text import ROUND
 
 import flexlab
-from flexlab.analysis.capsule import METADATA, RUN, unpack_capsule, write_capsule
+from flexlab.analysis.capsule import LARGEST, METADATA, RUN, unpack_capsule, write_capsule
 from flexlab.errors import RecordingError, StudyError
 from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.reader import read_recording
@@ -86,7 +86,7 @@ def test_the_archive_of_a_run_that_failed_has_no_metrics_no_date_and_its_path(
     assert (metrics["duration"], metrics["peak_torque"]) == (0.05, None)
 
 
-def test_a_changed_archive_is_refused(capsule: Path, tmp_path: Path):
+def test_a_changed_archive_is_refused(capsule: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     with zipfile.ZipFile(capsule) as archive:
         members = {name: archive.read(name) for name in archive.namelist()}
 
@@ -114,6 +114,12 @@ def test_a_changed_archive_is_refused(capsule: Path, tmp_path: Path):
         unpack_capsule(junk_file, tmp_path)
     with pytest.raises(RecordingError, match="There is no file"):
         unpack_capsule(tmp_path / "none.zip", tmp_path)
+    for name in (METADATA, RUN):
+        monkeypatch.setitem(LARGEST, name, 1000)
+        with pytest.raises(RecordingError, match=f"{name} has .*B, more than the 1 kB that are unpacked"):
+            unpack_capsule(capsule, tmp_path)
+        monkeypatch.setitem(LARGEST, name, len(members[name]))
+    assert unpack_capsule(capsule, tmp_path).stat().st_size == LARGEST[RUN]
 
 
 def test_the_archive_is_written_whole_or_not_at_all(source: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

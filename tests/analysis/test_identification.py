@@ -259,6 +259,13 @@ def write_signal(path: Path, signal: np.ndarray, comma: bool = False) -> Path:
     return path
 
 
+def test_a_row_whose_time_does_not_rise_is_named_by_its_place_in_the_file(tmp_path: Path):
+    file = tmp_path / "back.csv"
+    file.write_text("t [s],w [mm]\n0,1\n1,\n2,1\n1.5,2\n")
+    with pytest.raises(StudyError, match=r"time does not rise at row 4 of the data, t = 1\.5 s"):
+        read_measured(file)
+
+
 def test_a_typographic_minus_sign_is_read(tmp_path: Path):
     """With this sign, all negative samples were left out."""
     file = write_signal(tmp_path / "set.csv", ring(np.arange(0, 0.4, 1e-3), 44.0, 0.03, 1e-3))

@@ -70,10 +70,11 @@ def read_measured(path: Path, time: str | None = None, signal: str | None = None
     t, y = pairs[good].T * np.array([[TIME_UNITS[t_unit]], [SIGNAL_UNITS.get(y_unit, 1.0)]])
     if len(t) < 2:
         raise StudyError(f"{path} has no two rows with numbers in both columns: check their names.")
-    back = np.flatnonzero(np.diff(t) <= 0)
+    back = np.flatnonzero(np.diff(t) <= 0) + 1
     if len(back):
+        row = np.flatnonzero(good)[back[0]] + 1
         raise StudyError(
-            f"{path}: time does not rise at row {back[0] + 2} of the data, t = {t[back[0] + 1]:.9g} s: sort or clean it."
+            f"{path}: time does not rise at row {row} of the data, t = {t[back[0]]:.9g} s: sort or clean it."
         )
     notes = []
     if not good.all():

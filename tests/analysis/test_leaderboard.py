@@ -14,7 +14,7 @@ from flexlab.analysis.leaderboard.board import Finding, Leaderboard, make_tasks,
 from flexlab.analysis.leaderboard.case import Case, Variant, cases, chosen_cases, peak_error, settled
 from flexlab.analysis.leaderboard.entry import Row, chosen_entrants, entrants
 from flexlab.analysis.leaderboard.report import draw_case, overview, sections, settings, write_report
-from flexlab.analysis.leaderboard.store import RowStore, law_source, shipped_rows
+from flexlab.analysis.leaderboard.store import RowStore, engine, law_source, shipped_rows
 from flexlab.analysis.workers import chosen_workers
 from flexlab.cli import leaderboard_command
 from flexlab.errors import StudyError
@@ -106,6 +106,29 @@ def test_a_laws_key_depends_on_its_own_file_and_on_the_laws_it_uses():
     assert len({law_source(scenario) for scenario in kinds.values()}) == 3
     other = kinds["composite"].replace({"controller.slow.kind": "pd"})
     assert law_source(other) != law_source(kinds["composite"])
+
+
+@pytest.mark.parametrize(
+    ("file", "counts"),
+    [
+        ("numerics/elementary.py", True),
+        ("physics/beam.py", True),
+        ("sim/world.py", True),
+        ("own/law.py", True),
+        ("scenario/payload.py", True),
+        ("analysis/metrics/magnitudes.py", True),
+        ("compiled.py", True),
+        ("control/laws/lqr.py", False),
+    ],
+)
+def test_the_engine_is_another_if_any_file_that_computes_rows_changes(
+    file: str, counts: bool, monkeypatch: pytest.MonkeyPatch
+):
+    """A change of the elementary functions once left it the same, so that old rows passed for new ones."""
+    present, read = engine(), Path.read_bytes
+    changed = Path(flexlab.__file__).parent / file
+    monkeypatch.setattr(Path, "read_bytes", lambda path: read(path) + b" " * (path == changed))
+    assert (engine.__wrapped__() != present) == counts
 
 
 def test_verification_reproduces_every_row(board: Leaderboard):

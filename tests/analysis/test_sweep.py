@@ -20,7 +20,7 @@ import flexlab
 from flexlab.analysis.metrics.metric import forget
 from flexlab.analysis.sweep.axes import parse_axes
 from flexlab.analysis.sweep.figures import pareto_front, write_figures
-from flexlab.analysis.sweep.plan import BEAMS, make_plan, run_part
+from flexlab.analysis.sweep.plan import BEAMS, Plan, make_plan, measured, run_part
 from flexlab.analysis.sweep.result import part_file, run_sweep
 from flexlab.analysis.workers import chosen_workers
 from flexlab.errors import FlexlabError, ScenarioError, StudyError
@@ -43,6 +43,7 @@ def test_ranges_and_lists_are_read():
     assert gain.values == tuple(np.linspace(50, 500, 10))
     assert (law.values, law.numeric) == (("pd", "none"), False)
     assert count.values == (2.0, 3.0, 4.0, 5.0), "a field of whole numbers takes each once"
+    assert (axes("payload.element_count=2:9:5")[0].values, count.at(0.9)) == ((2.0, 4.0, 6.0, 7.0, 9.0), 5.0)
     assert pose.values == ((0, 0.7, 0), (0, 0.8, 0))
     assert several.values == (0, 9.81)
     assert len(axes(f"{EI}=1:2")[0].values) == 10
@@ -131,7 +132,20 @@ def test_designs_cover_the_ranges():
     assert len({plan.key for plan in (grid, latin, sobol, other)}) == 4
 
 
-def test_a_cell_is_the_run_of_its_scenario_and_a_failed_one_says_why(tmp_path: Path):
+def test_a_plan_has_the_accuracy_that_cells_need_and_none_of_the_texts():
+    paper, gain = load_preset("paper").replace({"simulation.accuracy": 1e-8}), axes(f"{K}=50:500:3")
+
+    def plan(accuracy: float = 1e-8, asked: float | None = 1e-7, varied: tuple = gain, **changes: object) -> Plan:
+        return make_plan(
+            paper.replace({"simulation.accuracy": accuracy, **changes}), varied, 1.0, 0.001, accuracy=asked
+        )
+
+    assert [plan(*each).scenario.simulation.accuracy for each in ((), (1e-5,), (1e-8, None))] == [1e-7, 1e-5, 1e-8]
+    assert plan(varied=axes("simulation.integrator=rk4,etdrk4")).scenario.simulation.accuracy == 1e-8
+    assert plan(watch="Something else.").key == plan().key != plan(1e-5).key
+
+
+def test_a_cell_is_the_run_of_its_scenario_and_a_failed_one_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     sweep = flexlab.sweep(
         "paper", [f"{EI}=50:200:2", "trajectory.center=[0,0.75,0],[0,1.6,0]", "controller.kind=pd,adaptive-sliding-mode"],
         0.2, folder=tmp_path / "one",
@@ -142,6 +156,12 @@ def test_a_cell_is_the_run_of_its_scenario_and_a_failed_one_says_why(tmp_path: P
     run = flexlab.simulate(sweep.scenario(5), 0.2)
     for row in run.metrics.rows:
         np.testing.assert_equal(sweep.column(row.key)[5], row.value)
+    monkeypatch.setattr("flexlab.analysis.sweep.plan.BLOCK", 64)
+    found = measured(sweep.scenario(5), {}, 0.2, 0.001).metrics
+    assert found is not None
+    assert found.numbers == pytest.approx(run.metrics.numbers, rel=1e-12, nan_ok=True), (
+        "of many samples, block by block"
+    )
     assert np.isnan(sweep.column("RMS error x [mm]")[2])
     assert repr(sweep).startswith(
         "<Sweep of 8 cells over payload.bending_stiffness, trajectory.center, controller.kind, 4"
@@ -280,12 +300,15 @@ def test_a_folder_with_a_plan_of_something_else_is_refused(text: str, tmp_path: 
         flexlab.sweep("paper", {EI: [50.0, 100.0]}, 0.02, folder=tmp_path)
 
 
-def test_a_sweep_of_another_version_is_refused_and_left_as_it_is(tmp_path: Path):
+@pytest.mark.parametrize(("name", "other"), [("engine", lambda: "kernels-0"), ("__version__", "0.0.1")])
+def test_a_sweep_of_another_version_is_refused_and_left_as_it_is(
+    name: str, other: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Versions may differ in a metric's definition alone: the earlier numbers once passed for those of this one."""
     vary = {EI: [50.0, 100.0]}
-    flexlab.sweep("paper", vary, 0.02, folder=tmp_path)
-    plan = tmp_path / "sweep.json"
-    data = json.loads(plan.read_text("utf-8")) | {"key": "0" * 16, "engine": "kernels-0"}
-    plan.write_text(json.dumps(data), "utf-8")
+    with monkeypatch.context() as changed:
+        changed.setattr(f"flexlab.analysis.sweep.plan.{name}", other)
+        flexlab.sweep("paper", vary, 0.02, folder=tmp_path)
     before = sorted(tmp_path.iterdir())
     with pytest.raises(StudyError, match="holds a sweep of another version of flexlab"):
         flexlab.sweep("paper", vary, 0.02, folder=tmp_path)
@@ -337,9 +360,13 @@ def test_figures_state_units_and_mark_failed_cells(tmp_path: Path):
     drawn = paths[0].read_text(encoding="utf-8")
     for words in ("RMS error y (mm)", "Bending stiffness, EI (N·m²)", "failed"):
         assert words in drawn
-    for vary in ([f"{EI}=1:10:3"], ["controller.kind=pd,none"], ["gravity=9.81"]):
+    assert "of 12 cells are Pareto-optimal" in paths[2].read_text(encoding="utf-8"), "without those that failed"
+    for vary in ([f"{EI}=10,1,3"], ["controller.kind=pd,none"], ["gravity=9.81"]):
         curve = flexlab.sweep("paper", vary, 0.1, folder=tmp_path / vary[0][:9])
-        assert len(curve.plot("force").axes) == 1
+        (part,) = curve.plot("force").axes
+        (line,) = part.lines
+        if EI in vary[0]:
+            np.testing.assert_array_equal(line.get_xydata().T, [[1, 3, 10], curve.column("force")[[1, 2, 0]]])
     drawn_cells = flexlab.sweep(
         "paper", [f"{EI}=1:10", f"{K}=1:10"], 0.1, design="sobol", samples=4, folder=tmp_path / "sobol"
     )
@@ -354,13 +381,15 @@ def test_figures_state_units_and_mark_failed_cells(tmp_path: Path):
 def test_a_figure_shows_every_cell_or_says_how_many_it_leaves_out(tmp_path: Path):
     """A third numeric field gets a panel per value: in one map the cells would overlap, and only the last would be seen."""
     third = "gravity=0:8:3"
-    grid = flexlab.sweep("paper", [f"{EI}=50:100:2", f"{K}=100:300:2", third], 0.02, folder=tmp_path / "grid")
+    grid = flexlab.sweep("paper", [f"{EI}=10:1000:log:2", f"{K}=100:300:2", third], 0.02, folder=tmp_path / "grid")
     maps = [part for part in grid.plot("peak_torque").axes if part.get_title()]
     assert [part.get_title() for part in maps] == ["gravity = 0", "gravity = 4", "gravity = 8"]
-    torque = grid.table.column("peak_torque").to_numpy()
+    torque = grid.table.column("peak_torque").to_numpy().reshape(2, 2, 3)
     for number, part in enumerate(maps):
-        drawn = np.asarray(part.collections[0].get_array()).ravel()
-        assert np.sort(drawn) == pytest.approx(np.sort(torque[number::3]))
+        np.testing.assert_array_equal(part.collections[0].get_array(), torque[:, :, number].T)
+        assert [*part.get_xlim(), *part.get_ylim()] == pytest.approx([1, 10_000, 0, 400]), (
+            "values are in the cells' middles"
+        )
     many = flexlab.sweep(
         "paper", [f"{EI}=50:100:2", "gravity=0:8:2", "title=a,b,c,d,e,f,g,h"], 0.0, folder=tmp_path / "many"
     )

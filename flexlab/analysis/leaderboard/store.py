@@ -32,7 +32,7 @@ COMMON = ("engine", "version", "machine", "seed")
 """Fields that are the same in all rows of a table computed on one machine at one time."""
 _THIS_PROCESS = secrets.token_hex()
 _PACKAGE = Path(__file__).resolve().parents[2]
-_ROOMS = ("physics", "control", "sim", "scenario", "own", "analysis/metrics")
+_ROOMS = ("numerics", "physics", "control", "sim", "scenario", "own", "analysis/metrics")
 _FILES = ("compiled.py", "numba_internals.py", "signal.py", "quantities.py", "boundaries.py")
 _HERE = ("case.py", "entry.py")
 

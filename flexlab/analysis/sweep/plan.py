@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexlab import __version__
 from flexlab.analysis.lesson_measures import coarse_note
 from flexlab.analysis.metrics import METRICS, MetricCollection, RunMetrics
 from flexlab.analysis.metrics.own import own_metrics
@@ -115,12 +116,14 @@ class Plan:
             **{name: getattr(self, name) for name in ("duration", "sample_period", "design", "samples", "seed")},
             "metrics": [*METRICS, *(own.digest for own in own_metrics())],
             "table": TABLE_FORMAT,
+            # Kernels may be the same where the definition of a metric has changed.
             "engine": engine(),
+            "version": __version__,
         }
 
     @cached_property
     def key(self) -> str:
-        """A hash of 16 digits of the sweep and the engine that computes it."""
+        """A hash of 16 digits of the sweep and of what computes it."""
         return short_hash(json.dumps(self.as_data(), sort_keys=True, ensure_ascii=False))
 
 

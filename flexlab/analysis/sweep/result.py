@@ -147,12 +147,12 @@ def _check_plan(folder: Path, plan: Plan) -> None:
             draft.write_text(text + "\n", encoding="utf-8")
     try:
         held = read_json(file, LARGEST_PLAN)
-        key, made_by = held["key"], held["engine"]
+        key, made_by = held["key"], (held["engine"], held.get("version"))
     except (ValueError, KeyError, TypeError):
-        key, made_by = None, engine()
+        key, made_by = None, (engine(), __version__)
     if key == plan.key:
         return
-    if made_by == engine():
+    if made_by == (engine(), __version__):
         raise StudyError(f"{folder} holds another sweep: choose another folder, or move that one away.")
     raise StudyError(
         f"{folder} holds a sweep of another version of flexlab, whose results may differ: choose another folder, or move that "

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 import flexlab
-from flexlab.analysis.result import ResultHash, result_hash
+from flexlab.analysis.result import ResultHash, result_hash, scenario_hash
 from flexlab.presets import load_preset
 from flexlab.recording.reader import read_recording
 from flexlab.recording.recorder import Recorder
@@ -24,6 +24,12 @@ def test_the_hash_depends_on_every_bit_of_the_samples_but_not_on_their_blocks():
     torque[20, 1, 2] = np.nextafter(torque[20, 1, 2], np.inf)
     assert result_hash(run.having(joint_torque=torque)) != run.result_hash
     assert flexlab.simulate("soft-beam", 0.05).result_hash != run.result_hash
+
+
+def test_the_hash_of_a_scenario_depends_on_all_but_its_texts():
+    paper = load_preset("paper")
+    assert scenario_hash(paper.replace({"title": "Mine", "watch": "Watch."})) == scenario_hash(paper)
+    assert scenario_hash(paper.replace({"controller.sensor_noise.seed": 1})) != scenario_hash(paper)
 
 
 def test_a_run_of_the_lab_and_its_recording_have_the_hash_of_a_run_without_a_screen(tmp_path: Path):

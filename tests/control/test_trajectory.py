@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from flexlab.analysis.replay import replay
 from flexlab.control.path import paths
-from flexlab.presets import load_preset, load_scenario_file, save_scenario
+from flexlab.presets import load_preset, load_scenario_file, read_scenario, save_scenario, scenario_text
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
 from flexlab.scenario import Scenario, parse_scenario
@@ -207,6 +207,7 @@ def test_a_new_run_ignores_a_change_made_in_motion():
     fresh = simulate(world.scenario, 0.15)
     assert fresh.pose.tobytes() == simulate(world.scenario.anew(), 0.15).pose.tobytes()
     assert decode_scenario(encode_scenario(world.scenario)) == world.scenario.anew()
+    assert read_scenario(scenario_text(world.scenario).encode(), "a file") == world.scenario.anew()
 
 
 def test_another_path_compiles_nothing():

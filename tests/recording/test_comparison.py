@@ -13,12 +13,15 @@ from flexlab.analysis.metrics import run_metrics
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
 from flexlab.recording.headless import HeadlessRecording, write_run
+from flexlab.recording.reader import read_recording
 from flexlab.recording.run_info import RunInfo
 from flexlab.sim.commands import Pull, Tap
 from flexlab.sim.samples import Run, Status
 from flexlab.sim.simulate import simulate
 from flexlab.sim.snapshot import Event
 from flexlab.sim.world import World
+from flexlab.text import number_text
+from flexlab.views import fitting_exaggeration
 
 
 @pytest.fixture
@@ -53,6 +56,12 @@ def test_every_view_has_one_place_in_the_layout(recording_file: Path, softer: Pa
     ]
     assert len(placed) > 10
     assert len(placed) == len(set(placed))
+    named, views = "ViewBlueprint:display_name", (chunk.to_record_batch() for chunk in reader.stream(store=layout))
+    names = {row[0] for view in views if named in view.schema.names for row in view.column(named).to_pylist()}
+    factors = [fitting_exaggeration(read_recording(path).scenario) for path in (recording_file, softer)]
+    assert factors[0] > factors[1]
+    drawn = f"deflection drawn × {number_text(factors[1])}"
+    assert {f"A: paper, {drawn}", f"B: softer, {drawn}"} <= names, "one factor, at which no run bends too much"
 
 
 def test_tables_say_what_differs(recording_file: Path, softer: Path) -> None:

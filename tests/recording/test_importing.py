@@ -22,6 +22,7 @@ from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.notes import read_notes
 from flexlab.recording.store.run_files import list_runs
 from flexlab.recording.store.run_index import read_row
+from flexlab.recording.table_columns import checked_blocks
 from flexlab.sim.commands import ChangeScenario, Tap
 from flexlab.sim.samples import Run, Samples, Status, WorldState
 from flexlab.sim.snapshot import Event
@@ -162,6 +163,13 @@ def test_times_that_are_not_finite_and_increasing_are_refused_with_their_row(
     with pytest.raises(RecordingError, match=says):
         import_into(path, tmp_path / "logs")
     assert list_runs(tmp_path / "logs") == []
+
+
+def test_rows_are_counted_over_all_blocks_of_a_file(original: Recording) -> None:
+    samples = original.samples
+    blocks = [samples.slice(0, 3), samples.slice(3, 3), samples.slice(3, 5), samples.slice(4, 8)]
+    with pytest.raises(RecordingError, match=r"^x, row 6: time = 0\.104 s is not later than the 0\.104 s of the row"):
+        list(checked_blocks("x", blocks))
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from flexlab.analysis.metrics.run_metrics import noted_texts, results
 from flexlab.analysis.run_summary import MetricNotes, note_metrics, note_missing_metrics, scenario_differences
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
+from flexlab.recording.course import changed_scenario
 from flexlab.recording.headless import HeadlessRecording, write_run
 from flexlab.recording.reader import read_recording
 from flexlab.recording.recorder import Recorder
@@ -36,6 +37,9 @@ def test_notes_hold_metrics_and_changes_and_leave_a_persons_own_alone(tmp_path: 
     notes = note_metrics(recording.path)
     assert notes["changes"] == ["payload.bending_stiffness: 100 → 60", "t = 0.200 s: Gravity 0 → 9.81 m/s²"]
     assert notes["metrics"]["Duration [s]"] == 0.5
+    events = read_recording(recording.path).events
+    gravity = {time: changed_scenario(scenario, events, time).gravity for time in (0.2, 0.21, 1.0)}
+    assert gravity == {0.2: 0.0, 0.21: 9.81, 1.0: 9.81}
     stored = read_notes(recording.path)
     assert (stored["note"], stored["tags"], stored["keep"], stored["ended"]) == ("my best", ["soft"], True, True)
     assert stored["metrics"] == notes["metrics"]
@@ -129,6 +133,7 @@ def test_a_recorder_notes_metrics_and_changes_as_a_run_ends(tmp_path: Path) -> N
     (path,) = list_runs(tmp_path)
     noted = {name: read_notes(path)[name] for name in ("metrics", "changes", "begins", "duration")}
     assert noted["changes"] == ["gravity: 0 → 1", "t = 0.300 s: Gravity 1 → 2 m/s²"]
+    assert (noted["begins"], noted["duration"]) == pytest.approx((0.001, 0.299))
     assert noted == note_metrics(path)
 
 

@@ -123,7 +123,9 @@ def test_a_recording_does_not_depend_on_viewers(tmp_path: Path) -> None:
 
 def test_a_closed_hub_is_empty_and_refuses_data(tmp_path: Path) -> None:
     hub = LiveHub()
+    hub.take("run", b"RRF2")
+    assert hub.after(-1)[0] == 0
     hub.close()
-    assert hub.after(-1) == (-1, [])
+    assert (hub.is_closed, hub.after(-1)) == (True, (-1, []))
     with pytest.raises(RecordingError, match="The live stream is closed"):
         hub.take("run", b"RRF2")

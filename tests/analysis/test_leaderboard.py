@@ -13,7 +13,8 @@ from flexlab.analysis.figures import svg_text
 from flexlab.analysis.leaderboard.board import Finding, Leaderboard, make_tasks, run_board, verify
 from flexlab.analysis.leaderboard.case import Case, Variant, cases, chosen_cases, peak_error, settled
 from flexlab.analysis.leaderboard.entry import Row, chosen_entrants, entrants
-from flexlab.analysis.leaderboard.report import draw_case, overview, sections, settings, write_report
+from flexlab.analysis.leaderboard.report import OF_THE_BEST as BEST
+from flexlab.analysis.leaderboard.report import Cell, draw_case, overview, ratios, sections, settings, write_report
 from flexlab.analysis.leaderboard.store import RowStore, engine, law_source, shipped_rows
 from flexlab.analysis.workers import chosen_workers
 from flexlab.cli import leaderboard_command
@@ -176,6 +177,34 @@ def test_a_law_that_fails_is_listed_with_the_reason(tmp_path: Path):
     assert any(text.startswith("broken (near): ") and "broken.py, line 8" in text for text in section.failures)
     assert any(text.startswith("pd (far): ") and "reach" in text for text in section.failures)
     assert dict(overview(found).lines)["pd"][0].text == "fails 1 of 2"
+
+
+def test_the_overview_has_geometric_means_over_the_best_laws_and_shades_by_factors_of_two():
+    peaks = {"a": (1e-3, 3e-3), "b": (2e-3, 1e-3), "c": (1e-3, None), "d": (1e-3, 1e-12)}
+    rows = [
+        Row(
+            law,
+            "Q",
+            variant.name,
+            "finished" if peak else "diverged",
+            "",
+            "",
+            {"peak": peak} if peak else {},
+            0,
+            *"hkevm",
+        )
+        for law, both in peaks.items()
+        for variant, peak in zip(QUICK.variants, both, strict=True)
+    ]
+    found = Leaderboard((QUICK,), tuple(rows[:6]))
+    assert [cells[0] for _, cells in overview(found).lines][:2] == [Cell("1.22", 1, BEST), Cell("1.00", 0, BEST)]
+    (section,) = sections(found)
+    assert [[(cell.text, cell.level) for cell in cells] for _, cells in section.main.lines] == [
+        [("1.000", 0), ("3.000", 2)], [("2.000", 1), ("1.000", 0)], [("1.000", 0), ("fails", None)]
+    ]  # fmt: skip
+    best = Leaderboard((QUICK,), tuple(rows))
+    assert ratios(best, QUICK, QUICK.variants[1], QUICK.main) == {"a": 3e6, "b": 1e6, "d": 1.0}, "a nanometre is exact"
+    assert found.plot().axes[0].lines[1].get_xdata() == pytest.approx([3, 1, np.nan], nan_ok=True)
 
 
 def test_the_settings_say_which_laws_were_sampled_unlike_the_case(board: Leaderboard):

@@ -207,6 +207,11 @@ def test_students_see_their_own_runs_and_the_teacher_sees_all(
         assert [whose for whose in runs if f'value="{runs[whose]}"' in library] == own
     start = anna.ask("/").text
     assert (runs["anna"] in start, runs["ben"] in start) == (True, False)
+    made_up = Person(anna.server)
+    unsigned = f"{anna.word.partition('.')[0]}.{'0' * 40}"
+    made_up.cookies[f"flexlab-visitor-{anna.server.port}"] = unsigned
+    made_up.ask("/")
+    assert made_up.word != unsigned, "who brings a word that the server has not signed gets another"
 
 
 @pytest.mark.parametrize("path", ["/{}", "/{}.rrd", "/delete?run={}", "/{}/export?format=csv", "/{}/replay"])

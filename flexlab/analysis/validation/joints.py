@@ -19,7 +19,7 @@ from flexlab.analysis.validation.check import (
     same_internal_force,
     subject,
 )
-from flexlab.analysis.validation.mass_points import pose_by_angles
+from flexlab.analysis.validation.mass_points import pose_by_angles, time_derivative
 from flexlab.physics.plant import P
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
@@ -30,6 +30,8 @@ from flexlab.sim.world import World
 
 PERIOD = 0.001
 """Control period, s."""
+SHORT = 1e-4
+"""Sample period of the run whose friction is compared with the formula, s."""
 INTEGRATORS = ("etdrk4", "rk4", "generalized-alpha")
 COASTING = {"controller.kind": "none", "initial.pose_rate": (-0.3, 0.1, 0.4), "initial.beam_coordinates": None}
 """The preset single-arm with motors off."""
@@ -53,9 +55,20 @@ def friction(runs: Runs) -> Iterator[Check]:
     statement = "the paper's run with friction that its controller knows: pose beside that without friction, m or rad"
     yield below(statement, 1e-9, known.pose - runs.paper.pose[: len(known.time)])
     yield from _energy("friction", FRICTION, "work put in")
-    run = run_of("the run with friction", FRICTION, 0.1, 0.001)
+    run = run_of("the run with friction", FRICTION, 0.1, SHORT)
+    rate = time_derivative(run.joint_angle, SHORT)
+    lost = np.sum(_stribeck(run.scenario.joints.friction, rate) * rate, axis=(1, 2))
+    statement = "friction takes Στ_f θ̇, τ_f = Bθ̇ + C [1 + (σ_f - 1)/(1 + (θ̇/v_s)²)] θ̇/√(θ̇² + v_0²): largest error, as a part"
+    yield alike(statement, 1e-4, time_derivative(run.own["friction_loss"], SHORT), lost)
     statement = "internal force with friction, by Eq. (26) and by Eqs. (13)-(15): largest difference, as a part"
     yield same_internal_force(statement, run)
+
+
+def _stribeck(friction: Any, rate: np.ndarray) -> np.ndarray:
+    """Friction torque of each joint, N·m, that turns with `rate`, rad/s, (…, 3)."""
+    rising = (friction.static_factor - 1) / (1 + (rate / friction.stribeck_speed) ** 2)
+    sliding = np.array(friction.coulomb) * (1 + rising) * rate / np.hypot(rate, friction.smoothing_speed)
+    return np.array(friction.viscous) * rate + sliding
 
 
 def _energy(what: str, joints: dict[str, Any], work: str) -> Iterator[Check]:

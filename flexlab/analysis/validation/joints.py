@@ -58,7 +58,9 @@ def friction(runs: Runs) -> Iterator[Check]:
     run = run_of("the run with friction", FRICTION, 0.1, SHORT)
     rate = time_derivative(run.joint_angle, SHORT)
     lost = np.sum(_stribeck(run.scenario.joints.friction, rate) * rate, axis=(1, 2))
-    statement = "friction takes Στ_f θ̇, τ_f = Bθ̇ + C [1 + (σ_f - 1)/(1 + (θ̇/v_s)²)] θ̇/√(θ̇² + v_0²): largest error, as a part"
+    statement = (
+        "friction takes Στ_f θ̇, τ_f = Bθ̇ + C [1 + (σ_f - 1)/(1 + (θ̇/v_s)²)] θ̇/√(θ̇² + v_0²): largest error, as a part"
+    )
     yield alike(statement, 1e-4, time_derivative(run.own["friction_loss"], SHORT), lost)
     statement = "internal force with friction, by Eq. (26) and by Eqs. (13)-(15): largest difference, as a part"
     yield same_internal_force(statement, run)

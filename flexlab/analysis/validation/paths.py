@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import BPoly
 
 from flexlab.analysis.modes import modes, rings_of
 from flexlab.analysis.validation.check import Check, Runs, alike, below, close, run_of, subject
@@ -11,7 +12,9 @@ from flexlab.analysis.validation.mass_points import MassPoints
 from flexlab.control.motion import poses
 from flexlab.control.path import paths
 from flexlab.presets import load_preset
+from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.target import build_trajectory
+from flexlab.sim.world import World
 
 WINDOW = 1.6
 """Length of each path that is checked, s."""
@@ -19,6 +22,8 @@ STEP = 1e-4
 """Step of differences along a path, s."""
 CLEAR = 4 * STEP
 """Time before and after jumps of acceleration or jerk in which no differences are taken, s."""
+CHANGED_AT = 370
+"""Tick at which a path is changed in motion."""
 FREQUENCY, RATIO = 9.0, 0.06
 """Frequency, Hz, and ζ of the mode for which shapers are designed."""
 VIBRATION = 0.05
@@ -82,6 +87,7 @@ def paths_and_shapers(_: Runs) -> Iterator[Check]:
                     f"{kind}: x_d by its formula: largest error, m, rad", 1e-13, found[:, 0] - POSES[kind](path, times)
                 )
             yield from _rates(kind, times, kind)
+            yield from _outline(kind)
     shaped = {"smooth_start": 0.8, "shaper": "zvd", "shaper_frequency": 9.0}
     yield from _rates("a sine with smooth start and shaper", times, "sine", **shaped)
     yield from _waypoints()
@@ -90,6 +96,7 @@ def paths_and_shapers(_: Runs) -> Iterator[Check]:
     yield from _smooth_start(times)
     yield from _shapers(times)
     yield from _fed_forward()
+    yield from _changed()
 
 
 def _motion(kind: str, **changes: Any) -> tuple[Any, Any]:
@@ -110,6 +117,39 @@ def _rates(words: str, times: np.ndarray, kind: str, **changes: Any) -> Iterator
         slope = (8 * (c - b) - (d - a)) / (12 * STEP)
         error = np.abs(found[:, order] - slope)[clear].max() / max(float(np.abs(slope[clear]).max()), 1.0)
         yield below(f"{words}: {name} is its rate of change: relative error", 1e-7, error)
+
+
+def _outline(kind: str) -> Iterator[Check]:
+    """What a path tells of itself, against its poses."""
+    path, motion = _motion(kind)
+    found = poses(motion, np.linspace(*path.window, 20_001))
+    low, high = found[:, 0].min(axis=0), found[:, 0].max(axis=0)
+    told = np.array([path.middle, path.reach])
+    statement = f"{kind}: the middle and the reach that it tells: largest error, m, rad"
+    yield below(statement, 1e-4, told - [(low + high) / 2, (high - low) / 2])
+    peak = np.abs(found[:, 2]).max(axis=0)
+    error = np.abs(np.array(path.peak_acceleration) - peak) / max(float(peak.max()), 1.0)
+    yield below(f"{kind}: the largest acceleration that it tells: relative error", 1e-4, error)
+
+
+def _changed() -> Iterator[Check]:
+    """A change of the path in motion: the target goes on without a jump and is the new path's after the transition."""
+    world = World(load_preset("paper"))
+    world.advance(CHANGED_AT)
+    now = CHANGED_AT * world.tick_period
+    before = poses(world.system.trajectory, [now])
+    world.apply(ChangeScenario({"trajectory": {"kind": "circle", "radius": 0.05}}))
+    trajectory, new = world.system.trajectory, build_trajectory(world.scenario.anew())
+    statement = "a path changed in motion: x_d, ẋ_d and ẍ_d do not jump: relative error"
+    yield alike(statement, 1e-12, poses(trajectory, [now]), before)
+    begin, duration = world.scenario.trajectory.transition.time, world.scenario.trajectory.transition.duration
+    within = begin + duration * np.array([0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0, 1.2])
+    left = poses(trajectory, within) - poses(new, within)
+    fade = BPoly.from_derivatives([begin, begin + duration], [(before - poses(new, [now]))[0], np.zeros((3, 3))])
+    exact = np.stack([fade(within), fade.derivative()(within), fade.derivative(2)(within)], axis=1)
+    exact[within >= begin + duration] = 0.0
+    statement = "and what is left of the old path fades as a polynomial of degree 5, with its rates: relative error"
+    yield alike(statement, 1e-12, left, exact)
 
 
 def _waypoints() -> Iterator[Check]:

@@ -9,6 +9,8 @@ from scipy.linalg import eigh
 from flexlab.analysis.validation.check import (
     DAMPING,
     FINE,
+    MOVING,
+    PERIOD,
     Check,
     Runs,
     above,
@@ -17,6 +19,7 @@ from flexlab.analysis.validation.check import (
     below,
     close,
     general,
+    run_of,
     subject,
 )
 from flexlab.analysis.validation.mass_points import (
@@ -111,6 +114,13 @@ STEPS = {
 """Integrator → its order, and steps, s."""
 RINGING = {"controller.boundary_layer": 10.0, "payload.bending_stiffness": 10.0}
 """The paper's start with a beam whose modes all steps resolve, and s within the boundary layer, where the law is smooth."""
+SPUN = MOVING | {
+    "payload.bending_stiffness": 20.0,
+    "payload.axial_load": "first-order",
+    "simulation.integrator": "etdrk4",
+    "simulation.accuracy": 1e-11,
+}
+"""A motion in which the centrifugal force and the force along the beam change its bending and its loss within a step."""
 TICK, TICKS = 0.002, 50
 """Sample period, s, and number of samples."""
 
@@ -123,6 +133,12 @@ def energy_and_convergence(runs: Runs) -> Iterator[Check]:
     damped = run.dissipated_energy
     yield above("damping takes energy out, J", 0.0, damped[-1])
     yield below("and never gives any back: least change, as a part", 1e-12, -np.diff(damped).min() / damped[-1])
+    for elements, bent in ((2, MOVING["initial.beam_coordinates"]), (18, None)):
+        spun = run_of(
+            "the soft beam", {**SPUN, "payload.element_count": elements, "initial.beam_coordinates": bent}, 0.1, PERIOD
+        )
+        statement = f"a soft beam of {elements} elements that spins fast, with the force along it: the same"
+        yield balanced(statement, spun)
     free = runs.free
     drift = free.total_energy / free.total_energy[0] - 1
     yield below("no motors, no damping: relative drift of the energy in 2 s", 1e-6, drift)

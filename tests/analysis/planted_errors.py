@@ -331,6 +331,21 @@ spin in the axial stiffness: physics/axial_load.py
 growth of the payload as a controller believes it: physics/mass_change.py
     return factor, part * ws
     return factor, 0.5 * part * ws
+force along a beam in grips that give way: physics/axial_load.py
+    c * ws.grips.load[i, 0]
+    0.5 * c * ws.grips.load[i, 0]
+static friction: physics/joints.py
+    (friction.static_factor - 1)
+    0.5 * (friction.static_factor - 1)
+largest acceleration of a straight path: control/straight_line.py
+    factor * abs(b - a)
+    0.5 * factor * abs(b - a)
+centrifugal force in the loss of a step: sim/integrators/beam_flow.py
+    = w * w * y[ETA + k] - plant
+    = 0.5 * w * w * y[ETA + k] - plant
+ends of a table's spline: control/paths/table.py
+    step * (24 * jets
+    step * (12 * jets
 damping for which a shaper is made: sim/target.py
     np.clip(-value.real[place]
     np.clip(value.real[place]

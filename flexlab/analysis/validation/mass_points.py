@@ -94,10 +94,20 @@ class MassPoints:
         q, change = run.beam_coordinates[k], run.pose_acceleration[k]
         inertia = self.inertia(np.concatenate([run.pose[k], q]))
         for _ in range(CORRECTIONS):
-            force = self._weight * self.axial_force(run, k, change, self._s)
-            K_G = np.einsum("k,ka,kb->ab", force, self._N1, self._N1)
+            K_G = self.geometric_stiffness(self.axial_force(run, k, change, self._s))
             change = run.pose_acceleration[k] + np.linalg.solve(inertia, np.concatenate([np.zeros(3), K_G @ q]))[:3]
         return K_G
+
+    def between_grips(self, x: np.ndarray, spin: float, pulls: np.ndarray) -> np.ndarray:
+        """K_G of a payload at pose x that turns with `spin`, rad/s, and is held by the forces pulls (2, 3) at its ends."""
+        length, along = self._payload.length, pulls[:, :2] @ [np.cos(x[2]), np.sin(x[2])]
+        line = -along[0] + along.sum() * (self._s / length + 0.5)
+        density = self._payload.linear_density
+        return self.geometric_stiffness(line + density / 2 * spin**2 * (length**2 / 4 - self._s**2))
+
+    def geometric_stiffness(self, force: np.ndarray) -> np.ndarray:
+        """K_G for N, N, at the mass points, tension positive."""
+        return np.einsum("k,ka,kb->ab", self._weight * force, self._N1, self._N1)
 
     def filled(self, factor: float) -> "MassPoints":
         """The same mass points with a payload whose density is `factor` times as large."""

@@ -75,7 +75,7 @@ def pull(z: np.ndarray, rate: np.ndarray, side: float) -> np.ndarray:
 def _compliant_motion() -> Iterator[Check]:
     """Every body's own equations along a run of `general`, with poses from the joint angles."""
     given = {"model": "compliant", "stiffness": tuple(STIFFNESS), "damping": tuple(DAMPERS)}
-    run = general("the general run with compliant grips", {"grips": given})
+    run = general("the general run with compliant grips", {"grips": given, "payload.axial_load": "first-order"})
     points, half = MassPoints(run.scenario), run.scenario.payload.length / 2
     p, rate, rows = coordinates(run)
     poses = [pose_by_angles(run.scenario, index, run.joint_angle[:, index]) for index in range(2)]
@@ -101,10 +101,11 @@ def _compliant_motion() -> Iterator[Check]:
     yield alike("the internal force is made of the grips' pulls: relative error", 1e-7, grip_force, pulled[:, :, :3])
 
     def force(k: int) -> np.ndarray:
-        return np.concatenate([pulls[k][:, :3].sum(axis=0), -DAMPING * rate[k, 3:]])
+        K_G = points.between_grips(run.pose[k], rate[k, 2], pulls[k][:, :3])
+        return np.concatenate([pulls[k][:, :3].sum(axis=0), -DAMPING * rate[k, 3:] - K_G @ p[k, 3:]])
 
     error = residual_force(run, lambda _: (points.payload_inertia, points.payload_potential), force)
-    yield below("Lagrange's equations of the payload between the grips: relative residual", 1e-6, error)
+    yield below("Lagrange's equations of the payload between the grips, with K_G: relative residual", 1e-6, error)
     for index, name in enumerate(("left", "right")):
         x, v = poses[index], rates[index]
         momenta = np.array([points.arm_inertia(x[k], index) @ v[k] for k in range(2, len(run) - 2)])

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 from scipy.linalg import eigh
@@ -33,6 +34,7 @@ from flexlab.analysis.validation.mass_points import (
 from flexlab.physics.internal_force import payload_matrices
 from flexlab.presets import load_preset
 from flexlab.sim.build import build_beam
+from flexlab.sim.commands import Pull
 from flexlab.sim.samples import Run
 from flexlab.sim.world import World
 
@@ -121,6 +123,9 @@ SPUN = MOVING | {
     "simulation.accuracy": 1e-11,
 }
 """A motion in which the centrifugal force and the force along the beam change its bending and its loss within a step."""
+LOOSE = {"controller.kind": "none", "gravity": 9.81, "payload.damping.coefficient": 0.0}
+HANDS = {"the beam": Pull(0.0, (0.1, 0.9), 400.0), "a link": Pull(0.25, (-0.9, 0.9), 400.0, (1, 2))}
+"""Held part → the hand that holds it: place, m; target, m; stiffness, N/m."""
 TICK, TICKS = 0.002, 50
 """Sample period, s, and number of samples."""
 
@@ -143,11 +148,33 @@ def energy_and_convergence(runs: Runs) -> Iterator[Check]:
     drift = free.total_energy / free.total_energy[0] - 1
     yield below("no motors, no damping: relative drift of the energy in 2 s", 1e-6, drift)
     yield above("while the beam holds of it up to", 0.3, free.elastic_energy.max() / free.total_energy[0])
+    yield from _pulled()
     exact = _end("etdrk4", TICK / 256)
     for integrator, (order, steps) in STEPS.items():
         errors = [np.abs(_end(integrator, step) - exact).max() for step in steps]
         slope = float(np.log2(errors[0] / errors[-1]) / (len(errors) - 1))
         yield close(f"{integrator}: the pose's error falls with the step to the power", order, slope, absolute=0.25)
+
+
+def _pulled() -> Iterator[Check]:
+    """A hand's spring, a system without motors and dampers, and what the engine counts as the hand's work."""
+    for grips, (words, hand) in product(("rigid", "compliant"), HANDS.items()):
+        world = World(load_preset("paper").replace({**LOOSE, "grips.model": grips}))
+        world.apply(hand)
+        run = world.run(200)
+        if hand.link is None:
+            away = run.midspan_deflection[:, None] * np.column_stack([-np.sin(run.pose[:, 2]), np.cos(run.pose[:, 2])])
+            point = run.pose[:, :2] + away
+        else:
+            arm, turned = world.scenario.left_arm, np.cumsum(run.joint_angle[:, 0], axis=1)
+            first, second = (np.column_stack([np.cos(turned[:, k]), np.sin(turned[:, k])]) for k in range(2))
+            point = np.array(arm.base) + arm.link_length[0] * first + hand.position * second
+        stored = 0.5 * hand.stiffness * np.sum((point - hand.target) ** 2, axis=1)
+        given, gained = stored[0] - stored, run.total_energy - run.total_energy[0]
+        lost = run.own.get("grip_loss", np.zeros(len(given)))
+        statement = f"a hand pulls {words}, {grips} grips: energy gained = loss of its spring's, as a part"
+        yield below(statement, 1e-6, (gained + lost - given) / np.ptp(stored))
+        yield below("and so is the work put in", 1e-6, (run.input_work - given) / np.ptp(stored))
 
 
 def _end(integrator: str, step: float) -> np.ndarray:

@@ -11,6 +11,7 @@ from flexlab.analysis.validation.check import Check, Runs, alike, below, close, 
 from flexlab.analysis.validation.mass_points import MassPoints
 from flexlab.control.motion import poses
 from flexlab.control.path import paths
+from flexlab.control.paths.table import spline
 from flexlab.presets import load_preset
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.target import build_trajectory
@@ -215,6 +216,13 @@ def _table() -> Iterator[Check]:
         if ends == "at rest":
             still = poses(motion, [0.0, 1.5])[:, 1:]
             yield below("table: is at rest at both ends: largest rate and acceleration", 1e-9, still)
+    given[-1, 1:] = given[0, 1:]
+    exact = make_interp_spline(t, given[:, 1:], k=5, bc_type="periodic")(between)
+    yield below(
+        "and one that repeats is a periodic spline: largest error, m, rad",
+        1e-12,
+        spline(given, "round")(between) - exact,
+    )
 
 
 def _smooth_start(times: np.ndarray) -> Iterator[Check]:

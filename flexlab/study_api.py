@@ -23,7 +23,7 @@ from flexlab.analysis.sweep.axes import parse_axes
 from flexlab.analysis.tuning import Tuning, parse_cost
 from flexlab.analysis.workers import chosen_workers, progress_bar
 from flexlab.api import LOGS, Run, export_fmu
-from flexlab.arguments import file_path, flag, text_or_none, time_or_none
+from flexlab.arguments import file_path, flag, text_or_none, time_or_none, whole_number
 from flexlab.errors import StudyError
 from flexlab.presets import AnyLaw, AnyPath, AnyScenario, any_scenario, named_scenario
 from flexlab.recording.export import FORMATS as TABLES
@@ -227,6 +227,8 @@ def leaderboard(
     `StudyError` for unusable arguments and `ScenarioError` for an unusable file of a law.
     """
     known = chosen_workers(workers, cluster)
-    tasks = make_tasks(chosen_cases(cases, flag("long", long)), chosen_entrants(laws, more_laws), seed)
+    tasks = make_tasks(
+        chosen_cases(cases, flag("long", long)), chosen_entrants(laws, more_laws), whole_number("seed", seed, 0)
+    )
     with progress_bar(progress, "rows") as told:
         return run_board(tasks, RowStore(file_path("folder", folder)), known, told)

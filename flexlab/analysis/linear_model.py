@@ -93,10 +93,18 @@ class LinearModel(StateSpace):
     def _matrices(self) -> tuple[np.ndarray, ...]:
         return tuple(np.asarray(part) for part in (self.A, self.B, self.C, self.D))
 
-    def response(self, points: np.ndarray) -> np.ndarray:
-        """C (s - A)⁻¹ B + D at complex `points` (N,): s = iω in 1/s, or z = exp(iωT_c); (N, outputs, inputs)."""
-        s, (A, B, C, D) = np.asarray(points, dtype=complex), self._matrices
-        return C @ np.linalg.solve(s[:, None, None] * np.eye(len(A)) - A, B.astype(complex)) + D
+    def response(self, points: complex | np.ndarray) -> np.ndarray:
+        """C (s - A)⁻¹ B + D at complex `points` (…): s = iω in 1/s, or z = exp(iωT_c); (…, outputs, inputs).
+
+        Raises `StudyError` at a pole, and for what is not a finite number.
+        """
+        s, (A, B, C, D) = np.asarray(points), self._matrices
+        if s.dtype.kind not in "iufc" or not np.isfinite(s).all():
+            raise StudyError(f"points = {points!r:.60} is not usable: give finite numbers s in 1/s, as in [2j, 20j].")
+        try:
+            return C @ np.linalg.solve(s[..., None, None] * np.eye(len(A)) - A, B.astype(complex)) + D
+        except np.linalg.LinAlgError:
+            raise StudyError(f"points = {points!r:.60}: one is a pole, where the response is infinite.") from None
 
     def _of_input(self, number: int) -> "LinearModel":
         number = whole_number("input", number, 0, len(self.about.inputs) - 1)

@@ -89,6 +89,15 @@ def test_what_the_samples_cannot_tell_is_not_identifiable_and_says_why(
     assert str(estimate).startswith("not identifiable: ")
 
 
+def test_a_short_ring_gives_its_loudest_mode_alone():
+    """The start of the paper's run was said to ring at 9.5, 45.5 and 502 Hz."""
+    run = flexlab.simulate("paper", 0.05)
+    fit = flexlab.fit(run)
+    assert [round(mode.frequency.value, 1) for mode in fit.ring.modes] == [45.5]
+    assert str(fit.ring.first.frequency) == "not identifiable: the samples hold 1.8 of its periods; 2 are needed"
+    assert repr(fit).endswith(": nothing identifiable>")
+
+
 def test_too_few_samples_or_a_signal_that_does_not_move_are_refused():
     with pytest.raises(StudyError, match="19 samples are too few"):
         fit_ring(np.arange(19.0), np.arange(19.0))

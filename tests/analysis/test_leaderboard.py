@@ -95,6 +95,7 @@ def test_only_the_rows_of_what_changed_are_computed(board: Leaderboard, tmp_path
         computed.append(found.computed)
     assert computed == [2, 2, 0]
     assert found.laws[-1] == "push"
+    assert flexlab.leaderboard(LAWS, [QUICK], seed=np.int64(0), folder=folder, progress=False).computed == 0
     noisy = make_tasks([QUICK], chosen_entrants(LAWS), seed=1)
     assert not {task.row.key for task in noisy} & {row.key for row in board.rows}
     longer = make_tasks([replace(QUICK, duration=0.013)], chosen_entrants(LAWS))

@@ -99,7 +99,7 @@ class Fit(Result):
 
     def __repr__(self) -> str:
         found = "; ".join(f"{name} = {value.text}" for name, value in self.estimates.items() if value.identifiable)
-        return f"<Fit of {self.name}: {found if self.is_ring else 'no ring, ' + self.ring.problem}>"
+        return f"<Fit of {self.name}: {found or 'nothing identifiable' if self.is_ring else 'no ring, ' + self.ring.problem}>"
 
     def __str__(self) -> str:
         ring = self.ring

@@ -229,8 +229,8 @@ def _described(
     found = [one for one in found if not any(_shadows(one, other) for other in found)]
     # A slow change of the background looks like part of a period; the first samples after a tap look like a fast mode.
     seen = [mode for mode in found if FEWEST_PERIODS <= mode.frequency.value * tau[-1] <= (len(tau) - 1) / 2]
-    loudest = max(seen, key=lambda mode: mode.amplitude, default=None)
-    found = [mode for mode in seen if mode.frequency.identifiable or mode is loudest] or found
+    loudest = max(seen or found, key=lambda mode: mode.amplitude)
+    found = [mode for mode in seen if mode.frequency.identifiable or mode is loudest] or [loudest]
     found.sort(key=lambda mode: mode.frequency.value)
     background = basis[:, 2 * len(modes) :] @ linear[2 * len(modes) :] * scale
     noise = float(np.sqrt(variance)) * scale

@@ -2,11 +2,15 @@
 
 import os
 import signal
+from pathlib import Path
 from typing import Any
 
 
 def main() -> None:
     """Run `flexlab.cli.main`. Any error after Ctrl-C counts as an interruption."""
+    # Otherwise a signal.py in the working folder would replace Python's in every process that flexlab starts.
+    if not os.path.samefile(os.curdir, Path(__file__).parents[1]):
+        os.environ.setdefault("PYTHONSAFEPATH", "1")
     pressed = False
 
     def press(number: int, frame: Any) -> None:

@@ -1,6 +1,9 @@
 """Every command runs a user's law in a process of its own: its end is told in a sentence, and its output is limited."""
 
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -56,3 +59,23 @@ def test_what_a_law_prints_stays_out_of_the_leaderboard(flexlab_process: Command
     assert done.returncode == 0, done.stderr
     assert "hello" in done.stderr
     assert "hello" not in done.stdout
+
+
+def test_files_named_like_modules_of_python_do_no_harm(tmp_path: Path):
+    # As pip installs the command: in another folder than the one where it is started.
+    command, here = tmp_path / "bin" / "flexlab", tmp_path / "course"
+    for folder in (command.parent, here):
+        folder.mkdir()
+    command.write_text("from flexlab.__main__ import main\nmain()\n")
+    for name in ("random", "signal", "struct"):
+        (here / f"{name}.py").write_text("raise RuntimeError('not the module of Python')\n")
+    (here / "helper.py").write_text("NAME = 'a helper'\n")
+    (here / "laws").mkdir()
+    asked = "import helper, os, signal\nprint(helper.NAME, signal.__file__, os.environ.get('PYTHONSAFEPATH'))\n"
+    (here / "laws" / "pd.py").write_text(asked + PD)
+    words = [sys.executable, str(command), "run", "paper", "--duration", "0.01", "--law", "laws/pd.py"]
+    done = subprocess.run(
+        words, cwd=here, env=os.environ | {"COLUMNS": "200"}, capture_output=True, text=True, timeout=300, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert re.search(rf"a helper {re.escape(os.path.dirname(os.__file__))}/signal\.py None", done.stderr), done.stderr

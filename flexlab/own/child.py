@@ -119,6 +119,9 @@ def _serve(load: Callable[[str, str], T], answer: Callable[[T, socket.socket, Sa
     if text is None:
         return
     _watch_exits(say, file)
+    # A text may import what is in the working folder, last of all; and programs that it starts, what is beside them.
+    sys.path.append("")
+    os.environ.pop("PYTHONSAFEPATH", None)
     try:
         loaded = load(text.decode(), file)
     except (TextProblem, FlexlabError) as error:

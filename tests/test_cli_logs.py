@@ -218,6 +218,7 @@ def test_runs_are_listed_without_reading_them(flexlab_command: Command, logs: Pa
         (["newest", "--note", "x" * 2001], "2001 characters: at most 2000"),
         (["--logs", "nowhere"], "no folder nowhere"),
         (["newest", "--logs", "nowhere"], "no recording in nowhere"),
+        (["--logs", "x" * 300], "x… cannot be used (File name too long): choose another place."),
     ],
 )
 def test_bad_input_is_one_sentence(flexlab_command: Command, made: Path, tmp_path: Path, words: list[str], says: str):

@@ -10,6 +10,8 @@ from types import FrameType
 from flexlab.text import visible
 
 NO_HANDLES = (errno.EMFILE, errno.ENFILE)
+UNUSABLE = (errno.EACCES, errno.EPERM, errno.ENAMETOOLONG)
+"""Errors of a file or folder that may not be used, or whose name is too long."""
 OWN = "flexlab"
 UNWRITABLE = "no locator available"
 """Part of Numba's message if it cannot store machine code."""
@@ -25,6 +27,8 @@ def refusal(error: Exception) -> str | None:
         return "No memory is left: close other programs, or allow more (ulimit -v)."
     if isinstance(error, OSError) and error.errno in NO_HANDLES:
         return f"{error.strerror}: close other programs, or allow more (ulimit -n)."
+    if isinstance(error, OSError) and error.errno in UNUSABLE and isinstance(error.filename, str):
+        return f"{visible(error.filename, LONGEST_REASON)} cannot be used ({error.strerror}): choose another place."
     if UNWRITABLE in str(error):
         from flexlab.assets import user_cache
 

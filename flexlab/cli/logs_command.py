@@ -41,7 +41,7 @@ def command(
     Without RUN, prints a table of all runs, newest first; with RUN, all that is known about it. A RUN is a file, a run's name
     or the beginning of one, or newest. Runs are deleted only when you ask for it, and kept ones never.
     """
-    from flexlab.recording.store.run_files import find_run
+    from flexlab.recording.store.run_files import check_readable, find_run
     from flexlab.recording.store.run_index import list_rows, read_row
 
     limits, edits = max_size is not None or max_age is not None, note is not None or tags is not None or keep or unkeep
@@ -70,6 +70,7 @@ def command(
     elif search:
         say(f"No run {'of these' if chosen else f'in {logs}'} has the words {search!r}.")
     else:
+        check_readable(logs)
         say(f"There is no run in {logs} yet.")
 
 

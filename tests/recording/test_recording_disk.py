@@ -27,6 +27,7 @@ from flexlab.recording.store.run_files import (
     check_folder,
     claim_named_file,
     claim_run_file,
+    find_run,
     list_runs,
     newest_run,
     run_state,
@@ -73,6 +74,16 @@ def test_a_file_in_place_of_the_folder_is_named_as_the_reason(tmp_path: Path) ->
 def test_a_folder_without_recordings_has_no_newest_run(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="There is no recording in"):
         newest_run(tmp_path / "nowhere")
+    with pytest.raises(RecordingError, match="There is no recording lqr"):
+        find_run("lqr", tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize(("name", "why"), [("file", "Not a directory"), ("x" * 300, "File name too long")])
+def test_a_folder_that_cannot_be_read_is_not_called_empty(name: str, why: str, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    for find in (lambda: newest_run(tmp_path / name), lambda: find_run("lqr", tmp_path / name)):
+        with pytest.raises(RecordingError, match=rf"cannot be read \({why}\): choose a folder with --logs\."):
+            find()
 
 
 def test_a_lab_runs_on_without_a_folder_and_records_once_it_is_there(tmp_path: Path, blocked: Path) -> None:

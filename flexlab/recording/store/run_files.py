@@ -211,8 +211,21 @@ def newest_run(logs: Path, made: bool = True) -> Path:
     """The newest recording; `made`: whether it may be one made for a comparison. Raises `RecordingError` if there is none."""
     runs = [run for run in list_runs(logs) if made or VARIANT not in read_notes(run)]
     if not runs:
+        check_readable(logs)
         raise RecordingError(f"There is no recording in {logs}: start flexlab, or say where with --logs.")
     return runs[0]
+
+
+def check_readable(logs: Path) -> None:
+    """Raise `RecordingError` for a folder whose recordings cannot be listed."""
+    try:
+        os.scandir(logs).close()
+    except FileNotFoundError:
+        pass
+    except OSError as error:
+        raise RecordingError(
+            f"{visible(logs)} cannot be read ({error.strerror}): choose a folder with --logs."
+        ) from None
 
 
 def find_run(run: str, logs: Path) -> Path:
@@ -228,6 +241,7 @@ def find_run(run: str, logs: Path) -> Path:
         found = [_named_file(Path(run))] if Path(run).exists() else found
     found = found or [path for path in runs if run and path.name.startswith(run)]
     if not found:
+        check_readable(logs)
         raise RecordingError(
             f"There is no recording {run:.200}, nor one in {logs} with such a name: flexlab logs lists them."
         )

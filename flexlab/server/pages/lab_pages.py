@@ -61,7 +61,9 @@ async def lab(request: web.Request) -> web.StreamResponse:
             raise web.HTTPNotFound
         return await proxy_websocket(request, place)
     if "scenario" in request.query:
-        return await _enter_by_link(request, Choice(decode_scenario(request.query["scenario"]), LINKED, stands=True))
+        # A path of thousands of rows takes a second, in which the others are served.
+        scenario = await asyncio.to_thread(decode_scenario, request.query["scenario"])
+        return await _enter_by_link(request, Choice(scenario, LINKED, stands=True))
     if context.places.is_private:
         return await _enter_by_link(request, None)
     if not request.path.endswith("/"):

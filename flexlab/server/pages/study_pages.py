@@ -51,7 +51,7 @@ async def studies(request: web.Request) -> web.Response:
     mine = visitor_of(request).id if context.places.is_private else ""
     cards = await asyncio.to_thread(context.preset_cards.read)
     presets = [(card.name, card.scenario.title or card.name) for card in cards if card.scenario is not None]
-    lab = _lab_scenario(request)
+    lab = await asyncio.to_thread(_lab_scenario, request)
     chosen = request.query.get("from", FROM_LAB)
     if chosen == FROM_LAB and lab is None:
         chosen = presets[0][0] if presets else ""
@@ -108,7 +108,7 @@ async def start(request: web.Request) -> web.Response:
     form = await request.post()
     context = context_of(request)
     try:
-        scenario = decode_scenario(str(form.get("scenario", "")))
+        scenario = await asyncio.to_thread(decode_scenario, str(form.get("scenario", "")))
         study = await asyncio.to_thread(read_study, form, scenario)
         visitor = known_visitor_of(request)
         about = Begun(study, visitor.id if context.places.is_private else "", visible(form.get("name", ""), 80))

@@ -343,9 +343,18 @@ largest acceleration of a straight path: control/straight_line.py
 centrifugal force in the loss of a step: sim/integrators/beam_flow.py
     = w * w * y[ETA + k] - plant
     = 0.5 * w * w * y[ETA + k] - plant
-ends of a table's spline: control/paths/table.py
+a table that repeats: control/paths/table.py
     step * (24 * jets
     step * (12 * jets
+power of a hand on a link: physics/grips.py
+            power += ws.hand[held, a] * ws.velocity[a]
+            power += 0.5 * ws.hand[held, a] * ws.velocity[a]
+noise of the beam's rates: sim/sampled_control.py
+    truth[a] + sampling.noise[channel]
+    truth[a] + 0.5 * sampling.noise[channel]
+path that was changed in motion: control/motion.py
+    x * h + v * k
+    x * h + 0.5 * v * k
 damping for which a shaper is made: sim/target.py
     np.clip(-value.real[place]
     np.clip(value.real[place]

@@ -171,8 +171,8 @@ def _pulled() -> Iterator[Check]:
             point = np.array(arm.base) + arm.link_length[0] * first + hand.position * second
         stored = 0.5 * hand.stiffness * np.sum((point - hand.target) ** 2, axis=1)
         given, gained = stored[0] - stored, run.total_energy - run.total_energy[0]
-        lost = run.own.get("grip_loss", np.zeros(len(given)))
-        statement = f"a hand pulls {words}, {grips} grips: energy gained = loss of its spring's, as a part"
+        lost = run.dissipated_energy + run.own.get("grip_loss", 0.0)
+        statement = f"a hand pulls {words}, {grips} grips: energy gained and lost = loss of its spring's, as a part"
         yield below(statement, 1e-6, (gained + lost - given) / np.ptp(stored))
         yield below("and so is the work put in", 1e-6, (run.input_work - given) / np.ptp(stored))
 

@@ -28,6 +28,8 @@ MEASURED = 2000
 SIGMA = (1e-4, 2e-4, 3e-4)
 """Standard deviation of the noise of x, y, θ, m, m, rad, and of their rates, per second."""
 STRAIN = 1e-6
+MOMENT_RATE = (2e-3, 3e-3)
+"""Standard deviation of the noise of hᵀq̇, kg·m/s, and gᵀq̇, kg·m²/s."""
 CENTER = (0.0, 0.75, 0.0)
 GROWTH = 2.65
 """Growth of the 400 Hz mode of 8 undamped elements under rate feedback k_v = 100 at 1 kHz, one sample late, 1/s."""
@@ -129,16 +131,11 @@ def _noise() -> Iterator[Check]:
 
 def _strain_noise() -> Iterator[Check]:
     """Noise of hᵀq̇ from gauges: √2 σ W_j / T_c each, W_j = (2/t) M(s_j) · quadrature weight, M the moment of the load ρ."""
-    gain = 1e-3
-    law = {
-        "kind": "composite", "slow": {"kind": "none"}, "lateral_vibration_gain": gain, "control_period": PERIOD,
-        "sensor_noise": {"strain": STRAIN},
-    }  # fmt: skip
-    run = run_of("the run with noisy gauges", {**STILL, "controller": law}, MEASURED * PERIOD, PERIOD)
-    points = MassPoints(run.scenario)
-    inertia = sum(points.arm_inertia(np.array(CENTER), arm) for arm in range(2))
-    rates = np.linalg.solve(inertia, run.arm_input.sum(axis=1)[1:].T)[1] / gain
-    payload = run.scenario.payload
+    told = _told_rates({"moment_rate": MOMENT_RATE})
+    for name, sigma, found in zip(("hᵀq̇", "gᵀq̇"), MOMENT_RATE, told.std(axis=0), strict=True):
+        statement = f"noise of {name}: deviation as a part of what is asked for"
+        yield close(statement, 1.0, found / sigma, absolute=0.06)
+    rates, payload = _told_rates({"strain": STRAIN})[:, 0], load_preset("paper").payload
     quarter = payload.length / 4
     places = quarter * np.array([-1 - 1 / np.sqrt(3), -1 + 1 / np.sqrt(3), 1 - 1 / np.sqrt(3), 1 + 1 / np.sqrt(3)])
     moment = payload.linear_density / 2 * (payload.length**2 / 4 - places**2)
@@ -148,6 +145,19 @@ def _strain_noise() -> Iterator[Check]:
     unit = rates / rates.std()
     alternating = (unit[1:] * unit[:-1]).mean()
     yield close("and each reading enters twice, with both signs: correlation", -0.5, alternating, absolute=0.06)
+
+
+def _told_rates(noise: dict[str, Any]) -> np.ndarray:
+    """hᵀq̇ and gᵀq̇ of a resting beam as a law is told them, (N, 2)."""
+    gain = 1e-3
+    law = {
+        "kind": "composite", "slow": {"kind": "none"}, "lateral_vibration_gain": gain, "angular_vibration_gain": gain,
+        "control_period": PERIOD, "sensor_noise": noise,
+    }  # fmt: skip
+    run = run_of("the run with a noisy beam", {**STILL, "controller": law}, MEASURED * PERIOD, PERIOD)
+    points = MassPoints(run.scenario)
+    inertia = sum(points.arm_inertia(np.array(CENTER), arm) for arm in range(2))
+    return np.linalg.solve(inertia, run.arm_input.sum(axis=1)[1:].T)[1:].T / gain
 
 
 def _gauges() -> Iterator[Check]:

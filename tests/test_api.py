@@ -75,8 +75,8 @@ def test_a_run_becomes_an_arrow_table_a_data_frame_and_a_figure():
     frame = run.to_pandas()
     assert list(frame.columns) == table.column_names
     np.testing.assert_array_equal(frame["pose_theta [rad]"], run.pose[:, 2])
-    assert [part.get_ylabel() for part in run.plot("joint_torque", "tracking_error").axes] == [
-        r"τ$_{\mathrm{i}}$ (N·m)", "e (m)", "e (rad)",
+    assert [(part.get_ylabel(), len(part.lines)) for part in run.plot("joint_torque", "tracking_error").axes] == [
+        (r"τ$_{\mathrm{i}}$ (N·m)", 6), ("e (m)", 2), ("e (rad)", 1),
     ]  # fmt: skip
     assert [part.get_ylabel() for part in run.plot().axes] == ["mm", "mrad", "mm", "N", "N·m"]
     np.testing.assert_allclose(run.plot().axes[1].lines[0].get_ydata(), 1e3 * run.tracking_error[:, 2])

@@ -32,6 +32,9 @@ def test_sideways_motion_excites_odd_modes_and_turning_even_ones():
     found = modes(fine)
     assert found.lateral_participation[[1, 3]].max() < 1e-12 < 0.05 < found.lateral_participation[[0, 2]].min()
     assert found.angular_participation[[0, 2]].max() < 1e-12 < 0.05 < found.angular_participation[[1, 3]].min()
+    assert (found.lateral_participation[0], found.angular_participation[1]) == pytest.approx(
+        (8 / np.pi**2, 6 / np.pi**2), rel=1e-3
+    )
 
 
 @pytest.mark.parametrize("preset", ["paper", "soft-beam", "fast-adaptation"])

@@ -222,7 +222,8 @@ def test_no_beam_parameters_are_given_for_a_loop_that_the_linear_model_leaves_ou
 def test_a_ring_is_fitted_under_the_law_that_was_active_then():
     """Damping that a law chosen later adds is not the beam's."""
     change = ChangeScenario({"controller.kind": "vibration-damping", "trajectory.kind": "hold"})
-    run = flexlab.simulate("paper", 1.3, commands=[(0.5, change), (1.0, Tap(0.05, (0.0, 0.1)))])
+    tap, later = Tap(0.05, (0.0, 0.1)), ChangeScenario({"controller.kind": "pd"})
+    run = flexlab.simulate("paper", 1.3, commands=[(0.2, tap), (0.5, change), (1.0, tap), (1.29, later)])
     found = flexlab.fit(run)
     assert found.beam is not None
     assert found.beam.damping.value == pytest.approx(0.1, rel=1e-2)

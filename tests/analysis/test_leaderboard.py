@@ -30,7 +30,7 @@ QUICK = Case(
     0.012,
     (peak_error(), settled()),
     variants=(Variant("stiff"), Variant("soft", {"payload.bending_stiffness": 10.0})),
-    commands=(TAP,),
+    commands=(TAP, (5.0, TAP[1])),  # The second one comes after the end.
 )
 FIFTH = 5
 LAWS = ("adaptive-sliding-mode", "pd", "lqr")
@@ -100,6 +100,8 @@ def test_only_the_rows_of_what_changed_are_computed(board: Leaderboard, tmp_path
     assert not {task.row.key for task in noisy} & {row.key for row in board.rows}
     longer = make_tasks([replace(QUICK, duration=0.013)], chosen_entrants(LAWS))
     assert not {task.row.key for task in longer} & {row.key for row in board.rows}
+    untouched = make_tasks([replace(QUICK, commands=())], chosen_entrants(LAWS))
+    assert not {task.row.key for task in untouched} & {row.key for row in board.rows}
 
 
 def test_a_laws_key_depends_on_its_own_file_and_on_the_laws_it_uses():
@@ -165,6 +167,10 @@ def test_a_row_whose_file_was_damaged_is_computed_again(tmp_path: Path):
         file.write_text(text)
         assert store.get(tasks[0].row.key) is None
     assert run_board(tasks, store) == first
+    for key, name in (("another", "rows/other"), ("../outside", "outside")):
+        (tmp_path / f"{name}.json").write_text(json.dumps(first.rows[0].as_data() | {"key": key}))
+    (tmp_path / "last.json").write_text(json.dumps(["other", "../outside", first.rows[0].key]))
+    assert store.last() == first.rows, "none under another key, or from another folder"
 
 
 def test_a_law_that_fails_is_listed_with_the_reason(tmp_path: Path):

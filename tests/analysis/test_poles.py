@@ -1,5 +1,6 @@
 """Poles against the simulation itself: differences over one control period, growth rates, rest points and stability."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -320,6 +321,8 @@ def test_modes_print_as_a_table():
     assert "Poles of the continuous loop" in quiet
     assert "GROWS" not in quiet
     assert "45.54" in quiet
+    assert re.search(r"^ +1 +44\.60 .* 80\.9 +0\.0$", quiet, re.MULTILINE), "8/π² of its mass moves sideways"
+    assert re.search(r"^ +2 +197\.25 .* 0\.0 +62\.5$", quiet, re.MULTILINE), "6/π² of its inertia turns"
 
 
 @pytest.mark.parametrize("pose", [(0.0, 9.0, 0.0), (0.0, float("nan"), 0.0), (1.0, 2.0), "up"])
@@ -364,6 +367,8 @@ def test_free_arms_have_six_neutral_poles_and_the_largest_margin():
     assert np.sum(np.abs(found.poles) < NEUTRAL) == 6
     assert find_poles(linear_of(found)).value.shape == found.poles.shape
     assert not found.unstable
+    assert {row.verdict for row in found.pole_rows() if abs(row.rate) < NEUTRAL} == {"stays"}
+    assert {row.verdict for row in found.pole_rows() if row.mode} == {"decays"}
     assert found.disk_margin is not None
     assert found.disk_margin.each.alpha == pytest.approx(2)
 

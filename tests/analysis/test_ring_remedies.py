@@ -1,12 +1,14 @@
 """From a tap to a shaper and a gain: the ring is found, remedies are offered, and they help."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import flexlab
 from flexlab.analysis.identification.free_ring import recent_ring
 from flexlab.analysis.identification.remedies import remedies
-from flexlab.analysis.identification.ring import fit_ring
+from flexlab.analysis.identification.ring import Estimate, fit_ring
 from flexlab.analysis.modes import modes
 from flexlab.errors import StudyError
 from flexlab.presets import load_preset
@@ -63,9 +65,15 @@ def test_the_suggested_shaper_takes_away_nine_tenths_of_the_ring_after_a_stop():
     run = flexlab.simulate(move, 0.8)
     time, signal, since = recent_ring(run, [])
     assert since in ("the stop at t = 0.299 s", "the stop at t = 0.300 s")
-    offered = remedies(fit_ring(time, signal), move)
+    fit = fit_ring(time, signal)
+    offered = remedies(fit, move)
     assert offered is not None
     assert offered.suggested == "zv"
+    for share, name in ((1.1, "zvd"), (1.17, "ei-shaper"), (1.4, "ei-shaper")):
+        uncertain = replace(fit.first.frequency, high=share * fit.first.frequency.value)
+        rough = remedies(replace(fit, modes=(replace(fit.first, frequency=uncertain),)), move)
+        assert rough is not None
+        assert rough.suggested == name, "its band holds the whole interval, if any does"
     assert [one.band for one in offered.shapers] == pytest.approx([0.032, 0.144, 0.20], abs=1e-3)
     shaped = flexlab.simulate(move.replace(offered.changes(offered.suggested)), 0.8)
     assert shaped.metrics.residual_vibration[0] < 0.1 * run.metrics.residual_vibration[0]
@@ -81,3 +89,13 @@ def test_the_suggested_gain_gives_the_damping_that_it_promises(standing: Scenari
     )
     ratio = fit_ring(*recent_ring(damped, [Event(0.1, "Tap", TAP)])[:2]).first.damping_ratio
     assert ratio.value == pytest.approx(0.1, rel=0.15)
+    fit = fit_ring(time, signal)
+    own = modes(standing)
+    second, zeta = (Estimate(each[1], each[1], each[1], "") for each in (own.frequency, own.damping_ratio))
+    turning = replace(fit.first, frequency=second, damping_ratio=zeta)
+    offered = remedies(replace(fit, modes=(turning,)), standing)
+    assert offered is not None
+    assert offered.gain_field == "angular_vibration_gain"
+    found = modes(standing.replace({"controller.angular_vibration_gain": offered.gain}))
+    zetas = dict(zip(found.pole_origin, found.pole_damping_ratio, strict=True))
+    assert zetas["beam mode 2"] == pytest.approx(0.1, rel=0.15)

@@ -144,7 +144,12 @@ def test_two_students_of_one_name_are_told_apart(tmp_path: Path, recorded: Path)
         assert '<span class="by">Anna</span>' in students[0].ask("/runs").text, "she sees none but her own"
         ids = [f"2025-01-01T12-00-0{number}-paper" for number in range(2)]
         question = teacher.ask(f"/runs/delete?run={ids[0]}&run={ids[1]}").text
-        comparison = teacher.ask(teacher.ask(f"/compare?run={ids[0]}&run={ids[1]}").headers["Location"]).text
+        place = teacher.ask(f"/compare?run={ids[0]}&run={ids[1]}").headers["Location"]
+        comparison, key = teacher.ask(place).text, place.rpartition("&of=")[2]
+        assert [person.ask(f"/compare/{key}/state").status for person in (teacher, students[0])] == [200, 404]
+        other = Path(shutil.copy(recorded, tmp_path / "2025-01-01T12-00-03-paper.rrd")).stem
+        answer = teacher.ask(f"/compare?run={ids[0]}&run={other}&of={key}")
+        assert (answer.status, key in answer.headers.get("Location", key)) == (303, False), "the table is of other runs"
         for name, run, student in zip(names, ids, students, strict=True):
             assert f" · {name}" in teacher.ask(f"/runs/{run}").text
             assert f", {name}</li>" in question

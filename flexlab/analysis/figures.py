@@ -283,12 +283,14 @@ def _add(plot: Plot, name: str, values: np.ndarray, color: str | None) -> None:
     plot.curves.append(Curve(name, values, color, LINES[len(plot.curves) % len(LINES)]))
 
 
-def draw_bars(labels: Sequence[str], shown: Mapping[str, np.ndarray]) -> "Figure":
-    """A bar chart per title, with a bar for each run; `shown`: title → values (runs,), NaN for a run without a value."""
+def draw_bars(labels: Sequence[str], shown: Mapping[str, tuple[np.ndarray, str]]) -> "Figure":
+    """A bar chart per title, with a bar for each run; `shown`: title → values (runs,), and the word in place of NaN."""
     with style():
         figure, places = panels(len(shown), WIDTH / min(len(shown), 2), ROW_HEIGHT)
-        for axes, (title, values) in zip(places, shown.items(), strict=True):
+        for axes, (title, (values, missing)) in zip(places, shown.items(), strict=True):
             axes.bar(labels, np.where(np.isnan(values), 0.0, values), color=BLUE)
+            for place in np.flatnonzero(np.isnan(values)):
+                axes.text(place, 0.0, missing, ha="center", va="bottom", rotation="vertical", fontsize="small")
             axes.set_title(title, fontsize="small")
     return figure
 

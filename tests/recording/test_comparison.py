@@ -106,6 +106,10 @@ def test_different_commands_and_sample_periods_are_shown(tmp_path: Path) -> None
     assert pulls.endswith("3 N/m at t = 0.003 s; and 2 more")
     assert found.table.column("sample_period").to_pylist() == ["0.001 s", "0.001 s", "0.003 s"]
     assert flexlab.compare(tapped, tapped).settings == ()
+    bars = found.plot("settling_time", "peak_torque").axes
+    assert [[text.get_text() for text in axes.texts] for axes in bars] == [["not settled"] * 3, []], (
+        "and no bars of 0 s"
+    )
     (told,) = found.coarse
     assert told.startswith("C: Samples are 3 ms apart, and the beam's first mode has a period of 22.4 ms")
     assert told in found.text()

@@ -14,7 +14,7 @@ from flexlab.analysis.linear_model import About, LinearModel, Named, make_model
 from flexlab.analysis.linearization import POSE_STEP, Linearization, central, first_order, fourth_order
 from flexlab.analysis.modes import check_pose, linearize_at, loop_note
 from flexlab.analysis.rest_point import aim
-from flexlab.analysis.stability import beam_scale, find_disk_margin, find_poles, kept_memory, with_lag
+from flexlab.analysis.stability import beam_scale, close_loop, find_disk_margin, find_poles, kept_memory, with_lag
 from flexlab.arguments import flag
 from flexlab.control.observers.believed_plant import hold
 from flexlab.errors import StudyError
@@ -102,17 +102,8 @@ def _listed(what: str, names: str | Sequence[str]) -> tuple[str, ...]:
     return tuple(names)
 
 
-class _Drive(NamedTuple):
-    """The effect of the inputs."""
-
-    names: tuple[Named, ...]
-    torque: np.ndarray
-    """Effect on the joint torques, (arms · 3, inputs)."""
-    desired: np.ndarray
-    """Effect on (x_d, ẋ_d, ẍ_d), (9, inputs)."""
-
-
-def _drive(linear: Linearization, driven: Sequence[Part]) -> _Drive:
+def _drive(linear: Linearization, driven: Sequence[Part]) -> tuple[np.ndarray, np.ndarray]:
+    """Effect of the inputs on the joint torques, (arms · 3, inputs), and on (x_d, ẋ_d, ẍ_d), (9, inputs)."""
     torques = linear.torque_count
     effect = {TORQUE: np.eye(torques), TASK: np.linalg.inv(linear.probe.task_inputs(linear.rest.motion))}
     torque, desired = np.zeros((torques, len(driven))), np.zeros((9, len(driven)))
@@ -121,7 +112,7 @@ def _drive(linear: Linearization, driven: Sequence[Part]) -> _Drive:
             torque[:, column] = effect[signal][:, place]
         else:
             desired[3 * DESIRED.index(signal) + place, column] = 1.0
-    return _Drive(tuple(part for _, _, part in driven), torque, desired)
+    return torque, desired
 
 
 def _parts(signal: str, arms: int) -> list[Named]:
@@ -142,57 +133,39 @@ def _of_joints(name: str, count: int, place: str = "") -> list[Named]:
 
 def _assemble(linear: Linearization, answers: "Outputs", driven: Sequence[Part], closed: bool) -> LinearModel:
     """A, B, C, D for the states (x, η, ẋ, η̇, lagging motors' torques, memory, torques on their way)."""
-    controller, torques = linear.probe.original.controller, linear.torque_count
-    period, late = controller.control_period, controller.input_delay
+    controller, law, torques = linear.probe.original.controller, linear.law, linear.torque_count
+    period, late = controller.control_period, torques * controller.input_delay
     kept = kept_memory(linear) if closed else np.zeros(0, dtype=int)
-    seen = linear.law.line.shape[1] if closed else 0
-    drive = _drive(linear, driven)
     A, B = first_order(linear.plant)
-    time_constant, m = linear.probe.original.joints.motor.time_constant, len(A)
-    A, B = with_lag(A, B, time_constant)
-    n, k, line = len(A), len(kept), max(torques * late, seen)
+    m = len(A)
+    A, B = with_lag(A, B, linear.probe.original.joints.motor.time_constant)
+    n, own, line = len(A), len(A) + len(kept), max(late, law.line.shape[1] * closed)
     if period is not None:
         scale = np.concatenate([beam_scale(linear), np.ones(n - m)])
         A, B = hold(A * scale[:, None] / scale, B * scale[:, None], period)
         A, B = A / scale[:, None] * scale, B / scale[:, None]
-    size, own = n + k + line, n + k
-    rows = torques + kept
-    # The torques asked for now and the torques in force, as functions of states and of inputs.
-    asked, asked_by = np.zeros((torques, size)), drive.torque.copy()
-    memory, memory_by = np.zeros((k, size)), np.zeros((k, len(drive.names)))
+    # The torques that are asked for and the memory's change, by states and then by inputs.
+    size, (torque, desired) = own + line, _drive(linear, driven)
+    answer = np.zeros((torques + len(kept), size + len(driven)))
+    answer[:torques, size:] = torque
     if closed:
-        asked[:, :m], asked[:, n:own] = linear.law.motion[:torques], linear.law.memory[:torques, kept]
-        asked_by += linear.law.desired[:torques] @ drive.desired
-        memory[:, :m], memory[:, n:own] = linear.law.motion[rows], linear.law.memory[np.ix_(rows, kept)]
-        memory_by += linear.law.desired[rows] @ drive.desired
-        if seen:
-            asked[:, own:], memory[:, own:] = linear.law.line[:torques], linear.law.line[rows]
-    held, held_by = asked, asked_by
-    if late:
-        held, held_by = np.zeros((torques, size)), np.zeros_like(asked_by)
-        held += np.eye(torques, size, size - torques * late)
+        rows = np.concatenate([np.arange(torques), torques + kept])
+        answer[:, :m], answer[:, n:own] = law.motion[rows], law.memory[np.ix_(rows, kept)]
+        answer[:, own : own + law.line.shape[1]] = law.line[rows]
+        answer[:, size:] += law.desired[rows] @ desired
+    asked, memory = np.split(answer, [torques])
     if period is not None:
-        memory[:, n:own] += np.eye(k)
-    whole, drives = np.zeros((size, size)), np.zeros((size, len(drive.names)))
-    whole[:n, :n] = A
-    whole[:n] += B @ held
-    drives[:n] = B @ held_by
-    whole[n:own], drives[n:own] = memory, memory_by
-    if line:
-        whole[own : size - torques, own + torques :] = np.eye(line - torques)
-        whole[size - torques :], drives[size - torques :] = asked, asked_by
+        memory[:, n:own] += np.eye(len(kept))
+    whole, held = close_loop(A, B, asked, memory, line, late)
     # The sample of a control instant shows the memory after that instant.
-    seen, seen_by = memory, memory_by
-    if period is None:
-        seen, seen_by = np.eye(k, size, n), np.zeros_like(memory_by)
-    by_memory = answers.by_memory[:, kept]
-    given, given_by = (held, held_by) if n == m else (np.eye(torques, size, m), np.zeros_like(held_by))
-    C = by_memory @ seen + answers.by_torque @ given
-    C[:, :m] += answers.by_motion
-    D = by_memory @ seen_by + answers.by_torque @ given_by + answers.by_desired @ drive.desired
-    order = _state_order(linear, n - m + k, line)
-    matrices = (whole[np.ix_(order, order)], drives[order], C[:, order], D)
-    return make_model(matrices, period, _about(linear, answers, drive, closed, k, line))
+    remembered = np.eye(len(kept), size + len(driven), n) if period is None else memory
+    given = held if n == m else np.eye(torques, size + len(driven), m)
+    shown = answers.by_memory[:, kept] @ remembered + answers.by_torque @ given
+    shown[:, :m] += answers.by_motion
+    shown[:, size:] += answers.by_desired @ desired
+    order = _state_order(linear, own - m, line)
+    matrices = (whole[np.ix_(order, order)], whole[order, size:], shown[:, order], shown[:, size:])
+    return make_model(matrices, period, _about(linear, answers, driven, closed, len(kept), line))
 
 
 def _state_order(linear: Linearization, memory: int, line: int) -> np.ndarray:
@@ -204,7 +177,9 @@ def _state_order(linear: Linearization, memory: int, line: int) -> np.ndarray:
     ).astype(int)
 
 
-def _about(linear: Linearization, answers: "Outputs", drive: _Drive, closed: bool, memory: int, line: int) -> About:
+def _about(
+    linear: Linearization, answers: "Outputs", driven: Sequence[Part], closed: bool, memory: int, line: int
+) -> About:
     count, torques = linear.probe.mode_count, linear.torque_count
     late = linear.probe.original.controller.input_delay
     # For a law that uses torques, those held until now are states.
@@ -221,10 +196,10 @@ def _about(linear: Linearization, answers: "Outputs", drive: _Drive, closed: boo
         part[np.ix_(order, order)] for part in (linear.plant.mass, linear.plant.damping, linear.plant.stiffness)
     )
     return About(
-        states=tuple(states), inputs=drive.names, outputs=outputs, mass=mass, damping=damping, stiffness=stiffness,
-        pose=linear.rest.motion.x.copy(), torque=linear.rest.torque.reshape(-1, 3).copy(), output_at_rest=answers.at_rest,
-        closed=closed, input_delay=late, note=loop_note(linear),
-        disk_margin=find_disk_margin(linear, find_poles(linear).value),
+        states=tuple(states), inputs=tuple(part for _, _, part in driven), outputs=outputs,
+        mass=mass, damping=damping, stiffness=stiffness, pose=linear.rest.motion.x.copy(),
+        torque=linear.rest.torque.reshape(-1, 3).copy(), output_at_rest=answers.at_rest, closed=closed, input_delay=late,
+        note=loop_note(linear), disk_margin=find_disk_margin(linear, find_poles(linear).value),
     )  # fmt: skip
 
 

@@ -104,38 +104,41 @@ def kept_memory(linear: Linearization) -> np.ndarray:
     return np.flatnonzero(np.any(rows != 0, axis=1) & ~linear.rest.moving)
 
 
+def close_loop(
+    A: np.ndarray, B: np.ndarray, asked: np.ndarray, memory: np.ndarray, line: int, late: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """The loop of a plant A, B and a law, and the torques in force; columns: all states, then any inputs.
+
+    States: the plant's, the law's memory, and a `line` of torques, the last `late` of which are on their way. `asked`: the
+    torques that the law asks for; `memory`: its memory's rate, or its memory one control period later.
+    """
+    own, width = len(A) + len(memory), asked.shape[1]
+    held = np.eye(len(asked), width, own + line - late) if late else asked
+    plant = B @ held
+    plant[:, : len(A)] += A
+    moved_on = [np.eye(line - len(asked), width, own + len(asked)), asked] if line else []
+    return np.vstack([plant, memory, *moved_on]), held
+
+
 def loop_map(linear: Linearization) -> np.ndarray:
     """The matrix of the closed loop of plant and law: of dz/dt (1/s), or of z one control period later.
 
     z: the state of `held_plant`, kept memory, torques held until now (if the law uses them) and on their way.
     """
-    law, torques = linear.law, linear.torque_count
+    law, torques, kept = linear.law, linear.torque_count, kept_memory(linear)
     controller = linear.probe.original.controller
-    period, kept = controller.control_period, kept_memory(linear)
-    A, B = held_plant(linear, period)
+    A, B = held_plant(linear, controller.control_period)
     _, effect = acting(linear)
-    answer = np.hstack([by_state(linear, effect @ law.motion[:torques]), effect @ law.memory[:torques, kept]])
-    rows = torques + kept
-    memory = np.hstack([by_state(linear, law.motion[rows]), law.memory[np.ix_(rows, kept)]])
-    states, k = len(A), len(kept)
-    if period is None:
-        return np.vstack([np.hstack([A, np.zeros((states, k))]) + B @ answer, memory])
-    delay = controller.input_delay
     # Torques, too, enter by their effect; for a law that uses torques, those held until now are states.
-    count = len(effect)
-    line = np.kron(np.eye(delay + 1), np.linalg.pinv(effect)) if law.line.shape[1] else np.zeros((0, count * delay))
-    own, size = states + k, states + k + line.shape[1]
-    matrix = np.zeros((size, size), dtype=answer.dtype)
-    matrix[:states, :states] = A
-    matrix[states:own, :own] = memory + np.eye(k, own, states)
-    matrix[states:own, own:] = law.line[rows] @ line
-    asked = np.hstack([answer, effect @ law.line[:torques] @ line])
-    held = np.eye(count, size, size - count * delay) if delay else asked
-    matrix[:states] += B @ held
-    if size > own:
-        matrix[own:-count, own + count :] = np.eye(size - own - count)
-        matrix[-count:] = asked
-    return matrix
+    late = len(effect) * controller.input_delay
+    line = np.zeros((0, late))
+    if law.line.shape[1]:
+        line = np.kron(np.eye(controller.input_delay + 1), np.linalg.pinv(effect))
+    answer = np.hstack([by_state(linear, law.motion), law.memory[:, kept], law.line @ line])
+    asked, memory = effect @ answer[:torques], answer[torques + kept]
+    if controller.control_period is not None:
+        memory[:, len(A) : len(A) + len(kept)] += np.eye(len(kept))
+    return close_loop(A, B, asked, memory, line.shape[1], late)[0]
 
 
 def find_poles(linear: Linearization) -> Poles:

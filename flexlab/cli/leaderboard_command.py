@@ -101,8 +101,8 @@ def _print(board: "Leaderboard") -> None:
         for sentence in section.failures:
             output().print(f"  {sentence}", style="red", soft_wrap=True)
         output().print()
-    for sentence in settings(board):
-        output().print(sentence, soft_wrap=True)
+    if unusual := "; ".join(f"{law}: {', '.join(parts)}" for law, parts in settings(board).items()):
+        output().print(f"Settings other than a law's own: {unusual}.", soft_wrap=True)
     output().print(provenance(board), soft_wrap=True)
 
 

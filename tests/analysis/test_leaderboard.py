@@ -214,8 +214,12 @@ def test_the_overview_has_geometric_means_over_the_best_laws_and_shades_by_facto
     assert found.plot().axes[0].lines[1].get_xdata() == pytest.approx([3, 1, np.nan], nan_ok=True)
 
 
-def test_the_settings_say_which_laws_were_sampled_unlike_the_case(board: Leaderboard):
+def test_the_settings_say_which_laws_were_sampled_unlike_the_case(
+    board: Leaderboard, capsys: pytest.CaptureFixture[str]
+):
     assert settings(board) == {"lqr": ["sampled, Control period T_c (s) = 0.001"]}
+    leaderboard_command._print(board)
+    assert "own: lqr: sampled, Control period T_c (s) = 0.001.\n" in capsys.readouterr().out
 
 
 def test_every_law_enters_and_only_laws_with_leakage_get_the_leaky_variant():

@@ -37,6 +37,11 @@ FACTOR_DIGITS = 2
 """Significant digits of a factor that flexlab chooses."""
 
 
+def css(color: Color) -> str:
+    """A colour in CSS notation, "#rrggbb"."""
+    return "#" + bytes(color).hex()
+
+
 @dataclass(frozen=True)
 class View:
     """Curves of one plot."""

@@ -20,7 +20,7 @@ from flexlab.signal import COORDINATE, Signal
 from flexlab.sim.samples import Run, Samples
 from flexlab.sim.signals import DERIVED, known_signals
 from flexlab.text import in_mathtext
-from flexlab.views import DEFLECTION, ERROR, Color, View, views
+from flexlab.views import DEFLECTION, ERROR, View, css, views
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
@@ -40,13 +40,8 @@ POINTS = 4000
 LARGEST = 1e100
 """Largest magnitude that is drawn: a longer axis has no ticks."""
 
-
-def _hex(color: Color) -> str:
-    return "#" + bytes(color).hex()
-
-
 BLUE, VERMILION, GREEN, GRAY, PURPLE = map(
-    _hex, (palette.BLUE, palette.VERMILION, palette.GREEN, palette.GRAY, palette.PURPLE)
+    css, (palette.BLUE, palette.VERMILION, palette.GREEN, palette.GRAY, palette.PURPLE)
 )
 """The lab's colours of left arm, right arm, payload, background of a curve, and desired motion."""
 LINES = ("-", "--", "-.", ":")
@@ -190,14 +185,14 @@ def _trajectory(samples: Samples) -> list[Plot]:
 
 
 def _vibration(samples: Samples) -> list[Plot]:
-    _, whole, bending = map(_hex, DEFLECTION.colors)
+    _, whole, bending = map(css, DEFLECTION.colors)
     bent, held = MILLI * samples.midspan_deflection, MILLI * samples.quasi_static_deflection
     curves = [Curve("deflection at mid-span", bent, whole, "-"), Curve("its quasi-static part", held, bending, "--")]
     return [Plot("w(0, t) (mm)", curves)]
 
 
 def _error(samples: Samples) -> list[Plot]:
-    about = zip(AXES, ("mm", "mm", "mrad"), MILLI * samples.tracking_error.T, map(_hex, ERROR.colors), strict=True)
+    about = zip(AXES, ("mm", "mm", "mrad"), MILLI * samples.tracking_error.T, map(css, ERROR.colors), strict=True)
     return [Plot(f"error {axis} ({unit})", [Curve("", values, color, "-")]) for axis, unit, values, color in about]
 
 
@@ -261,7 +256,7 @@ def draw_signals(run: Run, names: Sequence[str] = ()) -> "Figure":
 def _of_view(run: Run, view: View) -> list[Plot]:
     plots = {unit: Plot(unit, [], view.title) for unit in view.units}
     for name, unit, color, values in zip(view.curves, view.units, view.colors, view.values(run).T, strict=True):
-        _add(plots[unit], name, values, _hex(color))
+        _add(plots[unit], name, values, css(color))
     return list(plots.values())
 
 

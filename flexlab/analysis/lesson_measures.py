@@ -70,11 +70,16 @@ def ring_frequency(samples: Samples) -> float:
 
 def strongest_line(signal: np.ndarray, period: float, padded: int) -> tuple[float, float]:
     """Frequency, Hz, and amplitude of the strongest line above 2 Hz of a signal (N,), zero-padded to `padded` samples."""
-    window = np.hanning(len(signal))
-    amplitude = np.abs(np.fft.rfft((signal - signal.mean()) * window, padded)) * 2 / window.sum()
-    hertz = np.fft.rfftfreq(padded, period)
+    hertz, amplitude = amplitude_spectrum(signal - signal.mean(), period, padded)
     best = int(np.argmax(np.where(hertz > 2, amplitude, 0)))
     return float(hertz[best]), float(amplitude[best])
+
+
+def amplitude_spectrum(signal: np.ndarray, period: float, padded: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies, Hz, and amplitudes of a signal (N,), windowed (Hann) and zero-padded; a sine shows its own amplitude."""
+    window = np.hanning(len(signal))
+    amplitude = np.abs(np.fft.rfft(signal * window, padded)) * 2 / window.sum()
+    return np.fft.rfftfreq(padded or len(signal), period), amplitude
 
 
 def torque_turns(samples: Samples, control_period: float) -> np.ndarray:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flexlab.views import BLUE, GRAY, GREEN, ORANGE, PURPLE, SKY, VERMILION, VIOLET, Color  # noqa: F401
+from flexlab.views import BLUE, GRAY, GREEN, ORANGE, PURPLE, SKY, VERMILION, VIOLET, Color, css  # noqa: F401
 
 ARMS: tuple[Color, Color] = (BLUE, VERMILION)
 """Left arm, right arm."""
@@ -13,11 +13,6 @@ BEAM: Color = (20, 232, 150)
 DESIRED = PURPLE
 INTERNAL_FORCE = ORANGE
 MOVING_FORCE = SKY
-
-
-def css(color: Color) -> str:
-    """The colour in CSS notation, "#rrggbb"."""
-    return "#{:02x}{:02x}{:02x}".format(*color)
 
 
 def for_instances(palette: Sequence[Color] | np.ndarray) -> np.ndarray:

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
+from flexlab.analysis.lesson_measures import amplitude_spectrum
 from flexlab.analysis.lyapunov import tracking_energy
 from flexlab.errors import LabError
 from flexlab.lab.panel.number_control import Scale
 from flexlab.lab.plots.chart import DASHES
 from flexlab.lab.plots.plot_signals import tabs
-from flexlab.lab.plots.plots import POINTS, amplitude_spectrum, thinned, unbroken
+from flexlab.lab.plots.plots import POINTS, thinned, unbroken
 from flexlab.lab.reference_run import ReferenceRun, common_metrics, whole_run
 from flexlab.lab.scene.beam import PIECES, axial_loads, curvature_functions, strain_colors
 from flexlab.lab.scene.forces import held_point

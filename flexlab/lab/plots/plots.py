@@ -11,6 +11,7 @@ import viser
 from viser import uplot
 
 from flexlab.analysis.explanations.explanation import EXPLANATIONS, LONGEST_LOOK, Evidence, Explained, explain
+from flexlab.analysis.lesson_measures import amplitude_spectrum
 from flexlab.lab import colors
 from flexlab.lab.mode_computation import ModeStudy
 from flexlab.lab.plots.chart import HEIGHT, X_AXIS_SIZE, Chart, axis, compact, signal_series
@@ -55,13 +56,6 @@ OVERLAP = 0.05
 """Extra time requested at each update, s: covers the samples that usually arrive between snapshot and request."""
 SPECTRUM_EVERY = 5
 """Updates of the other charts per spectrum (2 Hz)."""
-
-
-def amplitude_spectrum(signal: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies, Hz, and amplitudes, in the signal's unit, of a Hann-windowed signal; a sine shows its own amplitude."""
-    window = np.hanning(len(signal))
-    amplitude = np.abs(np.fft.rfft(signal * window)) * 2 / window.sum()
-    return np.fft.rfftfreq(len(signal), period), amplitude
 
 
 def thinned(frequency: np.ndarray, amplitude: np.ndarray, highest: float) -> tuple[np.ndarray, np.ndarray]:

@@ -275,20 +275,7 @@ def _draw_map(figure: "Figure", axes: "Axes", case: Case, values: np.ndarray) ->
 
 def page_figure(board: Leaderboard, case: Case) -> str:
     """A case's figure as SVG for a page: the same rows give the same text."""
-    return page_svg(board.plot(case.name), _salt(case))
-
-
-def _salt(case: Case) -> str:
-    return f"flexlab-{case.name}"
-
-
-def write_figures(board: Leaderboard, folder: Path) -> list[Path]:
-    """Write `<case>.svg` of each case to a folder; returns the paths. Raises `StudyError`."""
-    make_folder(folder)
-    paths = {folder / f"{case.name}.svg": case for case in board.cases}
-    for path, case in paths.items():
-        write_text(path, svg_text(board.plot(case.name), _salt(case)))
-    return list(paths)
+    return page_svg(board.plot(case.name), f"flexlab-{case.name}")
 
 
 PAGE, TABLE = "leaderboard.html", "leaderboard"
@@ -297,7 +284,10 @@ PAGE, TABLE = "leaderboard.html", "leaderboard"
 def write_report(board: Leaderboard, folder: Path) -> list[Path]:
     """Write `leaderboard.html`, `.parquet`, `.csv` and a figure per case to a folder; returns the paths. Raises `StudyError`."""
     html, tables = folder / PAGE, [folder / f"{TABLE}.parquet", folder / f"{TABLE}.csv"]
-    figures = write_figures(board, folder)
+    figures = [folder / f"{case.name}.svg" for case in board.cases]
+    make_folder(folder)
+    for case, figure in zip(board.cases, figures, strict=True):
+        write_text(figure, svg_text(board.plot(case.name), f"flexlab-{case.name}"))
     write_text(html, report_text(board))
     with writing(tables[0]) as draft:
         pyarrow.parquet.write_table(board.table, draft, compression="zstd")

@@ -145,8 +145,7 @@ def fit_file(
     if start is None and (first := ring_begins(y)):
         notes += (f"The ring begins at t = {t[first]:.6g} s, its first peak: what comes before is left out.",)
         t, y = t[first:], y[first:]
-    fit = _fit(path.stem, t, y, found.unit, scenario, notes)
-    return fit if start is None else _with_note_on_silence(fit)
+    return _fit(path.stem, t, y, found.unit, scenario, notes, start is not None)
 
 
 def fit_run(
@@ -168,20 +167,7 @@ def fit_run(
     path = None
     if recording.status != MEASURED:  # A measurement has no loop and no pose.
         path = recording.samples.desired_pose[np.searchsorted(recording.samples.time, t)], own
-    fit = _fit(recording.path.stem, t, y, unit, scenario or own, (), path)
-    return fit if start is None else _with_note_on_silence(fit)
-
-
-def _with_note_on_silence(fit: Fit) -> Fit:
-    """The fit, with a note if its given start is more than a period before the ring begins."""
-    start, begins = float(fit.time[0]), float(fit.time[ring_begins(fit.signal)])
-    if not fit.ring.modes or (begins - start) * fit.ring.first.frequency.value <= 1:
-        return fit
-    note = (
-        f"The ring begins at t = {begins:.6g} s, its first peak, and the fit at {start:.6g} s: frequencies and damping ratios "
-        f"are wrong with what comes before the ring. Start at {begins:.6g} s, or leave the start out."
-    )
-    return replace(fit, notes=(*fit.notes, note))
+    return _fit(recording.path.stem, t, y, unit, scenario or own, (), start is not None, path)
 
 
 def _fit(
@@ -191,9 +177,13 @@ def _fit(
     unit: str,
     scenario: Scenario | None,
     notes: tuple[str, ...],
+    is_chosen: bool,
     simulated: tuple[np.ndarray, Scenario] | None = None,
 ) -> Fit:
-    """`simulated`: the desired poses of a run at `t`, (N, 3), and its scenario; None: the samples are a measurement."""
+    """`is_chosen`: whether a person chose the start, and not where the ring begins.
+
+    `simulated`: the desired poses of a run at `t`, (N, 3), and its scenario; None: the samples are a measurement.
+    """
     ring, poses, other = fit_ring(t, y), [], ""
     if simulated is not None:
         poses = _poses(simulated[0], y - ring.background)
@@ -204,6 +194,12 @@ def _fit(
     if beam is not None:
         along = replace(ring.first, frequency=beam.frequency, damping_ratio=beam.damping_ratio)
         ring = replace(ring, modes=tuple(along if mode is ring.first else mode for mode in ring.modes))
+    start, begins = float(t[0]), float(t[ring_begins(y)]) if is_chosen else float(t[0])
+    if ring.modes and (begins - start) * ring.first.frequency.value > 1:
+        notes += (
+            f"The ring begins at t = {begins:.6g} s, its first peak, and the fit at {start:.6g} s: frequencies and damping "
+            f"ratios are wrong with what comes before the ring. Start at {begins:.6g} s, or leave the start out.",
+        )
     return Fit(name, ring, t, y, unit, beam, simulated is None, notes)
 
 

@@ -208,7 +208,7 @@ def test_a_busy_engine_leaves_no_gap_in_the_plots() -> None:
 
 def test_the_force_along_the_beam_is_drawn_as_it_is_recorded() -> None:
     run = simulate(load_preset("spin-up"), 2.0, 0.01)
-    drawn = axial_loads(run.scenario, run.slice(200, 201), 1000)
+    drawn = axial_loads(run.slice(200, 201), 1000)
     place = np.array(PLACES) * 1000 + 499.5
     np.testing.assert_allclose(np.interp(place, np.arange(1000), drawn), run.axial_load[200], rtol=1e-4)
     # Each place is pulled by the part of the beam beyond it; at the free end there is none.

@@ -91,38 +91,27 @@ class Arms:
         joint_scales = np.tile(JOINT_SCALES, self._count) * self._size
         base = np.array([(*arm.base, 0.0) for arm in scenario.arms])
 
-        def batch(name: str, positions: np.ndarray, scales: np.ndarray) -> viser.BatchedGlbHandle:
-            return scene.add_batched_glb(
-                f"/arms/{name}",
-                load_model(name),
-                batched_wxyzs=upright[: len(positions)],
-                batched_positions=positions,
-                batched_scales=scales,
-                lod="off",
-                receive_shadow=False,
-            )
-
-        def meshes(name: str, solid: tuple[np.ndarray, np.ndarray], scales: np.ndarray, **look: Any) -> Any:
-            return scene.add_batched_meshes_simple(
-                f"/arms/{name}",
-                *solid,
-                batched_wxyzs=upright,
-                batched_positions=still,
-                batched_scales=scales,
-                lod="off",
-                cast_shadow=False,
-                receive_shadow=False,
-                **look,
-            )
+        def batch(name: str, positions: np.ndarray, scales: np.ndarray, *solid: np.ndarray, **look: Any) -> Any:
+            """Instances of a model, or of a solid with vertices and faces, which casts no shadow."""
+            look |= {
+                "batched_wxyzs": upright[: len(positions)],
+                "batched_positions": positions,
+                "batched_scales": scales,
+            }
+            look |= {"lod": "off", "receive_shadow": False}
+            if solid:
+                return scene.add_batched_meshes_simple(f"/arms/{name}", *solid, cast_shadow=False, **look)
+            return scene.add_batched_glb(f"/arms/{name}", load_model(name), **look)
 
         self._bases = batch("base", base, np.full(self._count, self._size))
         self._links = batch("link", still, np.column_stack([bars.ravel(), widths, widths]))
         self._joints = batch("joint", still, joint_scales)
         self._grippers = batch("gripper", still[: self._count], np.full(self._count, self._size))
         tones = np.repeat(colors.for_instances(colors.ARMS[: self._count]), JOINTS, axis=0)
-        self._rings = meshes("rings", accent_ring(), joint_scales, batched_colors=tones)
+        self._rings = batch("rings", still, joint_scales, *accent_ring(), batched_colors=tones)
         # viser's page breaks if instances of GLB files react to the pointer; instances of plain meshes may.
-        self.grab = meshes("grab", grab_bar(), np.column_stack([lengths.ravel(), widths, widths]), opacity=0.0)
+        around = np.column_stack([lengths.ravel(), widths, widths])
+        self.grab = batch("grab", still, around, *grab_bar(), opacity=0.0)
 
     def update(self, scenario: Scenario, sample: Samples) -> None:
         """Move all parts to their places in `sample` (N = 1)."""

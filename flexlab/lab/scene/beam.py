@@ -147,7 +147,7 @@ def strain_colors(share: np.ndarray) -> np.ndarray:
     return colors.for_instances(mixed)
 
 
-def axial_loads(scenario: Scenario, sample: Samples, count: int) -> np.ndarray:
+def axial_loads(sample: Samples, count: int) -> np.ndarray:
     """N(s) of a sample (N = 1) at the centres of `count` equal pieces, N, (count,): the parabola through its places.
 
     Exact unless somebody pulls the beam: N jumps at that point.
@@ -208,7 +208,7 @@ class StrainBeam:
         if shown == "strain":
             strain = -MICRO * FIBRE * self._curvature @ sample.beam_coordinates[0]
         else:
-            strain = axial_loads(scenario, sample, PIECES)
+            strain = axial_loads(sample, PIECES)
         self._range.fit(float(np.abs(strain).max()))
         line = beam_points(scenario, sample, PIECES + 1, view.exaggeration)[0]
         along = np.diff(line, axis=0)

@@ -7,8 +7,6 @@ from flexlab.cli.console import output
 from flexlab.cli.options import LOGS, Logs, Run, option
 from flexlab.errors import StudyError
 
-WHOLE_RUN = (".html", ".zip")
-"""Files that hold a whole run."""
 UNIT, BODIES = ".fmu", (".urdf", ".xml", ".mjcf")
 """Files for other tools: a scenario as machine code, or as rigid bodies."""
 
@@ -54,8 +52,6 @@ def command(
     options = {"part": part or "plant", "version": fmi or 3} if kind == UNIT else {}
     if not options and (part, fmi) != (None, None):
         raise StudyError("--part and --fmi are for units: write --to FILE.fmu.")
-    if to is not None and kind in WHOLE_RUN and (start, end) != (None, None):
-        raise StudyError(f"--start and --end are for tables: {to} holds the whole run.")
     if figures is not None:
         from flexlab.analysis.figures import FORMATS
 

@@ -208,10 +208,9 @@ def _described(
     linear = np.linalg.lstsq(basis, y, rcond=None)[0]
     rest = y - basis @ linear
     slopes = []
-    for k, (omega, sigma) in enumerate(modes):
-        a, b, decay = linear[2 * k], linear[2 * k + 1], np.exp(-sigma * tau)
-        slopes.append(decay * tau * (b * np.cos(omega * tau) - a * np.sin(omega * tau)))
-        slopes.append(-tau * decay * (a * np.cos(omega * tau) + b * np.sin(omega * tau)))
+    for k in range(0, 2 * len(modes), 2):
+        (a, b), (cosine, sine) = linear[k : k + 2], basis.T[k : k + 2]
+        slopes += [tau * (b * cosine - a * sine), -tau * (a * cosine + b * sine)]
     J = np.column_stack([*slopes, basis])
     freedom = max(len(y) - J.shape[1], 1)
     variance = float(rest @ rest) / freedom

@@ -11,7 +11,7 @@ import numpy as np
 
 from flexlab.analysis.metrics.run_metrics import between
 from flexlab.analysis.metrics.settling_time import settling_time
-from flexlab.analysis.modes import PoleRow, fastest_growth, modes, rings_of
+from flexlab.analysis.modes import PoleRow, fastest_growth, modes
 from flexlab.lapack import one_blas_thread
 from flexlab.physics.axial_load import buckling_load
 from flexlab.recording.course import DISTURBANCES
@@ -239,5 +239,4 @@ def upward_frequency(part: Samples) -> float:
 @lru_cache(maxsize=8)
 def _growth(scenario: Scenario) -> PoleRow:
     """The fastest growing pole; cached, as the lab asks every second."""
-    found = modes(scenario)
-    return fastest_growth(found, rings_of(found)) or PoleRow(0.0, np.nan, np.nan, "")
+    return fastest_growth(modes(scenario)) or PoleRow(0.0, np.nan, np.nan, "")

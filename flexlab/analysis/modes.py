@@ -264,7 +264,7 @@ def rings_of(found: Modes) -> dict[int, Ring]:
     return rings
 
 
-def fastest_growth(found: Modes, rings: dict[int, Ring]) -> PoleRow | None:
+def fastest_growth(found: Modes) -> PoleRow | None:
     """The fastest growing pole, or the one that decays least; None without poles.
 
     Its frequency is that of its oscillation; for a beam mode, without the folding by sampling.
@@ -272,7 +272,7 @@ def fastest_growth(found: Modes, rings: dict[int, Ring]) -> PoleRow | None:
     worst = max(found.pole_rows(), key=lambda row: row.rate, default=None)
     if worst is None:
         return None
-    seen = worst.frequency * float(np.sqrt(1 - worst.damping_ratio**2))
+    seen, rings = worst.frequency * float(np.sqrt(1 - worst.damping_ratio**2)), rings_of(found)
     return worst._replace(frequency=rings[worst.mode].frequency if worst.mode in rings else seen)
 
 

@@ -17,7 +17,7 @@ STILL = 1e-12
 
 def growing_pole(background: Background) -> PoleRow | None:
     """The fastest growing pole; None if no pole grows."""
-    found = fastest_growth(background.modes, background.rings)
+    found = fastest_growth(background.modes)
     return None if found is None or found.rate <= NEUTRAL else found
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from copy import copy
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from flexlab.analysis.validation.check import EVERY, FINE
 from flexlab.scenario import Scenario
@@ -25,20 +26,6 @@ HELD = {"pinned-pinned": (0, -2), "pinned-clamped": (0, -2, -1)}
 """Boundary → which of the 2 (n + 1) nodal coordinates are zero."""
 
 
-def hermite(s: np.ndarray, length: float, n: int, boundary: str) -> np.ndarray:
-    """Rows N(s), N'(s), N''(s) of a beam of n cubic elements, (3, len(s), n_q) over free coordinates; s from the middle, m."""
-    size = length / n
-    element = np.clip(((s + length / 2) / size).astype(int), 0, n - 1)
-    z = (s + length / 2) / size - element
-    value = [(1 + 2 * z) * (1 - z) ** 2, size * z * (1 - z) ** 2, z * z * (3 - 2 * z), size * z * z * (z - 1)]
-    first = [(6 * z - 6) * z / size, 1 + (3 * z - 4) * z, (6 - 6 * z) * z / size, (3 * z - 2) * z]
-    second = [(12 * z - 6) / size**2, (6 * z - 4) / size, (6 - 12 * z) / size**2, (6 * z - 2) / size]
-    rows = np.zeros((3, len(s), 2 * n + 2))
-    for k in range(4):
-        rows[:, np.arange(len(s)), 2 * element + k] = value[k], first[k], second[k]
-    return np.delete(rows, [place % (2 * n + 2) for place in HELD[boundary]], axis=2)
-
-
 class MassPoints:
     """A scenario with two arms and one of the boundaries of `HELD`."""
 
@@ -53,7 +40,10 @@ class MassPoints:
         middle, width = (edges[1:] + edges[:-1]) / 2, np.diff(edges)[:, None] / 2
         self._s = (middle[:, None] + width * x).ravel()
         self._weight = (width * weight).ravel()
-        self._N, self._N1, self._N2 = hermite(self._s, payload.length, n, payload.boundary)
+        # Cubics between the nodes: N(s), N'(s), N''(s) of the free coordinates, (points, n_q) each.
+        free = np.delete(np.eye(2 * n + 2), HELD[payload.boundary], axis=1)
+        bent = CubicHermiteSpline(edges, free[0::2], free[1::2])
+        self._N, self._N1, self._N2 = (bent(self._s, order) for order in range(3))
 
     def payload_inertia(self, p: np.ndarray) -> np.ndarray:
         """A(p) of the payload alone, Eq. (8)."""

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
+from scipy.integrate import simpson
 
 from flexlab.analysis.validation.check import (
     DAMPING,
@@ -238,11 +239,9 @@ def _free(factor: float) -> Iterator[Check]:
     yield below(statement, 1e-5, coasting.pose_rate[:, 0] / SPEED - 1)
     force = PULL * (AHEAD - pulled.pose[:, 0])
     s, _ = mass_ratio(pulled.time, factor, BEGIN, DURATION)
-    rate = force / s
-    # Simpson's rule: the change begins and ends on samples.
-    pairs = (rate[:-2:2] + 4 * rate[1:-1:2] + rate[2::2]) * (pulled.time[2::2] - pulled.time[:-2:2]) / 6
+    gained = float(simpson(force / s, x=pulled.time))  # The change begins and ends on samples.
     statement = f"mass × {factor:g}: pulled by F, it has gained v = ∫F/(s m) dt"
-    yield close(statement, float(pairs.sum()), float(pulled.pose_rate[-1, 0]), "m/s", 1e-5)
+    yield close(statement, gained, float(pulled.pose_rate[-1, 0]), "m/s", 1e-5)
 
 
 def _hanging(factor: float) -> Iterator[Check]:

@@ -65,16 +65,14 @@ def ring_begins(signal: np.ndarray) -> int:
 
     Even a few quiet samples before that peak would be fitted by strongly damped modes, which the ring does not have.
     """
+    from scipy.signal import detrend  # It is slow to load.
+
     size = max(FEWEST_IN_BLOCK, len(signal) // BLOCKS)
     count = len(signal) // size
     if count < 2 + AFTER:
         return 0
     blocks = signal[: count * size].reshape(count, size)
-    # Each block's mean square about its own straight line.
-    place = np.linspace(-1, 1, size)
-    level = blocks - blocks.mean(axis=1, keepdims=True)
-    slope = level @ place / (place @ place)
-    power = np.mean((level - slope[:, None] * place) ** 2, axis=1)
+    power = np.mean(detrend(blocks) ** 2, axis=1)  # About each block's own straight line.
     before = np.cumsum(power)[1:-AFTER] / np.arange(2, count - AFTER + 1)
     after = np.convolve(power, np.full(AFTER, 1 / AFTER), "valid")[2:]
     loud = (after >= LOUD * power.max()) & (after >= JUMP * before) & (after > 0)

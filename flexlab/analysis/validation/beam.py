@@ -4,7 +4,6 @@ from collections.abc import Iterator
 
 import numpy as np
 from scipy.linalg import eigh
-from scipy.optimize import brentq
 
 from flexlab.analysis.lesson_measures import upward_frequency
 from flexlab.analysis.validation.check import (
@@ -25,7 +24,6 @@ from flexlab.physics.axial_load import BUCKLING, buckling_load, geometric_matric
 from flexlab.physics.beam import beam_matrices, shape_row, undamped_modes
 from flexlab.presets import load_preset
 from flexlab.sim.commands import ChangeScenario
-from flexlab.sim.samples import Run
 from flexlab.sim.simulate import simulate
 
 LENGTH, RHO, EI = 0.5, 2.0, 100.0
@@ -128,19 +126,16 @@ def _general_motion() -> Iterator[Check]:
 
 def squeezed_frequency(n: int, share: float) -> float:
     """ω1 of the pinned beam under a constant compression, a share of its buckling load, rad/s."""
-    return float(np.sqrt(_least_square(n, "pinned-pinned", share * buckling_load(LENGTH, EI, "pinned-pinned"))))
-
-
-def _least_square(n: int, boundary: str, load: float) -> float:
-    """The least ω² of the beam under a constant compression, N; negative beyond buckling."""
-    beam, (G0, _, _) = beam_matrices(LENGTH, RHO, EI, n, boundary), geometric_matrices(LENGTH, RHO, n, boundary)
-    return float(eigh(beam.K_F - load * G0, beam.M_q, eigvals_only=True)[0])
+    pinned = "pinned-pinned"
+    beam, (G0, _, _) = beam_matrices(LENGTH, RHO, EI, n, pinned), geometric_matrices(LENGTH, RHO, n, pinned)
+    load = share * buckling_load(LENGTH, EI, pinned)
+    return float(np.sqrt(eigh(beam.K_F - load * G0, beam.M_q, eigvals_only=True)[0]))
 
 
 def critical_load(n: int, boundary: str) -> float:
-    """Compression at which the least eigenvalue of K_F + K_G is first zero, N."""
-    expected = buckling_load(LENGTH, EI, boundary)
-    return float(brentq(lambda load: _least_square(n, boundary, load), 0.5 * expected, 1.5 * expected))
+    """The least compression P at which K_F + K_G, here K_F - P G0, is singular, N."""
+    beam, (G0, _, _) = beam_matrices(LENGTH, RHO, EI, n, boundary), geometric_matrices(LENGTH, RHO, n, boundary)
+    return float(1 / eigh(G0, beam.K_F, eigvals_only=True)[-1])
 
 
 def spun_frequency(n: int, gamma: float, felt: bool = True) -> float:
@@ -184,7 +179,9 @@ def _squeezed_slowly() -> Iterator[Check]:
     start = {"controller.wanted_internal_force": 0.0, "payload.damping.coefficient": 0.005}
     run = simulate(load_preset("squeeze-until-it-buckles").replace(start), RISE, 0.001, steps)
     pressed = WANTED * run.time / RISE
-    early, late = (frequency(run, pressed, *span) for span in ((0.0, 12.0), (30.0, 42.0)))
+    early, late = (
+        upward_frequency(run.take((pressed >= low) & (pressed <= high))) for low, high in ((0.0, 12.0), (30.0, 42.0))
+    )
     critical = buckling_load(0.5, 1.27, "pinned-pinned")
     statement = "the soft beam, F_d raised from 0 to 60 N in 10 s: its ring at 30 to 42 N over that at 0 to 12 N"
     yield close(statement, np.sqrt((1 - 36 / critical) / (1 - 6 / critical)), late / early, relative=0.03)
@@ -197,8 +194,3 @@ def _squeezed_slowly() -> Iterator[Check]:
     yield true("at 60 N it has buckled", bool(np.abs(run.midspan_deflection[-1]) > BUCKLED))
     said = "it buckles" in run.status.text or "passed" in run.status.text
     yield true("and the run says so", said, run.status.text)
-
-
-def frequency(run: Run, pressed: np.ndarray, low: float, high: float) -> float:
-    """Frequency of the ring while the beam is pressed with `low` to `high` N, Hz, from its crossings of the mean."""
-    return upward_frequency(run.take((pressed >= low) & (pressed <= high)))

@@ -48,12 +48,12 @@ class MassPoints:
     def payload_inertia(self, p: np.ndarray) -> np.ndarray:
         """A(p) of the payload alone, Eq. (8)."""
         mass = self._payload.linear_density * self._weight
-        J = _jacobian(self._beam, p)
+        J = jacobian(self._beam, p)
         return np.einsum("k,aki,akj->ij", mass, J, J)
 
     def arm_inertia(self, x: np.ndarray, index: int) -> np.ndarray:
         """M̄_i(x) of one arm, (3, 3), Eq. (13)."""
-        J = _jacobian(lambda pose: self._links(pose, index), x)
+        J = jacobian(lambda pose: self._links(pose, index), x)
         centers, directions = J[:, :3], J[:, 3:]
         M = np.einsum("k,aki,akj->ij", self._mass[index], centers, centers)
         # |d(unit vector)| is the link's rotation.
@@ -160,8 +160,8 @@ class MassPoints:
         return np.concatenate([centers, [u1, u2, u3]]).T
 
 
-def _jacobian(positions, p: np.ndarray) -> np.ndarray:
-    """∂R/∂p, (2, points, len(p))."""
+def jacobian(positions, p: np.ndarray) -> np.ndarray:
+    """Derivatives of positions (…) by p, (…, len(p)), by complex steps."""
     steps = 1j * COMPLEX_STEP * np.eye(len(p))
     return np.stack([positions(p + step).imag / COMPLEX_STEP for step in steps], axis=-1)
 

@@ -23,9 +23,9 @@ from flexlab.analysis.validation.check import (
     subject,
 )
 from flexlab.analysis.validation.mass_points import (
-    COMPLEX_STEP,
     MassPoints,
     coordinates,
+    jacobian,
     lagrange,
     mass_ratio,
     pose_by_angles,
@@ -68,8 +68,7 @@ def apart(z: np.ndarray, side: float) -> np.ndarray:
 
 def pull(z: np.ndarray, rate: np.ndarray, side: float) -> np.ndarray:
     """The forces of springs and dampers on both poses, (6,): -∂/∂z ½Σk δ² - ∂/∂ż ½Σc δ̇²."""
-    steps = 1j * COMPLEX_STEP * np.eye(6)
-    J = np.stack([apart(z + step, side).imag / COMPLEX_STEP for step in steps], axis=1)
+    J = jacobian(lambda at: apart(at, side), z)
     return -J.T @ (STIFFNESS * apart(z, side) + DAMPERS * (J @ rate))
 
 

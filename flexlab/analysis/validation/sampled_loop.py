@@ -10,6 +10,7 @@ from scipy.signal import cont2discrete
 
 from flexlab.analysis.law_conditions import law_conditions
 from flexlab.analysis.modes import modes
+from flexlab.analysis.validation.beam import GAUGES
 from flexlab.analysis.validation.check import STILL, Check, Runs, above, alike, below, close, run_of, subject
 from flexlab.analysis.validation.mass_points import MassPoints, slopes
 from flexlab.analysis.validation.paper import paper_law
@@ -138,7 +139,7 @@ def _strain_noise() -> Iterator[Check]:
         yield close(statement, 1.0, found / sigma, absolute=0.06)
     rates, payload = _told_rates({"strain": STRAIN})[:, 0], load_preset("paper").payload
     quarter = payload.length / 4
-    places = quarter * np.array([-1 - 1 / np.sqrt(3), -1 + 1 / np.sqrt(3), 1 - 1 / np.sqrt(3), 1 + 1 / np.sqrt(3)])
+    places = payload.length * np.array(GAUGES)
     moment = payload.linear_density / 2 * (payload.length**2 / 4 - places**2)
     weights = 2 / payload.thickness * moment * quarter
     wanted = np.sqrt(2) * STRAIN * np.linalg.norm(weights) / PERIOD

@@ -5,8 +5,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from scipy.linalg import solve_discrete_are
-from scipy.signal import cont2discrete
+from scipy.linalg import expm, solve_discrete_are
 
 from flexlab.analysis.law_conditions import law_conditions
 from flexlab.analysis.modes import modes
@@ -211,7 +210,8 @@ def _regulator() -> Iterator[Check]:
     n, beam = len(p), np.s_[3:]
     B = np.vstack([np.zeros((n, 3)), np.linalg.inv(M)[:, :3]])
     A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, D)]])
-    Phi, Gamma, *_ = cont2discrete((A, B, np.eye(2 * n), np.zeros_like(B)), PERIOD)
+    over = expm(PERIOD * np.block([[A, B], [np.zeros((3, 2 * n + 3))]]))
+    Phi, Gamma = over[: 2 * n, : 2 * n], over[: 2 * n, 2 * n :]
     Q = np.zeros((2 * n, 2 * n))
     Q[:3, :3], Q[n : n + 3, n : n + 3] = np.diag(settings.pose_weight), np.diag(settings.pose_rate_weight)
     Q[beam, beam][: n - 3, : n - 3] = settings.vibration_weight * K[beam, beam]

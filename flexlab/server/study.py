@@ -16,6 +16,7 @@ from typing import Any, ClassVar, Self
 from flexlab.analysis.metrics import METRICS
 from flexlab.analysis.metrics.metric import Column
 from flexlab.analysis.sweep.axes import CHOSEN, Axis, parse_axes
+from flexlab.analysis.workers import Workers, chosen_workers
 from flexlab.errors import FlexlabError, StudyError
 from flexlab.registry import modules_in
 from flexlab.scenario import Scenario
@@ -139,9 +140,9 @@ def known_studies() -> dict[str, type[Study]]:
     return {study.kind: study for study in sorted(found, key=lambda study: study.place)}
 
 
-def threads() -> int:
-    """The number of threads of a study: all cores but one, which is left to the labs."""
-    return max((os.cpu_count() or 1) - 1, 1)
+def workers() -> Workers:
+    """The workers of a study, on all cores but one, which is left to the labs."""
+    return chosen_workers(max((os.cpu_count() or 1) - 1, 1))
 
 
 def metric_columns() -> list[Column]:

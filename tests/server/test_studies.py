@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from http_client import PATIENCE, ask, over, post
@@ -15,9 +16,11 @@ from flexlab.analysis.sweep.result import Sweep, join_parts, save_part
 from flexlab.errors import FlexlabError
 from flexlab.presets import load_preset
 from flexlab.server.front_server import FrontServer
+from flexlab.server.limits import THE_SERVER
 from flexlab.server.scenario_links import decode_scenario, encode_scenario
-from flexlab.server.studies.sweep import GrowingSweep, page_data
+from flexlab.server.studies.sweep import SweepStudy, page_data
 from flexlab.server.study import MOST_AT_ONCE, MOST_VALUES, read_study
+from flexlab.server.task_book import Task
 from flexlab.text import number_text
 
 EI, K, LENGTH = "payload.bending_stiffness", "controller.feedback_gain", "payload.length"
@@ -94,21 +97,25 @@ def test_a_map_shows_the_first_cells_while_the_others_are_computed(tmp_path: Pat
     )
     folder = tmp_path / "sweep"
     (folder / "parts").mkdir(parents=True)
-    growing = GrowingSweep(plan, folder)
-    assert growing.data()["status"] == [None] * 128
+    study, task = SweepStudy(plan.scenario, plan.axes, plan), Task("", THE_SERVER, folder)
+
+    def drawn() -> dict[str, Any]:
+        return study.drawing(task) or {}
+
+    assert drawn()["status"] == [None] * 128
     parts = list(plan.parts())
     for cells in (parts[40], parts[3]):
         save_part(folder, plan, run_part(plan, cells))
-    half = growing.data()
+    half = drawn()
     there = [*parts[3], *parts[40]]
     assert [cell for cell, status in enumerate(half["status"]) if status == "finished"] == there
     for cells in parts:
         if set(cells).isdisjoint(there):
             save_part(folder, plan, run_part(plan, cells))
-    assert growing.data()["status"] == ["finished"] * 128
+    assert drawn()["status"] == ["finished"] * 128
     join_parts(folder, plan)
-    whole = page_data(plan, Sweep(plan, folder).columns())
-    assert growing.data() == whole, "the parts are gone, and the page has what it had read"
+    whole = page_data(plan, [Sweep(plan, folder).columns()])
+    assert drawn() == whole, "the parts are gone, and the page has what it had read"
     metric = next(k for k, item in enumerate(whole["metrics"]) if item["field"] == "rms-y")
     assert [half["metrics"][metric]["values"][cell] for cell in there] == [
         whole["metrics"][metric]["values"][cell] for cell in there

@@ -1,7 +1,6 @@
 """The sweep of the page *Studies*: a map of each metric that fills as cells are computed; each cell opens in the lab."""
 
-import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -12,13 +11,12 @@ from flexlab.analysis.metrics.run_metrics import DURATION
 from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.sweep.plan import Plan, make_plan
 from flexlab.analysis.sweep.result import TABLE, read_part, run_sweep
-from flexlab.analysis.workers import chosen_workers
 from flexlab.errors import StudyError
 from flexlab.quantities import Quantity
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import TITLES
 from flexlab.scenario.settings import change_settings
-from flexlab.server.study import ELSEWHERE, LONGEST_RUN, MOST_VALUES, Form, Found, Study, axes_of, check_work, threads
+from flexlab.server.study import ELSEWHERE, LONGEST_RUN, MOST_VALUES, Form, Found, Study, axes_of, check_work, workers
 from flexlab.server.task_book import Outcome, Task
 
 SAMPLE_PERIOD = 1e-3
@@ -40,7 +38,8 @@ class SweepStudy(Study):
     """The scenario that is varied, with the accuracy of a lab's run, finer than a cell's."""
     axes: tuple[Axis, ...]
     plan: Plan
-    _growing: "GrowingSweep | None" = field(default=None, init=False)
+    _parts: dict[range, Columns] = field(default_factory=dict[range, Columns], init=False)
+    """The parts that were read while it is computed; their files are removed at its end."""
 
     @classmethod
     def read(cls, form: Form, scenario: Scenario, duration: float) -> "SweepStudy":
@@ -60,10 +59,12 @@ class SweepStudy(Study):
 
     def drawing(self, task: Task) -> dict[str, Any] | None:
         """`page_data` of the cells that are done."""
-        if task.working:
-            self._growing = self._growing or GrowingSweep(self.plan, task.folder)
-            return self._growing.data()
-        return task.result
+        if not task.working:
+            return task.result
+        for cells in self.plan.parts():
+            if cells not in self._parts and (part := read_part(task.folder, self.plan, cells)) is not None:
+                self._parts[cells] = part
+        return page_data(self.plan, list(self._parts.values()))
 
     def found(self, task: Task) -> Found:
         """The table of all cells."""
@@ -81,21 +82,21 @@ STUDY = SweepStudy
 
 def sweep_study(plan: Plan, folder: Path, report: Callable[[float], None]) -> Outcome:
     """Compute a sweep in `folder`; the result is its `page_data`."""
-    sweep = run_sweep(plan, folder, chosen_workers(threads()), lambda done, total: report(done / total))
-    return Outcome(page_data(plan, sweep.columns()))
+    sweep = run_sweep(plan, folder, workers(), lambda done, total: report(done / total))
+    return Outcome(page_data(plan, [sweep.columns()]))
 
 
-def page_data(plan: Plan, table: Columns) -> dict[str, Any]:
+def page_data(plan: Plan, tables: Iterable[Columns]) -> dict[str, Any]:
     """The data that the page's script draws: axes, metrics, and each cell's status, sentence and numbers.
 
-    `table`: columns by name, of some or all cells; the status of a missing cell is None.
+    `tables`: columns by name, of some or all cells; the status of a missing cell is None.
     """
-    cells, count = table.get("cell", ()), plan.cell_count
 
     def by_cell(name: str) -> list[Any]:
-        found: list[Any] = [None] * count
-        for cell, value in zip(cells, table.get(name, ()), strict=True):
-            found[cell] = value
+        found: list[Any] = [None] * plan.cell_count
+        for table in tables:
+            for cell, value in zip(table["cell"], table[name], strict=True):
+                found[cell] = value
         return found
 
     return {
@@ -127,24 +128,3 @@ def _axis_data(scenario: Scenario, axis: Axis) -> dict[str, Any]:
         "numeric": axis.numeric,
         "logarithmic": axis.logarithmic,
     }
-
-
-class GrowingSweep:
-    """A sweep that is being computed in a folder; each part is read once. May be used from any thread."""
-
-    def __init__(self, plan: Plan, folder: Path):
-        self._plan, self._folder = plan, folder
-        self._missing = list(plan.parts())
-        self._table: dict[str, list[Any]] = {}
-        self._lock = threading.Lock()
-
-    def data(self) -> dict[str, Any]:
-        """`page_data` of the cells that are done."""
-        with self._lock:
-            parts = {cells: read_part(self._folder, self._plan, cells) for cells in self._missing}
-            for cells, part in parts.items():
-                if part is not None:
-                    self._missing.remove(cells)
-                    for name, values in part.items():
-                        self._table.setdefault(name, []).extend(values)
-            return page_data(self._plan, self._table)

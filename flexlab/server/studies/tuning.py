@@ -8,7 +8,6 @@ from typing import Any
 from flexlab.analysis.metrics.metric import named
 from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.tuning import Cost, Tuning, parse_cost, tune
-from flexlab.analysis.workers import chosen_workers
 from flexlab.errors import StudyError
 from flexlab.scenario import Scenario
 from flexlab.server.study import (
@@ -21,8 +20,8 @@ from flexlab.server.study import (
     check_work,
     number_of,
     text_of,
-    threads,
     whole_of,
+    workers,
 )
 from flexlab.server.task_book import Outcome, Task
 from flexlab.text import number_text
@@ -72,18 +71,14 @@ class TuningStudy(Study):
 
     def search(self, report: Callable[[float], None]) -> Outcome:
         """Search the ranges for the least cost; the result is the `Tuning`."""
-
-        def told(done: int, total: int) -> None:
-            report(min(done / total, 1.0))
-
         found = tune(
             self.scenario,
             self.axes,
             self.cost,
             duration=self.duration,
             candidates=self.candidates,
-            told=told,
-            workers=chosen_workers(threads()),
+            told=lambda done, total: report(min(done / total, 1.0)),
+            workers=workers(),
         )
         return Outcome(found)
 

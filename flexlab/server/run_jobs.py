@@ -202,7 +202,7 @@ def comparison(book: TaskBook, asker: Visitor, rows: Sequence[RunRow]) -> Task:
     making = next((task.key for task in book.all() if task.working and task.about == asked), None)
     key = making or hashlib.sha256(repr([(row.id, row.size) for row in rows]).encode()).hexdigest()[:24]
     paths = tuple(row.path for row in rows)
-    return book.kept("Comparison", key, asker, compare_runs, paths, about=asked)
+    return book.start("Comparison", key, asker, compare_runs, paths, about=asked, anew=False)
 
 
 def begin_replay(book: TaskBook, asker: Visitor, row: RunRow) -> None:

@@ -79,14 +79,23 @@ class TaskBook:
         self._jobs: dict[str, asyncio.Task[None]] = {}
 
     def start(
-        self, word: str, key: str, asker: Visitor, work: Callable[..., Outcome], *arguments: Any, about: Any = None
+        self,
+        word: str,
+        key: str,
+        asker: Visitor,
+        work: Callable[..., Outcome],
+        *arguments: Any,
+        about: Any = None,
+        anew: bool = True,
     ) -> Task:
         """Start or queue `work(*arguments)`, unless a task with this key is running; `word` names it, as in "Replay".
 
-        Work with a parameter `folder` gets the task's folder; `report` is as for `Tasks.run`. Raises `BusyError`.
+        Unless `anew`, a finished task with this key is kept, too. Work with a parameter `folder` gets the task's folder; `report`
+        is as for `Tasks.run`. Raises `BusyError`.
         """
         task = self._tasks.get(key)
-        if task is not None and task.working:
+        if task is not None and (task.working or (task.result is not None and not anew)):
+            self._tasks.move_to_end(key)
             return task
         self._all.check(asker)
         held = ExitStack()
@@ -103,21 +112,11 @@ class TaskBook:
         job.add_done_callback(lambda _: (held.close(), self._jobs.pop(key, None)))
         return task
 
-    def kept(
-        self, word: str, key: str, asker: Visitor, work: Callable[..., Outcome], *arguments: Any, about: Any = None
-    ) -> Task:
-        """The task with this key, started as by `start` if there is none or it failed. Raises `BusyError`."""
-        task = self._tasks.get(key)
-        if task is None or (not task.working and task.result is None):
-            return self.start(word, key, asker, work, *arguments, about=about)
-        self._tasks.move_to_end(key)
-        return task
-
     async def finished(
-        self, word: str, key: str, asker: Visitor, work: Callable[..., Outcome], *arguments: Any, about: Any = None
+        self, word: str, key: str, asker: Visitor, work: Callable[..., Outcome], *arguments: Any
     ) -> Task:
-        """Wait for the task that `kept` returns. Raises `FlexlabError` if it fails."""
-        task = self.kept(word, key, asker, work, *arguments, about=about)
+        """Wait for the task with this key, started unless it is kept. Raises `FlexlabError` if it fails."""
+        task = self.start(word, key, asker, work, *arguments, anew=False)
         if key in self._jobs:
             await asyncio.shield(self._jobs[key])
             task = self._tasks[key]

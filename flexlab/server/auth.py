@@ -100,19 +100,13 @@ async def answer_in_sentences(request: web.Request, handler: Handler) -> web.Str
         return message("No such run", str(error), 404, ALL_RUNS)
     except FlexlabError as error:
         return message("That did not work", str(error), 400)
-    except OSError as error:
-        if isinstance(error, ConnectionError):
-            raise  # The visitor has left; nobody is there to be told.
-        if error.errno == errno.ENAMETOOLONG:
-            return message("That did not work", SENTENCES[404], 404)
-        return _failed(request, error)
+    except ConnectionError:
+        raise  # The visitor has left; nobody is there to be told.
     except Exception as error:
-        return _failed(request, error)
-
-
-def _failed(request: web.Request, error: Exception) -> web.Response:
-    log.exception("A page failed: %.20s %.200r", request.method, request.path)
-    return message("That did not work", f"This page failed ({type(error).__name__}). The labs run on.", 500)
+        if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
+            return message("That did not work", SENTENCES[404], 404)
+        log.exception("A page failed: %.20s %.200r", request.method, request.path)
+        return message("That did not work", f"This page failed ({type(error).__name__}). The labs run on.", 500)
 
 
 @web.middleware

@@ -12,7 +12,7 @@ import socket
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -69,19 +69,17 @@ LOOK = 60.0
 log = logging.getLogger(__name__)
 
 
-class TemporaryFolder:
-    """A new temporary folder, locked until it is closed."""
-
-    def __init__(self) -> None:
-        remove_left()
-        self.path = Path(tempfile.mkdtemp(prefix=PREFIX))
-        self._lock = (self.path / LOCK).open("wb")
-        lock(self._lock, attempts=10)  # A server that starts may hold the lock for a moment.
-
-    def close(self) -> None:
-        """Remove the folder with its files."""
-        self._lock.close()
-        shutil.rmtree(self.path, ignore_errors=True)
+@contextlib.contextmanager
+def temporary_folder() -> Iterator[Path]:
+    """A new temporary folder, locked until the end of the block, which removes it with its files."""
+    remove_left()
+    folder = Path(tempfile.mkdtemp(prefix=PREFIX))
+    try:
+        with (folder / LOCK).open("wb") as file:
+            lock(file, attempts=10)  # A server that starts may hold the lock for a moment.
+            yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def remove_left() -> None:
@@ -112,21 +110,21 @@ STATIC = Path(__file__).resolve().parent / "static"
 FILES = web.RouteTableDef()
 """Routes of the style sheet, the scripts, the language catalogues and the icon."""
 STATIC_POLICY = "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'self'"
+_PAGES = start_page, lab_pages, compare_page, leaderboard_page, run_actions, teacher_page, runs_pages, study_pages
+ROUTES = [route for each in _PAGES for route in each.ROUTES]
+"""Routes of all pages."""
 
 
-def build_app(context: Context) -> web.Application:
-    """The web application of one server."""
+def build_app(context: Context, guard: Any = check, routes: Sequence[web.AbstractRouteDef] = ROUTES) -> web.Application:
+    """The web application of one server. `guard`: the middleware that decides who comes in; `routes`: its pages."""
     base = context.settings.base_url
     outermost = [put_before(base)] if base else []
     app = web.Application(
-        middlewares=[*outermost, watch_patience, answer_in_sentences, check, greet], client_max_size=LARGEST_BODY
+        middlewares=[*outermost, watch_patience, answer_in_sentences, guard, greet], client_max_size=LARGEST_BODY
     )
     app[CONTEXT] = context
     app.on_response_prepare.append(add_headers)
-    pages = start_page, lab_pages, compare_page, leaderboard_page, run_actions, teacher_page, runs_pages, study_pages
-    for each in pages:
-        app.add_routes(each.ROUTES)
-    app.add_routes(FILES)
+    app.add_routes([*routes, *FILES])
     # No listing of folders, no links that lead out of the folder.
     app.router.add_static("/assets/", web_assets_folder())
     return app
@@ -182,8 +180,7 @@ class FrontServer:
         self.settings, self.places, self._plug, self._app_of = settings, places, plug, app_of
         self.port = _port_of(plug)
         """The public port that it listens on."""
-        self._temporary = TemporaryFolder()
-        self.temporary_folder = self._temporary.path
+        self.temporary_folder: Path
         """Folder for temporary files, removed when the server closes."""
         self.context: Context
         self._opened: Future[None] = Future()
@@ -227,7 +224,8 @@ class FrontServer:
 
     def _run(self) -> None:
         try:
-            asyncio.run(self._serve())
+            with temporary_folder() as self.temporary_folder:
+                asyncio.run(self._serve())
         except BaseException as error:
             if self._opened.done():
                 log.exception("The server failed.")
@@ -287,7 +285,6 @@ class FrontServer:
                 measuring.close()
                 tasks.close()
                 await runner.cleanup()
-                await asyncio.to_thread(self._temporary.close)
 
 
 def open_front_server(

@@ -19,15 +19,14 @@ import aiohttp
 from aiohttp import hdrs, web
 
 from flexlab.errors import LabError
-from flexlab.server.auth import ELSEWHERE, add_headers, answer_in_sentences, is_from_elsewhere, refuse
-from flexlab.server.base_url import put_before
-from flexlab.server.connections import Handler, watch_patience
-from flexlab.server.front_server import FILES, FrontServer
+from flexlab.server.auth import ELSEWHERE, is_from_elsewhere, refuse
+from flexlab.server.connections import Handler
+from flexlab.server.front_server import FrontServer, build_app
 from flexlab.server.labs.hub_labs import REPORTS, HubLabs
 from flexlab.server.pages import teacher_page
 from flexlab.server.pages.templating import OF_HUB
 from flexlab.server.settings import SECRET_BYTES, Settings
-from flexlab.server.visitors import CONTEXT, Context, context_of, scheme_of, set_cookie
+from flexlab.server.visitors import Context, context_of, scheme_of, set_cookie
 from flexlab.sockets import listen
 
 CALLBACK = "/oauth_callback"
@@ -158,16 +157,8 @@ def hub_app(hub: Hub, context: Context) -> web.Application:
         assert isinstance(context.places, HubLabs)
         return await context.places.take_reports(request, str(name))
 
-    app = web.Application(
-        middlewares=[put_before(context.settings.base_url), watch_patience, answer_in_sentences, check]
-    )
-    app[CONTEXT] = context
-    app.on_response_prepare.append(add_headers)
-    app.router.add_get("/", first_page)
-    app.router.add_get(REPORTS, reports)
-    app.router.add_get(CALLBACK, hub.finish_sign_in)
-    app.add_routes([*teacher_page.ROUTES, *FILES])
-    return app
+    own = [web.get("/", first_page), web.get(REPORTS, reports), web.get(CALLBACK, hub.finish_sign_in)]
+    return build_app(context, check, [*own, *teacher_page.ROUTES])
 
 
 def open_hub_service(environment: Mapping[str, str]) -> FrontServer:

@@ -25,7 +25,7 @@ from flexlab.recording.reader import read_recording
 from flexlab.recording.store.run_files import run_state
 from flexlab.recording.store.run_index import annotate_run, find_row
 from flexlab.server import connections
-from flexlab.server.front_server import FrontServer, TemporaryFolder, remove_left
+from flexlab.server.front_server import FrontServer, remove_left, temporary_folder
 from flexlab.server.labs import per_visitor
 from flexlab.server.limits import FREE
 from flexlab.text import visible
@@ -207,12 +207,11 @@ def test_temporary_folders_of_killed_servers_are_removed():
     left = Path(tempfile.gettempdir()) / "flexlab-server-99999999-abc"
     left.mkdir()
     os.utime(left, (0, 0))
-    own = TemporaryFolder()
-    assert not left.exists()
-    remove_left()
-    assert own.path.exists(), "a server that runs keeps its folder"
-    own.close()
-    assert not own.path.exists()
+    with temporary_folder() as own:
+        assert not left.exists()
+        remove_left()
+        assert own.exists(), "a server that runs keeps its folder"
+    assert not own.exists()
 
 
 def test_own_presets_are_limited_in_number_and_their_pictures_follow(

@@ -10,6 +10,7 @@ import threading
 import time
 import traceback
 from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
 from types import CodeType
 from typing import Any, NamedTuple
@@ -189,8 +190,8 @@ class RunningLaw(RunningText):
     def __init__(self, source: str, file: str):
         self._declaration = read_declaration(source, file)
         super().__init__(source, file, self._declaration)
-        self._told = b""
-        self._believed: Believed | None = None
+        self._believed = lru_cache(maxsize=1)(Believed)
+        """Made anew only if its numbers change."""
         self._function = AnswerFunction(self._called)
         self.channel = Channel(address_of(self._function), 0, -1, -1, -1)
         self._problem, self._is_interrupted = "", False
@@ -259,31 +260,20 @@ class RunningLaw(RunningText):
             at += part.size
         for name, _ in declared.signals:
             setattr(law, name, 0.0)
-        measurement = self._measurement(now, message)
+        measurement = Measurement(now, float(message["period"]), lambda: self._believed(message["plant"].tobytes()))
         u = law.act(measurement)
         wanted = (measurement.arm_count, 3)
         try:
             inputs = real_numbers(u)
         except (TypeError, ValueError):
-            return f"{self._line_of(now, message)}: act returned {short(u)}, which is not an array of numbers {wanted}."
+            return f"{self._line_of(measurement)}: act returned {short(u)}, which is not an array of numbers {wanted}."
         if inputs.shape != wanted:
             kind = "nothing" if u is None else f"an array {inputs.shape}"
-            return f"{self._line_of(now, message)}: act returned {kind} instead of inputs {wanted} (arms, axes)."
+            return f"{self._line_of(measurement)}: act returned {kind} instead of inputs {wanted} (arms, axes)."
         if not np.isfinite(inputs).all():
-            return f"{self._line_of(now, message)}: act returned {short(inputs.tolist())}, which is not finite."
+            return f"{self._line_of(measurement)}: act returned {short(inputs.tolist())}, which is not finite."
         message["inputs"][: len(inputs)] = inputs
         return self._write_back(message)
-
-    def _measurement(self, now: Any, message: Any) -> Measurement:
-        """The measurement; its `Believed` is made only if the law asks for it, and anew only if its numbers change."""
-
-        def believed() -> Believed:
-            told = message["plant"].tobytes()
-            if self._believed is None or told != self._told:
-                self._told, self._believed = told, Believed(message["plant"])
-            return self._believed
-
-        return Measurement(now, float(message["period"]), believed)
 
     def _write_back(self, message: Any) -> str:
         at = 0
@@ -308,8 +298,8 @@ class RunningLaw(RunningText):
                 return f"{self._first_line('act')}: the signal {name} became {short(given)}, which is not a number."
         return ""
 
-    def _line_of(self, now: Any, message: Any) -> str:
-        return self._at_return("act", lambda: self._made.act(self._measurement(now, message)))
+    def _line_of(self, measurement: Measurement) -> str:
+        return self._at_return("act", lambda: self._made.act(measurement))
 
 
 class RunningPath(RunningText):

@@ -74,11 +74,9 @@ class Believed:
     forces on them; n = 3 + modes. Weight and what turns with the pose are left out. Arrays are shared: do not change them.
     """
 
-    def __init__(self, block: np.ndarray, modes: int | None = None):
-        """`block`: (BELIEVED_SIZE,); `modes`: the most modes to keep, all unless given."""
-        block = block.copy()
-        block.flags.writeable = False
-        own = self._block = block.view(BELIEVED)[0]
+    def __init__(self, told: bytes, modes: int | None = None):
+        """`told`: a `BELIEVED` record; `modes`: the most modes to keep, all unless given."""
+        own = self._told = np.frombuffer(told, BELIEVED)[0]
         self._known: dict[int, Believed] = {}
         most, gauges = own["counts"].astype(int).tolist()
         count = most if modes is None else min(modes, most)
@@ -119,13 +117,13 @@ class Believed:
     @cached_property
     def modes(self) -> Modes:
         """Frequencies and shapes of the modes."""
-        places = np.linspace(-0.5, 0.5, PLACES) * float(self._block["length"])
-        return Modes(self.omega / (2 * np.pi), places, self._block["shapes"][:, : self.mode_count])
+        places = np.linspace(-0.5, 0.5, PLACES) * float(self._told["length"])
+        return Modes(self.omega / (2 * np.pi), places, self._told["shapes"][:, : self.mode_count])
 
     def lowest(self, modes: int) -> "Believed":
         """This plant with its lowest `modes` alone."""
         if modes not in self._known:
-            self._known[modes] = Believed(np.frombuffer(self._block.tobytes()), modes)
+            self._known[modes] = Believed(self._told.tobytes(), modes)
         return self._known[modes]
 
     @cached_property

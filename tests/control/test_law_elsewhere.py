@@ -25,7 +25,7 @@ from flexlab.errors import ScenarioError
 from flexlab.own import hosts, link
 from flexlab.own.files import law_kind
 from flexlab.own.link import ANSWERS, ASKS, Link, address_in, text_of_program
-from flexlab.own.measurement import BELIEVED_SIZE, Believed, Measurement
+from flexlab.own.measurement import BELIEVED, Believed, Measurement
 from flexlab.own.reading import TextProblem
 from flexlab.physics.law_input import make_law_input
 from flexlab.presets import load_preset
@@ -92,7 +92,7 @@ def program() -> Iterator[Callable[..., Program]]:
 def instant(time: float = 1.0) -> Measurement:
     now = make_law_input(2)
     now["time"] = time
-    return Measurement(now[0], 1e-3, lambda: Believed(np.zeros(BELIEVED_SIZE)))
+    return Measurement(now[0], 1e-3, lambda: Believed(bytes(BELIEVED.itemsize)))
 
 
 def problem_of(one: Program) -> str:

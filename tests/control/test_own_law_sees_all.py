@@ -86,7 +86,7 @@ def test_a_law_sees_the_internal_force_the_gauges_and_strains(apart: bool):
 def test_the_modes_that_a_law_sees_are_those_of_the_believed_beam():
     law = add_own_law(SEES, "sees.py")
     scenario = load_preset("paper").replace({"controller.kind": law.kind})
-    believed = Believed(law.derive(scenario)["plant"])
+    believed = Believed(law.derive(scenario)["plant"].tobytes())
     beam = build_beam(scenario.payload)
     order = np.argsort(beam.modes.omega)[:8]
     omega, V = beam.modes.omega[order], beam.modes.V[:, order]
@@ -94,7 +94,7 @@ def test_the_modes_that_a_law_sees_are_those_of_the_believed_beam():
     np.testing.assert_allclose(believed.modes.frequencies, omega / (2 * np.pi), rtol=1e-12)
     shape = payload_row(scenario.payload, float(believed.modes.places[5])) @ V
     np.testing.assert_allclose(np.abs(believed.modes.shapes[5]), np.abs(shape), rtol=1e-9, atol=1e-12)
-    stiffer = Believed(law.derive(scenario.replace({"controller.model.stiffness_factor": 4.0}))["plant"])
+    stiffer = Believed(law.derive(scenario.replace({"controller.model.stiffness_factor": 4.0}))["plant"].tobytes())
     np.testing.assert_allclose(stiffer.omega, 2 * believed.omega, rtol=1e-12)
 
 

@@ -50,14 +50,10 @@ ROUNDS = 50
 
 def receive(calls: socket.socket, size: int) -> bytearray | None:
     """Read exactly `size` bytes; None once the other end is closed."""
-    data = bytearray(size)
-    view, got = memoryview(data), 0
-    while got < size:
-        count = calls.recv_into(view[got:])
-        if count == 0:
-            return None
-        got += count
-    return data
+    data = bytearray()
+    while len(data) < size and (part := calls.recv(size - len(data))):
+        data += part
+    return data if len(data) == size else None
 
 
 class Report(msgspec.Struct, omit_defaults=True):

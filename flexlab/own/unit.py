@@ -109,14 +109,11 @@ def text_of_unit(file: Path) -> str:
     inputs = [each for each in about.modelVariables if each.causality == "input"]
     outputs = {each.name: each for each in about.modelVariables if each.causality == "output"}
     for each in inputs:
-        _check(
-            file,
-            about,
-            each,
-            INPUTS,
-            "input",
-            "that flexlab does not have: it gives pose_x, pose_rate_x, desired_pose_x",
-        )
+        if each.name not in INPUTS:
+            given = "that flexlab does not have: it gives pose_x, pose_rate_x, desired_pose_x and so on"
+            where = "see A unit from Simulink or Modelica in the documentation"
+            raise _problem(file, f"has an input {each.name} {given} ({where})")
+        _check(file, about, each, INPUTS[each.name])
     answers = GRIPS if next(iter(GRIPS)) in outputs else MOTORS
     of_one_arm = list(answers)[: len(answers) // len(SIDES)]
     missing = [name for name in of_one_arm if name not in outputs]
@@ -125,7 +122,7 @@ def text_of_unit(file: Path) -> str:
         raise _problem(file, f"has no output {missing[0]}: a law needs {needed}")
     for name in answers:
         if name in outputs:
-            _check(file, about, outputs[name], answers, "output", "")
+            _check(file, about, outputs[name], answers[name])
     others = [each for name, each in outputs.items() if name not in GRIPS | MOTORS and _is_number(each)]
     tuned = [each for each in about.modelVariables if each.causality == "parameter" and _is_number(each)]
     gains = _named((each.name for each in tuned if each.start is not None), MOST_SETTINGS)
@@ -194,16 +191,13 @@ def _is_number(variable: Any) -> bool:
     return variable.type in ("Real", "Float64") and not variable.dimensions
 
 
-def _check(file: Path, about: Any, variable: Any, wanted: dict[str, str], what: str, otherwise: str) -> None:
-    """Raises `ScenarioError` for a variable of another name, type or unit of measure."""
-    if variable.name not in wanted:
-        where = "see A unit from Simulink or Modelica in the documentation"
-        raise _problem(file, f"has an {what} {variable.name} {otherwise} and so on ({where})")
+def _check(file: Path, about: Any, variable: Any, wanted: str) -> None:
+    """Raises `ScenarioError` for a variable of another type than a number or another unit of measure than `wanted`."""
+    what = f"has an {variable.causality} {variable.name}"
     if not _is_number(variable):
-        raise _problem(file, f"has an {what} {variable.name} that is not a single number of double precision")
-    other = problem_with_unit(variable, about.unitDefinitions, wanted[variable.name])
-    if other:
-        raise _problem(file, f"has an {what} {variable.name} in {other}: it has to be in {wanted[variable.name]}")
+        raise _problem(file, f"{what} that is not a single number of double precision")
+    if other := problem_with_unit(variable, about.unitDefinitions, wanted):
+        raise _problem(file, f"{what} in {other}: it has to be in {wanted}")
 
 
 def _named(names: Iterable[str], most: int, taken: Iterable[str] = ()) -> dict[str, str]:

@@ -91,7 +91,7 @@ class OwnFileWatch:
             if present.kind != new.kind or getattr(present, "source", "") == source:
                 told = f"the {title} is new."
             elif isinstance(new, PythonLaw) and not (
-                isinstance(old, PythonLaw) and old.declaration == new.declaration and new.goes_on
+                isinstance(old, PythonLaw) and old.declaration == new.declaration and new.declaration.goes_on
             ):
                 changed = {kinds.field: _with_text(new, present, source, OF_A_LAW)}
                 lab_state.load(lab_state.intended.replace(changed), lab_state.name)

@@ -182,13 +182,5 @@ def _setting_field(name: str, gain: Setting) -> Any:
     """A gain's or option's field; its slider covers the range, or three times the default where that is much less."""
     top = 3 * float(np.max(np.abs(gain.default)))
     slider = gain.slider or (gain.low, min(gain.high, top) if top > gain.low else gain.high)
-    return quantity(
-        gain.default,
-        title=gain.title or name.replace("_", " ").capitalize(),
-        symbol=gain.symbol,
-        unit=gain.unit,
-        low=gain.low,
-        high=gain.high,
-        slider=slider,
-        logarithmic=gain.logarithmic,
-    )
+    title = gain.title or name.replace("_", " ").capitalize()
+    return quantity(**vars(gain) | {"title": title, "slider": slider})

@@ -97,11 +97,6 @@ class PythonLaw(Law):
         law = hosts.known_law(settings.source)
         return (law is not None and law.is_ready) or not hosts.is_allowed(settings.source)
 
-    @property
-    def goes_on(self) -> bool:
-        """Whether a run goes on when the file is saved."""
-        return self.declaration.goes_on
-
     def begin(self, _: Start) -> dict[str, np.ndarray]:
         """The memory at the start of a run."""
         return {name: np.full(part.size, float(part.start)) for name, part in self.declaration.memory}

@@ -213,11 +213,7 @@ def own_path_of(source: str, file: str, kind: str = "") -> PythonPath:
     declared = read_path_declaration(source, file)
     model = OWN_PATHS.model(declared, source, file, kind or declared.kind, RESERVED)
     model.repeats, model.options = declared.repeats, declared.settings
-
-    def rows(trajectory: Any) -> np.ndarray:
-        return _pieces(trajectory.table, trajectory.repeats)
-
-    return PythonPath(model, own_path, rows, OWN_PLACE, declaration=declared)
+    return PythonPath(model, own_path, lambda own: _pieces(own.table, own.repeats), OWN_PLACE, declaration=declared)
 
 
 OWN_PATHS = OwnKinds(PATHS, PythonPath, OwnTrajectory, "trajectory", "path", "path", "option", own_path_of)

@@ -29,6 +29,7 @@ MAX_SAME_NAME = 1000
 """Largest number of runs of one preset within a second."""
 CLAIM_ATTEMPTS = 50
 """Attempts to claim a file before it counts as another's: a check whether it is in use locks it for a moment."""
+NOT_RECORDED = "the run is not recorded"
 NEWEST = "newest"
 NAMES_SAID = 3
 """Largest number of names listed if several begin alike."""
@@ -71,18 +72,17 @@ def _make_folder(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         reason = "it is not a folder" if isinstance(error, FileExistsError | NotADirectoryError) else error.strerror
-        raise RecordingError(f"{folder} cannot be written ({reason}): the run is not recorded.") from None
+        raise RecordingError(f"{folder} cannot be written ({reason}): {NOT_RECORDED}.") from None
 
 
 def claim_named_file(path: Path) -> RunFile:
     """Create a file of this name. Raises `RecordingError`, also if the file exists."""
     _make_folder(path.parent)
-    try:
-        return claim(path, "xb")
-    except FileExistsError:
-        raise RecordingError(f"{path} already exists: give another name, or a folder.") from None
-    except OSError as error:
-        raise RecordingError(f"{path} cannot be written ({error.strerror}): the run is not recorded.") from None
+    with writable(path, NOT_RECORDED, RecordingError):
+        try:
+            return claim(path, "xb")
+        except FileExistsError:
+            raise RecordingError(f"{path} already exists: give another name, or a folder.") from None
 
 
 def claim_run_file(logs: Path, name: str, started: datetime, part: int = 1) -> RunFile:
@@ -91,16 +91,12 @@ def claim_run_file(logs: Path, name: str, started: datetime, part: int = 1) -> R
     _make_folder(logs)
     for number in range(1, MAX_SAME_NAME):
         path = logs / (f"{stem}-{number}{SUFFIX}" if number > 1 else stem + SUFFIX)
-        try:
+        with writable(path, NOT_RECORDED, RecordingError), contextlib.suppress(FileExistsError):
             file = claim(path, "xb")
             if not file.in_place:  # Another process removed it as an empty file.
                 file.release()
                 file = claim(path, "xb")
             return file
-        except FileExistsError:
-            continue
-        except OSError as error:
-            raise RecordingError(f"{path} cannot be written ({error.strerror}): the run is not recorded.") from None
     raise RecordingError(f"{logs} has {MAX_SAME_NAME} recordings named {stem}: move some away.")
 
 

@@ -43,19 +43,15 @@ class RunWriter:
         self.file = file
         self._bytes = RrdFile(file.handle)
         self._pipe = Pipe(file.handle) if in_one_piece and hasattr(os, "mkfifo") else None
-        try:
+        with contextlib.ExitStack() as undoing:
+            undoing.callback(file.path.unlink, missing_ok=True)
+            undoing.callback(file.release)
+            undoing.callback(self._end_pipe)
             self.stream = RunStream(info, file=self._pipe and self._pipe.path)
-            try:
-                if self._pipe is None:
-                    self.push()
-            except BaseException:
-                self.stream.close()
-                raise
-        except BaseException:
-            self._end_pipe()
-            file.release()
-            file.path.unlink(missing_ok=True)
-            raise
+            undoing.callback(self.stream.close)
+            if self._pipe is None:
+                self.push()
+            undoing.pop_all()
 
     is_lost = False
     """Whether `check` has given up the file: nothing can be written any more."""

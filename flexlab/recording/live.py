@@ -38,13 +38,13 @@ class LiveHub:
         self._pieces: list[Piece] = []
         self._bytes = self._count = 0
         self._head = b""
-        self._closed = False
+        self.is_closed = False
 
     def take(self, run: str, piece: bytes) -> None:
         """Take one piece of a run as rerun encodes it. Raises `RecordingError` once the hub is closed."""
         data = messages(piece, with_head=False)
         with self._lock:
-            if self._closed:
+            if self.is_closed:
                 raise RecordingError("The live stream is closed.")
             self._head = self._head or piece[:HEAD]
             is_first = not any(other.run == run for other in self._pieces)
@@ -72,13 +72,8 @@ class LiveHub:
             head = [self._head] if number < 0 else []
             return found[-1].number, head + [piece.data for piece in found]
 
-    @property
-    def is_closed(self) -> bool:
-        """Whether the hub is closed."""
-        return self._closed
-
     def close(self) -> None:
         """Drop all pieces; viewers see the end. May be called twice."""
         with self._lock:
-            self._closed = True
+            self.is_closed = True
             self._pieces.clear()

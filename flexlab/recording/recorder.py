@@ -62,7 +62,8 @@ class Recorder:
         self._queue: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         self._lock = threading.Lock()
         self._waiting_rows = 0
-        self._dropped = 0
+        self.dropped_rows = 0
+        """Samples of the present run that found the queue full."""
         self._stumble: str | None = None
         self._run: RunEncoder | None = None
         self._file: FileSink | None = None
@@ -88,16 +89,11 @@ class Recorder:
         file = self._file
         return None if file is None else file.path
 
-    @property
-    def dropped_rows(self) -> int:
-        """Samples of the present run that found the queue full."""
-        return self._dropped
-
     # Called on the simulation thread: no disk, no waiting.
 
     def begin_run(self, run_number: int, name: str, scenario: Scenario, start: WorldState) -> None:
         """Begin a new run."""
-        self._dropped = 0
+        self.dropped_rows = 0
         info = RunInfo(name, scenario, TICK, start, begin_notes=self._circumstances())
         self._queue.put(lambda: self._begin(info))
 
@@ -106,7 +102,7 @@ class Recorder:
         rows = len(samples)
         with self._lock:
             if self._waiting_rows + rows > self._queue_rows:
-                self._dropped += rows
+                self.dropped_rows += rows
                 return rows
             self._waiting_rows += rows
         self._queue.put(lambda: self._take(samples, actual_speed))
@@ -118,7 +114,7 @@ class Recorder:
 
     def end_run(self, run_number: int, status: Status) -> None:
         """End the run."""
-        dropped = self._dropped
+        dropped = self.dropped_rows
         self._queue.put(lambda: self._end(status, dropped))
 
     def close(self, finishing_time: float = FINISHING_TIME) -> None:
@@ -140,7 +136,7 @@ class Recorder:
             is_idle = job is _nothing and not waits
             try:
                 if job is None:
-                    self._end(Status("finished", "The lab was closed."), self._dropped)
+                    self._end(Status("finished", "The lab was closed."), self.dropped_rows)
                     return
                 job()
                 self._keep_up()
@@ -162,7 +158,7 @@ class Recorder:
             self._push_live()
 
     def _begin(self, info: RunInfo) -> None:
-        self._end(Status("finished", "A new run began."), self._dropped)
+        self._end(Status("finished", "A new run began."), self.dropped_rows)
         self._stumble, self._live = None, self._open_live(info)
         self._file = FileSink(self._logs, info, self._tell, self._refusal)
         sinks = [self._file] if self._live is None else [self._file, self._live]

@@ -4,7 +4,6 @@ import contextlib
 import os
 import re
 import subprocess
-import threading
 import time
 import urllib.error
 import urllib.request
@@ -47,16 +46,12 @@ class Mending:
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
-        self._stopped = threading.Event()
-
-    @property
-    def stopped(self) -> bool:
+        self.stopped = False
         """Whether `stop` was called."""
-        return self._stopped.is_set()
 
     def stop(self) -> None:
         """End the run of the tool now; the file stays as it was."""
-        self._stopped.set()
+        self.stopped = True
         process = self._process
         if process is not None:
             with contextlib.suppress(OSError):
@@ -68,7 +63,7 @@ class Mending:
         Raises OSError if the disk refuses; `target` is then useless, even if it can be read.
         """
         ways = ("optimize", "filter") if join and source.stat().st_size <= LARGE_FILE else ("filter",)
-        return any(not self._stopped.is_set() and self._run(way, source, target) for way in ways)
+        return any(not self.stopped and self._run(way, source, target) for way in ways)
 
     def _run(self, way: str, source: Path, target: Path) -> bool:
         command = [rerun_tool(), "rrd", way, "--continue-on-error", str(source), "-o", str(target)]
@@ -79,7 +74,7 @@ class Mending:
         )
         with contextlib.suppress(OSError, AttributeError):
             os.setpriority(os.PRIO_PROCESS, self._process.pid, LOW_PRIORITY)
-        if self._stopped.is_set():
+        if self.stopped:
             self._process.terminate()
         try:
             _, said = self._process.communicate(timeout=LONGEST)

@@ -14,11 +14,6 @@ GAPS = "gaps"
 """Property of a recording that lacks a part of its run: its disk was full, or its file was begun late."""
 
 
-def checksum(text: str) -> str:
-    """The checksum of a text."""
-    return str(zlib.crc32(text.encode("utf-8", "surrogatepass")))
-
-
 def checked(values: Mapping[str, Any]) -> dict[str, Any]:
     """Values in JSON's types with their checksum; without empty texts, as rerun keeps none."""
     kept = {name: value for name, value in values.items() if value != ""}
@@ -37,4 +32,4 @@ def unchecked(values: Mapping[str, Any]) -> dict[str, Any]:
 
 def _checksum_of(values: Mapping[str, Any]) -> str:
     # Damaged values may be of any type.
-    return checksum(json.dumps(values, sort_keys=True, default=repr))
+    return str(zlib.crc32(json.dumps(values, sort_keys=True, default=repr).encode()))

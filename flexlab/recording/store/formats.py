@@ -105,10 +105,5 @@ def _compliance(scenario: Scenario) -> np.ndarray:
     return build_plant(scenario, build_beam(scenario.payload)).compliance
 
 
-def _from_2(samples: Samples, changes: Callable[[], Changes]) -> Samples:
-    """Change nothing: only the packing of the samples differs (`codec`)."""
-    return samples
-
-
-STEPS: dict[int, Callable[[Samples, Callable[[], Changes]], Samples]] = {1: _from_1, 2: _from_2}
-"""From each older format to the next."""
+STEPS: dict[int, Callable[[Samples, Callable[[], Changes]], Samples]] = {1: _from_1, 2: lambda samples, _: samples}
+"""From each older format to the next. Format 3 only packs the samples otherwise (`codec`)."""

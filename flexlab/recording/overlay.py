@@ -1,6 +1,6 @@
 """Comparisons: two or more runs in one rerun file, with overlaid curves and time from each run's first sample."""
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import rerun as rr
@@ -22,7 +22,6 @@ from flexlab.recording.scene_and_plots import (
     scene_view,
     side_by_side,
 )
-from flexlab.scenario import Scenario
 from flexlab.sim.samples import MEASURED, Samples
 from flexlab.text import number_text
 from flexlab.views import View, fitting_exaggeration, views
@@ -35,7 +34,6 @@ SCENES_SHAPE = 1.2
 """Assumed width over height of all scenes together: less than the true one, even beside tables, so that no elbow is cut off."""
 BLOCK_ROWS = 4000
 """Samples sent at once."""
-NamedScenario = tuple[str, Scenario]
 
 
 def write_comparison(
@@ -51,11 +49,9 @@ def write_comparison(
     stream = new_stream(APPLICATION)
     try:
         encoded = stream.binary_stream()
-        runs = [(recording.name, recording.scenario) for recording in recordings]
         stream.set_sinks(encoded)
         # Active, not only the default: a busy viewer makes a layout of its own for the first pieces, and keeps that.
-        measured = {number for number, recording in enumerate(recordings) if recording.status == MEASURED}
-        send_layout(stream, comparison_blueprint(runs, measured))
+        send_layout(stream, comparison_blueprint(recordings))
         stream.send_recording_name(" and ".join(f"{run.name} {run.started:%H:%M:%S}" for run in recordings))
         stream.log("differences", rr.TextDocument(text, media_type="text/markdown"), static=True)
         with replacing(target) as draft:
@@ -77,7 +73,7 @@ def _write(
     seen: Callable[[int], None],
 ) -> None:
     """Write piece by piece, which needs little memory, then add an index, so that the file opens fast."""
-    factor = _factor([(recording.name, recording.scenario) for recording in recordings])
+    factor = _factor(recordings)
     pieces = draft.with_suffix(".pieces")
     try:
         with pieces.open("wb") as file:
@@ -97,9 +93,9 @@ def run_label(number: int) -> str:
     return chr(ord("A") + number)
 
 
-def _factor(runs: Sequence[NamedScenario]) -> float:
+def _factor(recordings: Sequence[Recording]) -> float:
     """One exaggeration of the drawn deflection for all runs, so that they can be compared by eye."""
-    return min(fitting_exaggeration(scenario) for _, scenario in runs)
+    return min(fitting_exaggeration(recording.scenario) for recording in recordings)
 
 
 def _send_run(stream: rr.RecordingStream, number: int, recording: Recording, factor: float) -> Iterator[int]:
@@ -137,31 +133,33 @@ def _shade(color: tuple[int, int, int], number: int) -> tuple[int, int, int]:
     return red, green, blue
 
 
-def comparison_blueprint(runs: Sequence[NamedScenario], measured: Collection[int]) -> rrb.Blueprint:
-    """The layout of a comparison of these runs; the `measured` ones (indices) have no drawing."""
-    labels = [run_label(number) for number in range(len(runs))]
-    scenarios = sorted((scenario for _, scenario in runs), key=lambda scenario: len(scenario.arms))
+def comparison_blueprint(recordings: Sequence[Recording]) -> rrb.Blueprint:
+    """The layout of a comparison of these runs; measured ones have no drawing."""
+    labels = [run_label(number) for number in range(len(recordings))]
+    scenarios = sorted((recording.scenario for recording in recordings), key=lambda scenario: len(scenario.arms))
     signals = {signal.entity: signal for scenario in scenarios for signal in views(scenario)}
     rest = [_overlay(signal, labels) for name, signal in signals.items() if name not in MAIN_PLOTS]
     left: rrb.Container = rrb.Tabs(rrb.TextDocumentView(origin="differences", name="Differences"), *rest, active_tab=0)
-    drawn = [number for number in range(len(runs)) if number not in measured]
-    if drawn:
-        beside = rrb.Horizontal(*_scenes(runs, drawn), name="Side by side")
-        left = rrb.Vertical(rrb.Tabs(beside, *_scenes(runs, drawn), active_tab=0), left)
+    if scenes := _scenes(recordings):
+        # New ones each time: rerun drops a layout that has a view twice.
+        beside = rrb.Horizontal(*_scenes(recordings), name="Side by side")
+        left = rrb.Vertical(rrb.Tabs(beside, *scenes, active_tab=0), left)
     right = rrb.Vertical(*(_overlay(signals[name], labels) for name in MAIN_PLOTS))
     return side_by_side(left, right)
 
 
-def _scenes(runs: Sequence[NamedScenario], drawn: Sequence[int]) -> list[rrb.View]:
-    """A drawing of each of the runs `drawn`, new ones each time: rerun drops a layout that has a view twice."""
+def _scenes(recordings: Sequence[Recording]) -> list[rrb.View]:
+    """A drawing of each run that was not measured."""
+    factor = number_text(_factor(recordings))
+    drawn = [(run_label(number), run) for number, run in enumerate(recordings) if run.status != MEASURED]
     return [
         scene_view(
-            f"{run_label(number)}: {runs[number][0]}, deflection drawn × {number_text(_factor(runs))}",
-            runs[number][1],
-            f"/runs/{run_label(number)}/scene/**",
+            f"{label}: {run.name}, deflection drawn × {factor}",
+            run.scenario,
+            f"/runs/{label}/scene/**",
             SCENES_SHAPE / len(drawn),
         )
-        for number in drawn
+        for label, run in drawn
     ]
 
 

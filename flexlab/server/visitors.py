@@ -35,7 +35,7 @@ MOST_PAGES = 12, 120, 128, 8
 MOST_VIEWERS = 4, 40, 48, 4
 """Most viewers of live data: each takes as much bandwidth as a film, and a class behind one address has one each."""
 MOST_FILES = 2, 30, 40, 4
-"""Most files in transfer: a class behind one address asks for one each at once. `claim_room` bounds their bytes."""
+"""Most files in transfer: a class behind one address asks for one each at once. `claimed` bounds their bytes."""
 SIGNATURE = 40
 """Hexadecimal digits of a signature in a cookie."""
 KEY_FILE = ".flexlab-cookie-key"

@@ -112,8 +112,7 @@ async def export(request: web.Request) -> web.StreamResponse:
         start, end = (read_time(name, request.query.get(name)) for name in ("start", "end"))
         if kind in WHOLE and (start, end) != (None, None):
             raise RecordingError("A lab sheet and an archive hold the whole run: leave both times empty.")
-        async with file_on_its_way(request) as folder:
-            await claim_room(request, folder, table_size(row, kind))
+        async with file_on_its_way(request, table_size(row, kind)) as folder:
             row = _as_it_stands(request, row)
             file = await context.tasks.run(visitor_of(request), export_into, row, kind, start, end, folder)
             return await send_download(request, file)
@@ -132,12 +131,17 @@ def _as_it_stands(request: web.Request, row: RunRow) -> RunRow:
 
 
 @contextlib.asynccontextmanager
-async def file_on_its_way(request: web.Request) -> AsyncGenerator[Path]:
-    """A folder for a file in transfer from or to a visitor, removed at the end. Raises `BusyError`."""
+async def file_on_its_way(request: web.Request, size: float) -> AsyncGenerator[Path]:
+    """A folder for a file of up to `size` bytes in transfer from or to a visitor, removed at the end.
+
+    Raises `BusyError`, or `RecordingError` if the disk has no room for it besides the other files in transfer.
+    """
     context = context_of(request)
     with context.files.place(visitor_of(request)):
         folder = Path(await asyncio.to_thread(tempfile.mkdtemp, prefix="file-", dir=context.temporary_folder))
+        context.claimed[folder] = int(size)
         try:
+            await asyncio.to_thread(_check_room, folder, dict(context.claimed))
             yield folder
         except FlexlabError as error:
             if str(folder) not in str(error):
@@ -147,13 +151,6 @@ async def file_on_its_way(request: web.Request) -> AsyncGenerator[Path]:
         finally:
             context.claimed.pop(folder, None)
             await asyncio.shield(asyncio.to_thread(shutil.rmtree, folder, ignore_errors=True))
-
-
-async def claim_room(request: web.Request, folder: Path, size: float) -> None:
-    """Raise `RecordingError` if the disk has no room for `size` bytes besides the other files in transfer."""
-    claimed = context_of(request).claimed
-    claimed[folder] = int(size)
-    await asyncio.to_thread(_check_room, folder, dict(claimed))
 
 
 def _check_room(folder: Path, claimed: Mapping[Path, int]) -> None:
@@ -248,8 +245,7 @@ async def export_many(request: web.Request) -> web.StreamResponse:
     if odd := next((row.problem for row in rows if row.problem), ""):
         raise RecordingError(odd)
     try:
-        async with file_on_its_way(request) as folder:
-            await claim_room(request, folder, sum(table_size(row, kind) for row in rows))
+        async with file_on_its_way(request, sum(table_size(row, kind) for row in rows)) as folder:
             archive = await context.tasks.run(visitor_of(request), archive_into, tuple(rows), kind, folder)
             return await send_download(request, archive)
     except FlexlabError as error:

@@ -22,7 +22,7 @@ from flexlab.recording.viewer import VIEWER_FILES, viewer_folder
 from flexlab.scenario.field_text import change_in_words
 from flexlab.server.auth import WITH_A_PASS, has_pass, recording_address
 from flexlab.server.labs.recorded_lab import little_space
-from flexlab.server.pages.run_actions import EXPORTS, TABLES, claim_room, file_on_its_way, row_of
+from flexlab.server.pages.run_actions import EXPORTS, TABLES, file_on_its_way, row_of
 from flexlab.server.pages.templating import ALL_RUNS, message, page, part
 from flexlab.server.run_jobs import replay_of, take_in
 from flexlab.server.task_book import IDLE
@@ -121,7 +121,7 @@ async def upload(request: web.Request) -> web.StreamResponse:
     notes = {"owner": visitor.owner, "visitor": visitor.name} if owned else {}
     quota = context.settings.bytes_of_visitor if owned else None
     try:
-        async with file_on_its_way(request) as folder:
+        async with file_on_its_way(request, _size_of_upload(request)) as folder:
             path = await _receive(request, folder)
             run = await context.tasks.run(visitor_of(request), take_in, path, context.settings.logs, notes, quota)
     except FlexlabError as error:
@@ -132,15 +132,19 @@ async def upload(request: web.Request) -> web.StreamResponse:
     return answer
 
 
-async def _receive(request: web.Request, folder: Path) -> Path:
-    """Store the uploaded file in `folder` under its own name and return it. Raises `RecordingError`."""
+def _size_of_upload(request: web.Request) -> int:
+    """The bytes of an upload. Raises `RecordingError` for one that cannot be taken."""
     if request.content_type != MULTIPART:
         raise RecordingError("There is no file in this upload: choose one first.")
     if request.content_length is None:
         raise RecordingError("This upload does not say how large it is: send it with a Content-Length.")
     if request.content_length > LARGEST_UPLOAD + PIECE:
         raise RecordingError(TOO_LARGE)
-    await claim_room(request, folder, request.content_length)
+    return request.content_length
+
+
+async def _receive(request: web.Request, folder: Path) -> Path:
+    """Store the uploaded file in `folder` under its own name and return it. Raises `RecordingError`."""
     try:
         async with asyncio.timeout(UPLOAD_TIME):
             parts = await request.multipart()

@@ -15,6 +15,7 @@ from flexlab.errors import LabError
 from flexlab.recording.rerun_internals.rrd_file import has_footer
 from flexlab.recording.store.notes import notes_path, read_notes
 from flexlab.recording.store.run_files import list_runs
+from flexlab.server.settings import MEGABYTE
 
 HOUSEHOLD = 64
 """Bits of an IPv6 address that identify a network, such as a household's; a machine in it chooses the others freely."""
@@ -29,7 +30,6 @@ MOST_ADDRESSES = 10_000
 """Most addresses remembered; the one that guessed longest ago is forgotten first."""
 LOOK, LOOK_AGAIN = 5.0, 1.0
 """Seconds between two checks of the folder, usually and when more is asked for than was free at the last check."""
-MEGABYTE = 1e6
 PER_SECOND = 0.6 * MEGABYTE
 """Approximate bytes of a simulated second of the paper's run."""
 INDEX, INDEX_SHARE = 160_000, 0.01
@@ -53,11 +53,6 @@ def network_of(address: str) -> str:
     return str(mapped or ipaddress.ip_network((int(number), HOUSEHOLD), strict=False))
 
 
-def owner_word(visitor: str) -> str:
-    """The mark of a visitor's runs in their notes, which does not reveal the visitor's id; empty for an empty id."""
-    return hashlib.sha256(f"flexlab run of {visitor}".encode("utf-8", "replace")).hexdigest()[:32] if visitor else ""
-
-
 @dataclass(frozen=True)
 class Visitor:
     """The sender of a request."""
@@ -78,8 +73,10 @@ class Visitor:
 
     @property
     def owner(self) -> str:
-        """The mark of their runs; empty without an id."""
-        return owner_word(self.id)
+        """The mark of their runs in the notes, which does not reveal the id; empty without one."""
+        return (
+            hashlib.sha256(f"flexlab run of {self.id}".encode("utf-8", "replace")).hexdigest()[:32] if self.id else ""
+        )
 
 
 THE_SERVER = Visitor(is_teacher=True)

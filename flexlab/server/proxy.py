@@ -15,13 +15,13 @@ from flexlab.lab.viser_server import SECRET_HEADER
 from flexlab.server.labs.lab_provider import Lab
 from flexlab.server.pages.templating import language_script
 from flexlab.server.visitors import context_of, visitor_of
+from flexlab.sockets import LOOPBACK, base_address
 from flexlab.text import limited
 
 HEARTBEAT = 60.0
 """Seconds between two pings to a visitor; one who does not answer within half of it counts as gone."""
 HTTP_PATIENCE = aiohttp.ClientTimeout(total=30.0)
 """Timeout for the lab's page, one file in memory."""
-LOOPBACK = "127.0.0.1"
 
 LAB_POLICY = (
     "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; connect-src 'self' ws://{host} wss://{host} "
@@ -58,7 +58,7 @@ async def proxy_page(request: web.Request, place: Lab, path: str) -> web.StreamR
         context_of(request).pages.check(visitor_of(request))
     inside = context_of(request).inside
     try:
-        url = f"http://{LOOPBACK}:{place.port}/{path}"
+        url = f"{base_address(LOOPBACK[0], place.port)}/{path}"
         headers = {hdrs.ACCEPT_ENCODING: "identity", SECRET_HEADER: place.secret}
         async with inside.get(url, headers=headers, timeout=HTTP_PATIENCE) as answer:
             body = await answer.read()
@@ -97,7 +97,7 @@ async def _relay(request: web.Request, place: Lab) -> web.StreamResponse:
     try:
         # No limit on what the lab sends, and no compression: its data hardly compress and must not wait.
         up = await inside.ws_connect(
-            f"ws://{LOOPBACK}:{place.port}{place.path}",
+            f"ws://{LOOPBACK[0]}:{place.port}{place.path}",
             protocols=offered,
             max_msg_size=0,
             compress=0,

@@ -7,8 +7,8 @@ from typing import Any
 from http_client import Answer, ask, post
 
 from flexlab.presets import load_preset
+from flexlab.server import limits
 from flexlab.server.front_server import FrontServer, open_front_server
-from flexlab.server.limits import owner_word
 from flexlab.server.settings import Settings
 
 TOKEN, TEACHER = "the-token-of-the-class", "the-teacher-s-own-token"
@@ -69,7 +69,7 @@ class Person(Visitor):
     @property
     def owner(self) -> str:
         """The mark of their runs."""
-        return owner_word(self.word)
+        return limits.Visitor(self.word).owner
 
     @property
     def place(self):

@@ -64,7 +64,7 @@ def test_simultaneous_visitors_get_the_free_labs_and_the_others_wait_in_line(ope
     server = open_another(private=True, max_sessions=2, max_per_address=2)
 
     async def enter_together() -> list[Lab | BaseException]:
-        visitors = [server.places.enter(f"visitor-{number}", None, ADDRESS) for number in range(4)]
+        visitors = [server.places.enter(Visitor(f"visitor-{number}", ADDRESS), None) for number in range(4)]
         return await asyncio.gather(*visitors, return_exceptions=True)
 
     found = in_server(server, enter_together())
@@ -92,7 +92,7 @@ def test_pages_are_served_while_labs_open(open_another: Callable[..., FrontServe
 
     async def begin() -> None:
         for number in range(count):
-            begun.append(asyncio.create_task(server.places.enter(f"visitor-{number}", None, ADDRESS)))
+            begun.append(asyncio.create_task(server.places.enter(Visitor(f"visitor-{number}", ADDRESS), None)))
         await asyncio.sleep(1.0)
 
     async def end() -> None:

@@ -38,7 +38,6 @@ from flexlab.server.limits import (
     Quota,
     Visitor,
     for_teacher,
-    owner_word,
 )
 from flexlab.server.pages import run_actions, runs_pages
 from flexlab.server.run_jobs import take_in
@@ -236,7 +235,7 @@ def test_one_visitor_can_open_only_so_many_pages_and_viewers(server: FrontServer
 
 
 def test_a_quota_holds_when_a_lab_is_closed(tmp_path: Path):
-    most, owner = 5e6, owner_word("anna")
+    most, owner = 5e6, Visitor("anna").owner
     told: list[str] = []
     recorder = Recorder(
         tmp_path, on_problem=told.append, circumstances=lambda: {"owner": owner}, refusal=Quota(tmp_path, owner, most)
@@ -258,7 +257,7 @@ def test_a_quota_holds_when_a_lab_is_closed(tmp_path: Path):
 
 
 def test_the_quota_counts_in_advance_what_finishing_adds_to_a_run(tmp_path: Path):
-    owner, run = owner_word("anna"), simulate(load_preset("paper"), duration=0.1)
+    owner, run = Visitor("anna").owner, simulate(load_preset("paper"), duration=0.1)
     recorder = Recorder(tmp_path, circumstances=lambda: {"owner": owner})
     recorder.begin_run(1, "paper", run.scenario, World(run.scenario).state())
     recorder.take_samples(1, run.slice(0, len(run)), 1.0)
@@ -278,7 +277,7 @@ def test_the_quota_counts_in_advance_what_finishing_adds_to_a_run(tmp_path: Path
 
 
 def test_an_import_beside_a_lab_that_records_stays_within_the_quota(tmp_path: Path, recorded: Path):
-    logs, owner, over = tmp_path / "logs", owner_word("anna"), threading.Event()
+    logs, owner, over = tmp_path / "logs", Visitor("anna").owner, threading.Event()
     logs.mkdir()
     uploaded = Path(shutil.copy(recorded, tmp_path))
     most = recorded.stat().st_size + 2_500_000
@@ -312,7 +311,7 @@ def test_an_import_beside_a_lab_that_records_stays_within_the_quota(tmp_path: Pa
 
 
 def test_notes_beside_runs_count_for_the_quota(tmp_path: Path, recorded: Path):
-    run, owner, now = Path(shutil.copy(recorded, tmp_path)), owner_word("anna"), [0.0]
+    run, owner, now = Path(shutil.copy(recorded, tmp_path)), Visitor("anna").owner, [0.0]
     quota = Quota(tmp_path, owner, run.stat().st_size + 300_000, clock=lambda: now[0])
     assert not quota(200_000), "a run that is just being opened has no owner yet"
     write_notes(run, owner=owner)

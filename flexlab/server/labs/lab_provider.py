@@ -14,6 +14,7 @@ from flexlab.errors import LabError
 from flexlab.guide import ClassRules, LessonProgress
 from flexlab.recording.live import LiveHub
 from flexlab.scenario import Scenario
+from flexlab.server.limits import Visitor
 from flexlab.sim.samples import Origin
 
 LOOK_AGAIN = 5
@@ -146,11 +147,8 @@ class LabProvider:
         self.rules = ClassRules()
         """The teacher's rules for all labs."""
 
-    async def enter(self, visitor: str, choice: Choice | None, address: str = "", name: str = "") -> Lab:
-        """Return the visitor's lab, opened if need be, with their choice. Raises `FullError` or another `LabError`.
-
-        `address`: the visitor's network address; `name`: their name.
-        """
+    async def enter(self, visitor: Visitor, choice: Choice | None) -> Lab:
+        """Return the visitor's lab, opened if need be, with their choice. Raises `FullError` or another `LabError`."""
         raise NotImplementedError
 
     def of_visitor(self, visitor: str) -> Lab | None:
@@ -166,7 +164,7 @@ class LabProvider:
         self.rules = rules
         await asyncio.gather(*(lab.ask(rules) for lab in self.running()))
 
-    def call(self, visitor: str, name: str) -> None:
+    def call(self, visitor: Visitor) -> None:
         """Take a visitor's new name."""
 
     def left(self, place: Lab) -> None:

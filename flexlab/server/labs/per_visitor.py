@@ -19,7 +19,7 @@ from flexlab.own import hosts
 from flexlab.recording.repair import finish, finish_abandoned
 from flexlab.server.labs.lab_provider import LOOK_AGAIN, Choice, FullError, Lab, LabProvider, Order, WaitingLine
 from flexlab.server.labs.worker import STOP_TIME, PrivateLab
-from flexlab.server.limits import owner_word
+from flexlab.server.limits import Visitor
 from flexlab.server.settings import SECRET_BYTES, Settings
 from flexlab.server.tasks import prepare_lab_processes
 
@@ -69,29 +69,29 @@ class PrivateLabs(LabProvider):
         self._tasks: set[asyncio.Task[None]] = set()
         self._last: Path | None = None
 
-    async def enter(self, visitor: str, choice: Choice | None, address: str = "", name: str = "") -> Lab:
+    async def enter(self, visitor: Visitor, choice: Choice | None) -> Lab:
         """Return the visitor's lab. Raises `FullError` when no lab is free; the visitor then waits for their turn."""
-        opening = self._opening.get(visitor)
+        opening = self._opening.get(visitor.id)
         if opening is not None:
             return await asyncio.shield(opening)
-        place = self.of_visitor(visitor)
+        place = self.of_visitor(visitor.id)
         if place is None:
             # Before any await, so that simultaneous visitors are counted one by one.
-            self._admit(visitor, address)
+            self._admit(visitor)
             # Two pages that one visitor opens at once share the lab that the first one starts.
-            opening = asyncio.ensure_future(self._open(visitor, choice or self._order.choice, name))
-            self._opening[visitor] = opening
-            opening.add_done_callback(lambda _: self._opening.pop(visitor, None))
+            opening = asyncio.ensure_future(self._open(visitor, choice or self._order.choice))
+            self._opening[visitor.id] = opening
+            opening.add_done_callback(lambda _: self._opening.pop(visitor.id, None))
             return await asyncio.shield(opening)
         if choice is not None:
             await asyncio.to_thread(place.send, methodcaller("load", choice))
         return place
 
-    def _admit(self, visitor: str, address: str) -> None:
+    def _admit(self, visitor: Visitor) -> None:
         """Raise `FullError`, with the visitor's place in the line, while there is no lab for them."""
         most = self._settings.max_sessions
-        others = self._taken() - {visitor}
-        place = self._line.place(visitor, most - len(others), address)
+        others = self._taken() - {visitor.id}
+        place = self._line.place(visitor.id, most - len(others), visitor.address)
         if place:
             taken = f"No lab is free: {len(others)} of {most} are taken." if len(others) >= most else "A lab is free."
             raise FullError(
@@ -100,15 +100,15 @@ class PrivateLabs(LabProvider):
                 place,
             )
         most = self._settings.labs_per_address
-        if sum(self._addresses.get(other) == address for other in others) >= most:
+        if sum(self._addresses.get(other) == visitor.address for other in others) >= most:
             raise FullError(
                 f"Your address has {most} of {most} labs that one address may have. Come back in a few minutes, or use the "
                 "browser in which you opened one: a lab that nobody looks at is closed. Whoever runs this server can allow "
                 "more (--max-per-address)."
             )
-        self._addresses = {other: self._addresses.get(other, "") for other in others} | {visitor: address}
+        self._addresses = {other: self._addresses.get(other, "") for other in others} | {visitor.id: visitor.address}
 
-    async def _open(self, visitor: str, choice: Choice, name: str) -> PrivateLab:
+    async def _open(self, visitor: Visitor, choice: Choice) -> PrivateLab:
         if self._watch is None:
             self._watch = asyncio.create_task(self._close_idle_ones())
         loop = asyncio.get_running_loop()
@@ -122,11 +122,11 @@ class PrivateLabs(LabProvider):
             self._order,
             choice=choice,
             secret=secrets.token_urlsafe(SECRET_BYTES),
-            owner=owner_word(visitor),
-            visitor=name,
+            owner=visitor.owner,
+            visitor=visitor.name,
             own_files=hosts.allowed(),
         )
-        place = await asyncio.to_thread(PrivateLab, next(self._numbers), lab, visitor, order, tell)
+        place = await asyncio.to_thread(PrivateLab, next(self._numbers), lab, visitor.id, order, tell)
         self._places[lab] = place
         try:
             place.port = await asyncio.to_thread(place.wait_until_ready)
@@ -139,12 +139,12 @@ class PrivateLabs(LabProvider):
             await place.ask(self.rules)
         return place
 
-    def call(self, visitor: str, name: str) -> None:
+    def call(self, visitor: Visitor) -> None:
         """Keep the visitor's next runs under a new name."""
-        place = self.of_visitor(visitor)
-        if place is not None and place.name != name:
-            place.name = name
-            self._keep(asyncio.to_thread(place.send, methodcaller("rename", name)))
+        place = self.of_visitor(visitor.id)
+        if place is not None and place.name != visitor.name:
+            place.name = visitor.name
+            self._keep(asyncio.to_thread(place.send, methodcaller("rename", visitor.name)))
 
     def of_visitor(self, visitor: str) -> PrivateLab | None:
         """The visitor's running lab."""
@@ -208,7 +208,7 @@ class PrivateLabs(LabProvider):
         place = self._places.pop(lab, None)
         if place is None:
             return
-        code, recording = place.exit_code, place.status().recording
+        code, recording = place.process.exitcode, place.status().recording
         self._last = recording or self._last
         if not place.why:
             reason = f"ended by signal {-code}" if code is not None and code < 0 else f"exit code {code}"

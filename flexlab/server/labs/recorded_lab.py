@@ -18,8 +18,9 @@ from flexlab.recording.reader import read_range
 from flexlab.recording.recorder import Recorder
 from flexlab.scenario import Scenario
 from flexlab.server.labs.lab_provider import Choice, Hold, Lab, LabProvider, LabStatus, Order
-from flexlab.server.limits import Quota
+from flexlab.server.limits import Quota, Visitor
 from flexlab.server.scenario_links import encode_scenario, scenario_path
+from flexlab.server.settings import GIGABYTE, MEGABYTE
 from flexlab.sim.commands import Pause, Play
 from flexlab.sim.samples import Samples
 
@@ -29,7 +30,6 @@ MEASURED = 10
 """Number of checks over which the rate is measured, each of which found a larger file."""
 STILL = 3 * LOOK_PERIOD
 """Seconds of an unchanged size after which there is no rate: the run waits for its page, or is paused."""
-MEGABYTE, GIGABYTE = 1e6, 1e9
 LITTLE_SPACE = 2 * GIGABYTE
 """Free bytes below which there is a warning: room for an hour of a lab that nobody stops."""
 
@@ -237,7 +237,7 @@ class SharedLab(LabProvider):
         self.laboratory = RecordedLab(order, live.take if live else None, on_problem)
         self.laboratory.live = live
 
-    async def enter(self, visitor: str, choice: Choice | None, address: str = "", name: str = "") -> Lab:
+    async def enter(self, visitor: Visitor, choice: Choice | None) -> Lab:
         """Return the lab, showing what this visitor chose."""
         if choice is not None:
             self.laboratory.load(choice)

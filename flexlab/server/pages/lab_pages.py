@@ -68,24 +68,23 @@ async def lab(request: web.Request) -> web.StreamResponse:
         return await _enter_by_link(request, None)
     if not request.path.endswith("/"):
         raise web.HTTPSeeOther("/lab/" + (f"?{raw}" if (raw := request.rel_url.raw_query_string) else ""))
-    return await proxy_page(request, await context.places.enter("", None), "")
+    return await proxy_page(request, await context.places.enter(visitor_of(request), None), "")
 
 
 @ROUTES.get("/lab/{preset}")
 @ROUTES.get("/lab/{preset}/")
 async def preset_link(request: web.Request) -> web.StreamResponse:
     """`/lab/<preset>`: open that preset in the lab. Other names may be files of viser's page."""
-    name = request.match_info["preset"]
-    context = context_of(request)
-    if name not in await asyncio.to_thread(preset_names):
-        place = None if context.places.is_private else context.places.of_visitor("")
-        if place is not None and "." in name:
-            return await proxy_page(request, place, name)
-        try:
-            load_preset(name)
-        except FlexlabError as error:
-            return message("No such preset", str(error), 404)
-    scenario = await asyncio.to_thread(load_preset, name)
+    name, places = request.match_info["preset"], context_of(request).places
+    is_listed = name in await asyncio.to_thread(preset_names)
+    if not is_listed and "." in name and not places.is_private:
+        return await proxy_page(request, await places.enter(visitor_of(request), None), name)
+    try:
+        scenario = await asyncio.to_thread(load_preset, name)
+    except FlexlabError as error:
+        if is_listed:
+            raise
+        return message("No such preset", str(error), 404)
     return await _enter_by_link(request, Choice(scenario, name))
 
 
@@ -125,7 +124,7 @@ async def enter_lab(request: web.Request, choice: Choice | None) -> web.StreamRe
     """Redirect the visitor to the lab itself, so that a reload does not restart the run."""
     context, visitor = context_of(request), known_visitor_of(request)
     try:
-        place = await context.places.enter(visitor.id, choice, visitor.address, visitor.name)
+        place = await context.places.enter(visitor, choice)
     except FullError as error:
         here = str(request.rel_url) if request.method == "GET" else "/lab/"
         answer = message("No free lab", str(error), 503, button("/" + here.lstrip("/"), "Try again"))
@@ -151,7 +150,7 @@ async def take_name(request: web.Request) -> web.StreamResponse:
         named = replace(visitor, name=checked_name(str(form.get("name", ""))))
     except LabError as error:
         return message("This is not a name", str(error), 400)
-    context_of(request).places.call(named.id, named.name)
+    context_of(request).places.call(named)
     where = "/lab/?play" if "play" in form else "/lab/" if "enter" in form else "/"
     answer = web.Response(status=303, headers={hdrs.LOCATION: where})
     keep_visitor(request, answer, named)

@@ -31,7 +31,7 @@ from flexlab.scenario.field_text import field_title
 from flexlab.server.labs.lab_provider import Choice
 from flexlab.server.limits import LOOK, LOOK_AGAIN, PER_SECOND, Quota, Visitor
 from flexlab.server.task_book import BAD, GOOD, Outcome, Task, TaskBook
-from flexlab.server.tasks import failures_told_plainly, job_processes, work_for_the_server
+from flexlab.server.tasks import failures_told_plainly, job_processes, start, work_for_the_server
 from flexlab.sim.pacing import FASTEST
 from flexlab.text import visible
 
@@ -244,7 +244,7 @@ class Measuring:
         self._process = job_processes().Process(
             target=measure, args=(self._logs,), name="flexlab-measuring", daemon=True
         )
-        self._process.start()
+        start(self._process)
         return len(missing)
 
     def close(self) -> None:

@@ -98,6 +98,14 @@ def without_interrupt() -> Generator[None, None, None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
+def start(process: BaseProcess, *its_ends: Connection) -> None:
+    """Start a process of `job_processes`, which Ctrl-C does not reach, and close its ends of pipes here."""
+    with without_interrupt():
+        process.start()
+    for end in its_ends:
+        end.close()
+
+
 def leave_interrupts_to_the_server() -> None:
     """Ignore Ctrl-C and a closed terminal in this process: the server handles both."""
     for name in ("SIGINT", "SIGHUP"):
@@ -258,7 +266,7 @@ class Tasks:
             target=carry_out, args=(work, arguments, allowed(), other), name="flexlab-task", daemon=True
         )
         # In a thread: large arguments are handed over once the process is up, which takes seconds on a busy machine.
-        starting = asyncio.ensure_future(asyncio.to_thread(_start, process, other))
+        starting = asyncio.ensure_future(asyncio.to_thread(start, process, other))
         self._processes.add(process)
         try:
             await asyncio.shield(starting)
@@ -290,12 +298,6 @@ class Tasks:
         for process in list(self._processes):
             if process.pid is not None:
                 process.kill()
-
-
-def _start(process: BaseProcess, its_end: Connection) -> None:
-    with without_interrupt():
-        process.start()
-    its_end.close()
 
 
 def _hear(pipe: Connection) -> Word | None:

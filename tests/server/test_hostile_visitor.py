@@ -191,9 +191,9 @@ def test_a_hanging_lab_is_replaced_its_visitor_told_and_its_run_kept(
     with monkeypatch.context() as soon:
         soon.setattr(per_visitor, "SILENCE", 4.0)
         soon.setattr(per_visitor, "LAST_CHANCE", 0.5)
-        os.kill(place.pid, signal.SIGSTOP)
+        os.kill(place.process.pid, signal.SIGSTOP)
         told = wait_until(lambda: '"open": false' in anna.state(path) and anna.state(path), "its visitor is told")
-        wait_until(lambda: place.exit_code is not None, "the hanging process is gone")
+        wait_until(lambda: place.process.exitcode is not None, "the hanging process is gone")
     sentence = json.loads(told)["sentence"]
     assert "stopped answering" in sentence
     assert "your run was kept" in sentence

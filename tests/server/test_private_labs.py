@@ -46,7 +46,7 @@ def test_two_visitors_do_not_disturb_each_other_even_if_one_lab_dies(private: Fr
     anna, ben = Person(private, ""), Person(private, "")
     first, second = anna.enter(), ben.enter("/lab/soft-beam")
     assert first != second
-    assert anna.place.pid not in (ben.place.pid, os.getpid())
+    assert anna.place.process.pid not in (ben.place.process.pid, os.getpid())
     assert anna.enter() == first, "whoever comes back finds their lab again"
     assert b'<div id="root">' in anna.ask(first).body
     assert f'data-state="/state{first.rstrip("/")}"' in anna.ask(first).text
@@ -77,8 +77,8 @@ def test_two_visitors_do_not_disturb_each_other_even_if_one_lab_dies(private: Fr
         empty = begun.with_name("2026-01-01T12-00-00-empty.rrd")
         empty.touch()
         # Ctrl-C in a terminal reaches every process, but labs leave closing to the server.
-        os.kill(ben.place.pid, signal.SIGINT)
-        os.kill(anna.place.pid, signal.SIGKILL)
+        os.kill(ben.place.process.pid, signal.SIGINT)
+        os.kill(anna.place.process.pid, signal.SIGKILL)
         told = wait_until(
             lambda: "ended unexpectedly (ended by signal 9)" in anna.state(first) and anna.state(first), ""
         )
@@ -115,7 +115,7 @@ def test_closing_the_server_closes_every_lab_and_keeps_the_runs(tmp_path: Path):
     front_server = open_server(tmp_path, private=True)
     visitor = Person(front_server, "")
     visitor.enter()
-    pid = visitor.place.pid
+    pid = visitor.place.process.pid
     wait_until(lambda: visitor.place.status().recording, "a recording")
     last = front_server.close()
     (run,) = list_runs(tmp_path)

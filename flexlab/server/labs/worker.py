@@ -15,7 +15,7 @@ from flexlab.own.files import know_own_files
 from flexlab.recording.live import LiveHub, Take
 from flexlab.server.labs.lab_provider import Choice, Hold, Lab, LabStatus, Order
 from flexlab.server.labs.recorded_lab import RecordedLab
-from flexlab.server.tasks import failures_told_plainly, job_processes, leave_interrupts_to_the_server, without_interrupt
+from flexlab.server.tasks import failures_told_plainly, job_processes, leave_interrupts_to_the_server, start
 
 STATUS_PERIOD = 0.25
 """Seconds between two reports of a worker whose state changes."""
@@ -84,12 +84,9 @@ class PrivateLab(Lab):
         context = job_processes()
         self._pipe, other = context.Pipe()
         source, target = context.Pipe(duplex=False) if order.live else (None, None)
-        self._process = context.Process(target=work, args=(order, other, target), name="flexlab-lab", daemon=True)
-        with without_interrupt():
-            self._process.start()
-        other.close()
-        if source is not None and target is not None:
-            target.close()
+        self.process = context.Process(target=work, args=(order, other, target), name="flexlab-lab", daemon=True)
+        start(self.process, *filter(None, (other, target)))
+        if source is not None:
             self.live = LiveHub()
             threading.Thread(target=_feed, args=(source, self.live), name="flexlab-live", daemon=True).start()
         self._on_end = on_end
@@ -101,16 +98,6 @@ class PrivateLab(Lab):
         """When the worker last sent anything, monotonic s."""
         self._listener = threading.Thread(target=self._listen, name="flexlab-worker", daemon=True)
         self._listener.start()
-
-    @property
-    def pid(self) -> int:
-        """The process's number."""
-        return self._process.pid or 0
-
-    @property
-    def exit_code(self) -> int | None:
-        """The process's exit code: None while it runs, negative for the signal that ended it."""
-        return self._process.exitcode
 
     def status(self) -> LabStatus:
         """The worker's last report; before the first one, what it is about to show."""
@@ -128,7 +115,7 @@ class PrivateLab(Lab):
             return self._answer
         if self._answer is not None:
             raise LabError(self._answer)
-        raise LabError(f"The lab ended while it was being opened (exit code {self.exit_code}): try again.")
+        raise LabError(f"The lab ended while it was being opened (exit code {self.process.exitcode}): try again.")
 
     def send(self, word: Word) -> None:
         """Have the worker do something with its lab, or close it."""
@@ -138,9 +125,9 @@ class PrivateLab(Lab):
     def stop(self, patience: float) -> None:
         """Close the lab and its recording; kill the process if that takes longer than `patience` s. Blocks."""
         self.send(None)
-        self._process.join(patience)
-        if self._process.is_alive():
-            self._process.kill()
+        self.process.join(patience)
+        if self.process.is_alive():
+            self.process.kill()
         self._listener.join()
 
     def _listen(self) -> None:
@@ -154,7 +141,7 @@ class PrivateLab(Lab):
                     self._answer = word
                     self._answered.set()
         except (EOFError, OSError):
-            self._process.join()
+            self.process.join()
             self._answered.set()
             self._on_end()
 

@@ -119,7 +119,9 @@ _WITHOUT_PICTURE = re.compile(
     "\u3164\ufe00-\ufe0e\ufeff\uffa0\ufff9-\ufffb\ud800-\udfff\U0001d173-\U0001d17a\U000e0000-\U000e0fff]"
 )
 _OBEYED = re.compile(f"\x7f|{_WITHOUT_PICTURE.pattern}")
-_BEFORE_UNIT = re.compile(r"(?<=\d) (?=(?:[kmµ]?m|[km]?s|k?Hz|[km]?N|N·m|mrad|rad|kg|micrometres|MB/min|%)\b|%)")
+_BEFORE_UNIT = re.compile(
+    r"(?<=[\d⁰¹²³⁴⁵⁶⁷⁸⁹]) (?=(?:[kmµ]?m|[km]?s|1/s|k?Hz|[km]?N|N·m|m?J|mrad|rad|kg|micrometres|MB/min|%)\b|%)"
+)
 PARSER = threading.RLock()
 """Held while Python parses a text: in 3.11, two threads at once fail with a SystemError (python/cpython#106905).
 `inspect.getsource` of a class parses, too."""

@@ -106,6 +106,7 @@ def test_every_law_says_what_it_needs_and_the_panel_shows_it(kind: str):
     assert text.count("<b>met</b>") + text.count("<b>not met</b>") == len(study.conditions)
     assert (len(study.conditions) > 0) == laws()[kind].drives
     assert "nan" not in text
+    assert not re.search(r"\d (N|1/s|Hz)\b", text), "no line breaks between a number and its unit"
 
 
 def test_the_plot_of_the_internal_force_shows_the_wanted_one():

@@ -30,7 +30,7 @@ WORDS = itertools.count()
 
 READY = """() => window.__viserMutable?.nodeRefFromName?.['/beam'] != null
   && window.__viserTestpoints.rendererInfo.render.frame > 2"""
-SHOWS = "(text) => document.body.innerText.includes(text)"
+SHOWS = "(text) => document.body.innerText.replaceAll('\\u00a0', ' ').includes(text.replaceAll('\\u00a0', ' '))"
 CLOSE_NOTIFICATIONS = """() => {
   for (const button of document.querySelectorAll('.mantine-Notification-closeButton')) button.click(); }"""
 PLOTS_OPEN = """() => Object.values(window.__viserTestpoints?.uplots ?? {})

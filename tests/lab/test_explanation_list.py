@@ -86,4 +86,5 @@ def test_an_explanation_is_escaped_and_shows_plot_and_equation():
     assert "&lt;b&gt;1 &lt; 2" in text
     assert "<b>Tracking error.</b>" in text
     assert "a &lt; b" in text
+    assert "0.7\xa0mm" in list_html([Explained("x", "The error of 0.7 mm.", "", "Tracking error")])
     assert list_html([]) == ""

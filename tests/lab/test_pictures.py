@@ -7,6 +7,7 @@ from flexlab.analysis.lesson_measures import amplitude_spectrum
 from flexlab.analysis.lyapunov import tracking_energy
 from flexlab.errors import LabError
 from flexlab.lab.panel.number_control import Scale
+from flexlab.lab.panel.sections import three_valued
 from flexlab.lab.plots.chart import DASHES
 from flexlab.lab.plots.plot_signals import tabs
 from flexlab.lab.plots.plots import POINTS, thinned, unbroken
@@ -140,6 +141,11 @@ def test_a_curve_has_one_colour_in_lab_and_recordings_and_its_own_dashes() -> No
             known = colors.get((plot.title, label), colors.get((title, f"{arm.removesuffix(' arm')} {label}"), tone))
             assert tone == known, f"{plot.title}: {label}"
         assert len(set(plot.tones)) == len(plot.labels) <= len(DASHES), "each has its own colour and dashes"
+
+
+def test_numbers_that_differ_for_x_y_and_theta_are_told_with_their_unit() -> None:
+    assert three_valued(load_preset("large-swing")).startswith("Frequency f_d (Hz) is 0.5, 1, 0.5 for x, y, θ")
+    assert three_valued(load_preset("paper")) == ""
 
 
 def test_a_logarithmic_slider_that_would_begin_at_zero_is_linear() -> None:

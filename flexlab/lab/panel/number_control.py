@@ -11,7 +11,7 @@ from flexlab.errors import FlexlabError, LabError
 from flexlab.lab.viser_internals import mark_slider, show_true_value
 from flexlab.lab.widgets import Widgets, put
 from flexlab.quantities import Quantity
-from flexlab.text import escaped, number_text
+from flexlab.text import escaped, number_text, with_units
 
 SETTLE_TIME = 4.0
 """How long a box keeps a typed value that the lab refused, wall s; then it shows the true value again."""
@@ -245,5 +245,5 @@ class NumberControl:
             self._show(self._value)
 
     def _complain(self, text: str) -> None:
-        box = f'<div class="fl"><div class="fl-box fl-error">{escaped(text)}</div></div>' if text else ""
+        box = f'<div class="fl"><div class="fl-box fl-error">{escaped(with_units(text))}</div></div>' if text else ""
         put(self._problem, content=box, visible=bool(text))

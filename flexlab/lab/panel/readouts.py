@@ -131,7 +131,7 @@ def _cautions(snapshot: Snapshot) -> list[str]:
 
 def _box(text: str, level: str, kind: str = "") -> str:
     kinds = " ".join(filter(None, ("fl-box", "fl-error" if level == "error" else "fl-info", kind)))
-    return f'<div class="{kinds}">{escaped(text)}</div>'
+    return f'<div class="{kinds}">{escaped(with_units(text))}</div>'
 
 
 def events_html(snapshot: Snapshot) -> str:
@@ -140,7 +140,9 @@ def events_html(snapshot: Snapshot) -> str:
     for event in reversed(_without_drags(snapshot.events)[-SHOWN_EVENTS:]):
         bad = ' class="fl-bad"' if event.level != "info" else ""
         time = f"{fixed_text(event.time, 3)} s"
-        lines.append(f'<div><span class="fl-dim">{time}</span> <span{bad}>{escaped(event.text)}</span></div>')
+        lines.append(
+            f'<div><span class="fl-dim">{time}</span> <span{bad}>{escaped(with_units(event.text))}</span></div>'
+        )
     shown = "".join(lines) or "Nothing yet. Changes, taps, pulls and warnings appear here."
     return f'<div class="fl fl-list" tabindex="0">{shown}</div>'
 
@@ -150,7 +152,7 @@ def conditions_html(conditions: Iterable[Condition]) -> str:
     lines = []
     for condition in conditions:
         kind, word = ("fl-dim", "met") if condition.met else ("fl-bad", "not met")
-        lines.append(f'<div class="fl-line {kind}"><b>{word}</b> {escaped(condition.sentence)}</div>')
+        lines.append(f'<div class="fl-line {kind}"><b>{word}</b> {escaped(with_units(condition.sentence))}</div>')
     return f'<div class="fl">{"".join(lines)}</div>' if lines else ""
 
 

@@ -193,7 +193,8 @@ def three_valued(scenario: Scenario) -> str:
         value = scenario.get(entry.path)
         if entry.component is None and isinstance(value, tuple) and len(set(value)) > 1:
             values = ", ".join(number_text(item) for item in value)
-            sentences.append(f"{entry.name} is {values} for x, y, θ: the slider sets all three.")
+            unit = f" ({entry.unit})" if entry.unit else ""
+            sentences.append(f"{entry.name}{unit} is {values} for x, y, θ: the slider sets all three.")
     return " ".join(sentences)
 
 

@@ -27,7 +27,7 @@ from flexlab.sim.build import build_beam
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import TICK, Snapshot
-from flexlab.text import escaped
+from flexlab.text import escaped, with_units
 
 MICRO = 1e6
 """m to µm."""
@@ -320,7 +320,7 @@ class ExplanationList:
 def list_html(sentences: Sequence[Explained]) -> str:
     """Each sentence with the plot that shows it and its equation, as HTML."""
     items = "".join(
-        f'<div class="fl-why"><b>{escaped(each.plot)}.</b> {escaped(each.sentence)} '
+        f'<div class="fl-why"><b>{escaped(each.plot)}.</b> {escaped(with_units(each.sentence))} '
         f'<span class="fl-dim">{escaped(each.equation)}</span></div>'
         for each in sentences
     )

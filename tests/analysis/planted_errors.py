@@ -349,6 +349,9 @@ a table that repeats: control/paths/table.py
 power of a hand on a link: physics/grips.py
             power += ws.hand[held, a] * ws.velocity[a]
             power += 0.5 * ws.hand[held, a] * ws.velocity[a]
+hand on a last link: physics/hand.py
+    hand.target_x - (at_x + reach * c)
+    0.5 * hand.target_x - (at_x + reach * c)
 noise of the beam's rates: sim/sampled_control.py
     truth[a] + sampling.noise[channel]
     truth[a] + 0.5 * sampling.noise[channel]

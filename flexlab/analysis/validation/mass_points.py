@@ -42,8 +42,8 @@ class MassPoints:
         self._weight = (width * weight).ravel()
         # Cubics between the nodes: N(s), N'(s), N''(s) of the free coordinates, (points, n_q) each.
         free = np.delete(np.eye(2 * n + 2), HELD[payload.boundary], axis=1)
-        bent = CubicHermiteSpline(edges, free[0::2], free[1::2])
-        self._N, self._N1, self._N2 = (bent(self._s, order) for order in range(3))
+        self.shapes = CubicHermiteSpline(edges, free[0::2], free[1::2])
+        self._N, self._N1, self._N2 = (self.shapes(self._s, order) for order in range(3))
 
     def payload_inertia(self, p: np.ndarray) -> np.ndarray:
         """A(p) of the payload alone, Eq. (8)."""

@@ -33,9 +33,10 @@ from flexlab.analysis.validation.mass_points import (
 )
 from flexlab.physics.internal_force import payload_matrices
 from flexlab.presets import load_preset
+from flexlab.scenario import Scenario
 from flexlab.sim.build import build_beam
 from flexlab.sim.commands import Pull
-from flexlab.sim.samples import Run
+from flexlab.sim.samples import Run, Samples
 from flexlab.sim.world import World
 
 
@@ -122,7 +123,11 @@ SPUN = MOVING | {
 }
 """A motion in which the centrifugal force and the force along the beam change its bending and its loss within a step."""
 LOOSE = {"controller.kind": "none", "gravity": 9.81, "payload.damping.coefficient": 0.0}
-HANDS = {"the beam": Pull(0.0, (0.1, 0.9), 400.0), "a link": Pull(0.25, (-0.9, 0.9), 400.0, (1, 2))}
+HANDS = {
+    "the beam": Pull(-0.1, (0.1, 0.9), 400.0),
+    "a second link": Pull(0.25, (-0.9, 0.9), 400.0, (1, 2)),
+    "a last link": Pull(0.1, (0.6, 1.0), 400.0, (2, 3)),
+}
 """Held part → the hand that holds it: place, m; target, m; stiffness, N/m."""
 TICK, TICKS = 0.002, 50
 """Sample period, s, and number of samples."""
@@ -160,19 +165,25 @@ def _pulled() -> Iterator[Check]:
         world = World(load_preset("paper").replace({**LOOSE, "grips.model": grips}))
         world.apply(hand)
         run = world.run(200)
-        if hand.link is None:
-            away = run.midspan_deflection[:, None] * np.column_stack([-np.sin(run.pose[:, 2]), np.cos(run.pose[:, 2])])
-            point = run.pose[:, :2] + away
-        else:
-            arm, turned = world.scenario.left_arm, np.cumsum(run.joint_angle[:, 0], axis=1)
-            first, second = (np.column_stack([np.cos(turned[:, k]), np.sin(turned[:, k])]) for k in range(2))
-            point = np.array(arm.base) + arm.link_length[0] * first + hand.position * second
+        point = _held_point(world.scenario, hand, run)
         stored = 0.5 * hand.stiffness * np.sum((point - hand.target) ** 2, axis=1)
         given, gained = stored[0] - stored, run.total_energy - run.total_energy[0]
         lost = run.dissipated_energy + run.own.get("grip_loss", 0.0)
         statement = f"a hand pulls {words}, {grips} grips: energy gained and lost = loss of its spring's, as a part"
         yield below(statement, 1e-6, (gained + lost - given) / np.ptp(stored))
         yield below("and so is the work put in", 1e-6, (run.input_work - given) / np.ptp(stored))
+
+
+def _held_point(scenario: Scenario, hand: Pull, run: Samples) -> np.ndarray:
+    """The place (N, 2) of a hand along a run, from the pose and the deflection there, or from the joint angles, m."""
+    if hand.link is None:
+        turn, across = run.pose[:, 2], run.beam_coordinates @ MassPoints(scenario).shapes(hand.position)
+        c, s = np.cos(turn), np.sin(turn)
+        return run.pose[:, :2] + np.column_stack([hand.position * c - across * s, hand.position * s + across * c])
+    index, link = hand.link[0] - 1, hand.link[1]
+    arm, turned = scenario.arms[index], np.cumsum(run.joint_angle[:, index], axis=1)[:, :link]
+    outwards = np.array([*arm.link_length[: link - 1], hand.position])
+    return np.array(arm.base) + np.column_stack([np.cos(turned) @ outwards, np.sin(turned) @ outwards])
 
 
 def _end(integrator: str, step: float) -> np.ndarray:

@@ -278,8 +278,8 @@ delay that a sampled loop allows: control/conditions.py
     np.pi / (4 * delay + 2)
     np.pi / (4 * delay + 1)
 memory in the sampled loop: analysis/stability.py
-    matrix[states:own, :own] = memory + np.eye
-    matrix[states:own, :own] = memory - np.eye
+    + len(kept)] += np.eye
+    + len(kept)] -= np.eye
 late motors in linear models: analysis/stability.py
     np.eye(count) / time_constant
     np.eye(count) / (1.1 * time_constant)

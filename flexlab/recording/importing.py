@@ -30,7 +30,7 @@ from flexlab.scenario import Scenario
 from flexlab.sim.samples import MEASURED, Run, Status, row_length, rows_to_samples
 from flexlab.sim.signals import MIDSPAN, QUASI_STATIC, TIME, own_signals
 from flexlab.sim.snapshot import TICK, Event
-from flexlab.text import visible
+from flexlab.text import number_text, visible
 
 IMPORTED = (SUFFIX, *FORMATS)
 """Endings of files that can be imported."""
@@ -94,8 +94,9 @@ def _take_table(path: Path, logs: Path, notes: Mapping[str, str]) -> Path:
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
         reason = visible(error, LONGEST_REASON)
         raise RecordingError(f"{path.name} was not exported by this version of flexlab ({reason}).") from None
-    if metadata["left_out"]:
-        notes = {"note": metadata["left_out"], **notes}
+    check_period(path.name, info.sample_period)
+    if said := " ".join(filter(None, (metadata["left_out"], _missing_text(run.time, info.sample_period)))):
+        notes = {"note": said, **notes}
     return take_run(run, info, path.name, logs, [event for event in events if not is_end(event)], **notes)
 
 
@@ -117,6 +118,17 @@ def take_run(run: Run, info: RunInfo, source: str, logs: Path, events: Sequence[
             raise RecordingError(f"{source} cannot be taken into {logs} ({error.strerror}): make room.") from None
         raise
     return recording.path
+
+
+def _missing_text(time: np.ndarray, period: float) -> str:
+    """Which samples are missing between times (N,), s, of a run that was sampled every `period`, s; empty if none are."""
+    missed = np.rint(np.diff(time) / period).astype(int) - 1
+    gaps = np.flatnonzero(missed > 0)
+    if len(gaps) == 0:
+        return ""
+    first, last = (number_text(value) for value in time[gaps[0] : gaps[0] + 2])
+    where = f"between {first} s and {last} s" if len(gaps) == 1 else f"in {len(gaps)} places, first after {first} s"
+    return f"Samples missing, {where}: {missed[gaps].sum()}."
 
 
 def _info(run: Run, metadata: Mapping[str, Any]) -> RunInfo:

@@ -279,6 +279,18 @@ def test_a_column_with_an_unknown_name_is_left_out_and_named_in_the_note(
     assert not read_row(import_into(file, tmp_path / "whole")).note
 
 
+def test_missing_rows_are_counted_in_the_note(original: Recording, tmp_path: Path) -> None:
+    file = export_recording(original, tmp_path / "cut.csv")
+    lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
+    kept = [line for line in lines if not "0.1495" < line.partition(",")[0] < "0.1695"]
+    file.write_text("".join(kept), encoding="utf-8")
+    assert len(lines) - len(kept) == 20
+    assert read_row(import_into(file, tmp_path / "once")).note == "Samples missing, between 0.149 s and 0.17 s: 20."
+    file.write_text("".join(kept[:9] + kept[10:]), encoding="utf-8")
+    said = read_row(import_into(file, tmp_path / "again")).note
+    assert said == "Samples missing, in 2 places, first after 0.106 s: 21."
+
+
 def twice_in_csv(file: Path) -> Path:
     file.write_text(file.read_text(encoding="utf-8").replace("pose_x [m]", "pose_y [m]", 1), encoding="utf-8")
     return file

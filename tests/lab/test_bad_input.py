@@ -93,7 +93,7 @@ def test_an_invalid_value_is_refused(session: Session, label: str, updates: dict
         ("Seed", 2.5, "Seed ="),
         ("Input delay d (samples)", 3, "controller"),
         ("Believed L / true L", 0.0, "Believed L / true L ="),
-        ("Link lengths l (m)", [0.7, -0.6, 0.2], "Link lengths l, 2 of 3 = −0.6 m"),
+        ("Link lengths l (m)", [0.7, -0.6, 0.2], "Link lengths l, 2 of 3 = −0.6\N{NO-BREAK SPACE}m"),
         ("Exaggeration of the deflection (×)", 1e9, None),
     ],
 )
@@ -162,7 +162,10 @@ def test_the_first_update_of_the_panel_keeps_a_complaint_on_the_page(monkeypatch
 
 @pytest.mark.parametrize(
     ("label", "value", "path"),
-    [(EI, -1.0, "Bending stiffness EI ="), ("Link lengths l (m)", [0.7, -0.6, 0.2], "Link lengths l, 2 of 3 = −0.6 m")],
+    [
+        (EI, -1.0, "Bending stiffness EI ="),
+        ("Link lengths l (m)", [0.7, -0.6, 0.2], "Link lengths l, 2 of 3 = −0.6\N{NO-BREAK SPACE}m"),
+    ],
 )
 def test_a_complaint_stays_in_a_new_run_as_long_as_it_is_true(
     session: Session, label: str, value: Any, path: str

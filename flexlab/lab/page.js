@@ -102,6 +102,8 @@
     return meshes > 0;
   }
 
+  const LOGARITHMIC = 3; // uPlot's name for such a scale
+
   const share = (value) => Math.round(1000 * Math.min(Math.max(value, 0), 1)) / 1000;
 
   // The visible part of the time axis of each chart on the screen, as fractions of the whole.
@@ -179,16 +181,32 @@
     if (plots) style.setProperty("--fl-window-shift", `${Math.round(Math.max(box.left + 8 - plots.offsetLeft, 0))}px`);
   }
 
-  // A legend shows values to a thousandth of the axis or finer, and a missing one as –.
+  // A legend shows values to a thousandth of the axis or finer, on a logarithmic axis to a tenth of its lower end, and a missing
+  // one as –.
   function tellPlainly(series) {
     if (series.isPlain) return;
     series.isPlain = true;
     series.value = (chart, value) => {
       if (!Number.isFinite(value)) return "–";
-      const { min, max } = chart.scales[series.scale];
-      const shown = value.toFixed(Math.min(Math.max(3 - Math.floor(Math.log10(Math.max(-min, max))), 0), 9));
+      const shown = written(chart.scales[series.scale], value);
       return Number(shown) ? shown.replace("-", "−") : "0";
     };
+  }
+
+  function written({ min, max, distr }, value) {
+    const digits = distr === LOGARITHMIC ? 1 - Math.floor(Math.log10(min)) : 3 - Math.floor(Math.log10(Math.max(-min, max)));
+    return value.toFixed(Math.min(Math.max(digits, 0), 9));
+  }
+
+  // All values in a legend have the room of the widest one: otherwise a changing number would move the names.
+  function giveRoom(chart) {
+    const { y } = chart.scales;
+    if (!Number.isFinite(y.min) || !Number.isFinite(y.max)) return;
+    // A point takes less room than a digit, and a minus sign more, in some fonts nearly twice as much.
+    const widths = [y.min, y.max].map((end) => written(y, end))
+      .map((text) => text.length - (text.includes(".") ? 0.4 : 0) + (text.includes("-") ? 0.8 : 0));
+    const room = `${Math.max(...widths)}ch`;
+    if (chart.root.style.getPropertyValue("--fl-value") !== room) chart.root.style.setProperty("--fl-value", room);
   }
 
   // Positions change when a person acts or parts come and go; measuring them makes the browser lay out the page.
@@ -210,14 +228,17 @@
     keepOpenPanels();
   }
 
-  // Without a cursor in a chart, its legend shows the newest values.
+  // Without a cursor in a chart, its legend shows the newest values; a spectrum has none.
   const told = new WeakMap(); // chart → the data that its legend shows
 
   function tellNewest() {
     for (const { chart } of Object.values(window.__viserTestpoints?.uplots ?? {})) {
-      chart.series.slice(1).forEach(tellPlainly);
-      if (chart.root.offsetParent === null || !(chart.cursor.left < 0)) continue;
-      let last = chart.data[0].length - 1;
+      const isSpectrum = chart.scales.y.distr === LOGARITHMIC;
+      chart.series.slice(isSpectrum ? 0 : 1).forEach(tellPlainly);
+      if (chart.root.offsetParent === null) continue;
+      giveRoom(chart);
+      if (!(chart.cursor.left < 0)) continue;
+      let last = isSpectrum ? null : chart.data[0].length - 1;
       while (last > 0 && !Number.isFinite(chart.data[1]?.[last])) last -= 1;
       if (told.get(chart) === chart.data && chart.legend.idx === last) continue;
       told.set(chart, chart.data);

@@ -40,6 +40,26 @@ def hues(page: LabPage, x: float, y: float) -> np.ndarray:
     return hue[saturation > STRONG]
 
 
+ROOM = """() => Object.values(window.__viserTestpoints.uplots).map(({ chart }) => chart)
+  .filter((chart) => chart.root.offsetParent !== null)
+  .flatMap((chart) => [...chart.root.querySelectorAll('.u-series:not(:first-child):not(.fl-unnamed) .u-value')].map((part) => {
+    const { min, max } = chart.scales.y, shown = part.textContent;
+    const widths = [min, max, min / 7, max / 7, 0].map((value) => {
+      part.textContent = chart.series[1].value(chart, value);
+      return Math.round(10 * part.getBoundingClientRect().width);
+    });
+    part.textContent = shown;
+    return widths;
+  })).filter((widths) => new Set(widths).size > 1)"""
+"""The widths, 0.1 px, of legends' values that differ in width from one value of their axis to another."""
+
+MARKS = """() => Object.values(window.__viserTestpoints.uplots).map(({ chart }) => chart)
+  .filter((chart) => chart.scales.y.distr === 3)
+  .flatMap(({ root, series }) =>
+    [series[2].dash ?? [], getComputedStyle(root.querySelector('.fl-mark .u-marker')).borderTopStyle])"""
+"""The dashes of the spectrum's marks, and the style of their piece in the legend."""
+
+
 def is_legible(legend: list[str]) -> bool:
     return any(text[-1:].isdigit() for text in legend) and {"NaN", "-0", "−0", "--"}.isdisjoint(legend)
 
@@ -185,12 +205,17 @@ def test_the_plots_of_every_tab_have_their_curves_and_legible_numbers(page: LabP
         for text in texts:
             page.wait_for_text(text)
         told = page.page.locator(".u-value:visible")
+        if tab == "Spectrum":
+            wait_until(lambda told=told: set(told.all_inner_texts()) == {"–"}, "a spectrum has no newest values")
+            page.page.locator(".u-over:visible").hover()
         wait_until(lambda told=told: is_legible(told.all_inner_texts()), "the legend has numbers or –")
         page.picture(f"plots-{tab.lower()}")
     values = """() => Object.values(window.__viserTestpoints.uplots)
         .map(({ chart }) => [chart, Math.max(-chart.scales.y.min, chart.scales.y.max)])
         .map(([chart, end]) => chart.series[1].value(chart, 0.0012 * end))"""
     assert "0" not in page.page.evaluate(values), "a thousandth of the axis is no zero"
+    assert page.page.evaluate(ROOM) == [], "a changing number does not move the names"
+    assert page.page.evaluate(MARKS) == [[], "solid"], "marks drawn up and down have no dashes, in chart and legend"
     page.open_tab("View")
     page.choose("Plot window", "1 s")
     span = "() => { const u = Object.values(window.__viserTestpoints.uplots)[0].chart.scales.x; return u.max - u.min; }"

@@ -145,7 +145,9 @@ def energy_and_convergence(runs: Runs) -> Iterator[Check]:
         spun = run_of(
             "the soft beam", {**SPUN, "payload.element_count": elements, "initial.beam_coordinates": bent}, 0.1, PERIOD
         )
-        statement = f"a soft beam of {elements} elements that spins fast, with the force along it: the same"
+        statement = (
+            f"soft beam, {elements} elements, spins fast: energy gained = work put in - energy damped, as a part"
+        )
         yield balanced(statement, spun)
     free = runs.free
     drift = free.total_energy / free.total_energy[0] - 1
@@ -169,9 +171,9 @@ def _pulled() -> Iterator[Check]:
         stored = 0.5 * hand.stiffness * np.sum((point - hand.target) ** 2, axis=1)
         given, gained = stored[0] - stored, run.total_energy - run.total_energy[0]
         lost = run.dissipated_energy + run.own.get("grip_loss", 0.0)
-        statement = f"a hand pulls {words}, {grips} grips: energy gained and lost = loss of its spring's, as a part"
+        statement = f"a hand pulls {words}, {grips} grips: energy gained and lost = energy that its spring gives"
         yield below(statement, 1e-6, (gained + lost - given) / np.ptp(stored))
-        yield below("and so is the work put in", 1e-6, (run.input_work - given) / np.ptp(stored))
+        yield below("and that is the work put in: relative error", 1e-6, (run.input_work - given) / np.ptp(stored))
 
 
 def _held_point(scenario: Scenario, hand: Pull, run: Samples) -> np.ndarray:

@@ -121,16 +121,16 @@ def _rates(words: str, times: np.ndarray, kind: str, **changes: Any) -> Iterator
 
 
 def _outline(kind: str) -> Iterator[Check]:
-    """What a path tells of itself, against its poses."""
+    """The middle, reach and largest acceleration that a path states, against its poses."""
     path, motion = _motion(kind)
     found = poses(motion, np.linspace(*path.window, 20_001))
     low, high = found[:, 0].min(axis=0), found[:, 0].max(axis=0)
-    told = np.array([path.middle, path.reach])
-    statement = f"{kind}: the middle and the reach that it tells: largest error, m, rad"
-    yield below(statement, 1e-4, told - [(low + high) / 2, (high - low) / 2])
+    stated = np.array([path.middle, path.reach])
+    statement = f"{kind}: stated middle and reach: largest error, m, rad"
+    yield below(statement, 1e-4, stated - [(low + high) / 2, (high - low) / 2])
     peak = np.abs(found[:, 2]).max(axis=0)
     error = np.abs(np.array(path.peak_acceleration) - peak) / max(float(peak.max()), 1.0)
-    yield below(f"{kind}: the largest acceleration that it tells: relative error", 1e-4, error)
+    yield below(f"{kind}: stated largest acceleration: relative error", 1e-4, error)
 
 
 def _changed() -> Iterator[Check]:

@@ -102,11 +102,15 @@ class Menu:
             self.settle()
 
 
-def table_html(rows: Iterable[Sequence[str]], *heads: str) -> str:
-    """A table of cells and heads that are already HTML."""
-    head = "".join(f"<th>{word}</th>" for word in heads)
-    lines = ["".join(f"<td>{cell}</td>" for cell in row) for row in rows]
-    return f'<table class="fl-table">{"".join(f"<tr>{line}</tr>" for line in (head, *lines) if line)}</table>'
+def table_html(rows: Iterable[Sequence[str]], *heads: str, numbers: Sequence[int] = ()) -> str:
+    """A table of cells and heads that are already HTML; `numbers`: the columns that are aligned at the right."""
+
+    def line(kind: str, cells: Sequence[str]) -> str:
+        marks = (' class="fl-figure"' if k in numbers else "" for k in range(len(cells)))
+        return "".join(f"<{kind}{mark}>{cell}</{kind}>" for mark, cell in zip(marks, cells, strict=True))
+
+    lines = [line("th", heads), *(line("td", row) for row in rows)]
+    return f'<table class="fl-table">{"".join(f"<tr>{one}</tr>" for one in lines if one)}</table>'
 
 
 def put(widget: Any, **values: Any) -> None:

@@ -148,7 +148,7 @@ def _beam_html(result: Modes, pressed: bool) -> str:
             moved = f"turning, {turning:.0f} %"
         ratio = number_text(100 * float(result.damping_ratio[k]), 2)
         rows.append((f"{k + 1}", f"{result.frequency[k]:.2f}", ratio, moved))
-    table = table_html(rows, "mode", "f (Hz)", "ζ (%)", "excited by moving grips")
+    table = table_html(rows, "mode", "f (Hz)", "ζ (%)", "excited by moving grips", numbers=(1, 2))
     title = "Beam with its grips held, no axial force" if pressed else "Beam with its grips held"
     return f'<h2 class="fl-title">{title}</h2>{table}'
 
@@ -163,7 +163,8 @@ def _poles_html(result: Modes) -> str:
     rows = result.pole_rows()
     # Growing poles, then oscillating ones: poles of the pose alone decay without being seen.
     seen = [row for row in rows if row.verdict == "grows" or row.frequency > 0]
-    table = table_html(map(_pole_cells, seen[:MOST_POLES]), "f (Hz)", "ζ (%)", "rate (1/s)", "of")
+    cells = map(_pole_cells, seen[:MOST_POLES])
+    table = table_html(cells, "f (Hz)", "ζ (%)", "rate (1/s)", "of", numbers=(0, 1, 2))
     alarm = ""
     if result.unstable:
         rate = number_text(result.growth, 3)

@@ -113,7 +113,7 @@ def ring_html(found: FittedRing, has_gain: bool) -> str:
         rows.append((f"ζ{k}", escaped(str(mode.damping_ratio))))
     span = 1e3 * (fit.end - fit.start)
     head = f"Since {found.since}: {fit.samples} samples, {span:.0f} ms, noise {number_text(1e3 * fit.noise, 2)} mm"
-    parts = [f'<div class="fl-dim">{escaped(head)}</div>{table_html(rows)}']
+    parts = [f'<div class="fl-dim">{escaped(head)}</div>{table_html(rows, numbers=(1,))}']
     if found.remedies is not None:
         parts += [f'<div class="fl-line">{escaped(sentence)}</div>' for sentence in sentences(found.remedies, has_gain)]
     return f'<div class="fl">{"".join(parts)}</div>'

@@ -13,7 +13,7 @@ from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import differences, field_title, told, value_text
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Snapshot
-from flexlab.text import escaped, number_text
+from flexlab.text import escaped, number_text, with_units
 
 MOST_CHANGES = 12
 AS_FACTOR = 1000.0
@@ -87,8 +87,8 @@ def comparison_html(kept: ReferenceRun, snapshot: Snapshot, runner: Runner) -> s
     lines = []
     for old, new in rows[1:]:
         shown = change_text(100 * (new.value / old.value - 1) if old.value else math.nan)
-        lines.append((f"{escaped(old.title)} ({old.unit})", metric_text(old), metric_text(new), shown))
-    table = table_html(lines, "", "kept", "now", "change")
+        lines.append((escaped(with_units(old.label)), metric_text(old), metric_text(new), shown))
+    table = table_html(lines, "", "kept", "now", "change", numbers=(1, 2, 3))
     return f'<div class="fl">Over t = {first:.2f} s to {last:.2f} s of both runs:{table}{settings}</div>'
 
 
@@ -113,7 +113,7 @@ def changes_table(before: Scenario, now: Scenario, *heads: str) -> str:
         return ""
     more = len(changed) - MOST_CHANGES
     note = f"<div>… and {more} more.</div>" if more > 0 else ""
-    return table_html(changed[:MOST_CHANGES], *heads) + note
+    return table_html(changed[:MOST_CHANGES], *heads, numbers=(1, 2)) + note
 
 
 def told_html(before: Scenario, now: Scenario) -> list[tuple[str, str, str]]:

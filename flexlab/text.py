@@ -120,7 +120,7 @@ _WITHOUT_PICTURE = re.compile(
 )
 _OBEYED = re.compile(f"\x7f|{_WITHOUT_PICTURE.pattern}")
 _BEFORE_UNIT = re.compile(
-    r"(?<=[\d⁰¹²³⁴⁵⁶⁷⁸⁹]) (?=(?:[kmµ]?m|[km]?s|1/s|k?Hz|[km]?N|N·m|m?J|mrad|rad|kg|micrometres|MB/min|%)\b|%)"
+    r"(?<=[\d⁰¹²³⁴⁵⁶⁷⁸⁹]) (?=(?:[kmµ]?m|[km]?s|1/s|k?Hz|[km]?N|N·m|m?J|mrad|rad|kg|micrometres|[kMG]B|%)\b|%)"
 )
 PARSER = threading.RLock()
 """Held while Python parses a text: in 3.11, two threads at once fail with a SystemError (python/cpython#106905).
@@ -289,12 +289,12 @@ class Page:
 
 def html_table(rows: Iterable[Sequence[object]], heads: Sequence[str] = (), caption: str = "") -> str:
     """An HTML table of plain texts; without `heads`, each row's first cell is its head."""
-    lines = []
-    if heads:
-        lines.append("".join(f"<th>{with_subscripts(escape(head))}</th>" for head in heads))
+
+    def cell(kind: str, value: object) -> str:
+        return f"<{kind}>{with_subscripts(escape(with_units(str(value))))}</{kind}>"
+
+    lines = ["".join(cell("th", head) for head in heads)] if heads else []
     for first, *others in rows:
-        mark = "td" if heads else "th"
-        cells = "".join(f"<td>{with_subscripts(escape(str(cell)))}</td>" for cell in others)
-        lines.append(f"<{mark}>{with_subscripts(escape(str(first)))}</{mark}>{cells}")
+        lines.append(cell("td" if heads else "th", first) + "".join(cell("td", value) for value in others))
     title = f"<caption>{escape(caption)}</caption>" if caption else ""
     return f"<table>{title}{''.join(f'<tr>{line}</tr>' for line in lines)}</table>"

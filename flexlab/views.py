@@ -67,7 +67,7 @@ class View:
     @property
     def names(self) -> tuple[str, ...]:
         """Curves with their units."""
-        return tuple(f"{curve} [{unit}]" for curve, unit in zip(self.curves, self.units, strict=True))
+        return tuple(f"{curve} ({unit})" for curve, unit in zip(self.curves, self.units, strict=True))
 
     @property
     def colors(self) -> tuple[Color, ...]:

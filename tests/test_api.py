@@ -61,7 +61,7 @@ def test_a_run_has_metrics_and_a_repr_of_one_line():
     for words in (repr(run), repr(run.scenario), repr(run.metrics), repr(modes)):
         assert len(words) < 300
         assert "\n" not in words
-    assert "<th>Vibration below 1 % after [s]</th>" in run.metrics._repr_html_()
+    assert "<th>Vibration below 1\xa0% after (s)</th>" in run.metrics._repr_html_()
     refused = repr(flexlab.simulate_many([{"gravity": 99}], progress=False)[0])
     assert refused.startswith("<Run of run: did not finish (invalid: ")
     assert refused.endswith("), 0 samples>")
@@ -94,7 +94,7 @@ def test_tables_in_notebooks_escape_the_markup_of_a_title():
         assert "<script" not in html
         assert html.count("<table") == html.count("</table>")
     assert "<td>payload.bending_stiffness</td><td>100.0</td><td>N·m²</td>" in scenario._repr_html_()
-    assert "RMS internal force [N]" in run._repr_html_()
+    assert "RMS internal force (N)" in run._repr_html_()
 
 
 def test_pandas_and_numpy_read_an_exported_csv(tmp_path: Path):

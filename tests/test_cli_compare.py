@@ -34,8 +34,8 @@ def test_tables_are_printed_and_the_overlay_is_saved_and_opens_again(
     rows = [line.split() for line in done.stdout.splitlines()]
     assert ["A", stiff.stem, "0.3", "The", "paper's", "experiment"] in rows
     assert "Metrics of the first 0.2 s of each run:" in done.stdout
-    assert ["Duration", "[s]", "0.2", "0.2", "0"] in rows
-    assert ["Vibration", "below", "1", "%", "after", "[s]", "not", "settled", "not", "settled", "–"] in rows
+    assert ["Duration", "(s)", "0.2", "0.2", "0"] in rows
+    assert ["Vibration", "below", "1", "%", "after", "(s)", "not", "settled", "not", "settled", "–"] in rows
     assert ["payload.bending_stiffness", "100", "60"] in rows
     with review(tmp_path / "both.rrd") as address, urllib.request.urlopen(address) as page:
         assert page.status == 200

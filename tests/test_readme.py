@@ -21,7 +21,7 @@ def test_the_python_example_runs(readme: str, tmp_path: Path):
     done = subprocess.run(
         [sys.executable, "-c", example], cwd=tmp_path, capture_output=True, text=True, encoding="utf-8", check=True
     )
-    assert done.stdout.startswith("Over t = 0 s to 3 s:\n  Duration [s]")
+    assert done.stdout.startswith("Over t = 0 s to 3 s:\n  Duration (s)")
     assert "\nfinished [0.016" in done.stdout
     assert done.stdout.endswith(" mm\n")
 

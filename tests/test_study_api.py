@@ -168,13 +168,13 @@ def test_a_metric_of_ones_own_is_read_back_where_it_is_not_declared(flexlab_comm
     forget("farthest")
     found = flexlab.read(path)
     assert found.metrics["Farthest place [m]"] == pytest.approx(computed, rel=1e-3)
-    assert "Farthest place [m]" in str(found.metrics)
+    assert "Farthest place (m)" in str(found.metrics)
     again = found.save(tmp_path / "again")
     assert read_notes(again)["metrics"]["Farthest place [m]"] == read_notes(path)["metrics"]["Farthest place [m]"]
     note_metrics(path)
     assert flexlab.read(path).metrics.own == ["Farthest place [m]"], "measured again by a process that does not know it"
     told = flexlab_command("logs", path.stem, "--logs", str(tmp_path / "logs")).stdout
-    assert "Farthest place [m]" in told
+    assert "Farthest place (m)" in told
 
 
 def _named(name: str) -> Callable[[flexlab.Samples], np.ndarray]:

@@ -105,13 +105,13 @@ class Comparison(Result):
             [label, run.path.stem, f"{duration:.4g}", run.scenario.title or run.name]
             for label, run, duration in zip(self.labels, self.recordings, self.duration, strict=True)
         ]
-        return [["", "run", "duration [s]", "scenario"], *rows]
+        return [["", "run", "duration (s)", "scenario"], *rows]
 
     def metric_table(self) -> Table:
         """Each metric of each run, and its difference from A's."""
         labels = self.labels
         rows = [
-            [rows[0].key, *(row.short for row in rows), *(difference_text(rows[0], row) for row in rows[1:])]
+            [rows[0].label, *(row.short for row in rows), *(difference_text(rows[0], row) for row in rows[1:])]
             for rows in self.metrics
         ]
         return [["metric", *labels, *(f"{label} − A" for label in labels[1:])], *rows]

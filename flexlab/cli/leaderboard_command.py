@@ -96,7 +96,7 @@ def _print(board: "Leaderboard") -> None:
         case = section.case
         _print_grid(f"{case.name} {case.title}: {case.main.column.title}, {case.main.column.unit}", section.main)
         for score in case.scores if not section.details else (case.main,):
-            meaning = f"  {score.column.title} ({score.column.unit}) = {score.formula}"
+            meaning = f"  {score.column.label} = {score.formula}"
             output().print(meaning, style="dim", soft_wrap=True)
         for sentence in section.failures:
             output().print(f"  {sentence}", style="red", soft_wrap=True)

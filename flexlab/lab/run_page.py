@@ -27,7 +27,7 @@ from flexlab.lab.viser_server import open_server
 from flexlab.presets import scenario_text
 from flexlab.sim.samples import MEASURED, Run
 from flexlab.sim.snapshot import Event
-from flexlab.text import number_text, with_subscripts
+from flexlab.text import number_text, with_subscripts, with_units
 from flexlab.views import fitting_exaggeration
 
 FRAMES_PER_SECOND = 30
@@ -125,7 +125,7 @@ def run_page(run: Run, name: str, noted: Noted = NOTHING, events: Sequence[Event
         noted=noted,
         why=explain_run(run, run.scenario, events=events),
         scenario=scenario_text(run.scenario),
-        subscripts=lambda text: Markup(with_subscripts(str(escape(text)))),
+        subscripts=lambda text: Markup(with_subscripts(str(escape(with_units(text))))),
     )
 
 

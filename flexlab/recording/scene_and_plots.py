@@ -182,11 +182,10 @@ def scene_view(name: str, scenario: Scenario, contents: str = "/scene/**", shape
 
 def plot_view(signal: View, contents: Sequence[str] = ()) -> rrb.TimeSeriesView:
     """One plot, which shares its time axis with all others. `contents`: entities to draw instead of the signal's own."""
-    units = sorted({name[name.rindex("[") + 1 : -1] for name in signal.names})
     return rrb.TimeSeriesView(
         origin="/" if contents else f"/{signal.entity}",
         contents=list(contents) or "$origin/**",
-        name=f"{signal.title} [{', '.join(units)}]",
+        name=f"{signal.title} ({', '.join(sorted(set(signal.units)))})",
         axis_x=rrb.TimeAxis(link=LinkAxis.LinkToGlobal),
         plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
     )

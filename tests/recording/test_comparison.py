@@ -71,7 +71,7 @@ def test_tables_say_what_differs(recording_file: Path, softer: Path) -> None:
     text = found.text()
     assert found.duration == (1.0, 0.5)
     assert "## Metrics of the first 0.5 s of each run" in text
-    assert "| Duration [s] | 0.5 | 0.5 | 0 |" in text
+    assert "| Duration (s) | 0.5 | 0.5 | 0 |" in text
     assert "| `payload.bending_stiffness` | 100 | 60 |" in text
 
 

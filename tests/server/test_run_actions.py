@@ -54,8 +54,8 @@ def test_two_runs_are_compared_in_tables_and_in_one_overlay(library: FrontServer
     assert f'value="{softer.stem}" form="compare"' in ask(library.url, "/runs").text
     place, answer = compared(library.url, recorded.stem, softer.stem)
     page = answer.text
-    assert "Metrics <small>of the first 0.3 s of each run</small>" in page
-    assert '<th scope="row">Duration [s]</th><td class="number" title="">0.3</td>\n' in page
+    assert "Metrics <small>of the first 0.3\xa0s of each run</small>" in page
+    assert '<th scope="row">Duration (s)</th><td class="number" title="">0.3</td>\n' in page
     assert "not settled</td>" in page
     assert "Bending stiffness EI (N·m²)" in page
     address = page.split('data-recording="')[1].split('"')[0]
@@ -88,7 +88,7 @@ def test_a_comparison_reports_its_progress_and_a_failed_one_its_reason(library: 
     wait_until(finished, "the comparison is over")
     assert shares == sorted(shares)
     assert any(0 < share < 1 for share in shares)
-    assert "Metrics <small>of the first 0.5 s of each run</small>" in ask(library.url, place).text
+    assert "Metrics <small>of the first 0.5\xa0s of each run</small>" in ask(library.url, place).text
     assert ask(library.url, "/compare/none/state").status == 404
     write_notes(run, rows=2_000_000)
     place, answer = compared(library.url, run.stem, recorded.stem)
@@ -223,7 +223,9 @@ def test_a_run_that_is_being_recorded_is_replayed_as_far_as_it_goes(library: Fro
         place = library.places.running()[0]
         play(library)
         wait_until(lambda: place.status().time > 1.5, "a second is recorded")
-        run = place.status().recording.stem
+        recording = place.status().recording
+        assert recording is not None
+        run = recording.stem
         assert post(library.url, f"/runs/{run}/replay", {}).status == 303
         sentence = over(library.url, f"/runs/{run}/replay")["sentence"]
         assert re.fullmatch(r"All \d+ samples came out again, bit for bit\.", sentence)
@@ -233,8 +235,8 @@ def test_a_run_that_is_being_recorded_is_replayed_as_far_as_it_goes(library: Fro
 @pytest.mark.parametrize(
     ("time", "says"),
     [
-        ("0.6", "t = 0.6 s was not recorded: choose 0 to 0.5 s."),
-        ("-1", "t = −1 s was not recorded"),
+        ("0.6", "t = 0.6\xa0s was not recorded: choose 0 to 0.5\xa0s."),
+        ("-1", "t = −1\xa0s was not recorded"),
         ("soon", "time = &#x27;soon&#x27; is not a time: give a number of seconds"),
         ("nan", "is not a time"),
     ],
@@ -285,7 +287,7 @@ def test_figures_are_exported_in_one_archive(library: FrontServer, softer: Path)
             "format=xlsx",
             "format = &#x27;xlsx&#x27; is not known: choose one of html, zip, csv, parquet, npz, png, svg.",
         ),
-        ("format=csv&start=2", "From 2 to 0.5 s there is no sample: choose times within 0 to 0.5 s"),
+        ("format=csv&start=2", "From 2 to 0.5\xa0s there is no sample: choose times within 0 to 0.5\xa0s"),
         ("format=csv&end=inf", "end = &#x27;inf&#x27; is not a time"),
     ],
 )

@@ -158,7 +158,7 @@ def test_runs_are_measured_when_somebody_opens_the_library(open_another: Callabl
     value = notes["metrics"]["Peak vibration [mm]"]
     assert value > 1
     assert f"{value:.4g}</td>" in ask(front_server.url, "/runs").text
-    assert "Vibration below 1 % after [s]" in ask(front_server.url, f"/runs/{file.stem}").text
+    assert "Vibration below 1\xa0% after (s)" in ask(front_server.url, f"/runs/{file.stem}").text
 
 
 def test_copied_runs_are_listed_by_the_time_when_they_began(open_another: Callable[..., FrontServer], recorded: Path):

@@ -252,7 +252,7 @@ def _draw_dots(axes: "Axes", case: Case, values: np.ndarray) -> None:
     else:
         axes.set_xticks([])
     axes.grid(axis="x", which="both", alpha=0.2)
-    axes.set_xlabel(f"{case.main.column.title} ({case.main.column.unit})")
+    axes.set_xlabel(case.main.column.label)
     if len(case.variants) > 1:
         look = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "frameon": False, "fontsize": "small"}
         axes.legend(ncols=len(case.variants), **look)
@@ -270,7 +270,7 @@ def _draw_map(figure: "Figure", axes: "Axes", case: Case, values: np.ndarray) ->
         if np.isfinite(value):
             text, color = number_text(value, 2), "white" if np.greater(drawn.norm(value), 1 - DARK) else INK
         axes.text(place, line, text, ha="center", va="center", fontsize="x-small", color=color)
-    figure.colorbar(drawn, ax=axes, label=f"{case.main.column.title} ({case.main.column.unit})")
+    figure.colorbar(drawn, ax=axes, label=case.main.column.label)
 
 
 def page_figure(board: Leaderboard, case: Case) -> str:

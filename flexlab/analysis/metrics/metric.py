@@ -43,13 +43,24 @@ class Column:
 
     @property
     def key(self) -> str:
-        """Title and unit, as notes and tables name it."""
+        """Title and unit, as notes and tables for programs name it."""
         return f"{self.title} [{self.unit}]"
+
+    @property
+    def label(self) -> str:
+        """Title and unit, as people see it."""
+        return label_of(self.key)
 
     @property
     def si_unit(self) -> str:
         """Unit of the number in Python and in tables for programs."""
         return self.unit if self.scale == 1.0 else _SI[self.unit]
+
+
+def label_of(key: str) -> str:
+    """A `Column.key` as people see it: "Peak vibration (mm)" for "Peak vibration [mm]"."""
+    title, _, unit = key.removesuffix("]").rpartition(" [")
+    return f"{title} ({unit})" if title and unit != "1" else title or key
 
 
 _SI = {"mm": "m", "µm": "m", "mrad": "rad", "%": "1"}
@@ -219,7 +230,7 @@ def named(word: str) -> Named:
         column = number.column
         if word == number.name:
             return Named(number, 1.0, column.si_unit)
-        if word in (column.field, column.key):
+        if word in (column.field, column.key, column.label):
             return Named(number, column.scale, column.unit)
     parts = [name for name in number_names() if name.startswith(f"{word}.")]
     if parts:

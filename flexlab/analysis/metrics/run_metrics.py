@@ -10,7 +10,7 @@ from functools import cache
 from math import inf, isnan, nan
 from typing import TYPE_CHECKING, Any
 
-from flexlab.analysis.metrics.metric import METRICS, Column, Metric, named, numbers
+from flexlab.analysis.metrics.metric import METRICS, Column, Metric, label_of, named, numbers
 from flexlab.errors import StudyError
 from flexlab.text import html_table, result_text
 
@@ -51,8 +51,13 @@ class MetricRow:
 
     @property
     def key(self) -> str:
-        """Title and unit."""
+        """Title and unit, as tables for programs name it."""
         return self.column.key
+
+    @property
+    def label(self) -> str:
+        """Title and unit, as people see it."""
+        return self.column.label
 
     @property
     def text(self) -> str:
@@ -171,13 +176,13 @@ class RunMetrics:
         return f"<RunMetrics of {self.window_text}: {numbers}>"
 
     def __str__(self) -> str:
-        width = max(len(row.key) for row in self.rows)
-        rows = (f"  {row.key:<{width}}  {row.text}" for row in self.rows)
+        width = max(len(row.label) for row in self.rows)
+        rows = (f"  {row.label:<{width}}  {row.text}" for row in self.rows)
         return "\n".join([f"Over {self.window_text}:", *rows, *([self.note] if self.note else [])])
 
     def _repr_html_(self) -> str:
         caption = f"Over {self.window_text}" + (f". {self.note}" if self.note else "")
-        return html_table(((row.key, row.text) for row in self.rows), caption=caption)
+        return html_table(((row.label, row.text) for row in self.rows), caption=caption)
 
 
 @cache
@@ -274,10 +279,10 @@ def noted_value(column: Column, noted: Mapping[str, Any], stopped: bool = False)
 
 
 def noted_texts(noted: Mapping[str, Any], stopped: bool = False) -> dict[str, str]:
-    """All noted metrics by title and unit, including those that this version does not know."""
+    """All noted metrics by title and unit as people see it, including those that this version does not know."""
     columns = {column.key: column for metric in METRICS.values() for column in metric.columns}
     return {
-        str(key): noted_text(columns[key], noted, stopped)
+        label_of(str(key)): noted_text(columns[key], noted, stopped)
         if key in columns
         else value_text(Column("", "", "", ""), value)
         for key, value in noted.items()

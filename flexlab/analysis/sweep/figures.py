@@ -53,7 +53,7 @@ def draw_metric(plan: Plan, table: Any, name: str) -> "Figure":
     left_out = f", {len(shown)} of {len(every)} combinations" if len(every) > len(shown) else ""
     with style():
         figure, parts = panels(len(shown), *SIZE)
-        figure.suptitle(f"{column.title} ({column.unit}){left_out}")
+        figure.suptitle(f"{column.label}{left_out}")
         values = drawable(number_column(table, column.key))
         known = values[~np.isnan(values)] if not np.isnan(values).all() else np.array([0.0, 1.0])
         scale = {"norm": _scale(known), "vmin": known.min(), "vmax": known.max()}
@@ -62,13 +62,13 @@ def draw_metric(plan: Plan, table: Any, name: str) -> "Figure":
             part.set_title(title, fontsize="medium")
             part.set_xlabel(_label(plan, numeric[0]))
             if len(numeric) == 1:
-                part.set_ylabel(f"{column.title} ({column.unit})")
+                part.set_ylabel(column.label)
                 _draw_curve(part, numeric[0], table, rows, values)
             else:
                 part.set_ylabel(_label(plan, numeric[1]))
                 drawn = _draw_map(part, numeric, table.take(rows), values[rows], plan.samples is None, scale)
         if drawn is not None:
-            figure.colorbar(drawn, ax=parts, label=f"{column.title} ({column.unit})")
+            figure.colorbar(drawn, ax=parts, label=column.label)
     return figure
 
 
@@ -83,8 +83,8 @@ def draw_pareto(table: Any, first: str, second: str) -> "Figure":
         best = pareto_front(x, y)
         axes.step(x[best], y[best], "o-", where="post", color=VERMILION, markersize=4, label="Pareto front")
         axes.set(xscale=_scale(x), yscale=_scale(y))
-        axes.set_xlabel(f"{one.title} ({one.unit})")
-        axes.set_ylabel(f"{other.title} ({other.unit})")
+        axes.set_xlabel(one.label)
+        axes.set_ylabel(other.label)
         axes.set_title(
             f"{len(best)} of {int(np.sum(~np.isnan(x + y)))} cells are Pareto-optimal: no other is better in both"
         )

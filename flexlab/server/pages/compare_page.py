@@ -84,7 +84,7 @@ def _metrics(tables: ComparisonTables) -> list[tuple[str, list[str]]]:
     for metric in tables.metrics:
         first = metric[0]
         differences = [difference_text(first, row) for row in metric[1:]]
-        lines.append((first.key, [*(row.short for row in metric), *differences]))
+        lines.append((first.label, [*(row.short for row in metric), *differences]))
     return lines
 
 

@@ -73,7 +73,7 @@ CHANGES_SHOWN = 3
 def table_values(rows: Sequence[RunRow], short: bool = False) -> dict[str, Any]:
     """The values of `runs_table.html`; the short table has no metrics, notes or actions."""
     metrics = (
-        TableColumn(c.heading[0].upper() + c.heading[1:], "number", c.key, f"[{c.unit}]") for c in METRIC_COLUMNS
+        TableColumn(c.heading[0].upper() + c.heading[1:], "number", c.label, f"({c.unit})") for c in METRIC_COLUMNS
     )
     return {
         "rows": rows,

@@ -94,7 +94,7 @@ class TuningStudy(Study):
             return values if all(map(math.isfinite, values)) else None
 
         tried = [found for candidate in tuned.candidates if (found := point(candidate.numbers))]
-        titles = [f"{column.title} ({column.unit})" for column in columns]
+        titles = [column.label for column in columns]
         before, after = point(tuned.before.numbers), point(tuned.best.numbers)
         return {"points": tried, "before": before, "after": after, "titles": titles}
 
@@ -113,7 +113,7 @@ class TuningStudy(Study):
                 for candidate in (tuned.before, tuned.best)
             )
             limit = f", at most {number_text(self.cost.limits[name])}" if name in self.cost.limits else ""
-            lines.append((f"{column.title} ({column.unit}){limit}", before, after))
+            lines.append((f"{column.label}{limit}", before, after))
         remark = f"{len(tuned.candidates)} candidates were tried."
         return Found(lines, remark, tuned.problem, tuned.tuned)
 

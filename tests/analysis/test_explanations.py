@@ -122,10 +122,13 @@ CASES = (
          {**NOISE, **HELD}, 2.0),
     Case("leaking estimates", r"stands at 0\.00035\d N instead of growing: leakage σ = 5 1/s", ("noisy torques",),
          {**NOISE, **HELD, "controller.leakage": 5.0}, 3.0),
-    Case("torque at its limit", r"Joint 2 of the right arm .* 60 N·m for 9\d(\.\d)? %", (),
+    Case("torque at its limit", r"Joint 2 of the right arm .* 60 N·m for 9\d(\.\d)? %", ("off the path",),
          {"controller.torque_limit": (60.0, 60.0, 60.0)}, 2.0),
-    Case("torque at its limit", r"Joint 3 of the left arm .* 20 N·m for \d\d(\.\d)? %", ("bending by weight", *SLOW),
+    Case("torque at its limit", r"Joint 3 of the left arm .* 20 N·m for \d\d(\.\d)? %",
+         ("bending by weight", "off the path", *SLOW),
          {"controller.torque_limit": (150.0, 80.0, 20.0), "gravity": 9.81}, 4.0, "weak-feedback"),
+    Case("off the path", r"237\.\d+ mm off its path.* here 99\.8 % of its 0\.15 mm are slow", ("torque at its limit",),
+         {"controller.torque_limit": (0.5, 0.5, 0.5)}, 3.0),
     Case("nearly singular arm", r"left arm comes within 15\.6° of stretched: .* 3\.71", (),
          {**HELD, "trajectory.center": (0.0, 1.287, 0.0)}, 0.3),
     Case("load share", r"3\.04 N \(RMS\), and 3\.16 N .* gives 90 %", STEADY, {"controller.load_share": 0.9}, 2.0),
@@ -231,9 +234,9 @@ def test_a_run_that_is_too_short_or_stands_still_gets_no_wrong_sentence(preset: 
 
 
 @pytest.mark.parametrize("preset", ["paper", "single-arm"])
-def test_a_run_with_its_motors_off_gets_no_sentences(preset: str):
+def test_a_run_with_its_motors_off_gets_no_sentences_but_that_it_is_off_its_path(preset: str):
     scenario = load_preset(preset).replace({"controller.kind": "none"})
-    assert not sentences(scenario, simulate(scenario, 2.5))
+    assert list(sentences(scenario, simulate(scenario, 2.5))) == ["off the path"]
 
 
 @pytest.mark.parametrize("law", ["adaptive-sliding-mode", "sliding-mode", "computed-torque", "pd"])

@@ -262,6 +262,15 @@ def test_a_run_under_pd_does_not_settle_whatever_its_length():
         assert metric.reason() == "does not settle: forced or undamped at 1.45 %", end
 
 
+def test_bending_of_a_payload_that_is_off_its_path_is_not_called_forced_or_undamped() -> None:
+    run = simulate(load_preset("paper").replace({"controller.torque_limit": (0.5, 0.5, 0.5)}), 3.0)
+    metric = SettlingTime()
+    for rows in (run.slice(0, 1000), run.slice(1000, len(run))):
+        metric.update(rows)
+    assert np.isnan(metric.compute()[0])
+    assert metric.reason() == "does not settle: the payload is off its path, at 100 %"
+
+
 def test_a_missing_settling_time_has_a_reason() -> None:
     metric = SettlingTime()
     metric.add(TIME[:300], RING[:300])

@@ -6,6 +6,7 @@ from flexlab.analysis.explanations.explanation import Evidence, n, register
 from flexlab.analysis.lesson_measures import largest, length, newest, ring_frequency
 from flexlab.analysis.metrics.residual_vibration import ResidualVibration
 from flexlab.analysis.metrics.run_metrics import between
+from flexlab.analysis.metrics.settling_time import FOLLOWS
 from flexlab.analysis.modes import Ring
 from flexlab.control.motion import TOLERATED
 from flexlab.sim.samples import Samples
@@ -100,12 +101,34 @@ def jerky_start(seen: Evidence) -> str | None:
     )
 
 
+MOSTLY = 0.5
+"""Least share of slow bending in a vibration that is not called a ring."""
+
+
+@register("off the path", "w − w_qs, where w_qs ∝ ẍ_d; a ring's mean over its period ≈ 0", "Mid-span deflection", 8)
+def off_the_path(seen: Evidence) -> str | None:
+    """The payload does not follow its path, and most of the vibration does not oscillate as fast as mode 1."""
+    samples = seen.samples
+    error, motion = largest(samples.tracking_error[:, :2]), float(np.ptp(samples.desired_pose[:, :2], axis=0).max())
+    if seen.steady is None or not seen.moving or error <= FOLLOWS * motion or seen.peak_vibration < RINGING:
+        return None
+    count = max(1, round(1 / (seen.period * float(seen.background.modes.frequency[0]))))
+    if count > len(samples):
+        return None
+    share = largest(np.convolve(samples.vibration, np.full(count, 1 / count), "valid")) / seen.peak_vibration
+    if share < MOSTLY:
+        return None
+    return (
+        f"The payload is up to {length(error)} off its path. Vibration is the deflection less the bending by the desired motion: "
+        f"here {n(100 * share)} % of its {length(seen.peak_vibration)} are slow bending by another motion, so that its peak and "
+        "settling time say little about a ring."
+    )
+
+
 REPEATS = 0.05
 """Largest relative difference of two equal periods."""
 WORTH = 0.02
 """Least forced vibration as a share of the bending."""
-FOLLOWS = 0.2
-"""Largest error over the range of the motion with which a payload counts as following its path."""
 CLOSE = (0.6, 1.5)
 """Range of the path's frequency over the mode's that counts as resonance."""
 AGREES = 0.35

@@ -22,6 +22,10 @@ FINEST, MOST_PIECES = 0.0025, 4000
 """Shortest piece of time whose peak is kept, s, and most pieces; pieces double in length if a run has more."""
 PARTS, KEEPS = 3, 0.8
 """Number of parts of an unsettled run, of which the last two are compared; ratio of their peaks from which there is no decay."""
+FOLLOWS = 0.2
+"""Largest error over the range of the desired motion with which a payload counts as following its path."""
+STARTED = 1.0
+"""Duration, s, from which a payload may count as off its path: at first it catches up with a path that already moves."""
 NOTHING = 1e-9
 """Largest vibration that may be the integrator's error, m."""
 NOT_SETTLED, NOT_RECORDED = "not settled", "not recorded"
@@ -34,7 +38,7 @@ class SettlingTime(Metric):
     0 without any vibration. NaN, not settled, unless it stays below at the end for `QUIET` seconds, and for `LONGER` times its
     longest pause below since it was last excited. The vibration is the mid-span deflection less its quasi-static part; if the
     path itself goes on shaking the beam (a soft beam, a path not far below the first mode), that forced part never dies away,
-    and the run does not settle.
+    and the run does not settle. Nor does a payload that does not follow its path: it bends as its own motion demands.
     """
 
     name, place = "settling_time", 40
@@ -49,6 +53,8 @@ class SettlingTime(Metric):
     def __init__(self) -> None:
         self._first, self._last = np.inf, -np.inf
         self._peak, self._is_recorded = 0.0, False
+        self._error, self._low, self._high = 0.0, np.full(2, np.inf), np.full(2, -np.inf)
+        """Largest tracking error, and range of the desired x and y, m."""
         self._time = np.empty(0)
         self._size = np.empty(0)
         self._piece = FINEST
@@ -57,6 +63,9 @@ class SettlingTime(Metric):
 
     def update(self, samples: "Samples") -> None:
         """Take in the next piece of a run."""
+        desired = samples.desired_pose[:, :2]
+        self._error = max(self._error, float(np.abs(samples.tracking_error[:, :2]).max()))
+        self._low, self._high = np.minimum(self._low, desired.min(axis=0)), np.maximum(self._high, desired.max(axis=0))
         self.add(samples.time, samples.vibration)
 
     def add(self, time: np.ndarray, signal: np.ndarray) -> None:
@@ -100,7 +109,7 @@ class SettlingTime(Metric):
         return (float(loud[-1] - self._first) if settled else np.nan,)
 
     def reason(self) -> str:
-        """Whether an unsettled vibration persists or had no time to settle, and its share of the peak at the end."""
+        """Why a vibration has not settled, and its share of the peak at the end."""
         if self._last <= self._first or not np.isnan(self.compute()[0]):
             return ""
         if not self._is_recorded:
@@ -108,7 +117,11 @@ class SettlingTime(Metric):
         part = (self._last - self._first) / PARTS
         before, last = (self._largest(self._last - count * part, self._last - (count - 1) * part) for count in (2, 1))
         goes_on = last >= KEEPS * before
-        return f"{'does not settle: forced or undamped' if goes_on else 'not settled: still'} at {100 * last / self._peak:.3g} %"
+        found = "does not settle: forced or undamped" if goes_on else "not settled: still"
+        strays = self._error > FOLLOWS * (self._high - self._low).max() > 0
+        if goes_on and strays and self._last - self._first >= STARTED:
+            found = "does not settle: the payload is off its path,"
+        return f"{found} at {100 * last / self._peak:.3g} %"
 
     def _largest(self, first: float, last: float) -> float:
         """Largest magnitude from `first` to `last`, s, rounded to pieces of time."""

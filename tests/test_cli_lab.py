@@ -32,6 +32,20 @@ def test_the_lab_serves_records_and_ends_and_a_second_one_on_its_port_is_refused
     assert recording_of_the_ended(lab, signal.SIGINT).name.endswith("-soft-beam.rrd")
 
 
+def test_a_lab_started_with_nohup_outlives_its_terminal(start_lab: Callable[..., Lab]):
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # As nohup does; the lab inherits it.
+    try:
+        lab = start_lab()
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    url = lab.url()
+    lab.wait(lambda: "Ctrl-C ends the lab." in "".join(lab.said))
+    lab.process.send_signal(signal.SIGHUP)
+    lab.process.send_signal(signal.SIGCONT)
+    assert answer(url) == 200
+    recording_of_the_ended(lab, signal.SIGTERM)
+
+
 def test_a_busy_port_is_one_sentence(flexlab_command: Command, tmp_path: Path):
     with socket.create_server(("127.0.0.1", 0)) as busy:
         port = busy.getsockname()[1]

@@ -32,9 +32,13 @@ def open_browser(url: str) -> None:
 
 @contextmanager
 def ending() -> Generator[threading.Event, None, None]:
-    """An event that the signals set, so that recordings are closed before the end; a second Ctrl-C ends at once."""
+    """An event that the signals set, so that recordings are closed before the end; a second Ctrl-C ends at once.
+
+    A closed terminal does not end what was started with nohup.
+    """
     ended = threading.Event()
     numbers = [getattr(signal, name) for name in SIGNALS if hasattr(signal, name)]
+    numbers = [number for number in numbers if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN]
 
     def answer(number: int, _: object) -> None:
         if ended.is_set() and number == signal.SIGINT:

@@ -233,7 +233,8 @@ def _content(path: Path) -> bytes:
 
 def _parsed(content: bytes, name: str | Path) -> Any:
     try:
-        return json.loads(content.decode("utf-8-sig"), object_pairs_hook=unique_fields)
+        # Windows PowerShell writes `flexlab presets paper > mine.json` in UTF-16.
+        return json.loads(content.decode(json.detect_encoding(content)), object_pairs_hook=unique_fields)
     except UnicodeDecodeError:
         raise PresetError(f"{name} is not a text file in UTF-8: a scenario file is JSON text.") from None
     except json.JSONDecodeError as error:

@@ -119,6 +119,7 @@ _WITHOUT_PICTURE = re.compile(
     "\u3164\ufe00-\ufe0e\ufeff\uffa0\ufff9-\ufffb\ud800-\udfff\U0001d173-\U0001d17a\U000e0000-\U000e0fff]"
 )
 _OBEYED = re.compile(f"\x7f|{_WITHOUT_PICTURE.pattern}")
+_BEYOND_ASCII = re.compile("[^\x00-\x7e]")
 _BEFORE_UNIT = re.compile(
     r"(?<=[\d⁰¹²³⁴⁵⁶⁷⁸⁹]) (?=(?:[kmµ]?m|[km]?s|1/s|k?Hz|[km]?N|N·m|m?J|mrad|rad|kg|micrometres|[kMG]B|%)\b|%)"
 )
@@ -149,14 +150,17 @@ def visible(text: object, longest: int | None = None) -> str:
     return _WITHOUT_PICTURE.sub(REPLACEMENT, words.translate(_PICTURES))
 
 
-def visible_json(text: str) -> str:
-    """The same JSON with the control characters that `json.dumps` does not escape written as escapes."""
+def visible_json(text: str, ascii_only: bool = False) -> str:
+    """The same JSON with the control characters that `json.dumps` does not escape written as escapes.
+
+    `ascii_only`: all characters that ASCII lacks, too.
+    """
 
     def escape(found: re.Match[str]) -> str:
         units = found[0].encode("utf-16-be", "surrogatepass")
         return "".join(f"\\u{units[at : at + 2].hex()}" for at in range(0, len(units), 2))
 
-    return _OBEYED.sub(escape, text)
+    return (_BEYOND_ASCII if ascii_only else _OBEYED).sub(escape, text)
 
 
 def console(stderr: bool = False) -> "Console":

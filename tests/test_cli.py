@@ -129,16 +129,27 @@ def test_wrong_options_are_explained(flexlab_command: Command, words: list[str])
     assert "--help" in done.stderr
 
 
-def test_a_closed_pipe_is_no_error(root: Path):
+@pytest.mark.parametrize("errors", ["", "2>&-"])
+def test_a_closed_pipe_is_no_error(root: Path, errors: str):
     done = subprocess.run(
-        f"{sys.executable} -m flexlab presets | head -1",
-        shell=True,
+        ["bash", "-c", f"set -o pipefail; {sys.executable} -m flexlab --help {errors} | head -1"],
         capture_output=True,
         text=True,
         check=True,
         cwd=root,
     )
     assert done.stderr == ""
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "ascii", "utf-8"])
+def test_a_preset_printed_in_any_encoding_is_a_scenario_file(encoding: str, flexlab_command: Command, tmp_path: Path):
+    """Windows writes to a file in an encoding of its own, and its PowerShell turns that into UTF-16."""
+    command, environment = [sys.executable, "-m", "flexlab", "presets", "lqr"], {"PYTHONIOENCODING": encoding}
+    printed = subprocess.run(command, env=os.environ | environment, capture_output=True, check=True).stdout
+    (tmp_path / "mine.json").write_bytes(printed)
+    assert load_scenario_file(tmp_path / "mine.json") == load_preset("lqr")
+    (tmp_path / "by_powershell.json").write_text(printed.decode(encoding), encoding="utf-16", newline="\r\n")
+    assert load_scenario_file(tmp_path / "by_powershell.json") == load_preset("lqr")
 
 
 @pytest.mark.parametrize("unbuffered", ["", "1"])

@@ -58,7 +58,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.exit(EXIT_INTERRUPTED)
     except BrokenPipeError:
         # The reader of the output has closed it, as in `flexlab presets | head`.
-        sys.stderr.close()
+        if sys.stderr is not None:
+            sys.stderr.close()
         sys.exit(EXIT_OK)
     except Exception as error:
         if isinstance(error, OSError) and error.filename is None and error.errno in NO_ROOM:

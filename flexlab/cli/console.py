@@ -49,8 +49,8 @@ def print_json(data: Any) -> None:
 
 
 def print_json_text(text: str) -> None:
-    """Print JSON with control characters escaped."""
-    output().out(visible_json(text), end="")
+    """Print JSON with control characters escaped; in ASCII if the output has another encoding than JSON's own, UTF-8."""
+    output().out(visible_json(text, ascii_only=output().encoding != "utf-8"), end="")
 
 
 def agreed(question: str, otherwise: str) -> bool:

@@ -102,6 +102,18 @@ def test_a_format_number_of_thousands_of_digits_is_a_short_sentence():
     assert len(str(caught.value)) < 200
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "what"),
+    [("format", 1.5, "a whole number"), ("format", True, "a whole number"), ("menu_order", "3", "a whole number"),
+     ("$schema", 5, "a text")],
+)  # fmt: skip
+def test_a_field_of_the_file_with_a_wrong_value_is_not_called_unknown(name: str, value: Any, what: str):
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario({name: value})
+    assert str(caught.value) == f"{name} = {value!r} is not usable: give {what}, or leave it out."
+    assert parse_scenario({"format": 1.0}) == Scenario(), "JSON has one kind of number"
+
+
 def test_a_file_of_a_later_format_is_refused_in_a_sentence(tmp_path: Path):
     file = tmp_path / "later.json"
     file.write_text('{"format": 99}')

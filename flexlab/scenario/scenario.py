@@ -19,7 +19,7 @@ from flexlab.quantities import Number, Numbers, Part, Quantity, Triple, describe
 from flexlab.scenario.arms import Arm, Grips, Joints
 from flexlab.scenario.earlier_versions import in_present_terms
 from flexlab.scenario.payload import Payload
-from flexlab.scenario.validation_errors import LONGEST, field_paths, problem, unknown_field, value_paths
+from flexlab.scenario.validation_errors import LONGEST, brief, field_paths, problem, unknown_field, value_paths
 from flexlab.text import html_table, visible
 
 
@@ -283,15 +283,20 @@ def parse_scenario(data: Any) -> Scenario:
 
 
 def _without_file_fields(data: Mapping[str, Any]) -> Mapping[str, Any]:
-    """A scenario's plain data without `FILE_FIELDS`. Raises `ScenarioError` for the format of a later flexlab."""
-    written = data.get(FORMAT_FIELD)
-    if type(written) is int and not 1 <= written <= FORMAT:
+    """A scenario's plain data without `FILE_FIELDS`. Raises `ScenarioError` for wrong ones, such as a later format."""
+    for name, kind in FILE_FIELDS.items():
+        value = data.get(name, kind())
+        if type(value) is not kind and not (kind is int and type(value) is float and value.is_integer()):
+            what = "a text" if kind is str else "a whole number"
+            raise ScenarioError([(name, f"{name} = {brief(value)} is not usable: give {what}, or leave it out.")])
+    written = data.get(FORMAT_FIELD, FORMAT)
+    if not 1 <= written <= FORMAT:
         sentence = (
-            f"{FORMAT_FIELD} = {visible(written, 20)} is not known here: flexlab reads 1 to {FORMAT}; "
+            f"{FORMAT_FIELD} = {brief(written)} is not known here: flexlab reads 1 to {FORMAT}; "
             "a later version may read it."
         )
         raise ScenarioError([(FORMAT_FIELD, sentence)])
-    return {name: value for name, value in data.items() if type(value) is not FILE_FIELDS.get(name)}
+    return {name: value for name, value in data.items() if name not in FILE_FIELDS}
 
 
 def _set(data: dict[str, Any], path: str, value: Any) -> bool:

@@ -78,7 +78,7 @@ def locate(model: type[Part], location: Sequence[Any]) -> tuple[str, Quantity | 
         if chosen and chosen != owners:  # A field may be named as the kind that is chosen already.
             owners = chosen
             continue
-        names.append(item if len(item) <= LONGEST and (item.isidentifier() or item.isdecimal()) else _shown(item))
+        names.append(item if len(item) <= LONGEST and (item.isidentifier() or item.isdecimal()) else brief(item))
         holders = [owner for owner in owners if item in owner.model_fields]
         if holders:
             about = describe(holders[0], item)
@@ -99,7 +99,7 @@ def problem(model: type[Part], item: Any) -> tuple[str, str]:
     """(path, sentence) for one pydantic error in data for `model`."""
     path, about, parts = locate(model, item["loc"])
     unit = about.unit_text() if about else ""
-    shown = _shown(item["input"])
+    shown = brief(item["input"])
     kind, text = item["type"], item["msg"]
     if kind == "extra_forbidden":
         above, _, owners = locate(model, item["loc"][:-1])
@@ -122,7 +122,7 @@ def problem(model: type[Part], item: Any) -> tuple[str, str]:
     if kind == "literal_error":
         return path, f"{path} = {shown} is not one of {item['ctx']['expected']}: choose one of them."
     if kind == "union_tag_invalid":
-        tag, known = _shown(item["ctx"]["tag"]), item["ctx"]["expected_tags"]
+        tag, known = brief(item["ctx"]["tag"]), item["ctx"]["expected_tags"]
         return path, f"{path}.kind = {tag} is not one of {known}: choose one of them."
     if kind == "union_tag_not_found":
         return path, f"{path}.kind is missing: give it a value."
@@ -148,7 +148,8 @@ class _Brief(reprlib.Repr):
         return super().repr_int(x, level) if abs(x) < 10**LONGEST else "a number with too many digits"
 
 
-def _shown(value: Any) -> str:
+def brief(value: Any) -> str:
+    """A value of any type and size in at most `LONGEST` characters."""
     text = _number(value) if isinstance(value, float) else visible(_Brief().repr(value))
     return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
 

@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -17,7 +18,8 @@ from flexlab.presets import load_preset
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
 from flexlab.recording.store.notes import write_notes
-from flexlab.recording.store.run_files import list_runs
+from flexlab.recording.store.run_files import list_runs, remove_run
+from flexlab.recording.store.run_index import annotate_run, read_row
 from flexlab.sim.simulate import simulate
 
 DAY = 86400
@@ -161,6 +163,36 @@ def test_deleting_asks_and_spares_what_is_kept(flexlab_command: Command, logs: P
     assert "Deleted 1 run" in good(flexlab_command("logs", "newest", "--delete", "--yes"))
     assert not soft.exists()
     assert not soft.with_suffix(".json").exists()
+
+
+@pytest.mark.parametrize("meanwhile", ["marked", "deleted"])
+def test_what_happens_to_a_run_while_the_question_waits_counts(logs: Path, meanwhile: str):
+    soft = run_of(logs, "soft-beam")
+    command = [sys.executable, "-m", "flexlab", "logs", "newest", "--delete"]
+    with subprocess.Popen(
+        command, cwd=logs.parent, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as asking:
+        assert asking.stderr is not None
+        said = ""
+        while not said.endswith("[y/N] "):
+            said += asking.stderr.read(1)
+            assert asking.poll() is None, said
+        if meanwhile == "marked":
+            annotate_run(read_row(soft), kept=True)
+        else:
+            remove_run(soft)
+        complained = asking.communicate("y\n")[1]
+    assert soft.exists() == (meanwhile == "marked")
+    assert (asking.returncode, "is marked to be kept" in complained) == ((2, True) if soft.exists() else (0, False))
+
+
+def test_a_note_leaves_a_mark_that_was_set_since_the_run_was_listed(logs: Path):
+    row = read_row(run_of(logs, "soft-beam"))
+    annotate_run(row, kept=True)
+    annotate_run(row, note="rings")
+    annotate_run(row, tags="a, b")
+    found = read_row(row.path)
+    assert (found.note, found.tags, found.kept) == ("rings", ("a", "b"), True)
 
 
 def test_limits_delete_the_oldest_runs_first_and_never_kept_ones(flexlab_command: Command, logs: Path):

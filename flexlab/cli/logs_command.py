@@ -42,7 +42,7 @@ def command(
     or the beginning of one, or newest. Runs are deleted only when you ask for it, and kept ones never.
     """
     from flexlab.recording.store.run_files import check_readable, find_run
-    from flexlab.recording.store.run_index import list_rows, read_row
+    from flexlab.recording.store.run_index import annotate_run, list_rows, read_row
 
     limits, edits = max_size is not None or max_age is not None, note is not None or tags is not None or keep or unkeep
     _check(runs, edits=edits, delete=delete, limits=limits, both=keep and unkeep)
@@ -55,7 +55,8 @@ def command(
         return
     chosen = [read_row(path) for path in dict.fromkeys(find_run(run, logs) for run in runs)]
     if edits:
-        _edit(chosen, note, tags, True if keep else False if unkeep else None)
+        for row in chosen:
+            annotate_run(row, note, tags, True if keep else False if unkeep else None)
         chosen = [read_row(row.path) for row in chosen]
     if delete:
         _delete(chosen, yes, "")
@@ -88,27 +89,15 @@ def _check(runs: tuple[str, ...], edits: bool, delete: bool, limits: bool, both:
         raise StudyError("--max-size and --max-age choose the runs themselves: give no RUN and nothing else with them.")
 
 
-def _edit(rows: "list[RunRow]", note: str | None, tags: str | None, kept: bool | None) -> None:
-    from flexlab.recording.store.run_index import annotate_run
-
-    for row in rows:
-        annotate_run(
-            row,
-            row.note if note is None else note,
-            ",".join(row.tags) if tags is None else tags,
-            row.kept if kept is None else kept,
-        )
-
-
 def _over_limits(logs: Path, gigabytes: float | None, days: float | None) -> "list[RunRow]":
     from flexlab.recording.store.run_files import removable_runs
-    from flexlab.recording.store.run_index import read_row
+    from flexlab.recording.store.run_index import read_rows
 
     for name, limit, unit in (("max-size", gigabytes, "GB"), ("max-age", days, "days")):
         if limit is not None and not limit > 0:
             raise StudyError(f"--{name} {limit:g} is not usable: give a number of {unit} above 0.")
     most_bytes = None if gigabytes is None else gigabytes * GIGABYTE
-    return [read_row(path) for path in removable_runs(logs, most_bytes, days)]
+    return list(read_rows(removable_runs(logs, most_bytes, days)))
 
 
 def _delete(rows: "list[RunRow]", yes: bool, nothing: str) -> None:

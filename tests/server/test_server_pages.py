@@ -10,7 +10,7 @@ import pytest
 from http_client import ask, post, wait_until
 
 from flexlab.presets import load_preset, preset_names
-from flexlab.recording.store.notes import read_notes
+from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.run_files import is_in_use
 from flexlab.server.front_server import FrontServer
 from flexlab.server.labs.lab_provider import state_of
@@ -113,6 +113,25 @@ def test_the_library_lists_runs_serves_parts_and_saves_notes(front_server: Front
     assert "Rings &lt;nicely&gt;" in ask(front_server.url, "/runs").text
     refused = post(front_server.url, "/runs/delete", {"run": run, "sure": "yes"})
     assert (refused.status, "marked to be kept" in refused.text) == (409, True)
+
+
+def test_a_page_that_was_opened_earlier_saves_only_what_was_changed_in_it(
+    open_another: Callable[..., FrontServer], recorded: Path
+):
+    front_server = open_another()
+    run = front_server.settings.logs / recorded.name
+    shutil.copy(recorded, run)
+    write_notes(run, note="two\nlines", tags=["a", "b"])
+    text = ask(front_server.url, f"/runs/{run.stem}").text
+    shown = dict(re.findall(r'name="(shown-\w+)" value="([^"]*)"', text))
+    assert shown == {"shown-note": "two\nlines", "shown-tags": "a, b", "shown-keep": ""}
+    address, form = f"/runs/{run.stem}/notes", {"note": "two\r\nlines", "tags": "a, b", **shown}
+    post(front_server.url, address, form | {"keep": "on"})
+    post(front_server.url, address, form | {"tags": "a"})
+    notes = read_notes(run)
+    assert (notes["note"], notes["tags"], notes["keep"]) == ("two\nlines", ["a"], True)
+    post(front_server.url, address, form | {"shown-keep": "on"})
+    assert read_notes(run)["keep"] is False
 
 
 def test_deleting_asks_first_and_spares_the_run_that_is_being_recorded(

@@ -155,20 +155,27 @@ def check_removable(row: RunRow) -> None:
 
 def delete_run(row: RunRow) -> None:
     """Delete a run's file and notes. Raises `RecordingError` if it may not or cannot be deleted."""
-    check_removable(row)
+    with contextlib.suppress(OSError):  # Somebody else has deleted it.
+        check_removable(read_row(row.path))  # It may have been marked since `row` was read.
     remove_run(row.path)
     log.info("Deleted the run %s.", row.id)
 
 
-def annotate_run(row: RunRow, note: str, tags: str, kept: bool) -> None:
-    """Write a person's note, tags (separated by commas) and mark. Raises `RecordingError`."""
-    if len(note) > LONGEST_NOTE:
-        raise RecordingError(f"This note has {len(note)} characters: at most {LONGEST_NOTE} fit.")
-    if len(tags) > LONGEST_TAGS:
-        raise RecordingError(f"These tags have {len(tags)} characters: at most {LONGEST_TAGS} fit.")
-    words = list(dict.fromkeys(word.strip() for word in tags.split(",") if word.strip()))
+def annotate_run(row: RunRow, note: str | None = None, tags: str | None = None, kept: bool | None = None) -> None:
+    """Write a person's note, tags (separated by commas) and mark; None leaves one as it is. Raises `RecordingError`."""
+    changes: dict[str, Any] = {}
+    if note is not None:
+        if len(note) > LONGEST_NOTE:
+            raise RecordingError(f"This note has {len(note)} characters: at most {LONGEST_NOTE} fit.")
+        changes["note"] = note.strip()
+    if tags is not None:
+        if len(tags) > LONGEST_TAGS:
+            raise RecordingError(f"These tags have {len(tags)} characters: at most {LONGEST_TAGS} fit.")
+        changes["tags"] = list(dict.fromkeys(word.strip() for word in tags.split(",") if word.strip()))
+    if kept is not None:
+        changes["keep"] = kept
     try:
-        write_notes(row.path, note=note.strip(), tags=words, keep=kept)
+        write_notes(row.path, **changes)
     except OSError as error:
         raise RecordingError(f"The note on {row.id} cannot be written ({error.strerror}).") from None
 

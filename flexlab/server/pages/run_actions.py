@@ -227,7 +227,7 @@ async def tag(request: web.Request) -> web.StreamResponse:
     if not tags.strip(" ,"):
         raise RecordingError("No tag was given: write one or more, separated by commas.")
     for row in await _chosen(request):
-        await asyncio.to_thread(annotate_run, row, row.note, ",".join((*row.tags, tags)), row.kept)
+        await asyncio.to_thread(annotate_run, row, None, ",".join((*row.tags, tags)))
     raise web.HTTPSeeOther("/runs")
 
 

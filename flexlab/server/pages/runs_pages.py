@@ -267,8 +267,14 @@ async def viewer(request: web.Request) -> web.StreamResponse:
 
 @ROUTES.post("/runs/{run}/notes")
 async def save_notes(request: web.Request) -> web.Response:
-    """Save a run's note, its tags, and whether to keep it."""
+    """Save what was changed of a run's note, its tags, and whether to keep it."""
     row, form = await row_of(request), await request.post()
-    note, tags = str(form.get("note", "")), str(form.get("tags", ""))
-    await asyncio.to_thread(annotate_run, row, note.replace("\r\n", "\n"), tags, "keep" in form)
+
+    def changed(name: str) -> str | None:
+        """What was typed; None for what the page showed, which somebody may have changed meanwhile."""
+        typed, before = (str(form.get(key, "")).replace("\r\n", "\n") for key in (name, f"shown-{name}"))
+        return None if f"shown-{name}" in form and typed == before else typed
+
+    kept = changed("keep")
+    await asyncio.to_thread(annotate_run, row, changed("note"), changed("tags"), None if kept is None else bool(kept))
     raise web.HTTPSeeOther(f"/runs/{row.address}")

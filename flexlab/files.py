@@ -65,6 +65,18 @@ def _draft_of(path: Path) -> Path:
     return path.with_name(f".{short_hash(path.name)}-{os.getpid()}-{threading.get_ident()}.draft")
 
 
+LEFT = 86400.0
+"""Time after which a draft that nobody writes to counts as left by a killed process, s."""
+
+
+def remove_left_drafts(folder: Path) -> None:
+    """Remove the drafts that killed processes left in a folder: they are hidden and may be as large as a recording."""
+    for draft in folder.glob(f".{DIGITS * '[0-9a-f]'}-*.draft"):
+        with suppress(OSError):  # Another process may be removing it too.
+            if is_regular(draft) and time.time() - draft.stat().st_mtime > LEFT:
+                draft.unlink()
+
+
 def check_writing(path: Path) -> None:
     """Check before long work that a file can be written afterwards. Raises `StudyError`."""
     with writable(path, "choose another file"):

@@ -13,7 +13,7 @@ import threading
 from pathlib import Path
 
 from flexlab.errors import RecordingError
-from flexlab.files import replacing
+from flexlab.files import remove_left_drafts, replacing
 from flexlab.recording.rerun_internals.chunks import has_recording
 from flexlab.recording.rerun_internals.rrd_file import has_footer
 from flexlab.recording.rerun_internals.tool import Mending
@@ -99,13 +99,14 @@ def _finish_if_possible(path: Path, mending: Mending) -> None:
 
 
 def finish_abandoned(logs: Path, mending: Mending | None = None) -> None:
-    """Finish the files that dead writers left in the folder, and remove their empty ones.
+    """Finish the files that dead writers left in the folder, and remove their empty ones and drafts.
 
     A file that cannot be finished stays as it is, and `run_state` says so.
     """
     mending = mending or Mending()
     with contextlib.suppress(OSError):
         sweep_empty(logs)
+        remove_left_drafts(logs)
         for path in unfinished_runs(logs):
             _finish_if_possible(path, mending)
 

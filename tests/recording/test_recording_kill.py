@@ -12,7 +12,7 @@ from recording_helpers import plotted, start_script
 from flexlab.analysis.replay import replay
 from flexlab.recording.reader import read_recording
 from flexlab.recording.recorder import SHOW_PERIOD
-from flexlab.recording.repair import finish
+from flexlab.recording.repair import finish, finish_abandoned
 from flexlab.recording.store.run_files import list_runs, run_state
 
 LAB = """
@@ -66,6 +66,30 @@ def test_a_lab_killed_with_kill_minus_nine_loses_little(seed: int, tmp_path: Pat
     assert run_state(path) == "recovered"
     for entity in ("/error", "/vibration", "/internal_force"):
         assert reached - plotted(path, entity)[0][-1] / 1e9 <= ALLOWED_LOSS + SHOW_PERIOD
+
+
+KILLED_WRITING = """
+import os, sys
+from pathlib import Path
+from flexlab.files import replacing
+with replacing(Path(sys.argv[1], "run.rrd")) as draft:
+    draft.write_bytes(bytes(1000))
+    os.kill(os.getpid(), 9)
+"""
+
+
+def test_the_draft_of_a_process_that_was_killed_as_it_wrote_is_removed_after_a_day(tmp_path: Path) -> None:
+    """Such files are hidden: killed repairs of long recordings filled a disk unseen."""
+    start_script(KILLED_WRITING, tmp_path).wait()
+    (draft,) = tmp_path.iterdir()
+    finish_abandoned(tmp_path)
+    assert draft.exists(), "somebody may be writing it"
+    os.utime(draft, (time.time() - 1.01 * 86400,) * 2)
+    other = tmp_path / ".mine.draft"
+    other.touch()
+    os.utime(other, (0, 0))
+    finish_abandoned(tmp_path)
+    assert (draft.exists(), other.exists()) == (False, True)
 
 
 def test_the_file_of_a_killed_lab_is_no_longer_in_use(tmp_path: Path) -> None:

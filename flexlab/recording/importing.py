@@ -18,6 +18,7 @@ from flexlab.recording.export import FORMATS, LONGEST_REASON, import_run
 from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.reader import read_recording
 from flexlab.recording.repair import finish
+from flexlab.recording.rerun_internals.rrd_file import check_path
 from flexlab.recording.rerun_internals.tool import crashes_readers
 from flexlab.recording.run_encoder import is_end
 from flexlab.recording.run_info import RunInfo, makers
@@ -58,6 +59,7 @@ def import_into(path: Path, logs: Path, **notes: str) -> Path:
 
 def _take_recording(path: Path, logs: Path, notes: Mapping[str, str]) -> Path:
     check_recording(path)
+    check_path(path)
     if crashes_readers(path):
         raise RecordingError(f"{path} is damaged beyond repair: nothing of its run can be read.")
     recording = read_recording(path)

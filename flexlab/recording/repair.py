@@ -15,7 +15,7 @@ from pathlib import Path
 from flexlab.errors import RecordingError
 from flexlab.files import remove_left_drafts, replacing
 from flexlab.recording.rerun_internals.chunks import has_recording
-from flexlab.recording.rerun_internals.rrd_file import has_footer
+from flexlab.recording.rerun_internals.rrd_file import check_path, has_footer
 from flexlab.recording.rerun_internals.tool import Mending
 from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.run_files import claim, list_runs, run_state
@@ -30,6 +30,7 @@ def finish(path: Path, mending: Mending | None = None, join: bool = True) -> Non
     Does nothing if it has a footer, or if it is being written. Raises `RecordingError` if it cannot be read.
     """
     mending = mending or Mending()
+    check_path(path)
     try:
         if has_footer(path):
             return

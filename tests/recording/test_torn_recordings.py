@@ -1,5 +1,6 @@
 """Files that are cut off, empty or no recordings: what can be read is read, else one sentence says why it cannot."""
 
+import os
 import shutil
 from pathlib import Path
 from threading import Thread
@@ -13,6 +14,8 @@ from flexlab.analysis.run_summary import note_missing_metrics
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
 from flexlab.recording.file_sink import RunWriter
+from flexlab.recording.headless import HeadlessRecording, write_run
+from flexlab.recording.importing import import_into
 from flexlab.recording.reader import read_recording
 from flexlab.recording.repair import finish
 from flexlab.recording.rerun_internals import tool
@@ -195,3 +198,26 @@ def test_a_recording_of_another_program_is_refused_as_such(tmp_path: Path) -> No
     stream.disconnect()
     with pytest.raises(RecordingError, match="a rerun recording, but not one of flexlab's"):
         read_recording(tmp_path / "other.rrd")
+
+
+def test_a_name_that_rerun_cannot_open_is_not_taken_for_damage(run: Run, tmp_path: Path) -> None:
+    """Such a run was recorded, and then said to be damaged beyond repair."""
+    path = write_run(run, tmp_path, "paper")
+    odd = path.rename(path.with_name(os.fsdecode(b"odd-\xff.rrd")))
+    for read in (read_recording, finish, lambda odd: import_into(odd, tmp_path / "logs")):
+        with pytest.raises(RecordingError, match="bytes in its name that are not UTF-8"):
+            read(odd)
+    folder = tmp_path / os.fsdecode(b"\xff")
+    with pytest.raises(RecordingError, match="bytes in its name that are not UTF-8"):
+        write_run(run, folder, "paper")
+    assert not folder.exists()
+
+
+def test_a_folder_named_like_an_option_holds_recordings(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with HeadlessRecording(Path("-x"), RunInfo("paper", run.scenario)) as recording:
+        recording.write(run.slice(0, 20))
+    assert run_state(recording.path) == "complete"
+    assert len(read_recording(recording.path).samples) == 20

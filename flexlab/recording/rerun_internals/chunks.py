@@ -19,6 +19,7 @@ from rerun.chunk import LazyChunkStream, RrdReader
 from rerun_bindings import flush_and_cleanup_orphaned_recordings
 
 from flexlab.errors import RecordingError
+from flexlab.recording.rerun_internals.rrd_file import check_path
 from flexlab.text import visible
 
 TIMELINE = "sim_time"
@@ -176,7 +177,8 @@ def _batches(path: Path, content: list[str]) -> Iterator[tuple[str, pa.RecordBat
 
 @contextmanager
 def quiet_reader(path: Path) -> Iterator[RrdReader]:
-    """Rerun's reader of a file, without its warning that the file has no index yet."""
+    """Rerun's reader of a file, without its warning that the file has no index yet. Raises `RecordingError` as `check_path`."""
+    check_path(path)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         yield RrdReader(path)

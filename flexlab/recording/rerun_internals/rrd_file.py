@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import IO
 
 from flexlab.errors import RecordingError
+from flexlab.text import visible
 
 MAGIC = b"RRF2"
 """First bytes of a rerun file of this generation."""
@@ -48,6 +49,16 @@ def messages(piece: bytes, with_head: bool) -> bytes:
             break
         place += MESSAGE.size + length
     return piece[0 if with_head else HEAD : place]
+
+
+def check_path(path: Path) -> None:
+    """Raise `RecordingError` for a path that rerun cannot open: one that is not text in UTF-8."""
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        raise RecordingError(
+            f"{visible(path)} has bytes in its name that are not UTF-8, and rerun opens no such file: rename it."
+        ) from None
 
 
 def has_footer(path: Path) -> bool:

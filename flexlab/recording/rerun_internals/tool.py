@@ -41,6 +41,11 @@ def rerun_tool() -> str:
     raise RecordingError(f"Rerun's program is not in {folder}: install rerun-sdk again.")
 
 
+def _argument(path: Path) -> str:
+    """A path for the tool, which takes one that begins with a dash for an option."""
+    return os.path.join(os.curdir, path)
+
+
 class Mending:
     """One run of rerun's tool on one file, which another thread may stop."""
 
@@ -66,7 +71,7 @@ class Mending:
         return any(not self.stopped and self._run(way, source, target) for way in ways)
 
     def _run(self, way: str, source: Path, target: Path) -> bool:
-        command = [rerun_tool(), "rrd", way, "--continue-on-error", str(source), "-o", str(target)]
+        command = [rerun_tool(), "rrd", way, "--continue-on-error", _argument(source), "-o", _argument(target)]
         nothing, environment = subprocess.DEVNULL, os.environ | {"RUST_LOG": "warn"}
         # A session of its own: Ctrl-C is for the lab, which then waits for this or stops it.
         self._process = subprocess.Popen(
@@ -95,7 +100,7 @@ HARMLESS = (0, 1)
 
 def crashes_readers(path: Path) -> bool:
     """Whether rerun's reader crashes on a damaged file: its tool tries, as a crash would end this process."""
-    command, nothing = [rerun_tool(), "rrd", "verify", str(path.resolve())], subprocess.DEVNULL
+    command, nothing = [rerun_tool(), "rrd", "verify", _argument(path)], subprocess.DEVNULL
     try:
         tried = subprocess.run(command, stdin=nothing, stdout=nothing, stderr=nothing, timeout=LONGEST, check=False)
     except subprocess.TimeoutExpired:

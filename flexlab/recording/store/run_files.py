@@ -16,7 +16,7 @@ from typing import IO, Literal
 
 from flexlab.errors import RecordingError
 from flexlab.files import HAS_LOCKS, is_regular, lock, writable
-from flexlab.recording.rerun_internals.rrd_file import FAMILY, has_footer
+from flexlab.recording.rerun_internals.rrd_file import FAMILY, check_path, has_footer
 from flexlab.recording.store.notes import notes_path, read_notes
 from flexlab.text import visible
 
@@ -59,6 +59,7 @@ class RunFile:
 
 def check_folder(logs: Path) -> None:
     """Make the logs folder if it is not there. Raises `RecordingError` if recordings cannot be written into it."""
+    check_path(logs)
     with writable(f"The logs folder {logs}", "choose another with --logs, or correct its permissions", RecordingError):
         logs.mkdir(parents=True, exist_ok=True)
         probe = logs / f".probe-{os.getpid()}"
@@ -68,6 +69,7 @@ def check_folder(logs: Path) -> None:
 
 def _make_folder(folder: Path) -> None:
     """Make a folder for recordings if it is not there. Raises `RecordingError`."""
+    check_path(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -9,6 +9,7 @@ import pytest
 from lab_process import PATIENCE, refused
 
 from flexlab.cli.circumstances import refusal
+from flexlab.recording.store.run_index import read_row
 
 
 def done(*words: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -93,6 +94,12 @@ def test_too_few_file_handles_give_one_sentence(tmp_path: Path, handles: int, wo
     assert says in said.stderr
     assert said.stderr.count("\n") == 1
     assert said.returncode
+
+
+def test_a_run_that_was_deleted_in_another_terminal_is_one_sentence(tmp_path: Path):
+    with pytest.raises(FileNotFoundError) as gone:
+        read_row(tmp_path / "a-run.rrd")
+    assert refusal(gone.value) == "a-run is not there any more: somebody has deleted or moved it."
 
 
 def test_a_lack_of_memory_is_one_sentence():

@@ -22,13 +22,18 @@ LONGEST_REASON, LONGEST_VALUE = 200, 60
 
 
 def refusal(error: Exception) -> str | None:
-    """The sentence that says what the machine lacks or which library fails to load; None for any other error."""
+    """The sentence that says what the machine lacks, which library fails to load or what was deleted; None for other errors."""
     if isinstance(error, MemoryError):
         return "No memory is left: close other programs, or allow more (ulimit -v)."
     if isinstance(error, OSError) and error.errno in NO_HANDLES:
         return f"{error.strerror}: close other programs, or allow more (ulimit -n)."
     if isinstance(error, OSError) and error.errno in UNUSABLE and isinstance(error.filename, str):
         return f"{visible(error.filename, LONGEST_REASON)} cannot be used ({error.strerror}): choose another place."
+    if isinstance(error, FileNotFoundError):
+        from flexlab.recording.store.run_files import vanished
+
+        if gone := vanished(error):
+            return gone
     if UNWRITABLE in str(error):
         from flexlab.assets import user_cache
 

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from flexlab.errors import FlexlabError, LabError
 from flexlab.own.files import know_own_files
 from flexlab.own.hosts import allowed
+from flexlab.recording.store.run_files import vanished
 from flexlab.server.limits import Limit, Visitor
 from flexlab.text import tell_failures_plainly
 
@@ -164,6 +165,10 @@ def carry_out(work: Callable[..., Any], arguments: tuple[Any, ...], own_laws: di
         word = LabError(str(error))
     except MemoryError:
         word = LabError(TOO_LARGE)
+    except FileNotFoundError as error:
+        if not (gone := vanished(error)):
+            raise
+        word = LabError(gone)
     pipe.send(word)
 
 

@@ -1,5 +1,6 @@
 """What can be done with recorded runs, requested without a browser: compare, replay, continue, export, import."""
 
+import asyncio
 import io
 import json
 import re
@@ -15,6 +16,7 @@ from http_client import ask, compared, looking, over, post, upload, wait_until
 from rerun.chunk import RrdReader
 
 from flexlab.analysis.replay import replay
+from flexlab.errors import LabError
 from flexlab.guide import LessonProgress
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset
@@ -24,8 +26,12 @@ from flexlab.recording.importing import take_measurement
 from flexlab.recording.reader import read_recording
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.notes import read_notes, write_notes
-from flexlab.recording.store.run_files import list_runs
+from flexlab.recording.store.run_files import list_runs, remove_run
+from flexlab.recording.store.run_index import find_row
 from flexlab.server.front_server import FrontServer
+from flexlab.server.limits import THE_SERVER
+from flexlab.server.run_jobs import archive_into, compare_runs
+from flexlab.server.tasks import Tasks
 from flexlab.sim.commands import Play
 from flexlab.sim.simulate import simulate
 
@@ -348,3 +354,16 @@ def test_a_file_that_claims_to_hold_more_than_it_does_is_refused(front_server: F
     answer = upload(front_server.url, path.name, path.read_bytes())
     assert answer.status == 422
     assert "is not a run exported by flexlab" in answer.text
+
+
+def test_a_run_deleted_before_a_task_reads_it_is_one_sentence(
+    library: FrontServer, recorded: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Between the choice and the task's turn, somebody else may delete it: that was a traceback on the terminal."""
+    row = find_row(library.settings.logs, recorded.stem)
+    remove_run(row.path)
+    jobs = (compare_runs, (row.path, row.path), tmp_path), (archive_into, (row,), "rrd", tmp_path)
+    for work, *arguments in jobs:
+        with pytest.raises(LabError, match=f"{recorded.stem} is not there any more: somebody has deleted or moved it"):
+            asyncio.run(Tasks().run(THE_SERVER, work, *arguments))
+    assert capfd.readouterr().err == ""

@@ -257,6 +257,14 @@ def _named_file(path: Path) -> Path:
     return path
 
 
+def vanished(error: Exception) -> str:
+    """The sentence about a recording that was deleted while it was to be read; empty for any other error."""
+    name = str(getattr(error, "filename", ""))
+    if not isinstance(error, FileNotFoundError) or not name.endswith(SUFFIX):
+        return ""
+    return f"{visible(Path(name).stem)} is not there any more: somebody has deleted or moved it."
+
+
 def remove_run(path: Path) -> None:
     """Delete a recording and its notes. Raises `RecordingError` if it cannot be deleted."""
     try:

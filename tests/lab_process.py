@@ -12,6 +12,7 @@ import urllib.error
 import urllib.request
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
 """Type of the fixtures `flexlab_command` and `flexlab_process`, which run `flexlab` with the given words."""
@@ -68,7 +69,7 @@ class Lab:
         """The port of that address."""
         return int(self.url().split(":")[2].split("/")[0])
 
-    def wait(self, found: Callable[[], object]):
+    def wait(self, found: Callable[[], Any]) -> Any:
         """Wait until `found` returns something true, and return that."""
         until = time.monotonic() + PATIENCE
         while time.monotonic() < until:

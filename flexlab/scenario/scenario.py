@@ -287,8 +287,9 @@ def _without_file_fields(data: Mapping[str, Any]) -> Mapping[str, Any]:
     for name, kind in FILE_FIELDS.items():
         value = data.get(name, kind())
         if type(value) is not kind and not (kind is int and type(value) is float and value.is_integer()):
-            what = "a text" if kind is str else "a whole number"
-            raise ScenarioError([(name, f"{name} = {brief(value)} is not usable: give {what}, or leave it out.")])
+            text = f"{name} = {brief(value)} is not usable: give a text, or leave it out."
+            number = f"{name} = {brief(value)} is not usable: give a whole number, or leave it out."
+            raise ScenarioError([(name, text if kind is str else number)])
     written = data.get(FORMAT_FIELD, FORMAT)
     if not 1 <= written <= FORMAT:
         sentence = (

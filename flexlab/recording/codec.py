@@ -22,7 +22,7 @@ import numpy as np
 import pyarrow as pa
 from pydantic import BaseModel
 
-from flexlab.compiled import compiled
+from flexlab.compiled import compiled, entry_point
 from flexlab.errors import FlexlabError, RecordingError
 from flexlab.physics.plant import AXIAL_WORK
 from flexlab.recording.store import formats
@@ -44,6 +44,8 @@ ZSTD = b"\x28\xb5\x2f\xfd"
 """First bytes of a zstd frame."""
 TRAILER = struct.Struct("<QI")
 """Size before packing and checksum, at the end of a block."""
+INSTANTS_AT_ONCE = 512
+"""Instants that are encoded at once, at least three: a signal's lines of memory then stay in the processor's first cache."""
 UNREADABLE = (zlib.error, struct.error, ArithmeticError, LookupError, OSError, RecursionError, TypeError, ValueError)
 """Errors that may arise from bytes that are not a block."""
 LONGEST_REASON = 100
@@ -57,22 +59,31 @@ DERIVED: dict[str, Callable[[dict[str, np.ndarray]], np.ndarray]] = {
 
 
 @compiled
-def byte_planes(patterns, planes):
-    """Fill `planes` (8, k, N), uint8, with the bytes of the rows of `patterns` (k, N), int64, the lowest first.
+def byte_planes(signal, planes, first, folded):
+    """Fill rows of `planes` (8, k, N), uint8, from `first` on with the bytes of `signal` (N, a, b), int64, the lowest first.
 
-    Each row is differenced three times, as if zeros stood before it, and its sign moved to the lowest bit, so that small
-    numbers of either sign have empty upper bytes. Arithmetic is modulo 2⁶⁴: nothing is lost.
+    Each of its columns is differenced three times, as if zeros stood before it, and its sign moved to the lowest bit, so that
+    small numbers of either sign have empty upper bytes. Arithmetic is modulo 2⁶⁴: nothing is lost. `folded`: room for numbers.
     """
-    count, instants = patterns.shape
-    for c in range(count):
-        x1 = x2 = x3 = 0
-        for i in range(instants):
-            x = patterns[c, i]
-            difference = x - 3 * x1 + 3 * x2 - x3
-            x1, x2, x3 = x, x1, x2
-            folded = (difference << 1) ^ (difference >> 63)
+    instants, _, width = signal.shape
+    # Columns stand side by side in memory: all of them are read before the processor's cache has lost these instants.
+    for start in range(0, instants, len(folded)):
+        count = min(len(folded), instants - start)
+        for c in range(signal.shape[1] * width):
+            a, b = c // width, c % width
+            x1 = signal[start - 1, a, b] if start else 0
+            x2 = signal[start - 2, a, b] if start else 0
+            x3 = signal[start - 3, a, b] if start else 0
+            column = signal[start : start + count, a, b]
+            for i in range(count):
+                x = column[i]
+                difference = x - 3 * x1 + 3 * x2 - x3
+                x1, x2, x3 = x, x1, x2
+                folded[i] = (difference << 1) ^ (difference >> 63)
             for k in range(8):
-                planes[k, c, i] = (folded >> (8 * k)) & 255
+                plane = planes[k, first + c, start : start + count]
+                for i in range(count):
+                    plane[i] = (folded[i] >> (8 * k)) & 255
 
 
 def encode_block(samples: Samples) -> bytes:
@@ -87,16 +98,20 @@ def encode_block(samples: Samples) -> bytes:
         "signals": [[name, list(signal.shape[1:])] for name, signal in kept.items()],
         "derived": derived,
     }
-    # In one memory order for any number of rows: the kernel would be compiled for each order.
-    numbers = np.empty((sum(prod(signal.shape[1:]) for signal in kept.values()), len(samples)))
-    np.concatenate([signal.reshape(len(samples), -1).T for signal in kept.values()], out=numbers)
-    patterns = numbers.view(np.int64)
     text = json.dumps(header).encode()
     head = struct.pack("<I", len(text)) + text
-    raw = np.empty(len(head) + patterns.nbytes, np.uint8)
+    widths = [prod(signal.shape[1:]) for signal in kept.values()]
+    raw = np.empty(len(head) + 8 * sum(widths) * len(samples), np.uint8)
     raw[: len(head)] = np.frombuffer(head, np.uint8)
+    planes, folded = raw[len(head) :].reshape(8, sum(widths), len(samples)), np.empty(INSTANTS_AT_ONCE, np.int64)
+    # One machine code for any memory order: the kernel would be compiled for each of them.
+    fill = entry_point(byte_planes, np.empty((2, 1, 2), np.int64)[:, :, ::2], planes, 0, folded)
+    first = 0
     with np.errstate(over="ignore"):  # Without compiled code, NumPy would warn.
-        byte_planes(patterns, raw[len(head) :].reshape(8, *patterns.shape))
+        for signal, width in zip(kept.values(), widths, strict=True):
+            axes = signal.shape[1:] if signal.ndim == 3 else (1, width)
+            fill(signal.view(np.int64).reshape(len(samples), *axes), planes, first, folded)
+            first += width
     frame = PACKING.compress(raw, asbytes=True)
     return frame + TRAILER.pack(len(raw), zlib.adler32(frame))
 
@@ -144,7 +159,7 @@ def _decode(data: bytes) -> tuple[Samples, int]:
 
 def _follows(name: str, signals: dict[str, np.ndarray]) -> bool:
     try:
-        return signals[name].tobytes() == DERIVED[name](signals).tobytes()
+        return np.array_equal(signals[name].view(np.int64), DERIVED[name](signals).view(np.int64))
     except KeyError:  # A signal that it follows from was not recorded.
         return False
 

@@ -197,7 +197,7 @@ def shown_columns(
 ) -> Iterator[tuple[str, np.ndarray, list[Column]]]:
     """(entity, times, columns) of the curves of some samples, and of the drawing of `drawn`, its deflection times `factor`."""
     for signal in signals:
-        values = signal.values(samples)
+        values = signal.values(samples, np.float32)
         if not np.isnan(values).all():  # A signal that was not recorded has no curve.
             yield signal.entity, samples.time, [scalars(values)]
     if len(drawn) and not np.isnan(drawn.pose).all():  # A measured run has no pose.

@@ -9,9 +9,11 @@ a half-written message is cut off again, and what could not be written waits unt
 as a finished file into a pipe, so that memory holds no copy of it.
 """
 
+import contextlib
 import os
 import shutil
 import struct
+import sys
 import tempfile
 import threading
 import time
@@ -23,6 +25,9 @@ from typing import IO
 
 from flexlab.errors import RecordingError
 from flexlab.text import visible
+
+if sys.platform == "linux":
+    import fcntl
 
 MAGIC = b"RRF2"
 """First bytes of a rerun file of this generation."""
@@ -72,7 +77,7 @@ def has_footer(path: Path) -> bool:
 READING_SHARE = 0.05
 """Largest share of the time that goes into reading a file again after its date has changed."""
 READ_BYTES = 1 << 20
-"""Number of bytes that are read at once."""
+"""Number of bytes that are read at once, and that a pipe holds where its size can be set."""
 HELD_BYTES = 48_000_000
 """Largest number of bytes that wait for room: one and a half minutes of the paper's run. Beyond it the oldest are given up."""
 
@@ -89,6 +94,9 @@ class Pipe:
         self._problem: OSError | None = None
         # Held open: if rerun failed before it opened its end, the reader would wait for it.
         self._end = os.open(self.path, os.O_RDWR | os.O_NONBLOCK)
+        if sys.platform == "linux":
+            with contextlib.suppress(OSError):  # A user's pipes may hold only so much: then it stays smaller.
+                fcntl.fcntl(self._end, fcntl.F_SETPIPE_SZ, READ_BYTES)
         source = self.path.open("rb", buffering=0)
         self._thread = threading.Thread(target=self._pass_on, args=(source, handle), name="flexlab-pipe", daemon=True)
         self._thread.start()

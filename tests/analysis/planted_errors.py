@@ -361,6 +361,24 @@ path that was changed in motion: control/motion.py
 damping for which a shaper is made: sim/target.py
     np.clip(-value.real[place]
     np.clip(value.real[place]
+target of lqr ahead of its time: sim/sampled_control.py
+    desired_motion(system.trajectory, t + sampling.delay * sampling.period
+    desired_motion(system.trajectory, t + 0.5 * sampling.delay * sampling.period
+momentum until the law acts: control/laws/disturbance_observer.py
+    return p + begin.wait * rate
+    return p + 0.5 * begin.wait * rate
+disturbance that a change passes on: control/laws/disturbance_observer.py
+    _momentum_ahead(begin) - known - passed
+    _momentum_ahead(begin) - known + passed
+noise of gauges that an observer reads: sim/sampled_control.py
+    return strain + sampling.strain_noise
+    return strain + 0.5 * sampling.strain_noise
+places at which a beam whose mesh changes is compared: sim/bumpless_transfer.py
+    for p in (old, new)))
+    for p in (new, new)))
+shape of a beam whose mesh changes: sim/bumpless_transfer.py
+    correction * (product(payload_row(old
+    0.5 * correction * (product(payload_row(old
 """
 """Three lines per error: its name and file, the right code, the wrong code."""
 

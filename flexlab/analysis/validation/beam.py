@@ -86,7 +86,7 @@ BUCKLED = 0.05
 """Deflection from which a beam has buckled, m: a tenth of its length, far above that of any earlier ring."""
 
 
-@subject("The force along the beam", 9)
+@subject("The force along the beam", 10)
 def axial_load(runs: Runs) -> Iterator[Check]:
     """Frequencies under axial load, buckling loads, published frequencies of spun beams, motions, and energy."""
     free = squeezed_frequency(ELEMENTS, 0.0)

@@ -1,6 +1,6 @@
 """Checks, the function that makes all of them, and the runs that several of them share, each simulated once."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import isfinite
@@ -16,6 +16,7 @@ from flexlab.analysis.result import Result
 from flexlab.errors import FlexlabError, StudyError
 from flexlab.presets import load_preset
 from flexlab.registry import modules_in
+from flexlab.sim.commands import WorldCommand
 from flexlab.sim.samples import Run
 from flexlab.sim.simulate import simulate
 
@@ -80,9 +81,15 @@ def general(name: str, changes: dict[str, Any]) -> Run:
     return run_of(name, MOVING | {"simulation.step": FINE} | changes, 0.003, FINE)
 
 
-def run_of(name: str, changes: dict[str, Any], duration: float, period: float) -> Run:
-    """A run of the paper's system with changes. Raises `StudyError` if it fails."""
-    run = simulate(load_preset("paper").replace(changes), duration, period)
+def run_of(
+    name: str,
+    changes: dict[str, Any],
+    duration: float,
+    period: float,
+    commands: Sequence[tuple[float, WorldCommand]] = (),
+) -> Run:
+    """A run of the paper's system with changes, and with commands at times in s. Raises `StudyError` if it fails."""
+    run = simulate(load_preset("paper").replace(changes), duration, period, commands)
     if run.status.failed:
         raise StudyError(f"{name} fails: {run.status.text}")
     return run

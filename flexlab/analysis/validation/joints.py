@@ -46,7 +46,7 @@ HELD, CREEP = (300.0, 200.0, 50.0), 0.001
 """Static friction, N·m, larger than the torque of the weight; and v_0, rad/s."""
 
 
-@subject("Joints that are not ideal", 10)
+@subject("Joints that are not ideal", 11)
 def friction(runs: Runs) -> Iterator[Check]:
     """Momentum, creep, compensation, energy and internal force with friction in the joints."""
     yield from _coasting()
@@ -150,7 +150,7 @@ OFFSET, INSTANTS = (1e-4, -5e-5, 8e-5), 30
 """Initial offset of the pose, m, m, rad, and number of control periods in which the loop reduces it."""
 
 
-@subject("Encoders", 11)
+@subject("Encoders", 12)
 def encoders(_: Runs) -> Iterator[Check]:
     """The pose that encoders give, its rate, and the effect of the rate's lag on a loop."""
     for words, scenario in (
@@ -214,7 +214,7 @@ SLOW, WEAK = 0.01, 0.05
 """No-load speed, rad/s, slower than a coasting arm turns, and stall torque, N·m."""
 
 
-@subject("Motors", 12)
+@subject("Motors", 13)
 def motors(runs: Runs) -> Iterator[Check]:
     """Lag, torque-speed curve, energy, internal force and linear model of motors."""
     yield from _lag()

@@ -47,7 +47,7 @@ HEAVY, SOFT, FADING, HIT = 1e4, 5e3, 3.0, 1e-4
 """Mass of links that hardly move, kg; stiffness, N/m, and damping, N·s/m, of the grips; impulse of a tap, N·s."""
 
 
-@subject("Grips that give way", 14)
+@subject("Grips that give way", 15)
 def grips(_: Runs) -> Iterator[Check]:
     """Lagrange's equations of each body, energy, the limit of stiff grips, a ring and a sag in closed form."""
     yield from _compliant_motion()
@@ -166,7 +166,7 @@ SPEED, PULL, AHEAD = 0.3, 2.0, 0.9
 """Speed of a coasting payload, m/s; stiffness, N/m, and position, m, of a hand that pulls one."""
 
 
-@subject("A payload that is filled or emptied", 13)
+@subject("A payload that is filled or emptied", 14)
 def mass_change(runs: Runs) -> Iterator[Check]:
     """Lagrange's equations with the momentum that material brings, energy, the motion after the change, closed forms."""
     yield from _filling_motion()

@@ -1,23 +1,18 @@
-"""The sampled loop: clock, delay, limits, noise, strain gauges, observer and regulator, each against an independent answer."""
+"""The sampled loop: clock, delay, limits, noise and strain gauges, each against an independent answer."""
 
-import re
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from scipy.linalg import expm, solve_discrete_are
 
-from flexlab.analysis.law_conditions import law_conditions
 from flexlab.analysis.modes import modes
 from flexlab.analysis.validation.beam import GAUGES
-from flexlab.analysis.validation.check import STILL, Check, Runs, above, alike, below, close, run_of, subject
+from flexlab.analysis.validation.check import STILL, Check, Runs, above, below, close, run_of, subject
 from flexlab.analysis.validation.mass_points import MassPoints, slopes
 from flexlab.analysis.validation.paper import paper_law
 from flexlab.control.conditions import stability_limit
-from flexlab.control.observers.believed_plant import believed_plant
 from flexlab.physics.sensors import strain_rows
 from flexlab.presets import load_preset
-from flexlab.sim.samples import Run
 
 PERIOD, DELAY = 1e-3, 2
 """T_c, s, and input delay in control periods."""
@@ -34,27 +29,22 @@ MOMENT_RATE = (2e-3, 3e-3)
 CENTER = (0.0, 0.75, 0.0)
 GROWTH = 2.65
 """Growth of the 400 Hz mode of 8 undamped elements under rate feedback k_v = 100 at 1 kHz, one sample late, 1/s."""
-BENT = (0.001, 0.00016, 0.0, -0.001)
-"""Initial beam coordinates, half a sine of 0.16 mm, for which the linear model holds."""
 
 
 @subject("The sampled loop and its sensors", 8)
 def sampled_loop(runs: Runs) -> Iterator[Check]:
-    """The clock, torque limits, noise, gauges, observer, regulator, sampled poles."""
+    """The clock, torque limits, noise, gauges, the delay that a loop allows, sampled poles."""
     yield from _clock()
     yield from _limits()
     yield from _noise()
     yield from _strain_noise()
     yield from _gauges()
-    # Arms that sink excite the beam by forces that the observer knows, even if it hardly trusts its gauges.
-    trusting = {"unknown_force": (0.01, 0.01, 0.01), "unknown_modal_force": 1e-4}
-    sinking = {"gravity": 0.5, "initial.beam_coordinates": None}
-    statement = "the Kalman observer predicts hᵀq̇ by the delay and half a period, to where its torque acts"
-    yield below(f"{statement}: relative error", 0.02, _observed("the observed run", {}, {}))
-    statement = "one that trusts its model more than its gauges predicts the ring of a beam whose arms sink"
-    yield below(f"{statement}: relative error", 0.02, _observed("the run of sinking arms", trusting, sinking))
-    yield from _regulator()
-    yield from _believed_load()
+    for delay in (0, 1, 3):
+        loop = np.zeros(delay + 2)
+        loop[:2] = 1.0, -1.0
+        loop[-1] += stability_limit(delay)
+        statement = f"the fastest loop that {delay} samples of delay allow neither grows nor decays: largest |z|"
+        yield close(statement, 1.0, np.abs(np.roots(loop)).max(), absolute=1e-9)
     changes = {
         "payload.element_count": 8,
         "payload.damping.coefficient": 0.0,
@@ -63,11 +53,6 @@ def sampled_loop(runs: Runs) -> Iterator[Check]:
     poles = modes(load_preset("paper").replace(changes)).poles
     near = poles[np.abs(np.abs(poles.imag) / (2 * np.pi) - 400) < 5]
     yield close("rate feedback one sample late feeds the 400 Hz mode: rate", GROWTH, near.real.max(), "1/s", 0.005)
-    law = {"kind": "disturbance-observer", "observer_gain": 60.0, "control_period": PERIOD}
-    poles = modes(load_preset("paper").replace({"trajectory": {"kind": "hold"}, "controller": law})).poles
-    rate = np.log(1 - 60.0 * PERIOD) / PERIOD
-    slowed = poles.real[np.argmin(np.abs(poles - rate))]
-    yield close("a sampled momentum observer forgets by 1 - ℓT_c in a period: rate", rate, slowed, "1/s", 1e-6)
 
 
 def _torques(points: MassPoints, x: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -132,11 +117,11 @@ def _noise() -> Iterator[Check]:
 
 def _strain_noise() -> Iterator[Check]:
     """Noise of hᵀq̇ from gauges: √2 σ W_j / T_c each, W_j = (2/t) M(s_j) · quadrature weight, M the moment of the load ρ."""
-    told = _told_rates({"moment_rate": MOMENT_RATE})
+    told = told_rates({"moment_rate": MOMENT_RATE})
     for name, sigma, found in zip(("hᵀq̇", "gᵀq̇"), MOMENT_RATE, told.std(axis=0), strict=True):
         statement = f"noise of {name}: deviation as a part of what is asked for"
         yield close(statement, 1.0, found / sigma, absolute=0.06)
-    rates, payload = _told_rates({"strain": STRAIN})[:, 0], load_preset("paper").payload
+    rates, payload = told_rates({"strain": STRAIN})[:, 0], load_preset("paper").payload
     quarter = payload.length / 4
     places = payload.length * np.array(GAUGES)
     moment = payload.linear_density / 2 * (payload.length**2 / 4 - places**2)
@@ -148,12 +133,12 @@ def _strain_noise() -> Iterator[Check]:
     yield close("and each reading enters twice, with both signs: correlation", -0.5, alternating, absolute=0.06)
 
 
-def _told_rates(noise: dict[str, Any]) -> np.ndarray:
-    """hᵀq̇ and gᵀq̇ of a resting beam as a law is told them, (N, 2)."""
+def told_rates(noise: dict[str, Any], observer: dict[str, Any] | None = None) -> np.ndarray:
+    """hᵀq̇ and gᵀq̇ of a resting beam as a law is told them, by an observer or, with None, by its sensors, (N, 2)."""
     gain = 1e-3
     law = {
         "kind": "composite", "slow": {"kind": "none"}, "lateral_vibration_gain": gain, "angular_vibration_gain": gain,
-        "control_period": PERIOD, "sensor_noise": noise,
+        "control_period": PERIOD, "sensor_noise": noise, "observer": observer or {"kind": "measured"},
     }  # fmt: skip
     run = run_of("the run with a noisy beam", {**STILL, "controller": law}, MEASURED * PERIOD, PERIOD)
     points = MassPoints(run.scenario)
@@ -171,87 +156,3 @@ def _gauges() -> Iterator[Check]:
     found = strain_rows(places, length, thickness, n, "pinned-pinned") @ q
     wanted = thickness / 2 * wave**2 * np.cos(wave * places)
     yield below("a gauge reads -½ t w''(s): relative error on half a sine", 2e-3, found / wanted - 1)
-
-
-def _held(name: str, law: dict[str, Any], **changes: Any) -> Run:
-    """A sampled run, one period late, at a constant desired pose with a bent beam; `changes`: further changes."""
-    controller = {"control_period": PERIOD, "input_delay": 1, **law}
-    bent = {**STILL, "initial.beam_coordinates": BENT, **changes, "controller": controller}
-    return run_of(name, bent, 0.06, PERIOD / FINER)
-
-
-def _observed(name: str, observer: dict[str, Any], changes: dict[str, Any]) -> float:
-    """Largest error of the predicted hᵀq̇ over its largest value."""
-    gain = 1.0
-    law = {"kind": "composite", "slow": {"kind": "none"}, "lateral_vibration_gain": gain}
-    law["observer"] = {"kind": "kalman", "observer_modes": 4, **observer}
-    run = _held(name, law, **changes)
-    points = MassPoints(run.scenario)
-    h = points.payload_inertia(np.zeros(3 + run.beam_rates.shape[1]))[1, 3:]
-    inertia = sum(points.arm_inertia(np.array(CENTER), arm) for arm in range(2))
-    rate = run.beam_rates @ h
-    # Torques of instant k are held from instant k + 1 on.
-    acting = np.arange(30, 58) * FINER + FINER // 2
-    told = np.linalg.solve(inertia, run.arm_input.sum(axis=1)[acting].T)[1] / gain
-    return float(np.abs(told - rate[acting]).max() / np.abs(rate[acting]).max())
-
-
-def _regulator() -> Iterator[Check]:
-    """K from matrices of mass points in nodal coordinates and scipy's Riccati solver."""
-    law = {"kind": "lqr", "observer": {"kind": "kalman", "observer_modes": 4}}
-    run = _held("the regulated run", law)
-    settings, points = run.scenario.controller, MassPoints(run.scenario)
-    p = np.concatenate([CENTER, np.zeros(run.beam_rates.shape[1])])
-    M = points.inertia(p)
-    K = slopes(lambda at: slopes(lambda q: np.array(points.potential(q)), at), p)
-    K[:3], K[:, :3] = 0.0, 0.0
-    D = np.zeros_like(M)
-    D[3:, 3:] = 0.1 * np.eye(len(p) - 3)
-    n, beam = len(p), np.s_[3:]
-    B = np.vstack([np.zeros((n, 3)), np.linalg.inv(M)[:, :3]])
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, D)]])
-    over = expm(PERIOD * np.block([[A, B], [np.zeros((3, 2 * n + 3))]]))
-    Phi, Gamma = over[: 2 * n, : 2 * n], over[: 2 * n, 2 * n :]
-    Q = np.zeros((2 * n, 2 * n))
-    Q[:3, :3], Q[n : n + 3, n : n + 3] = np.diag(settings.pose_weight), np.diag(settings.pose_rate_weight)
-    Q[beam, beam][: n - 3, : n - 3] = settings.vibration_weight * K[beam, beam]
-    Q[n + 3 :, n + 3 :] = settings.vibration_weight * M[beam, beam]
-    R = np.diag(settings.force_weight)
-    P = solve_discrete_are(Phi, Gamma, Q, R)
-    gain = np.linalg.solve(R + Gamma.T @ P @ Gamma, Gamma.T @ P @ Phi)
-    state = np.hstack([run.pose - CENTER, run.beam_coordinates, run.pose_rate, run.beam_rates])
-    acting = np.arange(30, 58) * FINER
-    wanted, found = -state[acting] @ gain.T, run.arm_input.sum(axis=1)[acting + 1]
-    statement = "lqr asks for -K z of its own Riccati equation, z as it will be when the torques act: relative error"
-    yield alike(statement, 0.02, found, wanted)
-    decay = -np.log(np.abs(np.linalg.eigvals(Phi - Gamma @ gain)).max()) / PERIOD
-    said = " ".join(condition.sentence for condition in law_conditions(run.scenario))
-    told = float(re.findall(r"decays with ([\d.]+) 1/s", said)[0])
-    yield close("and its condition tells how fast the loop decays", decay, told, "1/s", 0.01)
-    for delay in (0, 1, 3):
-        loop = np.zeros(delay + 2)
-        loop[:2] = 1.0, -1.0
-        loop[-1] += stability_limit(delay)
-        statement = f"the fastest loop that {delay} samples of delay allow neither grows nor decays: largest |z|"
-        yield close(statement, 1.0, np.abs(np.roots(loop)).max(), absolute=1e-9)
-
-
-def _believed_load() -> Iterator[Check]:
-    """The axial-load stiffness in a linear law's model, compared with that of such a payload held at rest."""
-    heavier, tilted = 1.3, {"kind": "hold", "pose": (0.0, 0.75, 0.4)}
-    at_rest = {"payload.axial_load": "first-order", "gravity": 9.81, "trajectory": tilted, "initial.pose": None}
-    law = {"wanted_internal_force": 40.0, "load_share": 0.3}
-    holding = {"kind": "computed-torque", "position_gain": 1e6, **law}
-    model = {"linear_density_factor": heavier, "axial_load": "first-order"}
-    paper = load_preset("paper").replace(at_rest)
-    held = modes(
-        paper.replace({"controller": holding, "payload.linear_density": heavier * paper.payload.linear_density})
-    ).linearization
-    assert held is not None
-    believing = {"kind": "lqr", "control_period": PERIOD, "model": model, **law}
-    told = believed_plant(paper.replace({"controller": believing}), len(held.omega), ())
-    order = np.argsort(held.omega)
-    wanted = held.probe.axial_stiffness(held.rest.motion, held.rest.torque)[np.ix_(order, order)]
-    found = told.stiffness - np.diag(told.omega**2)
-    error = np.abs(found - wanted).max() / np.abs(wanted).max()
-    yield below("the axial load that lqr believes in stiffens its modes as at rest: relative error", 1e-3, error)

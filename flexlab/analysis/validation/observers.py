@@ -1,0 +1,233 @@
+"""Observers and the regulator in the sampled loop, each against an independent answer."""
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from scipy.linalg import expm, solve_discrete_are, solve_discrete_lyapunov
+
+from flexlab.analysis.law_conditions import law_conditions
+from flexlab.analysis.modes import modes
+from flexlab.analysis.validation.beam import GAUGES
+from flexlab.analysis.validation.check import DAMPING, STILL, Check, Runs, alike, below, close, run_of, subject
+from flexlab.analysis.validation.mass_points import MassPoints, slopes
+from flexlab.analysis.validation.sampled_loop import CENTER, FINER, MEASURED, PERIOD, STRAIN, told_rates
+from flexlab.control.observers.believed_plant import believed_plant
+from flexlab.control.observers.kalman import POSE_FLOOR, RATE_FLOOR, KalmanObserver
+from flexlab.presets import load_preset
+from flexlab.scenario import Scenario
+from flexlab.sim.commands import ChangeScenario
+from flexlab.sim.samples import Run
+
+BENT = (0.001, 0.00016, 0.0, -0.001)
+"""Initial beam coordinates, half a sine of 0.16 mm, for which the linear model holds."""
+LATE = 3
+"""Input delay of the regulator on a path, control periods."""
+BEGUN, CHANGED, ENDED = 6, 16, 24
+"""Instants of a disturbance observer: its first, its first with other settings, and its last one."""
+
+
+@subject("Observers and the regulator", 9)
+def observers(_: Runs) -> Iterator[Check]:
+    """The Kalman observer, the regulator with it, and the momentum observer."""
+    # Arms that sink excite the beam by forces that the observer knows, even if it hardly trusts its gauges.
+    trusting = {"unknown_force": (0.01, 0.01, 0.01), "unknown_modal_force": 1e-4}
+    sinking = {"gravity": 0.5, "initial.beam_coordinates": None}
+    statement = "the Kalman observer predicts hᵀq̇ by the delay and half a period, to where its torque acts"
+    yield below(f"{statement}: relative error", 0.02, _observed("the observed run", {}, {}))
+    statement = "one that trusts its model more than its gauges predicts the ring of a beam whose arms sink"
+    yield below(f"{statement}: relative error", 0.02, _observed("the run of sinking arms", trusting, sinking))
+    yield from _regulator()
+    yield from _observer_noise()
+    yield from _believed_load()
+    yield from _disturbance_observer()
+    law = {"kind": "disturbance-observer", "observer_gain": 60.0, "control_period": PERIOD}
+    poles = modes(load_preset("paper").replace({"trajectory": {"kind": "hold"}, "controller": law})).poles
+    rate = np.log(1 - 60.0 * PERIOD) / PERIOD
+    slowed = poles.real[np.argmin(np.abs(poles - rate))]
+    yield close("a sampled momentum observer forgets by 1 - ℓT_c in a period: rate", rate, slowed, "1/s", 1e-6)
+
+
+def _held(name: str, law: dict[str, Any], **changes: Any) -> Run:
+    """A sampled run, one period late, at a constant desired pose with a bent beam; `changes`: further changes."""
+    controller = {"control_period": PERIOD, "input_delay": 1, **law}
+    bent = {**STILL, "initial.beam_coordinates": BENT, **changes, "controller": controller}
+    return run_of(name, bent, 0.06, PERIOD / FINER)
+
+
+def _observed(name: str, observer: dict[str, Any], changes: dict[str, Any]) -> float:
+    """Largest error of the predicted hᵀq̇ over its largest value."""
+    gain = 1.0
+    law = {"kind": "composite", "slow": {"kind": "none"}, "lateral_vibration_gain": gain}
+    law["observer"] = {"kind": "kalman", "observer_modes": 4, **observer}
+    run = _held(name, law, **changes)
+    points = MassPoints(run.scenario)
+    h = points.payload_inertia(np.zeros(3 + run.beam_rates.shape[1]))[1, 3:]
+    inertia = sum(points.arm_inertia(np.array(CENTER), arm) for arm in range(2))
+    rate = run.beam_rates @ h
+    # Torques of instant k are held from instant k + 1 on.
+    acting = np.arange(30, 58) * FINER + FINER // 2
+    told = np.linalg.solve(inertia, run.arm_input.sum(axis=1)[acting].T)[1] / gain
+    return float(np.abs(told - rate[acting]).max() / np.abs(rate[acting]).max())
+
+
+def _linear_model(points: MassPoints) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """M and K (n, n) at the path's centre, and A (2n, 2n) of d(p, ṗ)/dt = A (p, ṗ) + B f, from mass points."""
+    p = np.concatenate([CENTER, np.zeros(points.shapes(0.0).size)])
+    M, n = points.inertia(p), len(p)
+    K = slopes(lambda at: slopes(lambda q: np.array(points.potential(q)), at), p)
+    K[:3], K[:, :3] = 0.0, 0.0
+    D = np.diag(np.where(np.arange(n) < 3, 0.0, DAMPING))
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, D)]])
+    return M, K, A
+
+
+def _held_over(A: np.ndarray, B: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
+    """State and input matrix over `period` s of dz/dt = A z + B f with f held."""
+    n, inputs = B.shape
+    over = expm(period * np.block([[A, B], [np.zeros((inputs, n + inputs))]]))
+    return over[:n, :n], over[:n, n:]
+
+
+def _regulator_gain(scenario: Scenario) -> tuple[np.ndarray, float]:
+    """K (3, 2n) in nodal coordinates, and how fast its loop decays, 1/s, by scipy's Riccati solver."""
+    settings = scenario.controller
+    M, K, A = _linear_model(MassPoints(scenario))
+    n, beam = len(M), np.s_[3:]
+    Phi, Gamma = _held_over(A, np.vstack([np.zeros((n, 3)), np.linalg.inv(M)[:, :3]]), PERIOD)
+    Q = np.zeros((2 * n, 2 * n))
+    Q[:3, :3], Q[n : n + 3, n : n + 3] = np.diag(settings.pose_weight), np.diag(settings.pose_rate_weight)
+    Q[beam, beam][: n - 3, : n - 3] = settings.vibration_weight * K[beam, beam]
+    Q[n + 3 :, n + 3 :] = settings.vibration_weight * M[beam, beam]
+    R = np.diag(settings.force_weight)
+    P = solve_discrete_are(Phi, Gamma, Q, R)
+    gain = np.linalg.solve(R + Gamma.T @ P @ Gamma, Gamma.T @ P @ Phi)
+    return gain, -np.log(np.abs(np.linalg.eigvals(Phi - Gamma @ gain)).max()) / PERIOD
+
+
+def _regulator() -> Iterator[Check]:
+    """K from matrices of mass points in nodal coordinates, and the target d periods ahead."""
+    law = {"kind": "lqr", "observer": {"kind": "kalman", "observer_modes": 4}}
+    run = _held("the regulated run", law)
+    gain, decay = _regulator_gain(run.scenario)
+    state = np.hstack([run.pose - CENTER, run.beam_coordinates, run.pose_rate, run.beam_rates])
+    acting = np.arange(30, 58) * FINER
+    wanted, found = -state[acting] @ gain.T, run.arm_input.sum(axis=1)[acting + 1]
+    statement = "lqr asks for -K z of its own Riccati equation, z as it will be when the torques act: relative error"
+    yield alike(statement, 0.02, found, wanted)
+    said = " ".join(condition.sentence for condition in law_conditions(run.scenario))
+    told = float(re.findall(r"decays with ([\d.]+) 1/s", said)[0])
+    yield close("and its condition tells how fast the loop decays", decay, told, "1/s", 0.01)
+    path = {"kind": "sine", "center": CENTER, "amplitude": 0.005, "frequency": 3.0}
+    late = {**law, "control_period": PERIOD, "input_delay": LATE}
+    run = run_of("the regulated run on a path", {"trajectory": path, "controller": late}, 0.06, PERIOD / FINER)
+    points, wanted = MassPoints(run.scenario), []
+    for k in range(30 * FINER, 55 * FINER, FINER):
+        x, acting = run.pose[k], k + LATE * FINER
+        _, rate, acceleration = _sine(run.time[k], path)
+        terms = [points.arm_terms(x, run.pose_rate[k], arm) for arm in range(2)]
+        inertia = sum((M for M, _, _ in terms), points.rigid_inertia(x))
+        target, target_rate, _ = _sine(run.time[acting], path)
+        error, error_rate = run.pose[acting] - target, run.pose_rate[acting] - target_rate
+        state = np.concatenate([error, run.beam_coordinates[acting], error_rate, run.beam_rates[acting]])
+        wanted.append(inertia @ acceleration + sum(C for _, C, _ in terms) @ rate - gain @ state)
+    found = run.arm_input.sum(axis=1)[np.arange(30, 55) * FINER + LATE * FINER + 1]
+    yield alike(f"on a path it aims at the target {LATE} periods ahead: relative error", 0.02, found, wanted)
+
+
+def _sine(t: float, path: dict[str, Any]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """x_d, ẋ_d, ẍ_d (3,) of a sine with one amplitude and one frequency for all coordinates."""
+    omega, ones = 2 * np.pi * path["frequency"], path["amplitude"] * np.ones(3)
+    sine, cosine = np.sin(omega * t), np.cos(omega * t)
+    return path["center"] + sine * ones, omega * cosine * ones, -(omega**2) * sine * ones
+
+
+def _observer_noise() -> Iterator[Check]:
+    """The deviation of a resting beam's predicted hᵀq̇, by the covariance of a filter that scipy's Riccati solver finds."""
+    observer = {"kind": "kalman", "observer_modes": 4, "gauges": GAUGES}
+    told = told_rates({"strain": STRAIN}, observer)[MEASURED // 10 :, 0]
+    scenario = load_preset("paper").replace({"controller": {"kind": "composite", "control_period": PERIOD}})
+    points, known = MassPoints(scenario), KalmanObserver()
+    M, _, A = _linear_model(points)
+    n = len(M)
+    Phi, Gamma = _held_over(A, np.vstack([np.zeros((n, n)), np.linalg.inv(M)]), PERIOD)
+    unknown = np.zeros((n, n))
+    unknown[:3, :3] = np.diag(np.square(known.unknown_force))
+    unknown[3:, 3:] = known.unknown_modal_force**2 * M[3:, 3:]
+    length, thickness = scenario.payload.length, scenario.payload.thickness
+    C = np.zeros((6 + len(GAUGES), 2 * n))
+    C[:3, :3], C[3:6, n : n + 3] = np.eye(3), np.eye(3)
+    C[6:, 3:n] = -thickness / 2 * points.shapes(length * np.array(GAUGES), 2)
+    R = np.diag(np.square([POSE_FLOOR] * 3 + [RATE_FLOOR] * 3 + [STRAIN] * len(GAUGES)))
+    P = solve_discrete_are(Phi.T, C.T, Gamma @ unknown @ Gamma.T, R)
+    gain = np.linalg.solve(C @ P @ C.T + R, C @ P).T
+    read = STRAIN**2 * gain[:, 6:] @ gain[:, 6:].T
+    covariance = solve_discrete_lyapunov(Phi - gain @ C @ Phi, read)
+    rate = np.concatenate([np.zeros(n + 3), points.payload_inertia(np.zeros(n))[1, 3:]]) @ expm(A * PERIOD / 2)
+    statement = "the Kalman observer reads gauges with their noise: deviation of its hᵀq̇"
+    yield close(statement, np.sqrt(rate @ covariance @ rate), told.std(), "kg·m/s", 0.1)
+
+
+def _disturbance_observer() -> Iterator[Check]:
+    """d̂ of a law that begins between two instants, and whose ℓ and believed payload change between two others."""
+    heavier, gains = 1.3, (60.0, 25.0)
+    first = {"controller.kind": "disturbance-observer", "controller.observer_gain": gains[0]}
+    then = {"controller.observer_gain": gains[1], "controller.model.linear_density_factor": heavier}
+    commands = [(t * PERIOD, ChangeScenario(to)) for t, to in ((BEGUN - 0.5, first), (CHANGED - 0.5, then))]
+    law = {"kind": "pd", "control_period": PERIOD}
+    changes = {"gravity": 9.81, "initial.pose_rate": (0.3, -0.4, 0.5), "controller": law}
+    run = run_of("the run with an observed disturbance", changes, (ENDED + 0.5) * PERIOD, PERIOD / FINER, commands)
+    points = MassPoints(run.scenario)
+    payload, gain, straight = points, gains[0], np.zeros(run.beam_rates.shape[1])
+
+    def momentum(k: int) -> np.ndarray:
+        """p = Bẋ at sample k, with the believed payload."""
+        x = run.pose[k]
+        return sum((points.arm_inertia(x, arm) for arm in range(2)), payload.rigid_inertia(x)) @ run.pose_rate[k]
+
+    def momentum_later(k: int, after: float) -> np.ndarray:
+        """p that the rigid model foresees `after` s from sample k, with the torques that are held then."""
+        x, v = run.pose[k], run.pose_rate[k]
+        rate = -slopes(lambda at: np.array(payload.payload_potential(np.concatenate([at, straight]))), x)
+        for arm in range(2):
+            J = slopes(lambda at, arm=arm: points.joint_angles(at, arm), x).T
+            _, C, G = points.arm_terms(x, v, arm)
+            rate += J.T @ run.joint_torque[k + 1, arm] + C.T @ v - G
+        return momentum(k) + after * rate
+
+    d_hat, wanted = np.zeros(3), []
+    for instant in range(BEGUN, ENDED + 1):
+        k, middle, last = (round((instant - back) * FINER) for back in (0, 0.5, 1))
+        foreseen = momentum_later(middle if instant == BEGUN else last, PERIOD / (2 if instant == BEGUN else 1))
+        if instant == CHANGED:
+            d_hat = d_hat + gain * (momentum_later(middle, PERIOD / 2) - foreseen - PERIOD * d_hat)
+            payload, gain = points.filled(heavier), gains[1]
+            d_hat = d_hat + gain * (momentum(k) - momentum_later(middle, PERIOD / 2))
+        else:
+            d_hat = d_hat + gain * (momentum(k) - foreseen - PERIOD * d_hat)
+        wanted.append(d_hat)
+    found = run.disturbance_estimate[np.arange(BEGUN, ENDED + 1) * FINER + 1]
+    statement = "d̂ follows from the momentum, even if the law begins or changes between two instants: relative error"
+    yield alike(statement, 1e-6, found, wanted)
+
+
+def _believed_load() -> Iterator[Check]:
+    """The axial-load stiffness in a linear law's model, compared with that of such a payload held at rest."""
+    heavier, tilted = 1.3, {"kind": "hold", "pose": (0.0, 0.75, 0.4)}
+    at_rest = {"payload.axial_load": "first-order", "gravity": 9.81, "trajectory": tilted, "initial.pose": None}
+    law = {"wanted_internal_force": 40.0, "load_share": 0.3}
+    holding = {"kind": "computed-torque", "position_gain": 1e6, **law}
+    model = {"linear_density_factor": heavier, "axial_load": "first-order"}
+    paper = load_preset("paper").replace(at_rest)
+    held = modes(
+        paper.replace({"controller": holding, "payload.linear_density": heavier * paper.payload.linear_density})
+    ).linearization
+    assert held is not None
+    believing = {"kind": "lqr", "control_period": PERIOD, "model": model, **law}
+    told = believed_plant(paper.replace({"controller": believing}), len(held.omega), ())
+    order = np.argsort(held.omega)
+    wanted = held.probe.axial_stiffness(held.rest.motion, held.rest.torque)[np.ix_(order, order)]
+    found = told.stiffness - np.diag(told.omega**2)
+    error = np.abs(found - wanted).max() / np.abs(wanted).max()
+    yield below("the axial load that lqr believes in stiffens its modes as at rest: relative error", 1e-3, error)

@@ -4,7 +4,9 @@ import json
 import os
 import shutil
 import signal
+import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -94,6 +96,23 @@ def test_two_visitors_do_not_disturb_each_other_even_if_one_lab_dies(private: Fr
     assert len(read_recording(run).samples) > 100
     wait_until(lambda: run_state(begun) == "recovered" and not empty.exists(), "so is what she had just begun")
     assert anna.enter() not in (first, second), "Anna gets a new lab"
+
+
+def test_a_name_and_a_preset_given_while_the_lab_opens_count(private: FrontServer, monkeypatch: pytest.MonkeyPatch):
+    carla, given, wait = Person(private, ""), threading.Event(), per_visitor.PrivateLab.wait_until_ready
+    carla.post("/name", ("name", "Carl"))
+    monkeypatch.setattr(
+        per_visitor.PrivateLab, "wait_until_ready", lambda place: wait(place) if given.wait(PATIENCE) else 0
+    )
+    with ThreadPoolExecutor() as pages:
+        first = pages.submit(carla.enter)
+        wait_until(lambda: carla.word in private.places._opening, "the lab is opening")
+        second = pages.submit(carla.enter, "/lab/gravity")
+        carla.post("/name", ("name", "Carla"))
+        given.set()
+        assert first.result() == second.result()
+    wait_until(lambda: carla.place.name == "Carla", "the lab has the name")
+    wait_until(lambda: '"name": "gravity"' in carla.state(first.result()), "it shows the preset chosen last")
 
 
 def test_a_full_server_says_so_and_a_lab_that_nobody_watches_makes_room(open_another: Callable[..., FrontServer]):

@@ -72,9 +72,7 @@ class PrivateLabs(LabProvider):
     async def enter(self, visitor: Visitor, choice: Choice | None) -> Lab:
         """Return the visitor's lab. Raises `FullError` when no lab is free; the visitor then waits for their turn."""
         opening = self._opening.get(visitor.id)
-        if opening is not None:
-            return await asyncio.shield(opening)
-        place = self.of_visitor(visitor.id)
+        place = self.of_visitor(visitor.id) if opening is None else await asyncio.shield(opening)
         if place is None:
             # Before any await, so that simultaneous visitors are counted one by one.
             self._admit(visitor)
@@ -140,7 +138,10 @@ class PrivateLabs(LabProvider):
         return place
 
     def call(self, visitor: Visitor) -> None:
-        """Keep the visitor's next runs under a new name."""
+        """Keep the visitor's next runs under a new name, also if the lab is only opening."""
+        opening = self._opening.get(visitor.id)
+        if opening is not None:
+            opening.add_done_callback(lambda _: self.call(visitor))
         place = self.of_visitor(visitor.id)
         if place is not None and place.name != visitor.name:
             place.name = visitor.name

@@ -62,6 +62,15 @@ def test_a_name_that_is_given_twice_has_its_last_meaning():
     assert declared.memory == ()
 
 
+@pytest.mark.parametrize("name", ["period", "on_save"])
+@pytest.mark.parametrize("mark", ["@property\n    ", ""])
+def test_a_period_that_only_a_run_of_the_text_would_tell_is_refused(name: str, mark: str):
+    """A control period written as a property was passed over: the law ran every 1 ms."""
+    text = law_text().replace("    def act", f"    {mark}def {name}(self):\n        return 0.01\n    def act")
+    with pytest.raises(ScenarioError, match=f"odd.py, line 3: {name} .*: write it out, as in {name} = "):
+        read_declaration(text, "odd.py")
+
+
 def test_a_gain_of_three_numbers_counts_as_three():
     many = "".join(f"    k{number} = gain((1.0, 1.0, 1.0), 'N', low=0, high=2)\n" for number in range(21))
     text = law_text().replace("    m = memory(3)\n", many)

@@ -96,6 +96,17 @@ def test_a_short_ring_gives_its_loudest_mode_alone():
     assert [round(mode.frequency.value, 1) for mode in fit.ring.modes] == [45.5]
     assert str(fit.ring.first.frequency) == "not identifiable: the samples hold 1.8 of its periods; 2 are needed"
     assert repr(fit).endswith(": nothing identifiable>")
+    assert_has_no_numbers(fit, "the samples hold 1.8 of its periods; 2 are needed")
+
+
+def assert_has_no_numbers(fit: flexlab.Fit, why: str) -> None:
+    """Tables and JSON give a reason in place of numbers."""
+    row = fit.table.to_pylist()[0]
+    assert (row["name"], row["unit"], row["reason"]) == ("f1", "Hz", why)
+    assert np.isnan([row["value"], row["low"], row["high"]]).all()
+    told = fit.as_data()["f1"]
+    assert np.isnan([told["value"], told["low"], told["high"]]).all()
+    assert told["identifiable"] is False
 
 
 def test_too_few_samples_or_a_signal_that_does_not_move_are_refused():
@@ -469,6 +480,7 @@ def test_a_measurement_of_noise_alone_is_no_ring(flexlab_command: Command, tmp_p
         assert not fit.is_ring
         assert not fit.estimates["EI"].identifiable
         assert "No ring: no oscillation stands out from the noise." in str(fit)
+        assert_has_no_numbers(fit, "no oscillation stands out from the noise")
     done = flexlab_command("fit", "noise0.csv", "--preset", "paper")
     assert done.returncode == 1
     assert "No ring: " in done.stdout

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -81,10 +82,15 @@ class Fit(Result):
 
     @cached_property
     def table(self) -> Any:
-        """A row per estimate: name, value, low, high, unit, reason if not identifiable, and provenance."""
+        """A row per estimate: name, value, low, high (NaN if not identifiable, and the reason), unit, and provenance."""
         about = {"scenario": None, "version": __version__} if self.scenario is None else provenance(self.scenario)
-        rows = [{"name": name, **vars(value), **about} for name, value in self.estimates.items()]
+        rows = [{"name": name, **self._row(value), **about} for name, value in self.estimates.items()]
         return pa.Table.from_pylist(rows)
+
+    def _row(self, estimate: Estimate) -> dict[str, Any]:
+        """The fields of an estimate; without numbers if the samples do not determine it, or hold no ring."""
+        reason = estimate.reason or ("" if self.is_ring else self.ring.problem)
+        return vars(estimate) | {"reason": reason} | (dict.fromkeys(("value", "low", "high"), nan) if reason else {})
 
     def plot(self) -> "Figure":
         """The samples, and the background about which they ring."""
@@ -93,8 +99,9 @@ class Fit(Result):
         return draw_fit(self.time, self.signal, self.ring.background, self.unit)
 
     def as_data(self) -> dict[str, Any]:
-        """The estimates as plain data with all digits."""
-        rows = {name: {**vars(value), "identifiable": value.identifiable} for name, value in self.estimates.items()}
+        """The estimates as plain data with all digits; NaN if not identifiable."""
+        rows = {name: self._row(value) for name, value in self.estimates.items()}
+        rows = {name: row | {"identifiable": not row["reason"]} for name, row in rows.items()}
         return {"ring": self.is_ring, "samples": self.ring.samples, "noise": self.ring.noise, **rows}
 
     def __repr__(self) -> str:

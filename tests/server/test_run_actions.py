@@ -338,7 +338,7 @@ def test_an_upload_without_a_file_and_one_that_is_too_large_are_refused(front_se
     assert "choose one first" in upload(front_server.url, "", b"").text
     said = ask(front_server.url, "/runs/import", "POST", b"", Content_Type="multipart/form-data; boundary=b",
                Content_Length="2000000000")  # fmt: skip
-    assert "This file is larger than 1 GB" in said.text
+    assert "This file is larger than 1\xa0GB" in said.text
 
 
 def test_a_file_that_claims_to_hold_more_than_it_does_is_refused(front_server: FrontServer, tmp_path: Path) -> None:

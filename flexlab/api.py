@@ -30,6 +30,7 @@ from flexlab.recording.table_columns import table_columns, to_columns
 from flexlab.sim import samples
 from flexlab.sim import simulate as engine
 from flexlab.sim.commands import WorldCommand
+from flexlab.text import counted
 
 if TYPE_CHECKING:
     import pandas
@@ -162,7 +163,7 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
         else:  # After the first sentence come warnings.
             warned = why.partition(" s. ")[2]
             how = f"{self.status} ({warned})" if warned else str(self.status)
-        return f"<Run of {self.name}: {how}, {len(self)} samples{span}>"
+        return f"<Run of {self.name}: {how}, {counted(len(self), 'sample')}{span}>"
 
 
 Run.__doc__ = samples.Run.__doc__

@@ -40,7 +40,8 @@ MOST_TOLD = 20
 def told_together(mistakes: Sequence[str]) -> str:
     """The first `MOST_TOLD` mistakes of a file as one text."""
     more = len(mistakes) - MOST_TOLD
-    last = [f"{more} more lines are wrong: mend these first."] if more > 0 else []
+    are = "One more line is wrong" if more == 1 else f"{more} more lines are wrong"
+    last = [f"{are}: mend these first."] if more > 0 else []
     return " ".join([*mistakes[:MOST_TOLD], *last])
 
 

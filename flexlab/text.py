@@ -134,6 +134,11 @@ def syntax_tree(source: str, mode: Literal["exec", "eval"] = "exec") -> Any:
         return ast.parse(source, mode=mode)
 
 
+def counted(count: int, thing: str) -> str:
+    """A number of things: "1 sample", "2 samples"."""
+    return f"{count} {thing}{'' if count == 1 else 's'}"
+
+
 def with_units(text: str) -> str:
     """`text` in which no line breaks between a number and its unit."""
     return _BEFORE_UNIT.sub("\N{NO-BREAK SPACE}", text)

@@ -9,7 +9,16 @@ from hypothesis import strategies as st
 from flexlab.presets import load_preset
 from flexlab.recording.store.run_index import duration_text, size_text
 from flexlab.scenario.field_text import differences, field_title, told, value_text
-from flexlab.text import difference_text, fixed_text, in_mathtext, number_text, result_text, visible, with_subscripts
+from flexlab.text import (
+    counted,
+    difference_text,
+    fixed_text,
+    in_mathtext,
+    number_text,
+    result_text,
+    visible,
+    with_subscripts,
+)
 
 
 def test_numbers_have_no_letters_and_a_real_minus_sign() -> None:
@@ -92,3 +101,7 @@ def test_fields_and_values_are_named_in_words() -> None:
     one, other = value_text("a = 1\nb = 2\n"), value_text("a = 1\nb = 3\n")
     assert one != other
     assert all(re.fullmatch(r"2 lines of text \([0-9a-f]{6}\)", text) for text in (one, other))
+
+
+def test_counts_have_the_noun_in_the_right_number():
+    assert [counted(k, "sample") for k in (0, 1, 2)] == ["0 samples", "1 sample", "2 samples"]

@@ -8,6 +8,7 @@ from scipy.signal import StateSpace, TransferFunction, ZerosPolesGain, dlti, lti
 
 from flexlab.arguments import whole_number
 from flexlab.errors import StudyError
+from flexlab.text import counted
 
 if TYPE_CHECKING:
     from flexlab.analysis.stability import DiskMargin
@@ -156,11 +157,11 @@ class LinearModel(StateSpace):
         return function
 
     def _check_channel(self, what: str, outputs: bool = False) -> None:
-        inputs = len(self.about.inputs)
-        if inputs == 1 and (not outputs or len(self.about.outputs) == 1):
+        inputs, those = len(self.about.inputs), len(self.about.outputs)
+        if inputs == 1 and (not outputs or those == 1):
             return
         wants = "one input and one output" if outputs else "one input"
-        has = f"{inputs} inputs" + (f" and {len(self.about.outputs)} outputs" if outputs else "")
+        has = counted(inputs, "input") + (f" and {counted(those, 'output')}" if outputs else "")
         example = 'inputs="desired_pose_y"' + (', outputs="pose_y"' if outputs else "")
         raise StudyError(f"{what} needs {wants}, and this model has {has}: name one, as in linearize(…, {example}).")
 
@@ -178,8 +179,8 @@ class LinearModel(StateSpace):
     def __repr__(self) -> str:
         loop = "closed loop" if self.about.closed else "plant"
         kind = "continuous" if self.dt is None else f"sampled at {1e3 * float(self.dt):g} ms"
-        counts = f"{len(self.about.states)} states, {len(self.about.inputs)} inputs, {len(self.about.outputs)} outputs"
-        return f"LinearModel({loop}, {kind}, {counts})"
+        about = (("state", self.about.states), ("input", self.about.inputs), ("output", self.about.outputs))
+        return f"LinearModel({loop}, {kind}, {', '.join(counted(len(names), thing) for thing, names in about)})"
 
     def __str__(self) -> str:
         groups = (("inputs", self.about.inputs), ("outputs", self.about.outputs), ("states", self.about.states))

@@ -16,7 +16,7 @@ from flexlab.presets import AnyScenario, any_scenario
 from flexlab.scenario import Scenario
 from flexlab.sim.build import build_beam
 from flexlab.sim.termination import pose_fault
-from flexlab.text import number_text
+from flexlab.text import counted, number_text
 
 MOST_ROWS = 16
 """Largest number of rows in a printed table: faster poles decay before anybody sees them."""
@@ -62,7 +62,7 @@ def _beam_lines(modes: "Modes") -> list[str]:
         rows.append((f"{k + 1}", f"{frequency:.2f}", f"{100 * modes.damping_ratio[k]:.3g}", *shares))
     lines = _aligned(rows, len(rows[0]))
     if len(modes.frequency) > MOST_ROWS:
-        lines.append(f"… and {len(modes.frequency) - MOST_ROWS} higher modes")
+        lines.append(f"… and {counted(len(modes.frequency) - MOST_ROWS, 'higher mode')}")
     return lines
 
 
@@ -81,7 +81,7 @@ def _pole_lines(modes: "Modes") -> list[str]:
         rows.append((frequency, f"{100 * row.damping_ratio:.3g}", f"{row.rate:+.4g}", verdict, row.origin))
     lines = [head, "", *_aligned(rows, 3)]
     if len(everything) > MOST_ROWS:
-        lines.append(f"… and {len(everything) - MOST_ROWS} faster ones, none of which grows")
+        lines.append(f"… and {counted(len(everything) - MOST_ROWS, 'faster one')}, none of which grows")
     if modes.unstable:
         lines += ["", f"UNSTABLE: small motions grow at {number_text(modes.growth, 3)} 1/s."]
     return lines

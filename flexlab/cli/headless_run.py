@@ -27,6 +27,7 @@ from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples, Status, join_blocks
 from flexlab.sim.simulate import end_status
 from flexlab.sim.world import World
+from flexlab.text import counted
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -207,7 +208,7 @@ def _tell(run: EndedRun, summary: Summary) -> None:
         is_settled = settled.value == settled.value
         output().print(f"{settled.title} {settled.text} s." if is_settled else f"Vibration: {settled.text}.")
     output().print(
-        f"{run.samples} samples in {run.seconds:.2f} s with {run.world.integrator}, "
+        f"{counted(run.samples, 'sample')} in {run.seconds:.2f} s with {run.world.integrator}, "
         f"steps of {1e6 * run.world.step:.4g} µs. Result {run.result_hash}."
     )
     output().print(f"Recorded in {run.path}", soft_wrap=True)

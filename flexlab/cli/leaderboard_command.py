@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from flexlab.cli.console import complain, new_table, note, output
 from flexlab.cli.options import Cluster, Several, Threads, keep_own_texts_apart, option
+from flexlab.text import counted
 
 if TYPE_CHECKING:
     from flexlab.analysis.leaderboard.board import Leaderboard
@@ -65,7 +66,7 @@ def command(
     if to is not None:
         for path in write_report(board, to):
             output().print(str(path), soft_wrap=True)
-    note(f"{len(board.rows)} rows, {board.computed} of them computed now.")
+    note(f"{counted(len(board.rows), 'row')}, {board.computed} of them computed now.")
     if not case and not long:
         note(LONG_RUNS_ARE_LEFT_OUT)
     return 0

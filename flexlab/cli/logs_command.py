@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 from flexlab.cli.console import agreed, output, print_json
 from flexlab.cli.console import note as say
 from flexlab.cli.options import LOGS, Logs, Runs, option
-from flexlab.cli.runs_listing import FIELDS, count_text, plain_row, print_runs, print_table, sorted_rows
+from flexlab.cli.runs_listing import FIELDS, plain_row, print_runs, print_table, sorted_rows
 from flexlab.errors import StudyError
+from flexlab.text import counted
 
 if TYPE_CHECKING:
     from flexlab.recording.store.run_index import RunRow
@@ -111,7 +112,7 @@ def _delete(rows: "list[RunRow]", yes: bool, nothing: str) -> None:
         return
     for row in rows:
         output().print(f"{row.id}  {size_text(row.size)}", soft_wrap=True)
-    what = f"{count_text(len(rows))} ({size_text(sum(row.size for row in rows))})"
+    what = f"{counted(len(rows), 'run')} ({size_text(sum(row.size for row in rows))})"
     if not yes and not agreed(f"Delete {what}? This cannot be undone.", "--yes deletes without asking"):
         output().print("Nothing was deleted.")
         return
@@ -127,11 +128,11 @@ def _measure(logs: Path) -> None:
     from flexlab.recording.repair import finish, sweep_empty, unfinished_runs
 
     if swept := sweep_empty(logs):
-        say(f"Removed {count_text(swept)} that ended before anything was written.")
+        say(f"Removed {counted(swept, 'run')} that ended before anything was written.")
     for path in unfinished_runs(logs):
         try:
             finish(path)
             say(f"Repaired {path.name}.")
         except FlexlabError as error:
             say(str(error))
-    say(f"Measured {count_text(note_missing_metrics(logs))}.")
+    say(f"Measured {counted(note_missing_metrics(logs), 'run')}.")

@@ -10,6 +10,7 @@ from flexlab.analysis.metrics.run_metrics import DURATION, UNKNOWN, measured, no
 from flexlab.cli.console import new_table, note, output
 from flexlab.errors import StudyError
 from flexlab.recording.store.run_index import RunRow, duration_text, size_text, state_word
+from flexlab.text import counted
 
 
 class Column(NamedTuple):
@@ -111,16 +112,11 @@ def print_table(rows: Sequence[RunRow], logs: Path) -> None:
                 below.truncate(console.width, overflow="ellipsis")
             console.print(below, soft_wrap=True)
     size = size_text(sum(row.size for row in rows))
-    note(f"{count_text(len(rows))}, {size}, in {logs}. flexlab logs RUN shows more of one.")
+    note(f"{counted(len(rows), 'run')}, {size}, in {logs}. flexlab logs RUN shows more of one.")
     if left_out:
         note(f"A wider window has room for {', '.join(left_out)}.")
     if missing := sum(not measured(row.metrics) and row.state != "in use" for row in rows):
         note(f"Without metrics: {missing}. flexlab logs --measure reads those that can be read.")
-
-
-def count_text(count: int) -> str:
-    """A count of runs as text: "1 run", "2 runs"."""
-    return "1 run" if count == 1 else f"{count} runs"
 
 
 def _columns_with_room(rows: Sequence[RunRow]) -> tuple[list[Column], list[str]]:

@@ -9,6 +9,7 @@ import tyro
 from flexlab.cli.console import agreed, complain, note, output
 from flexlab.cli.options import Cluster, Law, Preset, Seed, Settings, Several, Threads, chosen_scenarios, option
 from flexlab.errors import StudyError
+from flexlab.text import counted
 
 FAILED_SHOWN = 3
 """Most failed cells whose reasons are printed."""
@@ -100,7 +101,7 @@ def _ask(cells: int, yes: bool) -> None:
 
 def _tell_failed(failed: dict[int, str], cells: int) -> None:
     if not failed:
-        note(f"{cells} cells.")
+        note(f"{counted(cells, 'cell')}.")
         return
     complain(f"{len(failed)} of {cells} cells failed; the table says why.")
     for cell, sentence in list(failed.items())[:FAILED_SHOWN]:

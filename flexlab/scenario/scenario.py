@@ -20,7 +20,7 @@ from flexlab.scenario.arms import Arm, Grips, Joints
 from flexlab.scenario.earlier_versions import in_present_terms
 from flexlab.scenario.payload import Payload
 from flexlab.scenario.validation_errors import LONGEST, brief, field_paths, problem, unknown_field, value_paths
-from flexlab.text import html_table, visible
+from flexlab.text import counted, html_table, visible
 
 
 def _models(known: Mapping[str, Any]) -> Any:
@@ -113,7 +113,7 @@ class Scenario(Part):
         beam, arms = self.payload, len(self.arms)
         return (
             f"<Scenario {self.title!r}: {self.controller.kind}, {self.trajectory.kind}, {beam.boundary} beam of "
-            f"{beam.element_count} elements with EI = {beam.bending_stiffness:g} N·m², {arms} arm{'s' * (arms > 1)}>"
+            f"{counted(beam.element_count, 'element')} with EI = {beam.bending_stiffness:g} N·m², {counted(arms, 'arm')}>"
         )
 
     __str__ = __repr__
@@ -278,7 +278,9 @@ def parse_scenario(data: Any) -> Scenario:
         found = error.errors(include_url=False)
         problems = [problem(Scenario, item) for item in found[:MOST_PROBLEMS]]
         if len(found) > MOST_PROBLEMS:
-            problems.append(("", f"{len(found) - MOST_PROBLEMS} more fields are wrong: mend these first."))
+            more = len(found) - MOST_PROBLEMS
+            are = "One more field is wrong" if more == 1 else f"{more} more fields are wrong"
+            problems.append(("", f"{are}: mend these first."))
         raise ScenarioError(problems) from None
 
 

@@ -17,6 +17,7 @@ import segno
 
 from flexlab.errors import LabError
 from flexlab.sockets import LOOPBACK, UNIX, WILDCARDS, base_address, usual_spelling
+from flexlab.text import counted
 
 SECRET_BYTES = 18
 """Random bytes of a generated token or key."""
@@ -216,7 +217,7 @@ class Capacity:
     @property
     def text(self) -> str:
         """Cores and memory in words."""
-        cores = "1 core" if self.cores == 1 else f"{self.cores} cores"
+        cores = counted(self.cores, "core")
         return cores if self.memory is None else f"{cores}, {self.memory / 1e9:.1f} GB of memory free"
 
 

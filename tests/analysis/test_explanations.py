@@ -101,7 +101,7 @@ CASES = (
          {**MEASURED, "trajectory.amplitude": (0.2, 0.2, 0.2)}, 1.4),
     Case("growing pose", r"at 23\.7 1/s: feedback at 123 1/s .* λT_c = 2\.45 above 2\. A control period below 16\.3 ms", (),
          {**HELD, "controller.control_period": 0.02}, 0.3),
-    Case("growing pose", r"at 25\.3 1/s: .* every 4 ms with 1 samples of delay, λT_c = 1\.5 above 1\.", (),
+    Case("growing pose", r"at 25\.3 1/s: .* every 4 ms with 1 sample of delay, λT_c = 1\.5 above 1\.", (),
          {**HELD, "controller.kind": "pd", "controller.control_period": 0.004, "controller.input_delay": 1}, 0.1),
     Case("growing pose", r"at 25\.3 1/s: .* lower gains help\. Nothing has moved this run yet\.$", (),
          {**HELD, "controller.kind": "pd", "controller.control_period": 0.004, "controller.input_delay": 1,

@@ -6,6 +6,7 @@ from flexlab.analysis.explanations.explanation import Background, Evidence, n, r
 from flexlab.analysis.modes import PoleRow, fastest_growth
 from flexlab.analysis.stability import NEUTRAL
 from flexlab.control.conditions import stability_limit
+from flexlab.text import counted
 
 AGREES = 2.5
 """Factor within which the growth of the mode alone must agree with the loop's if the delay is the cause."""
@@ -104,8 +105,8 @@ def growing_pose(seen: Evidence) -> str | None:
         return None
     return (
         f"The pose runs away at {n(growth.rate)} 1/s: feedback at {n(around.fastest_rate)} 1/s is updated every "
-        f"{n(1e3 * law.control_period)} ms with {law.input_delay} samples of delay, λT_c = {n(product)} above {n(limit)}. "
-        f"A control period below {n(1e3 * limit / around.fastest_rate)} ms or lower gains help.{_not_begun(seen)}"
+        f"{n(1e3 * law.control_period)} ms with {counted(law.input_delay, 'sample')} of delay, λT_c = {n(product)} above "
+        f"{n(limit)}. A control period below {n(1e3 * limit / around.fastest_rate)} ms or lower gains help.{_not_begun(seen)}"
     )
 
 
@@ -152,8 +153,8 @@ def spillover(seen: Evidence) -> str | None:
     more = 100 * growth.rate / (2 * np.pi * growth.frequency)
     return (
         f"Mode {growth.mode}, {n(growth.frequency)} Hz, grows at {n(growth.rate)} 1/s: the observer models "
-        f"{observer.observer_modes} modes, but the gauges also see this one{folded} (spillover). A damping ratio larger "
-        f"by {n(more)} % or lower vibration gains help.{_not_begun(seen)}"
+        f"{counted(observer.observer_modes, 'mode')}, but the gauges also see this one{folded} (spillover). A damping ratio "
+        f"larger by {n(more)} % or lower vibration gains help.{_not_begun(seen)}"
     )
 
 

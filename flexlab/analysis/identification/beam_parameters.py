@@ -14,7 +14,7 @@ from flexlab.analysis.modes import modes
 from flexlab.errors import FlexlabError, StudyError
 from flexlab.files import check_ordinary
 from flexlab.scenario import Scenario
-from flexlab.text import visible
+from flexlab.text import counted, visible
 
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "min": 60.0}
 """Unit → s."""
@@ -89,7 +89,7 @@ def read_measured(path: Path, time: str | None = None, signal: str | None = None
     gaps = steps > GAP * np.median(steps)
     if gaps.any():
         usual = f"where samples are {np.median(steps):.3g} s apart"
-        notes.append(f"{gaps.sum()} gaps, the longest {steps.max():.3g} s {usual}.")
+        notes.append(f"{counted(int(gaps.sum()), 'gap')}, the longest {steps.max():.3g} s {usual}.")
     unit = "m" if y_unit in SIGNAL_UNITS else visible(y_unit, LONGEST_NAME)
     return Measured(t, y, unit, tuple(notes))
 
@@ -123,7 +123,7 @@ def _parts(name: str) -> tuple[str, str]:
 def _column(path: Path, names: list[str], wanted: str | None, place: int) -> tuple[int, str]:
     if wanted is None:
         if place >= len(names):
-            raise StudyError(f"{path} has {len(names)} columns: time and a signal are needed.")
+            raise StudyError(f"{path} has {counted(len(names), 'column')}: time and a signal are needed.")
         return place, _parts(names[place])[1]
     base, unit = _parts(wanted)
     for number, name in enumerate(names):
@@ -221,7 +221,8 @@ def mesh_note(found: BeamParameters) -> str:
     real = EI.value * (first_mode(found.scenario, False)[0] / first_mode(finer, False)[0]) ** 2
     if EI.low <= real <= EI.high:
         return ""
-    return f"EI belongs to a mesh of {few} elements, which rings too high: a real beam of this frequency has {real:.5g} N·m²."
+    mesh = counted(few, "element")
+    return f"EI belongs to a mesh of {mesh}, which rings too high: a real beam of this frequency has {real:.5g} N·m²."
 
 
 def _left_out(fit: RingFit, scenario: Scenario) -> str:

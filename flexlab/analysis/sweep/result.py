@@ -27,7 +27,7 @@ from flexlab.compiled import engine
 from flexlab.errors import StudyError
 from flexlab.files import check_ordinary, read_json, replacing, writable
 from flexlab.scenario import Scenario
-from flexlab.text import html_table
+from flexlab.text import counted, html_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -246,7 +246,7 @@ class Sweep(Result):
     def __repr__(self) -> str:
         failed = f", {len(self.failed)} failed" if self.failed else ""
         fields = ", ".join(axis.path for axis in self.axes)
-        return f"<Sweep of {len(self)} cells over {fields}{failed}, in {self.folder}>"
+        return f"<Sweep of {counted(len(self), 'cell')} over {fields}{failed}, in {self.folder}>"
 
     def _repr_html_(self) -> str:
         rows = ([_text(value) for value in row.values()] for row in self.table.slice(0, HTML_ROWS).to_pylist())

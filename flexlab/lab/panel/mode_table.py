@@ -13,7 +13,7 @@ from flexlab.lab.view_settings import EXAGGERATION, nice
 from flexlab.lab.widgets import Widgets, table_html
 from flexlab.sim.commands import Pause, Play, SetSpeed
 from flexlab.sim.snapshot import Snapshot
-from flexlab.text import escaped, number_text
+from flexlab.text import counted, escaped, number_text
 
 MOST_POLES = 6
 """Most rows of poles, the growing ones first."""
@@ -69,8 +69,8 @@ class ModePanel:
         if result is None:
             raise LabError(STILL_COMPUTED)
         if index >= len(result.frequency):
-            count = len(result.frequency)
-            raise LabError(f"Mode {index + 1} needs a finer mesh: this one has {count} modes. Give it more elements.")
+            has = counted(len(result.frequency), "mode")
+            raise LabError(f"Mode {index + 1} needs a finer mesh: this one has {has}. Give it more elements.")
         return index
 
     def _set_animation(self) -> None:

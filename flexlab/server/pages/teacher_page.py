@@ -26,6 +26,7 @@ from flexlab.server.labs.recorded_lab import little_space
 from flexlab.server.limits import for_teacher
 from flexlab.server.pages.templating import page
 from flexlab.server.visitors import context_of, fresh, is_teacher, set_cookie
+from flexlab.text import counted
 
 ROUTES = web.RouteTableDef()
 
@@ -212,7 +213,7 @@ async def _tell(request: web.Request, what: Choice | Hold, watched: bool = False
 
 
 def _count(places: list[Lab]) -> str:
-    return "1 lab" if len(places) == 1 else f"{len(places)} labs"
+    return counted(len(places), "lab")
 
 
 def _answer(request: web.Request, sentence: str) -> web.StreamResponse:

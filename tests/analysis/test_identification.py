@@ -493,7 +493,7 @@ def test_coloured_noise_beside_a_ring_adds_no_mode(memory: float):
     time, known = np.arange(0, 0.5, 1e-3), 0
     for seed in range(12):
         noise = lfilter([np.sqrt(1 - memory**2)], [1.0, -memory], np.random.default_rng(seed).normal(size=len(time)))
-        fit = fit_ring(time, ring(time, 45.0, 0.01) + 0.1 * noise)
+        fit = fit_ring(time, ring(time, 45.0, 0.01) + 0.1 * np.asarray(noise))
         assert fit.is_ring
         assert len(fit.modes) == 1
         mode = fit.first

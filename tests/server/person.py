@@ -72,7 +72,7 @@ class Person(Visitor):
         return limits.Visitor(self.word).owner
 
     @property
-    def place(self):
+    def place(self) -> Any:
         """Their running lab; None if they have none."""
         return self.server.places.of_visitor(self.word)
 

@@ -69,7 +69,9 @@ def test_a_pass_opens_one_recording_only(guarded: FrontServer, recorded: Path):
     for name in ("one", "two"):
         (logs / f"{name}.rrd").write_bytes(recorded.read_bytes())
     page = ask(guarded.url, "/runs/one", cookies=cookie_of(guarded)).text
-    address = re.search(r'data-recording="(/pass/[0-9a-f]{64}/one\.rrd)"', page)[1]
+    found = re.search(r'data-recording="(/pass/[0-9a-f]{64}/one\.rrd)"', page)
+    assert found
+    address = found[1]
     assert ask(guarded.url, address).body == recorded.read_bytes()
     for other in (
         address.replace("one", "two"),

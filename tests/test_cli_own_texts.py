@@ -79,3 +79,25 @@ def test_files_named_like_modules_of_python_do_no_harm(tmp_path: Path):
     )
     assert done.returncode == 0, done.stderr
     assert re.search(rf"a helper {re.escape(os.path.dirname(os.__file__))}/signal\.py None", done.stderr), done.stderr
+
+
+IN_PYTHON = """import time
+import flexlab
+with flexlab.Lab("paper", law="laws/pd.py") as lab:
+    runner, end = lab.session.runner, time.monotonic() + 120
+    while runner.snapshot.latest.time[0] < 0.05 and not runner.snapshot.status.failed and time.monotonic() < end:
+        time.sleep(0.02)
+    print(runner.snapshot.status.text, float(runner.snapshot.latest.time[0]))
+"""
+
+
+def test_nor_in_a_lab_that_a_notebook_opens(tmp_path: Path):
+    """Python itself has begun elsewhere; the law's process begins in the working folder."""
+    (tmp_path / "laws").mkdir()
+    (tmp_path / "laws" / "pd.py").write_text(PD)
+    for name in ("signal", "struct"):
+        (tmp_path / f"{name}.py").write_text("raise RuntimeError('not the module of Python')\n")
+    words = [sys.executable, "-P", "-c", IN_PYTHON]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    assert float(done.stdout.split()[-1]) >= 0.05, done.stdout

@@ -168,13 +168,16 @@ class OwnProcess:
         reports, reporting = socket.socketpair()
         command = [sys.executable, "-m", "flexlab.own.child"]
         # One thread each: a text that multiplies small matrices must leave the lab its cores.
+        # As in `__main__`, where a lab that a notebook opens has not been.
+        elsewhere = not os.path.samefile(os.curdir, Path(__file__).parents[2])
+        safe = {"PYTHONSAFEPATH": "1"} if elsewhere else {}
         threads = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
         lifeline, self._lifeline = os.pipe()
         handed = theirs.fileno(), reporting.fileno(), lifeline
         self._process = subprocess.Popen(
             [*command, *map(str, handed), self.file, self.sort],
             pass_fds=handed,
-            env=os.environ | threads | {"PYTHONUNBUFFERED": "1", MARK: self._mark},
+            env=os.environ | safe | threads | {"PYTHONUNBUFFERED": "1", MARK: self._mark},
             stdin=subprocess.DEVNULL,
             stdout=self.output,
             stderr=subprocess.DEVNULL,

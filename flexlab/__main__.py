@@ -2,8 +2,13 @@
 
 import os
 import signal
+import sys
+import threading
 from pathlib import Path
 from typing import Any
+
+AGAIN = 0.05
+"""Time after which a Ctrl-C that Python dropped is repeated, s."""
 
 
 def main() -> None:
@@ -18,6 +23,14 @@ def main() -> None:
         pressed = True
         signal.default_int_handler(number, frame)
 
+    def press_again(ignored: Any) -> None:
+        if ignored.exc_type is not KeyboardInterrupt:
+            return sys.__unraisablehook__(ignored)
+        # Another thread presses once this callback is over.
+        threading.Timer(AGAIN, os.kill, (os.getpid(), signal.SIGINT)).start()
+
+    # Python drops Ctrl-C where nothing can be raised, as in the callbacks of its own imports.
+    sys.unraisablehook = press_again
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # In the background it is ignored.
         signal.signal(signal.SIGINT, press)
     try:

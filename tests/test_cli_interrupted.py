@@ -31,7 +31,14 @@ AS_ANOTHER_ERROR = f"""
 """
 
 
-@pytest.mark.parametrize("press", [PRESS, AS_ANOTHER_ERROR])
+IN_A_CALLBACK = f"""
+            import weakref
+            kept = weakref.ref(Pressing(), lambda gone: {PRESS})
+"""
+"""Python drops what is raised there, and its imports have such callbacks too."""
+
+
+@pytest.mark.parametrize("press", [PRESS, AS_ANOTHER_ERROR, IN_A_CALLBACK])
 @pytest.mark.parametrize("module", ["flexlab.cli", "flexlab.text", "tyro", "pydantic", "numba"])
 def test_ctrl_c_while_modules_load_is_quiet(module: str, press: str, tmp_path: Path):
     program = PRESSING.format(module=module, press=press, words=["run", "paper", "--duration", "0.1"])

@@ -71,6 +71,8 @@ class _News(asyncio.Event):
 @dataclasses.dataclass
 class _MessageBuffer(AsyncMessageBuffer):
     message_event: asyncio.Event = dataclasses.field(default_factory=_News)
+    _warned_push_after_done: bool = True
+    """viser then prints no warning about a message to a browser that has just left, as any may."""
 
 
 cast(Any, _infra).AsyncMessageBuffer = _MessageBuffer

@@ -166,3 +166,15 @@ def test_a_sending_thread_leaves_it_to_the_event_loop_to_wake_its_tasks(shared_s
     # In a thread of its own: where a browser is driven, this one already runs a loop.
     with ThreadPoolExecutor(1) as thread:
         assert thread.submit(asyncio.run, woken_by()).result() == ["the loop"] * 3
+
+
+def test_a_message_to_a_browser_that_has_left_is_dropped_without_a_warning(
+    session: Session, recwarn: pytest.WarningsRecorder
+) -> None:
+    with RawBrowser(session) as browser:
+        browser.receive(20)
+        (client,) = wait_until(lambda: list(session.server.get_clients().values()), "it is a client", 20)
+        wait_until(lambda: client.camera.position is not None, "its camera is known", 20)
+    wait_until(lambda: not session.server.get_clients(), "it has left", 20)
+    client.camera.position = (1.0, 2.0, 3.0)
+    assert [str(each.message) for each in recwarn if "closed connection" in str(each.message)] == []

@@ -33,9 +33,6 @@ from flexlab.sim.signals import TABLE
 from flexlab.sim.snapshot import Event
 from flexlab.text import visible
 
-DIFFERENCES = 3
-"""Order of the difference: 1 packs ten seconds of the paper's run to 272 kB/s, 2 to 235, 3 to 205, 4 to 179; but each further
-order costs a noisy signal one bit per number."""
 FORMAT = 1
 """Number of this layout of bytes; each block also names the recording's format, on which the meaning of signals depends."""
 PACKING = pa.Codec("zstd", compression_level=1)
@@ -44,6 +41,8 @@ ZSTD = b"\x28\xb5\x2f\xfd"
 """First bytes of a zstd frame."""
 TRAILER = struct.Struct("<QI")
 """Size before packing and checksum, at the end of a block."""
+LARGEST = 2**63 - 1
+"""Largest integer of 64 bits."""
 INSTANTS_AT_ONCE = 512
 """Instants that are encoded at once, at least three: a signal's lines of memory then stay in the processor's first cache."""
 UNREADABLE = (zlib.error, struct.error, ArithmeticError, LookupError, OSError, RecursionError, TypeError, ValueError)
@@ -77,6 +76,8 @@ def byte_planes(signal, planes, first, folded):
             column = signal[start : start + count, a, b]
             for i in range(count):
                 x = column[i]
+                # Order 1 packs ten seconds of the paper's run to 272 kB/s, 2 to 235, 3 to 205, 4 to 179; but each further order
+                # costs a noisy signal one bit per number.
                 difference = x - 3 * x1 + 3 * x2 - x3
                 x1, x2, x3 = x, x1, x2
                 folded[i] = (difference << 1) ^ (difference >> 63)
@@ -84,6 +85,30 @@ def byte_planes(signal, planes, first, folded):
                 plane = planes[k, first + c, start : start + count]
                 for i in range(count):
                     plane[i] = (folded[i] >> (8 * k)) & 255
+
+
+@compiled
+def from_byte_planes(signal, planes, first, folded):
+    """Fill `signal` (N, a, b), int64, from the `planes` that `byte_planes` filled."""
+    instants, _, width = signal.shape
+    for start in range(0, instants, len(folded)):
+        count = min(len(folded), instants - start)
+        for c in range(signal.shape[1] * width):
+            a, b = c // width, c % width
+            folded[:count] = 0
+            for k in range(8):
+                plane = planes[k, first + c, start : start + count]
+                for i in range(count):
+                    folded[i] |= np.int64(plane[i]) << (8 * k)
+            x1 = signal[start - 1, a, b] if start else 0
+            x2 = signal[start - 2, a, b] if start else 0
+            x3 = signal[start - 3, a, b] if start else 0
+            column = signal[start : start + count, a, b]
+            for i in range(count):
+                difference = ((folded[i] >> 1) & LARGEST) ^ -(folded[i] & 1)
+                x = difference + 3 * x1 - 3 * x2 + x3
+                x1, x2, x3 = x, x1, x2
+                column[i] = x
 
 
 def encode_block(samples: Samples) -> bytes:
@@ -103,17 +128,23 @@ def encode_block(samples: Samples) -> bytes:
     widths = [prod(signal.shape[1:]) for signal in kept.values()]
     raw = np.empty(len(head) + 8 * sum(widths) * len(samples), np.uint8)
     raw[: len(head)] = np.frombuffer(head, np.uint8)
-    planes, folded = raw[len(head) :].reshape(8, sum(widths), len(samples)), np.empty(INSTANTS_AT_ONCE, np.int64)
-    # One machine code for any memory order: the kernel would be compiled for each of them.
-    fill = entry_point(byte_planes, np.empty((2, 1, 2), np.int64)[:, :, ::2], planes, 0, folded)
-    first = 0
-    with np.errstate(over="ignore"):  # Without compiled code, NumPy would warn.
-        for signal, width in zip(kept.values(), widths, strict=True):
-            axes = signal.shape[1:] if signal.ndim == 3 else (1, width)
-            fill(signal.view(np.int64).reshape(len(samples), *axes), planes, first, folded)
-            first += width
+    _each_signal(byte_planes, kept.values(), raw[len(head) :].reshape(8, sum(widths), len(samples)))
     frame = PACKING.compress(raw, asbytes=True)
     return frame + TRAILER.pack(len(raw), zlib.adler32(frame))
+
+
+def _each_signal(kernel: Callable[..., Any], signals: Iterable[np.ndarray], planes: np.ndarray) -> None:
+    """Call `byte_planes` or its inverse for each of the signals, which share the rows of `planes` in this order."""
+    folded = np.empty(INSTANTS_AT_ONCE, np.int64)
+    # One machine code for any memory order: the kernel would be compiled for each of them.
+    call = entry_point(kernel, np.empty((2, 1, 2), np.int64)[:, :, ::2], np.empty((8, 1, 1), np.uint8), 0, folded)
+    first = 0
+    with np.errstate(over="ignore"):  # Without compiled code, NumPy would warn.
+        for signal in signals:
+            width = prod(signal.shape[1:])
+            axes = signal.shape[1:] if signal.ndim == 3 else (1, width)
+            call(signal.view(np.int64).reshape(len(signal), *axes), planes, first, folded)
+            first += width
 
 
 def decode_block(data: bytes) -> tuple[Samples, int]:
@@ -134,18 +165,14 @@ def _decode(data: bytes) -> tuple[Samples, int]:
     rows, signals, written_in = header["rows"], header["signals"], header.get("recording_format", 1)
     if not isinstance(written_in, int) or written_in < 1:
         raise ValueError(f"recording format {written_in!r:.40}")
-    unsigned = np.frombuffer(planes, np.uint8).reshape(8, -1).T
-    whole = np.ascontiguousarray(unsigned).view("<u8").reshape(-1, rows)
-    whole = ((whole >> np.uint64(1)) ^ -(whole & np.uint64(1))).view(np.int64)
-    for _ in range(DIFFERENCES):
-        whole = np.cumsum(whole, axis=1)
-    columns = np.ascontiguousarray(whole.view(np.float64).T)
-    found, first = {}, 0
-    for name, shape in signals:
-        width = prod(shape)
-        found[name] = columns[:, first : first + width].reshape(rows, *shape)
-        found[name].flags.writeable = False
-        first += width
+    widths = [prod(shape) for _, shape in signals]
+    if rows < 1 or min(widths, default=0) < 0:
+        raise ValueError("it has no rows, or a signal of negative width")
+    patterns = np.frombuffer(planes, np.uint8).reshape(8, sum(widths), rows)
+    found = {name: np.empty((rows, *shape)) for name, shape in signals}
+    _each_signal(from_byte_planes, found.values(), patterns)
+    for array in found.values():
+        array.flags.writeable = False
     for name in header["derived"]:
         # A newer version may leave out more than this one can restore: that is then absent.
         if name in DERIVED:

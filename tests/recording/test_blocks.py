@@ -1,5 +1,7 @@
 """Samples come out of an encoded block with the same bits, whatever these are."""
 
+import json
+import struct
 import zlib
 from dataclasses import fields
 
@@ -98,3 +100,15 @@ def test_a_block_of_an_unknown_format_is_refused_with_its_number(run: Run) -> No
     for block in (frame + TRAILER.pack(len(raw), zlib.adler32(frame)), zlib.compress(raw)):
         with pytest.raises(RecordingError, match="format 9"):
             decode_block(block)
+
+
+@pytest.mark.parametrize(
+    ("rows", "widths"), [(2, [1, 4, -4]), (2, [1, 4]), (2, [1, -4]), (-2, [-1]), (0, [1, 4]), (2.0, [1])]
+)
+def test_a_block_whose_header_does_not_fit_its_numbers_is_refused(rows: float, widths: list[int]) -> None:
+    signals = [[name, [width]] for name, width in zip(("pose", "time", "pose_rate"), widths, strict=False)]
+    header = json.dumps({"format": 1, "rows": rows, "signals": signals, "derived": []}).encode()
+    raw = struct.pack("<I", len(header)) + header + bytes(8 * 2)
+    frame = PACKING.compress(raw, asbytes=True)
+    with pytest.raises(RecordingError, match="exact samples cannot be read"):
+        decode_block(frame + TRAILER.pack(len(raw), zlib.adler32(frame)))

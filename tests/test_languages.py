@@ -76,10 +76,10 @@ def test_numbers_look_the_same_in_all_languages(code: str) -> None:
         assert not [number for number in said if number not in numbers.findall(english)], english
 
 
-@pytest.mark.parametrize(("code", "word"), [("de", "Effektivwert"), ("zh", "均方根")])
+@pytest.mark.parametrize(("code", "word"), [("de", r"Effektivwert|\(eff\.\)"), ("zh", "均方根")])
 def test_root_mean_square_has_one_word(code: str, word: str) -> None:
     for english, text in read_catalogue(catalogues()[code]).items():
-        assert (english.count("RMS"), text.count("RMS")) == (text.count(word), 0), english
+        assert (english.count("RMS"), text.count("RMS")) == (len(re.findall(word, text)), 0), english
 
 
 @cache

@@ -30,9 +30,10 @@ from flexlab.own.declaration import (
     read_path_declaration,
 )
 from flexlab.own.endless_calls import CALLS, EndlessCall
-from flexlab.own.measurement import BELIEVED_SIZE, Believed, Measurement, real_numbers
+from flexlab.own.measurement import BELIEVED_SIZE, Believed, Measurement, finite_numbers, real_numbers
 from flexlab.own.reading import TextProblem, is_foreign
 from flexlab.physics.law_input import LAW_INPUT, MOST_ARMS
+from flexlab.text import counted
 
 FAILED, ANSWERED, ASKED, INTERRUPTED = 0, 1, 2, 3
 """Outcomes of a call. Asked: the function has not begun. Interrupted: the call before it never began, as Python raises a
@@ -279,15 +280,11 @@ class RunningLaw(RunningText):
         at = 0
         for name, part in self._declaration.memory:
             kept = getattr(self._made, name)
-            try:
-                value = real_numbers(kept)
-                fits = value.shape in ((part.size,), ()) and bool(np.isfinite(value).all())
-            except (TypeError, ValueError):
-                fits = False
-            if not fits:
+            value = finite_numbers(kept, (part.size,), ())
+            if value is None:
                 became = short(kept.tolist() if type(kept) is np.ndarray else kept)
-                where = self._first_line("act")
-                return f"{where}: the memory {name} became {became}; it needs {part.size} finite numbers."
+                needs = counted(part.size, "finite number")
+                return f"{self._first_line('act')}: the memory {name} became {became}; it needs {needs}."
             message["memory"][at : at + part.size] = value
             at += part.size
         for place, (name, _) in enumerate(self._declaration.signals):
@@ -329,12 +326,8 @@ class RunningPath(RunningText):
 
     def _pose(self, t: float) -> np.ndarray:
         given = self._made.position(t)
-        try:
-            pose = real_numbers(given)
-            fits = pose.shape == (3,) and np.isfinite(pose).all()
-        except (TypeError, ValueError):
-            fits = False
-        if not fits:
+        pose = finite_numbers(given, (3,))
+        if pose is None:
             where = self._at_return("position", lambda: self._made.position(t))
             what = "nothing" if given is None else short(given)
             raise TextProblem(f"{where}: position({t:g}) returned {what}, which is not three finite numbers x, y, θ.")
@@ -348,8 +341,6 @@ class RunningPath(RunningText):
         except (TypeError, ValueError):
             seconds = math.nan
         if not SHORTEST <= seconds <= LONGEST:
-            where = self._at_line(self._declared.line)
-            if callable(given):
-                where = self._first_line(self._lasts)
+            where = self._first_line(self._lasts) if callable(given) else self._at_line(self._declared.line)
             raise TextProblem(f"{where}: {self._lasts} = {short(span)} s is outside {SHORTEST:g} to {LONGEST:g} s.")
         return seconds

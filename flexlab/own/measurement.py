@@ -36,6 +36,15 @@ BELIEVED = np.dtype([(name, "f8", shape) for name, shape in _SHAPES.items()])
 BELIEVED_SIZE = BELIEVED.itemsize // 8
 
 
+def finite_numbers(given: Any, *shapes: tuple[int, ...]) -> np.ndarray | None:
+    """`given` as `real_numbers`; None unless all are finite and the array has one of the shapes."""
+    try:
+        found = real_numbers(given)
+    except (TypeError, ValueError):
+        return None
+    return found if found.shape in shapes and bool(np.isfinite(found).all()) else None
+
+
 def real_numbers(given: Any) -> np.ndarray:
     """`given` as an array of floats. Raises TypeError for what NumPy would convert silently, ValueError for what is not an array.
 

@@ -152,6 +152,8 @@ def visible(text: object, longest: int | None = None) -> str:
     words = str(text)
     if longest is not None and len(words) > longest:
         words = words[: longest - 1] + "…"
+    if words.isascii() and words.isprintable():  # As nearly all of the thousands of words of a long list of runs.
+        return words
     return _WITHOUT_PICTURE.sub(REPLACEMENT, words.translate(_PICTURES))
 
 

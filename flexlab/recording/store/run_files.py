@@ -9,10 +9,11 @@ import os
 import re
 import stat
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import IO, Literal
+from typing import IO, Any, Literal
 
 from flexlab.errors import RecordingError
 from flexlab.files import HAS_LOCKS, is_regular, lock, writable
@@ -163,12 +164,13 @@ def check_own_recording(path: Path) -> None:
     check_recording(path)
 
 
-def run_state(path: Path) -> State:
-    """The state of a recording, without reading it; "damaged" if it cannot be opened."""
+def run_state(path: Path, notes: Mapping[str, Any] | None = None) -> State:
+    """The state of a recording, without reading it; "damaged" if it cannot be opened. `notes`: those beside it, if known."""
     with contextlib.suppress(OSError):
         if not stat.S_ISREG(path.stat().st_mode):
             return "damaged"
-        notes = read_notes(path)
+        if notes is None:
+            notes = read_notes(path)
         if notes.get("damaged_size") == path.stat().st_size:
             return "damaged"
         with path.open("rb") as file:

@@ -183,12 +183,12 @@ def annotate_run(row: RunRow, note: str | None = None, tags: str | None = None, 
 def read_row(path: Path) -> RunRow:
     """The row of a recording, whatever its notes or the file itself are. Raises OSError if it is gone."""
     stat, problem = path.lstat(), ""
-    state = "damaged" if path.is_symlink() else run_state(path)
+    notes = read_notes(path)
+    state = "damaged" if path.is_symlink() else run_state(path, notes)
     try:
         check_own_recording(path)
     except RecordingError as error:
         problem = str(error) if state != "in use" else f"{run_id(path)} has only just begun: look again in a moment."
-    notes = read_notes(path)
     visitor, owner = _whose(notes)
     named = _NAME.fullmatch(path.stem)
     started = _time(notes.get("started")) or (named and _time(named[1])) or _time(stat.st_mtime)

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlab.numerics.elementary import each, sin
-from flexlab.text import number_text
+from flexlab.text import counted, number_text
 
 SEPARATION = 3.0
 """Factor by which an observer must be slower than the beam's first mode, so that it follows a tenth of its vibration."""
@@ -109,7 +109,7 @@ def sampled_in_time(around: Circumstances) -> tuple[Condition, ...]:
     return (
         Condition(
             f"λ T_c ≤ {n(limit)}: the loop's fastest rate times the control period is {n(product)} with "
-            f"{law.input_delay} samples of delay.",
+            f"{counted(law.input_delay, 'sample')} of delay.",
             bool(product <= limit),
         ),
     )

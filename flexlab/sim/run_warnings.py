@@ -187,8 +187,8 @@ Sizes = tuple[float, float]
 """Errors of the pose, m or rad, and of the force, N or N·m."""
 
 COUNTED = (
-    "Results are certain up to a count of the encoders: next to its edge, errors of the steps that are too small to be seen "
-    "decide which one is told."
+    "Results are certain up to one count of the encoders: where a joint angle is next to the edge between two counts, errors of "
+    "the steps, however small, decide which of them is read."
 )
 """The warning for a run with encoders."""
 

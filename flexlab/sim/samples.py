@@ -22,7 +22,7 @@ from flexlab.sim.signals import (
     Signals,
     own_signals,
 )
-from flexlab.text import number_text
+from flexlab.text import counted, number_text
 
 
 @table
@@ -41,7 +41,7 @@ class Samples(Signals):
 
     def __repr__(self) -> str:
         span = f"t = {number_text(self.time[0])} to {number_text(self.time[-1])} s" if len(self) else "no instants"
-        return f"{type(self).__name__}({len(self)} samples, {span})"
+        return f"{type(self).__name__}({counted(len(self), 'sample')}, {span})"
 
     if not TYPE_CHECKING:
 

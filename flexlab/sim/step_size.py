@@ -68,6 +68,8 @@ SOFT_BEAM = 0.03
 GRIPPED_ANGLE = 0.1
 """Largest step of rk4 times frequency of the grips' springs with a rigid beam: rk4 then takes 1e-8 of a vibration per step."""
 
+TOLD = 12
+"""Digits of a refused period: with fewer it would look like one that is allowed."""
 SMALLEST_COMMON_STEP = 1e-6
 """Shortest step that aligning samples with control instants may force, s."""
 
@@ -222,7 +224,8 @@ def steps_per_tick(scenario: Scenario, tick_period: float, step: float) -> Count
         tick.denominator * control.denominator
     )
     if common < SMALLEST_COMMON_STEP:
-        given, sampled, least = map(number_text, (control_period, tick_period, SMALLEST_COMMON_STEP))
+        given, sampled = (number_text(period, TOLD) for period in (control_period, tick_period))
+        least = number_text(SMALLEST_COMMON_STEP)
         text = (
             f"controller.control_period = {given} s and the sample period {sampled} s have no common step above {least} s: "
             f"choose a multiple of {least} s."

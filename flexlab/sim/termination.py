@@ -20,7 +20,7 @@ from flexlab.sim.sampled_control import gaussian
 from flexlab.sim.samples import Status
 from flexlab.sim.step_size import STABLE_COUPLING
 from flexlab.sim.target import desired_at
-from flexlab.text import fixed_text, number_text
+from flexlab.text import counted, fixed_text, number_text
 
 DEFLECTION_LIMIT = 1.0
 """Deflection at mid-span, or of a free end, over length at which a run stops: the linear beam model has lost all meaning
@@ -154,7 +154,7 @@ def runtime_fault(assembly: Assembly, code: int, y: np.ndarray, pose_rate: np.nd
     near, unstable = near and not too_long, assembly.instability > 1
     if sampled and (unstable or (code != BENT and not near and not too_long)):
         name = OUT_OF_REACH.get(code, "diverged") if near else "diverged"
-        delay = f" and an input delay of {law.input_delay} samples" if law.input_delay else ""
+        delay = f" and {counted(law.input_delay, 'sample')} of delay" if law.input_delay else ""
         acts, cure = "torques that are held act too late for these gains", "a shorter control period or lower gains"
         if scenario.joints.encoders.active and not unstable:
             acts, cure = "counts that pass for rates drive it", "more joints.encoders.counts or lower gains"

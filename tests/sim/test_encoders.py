@@ -85,7 +85,7 @@ def test_the_friction_loss_goes_on_when_encoders_come_and_go():
 def test_a_run_warns_that_its_results_are_certain_up_to_a_count():
     world = World(with_counts(1e5))
     world.advance(200)
-    assert "up to a count of the encoders" in world.accuracy_warning
+    assert "up to one count of the encoders" in world.accuracy_warning
 
 
 def test_the_poles_include_the_lag_of_differenced_rates():

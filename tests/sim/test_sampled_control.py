@@ -82,8 +82,7 @@ def test_incommensurable_periods_are_refused_in_a_sentence(period: float):
     with pytest.raises(ScenarioError) as refusal:
         World(load_preset("paper").replace({"controller.control_period": float(period)}))
     text = str(refusal.value)
-    assert "controller.control_period" in text
-    assert "0.001 s" in text
+    assert f"controller.control_period = {period:.12g} s and the sample period 0.001 s" in text
     assert "choose a multiple" in text
 
 
@@ -118,7 +117,7 @@ def test_a_new_period_keeps_the_order_of_torques_on_their_way(periods: tuple[flo
     world.apply(ChangeScenario({"controller.control_period": periods[1]}))
     after = world.advance(15).joint_torque[:, 0, 0]
     steps = np.diff(np.concatenate([[before], after]))
-    assert np.all(steps > -1e-9), steps
+    assert float(steps.min()) > -1e-9, steps
 
 
 @pytest.mark.parametrize("delays", [(1, 3), (3, 1), (0, 4), (4, 0)])
@@ -130,7 +129,7 @@ def test_a_new_delay_neither_drops_nor_reorders_torques(delays: tuple[int, int])
     before = world.observe().joint_torque[0, 0, 0]
     world.apply(ChangeScenario({"controller.input_delay": delays[1]}))
     after = world.advance(15).joint_torque[:, 0, 0]
-    assert np.all(np.diff(np.concatenate([[before], after])) > -1e-9), after
+    assert float(np.diff(np.concatenate([[before], after])).min()) > -1e-9, after
 
 
 @pytest.mark.parametrize("delay", [0, 1, 5])

@@ -36,7 +36,7 @@ from flexlab.numerics.matrix_functions import discrete_riccati, exponential
 from flexlab.physics.arm import task_input
 from flexlab.physics.law_input import MOST_DELAY, MOST_GAUGES
 from flexlab.quantities import Count, Number, Numbers, Part, Triple, quantity
-from flexlab.text import number_text
+from flexlab.text import counted, number_text
 
 MOST_MODES = 8
 """Most modes that can be observed: as many as gauges, since further modes cannot be distinguished."""
@@ -162,9 +162,9 @@ def _steady_gain(
         seen = product(C, P)
         return solve(product(seen, C.T) + R, seen).T
     except NoSolution:
-        places = ", ".join(number_text(place) for place in observer.gauges)
+        places, observed = ", ".join(number_text(place) for place in observer.gauges), counted(n - 3, "mode")
         text = (
-            f"controller.observer: no steady gain is found for {n - 3} modes and strain gauges at s/L = {places}: observe "
+            f"controller.observer: no steady gain is found for {observed} and strain gauges at s/L = {places}: observe "
             "fewer modes, place the gauges elsewhere, or take unknown forces and a control period nearer to the usual ones."
         )
         raise ScenarioError([("controller.observer", text)]) from None

@@ -188,6 +188,10 @@ def console(stderr: bool = False) -> "Console":
             for part in super().render(renderable, options):
                 yield part if part.control else Segment(visible(part.text), part.style)
 
+        def on_broken_pipe(self) -> None:
+            # rich itself would end the program, with the exit code of a failed run.
+            raise BrokenPipeError
+
     return PlainConsole(stderr=stderr, highlight=False, markup=False, emoji=False)
 
 

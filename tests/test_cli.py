@@ -141,6 +141,27 @@ def test_a_closed_pipe_is_no_error(root: Path, errors: str):
     assert done.stderr == ""
 
 
+def test_an_error_that_cannot_be_told_keeps_its_exit_code():
+    with open("/dev/full", "w") as full:
+        done = subprocess.run([sys.executable, "-m", "flexlab", "presets", "none"], stderr=full, check=False)
+    assert done.returncode == 2
+
+
+def test_the_exit_code_says_nothing_of_a_closed_pipe(root: Path):
+    """It was 1, that of a run that failed."""
+    program = "from flexlab.cli import main; import sys; sys.stdin.readline(); main(['presets'])"
+    with subprocess.Popen(
+        [sys.executable, "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=root
+    ) as printing:
+        assert printing.stdin is not None
+        assert printing.stdout is not None
+        assert printing.stderr is not None
+        printing.stdout.close()
+        printing.stdin.write(b"\n")
+        printing.stdin.flush()
+        assert (printing.wait(), printing.stderr.read()) == (0, b"")
+
+
 @pytest.mark.parametrize("encoding", ["cp1252", "ascii", "utf-8"])
 def test_a_preset_printed_in_any_encoding_is_a_scenario_file(encoding: str, flexlab_command: Command, tmp_path: Path):
     """Windows writes to a file in an encoding of its own, and its PowerShell turns that into UTF-16."""

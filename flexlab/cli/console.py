@@ -1,6 +1,7 @@
 """Output of the commands: results on standard output, progress and complaints on standard error."""
 
 import json
+from contextlib import suppress
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -27,13 +28,15 @@ def notes() -> "Console":
 
 
 def complain(sentence: str) -> None:
-    """Print an error in red on standard error."""
-    notes().print(sentence, style="red", soft_wrap=True)
+    """Print an error in red on standard error, unless nothing can be written there."""
+    with suppress(OSError):
+        notes().print(sentence, style="red", soft_wrap=True)
 
 
 def note(sentence: str) -> None:
-    """Print a remark on standard error."""
-    notes().print(sentence, soft_wrap=True)
+    """Print a remark on standard error, unless nothing can be written there."""
+    with suppress(OSError):
+        notes().print(sentence, soft_wrap=True)
 
 
 def new_table(*heads: str, padding: tuple[int, int, int, int] = (0, 2, 0, 0), **options: Any) -> "Table":

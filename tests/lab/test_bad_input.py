@@ -241,3 +241,23 @@ def test_html_in_the_texts_of_a_scenario_is_escaped(session: Session) -> None:
         for html in html_texts(session):
             assert "<script" not in html.content
             assert "<i>name" not in html.content
+
+
+def test_a_field_has_no_usual_value_from_a_path_or_law_in_which_it_is_another_number(session: Session) -> None:
+    """The paper's sine has three phases. Beside the phase of a circle just chosen, the button offered the first of them."""
+
+    def way_back(title: str) -> Any:
+        named = f"{title}: back to its usual value"
+        handles = list(session.server.gui._gui_input_handle_from_uuid.values())
+        return next((each for each in handles if getattr(each._impl.props, "hint", None) == named), None)
+
+    with RawBrowser(session) as browser:
+        browser.receive(20)
+        session.lab_state.change({"trajectory.kind": "circle"})
+        wait_until(lambda: way_back("Radius R"), "the circle's controls are there", 20)
+        assert not way_back("Phase φ_d").visible
+        session.lab_state.change({"trajectory.radius": 0.11})
+        wait_until(lambda: session.lab_state.intended.get("trajectory.radius") == 0.11, "it is asked for", 20)
+        time.sleep(0.5)
+        assert not way_back("Phase φ_d").visible
+        session.lab_state.change({"trajectory.kind": "sine"})

@@ -173,7 +173,8 @@ class NumberControl:
         if self._switch is not None:
             put(self._switch, value=value is not None)
         put(self._box, visible=value is not None)
-        if value is None:
+        # Another tab has just chosen a law or path with a field of this name and another shape: this control will be removed.
+        if value is None or isinstance(value, tuple) != isinstance(self._box.value, tuple):
             return
         put(self._box, value=value)
         if self._scale is not None and self._slider is not None:

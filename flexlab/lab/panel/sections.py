@@ -104,9 +104,11 @@ def field(widgets: Widgets, entry: Entry, switch: Switch | None = None) -> Numbe
             raise LabError(str(error).replace(f"{path} = ", f"{entry.name} = ", 1)) from error
 
     def usual() -> Numbers:
-        # The present value if the preset has no such field (it has another control law).
-        baseline = lab_state.baseline
-        return entry.read(baseline if baseline.has(path) else lab_state.intended)
+        # The present value if the preset has no such field, or one of another unit or shape: it has another law or path.
+        baseline, present = lab_state.baseline, lab_state.intended
+        same = baseline.has(path) and baseline.about(path).unit_text() == present.about(path).unit_text()
+        same = same and isinstance(baseline.get(path), tuple) == isinstance(present.get(path), tuple)
+        return entry.read(baseline if same else present)
 
     return NumberControl(
         widgets,

@@ -27,7 +27,7 @@ def main() -> None:
         if ignored.exc_type is not KeyboardInterrupt:
             return sys.__unraisablehook__(ignored)
         # Another thread presses once this callback is over.
-        threading.Timer(AGAIN, os.kill, (os.getpid(), signal.SIGINT)).start()
+        threading.Timer(AGAIN, signal.raise_signal, (signal.SIGINT,)).start()
 
     # Python drops Ctrl-C where nothing can be raised, as in the callbacks of its own imports.
     sys.unraisablehook = press_again

@@ -19,6 +19,7 @@ from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, Pull, Tap
 from flexlab.sim.samples import Run
 from flexlab.sim.simulate import simulate
+from flexlab.text import with_units
 
 HELD = {"trajectory.amplitude": (0.0, 0.0, 0.0)}
 UNDAMPED = {"payload.element_count": 8, "payload.damping.kind": "modal", "payload.damping.ratio": 0.0, **HELD}
@@ -344,7 +345,7 @@ def test_a_changed_run_is_explained_since_its_last_change_and_a_pulled_one_not_a
     for one in (changed, flexlab.read(changed.save(tmp_path))):
         assert [each.name for each in one.explanations] == ["ring"]
         assert re.match(r"From t = 1\.5\d s on the beam rings at 32\.\d Hz", one.explanations[0].sentence)
-        assert one.explanations[0].sentence in html.unescape(
+        assert with_units(one.explanations[0].sentence) in html.unescape(
             flexlab.export(one, tmp_path / "a.html").read_text("utf-8")
         )
     assert flexlab.explain(held) == flexlab.read(held.save(tmp_path)).explanations == ()

@@ -98,7 +98,10 @@ def test_two_visitors_do_not_disturb_each_other_even_if_one_lab_dies(private: Fr
     assert anna.enter() not in (first, second), "Anna gets a new lab"
 
 
-def test_a_name_and_a_preset_given_while_the_lab_opens_count(private: FrontServer, monkeypatch: pytest.MonkeyPatch):
+def test_a_name_and_a_preset_given_while_the_lab_opens_count(
+    open_another: Callable[..., FrontServer], monkeypatch: pytest.MonkeyPatch
+):
+    private = open_another(private=True)
     carla, given, wait = Person(private, ""), threading.Event(), per_visitor.PrivateLab.wait_until_ready
     carla.post("/name", ("name", "Carl"))
     monkeypatch.setattr(

@@ -1,6 +1,6 @@
 """The process in which a person's text runs: it reads calls from a socket, answers them, and reports what goes wrong.
 
-python -m flexlab.own.child CALLS REPORTS LIFELINE FILE SORT  (file descriptors of two sockets and a pipe; SORT: law or path)
+Its arguments: CALLS REPORTS LIFELINE FILE SORT  (file descriptors of two sockets and a pipe; SORT: law or path)
 
 A supervisor process ends everything that the text started, once the text has ended or the lab is gone.
 
@@ -283,7 +283,8 @@ def _limit_memory() -> None:
         pass  # This system has no such limit.
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Serve the text whose description the arguments give until its lab is gone."""
     # `from flexlab import *` would load libraries that need more than MOST_MEMORY.
     interface: Any = sys.modules["flexlab"]
     interface.__all__ = [name for name, module in interface._HOMES.items() if module.startswith("flexlab.own.")]

@@ -31,6 +31,8 @@ LONGEST_PROBLEM = 2000
 """Characters of a sentence from the process."""
 ENDING_LIMIT = 5.0
 """Time for the process to end what its text started, s."""
+PROGRAM = f"import sys; sys.path.append({str(Path(__file__).parents[2])!r}); from flexlab.own.child import main; main()"
+"""What the process of a text runs; with -P, no file of the working folder replaces a module of Python."""
 MARK = "FLEXLAB_OWN_TEXT"
 """Environment variable that marks all processes of a text."""
 LINE_LIMIT, LONGEST_LINE_LIMIT = 0.3, 3.0
@@ -166,18 +168,14 @@ class OwnProcess:
         self.close()
         ours, theirs = socket.socketpair()
         reports, reporting = socket.socketpair()
-        command = [sys.executable, "-m", "flexlab.own.child"]
         # One thread each: a text that multiplies small matrices must leave the lab its cores.
-        # As in `__main__`, where a lab that a notebook opens has not been.
-        elsewhere = not os.path.samefile(os.curdir, Path(__file__).parents[2])
-        safe = {"PYTHONSAFEPATH": "1"} if elsewhere else {}
         threads = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
         lifeline, self._lifeline = os.pipe()
         handed = theirs.fileno(), reporting.fileno(), lifeline
         self._process = subprocess.Popen(
-            [*command, *map(str, handed), self.file, self.sort],
+            [sys.executable, "-P", "-c", PROGRAM, *map(str, handed), self.file, self.sort],
             pass_fds=handed,
-            env=os.environ | safe | threads | {"PYTHONUNBUFFERED": "1", MARK: self._mark},
+            env=os.environ | threads | {"PYTHONUNBUFFERED": "1", MARK: self._mark},
             stdin=subprocess.DEVNULL,
             stdout=self.output,
             stderr=subprocess.DEVNULL,

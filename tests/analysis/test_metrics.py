@@ -268,7 +268,7 @@ def test_bending_of_a_payload_that_is_off_its_path_is_not_called_forced_or_undam
     for rows in (run.slice(0, 1000), run.slice(1000, len(run))):
         metric.update(rows)
     assert np.isnan(metric.compute()[0])
-    assert metric.reason() == "does not settle: the payload is off its path, at 100 %"
+    assert metric.reason() == "does not settle: the payload is off its path; vibration at 100 %"
 
 
 def test_a_missing_settling_time_has_a_reason() -> None:

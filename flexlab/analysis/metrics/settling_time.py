@@ -120,7 +120,7 @@ class SettlingTime(Metric):
         found = "does not settle: forced or undamped" if goes_on else "not settled: still"
         strays = self._error > FOLLOWS * (self._high - self._low).max() > 0
         if goes_on and strays and self._last - self._first >= STARTED:
-            found = "does not settle: the payload is off its path,"
+            found = "does not settle: the payload is off its path; vibration"
         return f"{found} at {100 * last / self._peak:.3g} %"
 
     def _largest(self, first: float, last: float) -> float:

@@ -232,7 +232,7 @@ def test_a_transfer_function_is_exact_or_refused():
         flexlab.linearize("lqr", inputs="desired_pose_y", outputs="pose_y").to_tf()
     np.testing.assert_array_equal(paper.response(20j), paper.response(s)[0])
     with pytest.raises(StudyError, match="points = '20' is not usable: give finite numbers s in 1/s"):
-        paper.response("20")  # type: ignore[arg-type]
+        paper.response("20")  # type: ignore[arg-type]  # A text is what is tried.
     with pytest.raises(StudyError, match=r"points = \[0, 2j\]: one is a pole, where the response is infinite"):
         flexlab.linearize("paper").response([0, 2j])
     nothing = flexlab.linearize("single-arm", inputs="desired_pose_y", outputs="internal_force_left_y")

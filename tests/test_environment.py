@@ -3,12 +3,15 @@
 import os
 import subprocess
 import sys
+import time
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
 from lab_process import PATIENCE, refused
 
 from flexlab.cli.circumstances import refusal
+from flexlab.recording.reader import read_recording
 from flexlab.recording.store.run_index import read_row
 
 
@@ -18,6 +21,18 @@ def done(*words: str, folder: Path, **environment: str) -> subprocess.CompletedP
         [sys.executable, "-m", "flexlab", *words], cwd=folder, env=os.environ | environment, stdin=subprocess.DEVNULL,
         capture_output=True, text=True, encoding="utf-8", timeout=PATIENCE, check=False,
     )  # fmt: skip
+
+
+@pytest.mark.skipif(not hasattr(time, "tzset"), reason="Windows has no TZ")
+@pytest.mark.parametrize("zone", ["UTC+99", "UTC-24"])
+def test_a_run_in_an_impossible_time_zone_is_recorded_in_utc(tmp_path: Path, zone: str):
+    before = datetime.now(UTC).replace(microsecond=0)
+    said = done("run", "paper", "--duration", "0.01", "--logs", "here", folder=tmp_path, TZ=zone)
+    assert said.returncode == 0, said.stderr
+    (path,) = tmp_path.glob("here/*.rrd")
+    started = read_recording(path).started
+    assert started.utcoffset() == timedelta(0)
+    assert before <= started <= datetime.now(UTC)
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import json
 import platform
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from datetime import datetime
+from datetime import UTC, datetime
 from typing import Any, Protocol
 from uuid import uuid4
 
@@ -25,6 +25,14 @@ from flexlab.text import number_text
 from flexlab.views import REAL_TIME_FACTOR, fitting_exaggeration, views
 
 
+def local_time() -> datetime:
+    """The present time with its offset from UTC; in UTC if the time zone is none, as with TZ=UTC+99."""
+    try:
+        return datetime.now().astimezone()
+    except ValueError:  # Its offset is a day or more.
+        return datetime.now(UTC)
+
+
 @dataclass(frozen=True)
 class RunInfo:
     """Name, scenario and circumstances of one run."""
@@ -36,7 +44,7 @@ class RunInfo:
     """s."""
     start: WorldState | None = None
     """The world's state at the first sample; None: the scenario's own start."""
-    started: datetime = field(default_factory=lambda: datetime.now().astimezone())
+    started: datetime = field(default_factory=local_time)
     run_id: str = field(default_factory=lambda: str(uuid4()))
     """The same for all parts of a run and for file and live view."""
     part: int = 1

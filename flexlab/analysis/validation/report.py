@@ -27,7 +27,7 @@ def write_report(validation: Validation, path: Path, seconds: float) -> None:
         figures=_figures(validation),
         versions=these_versions(),
         machine=f"{platform.machine()}, {platform.system()}",
-        made=f"{datetime.now().astimezone():%Y-%m-%d %H:%M}",
+        made=f"{datetime.now():%Y-%m-%d %H:%M}",
         seconds=seconds,
     )
     make_folder(path.parent, "choose another file")

@@ -85,6 +85,7 @@ def note_metrics(path: Path) -> dict[str, Any]:
     for block in recording.blocks():
         gathering.add(block)
     notes, row = gathering.result(recording.status), read_row(path)
+    notes["status"] = str(recording.status)
     notes["metrics"] |= {key: row.metrics[key] for key in row.own_metrics if key in row.metrics}
     try:
         write_notes(path, **notes)

@@ -20,7 +20,7 @@ from flexlab.recording.codec import decode_block, event_from_values, state_from_
 from flexlab.recording.rerun_internals.chunks import PROPERTIES, Row
 from flexlab.recording.rows import Rows, read_rows, rows_in_order
 from flexlab.recording.store.formats import FORMAT, Changes, checked_format, migrate, readable, same_numbers
-from flexlab.recording.store.run_files import State, run_state
+from flexlab.recording.store.run_files import BREAKING_OFF, State, run_state
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.signal import COORDINATE
 from flexlab.sim.samples import Run, Samples, Status, WorldState, empty_samples, join_blocks
@@ -221,7 +221,10 @@ def _assemble(path: Path, rows: Rows) -> Recording:
     period, ended = _finite(properties["sample_period_s"]), _finite(end.get("time_s", 0.0))
     if period <= 0:
         raise ValueError(f"its sample period is {period:g} s.")
-    status = Status(str(end.get("status", "running")), str(end.get("text", "The recording breaks off.")), ended)
+    status = Status(str(end.get("status", BREAKING_OFF)), str(end.get("text", "The recording breaks off.")), ended)
+    state_of_file = run_state(path)
+    if state_of_file == "complete" and status == BREAKING_OFF:  # As a mended file that was copied without its notes.
+        state_of_file = "recovered"
     written_in = properties["format"]
     told = {
         name: value for name, value in (properties | end).items() if name != "scenario" and isinstance(value, PLAIN)
@@ -229,7 +232,7 @@ def _assemble(path: Path, rows: Rows) -> Recording:
     computed_in = checked_format(properties.get("computed_in", written_in), max(FORMAT, written_in))
     return Recording(
         path=path, name=str(properties["preset"]), scenario=scenario, start=state, events=events, status=status,
-        started=started, sample_period=period, part=part, computed_in=computed_in, state=run_state(path), properties=told,
+        started=started, sample_period=period, part=part, computed_in=computed_in, state=state_of_file, properties=told,
     )  # fmt: skip
 
 

@@ -132,7 +132,7 @@ def test_a_recorder_notes_metrics_and_changes_as_a_run_ends(tmp_path: Path) -> N
     recorder.take_event(1, Event(0.3, "Leaves for another run", other))
     recorder.close()
     (path,) = list_runs(tmp_path)
-    noted = {name: read_notes(path)[name] for name in ("metrics", "changes", "begins", "duration")}
+    noted = {name: read_notes(path)[name] for name in ("metrics", "changes", "begins", "duration", "status")}
     assert noted["changes"] == ["gravity: 0 → 1", "t = 0.300 s: Gravity 1 → 2 m/s²"]
     assert (noted["begins"], noted["duration"]) == pytest.approx((0.001, 0.299))
     assert noted == note_metrics(path)

@@ -13,6 +13,7 @@ from rerun.chunk import RrdReader
 from flexlab.analysis.run_summary import note_missing_metrics
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
+from flexlab.recording.export import export_recording
 from flexlab.recording.file_sink import RunWriter
 from flexlab.recording.headless import HeadlessRecording, write_run
 from flexlab.recording.importing import import_into
@@ -22,9 +23,10 @@ from flexlab.recording.rerun_internals import tool
 from flexlab.recording.run_encoder import RunEncoder
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store import run_files
-from flexlab.recording.store.notes import read_notes
+from flexlab.recording.store.notes import notes_path, read_notes
 from flexlab.recording.store.run_files import claim_run_file, has_footer, is_in_use, run_state
-from flexlab.sim.samples import Run, join_blocks
+from flexlab.recording.store.run_index import read_row
+from flexlab.sim.samples import Run, Status, join_blocks
 
 BLOCK = 100
 
@@ -59,6 +61,30 @@ def test_a_recording_without_an_end_is_read_and_mended(unfinished: Path, run: Ru
     assert unfinished.stat().st_mtime_ns == date
     assert_same_bits(read_recording(unfinished).samples, run.slice(0, 1000))
     assert note_missing_metrics(unfinished.parent) == 1
+
+
+def test_a_mended_recording_without_its_notes_still_breaks_off(unfinished: Path, tmp_path: Path) -> None:
+    """Its copies were listed as complete, with the status "running"."""
+    finish(unfinished)
+    notes_path(unfinished).unlink()
+    recording = read_recording(unfinished)
+    assert recording.state == "recovered"
+    export_recording(recording, tmp_path / "exported.npz")
+    for source in (unfinished, tmp_path / "exported.npz"):
+        row = read_row(import_into(source, tmp_path / "logs"))
+        assert (row.state, row.status) == ("recovered", "")
+    assert note_missing_metrics(unfinished.parent) == 1
+    assert run_state(unfinished) == "recovered"
+
+
+def test_how_a_run_ended_is_known_without_its_notes(run: Run, tmp_path: Path) -> None:
+    """Metrics of a run that had diverged passed for results once they were computed anew."""
+    with HeadlessRecording(tmp_path, RunInfo("paper", run.scenario)) as recording:
+        recording.write(run.slice(0, 300))
+        recording.end(Status("diverged", "The run diverged.", 0.3))
+    notes_path(recording.path).unlink()
+    assert note_missing_metrics(tmp_path) == 1
+    assert read_row(recording.path).is_stopped
 
 
 def test_a_reader_of_a_file_is_not_taken_for_its_writer_and_does_not_prevent_mending(

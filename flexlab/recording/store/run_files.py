@@ -36,6 +36,8 @@ NAMES_SAID = 3
 """Largest number of names listed if several begin alike."""
 State = Literal["in use", "complete", "recovered", "unfinished", "damaged"]
 """complete: ended properly. recovered: its writer died, and the file was finished. unfinished: without a footer."""
+BREAKING_OFF = "running"
+"""The status of a recording that does not contain how its run ended."""
 
 
 @dataclass(frozen=True)
@@ -176,7 +178,7 @@ def run_state(path: Path, notes: Mapping[str, Any] | None = None) -> State:
         with path.open("rb") as file:
             begins_well = file.read(len(FAMILY)) == FAMILY
         if begins_well and has_footer(path):
-            return "recovered" if notes.get("recovered") else "complete"
+            return "recovered" if notes.get("recovered") or notes.get("status") == BREAKING_OFF else "complete"
         if is_in_use(path):
             return "in use"
         # An empty file is one that is just being made, or whose lab died at that moment: nothing to mend.

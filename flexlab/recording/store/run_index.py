@@ -16,6 +16,7 @@ from flexlab.errors import RecordingError
 from flexlab.guide import LessonProgress
 from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.run_files import (
+    BREAKING_OFF,
     BREAKS_OFF,
     SUFFIX,
     TIME_FORMAT,
@@ -61,7 +62,7 @@ class RunRow:
     """Bytes."""
     state: str
     status: str
-    """How the run ended."""
+    """How the run ended; empty if that is not known."""
     metrics: dict[str, float | None]
     """Title with unit → value; empty for a run whose metrics were not computed yet."""
     changes: tuple[str, ...]
@@ -91,7 +92,7 @@ class RunRow:
     @property
     def is_stopped(self) -> bool:
         """Whether the run stopped before its end; its metrics are then no results."""
-        return self.status not in ("", "running", "finished", MEASURED_STATUS)
+        return self.status not in ("", "finished", MEASURED_STATUS)
 
     @property
     def heading(self) -> str:
@@ -190,6 +191,7 @@ def read_row(path: Path) -> RunRow:
     except RecordingError as error:
         problem = str(error) if state != "in use" else f"{run_id(path)} has only just begun: look again in a moment."
     visitor, owner = _whose(notes)
+    status = visible(notes.get("status", ""), LONGEST_NAME)
     named = _NAME.fullmatch(path.stem)
     started = _time(notes.get("started")) or (named and _time(named[1])) or _time(stat.st_mtime)
     return RunRow(
@@ -201,7 +203,7 @@ def read_row(path: Path) -> RunRow:
         duration=_number(notes.get("duration")),
         size=stat.st_size,
         state=state,
-        status=visible(notes.get("status", ""), LONGEST_NAME),
+        status="" if status == BREAKING_OFF else status,
         metrics=_metrics(notes.get("metrics")),
         changes=_texts(notes.get("changes"), LONGEST_CHANGE, MOST_CHANGES),
         note=visible(notes.get("note", ""), LONGEST_NOTE),

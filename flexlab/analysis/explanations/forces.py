@@ -23,9 +23,11 @@ def load_share(seen: Evidence) -> str | None:
     size, rest, made = (float(np.sqrt((part**2).sum(axis=1).mean())) for part in parts)
     if rest > UNEXPLAINED * size:
         return None
+    free = seen.scenario.payload.axial_load == "none" and not seen.scenario.grips.active
+    changes = " and changes no motion" if free else ""
     return (
         f"The arms press against each other with {n(size)} N (RMS), and {n(made)} N of it comes from the load share: the left "
-        f"arm gives {n(100 * share)} % of the force that moves the payload. α = 0.5 removes that part and changes no motion."
+        f"arm gives {n(100 * share)} % of the force that moves the payload. α = 0.5 removes that part{changes}."
     )
 
 
@@ -45,10 +47,12 @@ def wanted_force(seen: Evidence) -> str | None:
     along = force[:, 0, 0] * np.cos(angle) + force[:, 0, 1] * np.sin(angle)
     if abs(float(along.mean()) - wanted) > WANTED_AGREES * abs(wanted) or np.abs(force.sum(axis=1)).max() > CANCELLED:
         return None
-    acts = "squeeze" if wanted > 0 else "stretch"
+    acts, moves = "squeeze" if wanted > 0 else "stretch", "it moves nothing, as the two internal forces cancel."
+    if seen.scenario.payload.axial_load != "none":
+        moves = "it moves no grip, as the two internal forces cancel, but changes how the beam bends."
     return (
         f"The arms {acts} the payload with {n(abs(float(along.mean())))} N along the link because F_d = {n(wanted)} N is wanted; "
-        "it moves nothing, as the two internal forces cancel."
+        f"{moves}"
     )
 
 
@@ -77,10 +81,16 @@ def bending_by_weight(seen: Evidence) -> str | None:
     mean = float(np.mean(span.quasi_static_deflection))
     if abs(mean + held) > BENDING_AGREES * abs(held):
         return None
+    more, rest = float(np.mean(span.vibration)), span.vibration
+    along = ""
+    if beam.axial_load != "none" and abs(more) > BENDING_AGREES * abs(held):
+        along = "The force along the beam adds " if more * held < 0 else "The force along the beam takes away "
+        along += f"{length(abs(more))}. "
+        rest = rest - more
     return (
         f"The weight bends the beam by {length(abs(held))}, at rest and in motion, out of "
-        f"{length(largest(span.midspan_deflection))} in all; only {length(largest(span.vibration))} of that is vibration. No law "
-        "can remove the weight's part."
+        f"{length(largest(span.midspan_deflection))} in all; only {length(largest(rest))} of that is vibration. "
+        f"{along}No law can remove the weight's part."
     )
 
 

@@ -17,9 +17,9 @@ STILL = 1e-12
 
 
 def growing_pole(background: Background) -> PoleRow | None:
-    """The fastest growing pole; None if no pole grows."""
+    """The fastest growing pole; None if no pole grows, or if the grips give way: poles are those of rigid ones."""
     found = fastest_growth(background.modes)
-    return None if found is None or found.rate <= NEUTRAL else found
+    return None if background.scenario.grips.active or found is None or found.rate <= NEUTRAL else found
 
 
 def observer_of(background: Background):
@@ -170,6 +170,8 @@ def small_margin(seen: Evidence) -> str | None:
     found = seen.background.modes
     margin = found.disk_margin
     if margin is None or found.unstable or not 0 < margin.alike.alpha < 2 or margin.alike.phase >= SMALL:
+        return None
+    if seen.scenario.grips.active:  # The margin is that of rigid grips.
         return None
     low, high = margin.alike.gain
     frequency = margin.alike.frequency

@@ -81,6 +81,8 @@ LEAST_JUMP = 0.1
 """Least jump of the velocity, m/s."""
 FIRST = 0.1
 """Time within which the start's vibration peaks, s."""
+BENT = 0.1
+"""Least vibration at the start, as under a weight that the beam does not yet carry, over the peak, to be a cause of its own."""
 
 
 @register("jerky start", "η̈ + Dη̇ + Ω²η = −h a⊥ − g θ̈, Eq. (10): a jump of ẋ is a burst of a", "Mid-span deflection", 22)
@@ -95,9 +97,14 @@ def jerky_start(seen: Evidence) -> str | None:
     peak = largest(between(samples, start, start + FIRST).vibration)
     if jump < LEAST_JUMP or peak < RINGING or peak < seen.peak_vibration:
         return None
+    bent = float(abs(samples.vibration[0]))
+    also, avoids = "", "A smooth start, or one with the path's velocity, avoids that."
+    if bent > BENT * peak:
+        also = f" and with the beam {length(bent)} off its quasi-static bending"
+        avoids = "A start with the path's velocity and that bending avoids it."
     return (
-        f"The run starts with a velocity that is wrong by {n(jump)} m/s: correcting it bends the beam by {length(peak)} "
-        f"within {n(FIRST)} s. A smooth start, or one with the path's velocity, avoids that."
+        f"The run starts with a velocity that is wrong by {n(jump)} m/s{also}: correcting {'both' if also else 'it'} bends the "
+        f"beam by {length(peak)} within {n(FIRST)} s. {avoids}"
     )
 
 
@@ -212,23 +219,49 @@ def share_left(shaper: np.ndarray, ring: Ring) -> float:
     return float(abs(np.sum(amplitude * np.exp(-pole * time))))
 
 
-def _left(seen: Evidence) -> float:
-    """Largest vibration after the stop, m; NaN if the target has not stopped within the samples."""
+def _left(seen: Evidence) -> tuple[float, Samples]:
+    """Largest vibration after the stop, m, and the samples from then on; NaN if the target has not stopped within the samples."""
     metric = ResidualVibration()
     metric.update(seen.samples)
-    return metric.compute()[0]
+    first = int(np.searchsorted(seen.samples.time, metric.stop, side="right"))
+    return metric.compute()[0], seen.samples.slice(first, len(seen.samples))
+
+
+RUNG = 4.0
+"""Periods after the stop over which the vibration is compared with a free ring."""
+FREE = 0.1
+"""Share of the vibration up to which what is no free ring of mode 1 is left out."""
+
+
+def _no_ring(after: Samples, ring: Ring) -> float:
+    """The largest part of a vibration that is no free ring of a mode, over the vibration."""
+    time = after.time - after.time[0]
+    few = time <= RUNG / ring.frequency
+    time, size = time[few], after.vibration[few]
+    waves = np.exp((ring.rate + 2j * np.pi * ring.frequency) * time)
+    parts = np.column_stack([waves.real, waves.imag])
+    return largest(size - parts @ np.linalg.lstsq(parts, size)[0]) / largest(size)
 
 
 @register("left after the stop", "η(t) = Σ of the free answers to each jump of ẍ_d", "Mid-span deflection", 11)
 def left_after_the_stop(seen: Evidence) -> str | None:
     """Residual vibration without a shaper, and the delay that a shaper would add."""
-    left, ring = _left(seen), seen.background.rings.get(1)
+    (left, after), ring = _left(seen), seen.background.rings.get(1)
     if not left > RESIDUAL_WORTH or ring is None or len(seen.background.shaper):
         return None
+    other = _no_ring(after, ring)
+    if other > FREE:
+        return (
+            f"After the stop the vibration reaches {length(left)}, {n(100 * left / seen.peak_vibration)} % of its largest value. "
+            f"{n(100 * other)} % of that is no free ring of mode 1 ({n(ring.frequency)} Hz) but bending by another motion or "
+            "force, which an input shaper does not remove."
+        )
+    # Friction that sticks also shakes the beam after the last impulse.
+    leaves = "much less" if any(seen.scenario.joints.friction.coulomb) else "nearly none"
     return (
         f"After the stop the beam rings on by {length(left)}, {n(100 * left / seen.peak_vibration)} % of its largest vibration. "
         f"An input shaper for mode 1 ({n(ring.frequency)} Hz) ends the motion {n(500 / ring.frequency)} ms later (zv) and "
-        "leaves nearly none."
+        f"leaves {leaves}."
     )
 
 
@@ -240,7 +273,7 @@ def left_after_the_stop(seen: Evidence) -> str | None:
 )
 def left_after_a_shaped_stop(seen: Evidence) -> str | None:
     """Residual vibration with a suitable shaper."""
-    left, ring, shaper = _left(seen), seen.background.rings.get(1), seen.background.shaper
+    (left, _), ring, shaper = _left(seen), seen.background.rings.get(1), seen.background.shaper
     if not np.isfinite(left) or ring is None or not len(shaper) or seen.peak_vibration < RESIDUAL_WORTH:
         return None
     share = share_left(shaper, ring)
@@ -266,9 +299,11 @@ def shaper_for_another_mode(seen: Evidence) -> str | None:
     made_for = f"{n(tuned)} Hz"
     if given is not None and n(given) != n(tuned):
         made_for = f"{n(given)} Hz ({n(tuned)} Hz with its damping)"  # The number that was set comes first.
+    better = "Without a frequency (null) it follows the loop; zvd and ei-shaper tolerate larger errors."
+    if given is None:  # It followed the loop of the payload before its mass changed.
+        better = "The shapers zvd and ei-shaper tolerate larger errors."
     peak = largest(seen.samples.vibration)
     return (
         f"The shaper {seen.scenario.trajectory.shaper} is made for {made_for}, but the loop rings at {n(ring.frequency)} Hz: "
-        f"it leaves {n(100 * share)} % of the mode's vibration (so far {length(peak)} at most). Without a frequency (null) "
-        "it follows the loop; zvd and ei-shaper tolerate larger errors."
+        f"it leaves {n(100 * share)} % of the mode's vibration (so far {length(peak)} at most). {better}"
     )

@@ -201,7 +201,8 @@ def explain(run: Run) -> tuple["Explained", ...]:
     """Sentences about the last five seconds of a run, the most important first, each with its equation and plot.
 
     They follow from the samples since the last change or touch, and from the poles and conditions of the scenario at the end; a
-    sentence whose check fails is left out. There are none while somebody pulls the beam or an arm.
+    sentence whose check fails is left out. There are none while somebody pulls the beam or an arm, or while the payload's
+    mass changes.
     """
     if not isinstance(run, samples.Run):
         raise StudyError(f"{run!r:.60} is not a run: give one from flexlab.simulate or flexlab.read.")

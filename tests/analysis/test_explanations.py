@@ -366,6 +366,58 @@ def test_grips_that_give_way_get_no_sentence_from_the_poles_of_rigid_ones():
     assert sentences(scenario, run) == {}
 
 
+@pytest.mark.parametrize("damping", [{}, {"payload.damping.kind": "modal"}, {"payload.damping.kind": "stiffness"}])
+def test_a_filled_payload_is_explained_by_its_present_mass(damping: dict[str, Any]):
+    """After its mass had quadrupled, a ring at 23.8 Hz went unexplained, as that of the mass at the start would have 45.5 Hz."""
+    held = load_preset("paper").replace(
+        {**HELD, "payload.mass_change": {"factor": 4.0, "begin": 0.0, "duration": 0.2}, **damping}
+    )
+    tap = (1.0, Tap(0.05, (0.0, 0.5)))
+    run = flexlab.simulate(held, 2.0, commands=[tap])
+    heavy = held.replace({
+        "payload.linear_density": 8.0, "payload.mass_change.factor": 1.0, "controller.model.linear_density_factor": 0.25,
+    })  # fmt: skip
+    if damping.get("payload.damping.kind") == "modal":
+        heavy = heavy.replace({"payload.damping.ratio": 0.5 * heavy.payload.damping.ratio})
+    same = flexlab.simulate(heavy, 2.0, commands=[tap])
+    assert np.abs(run.vibration[1000:] - same.vibration[1000:]).max() < 1e-7
+    (ring,) = run.explanations
+    assert ring.name == "ring"
+    assert ring.sentence == same.explanations[0].sentence
+
+
+def test_a_law_is_said_to_know_the_mass_that_the_payload_has_then():
+    """A law that knew the mass after the filling was said to take the payload to be three times as heavy as it is."""
+    filling = load_preset("paper").replace({"payload.mass_change": {"factor": 3.0, "begin": 0.2, "duration": 0.3}})
+    runs = {
+        believed: flexlab.simulate(filling.replace({"controller.model.linear_density_factor": believed}), 2.5)
+        for believed in (3.0, 0.6)
+    }
+    said = {believed: {each.name: each.sentence for each in run.explanations} for believed, run in runs.items()}
+    assert "wrong payload" not in said[3.0]
+    assert "0.2 times as heavy as it is" in said[0.6]["wrong payload"]
+    # ‖Ψ‖ of a payload three times as heavy: three times the 8.59 N of the paper's.
+    assert advised(r"asks for ‖Ψ‖ = ([\d.]+) N", said[3.0]["outside the boundary layer"]) == pytest.approx(
+        25.8, abs=0.05
+    )
+
+
+def test_while_the_mass_changes_nothing_is_explained_and_before_it_all():
+    filling = load_preset("paper").replace({"payload.mass_change": {"factor": 3.0, "begin": 0.6, "duration": 5.0}})
+    assert flexlab.simulate(filling, 2.0).explanations == ()
+    assert [each.name for each in flexlab.simulate(filling, 0.6).explanations] == ["ring", "jerky start"]
+
+
+def test_a_shaper_made_for_the_mass_at_the_start_is_named_as_such():
+    filling = load_preset("paper").replace(
+        {**BANG, "trajectory.shaper": "zv", "payload.mass_change": {"factor": 4.0, "begin": 0.0, "duration": 0.1}}
+    )
+    said = {each.name: each.sentence for each in flexlab.simulate(filling, 2.0).explanations}
+    assert re.search(
+        r"made for 4\.97 Hz, but the loop rings at 2\.4\d Hz.*The shapers zvd", said["shaper for another mode"]
+    )
+
+
 def test_a_load_share_is_said_to_change_no_motion_where_that_is_so():
     uneven = {"controller.load_share": 0.9}
     for more, claimed in (

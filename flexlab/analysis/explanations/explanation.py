@@ -11,8 +11,8 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf
-from typing import TYPE_CHECKING, NamedTuple, Self
+from math import inf, sqrt
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
@@ -22,10 +22,11 @@ from flexlab.analysis.metrics.run_metrics import between
 from flexlab.analysis.modes import Modes, Ring, modes, rings_of
 from flexlab.control.conditions import Circumstances, Condition
 from flexlab.control.law import law_of
-from flexlab.errors import FlexlabError
+from flexlab.errors import FlexlabError, ScenarioError
 from flexlab.lapack import one_blas_thread
 from flexlab.recording.course import DISTURBANCES, changed_scenario, is_pulled
 from flexlab.scenario import Scenario
+from flexlab.scenario.damping import ModalDamping
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Event
 from flexlab.sim.target import shaper_impulses
@@ -59,6 +60,8 @@ class Background(NamedTuple):
     """A_j, 1, and t_j, s, of the input shaper's impulses, (impulses, 2)."""
     rings: dict[int, Ring]
     """Number of a beam mode, counted from 1 → its oscillation in the closed loop."""
+    filled: "Background | None" = None
+    """That of the payload after its mass has changed; None if it does not change, or the loop is then unknown."""
 
     @classmethod
     def of(cls, scenario: Scenario) -> "Background":
@@ -76,12 +79,38 @@ class Background(NamedTuple):
             except FlexlabError:
                 shaper = np.zeros((0, 2))
         conditions = () if around is None else conditions_in(around)
-        return cls(scenario, found, conditions, around, informed, shaper, rings_of(found))
+        after = filled(scenario)
+        # The shaper stays as it was made for the mass at the start.
+        then = None if after is None else cls.of(after)._replace(shaper=shaper)
+        return cls(scenario, found, conditions, around, informed, shaper, rings_of(found), then)
+
+
+def filled(scenario: Scenario) -> Scenario | None:
+    """The scenario of a payload after its mass has changed (`physics.mass_change`).
+
+    None if the mass does not change, for a law whose observer is for the mass at the start while the law follows the change,
+    and for a mass that no scenario may have.
+    """
+    payload, model = scenario.payload, scenario.controller.model
+    factor, part = payload.mass_change.factor, model.mass_change_factor
+    if not payload.mass_change.active or (part and hasattr(scenario.controller, "observer")):
+        return None
+    changes: dict[str, Any] = {
+        "payload.linear_density": payload.linear_density * factor,
+        "payload.mass_change.factor": 1.0,
+        "controller.model.linear_density_factor": model.linear_density_factor * (1 + part * (factor - 1)) / factor,
+    }
+    if isinstance(payload.damping, ModalDamping):  # D stays, and ζ = D/(2ω m).
+        changes["payload.damping.ratio"] = payload.damping.ratio / sqrt(factor)
+    try:
+        return scenario.replace(changes)
+    except ScenarioError:
+        return None
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """The background of a run's scenario, and its newest samples."""
+    """The background of a run's scenario with its present mass, and its newest samples."""
 
     background: Background
     samples: Samples
@@ -95,14 +124,21 @@ class Evidence:
     ) -> Self:
         """The evidence of the newest part of a run, after the last of its events that changed or touched anything.
 
+        The end of a change of the payload's mass counts as such an event, and while the mass changes there is no evidence.
+
         `background`: that of the run's present scenario; `start`: time of the run's first sample, s (None: of the first given).
         """
         if not len(run):
             return cls(background, run, False)
         first, last = float(run.time[0]) if start is None else start, float(run.time[-1])
         touched = max((event.time for event in events if isinstance(event.command, DISTURBANCES)), default=first)
+        change, unknown = background.scenario.payload.mass_change, is_pulled(events)
+        if change.active and last > change.begin:
+            touched = max(touched, change.begin + change.duration)
+            unknown |= touched > last or background.filled is None
+            background = background.filled or background
         # Bending by a hand that pulls is no vibration, and no sentence knows this cause.
-        since = inf if is_pulled(events) else max(touched, last - LONGEST_LOOK)
+        since = inf if unknown else max(touched, last - LONGEST_LOOK)
         seen = between(run, since, last)
         return cls(background, seen, touched == first and len(seen) > 0 and bool(seen.time[0] == first))
 

@@ -97,7 +97,7 @@ def fit(
 
 
 def compare(*runs: AnyRun, logs: str | Path = LOGS) -> Comparison:
-    """Compare two or more runs over the duration of the shortest: differences in settings and in metrics.
+    """Compare two or more runs over the duration of the shortest that finished: differences in settings and in metrics.
 
     Raises `RecordingError` and `StudyError`.
     """

@@ -44,7 +44,7 @@ class Comparison(Result):
     duration: tuple[float, ...]
     """Duration of each whole run, s."""
     window: float
-    """Metrics are taken over each run's first `window` s, the duration of the shortest run."""
+    """Metrics are taken over each run's first `window` s, the duration of the shortest run that finished (if any did)."""
     metrics: tuple[tuple[MetricRow, ...], ...]
     """One tuple per metric, one row per run."""
     settings: tuple[tuple[str, tuple[str, ...]], ...]
@@ -148,7 +148,9 @@ def compare(paths: Sequence[Path], seen: Callable[[int], None] = lambda samples:
     recordings = tuple(map(read_recording, paths))
     whole = [_metrics(recording, seen) for recording in recordings]
     durations = tuple(metrics.duration for metrics in whole)
-    window = min(durations, default=0.0)
+    # A run that stopped early has no metrics, and would leave none of the others' time to compare.
+    finished = [time for time, recording in zip(durations, recordings, strict=True) if not recording.status.failed]
+    window = min(finished or durations, default=0.0)
     metrics = [
         (found if found.duration - window < SAME_LENGTH else _metrics(recording, seen, window)).rows
         for recording, found in zip(recordings, whole, strict=True)

@@ -89,6 +89,21 @@ def test_runs_of_different_length_are_compared_over_what_both_have(
     assert compared.plot("rms-x").axes[0].patches[0].get_height() == pytest.approx(found["rms-x"], rel=1e-12), "mm"
 
 
+def test_a_run_that_stopped_early_leaves_the_others_their_metrics(
+    recording_file: Path, softer: Path, tmp_path: Path
+) -> None:
+    """Of a class's runs, one that stopped at once reduced those of all others to their first sample."""
+    far = load_preset("paper").replace({"trajectory.amplitude": (0.9, 0.9, 0.0)})
+    stopped = write_run(simulate(far, 1.0), tmp_path, "far")
+    without, found = compare([recording_file, softer]), compare([recording_file, softer, stopped])
+    assert found.window == without.window > 0.4
+    assert [[row.text for row in rows[:2]] for rows in found.metrics] == [
+        [row.text for row in rows] for rows in without.metrics
+    ]
+    assert {rows[2].text for rows in found.metrics if rows[2].key != "Duration [s]"} == {"did not finish"}
+    assert compare([stopped, stopped]).window == 0.0
+
+
 def test_every_run_is_compared_with_the_first(recording_file: Path, softer: Path) -> None:
     found = compare([recording_file, recording_file, softer, softer])
     assert ("payload.bending_stiffness", ("100", "100", "60", "60")) in found.settings

@@ -262,6 +262,24 @@ def test_a_run_under_pd_does_not_settle_whatever_its_length():
         assert metric.reason() == "does not settle: forced or undamped at 1.45 %", end
 
 
+def test_a_ring_that_has_just_begun_is_not_called_forced_or_undamped() -> None:
+    """A damped beam, tapped 0.1 s before the end, was said not to settle: forced or undamped. One that grows still is."""
+    time = np.arange(0, 3, 1e-3)
+    moving = np.exp(-10 * time) * np.cos(280 * time) + 0.002 * np.sin(2 * np.pi * time)
+    tapped = moving + np.where(time > 2.9, np.exp(-10 * (time - 2.9)) * np.sin(280 * (time - 2.9)), 0.0)
+    still = np.where(time > 2.9, tapped - moving, 0.0)
+    for signal, reason in (
+        (tapped, "not settled: still at "),
+        (still, "not settled: still at 100 %"),
+        (1e-4 * np.exp(3 * time) * np.sin(280 * time), "does not settle: forced or undamped at 100 %"),
+        (1e-4 * np.exp(0.3 * time) * np.sin(280 * time), "does not settle: forced or undamped at 100 %"),
+    ):
+        metric = SettlingTime()
+        metric.add(time, signal)
+        assert np.isnan(metric.compute()[0])
+        assert metric.reason().startswith(reason)
+
+
 def test_bending_of_a_payload_that_is_off_its_path_is_not_called_forced_or_undamped() -> None:
     run = simulate(load_preset("paper").replace({"controller.torque_limit": (0.5, 0.5, 0.5)}), 3.0)
     metric = SettlingTime()

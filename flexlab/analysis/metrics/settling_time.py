@@ -21,7 +21,7 @@ NEAR s before it; earlier pauses then do not count."""
 FINEST, MOST_PIECES = 0.0025, 4000
 """Shortest piece of time whose peak is kept, s, and most pieces; pieces double in length if a run has more."""
 PARTS, KEEPS = 3, 0.8
-"""Number of parts of an unsettled run, of which the last two are compared; ratio of their peaks from which there is no decay."""
+"""Number of parts of an unsettled run whose peaks are compared; ratio of the last two from which there is no decay."""
 FOLLOWS = 0.2
 """Largest error over the range of the desired motion with which a payload counts as following its path."""
 STARTED = 1.0
@@ -115,8 +115,12 @@ class SettlingTime(Metric):
         if not self._is_recorded:
             return NOT_RECORDED
         part = (self._last - self._first) / PARTS
-        before, last = (self._largest(self._last - count * part, self._last - (count - 1) * part) for count in (2, 1))
-        goes_on = last >= KEEPS * before
+        first, before, last = (
+            self._largest(self._last - count * part, self._last - (count - 1) * part) for count in (3, 2, 1)
+        )
+        # A tap or a change near the end says nothing of what follows; a vibration that grows did so before, too.
+        is_new = last >= AGAIN * before and before <= AGAIN * first
+        goes_on = last >= KEEPS * before and not is_new
         found = "does not settle: forced or undamped" if goes_on else "not settled: still"
         strays = self._error > FOLLOWS * (self._high - self._low).max() > 0
         if goes_on and strays and self._last - self._first >= STARTED:

@@ -402,6 +402,19 @@ def test_a_law_is_said_to_know_the_mass_that_the_payload_has_then():
     )
 
 
+def test_the_sample_at_a_change_is_explained_by_nothing_that_comes_after_it():
+    """Its share of the former buckling load was multiplied by the present one: 1940 N where 25 N pressed."""
+    squeezed = load_preset("soft-beam").replace({"controller.wanted_internal_force": 20.0})
+    stiffer = [(1.0, ChangeScenario({"payload.bending_stiffness": 127.0}))]
+    run = flexlab.simulate(squeezed, 2.0, commands=stiffer)
+    assert 100 * np.abs(run.axial_load[run.time > 1.0]).max() < np.pi**2 * 127.0 / 0.5**2
+    assert "axial load" not in {each.name for each in run.explanations}
+    soft = flexlab.simulate(squeezed, 2.0, commands=[(1.0, ChangeScenario({"payload.bending_stiffness": 1.0}))])
+    said = {each.name: each.sentence for each in soft.explanations}["axial load"]
+    most = float(soft.axial_load_share[soft.time > 1.0].max()) * np.pi**2 * 1.0 / 0.5**2
+    assert advised(r"up to ([\d.]+) N along it", said) == pytest.approx(most, rel=0.006)
+
+
 def test_while_the_mass_changes_nothing_is_explained_and_before_it_all():
     filling = load_preset("paper").replace({"payload.mass_change": {"factor": 3.0, "begin": 0.6, "duration": 5.0}})
     assert flexlab.simulate(filling, 2.0).explanations == ()

@@ -140,6 +140,8 @@ class Evidence:
         # Bending by a hand that pulls is no vibration, and no sentence knows this cause.
         since = inf if unknown else max(touched, last - LONGEST_LOOK)
         seen = between(run, since, last)
+        if first < touched == since and len(seen):  # The sample at a change is the last one before it.
+            seen = seen.slice(1, len(seen))
         return cls(background, seen, touched == first and len(seen) > 0 and bool(seen.time[0] == first))
 
     @property

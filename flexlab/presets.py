@@ -57,6 +57,8 @@ def write_schema(presets: Path) -> Path:
 
 OWN_FOLDER = Path("presets")
 """A person's own presets, relative to the working directory."""
+LARGEST_FILE = 5_000_000
+"""The most bytes of a scenario file: five times what the longest table of a path needs."""
 _NUMBER_LIST = re.compile(r"\[\s+([^\[\]{}\"]*?)\s+\]")
 
 
@@ -222,6 +224,8 @@ def _kind_first(data: Any) -> Any:
 def _content(path: Path) -> bytes:
     try:
         check_ordinary(path)
+        if path.stat().st_size > LARGEST_FILE:
+            raise PresetError(f"{path} has more than {LARGEST_FILE // 1_000_000} MB: name a file with a scenario.")
         return path.read_bytes()
     except FileNotFoundError:
         raise PresetError(f"There is no scenario file {path}: check the name.") from None

@@ -219,6 +219,17 @@ def test_an_invalid_scenario_is_one_sentence_with_the_file_name(tmp_path: Path, 
     assert len(caught.value.problems) == 1
 
 
+def test_a_file_far_too_large_for_a_scenario_is_not_read(tmp_path: Path):
+    """Megabytes of fields took seconds to be refused, one by one."""
+    fields, path = dict.fromkeys(map(str, range(1000)), 0), tmp_path / "mine.json"
+    path.write_text(json.dumps({"payload": fields, "gravity": 9.81}))
+    with pytest.raises(ScenarioError, match=r"mine\.json: This has more than 1000 fields, so it is not a scenario"):
+        load_scenario_file(path)
+    path.write_bytes(b"{}" + bytes(5_000_000))
+    with pytest.raises(PresetError, match=r"mine\.json has more than 5 MB: name a file with a scenario\."):
+        load_scenario_file(path)
+
+
 def test_a_folder_or_a_missing_folder_is_one_sentence(tmp_path: Path):
     with pytest.raises(PresetError, match="cannot be read"):
         load_scenario_file(tmp_path)

@@ -54,6 +54,8 @@ COMMON_FIELDS = {
 """Fields that all laws, or all paths, have."""
 MOST_PROBLEMS = 20
 """The most problems of a scenario that are reported at once."""
+MOST_FIELDS = 1000
+"""The most fields of a scenario's plain data that are checked, several times those of any scenario: each takes time."""
 
 
 class Initial(Part):
@@ -271,6 +273,10 @@ def parse_scenario(data: Any) -> Scenario:
     if not isinstance(data, Mapping):
         raise ScenarioError([("", f"A scenario is a JSON object with named fields, not {type(data).__name__}.")])
     data = _without_file_fields(cast("Mapping[str, Any]", data))
+    if _field_count(data) > MOST_FIELDS:
+        raise ScenarioError(
+            [("", f"This has more than {MOST_FIELDS} fields, so it is not a scenario: check what it is.")]
+        )
     try:
         with ADDING:
             return Scenario.model_validate(with_known_path(with_known_law(in_present_terms(data))))
@@ -282,6 +288,16 @@ def parse_scenario(data: Any) -> Scenario:
             are = "One more field is wrong" if more == 1 else f"{more} more fields are wrong"
             problems.append(("", f"{are}: mend these first."))
         raise ScenarioError(problems) from None
+
+
+def _field_count(data: Mapping[str, Any]) -> int:
+    """The number of fields in plain data and its parts, counted until there are more than `MOST_FIELDS`."""
+    count, parts = 0, [data]
+    while parts and count <= MOST_FIELDS:
+        part = parts.pop()
+        count += len(part)
+        parts += [value for value in part.values() if isinstance(value, Mapping)]
+    return count
 
 
 def _without_file_fields(data: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -37,16 +37,24 @@ def value_paths(part: Part, before: str = "") -> Iterator[str]:
             yield from value_paths(inner, path)
 
 
+def _ratio(pair: difflib.SequenceMatcher[str], least: float) -> float:
+    """The similarity of two texts, 0 to 1; 0 if it is below `least`, as its bounds, found sooner, tell for most pairs."""
+    if pair.real_quick_ratio() < least or pair.quick_ratio() < least:
+        return 0.0
+    ratio = pair.ratio()
+    return ratio if ratio >= least else 0.0
+
+
 def close_paths(path: str, known: Iterable[str]) -> list[str]:
     """Up to `MOST_HINTS` known paths that `path` may mean, by similar spelling of the path or of its last name."""
     paths = sorted(set(known))
     last = path.rpartition(".")[2].lower()
 
     def likeness(other: str) -> float:
-        end = other.rpartition(".")[2]
-        same_end = difflib.SequenceMatcher(None, last, end).ratio()
-        whole = difflib.SequenceMatcher(None, path.lower(), other).ratio()
-        return max(whole if whole >= ALIKE else 0.0, same_end if same_end >= ALIKE_LAST else 0.0) + whole / 100
+        same_end = difflib.SequenceMatcher(None, last, other.rpartition(".")[2])
+        whole = difflib.SequenceMatcher(None, path.lower(), other)
+        likely = max(_ratio(whole, ALIKE), _ratio(same_end, ALIKE_LAST))
+        return likely + whole.ratio() / 100 if likely else 0.0
 
     ranked = sorted(((likeness(other), other) for other in paths), key=lambda item: -item[0])
     enough = max(ALIKE, ranked[0][0] - NEARLY_AS_GOOD) if ranked else 1.0

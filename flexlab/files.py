@@ -1,4 +1,4 @@
-"""Reading and writing of files: atomic writing, locks, hashes and templates."""
+"""Reading and writing of files: atomic writing, locks, archives, room for them, hashes and templates."""
 
 import errno
 import hashlib
@@ -10,9 +10,12 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 from flexlab.errors import FlexlabError, StudyError
+
+if TYPE_CHECKING:
+    from zipfile import ZipFile
 
 try:
     import fcntl
@@ -45,6 +48,38 @@ def read_json(path: Path, largest: int) -> Any:
         return json.loads(path.read_text(encoding="utf-8"))
     except RecursionError:
         raise ValueError("nested too deeply") from None
+
+
+def packed_sizes(archive: "ZipFile") -> dict[str, int]:
+    """Name → size, bytes, of each file in an archive. Raises ValueError if one could unpack to more than it says."""
+    from zipfile import ZIP_DEFLATED, ZIP_STORED
+
+    for about in archive.infolist():
+        # The other methods unpack all of what is read at once: a kilobyte could become gigabytes.
+        if about.compress_type not in (ZIP_STORED, ZIP_DEFLATED):
+            raise ValueError(f"it is packed by method {about.compress_type}, not by the usual one, deflate")
+    return {about.filename: about.file_size for about in archive.infolist()}
+
+
+def read_packed(archive: "ZipFile", name: str) -> bytes:
+    """A file of an archive whose `packed_sizes` are known: no more of it than they say."""
+    with archive.open(name) as file:
+        return file.read(archive.getinfo(name).file_size)
+
+
+MEMORY_TABLE = Path("/proc/meminfo")
+
+
+def free_memory() -> float | None:
+    """Free memory of this machine, bytes, with what can be freed; None if the system does not tell."""
+    try:
+        for line in MEMORY_TABLE.read_text(encoding="ascii").splitlines():
+            name, _, amount = line.partition(":")
+            if name == "MemAvailable":
+                return 1024.0 * int(amount.split()[0])
+    except (OSError, ValueError, IndexError):
+        pass
+    return None
 
 
 @contextmanager

@@ -16,7 +16,7 @@ from flexlab.analysis.metrics import run_metrics
 from flexlab.analysis.replay import own_texts
 from flexlab.analysis.result import result_hash
 from flexlab.errors import RecordingError
-from flexlab.files import check_ordinary, writing
+from flexlab.files import check_ordinary, packed_sizes, read_packed, writing
 from flexlab.presets import scenario_text
 from flexlab.recording.codec import command_values
 from flexlab.recording.export import export_recording
@@ -27,8 +27,8 @@ from flexlab.recording.store.run_index import size_text
 METADATA, RUN = "ro-crate-metadata.json", "run.rrd"
 SPECIFICATION = "https://w3id.org/ro/crate/1.1"
 LICENSE = "https://spdx.org/licenses/MIT"
-LARGEST = {METADATA: 10_000_000, RUN: 50_000_000_000}
-"""Largest sizes that are unpacked, bytes."""
+LARGEST_METADATA, LARGEST_ARCHIVE = 10_000_000, 50_000_000_000
+"""Largest unpacked sizes of an archive's metadata and of all its files, bytes."""
 
 KINDS = {
     RUN: ("application/octet-stream", "The recording: every sample, bit for bit"),
@@ -133,20 +133,20 @@ def unpack_capsule(archive_path: Path, folder: Path) -> Path:
     try:
         check_ordinary(archive_path)
         with zipfile.ZipFile(archive_path) as archive:
-            sizes = {about.filename: about.file_size for about in archive.infolist()}
-            for name, most in LARGEST.items():
-                if sizes.get(name, 0) > most:
-                    size = f"{name} has {size_text(sizes[name])}, more than the {size_text(most)} that are unpacked"
-                    raise RecordingError(f"{archive_path}: {size}.")
+            sizes = packed_sizes(archive)
+            _check_size(f"{archive_path}: {METADATA}", sizes.get(METADATA, 0), LARGEST_METADATA)
+            _check_size(f"{archive_path}, unpacked,", sum(sizes.values()), LARGEST_ARCHIVE)
             if METADATA not in sizes:
                 raise RecordingError(f"{archive_path} is not an archive of a run: it has no {METADATA}.")
             described = {
                 item["@id"]: item["sha256"]
-                for item in json.loads(archive.read(METADATA))["@graph"]
+                for item in json.loads(read_packed(archive, METADATA))["@graph"]
                 if item.get("@type") == "File"
             }
             if RUN not in described:
                 raise RecordingError(f"{archive_path} is not an archive of a run: it does not describe {RUN}.")
+            free = f"are free in {folder.parent}: make room, or set TMPDIR to another folder"
+            _check_size(f"{archive_path}: {RUN}", sizes.get(RUN, 0), shutil.disk_usage(folder).free, free)
             for name, digest in described.items():
                 if name not in sizes or _digest(archive, name, folder / RUN if name == RUN else None) != digest:
                     changed = f"{name!r:.80} was changed or is missing"
@@ -159,6 +159,12 @@ def unpack_capsule(archive_path: Path, folder: Path) -> Path:
         reason = getattr(error, "strerror", None) or " ".join(str(error).split())
         raise RecordingError(f"{archive_path} cannot be read as an archive of a run ({reason:.120}).") from None
     return folder / RUN
+
+
+def _check_size(what: str, size: int, most: float, held: str = "are unpacked") -> None:
+    """Raise `RecordingError` if `size` is more than the `most` bytes that are `held`; `what`: the file that has it."""
+    if size > most:
+        raise RecordingError(f"{what} has {size_text(size)}, more than the {size_text(most)} that {held}.")
 
 
 def _digest(archive: zipfile.ZipFile, name: str, copy: Path | None) -> str:

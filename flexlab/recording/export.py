@@ -14,19 +14,22 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from zipfile import ZipFile
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv as arrow_csv
 import pyarrow.parquet as parquet
+from numpy.lib.format import read_array
 
 from flexlab import __version__
 from flexlab.errors import RecordingError, StudyError
-from flexlab.files import check_ordinary, writing
+from flexlab.files import check_ordinary, free_memory, packed_sizes, read_packed, writing
 from flexlab.presets import scenario_text, unique_fields
 from flexlab.recording.codec import event_from_values, event_values, larger_blocks, state_values
 from flexlab.recording.reader import Recording, within
 from flexlab.recording.store.formats import FORMAT, Changes, checked_format, migrate
+from flexlab.recording.store.run_index import size_text
 from flexlab.recording.table_columns import (
     Column,
     axis_labels,
@@ -175,6 +178,13 @@ def _reason(error: Exception) -> str:
     return known or ("it holds Python objects" if "pickle" in said else said) or type(error).__name__
 
 
+def _check_room(size: int) -> None:
+    """Raise ValueError for a table of `size` bytes in all that does not fit into the memory: archives pack a thousandfold."""
+    free = free_memory()
+    if free is not None and size > free:
+        raise ValueError(f"it unpacks to {size_text(size)}, and {size_text(free)} of memory are free")
+
+
 def _write_csv(path: Path, batches: Iterable[Columns], metadata: str) -> None:
     # Arrow writes the shortest number that reads back to the same bits.
     options = arrow_csv.WriteOptions(include_header=False)
@@ -219,6 +229,7 @@ def _write_parquet(path: Path, batches: Iterable[Columns], metadata: str) -> Non
 
 def _read_parquet(path: Path) -> tuple[Columns, str]:
     with parquet.ParquetFile(path) as file:
+        _check_room(file.metadata.num_rows * file.metadata.num_columns * np.dtype(float).itemsize)
         table = file.read()
     columns = [(name, column.to_numpy()) for name, column in zip(table.column_names, table.columns, strict=True)]
     return unique_fields(columns), (table.schema.metadata or {})[NAME.encode()].decode()
@@ -232,8 +243,14 @@ def _write_npz(path: Path, batches: Iterable[Columns], metadata: str) -> None:
 
 
 def _read_npz(path: Path) -> tuple[Columns, str]:
-    with np.load(path, allow_pickle=False) as file:
-        return {name: file[name] for name in file.files if name != NAME}, str(file[NAME])
+    with ZipFile(path) as archive:
+        sizes = packed_sizes(archive)
+        _check_room(sum(sizes.values()))
+        arrays = {
+            name.removesuffix(".npy"): read_array(io.BytesIO(read_packed(archive, name)), allow_pickle=False)
+            for name in sizes
+        }
+    return {name: array for name, array in arrays.items() if name != NAME}, str(arrays[NAME])
 
 
 Writer = Callable[[Path, Iterable[Columns], str], None]

@@ -16,6 +16,7 @@ from pathlib import Path
 import segno
 
 from flexlab.errors import LabError
+from flexlab.files import free_memory
 from flexlab.sockets import LOOPBACK, UNIX, WILDCARDS, base_address, usual_spelling
 from flexlab.text import counted
 
@@ -41,7 +42,6 @@ KEPT_FREE = 1e9
 LABS_PER_CORE = 6
 """A running lab costs a quarter to a third of a core while its visitor watches, 0.3 % while nobody does: with this many per
 core, each runs at full speed while half of a class reads."""
-MEMORY_TABLE = Path("/proc/meminfo")
 
 
 @dataclass(frozen=True)
@@ -224,15 +224,4 @@ class Capacity:
 def capacity() -> Capacity:
     """Cores and memory of this machine, now."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return Capacity(cores, _free_memory())
-
-
-def _free_memory() -> float | None:
-    try:
-        for line in MEMORY_TABLE.read_text(encoding="ascii").splitlines():
-            name, _, amount = line.partition(":")
-            if name == "MemAvailable":
-                return 1024.0 * int(amount.split()[0])
-    except (OSError, ValueError, IndexError):
-        pass
-    return None
+    return Capacity(cores, free_memory())

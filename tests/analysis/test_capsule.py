@@ -4,6 +4,7 @@ import errno
 import hashlib
 import json
 import os
+import shutil
 import zipfile
 from pathlib import Path
 
@@ -12,7 +13,8 @@ from lab_process import Command
 from own_path_text import ROUND
 
 import flexlab
-from flexlab.analysis.capsule import LARGEST, METADATA, RUN, unpack_capsule, write_capsule
+from flexlab.analysis import capsule as capsules
+from flexlab.analysis.capsule import METADATA, RUN, unpack_capsule, write_capsule
 from flexlab.errors import RecordingError, StudyError
 from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.reader import read_recording
@@ -114,12 +116,28 @@ def test_a_changed_archive_is_refused(capsule: Path, tmp_path: Path, monkeypatch
         unpack_capsule(junk_file, tmp_path)
     with pytest.raises(RecordingError, match="There is no file"):
         unpack_capsule(tmp_path / "none.zip", tmp_path)
-    for name in (METADATA, RUN):
-        monkeypatch.setitem(LARGEST, name, 1000)
-        with pytest.raises(RecordingError, match=f"{name} has .*B, more than the 1 kB that are unpacked"):
-            unpack_capsule(capsule, tmp_path)
-        monkeypatch.setitem(LARGEST, name, len(members[name]))
-    assert unpack_capsule(capsule, tmp_path).stat().st_size == LARGEST[RUN]
+
+
+def test_an_archive_is_not_unpacked_beyond_all_bounds(capsule: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    with zipfile.ZipFile(capsule) as archive:
+        sizes = {about.filename: about.file_size for about in archive.infolist()}
+    sizes_of_disk = shutil.disk_usage(tmp_path)
+    (tmp_path / "unpacked").mkdir()
+    for what, size, change in (
+        (f"{METADATA} has", sizes[METADATA], lambda most: monkeypatch.setattr(capsules, "LARGEST_METADATA", most)),
+        ("unpacked, has", sum(sizes.values()), lambda most: monkeypatch.setattr(capsules, "LARGEST_ARCHIVE", most)),
+        (
+            f"{RUN} has",
+            sizes[RUN],
+            lambda most: monkeypatch.setattr(shutil, "disk_usage", lambda _: sizes_of_disk._replace(free=most)),
+        ),
+    ):
+        change(1000)
+        with pytest.raises(RecordingError, match=rf"{what} .*B, more than the 1 kB that are (unpacked\.|free in )"):
+            unpack_capsule(capsule, tmp_path / "unpacked")
+        assert not list((tmp_path / "unpacked").iterdir())
+        change(size)
+    assert unpack_capsule(capsule, tmp_path / "unpacked").stat().st_size == sizes[RUN]
 
 
 def test_the_archive_is_written_whole_or_not_at_all(source: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

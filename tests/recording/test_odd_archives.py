@@ -2,6 +2,7 @@
 
 import json
 import struct
+import tracemalloc
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 from exported import export_run
 from recording_helpers import start_script
 
+from flexlab import files
 from flexlab.analysis.capsule import METADATA, unpack_capsule
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
@@ -116,6 +118,54 @@ def test_an_odd_capsule_is_refused(tmp_path: Path, change: Callable[[bytearray],
     change(data)
     path.write_bytes(data)
     refused(unpack_capsule, path, tmp_path / "unpacked", r"odd\.zip cannot be read as an archive of a run")
+
+
+def understated(path: Path, name: str, data: bytes, says: int) -> Path:
+    """An archive of one file with `data`, which says that it unpacks to `says` bytes."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr(name, data)
+    packed = bytearray(path.read_bytes())
+    for mark, at in ((LOCAL, 22), (CENTRAL, 24)):
+        (head,) = heads(packed, mark)
+        struct.pack_into("<I", packed, head + at, says)
+    path.write_bytes(packed)
+    return path
+
+
+@pytest.mark.parametrize(("name", "read"), [(METADATA, unpack_capsule), ("time.npy", import_into)])
+def test_no_more_is_unpacked_than_an_archive_says(tmp_path: Path, name: str, read: Callable[..., object]) -> None:
+    """A megabyte packs a gigabyte of zeros."""
+    path = understated(tmp_path / f"odd{'.zip' if name == METADATA else '.npz'}", name, bytes(100_000_000), says=1000)
+    tracemalloc.start()
+    try:
+        refused(read, path, tmp_path / "logs", "Bad CRC-32")
+        assert tracemalloc.get_traced_memory()[1] < 20_000_000
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2])
+@pytest.mark.parametrize(("ending", "read"), [(".zip", unpack_capsule), (".npz", import_into)])
+def test_a_method_that_unpacks_everything_at_once_is_refused(
+    tmp_path: Path, ending: str, read: Callable[..., object], method: int
+) -> None:
+    path = tmp_path / f"odd{ending}"
+    with zipfile.ZipFile(path, "w", method) as archive:
+        archive.writestr(METADATA, "{}")
+    refused(read, path, tmp_path / "logs", rf"packed by method {method}, not by the usual one, deflate")
+
+
+@pytest.mark.parametrize("ending", [".npz", ".parquet"])
+def test_a_table_that_does_not_fit_into_the_memory_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str
+) -> None:
+    path = export_run(simulate(load_preset("paper"), duration=0.1), tmp_path / f"large{ending}")
+    table = tmp_path / "meminfo"
+    table.write_text("MemTotal:       100 kB\nMemAvailable:   10 kB\n")
+    monkeypatch.setattr(files, "MEMORY_TABLE", table)
+    refused(import_into, path, tmp_path / "logs", r"it unpacks to .* kB, and 10.2 kB of memory are free")
+    table.write_text("MemAvailable:   1000 kB\n")
+    assert import_into(path, tmp_path / "logs").exists()
 
 
 def test_lone_surrogates_are_replaced(exported: Path, tmp_path: Path) -> None:

@@ -115,12 +115,15 @@ def test_an_unusable_duration_is_refused(duration: object):
         simulate(load_preset("paper"), duration)  # type: ignore[arg-type]
 
 
-def test_a_million_wrong_fields_make_a_short_answer():
+def test_many_wrong_fields_make_a_short_answer():
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario({f"field_{number}": 1 for number in range(1000)})
+    assert len(str(caught.value)) < LONGEST_ANSWER
+    assert "980 more fields are wrong" in str(caught.value)
+    assert len(caught.value.problems) == 21
     with pytest.raises(ScenarioError) as caught:
         parse_scenario({f"field_{number}": 1 for number in range(1_000_000)})
-    assert len(str(caught.value)) < LONGEST_ANSWER
-    assert "999980 more fields are wrong" in str(caught.value)
-    assert len(caught.value.problems) == 21
+    assert str(caught.value) == "This has more than 1000 fields, so it is not a scenario: check what it is."
 
 
 @pytest.mark.parametrize(

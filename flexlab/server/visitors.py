@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import hmac
 import os
+import re
 import secrets
 import unicodedata
 from collections.abc import Iterator, Sequence
@@ -174,6 +175,10 @@ def cookie_key(logs: Path | None) -> bytes:
     return key
 
 
+_JOINED = re.compile("(?<=[^\x00-\u02ff])[\u200c\u200d](?=[^\x00-\u02ff\u200c\u200d])")
+"""A character that joins two others or keeps them apart, as in Persian, Sinhala and Hindi names; not in Latin script."""
+
+
 def checked_name(text: str) -> str:
     """Return a typed name without spaces around it. Raises `LabError` for one that no page should show."""
     # The length as typed comes first: normalizing thousands of accents takes seconds in which nobody else is answered.
@@ -182,7 +187,7 @@ def checked_name(text: str) -> str:
     if len(name) > LONGEST_NAME:
         raise LabError(f"This name has {len(name)} characters: at most {LONGEST_NAME} fit. Shorten it.")
     # Category C: control characters, changes of the writing direction, surrogates, unassigned characters.
-    if any(unicodedata.category(letter)[0] == "C" or letter in "\u2028\u2029" for letter in name):
+    if any(unicodedata.category(letter)[0] == "C" or letter in "\u2028\u2029" for letter in _JOINED.sub("", name)):
         raise LabError("This name holds control characters: type it with letters, digits and spaces.")
     return name
 

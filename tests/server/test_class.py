@@ -14,7 +14,9 @@ from http_client import ask, looking, wait_until
 from person import TEACHER, TOKEN, Person, open_server
 
 from flexlab.recording.store.notes import read_notes, write_notes
+from flexlab.recording.store.people import names_told_apart
 from flexlab.server.front_server import FrontServer
+from flexlab.server.visitors import checked_name
 
 QUOTA = 50_000_000
 """Bytes; more than any lab of these tests records."""
@@ -89,12 +91,24 @@ def test_orders_to_labs_need_the_teacher_s_token_and_the_teacher_s_own_page(teac
         ("e\u0301" * 300, "has 600 characters"),
         ("a\x07b", "control characters"),
         ("a\u202eb", "control characters"),
+        ("A\u200cnna", "control characters"),
+        ("علی\u200c", "control characters"),
+        ("علی\u200c\u200cرضا", "control characters"),
     ],
 )
 def test_a_name_that_is_too_long_or_has_control_characters_is_refused(ben: Person, name: str, said: str):
     answer = ben.post("/name", ("name", name))
     assert answer.status == 400
     assert said in answer.text
+
+
+@pytest.mark.parametrize("name", ["علی\u200cرضا", "ශ්\u200dරී", "क्\u200dष", "O’Neil-Ødegård", "李雷"])
+def test_names_of_all_scripts_are_names(name: str):
+    """Persian and Sinhala names contain characters that keep letters apart or join them: they were refused."""
+    assert checked_name(f" {name} ") == name
+    assert names_told_apart([(name, "aaaaaa"), (name.replace("\u200c", ""), "bbbbbb")], Path("none"))[
+        name, "aaaaaa"
+    ] == (f"{name} (aaaa)")
 
 
 def test_a_name_stays_in_the_browser_and_is_escaped(anna: Person):
@@ -183,6 +197,7 @@ def test_recording_stops_at_the_quota_and_goes_on_once_runs_are_deleted(
         kept = r"Their runs take \d+ MB of the 50 MB that each visitor has: nothing more is recorded until some are deleted\."
         assert re.fullmatch(kept, problem()), "what to do is hers to read"
         recording = server.places.running()[0].status().recording
+        assert recording is not None
         size = recording.stat().st_size
         seen = teacher.labs()[0]["time"]
         wait_until(lambda: teacher.labs()[0]["time"] > seen + 0.5, "the simulation goes on")

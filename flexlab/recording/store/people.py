@@ -9,6 +9,8 @@ from pathlib import Path
 from flexlab.recording.store.run_files import list_files
 from flexlab.recording.store.run_index import RunRow, whose
 
+JOINERS = {0x200C: None, 0x200D: None}
+"""Characters within a name that nobody sees, or only by the shape of their neighbours."""
 MARK = 4
 """Length of the owner's mark behind a name that several have, characters."""
 
@@ -19,9 +21,9 @@ def names_told_apart(people: Iterable[tuple[str, str]], logs: Path) -> dict[tupl
     Others are among these people or in the notes of a folder.
     """
     known = _recorded(logs, logs.stat().st_mtime_ns if logs.exists() else 0).union(people)
-    count = Counter(name for name, _ in known)
+    count = Counter(name.translate(JOINERS) for name, _ in known)
     return {
-        (name, owner): f"{name} ({owner[:MARK]})" if name and owner and count[name] > 1 else name
+        (name, owner): f"{name} ({owner[:MARK]})" if name and owner and count[name.translate(JOINERS)] > 1 else name
         for name, owner in known
     }
 

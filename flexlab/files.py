@@ -67,21 +67,6 @@ def read_packed(archive: "ZipFile", name: str) -> bytes:
         return file.read(archive.getinfo(name).file_size)
 
 
-MEMORY_TABLE = Path("/proc/meminfo")
-
-
-def free_memory() -> float | None:
-    """Free memory of this machine, bytes, with what can be freed; None if the system does not tell."""
-    try:
-        for line in MEMORY_TABLE.read_text(encoding="ascii").splitlines():
-            name, _, amount = line.partition(":")
-            if name == "MemAvailable":
-                return 1024.0 * int(amount.split()[0])
-    except (OSError, ValueError, IndexError):
-        pass
-    return None
-
-
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """A draft beside `path` that replaces it atomically when the block ends without an error."""

@@ -11,6 +11,7 @@ LAYERS = {
     "__version__": 0,  # defined in flexlab/__init__.py before anything else
     "errors": 0,
     "files": 0,
+    "machine": 0,
     "notation": 0,
     "compiled": 0,
     "assets": 0,

@@ -5,7 +5,6 @@ Laws and paths in Python are sent along.
 """
 
 import ctypes
-import os
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
@@ -20,6 +19,7 @@ from flexlab.arguments import flag, text_or_none, whole_number
 from flexlab.compiled import engine
 from flexlab.errors import ScenarioError, StudyError
 from flexlab.lapack import one_blas_thread
+from flexlab.machine import cores
 from flexlab.own.files import know_own_texts, own_texts
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim.samples import Run, Status, empty_samples
@@ -98,7 +98,7 @@ Workers = Callable[[], AbstractContextManager[Does]]
 def chosen_workers(workers: int | None = None, cluster: str | None = None) -> Workers:
     """`workers` threads of this machine (None: one per core), or the Dask cluster of a scheduler. Raises `StudyError`."""
     if cluster is None:
-        count = os.cpu_count() or 1 if workers is None else whole_number("workers", workers, 1, MOST_WORKERS)
+        count = cores() if workers is None else whole_number("workers", workers, 1, MOST_WORKERS)
         return partial(_on_threads, count)
     text_or_none("cluster", cluster, "tcp://HOST:8786")
     if workers is not None:

@@ -4,7 +4,6 @@ The two sides alternate, so that the machine's load affects both. On a busy mach
 then says nothing about the engine; on Linux the time that threads waited for a core is therefore subtracted as well.
 """
 
-import os
 import statistics
 import threading
 import time
@@ -17,6 +16,7 @@ import numpy as np
 
 from flexlab.analysis.workers import THREADS, simulate_many
 from flexlab.lapack import one_blas_thread
+from flexlab.machine import cores
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.simulate import simulate
@@ -202,7 +202,7 @@ def measure_environment(rounds: int) -> EnvironmentRate | None:
         one.close()
         every.close()
     best = WORLDS * STEPS / times.min(axis=0)
-    return EnvironmentRate(WORLDS, os.cpu_count() or 1, float(best[0]), float(best[1]))
+    return EnvironmentRate(WORLDS, cores(), float(best[0]), float(best[1]))
 
 
 def _steps(envs: "TwoArmsVector", actions: np.ndarray) -> tuple[float, float]:

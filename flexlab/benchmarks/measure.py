@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from flexlab.machine import cores
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples
 from flexlab.sim.world import World
@@ -106,10 +107,9 @@ class Machine:
 
 def this_machine() -> Machine:
     """Describe this machine."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
     versions = {name: number for name in LIBRARIES if (number := version_of(name))}
-    return Machine(_processor(), cores, load, platform.system(), platform.python_version(), versions)
+    return Machine(_processor(), cores(), load, platform.system(), platform.python_version(), versions)
 
 
 def version_of(library: str) -> str | None:

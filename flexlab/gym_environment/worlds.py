@@ -1,7 +1,6 @@
 """The settings of an environment, and its worlds, which move together on several threads."""
 
 import difflib
-import os
 import weakref
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -14,6 +13,7 @@ from flexlab.compiled import PLAIN_PYTHON, entry_point
 from flexlab.errors import StudyError
 from flexlab.gym_environment.kernels import OBSERVED, Variants, Worlds, begin_worlds, step_worlds
 from flexlab.gym_environment.standing_threads import StandingThreads
+from flexlab.machine import cores
 from flexlab.physics.law_input import MOST_DELAY
 from flexlab.physics.plant import Workspace
 from flexlab.presets import any_scenario
@@ -148,7 +148,7 @@ class WorldBatch:
         self._start = np.array([path if own is None else own for own, path in pairs])
         self._limits, self._noise = np.full(3, float(settings.torque_limit)), np.array(NOISE)
         self.state, self._begun = _new_worlds(count, first, settings), np.zeros(count, bool)
-        threads = max(1, min(int(settings.threads or os.cpu_count() or 1), count // LEAST_PER_THREAD))
+        threads = max(1, min(int(settings.threads or cores()), count // LEAST_PER_THREAD))
         edges = np.linspace(0, count, threads + 1).astype(int)
         self._parts = [
             (slice(low, high), Worlds(*(array[low:high] for array in self.state)), new_workspace(first.system))

@@ -3,7 +3,6 @@
 import contextlib
 import ipaddress
 import math
-import os
 import re
 import secrets
 import socket
@@ -16,7 +15,7 @@ from pathlib import Path
 import segno
 
 from flexlab.errors import LabError
-from flexlab.files import free_memory
+from flexlab.machine import cores, free_memory
 from flexlab.sockets import LOOPBACK, UNIX, WILDCARDS, base_address, usual_spelling
 from flexlab.text import counted
 
@@ -222,6 +221,5 @@ class Capacity:
 
 
 def capacity() -> Capacity:
-    """Cores and memory of this machine, now."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return Capacity(cores, free_memory())
+    """Cores and memory that this machine, or its container, has now."""
+    return Capacity(cores(), free_memory())

@@ -4,7 +4,6 @@ To add one, copy a file of `studies/`. A form's work is bounded, so that no visi
 """
 
 import math
-import os
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -18,6 +17,7 @@ from flexlab.analysis.metrics.metric import Column
 from flexlab.analysis.sweep.axes import CHOSEN, Axis, parse_axes
 from flexlab.analysis.workers import Workers, chosen_workers
 from flexlab.errors import FlexlabError, StudyError
+from flexlab.machine import cores
 from flexlab.registry import modules_in
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import TITLES, field_title, options, titled
@@ -142,7 +142,7 @@ def known_studies() -> dict[str, type[Study]]:
 
 def workers() -> Workers:
     """The workers of a study, on all cores but one, which is left to the labs."""
-    return chosen_workers(max((os.cpu_count() or 1) - 1, 1))
+    return chosen_workers(max(cores() - 1, 1))
 
 
 def metric_columns() -> list[Column]:

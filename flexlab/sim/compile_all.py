@@ -17,6 +17,7 @@ from typing import Any
 from flexlab.compiled import PLAIN_PYTHON, cache_folder
 from flexlab.control.law import laws
 from flexlab.control.path import paths
+from flexlab.machine import cores
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.integrators.scheme import ORDER
@@ -118,4 +119,4 @@ if __name__ == "__main__":
     beside_a_lab = WHILE_OPEN in sys.argv
     if beside_a_lab:
         threading.Thread(target=_end_with_the_input, name="flexlab-starter", daemon=True).start()
-    compile_everything(1 if beside_a_lab else os.cpu_count() or 1)
+    compile_everything(1 if beside_a_lab else cores())

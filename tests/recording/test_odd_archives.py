@@ -12,7 +12,7 @@ import pytest
 from exported import export_run
 from recording_helpers import start_script
 
-from flexlab import files
+from flexlab import machine
 from flexlab.analysis.capsule import METADATA, unpack_capsule
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
@@ -160,9 +160,10 @@ def test_a_table_that_does_not_fit_into_the_memory_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str
 ) -> None:
     path = export_run(simulate(load_preset("paper"), duration=0.1), tmp_path / f"large{ending}")
-    table = tmp_path / "meminfo"
+    table = tmp_path / "proc" / "meminfo"
+    table.parent.mkdir()
     table.write_text("MemTotal:       100 kB\nMemAvailable:   10 kB\n")
-    monkeypatch.setattr(files, "MEMORY_TABLE", table)
+    monkeypatch.setattr(machine, "ROOT", tmp_path)
     refused(import_into, path, tmp_path / "logs", r"it unpacks to .* kB, and 10.2 kB of memory are free")
     table.write_text("MemAvailable:   1000 kB\n")
     assert import_into(path, tmp_path / "logs").exists()

@@ -18,6 +18,7 @@ import pytest
 from http_client import ask, upload, wait_until
 
 from flexlab.errors import RecordingError
+from flexlab.machine import cores
 from flexlab.server import connections
 from flexlab.server.front_server import FrontServer
 from flexlab.server.labs.lab_provider import FullError, Lab
@@ -85,7 +86,7 @@ def standing(pid: int) -> Iterator[None]:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="labs are forked on Linux only")
 def test_pages_are_served_while_labs_open(open_another: Callable[..., FrontServer]):
-    count = (os.cpu_count() or 1) + 6
+    count = cores() + 6
     server = open_another(private=True, max_sessions=count, max_per_address=count)
     pid = forkserver._forkserver._forkserver_pid  # type: ignore[attr-defined]
     begun: list[asyncio.Task[Lab]] = []

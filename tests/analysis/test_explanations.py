@@ -328,6 +328,56 @@ def test_twice_the_named_gain_nearly_halves_the_error_beside_a_large_bound():
     assert "Twice the Λ nearly halves it" in sentences(constant, run)["error within the layer"]
 
 
+def largest_error(scenario: Scenario) -> float:
+    """The largest distance from the path, m, from t = 1.5 s on; infinite for a run that stops."""
+    run = simulate(scenario, 2.5)
+    last = np.linalg.norm(run.tracking_error[run.time > 1.5, :2], axis=1)
+    return np.inf if run.status.failed else float(last.max())
+
+
+LATER = "its cause. Torques that come {} ms late add to it."
+
+
+@pytest.mark.parametrize(
+    ("changes", "promises"),
+    [
+        ({}, "Twice the K or Λ nearly halves it; feed-forward of the bending removes its cause."),
+        ({"controller.model.linear_density_factor": 3.0}, "at most. Twice the K or Λ nearly halves it."),
+        ({"controller.control_period": 0.001, "controller.input_delay": 1}, LATER.format(1.5)),
+        ({"controller.control_period": 0.005, "controller.input_delay": 1, "trajectory.frequency": 0.3},
+         f"slow motion. Feed-forward of the bending removes {LATER.format(7.5)}"),
+        ({"controller.control_period": 0.012}, ""),
+    ],
+)  # fmt: skip
+def test_what_is_said_to_make_an_error_smaller_does(changes: dict[str, Any], promises: str):
+    """Twice the K let a loop sampled every 12 ms run away, and a feed-forward raised the error of a wrong mass by a quarter."""
+    scenario = load_preset("paper").replace(changes)
+    error = largest_error(scenario)
+    stronger = largest_error(scenario.replace({"controller.feedback_gain": 400.0}))
+    forward = largest_error(scenario.replace({"trajectory.bending_feedforward": 1.0}))
+    text = sentences(scenario, simulate(scenario, 2.5)).get("error within the layer", "")
+    assert text.endswith(promises) if promises else not text
+    assert ("Twice the K" in text) == (stronger < 0.62 * error)
+    assert ("eed-forward" in text) == (forward < 0.55 * error)
+
+
+def test_chatter_is_not_taken_for_the_noise_of_good_sensors():
+    chattering = load_preset("fast-adaptation").replace({"controller.boundary_layer": 1e-3})
+    for noise, said in ((1e-12, "chatter"), (1e-2, "noisy torques")):
+        scenario = chattering.replace({"controller.sensor_noise.pose_rate": (noise,) * 3})
+        assert {"chatter", "noisy torques"} & set(sentences(scenario, simulate(scenario, 2.0))) == {said}
+
+
+def test_a_law_is_not_told_to_do_what_it_does_about_a_wrong_mass():
+    """The regressor-adaptive law makes the same motion whatever mass the model has, as it has estimates of its own."""
+    for law, said in (("regressor-adaptive", None), ("disturbance-observer", "adaptive) makes up for it.")):
+        right = load_preset("smooth-start").replace({"controller.kind": law})
+        wrong = right.replace({"controller.model.linear_density_factor": 3.0})
+        text = sentences(wrong, simulate(wrong, 2.0)).get("wrong payload")
+        assert (largest_error(right) == largest_error(wrong)) == (said is None)
+        assert text is None if said is None else text and text.endswith(said)
+
+
 @pytest.mark.parametrize(
     ("changes", "leaves"),
     [

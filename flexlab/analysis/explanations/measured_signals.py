@@ -42,6 +42,8 @@ def folded_mode(seen: Evidence) -> str | None:
 
 LEAST_TORQUE_JUMP = 1.0
 """Least RMS jump of a joint torque per control period, N·m."""
+FAINT = 0.1
+"""Noise of s over its movement in a control period up to which the torques' jumps are chatter, not noise."""
 WHITE = -0.3
 """Correlation of successive jumps up to which they count as noise; differences of white noise have -½."""
 
@@ -50,7 +52,7 @@ WHITE = -0.3
 def noisy_torques(seen: Evidence) -> str | None:
     """Noisy sensors make the torques jump at random."""
     law = seen.scenario.controller
-    if law.control_period is None or not law.sensor_noise.active:
+    if law.control_period is None or not law.sensor_noise.active or chatter(seen):
         return None
     turns = torque_turns(seen.last_second, law.control_period)
     jump = torque_jump(turns)
@@ -66,6 +68,22 @@ def noisy_torques(seen: Evidence) -> str | None:
     )
 
 
+def _step(seen: Evidence) -> float:
+    """How far s usually moves within a control period, m/s."""
+    period = seen.scenario.controller.control_period or seen.period
+    stride = max(1, round(period / seen.period))
+    moves = np.diff(seen.last_second.sliding_variable[::stride], axis=0)
+    return float(np.median(np.linalg.norm(moves, axis=1))) if len(moves) else 0.0
+
+
+def _is_faint(seen: Evidence) -> bool:
+    """Whether s moves so much that the noise of its measurement hardly matters, if there is any."""
+    noise, slope = seen.scenario.controller.sensor_noise, seen.field("sliding_slope")
+    if slope is None or noise.strain > 0 or any(noise.moment_rate):
+        return not noise.active
+    return float(np.linalg.norm([*noise.pose_rate, *(slope * np.array(noise.pose))])) <= FAINT * _step(seen)
+
+
 CHATTER = 5.0
 """RMS jump of a joint torque per control period from which it counts as chatter, N·m; 0.5 is usual."""
 
@@ -74,19 +92,17 @@ CHATTER = 5.0
 def chatter(seen: Evidence) -> str | None:
     """Torques alternate from one control instant to the next, and s crosses its boundary layer within one control period."""
     law, layer = seen.scenario.controller, seen.field("boundary_layer")
-    if law.control_period is None or layer is None or law.sensor_noise.active:
+    if law.control_period is None or layer is None or not _is_faint(seen):
         return None
-    span, stride = seen.last_second, max(1, round(law.control_period / seen.period))
-    turns = torque_turns(span, law.control_period)
+    turns, step = torque_turns(seen.last_second, law.control_period), _step(seen)
     jump = torque_jump(turns)
-    step = np.linalg.norm(np.diff(span.sliding_variable[::stride], axis=0), axis=1)
-    if jump < CHATTER or len(turns) < 8 or float(np.median(step)) < layer:
+    if jump < CHATTER or len(turns) < 8 or step < layer:
         return None
     if float(np.sum(turns[1:] * turns[:-1])) >= 0:
         return None
     return (
         f"The torques chatter by {n(jump)} N·m (RMS over the last second) at each instant of the "
-        f"{n(1e3 * law.control_period)} ms clock: from one to the next, s moves by {n(float(np.median(step)))} m/s, more than "
+        f"{n(1e3 * law.control_period)} ms clock: from one to the next, s moves by {n(step)} m/s, more than "
         f"its boundary layer of {n(layer)} m/s, so that every step overshoots. A thicker layer or a shorter control period "
         f"calms them."
     )

@@ -3,8 +3,9 @@
 import numpy as np
 
 from flexlab.analysis.explanations.explanation import Evidence, n, register
+from flexlab.analysis.explanations.growth import lateness
 from flexlab.analysis.lesson_measures import bound_terms, largest, length
-from flexlab.control.conditions import Circumstances
+from flexlab.control.conditions import Circumstances, stability_limit
 from flexlab.sim.samples import Samples
 
 WORTH = 1e-5
@@ -60,6 +61,37 @@ def _brings_back(seen: Evidence) -> str:
     return "brings it back inside" if seen.field("bound") is None else "or a larger ρ̂ brings it back inside"
 
 
+def _late_force(seen: Evidence, around: Circumstances) -> float:
+    """The largest change of the motion's force, B ẍ_d + C̄ ẋ_d, while a torque is on its way, N."""
+    if len(around.instants) < 3:
+        return 0.0
+    rate = np.gradient(_inertial_force(around), around.instants, axis=0)
+    return float(np.linalg.norm(rate, axis=1).max()) * lateness(seen.background)
+
+
+def _inertial_force(around: Circumstances) -> np.ndarray:
+    """B ẍ_d + C̄ ẋ_d along the path, N, N, N·m, (N, 3)."""
+    return np.array([B @ now.desired[2] + now.C.sum(axis=0) @ now.desired[1]
+                     for now, B in zip(around.path, around.inertias(), strict=True)])  # fmt: skip
+
+
+def _cures(seen: Evidence, around: Circumstances, gains: str) -> str:
+    """Sentences on what makes the error smaller, each after a space; `gains`: those that do."""
+    law, truth = seen.scenario.controller, seen.background.informed
+    wrong = 0.0 if truth is None else np.linalg.norm(around.reaction - truth.reaction, axis=1).max(initial=0.0)
+    knows = wrong <= WRONG * around.largest_reaction  # Feed-forward leaves the force of a wrong mass.
+    stable = 2 * around.fastest_rate * (law.control_period or 0.0) < stability_limit(law.input_delay)
+    if stable and knows:
+        return f" Twice the {gains} nearly halves it; feed-forward of the bending removes its cause."
+    if stable:
+        return f" Twice the {gains} nearly halves it."
+    return " Feed-forward of the bending removes its cause." if knows else ""
+
+
+WRONG = 0.2
+"""Largest share of a wrong model in the reaction with which feed-forward of the bending counts as the cure."""
+LATE, MOST_LATE = 0.3, 0.7
+"""Force of late torques over the beam's reaction from which it counts beside it, and up to which the reaction is the cause."""
 ALONE = 0.8
 """Least share of K in the feedback at which twice the K nearly halves the error."""
 
@@ -84,14 +116,18 @@ def error_within_the_layer(seen: Evidence) -> str | None:
     error = _error(span)
     predicted = around.largest_reaction / (stiffness * slope)
     inside = float(np.linalg.norm(span.sliding_variable, axis=1).max()) <= layer
-    if not inside or not _agrees(error, predicted):
+    delayed = _late_force(seen, around) / around.largest_reaction
+    if not inside or not _agrees(error, predicted) or delayed > MOST_LATE:
         return None
-    share, limit = ("", "at most") if error <= predicted else ("mostly ", "for a slow motion")
-    cures = "K or Λ" if gain >= ALONE * stiffness else "Λ"
+    pure = error <= predicted and delayed <= LATE
+    share, limit = ("", "at most") if pure else ("mostly ", "for a slow motion")
+    cures = _cures(seen, around, "K or Λ" if gain >= ALONE * stiffness else "Λ")
+    if delayed > LATE:
+        cures += f" Torques that come {n(1e3 * lateness(seen.background))} ms late add to it."
     return (
         f"The error of {length(error)} is {share}the beam's reaction over the feedback: ‖Ψ‖ = {n(around.largest_reaction)} N "
-        f"over {n(stiffness)} N·s/m and Λ = {n(slope)} 1/s give {length(predicted)} {limit}. Twice the {cures} nearly halves it; "
-        "feed-forward of the bending removes its cause."
+        f"over {n(stiffness)} N·s/m and Λ = {n(slope)} 1/s give {length(predicted)} {limit}."
+        f"{cures}"
     )
 
 
@@ -102,9 +138,7 @@ def error_of_feedback_alone(seen: Evidence) -> str | None:
     gain = seen.field("position_gain")
     if law.kind != "pd" or not gain or span is None or around is None or not seen.moving:
         return None
-    force = np.array([B @ now.desired[2] + now.C.sum(axis=0) @ now.desired[1]
-                      for now, B in zip(around.path, around.inertias(), strict=True)])  # fmt: skip
-    predicted = float(np.linalg.norm(force[:, :2], axis=1).max()) / gain
+    predicted = float(np.linalg.norm(_inertial_force(around)[:, :2], axis=1).max()) / gain
     error = _error(span)
     if not _agrees(error, predicted):
         return None
@@ -121,13 +155,19 @@ def wrong_payload(seen: Evidence) -> str | None:
     now, truth, span = seen.background.around, seen.background.informed, seen.steady
     if now is None or truth is None or span is None or now.largest_reaction < 1.2 * truth.largest_reaction:
         return None
-    model, error = seen.scenario.controller.model, largest(span.tracking_error[:, :2])
+    law = seen.scenario.controller
+    kinds = law.kind, getattr(getattr(law, "slow", None), "kind", "")
+    if "regressor-adaptive" in kinds:  # It learns the masses from estimates of its own.
+        return None
+    cure = "A law that learns the masses (regressor-adaptive) or observes the disturbance makes up for it."
+    if "disturbance-observer" in kinds:
+        cure = "A law that learns the masses (regressor-adaptive) makes up for it."
+    model, error = law.model, largest(span.tracking_error[:, :2])
     wrong = [f"{n(model.linear_density_factor)} times as heavy"] if model.linear_density_factor != 1 else []
     wrong += [f"{n(model.length_factor)} times as long"] if model.length_factor != 1 else []
     return (
         f"The controller takes the beam to be {' and '.join(wrong)} as it is: the force that its model leaves to the feedback "
-        f"grows from {n(truth.largest_reaction)} N to {n(now.largest_reaction)} N, and the error is {length(error)}. A law that "
-        "learns the masses (regressor-adaptive) or observes the disturbance makes up for it."
+        f"grows from {n(truth.largest_reaction)} N to {n(now.largest_reaction)} N, and the error is {length(error)}. {cure}"
     )
 
 

@@ -133,6 +133,7 @@ CASES = (
          {"controller.torque_limit": (0.5, 0.5, 0.5)}, 3.0),
     Case("nearly singular arm", r"left arm comes within 15\.6° of stretched: .* 3\.71", (),
          {**HELD, "trajectory.center": (0.0, 1.287, 0.0)}, 0.3),
+    Case("nearly singular arm", r"of folded: .* reach 0 N·m\.$", (), {**HELD, "gravity": 9.81, "controller.kind": "none"}, 1.0),
     Case("load share", r"3\.04 N \(RMS\), and 3\.16 N .* gives 90 %", STEADY, {"controller.load_share": 0.9}, 2.0),
     Case("jerky start", r"by 0\.267 m/s and with the beam 0\.80 mm off its quasi-static bending: correcting both .* 1\.57 mm",
          ("ring",), {"gravity": 9.81, "payload.bending_stiffness": 20.0, "trajectory.amplitude": (0.03, 0.03, 0.0)}, 1.2),

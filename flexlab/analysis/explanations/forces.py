@@ -111,8 +111,9 @@ def nearly_singular_arm(seen: Evidence) -> str | None:
     l1, l2, _ = arms[index].link_length
     posture = "stretched" if float(np.max(reach)) > np.hypot(l1, l2) else "folded"
     torque = largest(seen.last_second.joint_torque[:, index])
+    # Where motors are off, the path does not matter.
+    helps = "" if seen.background.around is None else " A smaller path, or one nearer to the bases' middle, helps."
     return (
         f"The elbow of the {arm_name(seen.scenario, index)} comes within {n(np.degrees(np.arcsin(sine)))}° of {posture}: there "
-        f"joint rates grow as 1/sin θ2 = {n(1 / max(sine, 1e-6))}, and its torques reach {n(torque)} N·m. A smaller path, or one "
-        "nearer to the bases' middle, helps."
+        f"joint rates grow as 1/sin θ2 = {n(1 / max(sine, 1e-6))}, and its torques reach {n(torque)} N·m.{helps}"
     )

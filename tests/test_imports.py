@@ -16,6 +16,7 @@ LAYERS = {
     "compiled": 0,
     "assets": 0,
     "sockets": 0,
+    "interrupts": 0,
     "quantities": 0,
     "signal": 0,
     "text": 0,

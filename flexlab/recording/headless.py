@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from flexlab.errors import RecordingError
+from flexlab.interrupts import put_off
 from flexlab.recording.course import Course
 from flexlab.recording.file_sink import RunWriter
 from flexlab.recording.reader import Recording
@@ -49,7 +50,7 @@ class HeadlessRecording:
 
     def write(self, samples: Samples) -> None:
         """Write the next block (N >= 1)."""
-        with self._telling():
+        with put_off(), self._telling():
             self._writer.check()
             self._run.write_samples(samples)
             self._blocks += 1
@@ -60,7 +61,8 @@ class HeadlessRecording:
     def note(self, event: Event) -> None:
         """Write an event; commands belong here too, so that the run can be replayed."""
         if not self._writer.is_lost:
-            self._run.write_event(event)
+            with put_off():
+                self._run.write_event(event)
 
     def write_whole(self, run: Run, events: Iterable[Event] = ()) -> None:
         """Write a run with its events in order, as a change of the scenario affects the drawing of later samples."""
@@ -91,16 +93,17 @@ class HeadlessRecording:
         status = self._status or Status("finished", f"Stopped at t = {self._run.last_time:g} s.", self._run.last_time)
         lost = isinstance(error, RecordingError) and self._safe is None
         try:
-            with self._telling():
-                self._run.end(status)
-                if lost:
-                    writer.let_go()
-                else:
-                    writer.close()
-            if not lost:
-                # Without notes, the recording's state is told from the file alone.
-                with contextlib.suppress(OSError):
-                    write_notes(self.path, **self._run.summary(status, dropped=0))
+            with put_off():
+                with self._telling():
+                    self._run.end(status)
+                    if lost:
+                        writer.let_go()
+                    else:
+                        writer.close()
+                if not lost:
+                    # Without notes, the recording's state is told from the file alone.
+                    with contextlib.suppress(OSError):
+                        write_notes(self.path, **self._run.summary(status, dropped=0))
         except RecordingError:
             lost = self._safe is None
             raise

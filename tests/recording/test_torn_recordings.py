@@ -1,9 +1,15 @@
 """Files that are cut off, empty or no recordings: what can be read is read, else one sentence says why it cannot."""
 
+import contextlib
 import os
 import shutil
+import signal
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 from threading import Thread
+from types import FrameType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -141,6 +147,47 @@ def test_a_run_is_read_while_it_is_written(run: Run, tmp_path: Path) -> None:
     file.release()
     assert lengths == sorted(lengths)
     assert_same_bits(join_blocks(list(read_recording(file.path).blocks())), run.slice(0, 1000))
+
+
+@contextlib.contextmanager
+def pressing_at(line: int) -> Iterator[list[int]]:
+    """Press Ctrl-C at this line that flexlab's recording executes in the block; yields a list of the lines so far."""
+    lines: list[int] = []
+
+    def look(frame: FrameType, what: str, _: Any) -> Any:
+        if what == "line" and "recording" in frame.f_code.co_filename:
+            lines.append(frame.f_lineno)
+            if len(lines) == line:
+                signal.raise_signal(signal.SIGINT)
+        return look
+
+    sys.settrace(look)
+    try:
+        yield lines
+    finally:
+        sys.settrace(None)
+
+
+def test_ctrl_c_anywhere_in_the_writing_of_a_block_leaves_a_whole_recording(run: Run, tmp_path: Path) -> None:
+    """Samples were written and not counted, or the other way round: the recording was called damaged."""
+
+    def interrupted(line: int) -> tuple[Path, int]:
+        with (
+            contextlib.suppress(KeyboardInterrupt),
+            HeadlessRecording(tmp_path, RunInfo("paper", run.scenario)) as recording,
+        ):
+            recording.write(run.slice(0, BLOCK))
+            with pressing_at(line) as lines:
+                recording.write(run.slice(BLOCK, 2 * BLOCK))
+        return recording.path, len(lines)
+
+    _, count = interrupted(0)
+    assert count > 100
+    for line in range(1, count + 1, count // 15):
+        found = read_recording(interrupted(line)[0])
+        assert_same_bits(found.samples, run.slice(0, len(found.samples)))
+        assert len(found.samples) in (BLOCK, 2 * BLOCK)
+        assert (found.state, found.status) == ("complete", "finished")
 
 
 @pytest.mark.parametrize("share", [0.999, 0.9, 0.6, 0.35])

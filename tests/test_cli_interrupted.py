@@ -1,12 +1,17 @@
 """Ctrl-C at any moment, while modules load or a law computes, ends the program quietly and blames nobody."""
 
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from lab_process import PATIENCE
 from own_law_text import PD, at_work
+from waiting import wait_until
+
+from flexlab.recording.reader import read_recording
 
 PRESSING = """
 import os, runpy, signal, sys
@@ -46,6 +51,22 @@ def test_ctrl_c_while_modules_load_is_quiet(module: str, press: str, tmp_path: P
     assert done.returncode == 130, done
     assert done.stdout == ""
     assert done.stderr in ("", "Interrupted.\n")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signals")
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
+def test_a_run_that_is_killed_or_whose_terminal_closes_is_recorded_whole(name: str, tmp_path: Path):
+    number = getattr(signal, name)
+    command = [sys.executable, "-m", "flexlab", "run", "paper", "--duration", "100000"]
+    run = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    wait_until(lambda: any(path.stat().st_size > 1e6 for path in tmp_path.glob("logs/*.rrd")), "a second is recorded")
+    run.send_signal(number)
+    said = run.communicate(timeout=PATIENCE)
+    assert (run.returncode, *said) == (128 + number, "", "Interrupted.\n")
+    path, _ = sorted(tmp_path.glob("logs/*"), key=lambda path: path.suffix, reverse=True)
+    recording = read_recording(path)
+    assert (recording.state, recording.status) == ("complete", "finished")
+    assert recording.status.text == f"Stopped at t = {recording.samples.time[-1]:g} s."
 
 
 PRESS_AT_WORK = """

@@ -14,12 +14,11 @@ from pathlib import Path
 from flexlab.assets import web_assets_folder
 from flexlab.cli.console import output
 from flexlab.files import filled
+from flexlab.interrupts import answering
 from flexlab.sockets import listen
 
 LOOK = 0.5
 """Interval of the checks for the end, s: on Windows, Ctrl-C cannot interrupt an endless wait."""
-SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
-"""Signals that end a command: Ctrl-C, `kill`, a closed terminal."""
 
 
 def open_browser(url: str) -> None:
@@ -37,20 +36,14 @@ def ending() -> Generator[threading.Event, None, None]:
     A closed terminal does not end what was started with nohup.
     """
     ended = threading.Event()
-    numbers = [getattr(signal, name) for name in SIGNALS if hasattr(signal, name)]
-    numbers = [number for number in numbers if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN]
 
     def answer(number: int, _: object) -> None:
         if ended.is_set() and number == signal.SIGINT:
             os._exit(128 + number)  # Recordings are valid up to this instant.
         ended.set()
 
-    before = {number: signal.signal(number, answer) for number in numbers}
-    try:
+    with answering(answer, signal.SIGINT):
         yield ended
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def show_review(path: Path, what: str, browser: bool, port: int) -> None:

@@ -4,7 +4,6 @@ import gc
 import math
 import os
 import shutil
-import signal
 import subprocess
 import sys
 import time
@@ -15,7 +14,8 @@ from importlib.util import LazyLoader
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexlab.cli.console import EXIT_INTERRUPTED, note, notes
+from flexlab.cli.console import note, notes
+from flexlab.interrupts import answering
 
 if TYPE_CHECKING:
     from flexlab.scenario import Scenario
@@ -95,19 +95,16 @@ def remove_unused(kernels: Path) -> None:
 
 @contextmanager
 def _ending_at_once() -> Generator[None]:
-    """Let Ctrl-C end the process at once: there is nothing to save, and Python may lose an exception inside the compiler."""
+    """Let signals end the process at once: there is nothing to save, and Python may lose an exception inside the compiler."""
 
-    def end(*_: object) -> None:
+    def end(number: int, _: object) -> None:
         notes().show_cursor()
         # Not through the console, which may be printing.
         os.write(2, b"Interrupted: the next start compiles what is missing.\n")
-        os._exit(EXIT_INTERRUPTED)
+        os._exit(128 + number)
 
-    before = signal.signal(signal.SIGINT, end)
-    try:
+    with answering(end):
         yield
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 @contextmanager

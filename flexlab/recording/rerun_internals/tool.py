@@ -84,9 +84,10 @@ class Mending:
         try:
             _, said = self._process.communicate(timeout=LONGEST)
         except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.communicate()
             return False
+        finally:  # Also after Ctrl-C: it would write on.
+            self._process.kill()
+            self._process.wait()
         # On a full disk the tool leaves a piece of the run and reports success; only its warnings tell.
         refused = OS_ERROR.search(said.decode(errors="replace"))
         if refused:

@@ -93,6 +93,17 @@ def test_how_a_run_ended_is_known_without_its_notes(run: Run, tmp_path: Path) ->
     assert read_row(recording.path).is_stopped
 
 
+def test_a_recording_is_mended_where_the_home_folder_cannot_be_written(
+    unfinished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rerun's tool reports that it cannot keep its settings there, which was taken for an error of the disk."""
+    (tmp_path / "home").write_text("")
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.delenv("XDG_CONFIG_HOME", raising=False)
+    finish(unfinished)
+    assert run_state(unfinished) == "recovered"
+
+
 def test_a_reader_of_a_file_is_not_taken_for_its_writer_and_does_not_prevent_mending(
     unfinished: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

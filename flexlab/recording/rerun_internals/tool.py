@@ -31,6 +31,9 @@ LONGEST = 600.0
 OS_ERROR = re.compile(r"([^:\n]*) \(os error (\d+)\)")
 """The tool's message about an error of the operating system."""
 
+WARNINGS = "warn,re_analytics=off"
+"""What the tool reports: its warnings, but not that it cannot keep its settings in a home folder that cannot be written."""
+
 
 def rerun_tool() -> str:
     """The path of rerun's own program, which comes with its Python package. Raises `RecordingError`."""
@@ -72,7 +75,7 @@ class Mending:
 
     def _run(self, way: str, source: Path, target: Path) -> bool:
         command = [rerun_tool(), "rrd", way, "--continue-on-error", _argument(source), "-o", _argument(target)]
-        nothing, environment = subprocess.DEVNULL, os.environ | {"RUST_LOG": "warn"}
+        nothing, environment = subprocess.DEVNULL, os.environ | {"RUST_LOG": WARNINGS}
         # A session of its own: Ctrl-C is for the lab, which then waits for this or stops it.
         self._process = subprocess.Popen(
             command, stdin=nothing, stdout=nothing, stderr=subprocess.PIPE, env=environment, start_new_session=True
@@ -91,7 +94,7 @@ class Mending:
         # On a full disk the tool leaves a piece of the run and reports success; only its warnings tell.
         refused = OS_ERROR.search(said.decode(errors="replace"))
         if refused:
-            raise OSError(int(refused[2]), refused[1])
+            raise OSError(int(refused[2]), refused[1].strip())
         return self._process.returncode == 0 and target.exists() and has_footer(target)
 
 

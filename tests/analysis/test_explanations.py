@@ -399,6 +399,24 @@ def test_a_shaper_removes_what_is_called_a_ring_and_leaves_the_rest(changes: dic
     assert ("leaves nearly none" in text) == (leaves < 0.1)
 
 
+@pytest.mark.parametrize(
+    ("preset", "commands"),
+    [
+        ("soft-beam", ((1.0, ChangeScenario({"trajectory.kind": "hold"})),)),
+        ("sudden-stop", ((0.2, Pull(0.0, (0.0, 0.9), 200.0)), (0.45, Pull(0.0, (0.0, 0.9), 0.0)))),
+    ],
+)
+def test_no_shaper_is_promised_to_cure_a_ring_that_a_change_or_a_hand_began(preset: str, commands: tuple):
+    runs = [
+        flexlab.simulate(load_preset(preset).replace({"trajectory.shaper": kind}), 3.0, commands=commands)
+        for kind in ("none", "zv")
+    ]
+    left = [run.metrics.residual_vibration.stop for run in runs]
+    assert left[1] > 0.5 * left[0]
+    text = {each.name: each.sentence for each in runs[0].explanations}["left after the stop"]
+    assert re.fullmatch(r"After the stop the beam rings on by [\d.]+ mm, [\d.]+ % of its largest vibration\.", text)
+
+
 def test_noise_gets_the_blame_for_growing_estimates_only_if_it_makes_them_grow():
     """Noise of 1 pm/s was said to keep ‖s‖ at 0.0199 m/s, which is what the motion makes of it."""
     moving = load_preset("paper").replace({"controller.control_period": 1e-3})

@@ -256,12 +256,15 @@ def left_after_the_stop(seen: Evidence) -> str | None:
             f"{n(100 * other)} % of that is no free ring of mode 1 ({n(ring.frequency)} Hz) but bending by another motion or "
             "force, which an input shaper does not remove."
         )
+    share = n(100 * left / seen.peak_vibration)
+    rings_on = f"After the stop the beam rings on by {length(left)}, {share} % of its largest vibration."
+    if not seen.begins:  # A touch may have begun the ring, or a change of path whose transition no shaper shapes.
+        return rings_on
     # Friction that sticks also shakes the beam after the last impulse.
     leaves = "much less" if any(seen.scenario.joints.friction.coulomb) else "nearly none"
     return (
-        f"After the stop the beam rings on by {length(left)}, {n(100 * left / seen.peak_vibration)} % of its largest vibration. "
-        f"An input shaper for mode 1 ({n(ring.frequency)} Hz) ends the motion {n(500 / ring.frequency)} ms later (zv) and "
-        f"leaves {leaves}."
+        f"{rings_on} An input shaper for mode 1 ({n(ring.frequency)} Hz) ends the motion {n(500 / ring.frequency)} ms later "
+        f"(zv) and leaves {leaves}."
     )
 
 

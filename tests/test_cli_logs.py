@@ -1,5 +1,6 @@
 """`flexlab logs`: the table of runs, the notes on them, and which of them are deleted."""
 
+import io
 import json
 import os
 import shutil
@@ -13,8 +14,9 @@ from lab_process import Command, refused
 
 from flexlab.analysis.metrics.metric import label_of
 from flexlab.analysis.run_summary import note_metrics
+from flexlab.cli.console import agreed
 from flexlab.cli.runs_listing import COLUMNS
-from flexlab.errors import RecordingError
+from flexlab.errors import RecordingError, StudyError
 from flexlab.presets import load_preset
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
@@ -146,6 +148,16 @@ def test_notes_tags_and_the_mark_to_keep_are_written(flexlab_command: Command, l
     (row,) = json.loads(good(flexlab_command("logs", "newest", "--unkeep", "--tags", "", "--json")))
     assert (row["note"], row["tags"], row["kept"]) == ("seen", [], False)
     assert row["metrics"]
+
+
+@pytest.mark.parametrize("answers", [None, io.TextIOWrapper(io.BytesIO(b"\xff\n"), encoding="utf-8")])
+def test_a_question_that_nobody_can_answer_is_refused(
+    monkeypatch: pytest.MonkeyPatch, answers: io.TextIOWrapper | None
+):
+    """A service has no standard input."""
+    monkeypatch.setattr(sys, "stdin", answers)
+    with pytest.raises(StudyError, match=r"Nobody answered, so nothing was done: --yes answers\."):
+        agreed("Delete it?", "--yes answers")
 
 
 def test_deleting_asks_and_spares_what_is_kept(flexlab_command: Command, logs: Path):

@@ -61,6 +61,6 @@ def agreed(question: str, otherwise: str) -> bool:
     notes().print(f"{question} [y/N] ", end="", soft_wrap=True)
     try:
         return input().strip().lower() in ("y", "yes")
-    except EOFError:
+    except (EOFError, OSError, RuntimeError, ValueError):  # It is closed, or gives bytes that are no text.
         notes().print()
         raise StudyError(f"Nobody answered, so nothing was done: {otherwise}.") from None

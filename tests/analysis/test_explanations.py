@@ -417,6 +417,26 @@ def test_no_shaper_is_promised_to_cure_a_ring_that_a_change_or_a_hand_began(pres
     assert re.fullmatch(r"After the stop the beam rings on by [\d.]+ mm, [\d.]+ % of its largest vibration\.", text)
 
 
+@pytest.mark.parametrize(
+    ("law", "friction", "ends"),
+    [
+        ("pd", 0.0, "so the law damps it."),
+        ("pd", 20.0, "so the law and the joints' friction damp it."),
+        ("none", 20.0, "so the joints' friction damps it."),
+    ],
+)
+def test_motors_that_are_off_are_not_said_to_damp_a_ring(law: str, friction: float, ends: str):
+    changes = {
+        **HELD,
+        "payload.damping.coefficient": 0.002,
+        "controller.kind": law,
+        "joints.friction.viscous": (friction,) * 3,
+    }
+    scenario = load_preset("paper").replace(changes)
+    text = sentences(scenario, simulate(scenario, 2.0, 0.001, TAP))["ring"]
+    assert text.endswith(ends)
+
+
 def test_noise_gets_the_blame_for_growing_estimates_only_if_it_makes_them_grow():
     """Noise of 1 pm/s was said to keep ‖s‖ at 0.0199 m/s, which is what the motion makes of it."""
     moving = load_preset("paper").replace({"controller.control_period": 1e-3})

@@ -72,7 +72,10 @@ def _by_what(seen: Evidence, number: int, mode: Ring) -> str:
     own = 2 * np.pi * float(found.frequency[number - 1] * found.damping_ratio[number - 1])
     held = f"; with its grips held it would fade at {n(own)} 1/s"
     if -mode.rate > DAMPED * own:
-        return f"{held}, so the law damps it"
+        drives, rubs = seen.background.around is not None, any(seen.scenario.joints.friction.viscous)
+        if drives:
+            return f"{held}, so the law and the joints' friction damp it" if rubs else f"{held}, so the law damps it"
+        return f"{held}, so the joints' friction damps it" if rubs else held
     damps = hasattr(seen.scenario.controller, "lateral_vibration_gain")
     return held if damps else f"{held}. Active damping ends it sooner"
 

@@ -46,12 +46,20 @@ FEWEST = 8
 """Fewest samples per period of the beam's first mode: with fewer, a peak may be 8 % higher than the highest sample."""
 
 
-def coarse_note(scenario: Scenario, period: float) -> str:
+def _lightest(payload: Payload, until: float) -> float:
+    """Least mass of a payload up to an instant, s, over its mass at the start (`physics.mass_change`)."""
+    change = payload.mass_change
+    u = min(max((until - change.begin) / change.duration, 0.0), 1.0)
+    return 1 + min(change.factor - 1, 0.0) * u**3 * (10 - u * (15 - 6 * u))
+
+
+def coarse_note(scenario: Scenario, period: float, until: float = math.inf) -> str:
     """A sentence if samples `period` s apart are too few for metrics of a vibration in the beam's first mode, grips held.
 
-    Otherwise "". Metrics of too few samples may differ much from those of the motion.
+    Otherwise "". Metrics of too few samples may differ much from those of the motion. `until`: the run's last instant, s, up to
+    which the payload may have been emptied.
     """
-    frequency = first_frequency(scenario.payload)
+    frequency = first_frequency(scenario.payload) / math.sqrt(_lightest(scenario.payload, until))
     if not period * frequency * FEWEST > 1:
         return ""
     digits = 10.0 ** math.floor(math.log10(1 / (FEWEST * frequency)))

@@ -139,7 +139,8 @@ class EndedRun:
     @property
     def sample_warning(self) -> str:
         """A sentence if the samples are too far apart for the vibration; empty otherwise."""
-        return coarse_note(self.world.scenario, self.world.tick_period)
+        period = self.world.tick_period
+        return coarse_note(self.world.scenario, period, (self.samples - 1) * period)
 
     def as_json(self) -> dict[str, Any]:
         """The results as plain data with all digits, SI units; null for a missing value."""

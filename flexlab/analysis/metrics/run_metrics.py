@@ -232,7 +232,8 @@ def run_metrics(
 
     note = ""
     if isinstance(samples, Run) and len(samples) > 1:
-        note = coarse_note(samples.scenario, float(samples.time[-1] - samples.time[0]) / (len(samples) - 1))
+        last = float(samples.time[-1])
+        note = coarse_note(samples.scenario, (last - float(samples.time[0])) / (len(samples) - 1), last)
     return collection.compute(finished, noted, note)
 
 

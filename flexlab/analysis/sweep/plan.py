@@ -231,7 +231,7 @@ def measured(scenario: Scenario, changes: Mapping[str, Any], duration: float, sa
         except StudyError as error:  # raised by a user's own metric
             return Measured(changed, "no metric", str(error), None)
         BEAMS.note(world.assembly)
-        sentences = (world.warnings, coarse_note(changed, sample_period))
+        sentences = (world.warnings, coarse_note(changed, sample_period, duration))
         return Measured(changed, "finished", " ".join(filter(None, sentences)), found)
 
 

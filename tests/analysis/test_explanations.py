@@ -370,8 +370,9 @@ def test_chatter_is_not_taken_for_the_noise_of_good_sensors():
 
 
 def test_a_law_is_not_told_to_do_what_it_does_about_a_wrong_mass():
-    """The regressor-adaptive law makes the same motion whatever mass the model has, as it has estimates of its own."""
-    for law, said in (("regressor-adaptive", None), ("disturbance-observer", "adaptive) makes up for it.")):
+    """Some laws make the same motion whatever mass the model has: pd has none, and regressor-adaptive estimates of its own."""
+    observer = ("disturbance-observer", "adaptive) makes up for it.")
+    for law, said in (("regressor-adaptive", None), ("pd", None), ("joint-pd", None), observer):
         right = load_preset("smooth-start").replace({"controller.kind": law})
         wrong = right.replace({"controller.model.linear_density_factor": 3.0})
         text = sentences(wrong, simulate(wrong, 2.0)).get("wrong payload")

@@ -149,6 +149,13 @@ def error_of_feedback_alone(seen: Evidence) -> str | None:
     )
 
 
+FROM_A_MODEL = {
+    "adaptive-sliding-mode", "sliding-mode", "super-twisting", "disturbance-observer", "computed-torque", "vibration-damping",
+    "lqr",
+}  # fmt: skip
+"""Laws whose force follows from a model of the payload's mass; pd has none, and regressor-adaptive has estimates of its own."""
+
+
 @register("wrong payload", "Ψ = (B_true − B_believed) ẍ_d + the weight's difference", "Tracking error", 15)
 def wrong_payload(seen: Evidence) -> str | None:
     """The controller's wrong model of the beam leaves more to the feedback."""
@@ -156,11 +163,11 @@ def wrong_payload(seen: Evidence) -> str | None:
     if now is None or truth is None or span is None or now.largest_reaction < 1.2 * truth.largest_reaction:
         return None
     law = seen.scenario.controller
-    kinds = law.kind, getattr(getattr(law, "slow", None), "kind", "")
-    if "regressor-adaptive" in kinds:  # It learns the masses from estimates of its own.
+    kind = getattr(law, "slow", law).kind
+    if kind not in FROM_A_MODEL:
         return None
     cure = "A law that learns the masses (regressor-adaptive) or observes the disturbance makes up for it."
-    if "disturbance-observer" in kinds:
+    if kind == "disturbance-observer":
         cure = "A law that learns the masses (regressor-adaptive) makes up for it."
     model, error = law.model, largest(span.tracking_error[:, :2])
     wrong = [f"{n(model.linear_density_factor)} times as heavy"] if model.linear_density_factor != 1 else []

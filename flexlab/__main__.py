@@ -21,7 +21,7 @@ def main() -> None:
     # Otherwise a signal.py in the working folder would replace Python's in every process that flexlab starts.
     if not os.path.samefile(os.curdir, Path(__file__).parents[1]):
         os.environ.setdefault("PYTHONSAFEPATH", "1")
-    pressed = 0
+    pressed, tell = 0, sys.__unraisablehook__  # Kept: at Python's end this module has no names.
 
     def press(number: int, frame: Any) -> None:
         nonlocal pressed
@@ -30,7 +30,7 @@ def main() -> None:
 
     def press_again(ignored: Any) -> None:
         if ignored.exc_type is not KeyboardInterrupt:
-            return sys.__unraisablehook__(ignored)
+            return tell(ignored)
         # Another thread presses once this callback is over.
         threading.Timer(AGAIN, signal.raise_signal, (pressed or signal.SIGINT,)).start()
 

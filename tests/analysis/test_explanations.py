@@ -129,6 +129,8 @@ CASES = (
     Case("torque at its limit", r"Joint 3 of the left arm .* 20 N·m for \d\d(\.\d)? %",
          ("bending by weight", "off the path", *SLOW),
          {"controller.torque_limit": (150.0, 80.0, 20.0), "gravity": 9.81}, 4.0, "weak-feedback"),
+    Case("torque at its limit", r"40 N·m for 100 % .*\. A higher limit helps\.$", ("bending by weight",),
+         {**HELD, "gravity": 9.81, "controller.torque_limit": (100.0, 40.0, 20.0)}, 2.0),
     Case("off the path", r"237\.\d+ mm off its path.* here 99\.8 % of its 0\.15 mm are slow", ("torque at its limit",),
          {"controller.torque_limit": (0.5, 0.5, 0.5)}, 3.0),
     Case("nearly singular arm", r"left arm comes within 15\.6° of stretched: .* 3\.71", (),
@@ -398,6 +400,12 @@ def test_a_shaper_removes_what_is_called_a_ring_and_leaves_the_rest(changes: dic
     assert left[1] / left[0] == pytest.approx(leaves, abs=0.08)
     assert named == pytest.approx(leaves, abs=0.1)
     assert ("leaves nearly none" in text) == (leaves < 0.1)
+
+
+def test_a_shaper_is_advised_after_a_late_stop_too():
+    """The five seconds that are looked at then begin after the run's start."""
+    late = load_preset("sudden-stop").replace({"trajectory.start": 6.0})
+    assert "leaves nearly none" in sentences(late, simulate(late, 8.0))["left after the stop"]
 
 
 @pytest.mark.parametrize(

@@ -117,6 +117,8 @@ class Evidence:
     """The newest samples since the last change or touch, `LONGEST_LOOK` s at most."""
     begins: bool
     """Whether the samples begin with the run's first one."""
+    touched: bool = False
+    """Whether anything changed or touched the run before the samples."""
 
     @classmethod
     def of_run(
@@ -142,7 +144,8 @@ class Evidence:
         seen = between(run, since, last)
         if first < touched == since and len(seen):  # The sample at a change is the last one before it.
             seen = seen.slice(1, len(seen))
-        return cls(background, seen, touched == first and len(seen) > 0 and bool(seen.time[0] == first))
+        begins = touched == first and len(seen) > 0 and bool(seen.time[0] == first)
+        return cls(background, seen, begins, touched > first)
 
     @property
     def scenario(self) -> Scenario:

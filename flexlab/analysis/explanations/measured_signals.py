@@ -125,8 +125,9 @@ def torque_at_its_limit(seen: Evidence) -> str | None:
     arm, joint = np.unravel_index(int(np.argmax(share)), share.shape)
     if share[arm, joint] < LEAST_SHARE:
         return None
+    helps = "A slower path, a smooth start or a higher limit helps." if seen.moving else "A higher limit helps."
     return (
         f"Joint {joint + 1} of the {NAMES[arm]} arm is at its limit of {n(limit[joint])} N·m for "
         f"{n(100 * float(share[arm, joint]))} % of the last {n(min(seen.length, 1.0))} s: the law can do no more there, and the "
-        f"error reaches {length(largest(span.tracking_error[:, :2]))}. A slower path, a smooth start or a higher limit helps."
+        f"error reaches {length(largest(span.tracking_error[:, :2]))}. {helps}"
     )

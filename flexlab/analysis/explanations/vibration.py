@@ -261,7 +261,7 @@ def left_after_the_stop(seen: Evidence) -> str | None:
         )
     share = n(100 * left / seen.peak_vibration)
     rings_on = f"After the stop the beam rings on by {length(left)}, {share} % of its largest vibration."
-    if not seen.begins:  # A touch may have begun the ring, or a change of path whose transition no shaper shapes.
+    if seen.touched:  # A touch may have begun the ring, or a change of path whose transition no shaper shapes.
         return rings_on
     # Friction that sticks also shakes the beam after the last impulse.
     leaves = "much less" if any(seen.scenario.joints.friction.coulomb) else "nearly none"

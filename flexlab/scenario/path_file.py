@@ -14,7 +14,7 @@ from flexlab.errors import PresetError
 from flexlab.files import check_ordinary
 from flexlab.own.files import path_kind
 from flexlab.scenario.scenario import Scenario, parse_scenario
-from flexlab.text import typed_number, visible
+from flexlab.text import counted, typed_number, visible
 
 COLUMNS = {"t": "time", "x": "length", "y": "length", "theta": "angle"}
 """Column → its quantity."""
@@ -81,7 +81,8 @@ def decoded_path(content: bytes, name: str) -> tuple[tuple[float, float, float, 
     places = _columns(lines[0][1], name)
     rows = [_row(line, places, f"{name}, row {k} (line {number})") for k, (number, line) in enumerate(lines[1:], 1)]
     if not 2 <= len(rows) <= MOST_ROWS:
-        raise PresetError(f"{name} has {len(rows)} rows below its header: a path needs 2 to {MOST_ROWS}.")
+        below = "1 row below" if len(rows) == 1 else f"{len(rows)} rows below"
+        raise PresetError(f"{name} has {below} its header: a path needs 2 to {MOST_ROWS}.")
     return tuple(rows)
 
 
@@ -123,7 +124,7 @@ def _columns(header: list[str], name: str) -> dict[str, tuple[int, float]]:
 
 def _row(line: list[str], places: dict[str, tuple[int, float]], where: str) -> tuple[float, float, float, float]:
     if len(line) != len(places):
-        raise PresetError(f"{where} has {len(line)} values, not {len(places)}.")
+        raise PresetError(f"{where} has {counted(len(line), 'value')}, not {len(places)}.")
     found: dict[str, float] = {}
     for column, (place, size) in places.items():
         value = typed_number(line[place]) * size

@@ -159,7 +159,7 @@ def _check_token(token: str, name: str) -> None:
     """Raise `LabError` for a token that is too short, or that addresses and cookies cannot hold unchanged."""
     if len(token) < SHORTEST_TOKEN:
         raise LabError(
-            f"{name} has {len(token)} characters, too few to keep anybody out: give at least {SHORTEST_TOKEN}."
+            f"{name} has {counted(len(token), 'character')}, too few to keep anybody out: give at least {SHORTEST_TOKEN}."
         )
     strange = sorted(set(token) - TOKEN_LETTERS)
     if strange:

@@ -92,8 +92,9 @@ WRONG = [
     ("t,x,y,theta\n0,0,0.75,0\n0.1,nan,0.75,0\n", "row 2 (line 3): x = 'nan' is not a finite number"),
     ("t,x,y,theta\n0,0,0.75,0\n0.1,0,0.75\n", "row 2 (line 3) has 3 values, not 4"),
     ("t,x,y,theta\n0,0,0,75,0\n1,0,0,75,0\n", "row 1 (line 2) has 5 values, not 4"),
+    ("t,x,y,theta\n0\n1,0,0.75,0\n", "row 1 (line 2) has 1 value, not 4"),
     ("t,x,y,theta\n" + 3_000_000 * "0,", "is too long: a path has 10000 rows at most"),
-    ("t,x,y,theta\n0,0,0.75,0\n", "has 1 rows below its header: a path needs 2 to 10000"),
+    ("t,x,y,theta\n0,0,0.75,0\n", "has 1 row below its header: a path needs 2 to 10000"),
     ("", "is empty"),
     (
         "t,x,y,theta\n0,0,0.75,0\n0.2,0,0.75,0\n0.1,0,0.75,0\n",

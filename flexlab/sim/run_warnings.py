@@ -28,6 +28,8 @@ class Peaks(NamedTuple):
     """Joint torques of the newest sample, N·m, (3 arms,); None before the first."""
     load_share: float = 0.0
     """Largest compression of the beam over its buckling load, 1."""
+    critical: float = 0.0
+    """Buckling load of the beam that bore the largest share of it, N; the beam may have been changed since."""
     spin_share: float = 0.0
     """Largest share of the linear beam's stiffness that the spin took away, 1."""
     bending: float = 0.0
@@ -40,8 +42,10 @@ def with_model_shares(before: Peaks, scenario: Scenario, rows: np.ndarray) -> Pe
     free = free_coordinates(payload.element_count, payload.boundary)
     columns = [MIDSPAN, *(ARMS + PER_ARM * len(scenario.arms) + np.flatnonzero(free % 2 == 0))]
     bent = float(np.abs(rows[:, columns]).max())
+    share = float(rows[:, LOAD_SHARE].max())
+    if share > before.load_share:
+        before = before._replace(load_share=share, critical=_critical(payload))
     return before._replace(
-        load_share=max(before.load_share, float(rows[:, LOAD_SHARE].max())),
         spin_share=max(before.spin_share, float(rows[:, SPIN_SHARE].max())),
         bending=max(before.bending, bent / payload.length),
     )
@@ -61,6 +65,11 @@ def peaks_of(before: Peaks, scenario: Scenario, rows: np.ndarray, checked: float
     )
     seen = with_model_shares(before, scenario, rows)
     return seen._replace(peak=peak, strongest=strongest, torque=torque), change, jump
+
+
+def _critical(payload: Payload) -> float:
+    """The buckling load, N."""
+    return buckling_load(payload.length, payload.bending_stiffness, payload.boundary)
 
 
 @compiled
@@ -217,7 +226,7 @@ def model_warning(payload: Payload, seen: Peaks) -> ModelWarning:
 
     Limits are `NOTABLE` and `WHOLE` for axial load and spin of the paper's beam, `WHOLE` else, `LARGE_DEFLECTION` for bending.
     """
-    critical = buckling_load(payload.length, payload.bending_stiffness, payload.boundary)
+    critical = seen.critical or _critical(payload)
     share, spin, felt = seen.load_share, seen.spin_share, payload.axial_load != "none"
     force, limit = f"up to {number_text(share * critical, 3)} N along it", f"{number_text(critical, 3)} N"
     said = []

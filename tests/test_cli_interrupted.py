@@ -58,10 +58,18 @@ def test_ctrl_c_while_modules_load_is_quiet(module: str, press: str, tmp_path: P
 def test_a_run_that_is_killed_or_whose_terminal_closes_is_recorded_whole(name: str, tmp_path: Path):
     number = getattr(signal, name)
     command = [sys.executable, "-m", "flexlab", "run", "paper", "--duration", "100000"]
-    run = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    wait_until(lambda: any(path.stat().st_size > 1e6 for path in tmp_path.glob("logs/*.rrd")), "a second is recorded")
-    run.send_signal(number)
-    said = run.communicate(timeout=PATIENCE)
+    run = subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        preexec_fn=lambda: signal.signal(number, signal.SIG_DFL),  # Tests that nohup started ignore a closed terminal.
+    )  # fmt: skip
+    try:
+        wait_until(
+            lambda: any(path.stat().st_size > 1e6 for path in tmp_path.glob("logs/*.rrd")), "a second is recorded"
+        )
+        run.send_signal(number)
+        said = run.communicate(timeout=PATIENCE)
+    finally:
+        run.kill()
     assert (run.returncode, *said) == (128 + number, "", "Interrupted.\n")
     path, _ = sorted(tmp_path.glob("logs/*"), key=lambda path: path.suffix, reverse=True)
     recording = read_recording(path)

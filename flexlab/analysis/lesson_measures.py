@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from flexlab.analysis.metrics.settling_time import settling_time
 from flexlab.analysis.modes import PoleRow, fastest_growth, modes
 from flexlab.lapack import one_blas_thread
 from flexlab.physics.axial_load import buckling_load
+from flexlab.physics.mass_change import FACTOR, find_mass
 from flexlab.recording.course import DISTURBANCES
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim.build import build_beam
@@ -47,10 +49,10 @@ FEWEST = 8
 
 
 def _lightest(payload: Payload, until: float) -> float:
-    """Least mass of a payload up to an instant, s, over its mass at the start (`physics.mass_change`)."""
-    change = payload.mass_change
-    u = min(max((until - change.begin) / change.duration, 0.0), 1.0)
-    return 1 + min(change.factor - 1, 0.0) * u**3 * (10 - u * (15 - 6 * u))
+    """Least mass of a payload up to an instant, s, over its mass at the start."""
+    now = SimpleNamespace(mass_factor=[1.0, 0.0])
+    find_mass(payload.mass_change, until, now)
+    return min(1.0, now.mass_factor[FACTOR])
 
 
 def coarse_note(scenario: Scenario, period: float, until: float = math.inf) -> str:

@@ -12,6 +12,7 @@ import math
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
+from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from zipfile import ZipFile
@@ -44,7 +45,7 @@ from flexlab.scenario import Scenario, parse_scenario
 from flexlab.signal import ARM, AXIS, COORDINATE, JOINT, Signal
 from flexlab.sim.samples import Run, Samples, Status
 from flexlab.sim.signals import TABLE, own_signals
-from flexlab.text import visible, writable
+from flexlab.text import counted, visible, writable
 
 if TYPE_CHECKING:
     import xarray
@@ -209,7 +210,7 @@ def _read_csv(path: Path) -> tuple[Columns, str]:
             warnings.simplefilter("ignore")  # A table without rows needs no warning.
             table = np.loadtxt(file, delimiter=",", ndmin=2)
     if table.size and table.shape[1] != len(names):
-        raise ValueError(f"its rows have {table.shape[1]} values, and its head {len(names)}")
+        raise ValueError(f"its rows have {counted(table.shape[1], 'value')}, and its head {len(names)}")
     table = table.reshape(-1, len(names))
     return unique_fields(list(zip(names, table.T, strict=True))), metadata
 
@@ -231,9 +232,21 @@ def _write_parquet(path: Path, batches: Iterable[Columns], metadata: str) -> Non
 def _read_parquet(path: Path) -> tuple[Columns, str]:
     with parquet.ParquetFile(path) as file:
         _check_room(file.metadata.num_rows * file.metadata.num_columns * np.dtype(float).itemsize)
-        table = file.read()
-    columns = [(name, column.to_numpy()) for name, column in zip(table.column_names, table.columns, strict=True)]
-    return unique_fields(columns), (table.schema.metadata or {})[NAME.encode()].decode()
+        # Texts are left out unread: a dictionary makes gigabytes of a megabyte, which no declared size tells.
+        plain = unique_fields([(field.name, _is_plain(field.type)) for field in file.schema_arrow])
+        for name in (name for name in plain if not plain[name]):
+            # The reader takes "a.b" for a part of "a", and would read both.
+            if any(plain.get(whole) for whole in accumulate(name.split("."), "{}.{}".format)):
+                raise ValueError(f"the name of its column {name:.40} begins like another one's: give it no dot")
+        table = file.read([name for name in plain if plain[name]])
+        rows, metadata = file.metadata.num_rows, file.schema_arrow.metadata or {}
+    columns = {name: table[name].to_numpy() if plain[name] else np.zeros(rows, "S1") for name in plain}
+    return columns, metadata[NAME.encode()].decode()
+
+
+def _is_plain(kind: pa.DataType) -> bool:
+    """Whether Arrow's type has one small value per row."""
+    return pa.types.is_primitive(kind) or pa.types.is_decimal(kind) or pa.types.is_null(kind)
 
 
 def _write_npz(path: Path, batches: Iterable[Columns], metadata: str) -> None:

@@ -7,6 +7,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as parquet
 import pytest
 from recording_helpers import assert_same_bits
@@ -294,6 +295,39 @@ def test_missing_rows_are_counted_in_the_note(original: Recording, tmp_path: Pat
 def twice_in_csv(file: Path) -> Path:
     file.write_text(file.read_text(encoding="utf-8").replace("pose_x [m]", "pose_y [m]", 1), encoding="utf-8")
     return file
+
+
+def with_texts(original: Recording, folder: Path, name: str) -> tuple[Path, int]:
+    """A table with one more column, a gigabyte of texts in 80 kB, as a page's dictionary holds each once; and their size."""
+    honest = parquet.read_table(export_recording(original, folder / "honest.parquet"))
+    rows, word = 51, "x" * 500_000
+    schema = honest.schema.append(pa.field(name, pa.string())).with_metadata(honest.schema.metadata)
+    with parquet.ParquetWriter(folder / "hostile.parquet", schema, compression="zstd") as writer:
+        for first in range(0, len(honest), rows):
+            piece = honest.slice(first, rows)
+            writer.write_table(pa.table([*piece.columns, pa.array([word] * len(piece))], schema=schema))
+    return folder / "hostile.parquet", len(word) * len(honest)
+
+
+def test_a_column_of_texts_is_left_out_unread(original: Recording, tmp_path: Path) -> None:
+    file, size = with_texts(original, tmp_path, "comment")
+    pool = pa.default_memory_pool()
+    before = pool.max_memory()
+    path = import_into(file, tmp_path / "logs")
+    assert pool.max_memory() - before < size / 2, "the texts were unpacked"
+    assert_same_run(read_recording(path), original)
+    assert "'comment'" in read_notes(path)["note"]
+
+
+@pytest.mark.parametrize("name", ["pose_x [m]", "pose_x [m].note"])
+def test_texts_under_the_name_of_a_signal_are_refused_unread(original: Recording, tmp_path: Path, name: str) -> None:
+    """Arrow reads "a.b" with "a", as if it were a part of it."""
+    file, size = with_texts(original, tmp_path, name)
+    pool = pa.default_memory_pool()
+    before = pool.max_memory()
+    with pytest.raises(RecordingError, match="pose_x"):
+        import_into(file, tmp_path / "logs")
+    assert pool.max_memory() - before < size / 2, "the texts were unpacked"
 
 
 def twice_in_parquet(file: Path) -> Path:

@@ -4,7 +4,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
 
-from flexlab.cli.console import complain, new_table, output, print_json
+from flexlab.cli.console import complain, new_table, output, print_json, typed
 from flexlab.cli.options import LOGS, Law, Logs, NoBrowser, Runs, Seed, Settings, ViewerPort, chosen_changes, option
 from flexlab.cli.showing import show_review
 from flexlab.errors import StudyError
@@ -49,7 +49,7 @@ def command(
         return
     if save is not None:
         _print(compare_into(paths, save))
-        output().print(f"Written to {save}. Look at it with: flexlab review {save}", soft_wrap=True)
+        output().print(f"Written to {save}. Look at it with: flexlab review {typed(save)}", soft_wrap=True)
         return
     with TemporaryDirectory(prefix="flexlab-") as folder:
         target = Path(folder) / "comparison.rrd"

@@ -1,6 +1,9 @@
 """Output of the commands: results on standard output, progress and complaints on standard error."""
 
 import json
+import shlex
+import subprocess
+import sys
 from contextlib import suppress
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -37,6 +40,11 @@ def note(sentence: str) -> None:
     """Print a remark on standard error, unless nothing can be written there."""
     with suppress(OSError):
         notes().print(sentence, soft_wrap=True)
+
+
+def typed(word: object) -> str:
+    """A word of a command line as a person types it: quoted for this system's shell if need be."""
+    return subprocess.list2cmdline([str(word)]) if sys.platform == "win32" else shlex.quote(str(word))
 
 
 def new_table(*heads: str, padding: tuple[int, int, int, int] = (0, 2, 0, 0), **options: Any) -> "Table":

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from flexlab.cli.console import output
+from flexlab.cli.console import output, typed
 from flexlab.cli.options import LOGS, Logs, Run, option
 from flexlab.errors import StudyError
 
@@ -48,7 +48,7 @@ def command(
     kind = "" if to is None else to.suffix.lower()
     if to is not None and kind in (UNIT, *BODIES):
         if run == "newest" or (figures, start, end) != (None, None, None):
-            raise StudyError(f"{to} is made of a scenario alone: flexlab export PRESET --to {to}.")
+            raise StudyError(f"{to} is made of a scenario alone: flexlab export PRESET --to {typed(to)}.")
     options = {"part": part or "plant", "version": fmi or 3} if kind == UNIT else {}
     if not options and (part, fmi) != (None, None):
         raise StudyError("--part and --fmi are for units: write --to FILE.fmu.")

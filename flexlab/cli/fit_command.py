@@ -5,7 +5,7 @@ from typing import Annotated, Any, cast
 
 import tyro
 
-from flexlab.cli.console import note, output, print_json
+from flexlab.cli.console import note, output, print_json, typed
 from flexlab.cli.options import LOGS, Logs, option
 from flexlab.errors import StudyError
 
@@ -66,7 +66,7 @@ def command(
             output().print(str(save), soft_wrap=True)
         if kept is not None:
             run = kept.stem if logs == LOGS else kept
-            said = f"Kept in {kept}. Beside a simulation: flexlab compare {run} RUN"
+            said = f"Kept in {kept}. Beside a simulation: flexlab compare {typed(run)} RUN"
             output().print(said, soft_wrap=True)
     return 0 if fit.ring.first.frequency.identifiable else 1
 

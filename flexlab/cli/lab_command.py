@@ -5,7 +5,7 @@ from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Annotated
 
-from flexlab.cli.console import complain, output
+from flexlab.cli.console import complain, output, typed
 from flexlab.cli.options import LOGS, Law, Logs, PathChoice, Preset, option
 from flexlab.cli.showing import ending, open_browser, wait_for, waiting_page
 from flexlab.cli.warmup import loading
@@ -104,7 +104,7 @@ def command(
     last = front_server.close()
     output().print()
     if last is not None:
-        review = "flexlab review" if logs == LOGS else f"flexlab review {last}"
+        review = "flexlab review" if logs == LOGS else f"flexlab review {typed(last)}"
         output().print(f"The last run is in {last}. Look at it with: {review}", soft_wrap=True)
 
 

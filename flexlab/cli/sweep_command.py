@@ -1,12 +1,11 @@
 """`flexlab sweep PRESET`: vary fields over ranges: a table of metrics, heat maps."""
 
-import shlex
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 
-from flexlab.cli.console import agreed, complain, note, output
+from flexlab.cli.console import agreed, complain, note, output, typed
 from flexlab.cli.options import Cluster, Law, Preset, Seed, Settings, Several, Threads, chosen_scenarios, option
 from flexlab.errors import StudyError
 from flexlab.text import counted
@@ -86,7 +85,7 @@ def _pair(text: str) -> tuple[str, ...]:
     names = _names(text)
     if len(names) != 2:
         example = "rms_error.y,rms_internal_force"
-        raise StudyError(f"--pareto {shlex.quote(text)} does not name two metrics: write two, as in {example}.")
+        raise StudyError(f"--pareto {typed(text)} does not name two metrics: write two, as in {example}.")
     return names
 
 

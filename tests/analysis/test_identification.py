@@ -388,9 +388,9 @@ def test_measured_data_become_a_run_that_can_be_compared_with_simulations(flexla
     for kind in ("csv", "parquet"):
         done = flexlab_command("export", name, "--to", f"again.{kind}")
         assert done.returncode == 0, done.stderr
-    done = flexlab_command("import", "again.csv", "--logs", "elsewhere")
+    done = flexlab_command("import", "again.csv", "--logs", "else where")
     assert done.returncode == 0, done.stderr
-    assert "flexlab review elsewhere/" in done.stdout, "what is said finds the run"
+    assert "flexlab review 'else where/" in done.stdout, "what is said finds the run"
     again = read_recording(tmp_path / done.stdout.split("Recorded in ")[1].split(". Look")[0])
     assert again.status == "measured"
     np.testing.assert_array_equal(again.samples.vibration, samples.vibration)

@@ -1,6 +1,7 @@
 """`flexlab compare` says what differs and overlays the runs, in a file or in the viewer."""
 
 import json
+import shlex
 import urllib.request
 from pathlib import Path
 
@@ -39,6 +40,25 @@ def test_tables_are_printed_and_the_overlay_is_saved_and_opens_again(
     assert ["payload.bending_stiffness", "100", "60"] in rows
     with review(tmp_path / "both.rrd") as address, urllib.request.urlopen(address) as page:
         assert page.status == 200
+
+
+def test_the_command_that_opens_the_overlay_can_be_typed_as_it_is_printed(
+    flexlab_command: Command, logs: Path, tmp_path: Path
+):
+    done = flexlab_command("compare", "newest", "newest", "--save", "Ann's runs.rrd")
+    command = shlex.split(done.stdout.split("Look at it with: ")[1])
+    assert command == ["flexlab", "review", "Ann's runs.rrd"]
+
+
+def test_a_missing_folder_for_temporary_files_is_named(
+    flexlab_command: Command, logs: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Python takes another folder; rerun's server does not."""
+    monkeypatch.setenv("TMPDIR", "/no/such/folder")
+    done = flexlab_command("compare", "newest", "newest", "--no-browser")
+    assert done.returncode == 2
+    assert "TMPDIR = /no/such/folder is not a folder that can be written" in done.stderr
+    assert "set TMPDIR to another folder, or unset it" in done.stderr
 
 
 def test_without_a_file_the_viewer_shows_the_overlay(logs: Path, tmp_path: Path):

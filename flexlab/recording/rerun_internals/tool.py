@@ -21,6 +21,7 @@ from flexlab.files import replacing
 from flexlab.recording.rerun_internals.chunks import quiet_reader
 from flexlab.recording.rerun_internals.rrd_file import has_footer
 from flexlab.sockets import LOOPBACK, free_ports, hidden_loopback
+from flexlab.text import visible
 
 LARGE_FILE = 500_000_000
 """Size above which pieces are indexed but not joined, bytes: joining reads the whole recording into memory."""
@@ -173,7 +174,16 @@ DATASET = "runs"
 
 @contextlib.contextmanager
 def serving(path: Path) -> Iterator[str]:
-    """Serve a recording; yields the address that a viewer opens. Raises RuntimeError, ValueError, OSError or LookupError."""
+    """Serve a recording; yields the address that a viewer opens.
+
+    Raises `RecordingError`, RuntimeError, ValueError, OSError or LookupError.
+    """
+    place = os.environ.get("TMPDIR", "")
+    if place and not os.access(place, os.W_OK | os.X_OK):
+        raise RecordingError(
+            f"TMPDIR = {visible(place)} is not a folder that can be written, and rerun keeps its files there while it serves a "
+            "recording: set TMPDIR to another folder, or unset it."
+        )
     # The server answers whoever asks, under any name.
     server = rr.server.Server(host=hidden_loopback(), port=0, datasets={DATASET: [path]})
     try:

@@ -29,6 +29,7 @@ from flexlab.scenario import Scenario
 from flexlab.scenario.settings import change_settings
 from flexlab.sim.simulate import sample_count
 from flexlab.sim.snapshot import TICK
+from flexlab.text import counted
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -264,7 +265,7 @@ class Tuning(Result):
         found = ", ".join(f"{path} = {value:.5g}" for path, value in self.best.changes.items()) or "nothing better"
         before = ("{:.4g}", "{:.4g} beyond the limits", "of a failure")[self.before.rank[0]].format(self.before.cost)
         costs = f"cost {before} → {self.best.cost:.4g}"
-        return f"<Tuning of {len(self.candidates)} candidates: {self.problem or f'{costs}, {found}'}>"
+        return f"<Tuning of {counted(len(self.candidates), 'candidate')}: {self.problem or f'{costs}, {found}'}>"
 
 
 def tune(

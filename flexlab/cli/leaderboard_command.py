@@ -85,7 +85,7 @@ def _verify(rows: "list[Row]", tasks: "tuple[Task, ...]", store: "RowStore", wor
     for finding in odd:
         row = finding.row
         complain(f"{' '.join(filter(None, (row.case, row.variant, row.law)))}: {finding.sentence}.")
-    output().print(f"{len(found) - len(odd)} of {len(found)} rows are the same, bit for bit.")
+    output().print(f"Rows that are the same, bit for bit: {len(found) - len(odd)} of {len(found)}.")
     return 1 if odd else 0
 
 

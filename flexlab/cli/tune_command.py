@@ -93,7 +93,7 @@ def _print(found: "Tuning") -> None:
     costs = ({**each.numbers, "cost": each.cost} if each.numbers else {} for each in (found.before, found.best))
     table.add_row("cost", *(_number(values, "cost") for values in costs))
     output().print(table)
-    output().print(f"{len(found.candidates)} candidates were tried.")
+    output().print(f"Candidates tried: {len(found.candidates)}.")
 
 
 def _number(values: "Mapping[str, float]", name: str) -> str:

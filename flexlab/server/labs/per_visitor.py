@@ -197,7 +197,7 @@ class PrivateLabs(LabProvider):
                 continue  # The server itself was suspended and has not yet read the labs' reports.
             for place in list(self._places.values()):
                 if place.port and not place.visitors and not place.why and time.monotonic() - place.seen > idle:
-                    place.why = IDLE.format(time=f"{idle / 60:g} minutes" if idle >= 60 else f"{idle:g} s")
+                    place.why = IDLE.format(time=f"{idle / 60:g} min" if idle >= 60 else f"{idle:g} s")
                     self._keep(asyncio.to_thread(place.stop, STOP_TIME))
                 elif place.port and not place.why and time.monotonic() - place.heard_at > SILENCE:
                     log.warning("A private lab has said nothing for %g s: it is closed.", SILENCE)

@@ -42,7 +42,7 @@ def compute_board(kept: Path, report: Callable[[float], None]) -> Outcome:
     """Compute the missing rows of flexlab's own laws in all cases but the long ones."""
     tasks = make_tasks(chosen_cases(None, long=False), chosen_entrants(None))
     board = run_board(tasks, RowStore(kept), told=lambda done, total: report(done / total))
-    return Outcome(sentence=f"{len(board.rows)} rows, {board.computed} of them computed now.")
+    return Outcome(sentence=f"Rows: {len(board.rows)}, computed now: {board.computed}.")
 
 
 def draw_board(kept: Path) -> Outcome:

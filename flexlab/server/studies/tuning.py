@@ -114,7 +114,7 @@ class TuningStudy(Study):
             )
             limit = f", at most {number_text(self.cost.limits[name])}" if name in self.cost.limits else ""
             lines.append((f"{column.label}{limit}", before, after))
-        remark = f"{len(tuned.candidates)} candidates were tried."
+        remark = f"Candidates tried: {len(tuned.candidates)}."
         return Found(lines, remark, tuned.problem, tuned.tuned)
 
 

@@ -77,11 +77,20 @@ def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> 
 
 
 @pytest.fixture(scope="module")
-def window(_lasting_window: LastingWindow, request: pytest.FixtureRequest) -> Iterator[LastingWindow]:
-    """The window, with labs that send only as many pictures as it draws."""
+def few_pictures() -> Iterator[None]:
+    """Let labs send only as many pictures as a page of the tests draws."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(lab_session, "FRAME_TIME", PAUSE / 1000)
         patch.setattr(lab_session, "READOUT_EVERY", 1)
+        yield
+
+
+@pytest.fixture(scope="module")
+def window(
+    _lasting_window: LastingWindow, few_pictures: None, request: pytest.FixtureRequest
+) -> Iterator[LastingWindow]:
+    """The window, with labs that send few pictures."""
+    with pytest.MonkeyPatch.context() as patch:
         patch.setattr(lab_state, "NOTICE_TIME", PATIENCE)  # A busy page may draw a sentence late.
         for module in (number_control, panel):
             patch.setattr(module, "READING_TIME", PATIENCE)

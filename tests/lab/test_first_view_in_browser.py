@@ -51,7 +51,7 @@ COUNT_SLIDERS = """if (location.search.includes('play')) setInterval(() => {
 
 
 @pytest.fixture(scope="module")
-def _window(chromium: Browser) -> Iterator[Page]:
+def _window(chromium: Browser, few_pictures: None) -> Iterator[Page]:
     """One window for all tests: the first page of a new one takes seconds of processor time."""
     context = open_window(chromium, 1440, 900)
     yield context.new_page()
@@ -92,6 +92,11 @@ WHOLE_PLOT = """() => {
 def opened(page: Page, url: str) -> Page:
     """The page, showing the lab with its beam drawn."""
     page.goto(url)
+    return drawn(page)
+
+
+def drawn(page: Page) -> Page:
+    """The same page, once its beam is drawn."""
     page.wait_for_function(READY)
     page.evaluate(CLOSE_NOTIFICATIONS)  # The one that says that there is no graphics card.
     wait_until(lambda: page.evaluate(BEAM, SIDES) is not None, "a beam is drawn")
@@ -102,22 +107,32 @@ def length(ends: list[list[float]]) -> float:
     return math.dist(ends[0], ends[2])
 
 
-@pytest.mark.parametrize("size", [(1440, 900), (1024, 768), (720, 900), (390, 844), (320, 640)])
-def test_the_scene_takes_most_of_any_window(newcomer: Page, shared_session: Session, size: tuple[int, int]) -> None:
-    newcomer.set_viewport_size({"width": size[0], "height": size[1]})
-    page = opened(newcomer, address(shared_session))
+def fills(page: Page, width: int) -> None:
+    """Check that the scene has its share of a window of this width, px, and that nothing is cut off."""
     wait_until(lambda: page.evaluate(SHARE) >= LEAST_SHARE, "the scene has its share", 30)
-    assert page.evaluate("document.documentElement.scrollWidth") <= size[0], "nothing is cut off"
-    if size[0] == 1440:
-        wait_until(lambda: length(page.evaluate(BEAM, SIDES)) >= LEAST_BEAM, "the beam is long enough to be looked at")
-        wait_until(lambda: page.title() == "paper · flexlab", "the tab says what it is")
-        assert page.evaluate("document.documentElement.dataset.flLabels") == "plain"
+    assert page.evaluate("document.documentElement.scrollWidth") <= width, "nothing is cut off"
+
+
+@pytest.mark.parametrize("size", [(720, 900), (320, 640)])
+def test_the_scene_takes_most_of_any_window(newcomer: Page, shared_session: Session, size: tuple[int, int]) -> None:
+    """The tests below look at three more sizes."""
+    newcomer.set_viewport_size({"width": size[0], "height": size[1]})
+    fills(opened(newcomer, address(shared_session)), size[0])
 
 
 def test_plots_are_one_click_away_and_a_browser_remembers_that_they_are_open(
     newcomer: Page, shared_session: Session
 ) -> None:
-    page = opened(newcomer, address(shared_session))
+    page = newcomer
+    page.goto(address(shared_session))
+    word = page.get_by_text("Software WebGL rendering detected")
+    word.wait_for()
+    word.wait_for(state="detached")  # By itself.
+    drawn(page)
+    fills(page, 1440)
+    wait_until(lambda: length(page.evaluate(BEAM, SIDES)) >= LEAST_BEAM, "the beam is long enough to be looked at")
+    wait_until(lambda: page.title() == "paper · flexlab", "the tab says what it is")
+    assert page.evaluate("document.documentElement.dataset.flLabels") == "plain"
     assert not page.evaluate(PLOTS_OPEN)
     assert not page.evaluate(GUIDE_OPEN)
     page.get_by_text("Motion", exact=True).first.click()
@@ -126,17 +141,18 @@ def test_plots_are_one_click_away_and_a_browser_remembers_that_they_are_open(
     wait_until(lambda: len({round(left) for left in page.evaluate(lefts)}) > 1, "two plots stand side by side")
     wait_until(lambda: page.evaluate(FEWEST_TICKS) >= 3, "the numbers at each vertical axis tell its scale")
     wait_until(lambda: "plots" in (page.evaluate(KEPT) or ""), "the page keeps it")
+    page.goto("about:blank")  # A page that nobody looks at draws nothing.
     again = opened(page.context.new_page(), address(shared_session))
     again.wait_for_function(PLOTS_OPEN)
     assert not again.evaluate(GUIDE_OPEN)
+    beside_the_guide_no_plot_is_cut_off(again)
     again.close()
 
 
-def test_beside_the_guide_no_plot_is_cut_off_and_the_scene_stays_large(newcomer: Page, shared_session: Session) -> None:
-    page = opened(newcomer, address(shared_session))
-    for folded, is_open in (("Guide", GUIDE_OPEN), ("Motion", PLOTS_OPEN)):
-        page.get_by_text(folded, exact=True).first.click()
-        page.wait_for_function(is_open)
+def beside_the_guide_no_plot_is_cut_off(page: Page) -> None:
+    """Check that the scene stays large as well."""
+    page.get_by_text("Guide", exact=True).first.click()
+    page.wait_for_function(GUIDE_OPEN)
     wait_until(lambda: length(page.evaluate(BEAM, SIDES)) >= LEAST_BEAM, "the beam is long enough to be looked at")
     assert page.evaluate(SHARE) >= 0.39, "of a window whose controls, text and plots are all open"
     for tab in ("Motion", "Torques", "Control", "Energy", "Spectrum"):
@@ -145,8 +161,10 @@ def test_beside_the_guide_no_plot_is_cut_off_and_the_scene_stays_large(newcomer:
 
 
 def test_a_presentation_shows_the_scene_one_plot_and_one_number(newcomer: Page, shared_session: Session) -> None:
-    newcomer.set_viewport_size({"width": 1920, "height": 1080})
+    newcomer.set_viewport_size({"width": 1024, "height": 768})
     page = opened(newcomer, address(shared_session))
+    fills(page, 1024)
+    page.set_viewport_size({"width": 1920, "height": 1080})
     page.keyboard.press("b")
     page.wait_for_function("() => document.querySelectorAll('.uplot').length > 0")
     page.get_by_text("largest vibration").wait_for()
@@ -178,14 +196,9 @@ def test_a_presentation_shows_the_scene_one_plot_and_one_number(newcomer: Page, 
     assert "plots" in page.evaluate(KEPT)
 
 
-def test_the_notice_of_a_missing_graphics_card_disappears_by_itself(newcomer: Page, shared_session: Session) -> None:
-    newcomer.goto(address(shared_session))
-    word = newcomer.get_by_text("Software WebGL rendering detected")
-    word.wait_for()
-    word.wait_for(state="detached")
-
-
-def test_on_a_phone_that_notice_takes_one_line_and_no_touches(newcomer: Page, shared_session: Session) -> None:
+def test_on_a_phone_the_notice_of_no_graphics_card_takes_one_line_and_no_touches(
+    newcomer: Page, shared_session: Session
+) -> None:
     newcomer.set_viewport_size({"width": 390, "height": 844})
     newcomer.goto(address(shared_session))
     # In one call: on a busy machine it could be gone between being found and being measured.
@@ -196,9 +209,10 @@ def test_on_a_phone_that_notice_takes_one_line_and_no_touches(newcomer: Page, sh
     height, touched = newcomer.wait_for_function(look).json_value()
     assert height < 60
     assert touched == "none", "what is behind it is the scene's"
+    fills(drawn(newcomer), 390)
 
 
-def test_the_play_screen_has_five_controls_and_leads_to_the_lab_with_the_same_run(
+def test_the_play_screen_has_five_controls_resets_its_camera_and_leads_to_the_lab_with_the_same_run(
     newcomer: Page, shared_session: Session
 ) -> None:
     newcomer.add_init_script(COUNT_SLIDERS)
@@ -206,6 +220,7 @@ def test_the_play_screen_has_five_controls_and_leads_to_the_lab_with_the_same_ru
     page.get_by_label("Stiffness EI (N·m²)", exact=True).wait_for()
     assert page.evaluate(CONTROLS) == 5
     assert page.evaluate("window.mostSliders") == 2, "the lab's own do not flash up"
+    turned_camera_can_be_reset(page)
     run = session.runner.snapshot.run_number
     page.get_by_role("button", name="Tap", exact=True).click()
     wait_until(lambda: any("tap" in event.text.lower() for event in session.runner.snapshot.events), "a tap")
@@ -222,8 +237,8 @@ def test_the_play_screen_has_five_controls_and_leads_to_the_lab_with_the_same_ru
     assert not page.get_by_label("Stiffness EI (N·m²)", exact=True).is_visible()
 
 
-def test_the_play_screen_can_reset_a_turned_camera(newcomer: Page, shared_session: Session) -> None:
-    page = opened(newcomer, f"{address(shared_session)}&play")
+def turned_camera_can_be_reset(page: Page) -> None:
+    """Check it on a play screen."""
     at = "() => window.__viserMutable.camera.position.toArray().map((part) => Math.round(100 * part))"
     page.get_by_role("button", name="Tap", exact=True).wait_for()
     back = page.get_by_role("button", name="Reset view", exact=True)
@@ -246,24 +261,23 @@ def test_the_play_screen_can_reset_a_turned_camera(newcomer: Page, shared_sessio
     back.wait_for(state="hidden")
 
 
-def test_the_ring_of_the_first_lesson_is_large_enough_to_be_seen(chromium: Browser, session: Session) -> None:
+def test_the_ring_of_the_first_lesson_is_large_enough_to_be_seen(page: LabPage) -> None:
     """With the exaggeration of the lesson, its middle moves 60 px or more from side to side."""
-    with LabPage(chromium, session) as page:
-        page.choose("Read", "Lesson 1: Why does it ring?")
-        page.choose("Speed", "1/64 ×")
-        page.page.keyboard.press("r")  # At once, as the lesson says: the menu no longer holds the keyboard.
-        wait_until(lambda: page.snapshot.target_speed == 1 / 64 and page.snapshot.latest.time[0] < 0.1, "a new run")
-        sides: list[float] = []
+    page.choose("Read", "Lesson 1: Why does it ring?")
+    page.choose("Speed", "1/64 ×")
+    page.page.keyboard.press("r")  # At once, as the lesson says: the menu no longer holds the keyboard.
+    wait_until(lambda: page.snapshot.target_speed == 1 / 64 and page.snapshot.latest.time[0] < 0.1, "a new run")
+    sides: list[float] = []
 
-        def seen() -> bool:
-            if page.snapshot.latest.time[0] > 0.2:  # A busy machine may have drawn too little of it before it faded.
-                sides.clear()
-                page.page.keyboard.press("r")
-            left, middle, right = page.page.evaluate(BEAM, SIDES)
-            along = (right[0] - left[0], right[1] - left[1])
-            away = (middle[0] - left[0]) * along[1] - (middle[1] - left[1]) * along[0]
-            sides.append(away / math.hypot(*along))
-            return max(sides) - min(sides) >= 60
+    def seen() -> bool:
+        if page.snapshot.latest.time[0] > 0.2:  # A busy machine may have drawn too little of it before it faded.
+            sides.clear()
+            page.page.keyboard.press("r")
+        left, middle, right = page.page.evaluate(BEAM, SIDES)
+        along = (right[0] - left[0], right[1] - left[1])
+        away = (middle[0] - left[0]) * along[1] - (middle[1] - left[1]) * along[0]
+        sides.append(away / math.hypot(*along))
+        return max(sides) - min(sides) >= 60
 
-        wait_until(seen, "a ring of 60 px")
-        assert page.session.lab_state.view.exaggeration == 50.0
+    wait_until(seen, "a ring of 60 px")
+    assert page.session.lab_state.view.exaggeration == 50.0

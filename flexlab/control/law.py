@@ -98,6 +98,8 @@ class Law:
     """Conditions of its stability that can be computed, besides those of all laws (`analysis.law_conditions`)."""
     drives: bool = True
     """Whether the motors work at all."""
+    relies_on_masses: bool = False
+    """Whether the masses that it believes shape its force and it learns none, so that wrong ones leave more to its feedback."""
     for_settings: Callable[[Any], "Law"] | None = None
     """If memory or signals depend on the settings: the law for a controller's settings."""
     gauges: Callable[[Any], Sequence[float]] = usual_gauges

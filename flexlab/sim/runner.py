@@ -191,7 +191,8 @@ class Runner:
     def _drain(self) -> None:
         refused = self._commands.refused()
         if refused:
-            text = f"{refused} commands were left out: more than {MOST_WAITING} came at once. Give them more slowly."
+            were = "command was" if refused == 1 else "commands were"
+            text = f"{refused} {were} left out: more than {MOST_WAITING} came at once. Give them more slowly."
             self._run.say(text, "error")
         prepared = self._preparation.take()
         if prepared is not None:

@@ -293,6 +293,24 @@ def test_a_ring_that_has_just_begun_is_not_called_forced_or_undamped() -> None:
         assert metric.reason().startswith(reason)
 
 
+def test_a_beam_that_stays_bent_is_not_called_forced_or_undamped() -> None:
+    """Arms that squeeze a beam bend it for good: that is no vibration, whatever little of it is left."""
+    time = np.arange(0, 3, 1e-3)
+    ring = np.exp(-6 * time) * np.cos(280 * time)
+    for bend, ripple, reason in (
+        (-0.03, 0.005, "does not settle: the beam stays bent"),
+        (0.03, 0.0, "does not settle: the beam stays bent"),
+        (0.03, 0.02, "does not settle: forced or undamped"),
+    ):
+        metric = SettlingTime()
+        for rows in np.array_split(np.arange(len(time)), 7):
+            metric.add(time[rows], (ring + bend + ripple * np.sin(60 * time))[rows] / abs(1 + bend))
+        assert np.isnan(metric.compute()[0])
+        what, _, share = metric.reason().rpartition(" at ")
+        assert what == reason
+        assert float(share.removesuffix(" %")) == pytest.approx(100 * (abs(bend) + ripple) / abs(1 + bend), rel=0.02)
+
+
 def test_bending_of_a_payload_that_is_off_its_path_is_not_called_forced_or_undamped() -> None:
     run = simulate(load_preset("paper").replace({"controller.torque_limit": (0.5, 0.5, 0.5)}), 3.0)
     metric = SettlingTime()

@@ -4,6 +4,8 @@ import numpy as np
 
 from flexlab.analysis.explanations.explanation import Evidence, n, register
 from flexlab.analysis.lesson_measures import largest, length, torque_jump, torque_turns
+from flexlab.scenario.arms import JointMotor
+from flexlab.sim.samples import Samples
 
 LEAST_AMPLITUDE = 1e-8
 """Least amplitude of a line in the spectrum, m."""
@@ -108,7 +110,9 @@ def chatter(seen: Evidence) -> str | None:
     )
 
 
-AT_LIMIT = 1 - 1e-6
+AT_LIMIT, AT_MOST = 1 - 1e-6, 0.99
+"""Least share of the controller's limit, and of what a motor can give at its speed, from which a torque counts as limited; the
+motor's time constant keeps it a little below."""
 LEAST_SHARE = 0.005
 """Least share of the newest second at a limit."""
 NAMES = ("left", "right")
@@ -117,17 +121,29 @@ NAMES = ("left", "right")
 @register("torque at its limit", "|τ_k| ≤ τ_max,k", "Joint torques", 5)
 def torque_at_its_limit(seen: Evidence) -> str | None:
     """A joint's torque is at its limit; of several joints, the one that is at its limit longest."""
-    limit = seen.scenario.controller.torque_limit
-    if limit is None:
+    limit, motor, span = seen.scenario.controller.torque_limit, seen.scenario.joints.motor, seen.last_second
+    torque, allowed = np.abs(span.joint_torque), np.array(limit or (np.inf,) * 3)
+    shares = np.mean([torque >= AT_LIMIT * allowed, torque >= AT_MOST * _possible(span, motor)], axis=1)
+    by_motor, arm, joint = np.unravel_index(int(np.argmax(shares)), shares.shape)
+    share = float(shares[by_motor, arm, joint])
+    if share < LEAST_SHARE:
         return None
-    span = seen.last_second
-    share = np.mean(np.abs(span.joint_torque) >= AT_LIMIT * np.array(limit), axis=0)
-    arm, joint = np.unravel_index(int(np.argmax(share)), share.shape)
-    if share[arm, joint] < LEAST_SHARE:
-        return None
-    helps = "A slower path, a smooth start or a higher limit helps." if seen.moving else "A higher limit helps."
+    held, higher = f"is at its limit of {n(allowed[joint])} N·m", "a higher limit"
+    if by_motor:
+        held = f"gives all that a motor with τ_s = {n(motor.stall_torque[joint])} N·m can give at its speed"
+        higher = "a stronger motor"
+    helps = f"A slower path, a smooth start or {higher}" if seen.moving else higher.capitalize()
     return (
-        f"Joint {joint + 1} of the {NAMES[arm]} arm is at its limit of {n(limit[joint])} N·m for "
-        f"{n(100 * float(share[arm, joint]))} % of the last {n(min(seen.length, 1.0))} s: the law can do no more there, and the "
-        f"error reaches {length(largest(span.tracking_error[:, :2]))}. {helps}"
+        f"Joint {joint + 1} of the {NAMES[arm]} arm {held} for "
+        f"{n(100 * share)} % of the last {n(min(seen.length, 1.0))} s: the law can do no more there, and the "
+        f"error reaches {length(largest(span.tracking_error[:, :2]))}. {helps} helps."
     )
+
+
+def _possible(span: Samples, motor: JointMotor) -> np.ndarray:
+    """|τ|, N·m, that each motor can give at most in the direction of its torque (N, arms, 3): τ_s (1 ∓ θ̇/ω_0)."""
+    if not any(motor.stall_torque) or len(span) < 2:
+        return np.full(span.joint_torque.shape, np.inf)
+    rates = np.gradient(np.unwrap(span.joint_angle, axis=0), span.time, axis=0)
+    stall = np.where(np.array(motor.stall_torque) > 0, motor.stall_torque, np.inf)
+    return stall * (1 - np.sign(span.joint_torque) * rates / np.array(motor.no_load_speed))

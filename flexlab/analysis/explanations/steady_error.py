@@ -6,6 +6,7 @@ from flexlab.analysis.explanations.explanation import Evidence, n, register
 from flexlab.analysis.explanations.growth import lateness
 from flexlab.analysis.lesson_measures import bound_terms, largest, length
 from flexlab.control.conditions import Circumstances, stability_limit
+from flexlab.control.law import laws
 from flexlab.sim.samples import Samples
 
 WORTH = 1e-5
@@ -149,13 +150,6 @@ def error_of_feedback_alone(seen: Evidence) -> str | None:
     )
 
 
-FROM_A_MODEL = {
-    "adaptive-sliding-mode", "sliding-mode", "super-twisting", "disturbance-observer", "computed-torque", "vibration-damping",
-    "lqr",
-}  # fmt: skip
-"""Laws whose force follows from a model of the payload's mass; pd has none, and regressor-adaptive has estimates of its own."""
-
-
 @register("wrong payload", "Ψ = (B_true − B_believed) ẍ_d + the weight's difference", "Tracking error", 15)
 def wrong_payload(seen: Evidence) -> str | None:
     """The controller's wrong model of the beam leaves more to the feedback."""
@@ -164,7 +158,7 @@ def wrong_payload(seen: Evidence) -> str | None:
         return None
     law = seen.scenario.controller
     kind = getattr(law, "slow", law).kind
-    if kind not in FROM_A_MODEL:
+    if not laws()[kind].relies_on_masses:
         return None
     cure = "A law that learns the masses (regressor-adaptive) or observes the disturbance makes up for it."
     if kind == "disturbance-observer":

@@ -20,6 +20,8 @@ AGAIN, NEAR = 4.0, 0.02
 NEAR s before it; earlier pauses then do not count."""
 FINEST, MOST_PIECES = 0.0025, 4000
 """Shortest piece of time whose peak is kept, s, and most pieces; pieces double in length if a run has more."""
+LASTING = 0.5
+"""Least ratio of the smallest to the largest deflection at the end with which a beam counts as bent and not as vibrating."""
 PARTS, KEEPS = 3, 0.8
 """Number of parts of an unsettled run whose peaks are compared; ratio of the last two from which there is no decay."""
 FOLLOWS = 0.2
@@ -58,8 +60,8 @@ class SettlingTime(Metric):
         self._time = np.empty(0)
         self._size = np.empty(0)
         self._piece = FINEST
-        self._places, self._peaks = np.empty(0, np.int64), np.empty(0)
-        """Indices of the pieces of time so far, and the largest magnitude in each."""
+        self._places, self._extremes = np.empty(0, np.int64), np.empty((2, 0))
+        """Indices of the pieces of time so far, and the largest signal and its largest negative in each."""
 
     def update(self, samples: "Samples") -> None:
         """Take in the next piece of a run."""
@@ -72,23 +74,25 @@ class SettlingTime(Metric):
         """Take in the next piece of a signal (N,) at `time` (N,), s, rising."""
         if len(time) == 0:
             return
-        size = np.fmax(np.abs(signal), 0.0)  # NaN: not recorded.
         self._is_recorded |= not np.isnan(signal).all()
+        signal = np.nan_to_num(signal)  # NaN: not recorded.
+        size = np.abs(signal)
         self._first, self._last = min(self._first, float(time[0])), float(time[-1])
         self._peak = max(self._peak, float(np.max(size)))
         places = np.concatenate([self._places, np.floor(time / self._piece).astype(np.int64)])
-        self._places, self._peaks = _gathered(places, np.concatenate([self._peaks, size]))
+        self._places, self._extremes = _gathered(places, np.hstack([self._extremes, [signal, -signal]]))
         while len(self._places) > MOST_PIECES:
             self._piece *= 2
-            self._places, self._peaks = _gathered(self._places // 2, self._peaks)
+            self._places, self._extremes = _gathered(self._places // 2, self._extremes)
         time, size = np.concatenate([self._time, time]), np.concatenate([self._size, size])
         loud = size > SHARE * self._peak
         self._time, self._size = outlasting(time[loud], size[loud])
 
     def _longest_pause(self) -> float:
         """The longest pause between two times above the share since the last excitation, s."""
-        loud = self._peaks > SHARE * self._peak
-        places, sizes = self._places[loud], self._peaks[loud]
+        sizes = self._extremes.max(axis=0)
+        loud = sizes > SHARE * self._peak
+        places, sizes = self._places[loud], sizes[loud]
         near, longest = max(1, round(NEAR / self._piece)), 0
         for at in reversed(np.flatnonzero(np.diff(places) > 1)):
             before = sizes[: at + 1][places[: at + 1] > places[at] - near].max()
@@ -115,28 +119,29 @@ class SettlingTime(Metric):
         if not self._is_recorded:
             return NOT_RECORDED
         part = (self._last - self._first) / PARTS
-        first, before, last = (
-            self._largest(self._last - count * part, self._last - (count - 1) * part) for count in (3, 2, 1)
-        )
+        parts = [self._within(self._last - count * part, self._last - (count - 1) * part) for count in (3, 2, 1)]
+        first, before, last = (float(part.max(initial=0.0)) for part in parts)
         # A tap or a change near the end says nothing of what follows; a vibration that grows did so before, too.
         is_new = last >= AGAIN * before and before <= AGAIN * first
         goes_on = last >= KEEPS * before and not is_new
-        found = "does not settle: forced or undamped" if goes_on else "not settled: still"
+        bends = -parts[-1].max(axis=1, initial=-np.inf).min() > LASTING * last  # It never comes near the other side.
+        lasts = "does not settle: the beam stays bent" if bends else "does not settle: forced or undamped"
+        found = lasts if goes_on else "not settled: still"
         strays = self._error > FOLLOWS * (self._high - self._low).max() > 0
         if goes_on and strays and self._last - self._first >= STARTED:
             found = "does not settle: the payload is off its path; vibration"
         return f"{found} at {100 * last / self._peak:.3g} %"
 
-    def _largest(self, first: float, last: float) -> float:
-        """Largest magnitude from `first` to `last`, s, rounded to pieces of time."""
+    def _within(self, first: float, last: float) -> np.ndarray:
+        """The extremes (2, pieces) from `first` to `last`, s, rounded to pieces of time."""
         within = (first <= (self._places + 1) * self._piece) & (self._places * self._piece <= last)
-        return float(self._peaks[within].max(initial=0.0))
+        return self._extremes[:, within]
 
 
-def _gathered(places: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Each of the rising indices once, and the largest of its sizes."""
+def _gathered(places: np.ndarray, extremes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Each of the rising indices once, and the largest of its extremes (2, N)."""
     firsts = np.flatnonzero(np.diff(places, prepend=places[0] - 1))
-    return places[firsts], np.maximum.reduceat(sizes, firsts)
+    return places[firsts], np.maximum.reduceat(extremes, firsts, axis=1)
 
 
 def settling_time(time: np.ndarray, signal: np.ndarray) -> float:

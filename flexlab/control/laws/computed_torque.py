@@ -49,4 +49,4 @@ def gain_ratio(law) -> np.ndarray:
     return slope
 
 
-LAW = Law(ComputedTorque, computed_torque, fastest_rate, sliding_slope=gain_ratio, place=30)
+LAW = Law(ComputedTorque, computed_torque, fastest_rate, sliding_slope=gain_ratio, relies_on_masses=True, place=30)

@@ -141,5 +141,6 @@ LAW = Law(
     bumpless_transfer=bumpless_transfer,
     conditions=conditions,
     sliding_slope=slope_of,
+    relies_on_masses=True,
     place=16,
 )

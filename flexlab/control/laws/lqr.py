@@ -180,5 +180,6 @@ LAW = Law(
     for_settings=_for_settings,
     gauges=_gauges,
     conditions=conditions,
+    relies_on_masses=True,
     place=30,
 )

@@ -68,5 +68,6 @@ LAW = Law(
     sliding_slope=slope_of,
     limits=layer_of,
     conditions=conditions,
+    relies_on_masses=True,
     place=12,
 )

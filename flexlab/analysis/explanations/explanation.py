@@ -19,7 +19,7 @@ import numpy as np
 from flexlab.analysis.law_conditions import circumstances, conditions_in
 from flexlab.analysis.lesson_measures import largest, newest, strongest_line, tick
 from flexlab.analysis.metrics.run_metrics import between
-from flexlab.analysis.modes import Modes, Ring, modes, rings_of
+from flexlab.analysis.modes import Modes, PoleRow, Ring, fastest_growth, modes, rings_of
 from flexlab.control.conditions import Circumstances, Condition
 from flexlab.control.law import law_of
 from flexlab.errors import FlexlabError, ScenarioError
@@ -60,6 +60,10 @@ class Background(NamedTuple):
     """A_j, 1, and t_j, s, of the input shaper's impulses, (impulses, 2)."""
     rings: dict[int, Ring]
     """Number of a beam mode, counted from 1 → its oscillation in the closed loop."""
+    fastest: PoleRow | None
+    """The fastest growing pole, or the one that decays least; None without poles."""
+    inertial_force: np.ndarray
+    """B ẍ_d + C̄ ẋ_d along the path of `around`, N, N, N·m, (N, 3)."""
     filled: "Background | None" = None
     """That of the payload after its mass has changed; None if it does not change, or the loop is then unknown."""
 
@@ -82,7 +86,15 @@ class Background(NamedTuple):
         after = filled(scenario)
         # The shaper stays as it was made for the mass at the start.
         then = None if after is None else cls.of(after)._replace(shaper=shaper)
-        return cls(scenario, found, conditions, around, informed, shaper, rings_of(found), then)
+        rings, fastest, force = rings_of(found), fastest_growth(found), _inertial_force(around)
+        return cls(scenario, found, conditions, around, informed, shaper, rings, fastest, force, then)
+
+
+def _inertial_force(around: Circumstances | None) -> np.ndarray:
+    if around is None:
+        return np.zeros((0, 3))
+    return np.array([B @ now.desired[2] + now.C.sum(axis=0) @ now.desired[1]
+                     for now, B in zip(around.path, around.inertias(), strict=True)])  # fmt: skip
 
 
 def filled(scenario: Scenario) -> Scenario | None:

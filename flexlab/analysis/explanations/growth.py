@@ -3,7 +3,7 @@
 import numpy as np
 
 from flexlab.analysis.explanations.explanation import Background, Evidence, n, register
-from flexlab.analysis.modes import PoleRow, fastest_growth
+from flexlab.analysis.modes import PoleRow
 from flexlab.analysis.stability import NEUTRAL
 from flexlab.control.conditions import stability_limit
 from flexlab.text import counted
@@ -18,7 +18,7 @@ STILL = 1e-12
 
 def growing_pole(background: Background) -> PoleRow | None:
     """The fastest growing pole; None if no pole grows, or if the grips give way: poles are those of rigid ones."""
-    found = fastest_growth(background.modes)
+    found = background.fastest
     return None if background.scenario.grips.active or found is None or found.rate <= NEUTRAL else found
 
 

@@ -66,14 +66,8 @@ def _late_force(seen: Evidence, around: Circumstances) -> float:
     """The largest change of the motion's force, B ẍ_d + C̄ ẋ_d, while a torque is on its way, N."""
     if len(around.instants) < 3:
         return 0.0
-    rate = np.gradient(_inertial_force(around), around.instants, axis=0)
+    rate = np.gradient(seen.background.inertial_force, around.instants, axis=0)
     return float(np.linalg.norm(rate, axis=1).max()) * lateness(seen.background)
-
-
-def _inertial_force(around: Circumstances) -> np.ndarray:
-    """B ẍ_d + C̄ ẋ_d along the path, N, N, N·m, (N, 3)."""
-    return np.array([B @ now.desired[2] + now.C.sum(axis=0) @ now.desired[1]
-                     for now, B in zip(around.path, around.inertias(), strict=True)])  # fmt: skip
 
 
 def _cures(seen: Evidence, around: Circumstances, gains: str) -> str:
@@ -139,7 +133,7 @@ def error_of_feedback_alone(seen: Evidence) -> str | None:
     gain = seen.field("position_gain")
     if law.kind != "pd" or not gain or span is None or around is None or not seen.moving:
         return None
-    predicted = float(np.linalg.norm(_inertial_force(around)[:, :2], axis=1).max()) / gain
+    predicted = float(np.linalg.norm(seen.background.inertial_force[:, :2], axis=1).max()) / gain
     error = _error(span)
     if not _agrees(error, predicted):
         return None

@@ -128,15 +128,15 @@ def torque_at_its_limit(seen: Evidence) -> str | None:
     share = float(shares[by_motor, arm, joint])
     if share < LEAST_SHARE:
         return None
-    held, higher = f"is at its limit of {n(allowed[joint])} N·m", "a higher limit"
+    held = f"is at its limit of {n(allowed[joint])} N·m"
+    helps = "A slower path, a smooth start or a higher limit helps." if seen.moving else "A higher limit helps."
     if by_motor:
         held = f"gives all that a motor with τ_s = {n(motor.stall_torque[joint])} N·m can give at its speed"
-        higher = "a stronger motor"
-    helps = f"A slower path, a smooth start or {higher}" if seen.moving else higher.capitalize()
+        helps = "A slower path, a smooth start or a stronger motor helps." if seen.moving else "A stronger motor helps."
     return (
         f"Joint {joint + 1} of the {NAMES[arm]} arm {held} for "
         f"{n(100 * share)} % of the last {n(min(seen.length, 1.0))} s: the law can do no more there, and the "
-        f"error reaches {length(largest(span.tracking_error[:, :2]))}. {helps} helps."
+        f"error reaches {length(largest(span.tracking_error[:, :2]))}. {helps}"
     )
 
 

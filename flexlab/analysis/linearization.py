@@ -21,7 +21,14 @@ def central(function: Callable[[np.ndarray], np.ndarray], direction: np.ndarray,
 
 def fourth_order(function: Callable[[np.ndarray], np.ndarray], direction: np.ndarray, size: float) -> np.ndarray:
     """Richardson's combination of steps of `size` and 2 `size`: order 4."""
-    return (4 * central(function, direction, size) - central(function, direction, 2 * size)) / 3
+    return richardson(central(function, direction, size), function, direction, size)
+
+
+def richardson(
+    slope: np.ndarray, function: Callable[[np.ndarray], np.ndarray], direction: np.ndarray, size: float
+) -> np.ndarray:
+    """The derivative of order 4 from that of order 2, `central(function, direction, size)`."""
+    return (4 * slope - central(function, direction, 2 * size)) / 3
 
 
 POSE_STEP = 1e-4
@@ -147,7 +154,9 @@ def _law(probe: LoopProbe, rest: RestPoint) -> Law:
     parts = np.cumsum([2 * n, count, 9])
 
     def answer(step: np.ndarray) -> np.ndarray:
-        motion, memory, desired, line = np.split(step, parts)
+        motion, memory, desired, line = (
+            step[begin:end] for begin, end in zip((0, *parts), (*parts, None), strict=True)
+        )
         asked = rest.desired + desired.reshape(3, 3)
         shown = rest.torque + line.reshape(-1, len(rest.torque)) if torques else rest.torque
         return np.concatenate(probe.answer(rest.motion.moved(motion), rest.memory + memory, asked, shown))
@@ -157,8 +166,11 @@ def _law(probe: LoopProbe, rest: RestPoint) -> Law:
     for k, direction in enumerate(directions):
         of_beam, of_memory = k < 2 * n and k % n >= 3, 2 * n <= k < parts[1] or k >= parts[2]
         step = 1.0 if of_memory else size
-        slope = (central if of_beam or of_memory else fourth_order)(answer, direction, step)
-        kink = (answer(step * direction) + answer(-step * direction) - 2 * at_rest) / (2 * step)
+        ahead, behind = answer(step * direction), answer(-step * direction)
+        slope = (ahead - behind) / (2 * step)
+        if not (of_beam or of_memory):
+            slope = richardson(slope, answer, direction, step)
+        kink = (ahead + behind - 2 * at_rest) / (2 * step)
         # A memory driven by a norm, as b̂ is by ‖s‖, changes alike on both sides: it has a kink and no slope.
         flat = np.abs(slope) < KINK * np.abs(kink)
         flat[: len(rest.torque)] = False

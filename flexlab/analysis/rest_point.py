@@ -44,8 +44,8 @@ class Motion(NamedTuple):
     def moved(self, step: np.ndarray) -> "Motion":
         """The motion displaced by `step` (2 (3 + n_m),), in the order of the fields."""
         n = len(self.eta)
-        parts = np.split(step, [3, 3 + n, 6 + n])
-        return Motion(*(old + part for old, part in zip(self, parts, strict=True)))
+        x, eta, v, eta_dot = step[:3], step[3 : 3 + n], step[3 + n : 6 + n], step[6 + n :]
+        return Motion(self.x + x, self.eta + eta, self.v + v, self.eta_dot + eta_dot)
 
 
 def aim(system: System, desired: np.ndarray) -> None:
@@ -250,7 +250,7 @@ def find_rest(probe: LoopProbe, target: np.ndarray) -> RestPoint:
 
     def parts(z: np.ndarray) -> tuple[Motion, np.ndarray, np.ndarray]:
         """Motion, torque and memory of the unknowns z: pose, memory, bend and joint torques."""
-        pose, memory, eta, torque = np.split(z, ends)
+        pose, memory, eta, torque = z[: ends[0]], z[ends[0] : ends[1]], z[ends[1] : ends[2]], z[ends[2] :]
         return probe.at_rest(pose)._replace(eta=eta), torque, memory
 
     def balance(z: np.ndarray) -> np.ndarray:

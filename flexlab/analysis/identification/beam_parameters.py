@@ -5,6 +5,7 @@ import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -186,11 +187,12 @@ def beam_parameters(
     reason = frequency.reason or (_left_out(fit, scenario) if in_loop else "") or other
     middle, stiffness, fitted, rings = poses[0] if poses else None, np.nan, scenario, np.empty((0, 2))
     power = 0.5
+    mode = cache(lambda one, pose: first_mode(one, in_loop, pose))
     try:
         if not reason:
-            fitted, power = _solve_stiffness(scenario, frequency.value, in_loop, middle)
+            fitted, power = _solve_stiffness(scenario, frequency.value, lambda one: mode(one, middle)[0])
             stiffness = fitted.payload.bending_stiffness
-            rings = np.array([first_mode(fitted, in_loop, pose) for pose in poses])
+            rings = np.array([mode(fitted, pose) for pose in poses])
     except FlexlabError as error:
         reason, stiffness, fitted = str(error) if isinstance(error, StudyError) else OUT_OF_RANGE, np.nan, scenario
     if len(rings):
@@ -201,7 +203,7 @@ def beam_parameters(
     spread = (np.array([frequency.low, frequency.high]) / frequency.value) ** (1 / power)
     EI = Estimate(stiffness, *map(float, stiffness * spread), "N·m²", reason)
     unit = scenario.about(path).unit_text().strip()
-    damping, final = _solve_damping(fitted, path, ratio, lambda one: first_mode(one, in_loop, middle)[1], unit, reason)
+    damping, final = _solve_damping(fitted, path, ratio, lambda one: mode(one, middle)[1], unit, reason)
     return BeamParameters(EI, density, damping, path, frequency, ratio, final)
 
 
@@ -269,7 +271,9 @@ def first_mode(scenario: Scenario, in_loop: bool, pose: Pose | None = None) -> t
     raise StudyError(NO_RING)
 
 
-def _solve_stiffness(scenario: Scenario, frequency: float, in_loop: bool, pose: Pose | None) -> tuple[Scenario, float]:
+def _solve_stiffness(
+    scenario: Scenario, frequency: float, frequency_of: Callable[[Scenario], float]
+) -> tuple[Scenario, float]:
     """The scenario with the stiffness that gives this frequency, and d ln f / d ln EI there, by secant steps.
 
     In a vice f grows as √EI. Near its buckling load a pressed beam's f grows much faster, and a long step makes it buckle.
@@ -278,7 +282,7 @@ def _solve_stiffness(scenario: Scenario, frequency: float, in_loop: bool, pose: 
     field = "payload.bending_stiffness"
 
     def missing(scenario: Scenario) -> float:
-        return float(np.log(frequency / first_mode(scenario, in_loop, pose)[0]))
+        return float(np.log(frequency / frequency_of(scenario)))
 
     miss, step, power = missing(scenario), NUDGE, np.nan
     for _ in range(ROUNDS):

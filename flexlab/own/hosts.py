@@ -1,6 +1,8 @@
 """Which texts in Python may run, and where each runs: in this process, or in one of its own where it can do no harm."""
 
+import atexit
 import ctypes
+import gc
 import os
 import socket
 import struct
@@ -185,6 +187,14 @@ def close_all() -> None:
             if isinstance(one, OwnProcess):
                 one.close()
         known.clear()
+
+
+@atexit.register
+def _leave_nothing_open() -> None:
+    """End all processes, and close their sockets, which Python would report under -W error."""
+    if known:
+        close_all()
+        gc.collect()  # A law is part of a circle. A kernel that still runs keeps its law, and so its sockets.
 
 
 def allow(source: str, file: str) -> None:

@@ -12,7 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lab_process import Command
 from own_law_text import PD, at_work
+from own_path_text import ROUND
 from waiting import wait_until
 
 from flexlab.errors import ScenarioError
@@ -283,3 +285,12 @@ def test_a_lab_closes_while_a_law_loads():
     closing.start()
     closing.join(20)
     assert not closing.is_alive()
+
+
+def test_a_command_ends_without_open_sockets(flexlab_process: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("PYTHONWARNINGS", "error::ResourceWarning")
+    (tmp_path / "law.py").write_text(PD, encoding="utf-8")
+    (tmp_path / "path.py").write_text(ROUND, encoding="utf-8")
+    done = flexlab_process("run", "paper", "--law", "law.py", "--path", "path.py", "--duration", "0.01")
+    assert done.returncode == 0, done.stderr
+    assert "ResourceWarning" not in done.stderr

@@ -8,6 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pyarrow as pa
 import pytest
 from rerun import any_batch_value
 
@@ -18,6 +20,7 @@ from flexlab.recording.checksums import checked
 from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.importing import import_into
 from flexlab.recording.reader import read_recording, read_scenario
+from flexlab.recording.rerun_internals.chunks import Column, new_stream, scalars, send_columns, stream_rows
 from flexlab.recording.run_encoder import RunEncoder
 from flexlab.recording.run_info import RunInfo
 from flexlab.sim.samples import Run, Samples
@@ -250,3 +253,16 @@ def test_odd_end_records(monkeypatch: pytest.MonkeyPatch, written: Callable[[], 
 
     monkeypatch.setattr(run_encoder, "checked", odd)
     check(written(), refused=name == "time_s")
+
+
+def test_a_column_packed_as_a_dictionary_is_not_unpacked(tmp_path: Path) -> None:
+    """Its rows share one text: a file of 30 kB filled the memory."""
+    shared = pa.DictionaryArray.from_arrays(pa.array([0, 0, 0], pa.int32()), pa.array(["x" * 100_000]))
+    ends = pa.array([0, 1, 2, 3], pa.int32())
+    column = Column("Events", "text", None, pa.ListArray.from_arrays(ends, shared))
+    stream = new_stream("flexlab", "odd")
+    stream.save(tmp_path / "odd.rrd")
+    send_columns(stream, "/exact/events", np.array([0.0, 0.1, 0.2]), [column, scalars(np.zeros((3, 1)))])
+    stream.disconnect()
+    rows = [row for _, row in stream_rows(tmp_path / "odd.rrd", ["/exact/events"])]
+    assert rows == [(nanoseconds, {"scalars": 0.0}) for nanoseconds in (0, 100_000_000, 200_000_000)]

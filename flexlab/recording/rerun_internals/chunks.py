@@ -194,12 +194,17 @@ def _stream(reader: RrdReader) -> LazyChunkStream:
 
 def _rows(batch: pa.RecordBatch) -> Iterator[Row]:
     """Each row with the first value of every component."""
-    components = [name for name in batch.schema.names if name not in (TIMELINE, ROW_ID)]
+    components = [field.name for field in batch.schema if field.name != ROW_ID and _is_plain(field.type)]
     columns = {name.rpartition(":")[2]: batch.column(name).to_pylist() for name in components}
     for row, instant in enumerate(_instants(batch)):
-        # In a damaged file, a column that is no component may have any name.
         lists = {name: column[row] for name, column in columns.items() if isinstance(column[row], list)}
         yield instant, {name: values[0] for name, values in lists.items() if values}
+
+
+def _is_plain(kind: pa.DataType) -> bool:
+    """Whether a column has lists of numbers or texts, as flexlab's have; a dictionary would unpack to any size."""
+    is_text = (pa.types.is_string, pa.types.is_large_string, pa.types.is_binary, pa.types.is_large_binary)
+    return pa.types.is_list(kind) and any(test(kind.value_type) for test in (pa.types.is_primitive, *is_text))
 
 
 def _instants(batch: pa.RecordBatch) -> list[int]:

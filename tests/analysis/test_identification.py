@@ -327,6 +327,13 @@ def test_the_stiffness_of_a_real_beam_is_stated_beside_that_of_a_coarse_mesh(tmp
     assert not [note for note in fit_file(file).notes if "mesh" in note], "without a scenario there is no stiffness"
 
 
+def test_the_line_that_tells_excel_the_separator_is_skipped(tmp_path: Path):
+    file = write_signal(tmp_path / "set.csv", ring(np.arange(0, 0.4, 1e-3), 44.0, 0.03, 1e-3))
+    known = read_measured(file)
+    file.write_text("sep=;\r\n" + file.read_text(encoding="utf-8"), encoding="utf-8-sig")
+    np.testing.assert_array_equal(read_measured(file).signal, known.signal)
+
+
 def test_decimal_commas_are_read_where_they_separate_no_columns(tmp_path: Path):
     signal = ring(np.arange(0, 0.5, 1e-3), 30.0, 0.02, 1e-3)
     by_point = read_measured(write_signal(tmp_path / "point.csv", signal))
@@ -421,7 +428,13 @@ def test_a_signal_that_is_no_deflection_is_fitted_but_not_kept_as_a_run(flexlab_
         (("back.csv",), "time does not rise at row"),
         (("empty.csv",), "has 0 columns"),
         (("unitless.csv",), "the unit of time is not known"),
-        (("binary.csv",), "cannot be read as a CSV file"),
+        (("binary.csv",), "binary.csv is not text in UTF-8: save it as CSV in UTF-8."),
+        (("nameless.csv",), "nameless.csv begins with numbers: write the columns' names and units above them"),
+        (("commas.csv",), "2 names above a row of 4 values, 0,001,0,5: name every column, and separate numbers with"),
+        (
+            ("units.csv",),
+            "no two rows with numbers in both columns, the first row being 0 s, 1 mm: check names and numbers.",
+        ),
         (("nothing",), "no recording nothing"),
         (
             ("old.mat",),
@@ -435,6 +448,9 @@ def test_bad_input_is_one_sentence(flexlab_command: Command, tmp_path: Path, wor
     (tmp_path / "empty.csv").write_text("")
     (tmp_path / "unitless.csv").write_text("t,y\n0,1\n1,2\n")
     (tmp_path / "binary.csv").write_bytes(bytes(range(256)))
+    (tmp_path / "nameless.csv").write_text("0,1\n1,2\n")
+    (tmp_path / "commas.csv").write_text("t [s],y [mm]\n0,001,0,5\n0,002,0,4\n")
+    (tmp_path / "units.csv").write_text("t [s],y [mm]\n0 s,1 mm\n1 s,2 mm\n")
     (tmp_path / "old.mat").write_bytes(b"MATLAB 7.3 MAT-file")
     done = flexlab_command("fit", *words)
     assert done.returncode == 2, done.stdout

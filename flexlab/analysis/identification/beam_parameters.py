@@ -54,6 +54,16 @@ def read_measured(path: Path, time: str | None = None, signal: str | None = None
     without a number are left out and counted. Raises `StudyError`.
     """
     names, rows, comma = _read(path)
+    if names and all(math.isfinite(_number(names, place, comma)) for place in range(len(names))):
+        raise StudyError(
+            f"{path} begins with numbers: write the columns' names and units above them, as in t [s],w [mm]."
+        )
+    wide = next((row for row in rows if not comma and any(row[len(names) :])), None)
+    if wide is not None:  # As 0,001,0,5 is: its numbers would be 0 and 1.
+        raise StudyError(
+            f"{path} has {counted(len(names), 'name')} above a row of {counted(len(wide), 'value')}, "
+            f"{visible(','.join(wide), LONGEST_NAME)}: name every column, and separate numbers with decimal commas by ;."
+        )
     t_place, t_unit = _column(path, names, time, 0)
     y_place, y_unit = _column(path, names, signal, 1)
     if t_place == y_place:
@@ -70,7 +80,7 @@ def read_measured(path: Path, time: str | None = None, signal: str | None = None
     good = np.isfinite(pairs).all(axis=1)
     t, y = pairs[good].T * np.array([[TIME_UNITS[t_unit]], [SIGNAL_UNITS.get(y_unit, 1.0)]])
     if len(t) < 2:
-        raise StudyError(f"{path} has no two rows with numbers in both columns: check their names.")
+        raise StudyError(f"{path} has no two rows with numbers in both columns{_first(rows)}: check names and numbers.")
     back = np.flatnonzero(np.diff(t) <= 0) + 1
     if len(back):
         row = np.flatnonzero(good)[back[0]] + 1
@@ -102,7 +112,8 @@ def _read(path: Path) -> tuple[list[str], list[list[str]], bool]:
         if path.stat().st_size > LARGEST_FILE:
             raise StudyError(f"{path} is larger than {LARGEST_FILE // 1_000_000} MB: cut out what is to be fitted.")
         with path.open(encoding="utf-8-sig", newline="") as file:
-            lines = (line for line in file if line.strip() and not line.startswith("#"))
+            # Excel takes a first line "sep=;" for a remark, too.
+            lines = (line for line in file if line.strip() and not line.startswith(("#", "sep=")))
             first = next(lines, "")
             semicolons, tabs, commas = map(first.count, ";\t,")
             dialect = ";" if semicolons > commas else "\t" if tabs > commas else ","
@@ -110,9 +121,15 @@ def _read(path: Path) -> tuple[list[str], list[list[str]], bool]:
             return [name.strip() for name in names], list(csv.reader(lines, delimiter=dialect)), dialect != ","
     except FileNotFoundError:
         raise StudyError(f"There is no file {path}: check the name.") from None
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+    except UnicodeDecodeError:
+        raise StudyError(f"{path} is not text in UTF-8: save it as CSV in UTF-8.") from None
+    except (OSError, csv.Error) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise StudyError(f"{path} cannot be read as a CSV file ({visible(reason, 120)}).") from None
+
+
+def _first(rows: list[list[str]]) -> str:
+    return f", the first row being {visible(', '.join(rows[0]), LONGEST_NAME)}" if rows else ""
 
 
 def _parts(name: str) -> tuple[str, str]:

@@ -221,7 +221,7 @@ def test_every_page_speaks_german_chinese_and_english(page: Page) -> None:
 
     page.get_by_label("Language").select_option("zh")
     tabs.first.press("Enter")
-    page.get_by_role("slider", name="弯曲刚度 EI", exact=True).wait_for()
+    page.get_by_role("slider", name="抗弯刚度 EI", exact=True).wait_for()
     label = page.locator(PANEL).get_by_text("(N·m²)").first
     assert label.evaluate(WIDTH_OF_DOT) < 0.6, "the dot of units is narrow, in em"
     verdict = told_of_fields(page)[-3]

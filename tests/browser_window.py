@@ -61,10 +61,17 @@ SELDOM = f"""(() => {{
 }})()"""
 
 UNDRAWN = """(() => {
-  for (const call of ['Arrays', 'Elements', 'ArraysInstanced', 'ElementsInstanced'])
-    WebGL2RenderingContext.prototype[`draw${call}`] = () => {};
+  let drawn = false;
+  window.flexlabDraw = (wanted) => { drawn = wanted; };
+  const all = WebGL2RenderingContext.prototype;
+  for (const call of ['drawArrays', 'drawElements', 'drawArraysInstanced', 'drawElementsInstanced']) {
+    const draw = all[call];
+    all[call] = function (...what) { if (drawn) draw.apply(this, what); };
+  }
 })()"""
 """Script that skips the last step of each frame, the pixels: they take a processor, and few tests look at them."""
+DRAW = "(wanted) => window.flexlabDraw?.(wanted)"
+"""Script that has a page draw the pixels as well (true), or skip them again (false)."""
 BUT_THE_VIEWER = f"if (!location.pathname.includes('/viewer/')) {UNDRAWN}"
 
 

@@ -2,9 +2,11 @@
 
 import itertools
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
-from browser_window import PICTURES, REST, open_window
+from browser_window import DRAW, PICTURES, REST, open_window
 from playwright.sync_api import Browser, Error, Locator, TimeoutError
 from waiting import ARTIFACTS, PATIENCE
 from waiting import wait_until as wait_until
@@ -81,15 +83,22 @@ def address(session: Session, coarsely: bool = True) -> str:
 
 
 class LabPage:
-    """One browser window on one session; a context manager."""
+    """One browser window on one session; a context manager. `coarsely`: see `address`."""
 
-    def __init__(self, browser: Browser, session: Session, size: tuple[int, int] = (1440, 900), **options: Any):
+    def __init__(
+        self,
+        browser: Browser,
+        session: Session,
+        size: tuple[int, int] = (1440, 900),
+        coarsely: bool = True,
+        **options: Any,
+    ):
         self.session = session
         self._context = open_window(browser, *size, accept_downloads=True, **options)
         self.page = self._context.new_page()
         self.errors: list[str] = []
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
-        self.page.goto(address(session, coarsely=not options.get("drawn")))
+        self.page.goto(address(session, coarsely))
 
     def __enter__(self) -> "LabPage":
         self.page.wait_for_function(READY, timeout=1000 * PATIENCE)
@@ -120,6 +129,15 @@ class LabPage:
     def rest(self, rests: bool = True) -> None:
         """Stop drawing, or draw again if `rests` is false."""
         self.page.evaluate(REST, rests)
+
+    @contextmanager
+    def drawn(self) -> Iterator[None]:
+        """Draw the pixels of the scene meanwhile, which what begins in here can look at."""
+        self.page.evaluate(DRAW, True)
+        self._wait_for_frames()
+        yield
+        if not PICTURES:
+            self.page.evaluate(DRAW, False)
 
     def begin_anew(self) -> None:
         """Load the paper's preset and play it at full speed, whatever ran before; undo history and view settings stay."""
@@ -158,6 +176,9 @@ class LabPage:
             word = f"look {next(WORDS)}"
             self.session.lab_state.say(word)
             self.wait_for_text(word)
+        self._wait_for_frames()
+
+    def _wait_for_frames(self) -> None:
         frame = self.page.evaluate(FRAMES)
         self.page.wait_for_function(DRAWN_SINCE, arg=frame, timeout=1000 * PATIENCE)
 
@@ -292,6 +313,12 @@ class LastingWindow:
         if self._page is None:
             self._page = LabPage(self._browser, session).__enter__()
         return self._page
+
+    def adopt(self, session: Session) -> None:
+        """Take a session that the page shows already, instead of the last one, which has ended, for the tests that follow."""
+        self._session = session
+        if self._page is not None:
+            self._page.session = session
 
     def rest(self) -> None:
         """End the last lab; its page draws nothing until it shows another one."""

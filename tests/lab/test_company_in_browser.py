@@ -22,20 +22,6 @@ WAY = "() => document.querySelector('.fl-reports')?.dataset.way"
 BACKGROUND, WHITE = "getComputedStyle(document.body).backgroundColor", "rgb(255, 255, 255)"
 
 
-def test_two_browsers_stay_in_step_and_a_late_one_sees_the_running_state(chromium: Browser, page: LabPage) -> None:
-    page.enter(EI, "20")
-    wait_until(lambda: page.snapshot.scenario.payload.bending_stiffness == 20.0, "the change is taken")
-    with LabPage(chromium, page.session) as second:
-        wait_until(lambda: second.box(EI).input_value() == "20", "the late one sees the value")
-        second.press("Pause")
-        page.wait_for_text("Paused")
-        second.enter(EI, "30")
-        wait_until(lambda: page.box(EI).input_value() == "30", "the first one sees the second one's value")
-        wait_until(lambda: np.allclose(page.beam_vertex(), second.beam_vertex(), atol=1e-6), "both draw the same beam")
-    page.press("Play")
-    wait_until(lambda: page.snapshot.playing, "the lab goes on when one leaves")
-
-
 def test_a_lost_connection_comes_back_to_the_running_lab(page: LabPage) -> None:
     page.enter(EI, "20")
     wait_until(lambda: page.snapshot.scenario.payload.bending_stiffness == 20.0, "the change is taken")
@@ -50,16 +36,15 @@ def test_a_lost_connection_comes_back_to_the_running_lab(page: LabPage) -> None:
     wait_until(lambda: page.snapshot.scenario.payload.bending_stiffness == 25.0, "it can be used as before")
 
 
-def test_open_panels_are_open_again_after_the_lab_restarts(window: LastingWindow) -> None:
-    page = window.lab()
+def test_open_panels_are_open_again_after_the_lab_restarts(window: LastingWindow, page: LabPage) -> None:
     page.press("Pause")
     way = page.page.evaluate(WAY)
     page.session.stop()
-    with Session(load_preset("paper"), "paper", port=window.port, shadows=False):
-        wait_until(lambda: page.page.evaluate(WAY) not in (None, way), "the page is in the new lab")
-        for is_open in (PLOTS_OPEN, GUIDE_OPEN):
-            page.page.wait_for_function(is_open)
-        window.rest()
+    window.adopt(Session(load_preset("paper"), "paper", port=window.port, shadows=False))
+    page.session.start()
+    wait_until(lambda: page.page.evaluate(WAY) not in (None, way), "the page is in the new lab")
+    for is_open in (PLOTS_OPEN, GUIDE_OPEN):
+        page.page.wait_for_function(is_open)
 
 
 def all_is_on_the_screen(page: LabPage, size: str, looks: tuple[str, ...]) -> None:
@@ -93,12 +78,20 @@ def is_above(upper: Locator, lower: Locator) -> bool:
     return boxes[0] is not None and boxes[1] is not None and boxes[0]["y"] < boxes[1]["y"]
 
 
-def test_nothing_is_clipped_on_a_phone_that_starts_in_dark_mode(chromium: Browser, page: LabPage) -> None:
-    page.press("Pause")
-    page.rest()
+def test_a_phone_that_starts_in_dark_mode_stays_in_step_and_clips_nothing(chromium: Browser, page: LabPage) -> None:
+    """A late browser sees the running state, and both draw the same."""
+    page.enter(EI, "20")
+    wait_until(lambda: page.snapshot.scenario.payload.bending_stiffness == 20.0, "the change is taken")
     with LabPage(chromium, page.session, (390, 844), color_scheme="dark") as phone:
         phone.wait_for_text("simulation time t")
         wait_until(lambda: phone.page.evaluate(SCHEME) == "dark", "it is dark from the start")
+        wait_until(lambda: phone.box(EI).input_value() == "20", "the late one sees the value")
+        phone.press("Pause")
+        page.wait_for_text("Paused")
+        phone.enter(EI, "30")
+        wait_until(lambda: page.box(EI).input_value() == "30", "the first one sees the second one's value")
+        wait_until(lambda: np.allclose(page.beam_vertex(), phone.beam_vertex(), atol=1e-6), "both draw the same beam")
+        page.rest()
         all_is_on_the_screen(phone, "390x844", ("dark", "light"))
         for name in ("Motion", "Guide"):
             heading = phone.page.get_by_role("button", name=f"Expand panel {name}", exact=True)
@@ -108,6 +101,9 @@ def test_nothing_is_clipped_on_a_phone_that_starts_in_dark_mode(chromium: Browse
         phone.wait_for_text("Mid-span deflection, true size")
         wait_until(lambda: phone.page.evaluate(OVERFLOWING) == [], "nor is anything cut beside open plots", 20)
         assert not phone.errors
+    page.rest(False)
+    page.press("Play")
+    wait_until(lambda: page.snapshot.playing, "the lab goes on when one leaves")
 
 
 def test_large_bending_is_flagged(page: LabPage) -> None:

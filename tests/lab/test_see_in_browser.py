@@ -65,20 +65,22 @@ def is_legible(legend: list[str]) -> bool:
 
 
 def test_arms_and_beam_are_drawn_in_their_colours_at_their_places(chromium: Browser, session: Session) -> None:
-    with LabPage(chromium, session, drawn=True) as page:
+    with LabPage(chromium, session, coarsely=False) as page:
         first = page.camera()
         page.open_tab("View")
         page.press("Overview")  # The bases lie outside the first view.
         wait_until(lambda: math.dist(first, page.camera()) > 0.05, "the whole machine is in the picture")
         page.hold()
         page.catch_up()
-        for arm, color in zip(page.snapshot.scenario.arms, colors.ARMS, strict=True):
-            assert pixels_of(page, page.pixel(*arm.base, 0.0), color) > MANY
+        with page.drawn():
+            for arm, color in zip(page.snapshot.scenario.arms, colors.ARMS, strict=True):
+                assert pixels_of(page, page.pixel(*arm.base, 0.0), color) > MANY
         whole = page.camera()
         page.press("Payload")  # Clear of the panels and plots that lie over the picture.
         wait_until(lambda: math.dist(whole, page.camera()) > 0.05, "the payload fills the picture")
         page.catch_up()
-        assert pixels_of(page, page.beam_pixel(), colors.BEAM) > MANY
+        with page.drawn():
+            assert pixels_of(page, page.beam_pixel(), colors.BEAM) > MANY
 
 
 def test_exaggeration_scales_the_drawing_and_nothing_else(page: LabPage) -> None:

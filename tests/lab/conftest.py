@@ -4,13 +4,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from browser_window import PAUSE
 from lab_page import LabPage, LastingWindow, wait_until
 from playwright.sync_api import Browser
 from waiting import PATIENCE
 
 from flexlab.lab import lab_state
-from flexlab.lab import session as lab_session
 from flexlab.lab.panel import number_control, panel
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset
@@ -74,15 +72,6 @@ NEXT = pytest.StashKey[pytest.Item | None]()
 def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
     """Remember which test runs next: the window stays open if that is a test of the lab."""
     item.session.stash[NEXT] = nextitem
-
-
-@pytest.fixture(scope="module")
-def few_pictures() -> Iterator[None]:
-    """Let labs send only as many pictures as a page of the tests draws."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(lab_session, "FRAME_TIME", PAUSE / 1000)
-        patch.setattr(lab_session, "READOUT_EVERY", 1)
-        yield
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,8 @@ from playwright.sync_api import Browser, BrowserContext
 
 PAUSE = 250
 """Pause after each frame, ms: without it a page draws all the time and takes a whole processor."""
+VIEWERS_PAUSE = 1000
+"""The same for rerun's viewer, each of whose frames takes a third of a second of processor time."""
 LEFT_OUT = (
     # Hidden pages that every window keeps ready below its address bar: three quarters of an empty window's cost.
     *("WebUIOmniboxPopup", "WebUIOmniboxAimPopup"),
@@ -41,6 +43,8 @@ REST = "(rests) => window.flexlabRest(rests)"
 """Script that stops a page from drawing (true) and lets it go on (false)."""
 SELDOM = f"""(() => {{
   const draw = window.requestAnimationFrame.bind(window);
+  const isViewer = location.pathname.includes('/viewer/') || new URLSearchParams(location.search).has('url');
+  const pause = isViewer ? {VIEWERS_PAUSE} : {PAUSE};
   const waiting = new Map();
   let count = 0, timer = null, rests = false;
   const run = (now) => {{
@@ -49,7 +53,7 @@ SELDOM = f"""(() => {{
     waiting.clear();
     for (const call of calls) {{ try {{ call(now); }} catch (error) {{ reportError(error); }} }}
   }};
-  const begin = () => {{ if (!rests && waiting.size) timer ??= setTimeout(() => draw(run), {PAUSE}); }};
+  const begin = () => {{ if (!rests && waiting.size) timer ??= setTimeout(() => draw(run), pause); }};
   window.requestAnimationFrame = (call) => {{
     count += 1;
     waiting.set(count, call);
@@ -72,6 +76,8 @@ UNDRAWN = """(() => {
 """Script that skips the last step of each frame, the pixels: they take a processor, and few tests look at them."""
 DRAW = "(wanted) => window.flexlabDraw?.(wanted)"
 """Script that has a page draw the pixels as well (true), or skip them again (false)."""
+QUIET = "console.debug = () => {}"
+"""Script without which rerun's viewer sends eleven thousand notes, each with a list of calls: a third of what it takes."""
 BUT_THE_VIEWER = f"if (!location.pathname.includes('/viewer/')) {UNDRAWN}"
 
 
@@ -80,6 +86,7 @@ def open_window(browser: Browser, width: int, height: int, drawn: bool = PICTURE
     context = browser.new_context(viewport={"width": width, "height": height}, **options)
     context.set_default_timeout(PATIENCE)
     context.add_init_script(SELDOM)
+    context.add_init_script(QUIET)
     if not drawn:
         context.add_init_script(BUT_THE_VIEWER)
     return context

@@ -508,6 +508,29 @@ def test_a_law_is_said_to_know_the_mass_that_the_payload_has_then():
     )
 
 
+@pytest.mark.parametrize(
+    ("period", "delay", "cure", "outside"),
+    [
+        (0.002, 0, "brings it back inside.", (0.0, 0.0)),
+        (0.002, 1, "brings it back inside most of the time.", (0.0, 0.2)),
+        (0.004, 1, "the control period of 4 ms has to be shorter first.", (0.5, 1.0)),
+        (0.008, 1, "the control period of 8 ms has to be shorter first.", None),
+    ],
+)
+def test_a_gain_that_the_clock_does_not_allow_is_not_advised(period, delay, cure, outside) -> None:
+    """K that brings s back inside its layer made the loop diverge where torques come late. None: it does."""
+    scenario = load_preset("weak-feedback").replace(
+        {"controller.control_period": period, "controller.input_delay": delay}
+    )
+    said = sentences(scenario, simulate(scenario, 3.0))["outside the boundary layer"]
+    assert said.endswith(cure)
+    followed = simulate(scenario.replace({"controller.feedback_gain": 1.02 * advised(r"K above ([\d.]+)", said)}), 3.0)
+    assert followed.status.failed == (outside is None)
+    if outside is not None:
+        size = np.linalg.norm(followed.sliding_variable[followed.time > 2.0], axis=1)
+        assert outside[0] <= float((size > scenario.controller.boundary_layer).mean()) <= outside[1]
+
+
 def test_the_sample_at_a_change_is_explained_by_nothing_that_comes_after_it():
     """Its share of the former buckling load was multiplied by the present one: 1940 N where 25 N pressed."""
     squeezed = load_preset("soft-beam").replace({"controller.wanted_internal_force": 20.0})

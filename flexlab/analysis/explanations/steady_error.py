@@ -4,9 +4,11 @@ import numpy as np
 
 from flexlab.analysis.explanations.explanation import Evidence, n, register
 from flexlab.analysis.explanations.growth import lateness
+from flexlab.analysis.law_conditions import circumstances
 from flexlab.analysis.lesson_measures import bound_terms, largest, length
 from flexlab.control.conditions import Circumstances, stability_limit
 from flexlab.control.law import laws
+from flexlab.errors import ScenarioError
 from flexlab.sim.samples import Samples
 
 WORTH = 1e-5
@@ -15,6 +17,8 @@ OFTEN = 0.05
 """Least share of the time with s outside its layer."""
 AGREES = (0.4, 1.25)
 """Range of measured over predicted error; the prediction is a bound for a slow motion."""
+SWIFT, TOO_SWIFT = 0.25, 0.5
+"""Shares of a sampled loop's stability limit above which s leaves the layer again: for up to 15 % and for most of the time."""
 FASTEST = 1000.0
 """Largest ‖s‖, m/s, at which a feedback gain is still said to hold a force."""
 
@@ -51,15 +55,29 @@ def outside_the_layer(seen: Evidence) -> str | None:
     return (
         f"‖s‖ is outside its boundary layer of {n(layer)} m/s for {n(100 * share)} % of the last second, up to "
         f"{n(float(size.max()))} m/s: the beam asks for ‖Ψ‖ = {n(force)} N, and K = {n(gain)} N·s/m "
-        f"{held}. K above {n(force / layer)} N·s/m {_brings_back(seen)}."
+        f"{held}. {_cure(seen, force / layer)}"
     )
 
 
-def _brings_back(seen: Evidence) -> str:
-    """What else increases the law's feedback, and the end of the sentence."""
+def _cure(seen: Evidence, needed: float) -> str:
+    """What brings s back inside its layer, `needed`: the K for it, N·s/m; or why nothing does."""
+    law, also = seen.scenario.controller, ""
     if seen.field("adaptation") is not None:
-        return "or faster adaptation brings it back inside"
-    return "brings it back inside" if seen.field("bound") is None else "or a larger ρ̂ brings it back inside"
+        also = " or faster adaptation"
+    elif seen.field("bound") is not None:
+        also = " or a larger ρ̂"
+    part = "controller" if hasattr(law, "feedback_gain") else "controller.slow"
+    try:
+        raised = seen.scenario.replace({f"{part}.feedback_gain": needed})
+    except ScenarioError:
+        return f"That would take K = {n(needed)} N·s/m, more than K may be: the path has to ask for less."
+    share = circumstances(raised).fastest_rate * (law.control_period or 0.0) / stability_limit(law.input_delay)
+    if share > TOO_SWIFT:
+        return (
+            f"K above {n(needed)} N·s/m would bring it back inside, but torques that come so late make a loop that fast "
+            f"overshoot or diverge: the control period of {n(1e3 * law.control_period)} ms has to be shorter first."
+        )
+    return f"K above {n(needed)} N·s/m{also} brings it back inside{' most of the time' if share > SWIFT else ''}."
 
 
 def _late_force(seen: Evidence, around: Circumstances) -> float:

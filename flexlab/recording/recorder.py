@@ -141,7 +141,7 @@ class Recorder:
                 job()
                 self._keep_up()
             except Exception as error:  # The lab must go on whatever becomes of its recording.
-                self._report(f"The recorder stumbled ({type(error).__name__}: {error}).")
+                self._report(f"The recorder failed ({type(error).__name__}: {error}).")
                 if job is None:
                     return
 

@@ -23,7 +23,7 @@ class Arm(Part):
     )
     link_inertia: Triple | None = quantity(
         None,
-        title="Link inertias about the centre (null: m L²/12)",
+        title="Link inertias about the centre (null: m l²/12)",
         symbol="I_c",
         unit="kg·m²",
         low=0,

@@ -72,7 +72,7 @@ def test_a_beam_that_comes_again_gives_the_same_rows_whether_it_was_kept_or_not(
     ("vary", "kind", "says"),
     [
         (["bending_stiffness=1:2"], ScenarioError, "did you mean payload.bending_stiffness?"),
-        ([f"{EI}=5:1"], StudyError, "runs backwards or nowhere: write the smaller limit first"),
+        ([f"{EI}=5:1"], StudyError, "is empty or reversed: write the smaller limit first"),
         ([f"{EI}=1:5:0"], StudyError, "asks for 0 values"),
         ([f"{EI}=-1:5:3"], StudyError, "−1 N·m² is outside the allowed range 0.001 to 10¹² N·m²"),
         (["gravity=0:5:log:3"], StudyError, "is logarithmic and begins at 0"),

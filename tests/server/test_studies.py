@@ -206,7 +206,7 @@ def test_too_many_studies_are_refused_and_cancelled_ones_end(server: FrontServer
         ({"count1": "0"}, "asks for 0 values: a range has 2 to 1000000"),
         ({"count1": "2.5"}, "is not a whole number"),
         ({"low1": "9"}, ""),
-        ({"low1": "10"}, "Length L: 10 to 9.5 runs backwards or nowhere"),
+        ({"low1": "10"}, "Length L: 10 to 9.5 is empty or reversed"),
         ({"low1": "nan"}, "The lower limit of Length L 'nan' is not a number"),
         ({"low1": "x" * 5000}, "is not a number"),
         ({"high1": "1e9"}, "is outside the allowed range 0.05 to 10 m"),

@@ -125,7 +125,7 @@ def _range(path: str, text: str, whole: bool) -> Axis:
     if not math.isfinite(high - low):
         raise StudyError(f"{path}={_shown(text)} is too wide: choose limits that are nearer to each other.")
     if low >= high:
-        raise StudyError(f"{path}={text} runs backwards or nowhere: write the smaller limit first.")
+        raise StudyError(f"{path}={text} is empty or reversed: write the smaller limit first.")
     if not 2 <= count <= MOST_VALUES:
         asked = f"{path}={_shown(text)} asks for {visible(words[2], 20)} values"
         raise StudyError(f"{asked}: a range has 2 to {MOST_VALUES}.")

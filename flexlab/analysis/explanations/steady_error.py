@@ -77,7 +77,8 @@ def _cure(seen: Evidence, needed: float) -> str:
             f"K above {n(needed)} N·s/m would bring it back inside, but torques that come so late make a loop that fast "
             f"overshoot or diverge: the control period of {n(1e3 * law.control_period)} ms has to be shorter first."
         )
-    return f"K above {n(needed)} N·s/m{also} brings it back inside{' most of the time' if share > SWIFT else ''}."
+    end = "brings it back inside most of the time" if share > SWIFT else "brings it back inside"
+    return f"K above {n(needed)} N·s/m{also} {end}."
 
 
 def _late_force(seen: Evidence, around: Circumstances) -> float:

@@ -115,6 +115,13 @@ def test_nan_is_refused_in_every_field(path):
         ("controller", 5, "it has fields of its own"),
         ("payload", "abc", "payload = 'abc' is not usable: it has fields of its own"),
         ("title", 5, "give a text"),
+        ("title", "x" * 300, "title has 300 characters: 120 are the most, shorten it."),
+        ("trajectory", {"kind": "table", "rows": 5}, "trajectory.rows = 5 is not usable: give a list."),
+        (
+            "trajectory",
+            {"kind": "table", "rows": []},
+            "trajectory.rows = [] has too few usable entries: give 2 or more.",
+        ),
         ("joints.encoders.counts", np.float64(4096), "needs a list of numbers"),
         ("controller.torque_limit", np.float32(50), "needs a list of numbers"),
         ("controller.feedback_gain", np.array(50.0), "needs a list of numbers"),

@@ -138,6 +138,17 @@ def problem(model: type[Part], item: Any) -> tuple[str, str]:
         return path, f"{path} = {shown} is not usable: it has fields of its own, so give a dictionary of them."
     if kind in ("string_type", "string_unicode"):
         return path, f"{path} = {shown} is not usable: give a text."
+    if kind == "string_too_long":
+        return (
+            path,
+            f"{path} has {len(item['input'])} characters: {item['ctx']['max_length']} are the most, shorten it.",
+        )
+    if kind == "tuple_type":
+        return path, f"{path} = {shown} is not usable: give a list."
+    if kind == "too_short":
+        return path, f"{path} = {shown} has too few usable entries: give {item['ctx']['min_length']} or more."
+    if kind == "too_long":
+        return path, f"{path} has too many entries: {item['ctx']['max_length']} are the most."
     if kind in ("mesh", "arms", "inertia", "sampling", "integrator", "path"):
         return path, f"{path + ': ' if path else ''}{text}."
     return path, f"{path} = {shown}: {text}."

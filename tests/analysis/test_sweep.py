@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as parquet
 import pytest
@@ -49,10 +50,21 @@ def test_ranges_and_lists_are_read():
     assert len(axes(f"{EI}=1:2")[0].values) == 10
     (one,) = parse_axes({EI: np.array([1.0, 2.0])}, load_preset("paper"))
     assert one.values == (1.0, 2.0)
+    for column in (pd.Series([1.0, 2.0]), pd.Index([1, 2]), pa.array([1, 2])):
+        assert parse_axes({EI: column}, load_preset("paper"))[0].values == (1.0, 2.0)
     (two,) = parse_axes({"payload.element_count": [np.int64(2), np.float32(4)]}, load_preset("paper"))
     assert two.values == (2, 4)
     (three,) = parse_axes({"trajectory.center": [np.array([0.0, 0.7, 0.0])]}, load_preset("paper"))
     assert three.values == ((0.0, 0.7, 0.0),)
+
+
+@pytest.mark.parametrize("given", [b"50", bytearray(b"50"), pd.DataFrame({"EI": [50, 60]})])
+def test_bytes_and_tables_are_no_list_of_values(given: object):
+    """The bytes of b"50" were taken for the values 53 and 48."""
+    with pytest.raises(
+        StudyError, match=r"^payload\.bending_stiffness = .* is not usable: give a range as text, or a list"
+    ):
+        parse_axes({EI: given}, load_preset("paper"))
 
 
 def test_a_beam_that_comes_again_gives_the_same_rows_whether_it_was_kept_or_not():

@@ -141,9 +141,9 @@ def _list(path: str, given: Any) -> tuple[Any, ...]:
     if isinstance(given, str):
         values = parse_value(f"[{given}]")
         values = values if isinstance(values, list) else [parse_value(word.strip()) for word in given.split(",")]
-    if isinstance(values, np.ndarray):
+    if hasattr(values, "tolist"):  # An array, or a column of a table.
         values = values.tolist()
-    if not isinstance(values, Sequence) or isinstance(values, str):
+    if not isinstance(values, Sequence) or isinstance(values, (str, bytes, bytearray)):
         values = [values]
     try:
         plain = json.loads(json.dumps(list(values), allow_nan=False, default=lambda one: one.tolist()))
@@ -157,7 +157,7 @@ def _list(path: str, given: Any) -> tuple[Any, ...]:
 
 
 def _shown(value: Any) -> str:
-    return visible(repr(value), LONGEST)
+    return visible(" ".join(repr(value).split()), LONGEST)
 
 
 NOT_VARIED = ("simulation", "transition", "elbow", "seed")

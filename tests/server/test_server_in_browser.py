@@ -44,6 +44,7 @@ BETWEEN_PICTURES = 1.0
 NEAR, SHARE = 24, 0.0005
 """How near to its colour, of 255, a curve's pixels are, and the least share of the plots that curves and legends cover."""
 
+pytestmark = pytest.mark.usefixtures("few_pictures")
 
 PART = 8_000_000
 """Most bytes of a recording that the viewer requests at once."""
@@ -95,47 +96,22 @@ def wait_for_plots(page: Page, name: str, patience: float = PATIENCE) -> None:
     picture(page, name)
 
 
-def test_the_start_page_leads_into_the_lab(plain_chromium: Browser, front_server: FrontServer):
-    with window(plain_chromium, front_server.url) as page:
-        picture(page, "server-start")
-        page.get_by_role("link", name="Open the lab").click()
-        page.wait_for_function(SCENE, timeout=1000 * PATIENCE)
-        assert front_server.places.running()[0].visitors == 1
-        page.get_by_role("button", name="Share").click()
-        link = page.locator(".server-word input").input_value()
-        assert link.startswith(f"{front_server.url}lab/?scenario=")
-        page.locator(".server-word").get_by_role("button", name="Close").click()
-        picture(page, "server-lab")
-        page.locator("#server-bar").get_by_role("link", name="Runs").click()
-        page.get_by_role("searchbox").wait_for()
-    wait_until(lambda: front_server.places.running()[0].visitors == 0, "the server knows that the visitor has left")
-
-
-def test_a_deep_link_shows_its_preset_and_the_page_tells_when_the_lab_is_gone(
-    plain_chromium: Browser, open_another: Callable[..., FrontServer]
-):
-    front_server = open_another()
-    with window(plain_chromium, f"{front_server.url}lab/soft-beam?fixedDpr=0.5") as page:
-        page.wait_for_function(SCENE, timeout=1000 * PATIENCE)
-        assert urlsplit(page.url).path == "/lab/"
-        wait_until(lambda: "A soft beam" in page.locator("body").inner_text(), "the panel names the preset")
-        front_server.close()
-        # A page that asks while the lab closes is told that it is closed; one that asks later gets no answer.
-        word = page.get_by_role("alert").filter(has_text=re.compile("The lab does not answer|closed"))
-        word.wait_for(timeout=1000 * PATIENCE)
-        picture(page, "server-gone")
-
-
 @pytest.mark.parametrize("private", [False, True])
 def test_a_page_reconnects_to_a_restarted_server(
     plain_chromium: Browser, open_another: Callable[..., FrontServer], private: bool
 ):
     first = open_another(private=private)
-    with window(plain_chromium, f"{first.url}lab/?fixedDpr=0.5") as page:
+    path = "lab/" if private else "lab/soft-beam"  # A deep link shows its preset.
+    with window(plain_chromium, f"{first.url}{path}?fixedDpr=0.5") as page:
         page.wait_for_function(SCENE, timeout=1000 * PATIENCE)
+        if not private:
+            assert urlsplit(page.url).path == "/lab/"
+            wait_until(lambda: "A soft beam" in page.locator("body").inner_text(), "the panel names the preset")
         first.close()
         word = page.locator(".server-word")
-        word.filter(has_text=re.compile("The lab does not answer|closed")).wait_for()
+        # A page that asks while the lab closes is told that it is closed; one that asks later gets no answer.
+        word.and_(page.get_by_role("alert")).filter(has_text=re.compile("The lab does not answer|closed")).wait_for()
+        picture(page, "server-gone")
         if not private:
             # The page may also be told that the lab is closed: a server without a shared lab says so.
             other = open_another(private=True, port=first.port)

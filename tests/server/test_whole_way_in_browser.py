@@ -12,6 +12,8 @@ from test_server_in_browser import MILLI, SCENE, picture, wait_for_plots, window
 from flexlab.recording.reader import read_recording
 from flexlab.server.front_server import FrontServer
 
+pytestmark = pytest.mark.usefixtures("few_pictures")
+
 PAINTED = "performance.getEntriesByType('paint').length > 0"
 """Whether the page's first picture is drawn: Chromium takes no keys before."""
 PRESSES = 3
@@ -40,16 +42,25 @@ def test_from_the_start_page_to_an_imported_run(
     for file in (recorded, recorded.with_suffix(".json")):
         shutil.copy(file, front_server.settings.logs / file.name)
     with window(chromium, front_server.url) as page:
+        picture(page, "way-start")
         page.get_by_role("link", name="Open the lab").click()
         page.wait_for_function(SCENE, timeout=MILLI * PATIENCE)
         place = front_server.places.running()[0]
+        assert place.visitors == 1
         wait_until(lambda: place.status().time > 2.0, "two seconds are recorded")
         live = place.status().recording
         assert live is not None
         # On a busy machine the run would go on for minutes, and the short run beside it would be invisible in the plots.
         page.get_by_role("button", name="Pause", exact=True).click(timeout=MILLI * PATIENCE)
+        page.get_by_role("button", name="Share").click()
+        link = page.locator(".server-word input").input_value()
+        assert link.startswith(f"{front_server.url}lab/?scenario=")
+        page.locator(".server-word").get_by_role("button", name="Close").click()
+        picture(page, "way-lab")
 
         page.locator("#server-bar").get_by_role("link", name="Runs").click()
+        page.get_by_role("searchbox").wait_for()
+        wait_until(lambda: place.visitors == 0, "the server knows that the visitor has left")
         page.locator("#runs").get_by_role("link", name=f"{live.stem[:10]}").first.click()
         page.get_by_text("still being recorded").wait_for()
         wait_for_plots(page, "way-review")

@@ -12,7 +12,7 @@ from aiohttp import hdrs, web
 
 from flexlab.server.connections import Handler
 
-_ADDRESS = re.compile(rb'((?:href|src|action|formaction|data-address|data-recording|data-state)=")/(?!/)')
+_ADDRESS = re.compile(rb'((?:href|src|action|formaction|data-address|data-cells|data-recording|data-state)=")/(?!/)')
 """The beginning of an address of this server in an attribute of a page."""
 
 JUPYTER = "X-Forwarded-Context"

@@ -15,16 +15,22 @@ from aiohttp import web
 
 from flexlab.errors import LabError
 from flexlab.jupyter import lab_server
+from flexlab.presets import load_preset
 from flexlab.server.front_server import STATIC, FrontServer
+from flexlab.server.scenario_links import encode_scenario
 from flexlab.server.settings import Settings
 
 BASE = "/user/ann/flexlab"
-ADDRESSES = re.compile(r'(?:href|src|action|formaction|data-address|data-recording|data-state)="([^"]*)"')
+ADDRESSES = re.compile(r'(?:href|src|action|formaction|data-address|data-cells|data-recording|data-state)="([^"]*)"')
 HUB = {"Host": "hub.example"}
 PATIENCE = aiohttp.ClientTimeout(total=30)
 OF_A_HOP = {"Transfer-Encoding", "Content-Length", "Connection", "Keep-Alive", "Set-Cookie"}
 """Headers that the proxy does not copy but sets itself."""
 PAGES = ("/", "/runs", "/studies", "/leaderboard", "/lab/", "/teacher", "/nothing")
+SWEEP = {
+    "scenario": encode_scenario(load_preset("paper")), "name": "paper", "kind": "sweep", "duration": "0.05",
+    "field1": "payload.bending_stiffness", "low1": "50", "high1": "100", "count1": "2", "field2": "",
+}  # fmt: skip
 ROOTED = re.compile(r"""(?<![$*]=)["'`]/\w""")
 """The start of an address from the root in a script, outside of selectors such as `[src*="/assets/"]`."""
 
@@ -87,7 +93,10 @@ async def look_around(proxy: web.Application, run: str) -> None:
     try:
         # A hub has a host name of its own, not one of loopback.
         async with aiohttp.ClientSession(root, cookie_jar=jar, headers=HUB, timeout=PATIENCE) as browser:
-            found = {BASE + page for page in (*PAGES, f"/runs/{run}")}
+            async with browser.post(f"{BASE}/studies", data=SWEEP, allow_redirects=False) as answer:
+                study = answer.headers["Location"]
+                assert (answer.status, study.startswith(f"{BASE}/studies/")) == (303, True)
+            found = {study, *(BASE + page for page in (*PAGES, f"/runs/{run}"))}
             for page in sorted(found):
                 async with browser.get(page) as answer:
                     assert answer.status == (404 if page.endswith("/nothing") else 200), page
@@ -96,6 +105,7 @@ async def look_around(proxy: web.Application, run: str) -> None:
             addresses = {address for address in found if not address.startswith(("data:", "#", "http"))}
             assert {urlsplit(address).path.startswith(f"{BASE}/") for address in addresses} == {True}, addresses
             assert len(addresses) > 40
+            assert f"{study}/cells/" in addresses, "the cells of a study's map are links, too"
             for address in (address for address in addresses if "/static/" in address or address.endswith(".rrd")):
                 async with browser.get(address) as answer:
                     assert answer.status == 200, address

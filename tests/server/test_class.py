@@ -120,7 +120,7 @@ def test_visitors_wait_in_line_and_the_teacher_leads_the_one_lab(server: FrontSe
     cleo, dora = Person(server), Person(server)
     places = [cleo.ask("/lab/"), dora.ask("/lab/"), cleo.ask("/lab/")]
     for place, answer in zip(("1 of 1", "2 of 2", "1 of 2"), places, strict=True):
-        assert (answer.status, answer.headers["Refresh"]) == (503, "5")
+        assert (answer.status, answer.headers["Refresh"]) == (503, "5; url=/lab/")
         assert f"You are number {place} in line" in answer.text
     assert cleo.ask(path).status == 403
     assert teacher.ask(path).status == 200, "the teacher joins"
@@ -138,6 +138,16 @@ def test_visitors_wait_in_line_and_the_teacher_leads_the_one_lab(server: FrontSe
         run = wait_until(lambda: server.places.running()[0].status().recording, "it is recorded")
         notes = wait_until(lambda: read_notes(run), "whose it is stands there from the beginning")
         assert (notes["owner"], notes["visitor"]) == (anna.owner, "Anna <b>")
+
+
+def test_a_page_that_waits_after_a_form_goes_on_at_an_address_that_takes_it(
+    anna: Person, ben: Person, runs: dict[str, str]
+):
+    """It asked for the form's own address, by GET: instead of a lab it got the page for a wrong method."""
+    anna.enter()
+    waiting = ben.post(f"/runs/{runs['ben']}/continue", ("time", ""))
+    assert (waiting.status, waiting.headers["Refresh"]) == (503, "5; url=/lab/")
+    assert ben.ask("/lab/").status == 503, "there Ben stands in line"
 
 
 def test_two_students_of_one_name_are_told_apart(tmp_path: Path, recorded: Path):

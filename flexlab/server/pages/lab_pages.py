@@ -126,10 +126,11 @@ async def enter_lab(request: web.Request, choice: Choice | None) -> web.StreamRe
     try:
         place = await context.places.enter(visitor, choice)
     except FullError as error:
-        here = str(request.rel_url) if request.method == "GET" else "/lab/"
-        answer = message("No free lab", str(error), 503, button("/" + here.lstrip("/"), "Try again"))
+        here = "/" + str(request.rel_url).lstrip("/") if request.method == "GET" else "/lab/"
+        answer = message("No free lab", str(error), 503, button(here, "Try again"))
         if error.place:
-            answer.headers["Refresh"] = str(LOOK_AGAIN)
+            # With the address: a browser would ask for that of a form by GET, which it does not take.
+            answer.headers["Refresh"] = f"{LOOK_AGAIN}; url={here}"
             keep_visitor(request, answer, visitor)
         return answer
     except LabError as error:

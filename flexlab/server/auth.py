@@ -66,6 +66,8 @@ OPENS_WITH_TOKEN = (
     "This lab opens with a token: use the whole address that you were given (the terminal shows it), "
     "or enter the token."
 )
+NO_COOKIE = " This browser sent no cookie: if it blocks cookies, allow them for this address."
+"""Added where a browser that blocks cookies would lead around in a circle."""
 
 
 async def add_headers(request: web.Request, response: web.StreamResponse) -> None:
@@ -235,7 +237,7 @@ def ask_for_token(request: web.Request, sentence: str = OPENS_WITH_TOKEN) -> web
     here = request.method == "GET" and not is_websocket(request)
     query = [(name, value) for name, value in request.query.items() if here and name != "token"]
     form = part("sign_in", request.rel_url.raw_path if here else "/", query)
-    return message("Sign in", sentence, 401, form)
+    return message("Sign in", sentence + ("" if request.cookies else NO_COOKIE), 401, form)
 
 
 def recording_address(context: Context, run: str) -> str:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from http_client import PATIENCE, ask, looking, upgrade, wait_until
-from person import Person, open_server
+from person import TOKEN, Person, open_server
 
 from flexlab.recording.reader import read_recording
 from flexlab.recording.store.run_files import list_runs, run_state
@@ -131,6 +131,21 @@ def test_a_full_server_says_so_and_a_lab_that_nobody_watches_makes_room(open_ano
     wait_until(lambda: run_state(run) == "complete", "its run is kept whole")
     assert read_recording(run).status.text
     assert ben.enter() != path
+
+
+def test_a_browser_that_blocks_cookies_is_told_why_it_gets_no_lab(
+    open_another: Callable[..., FrontServer], guarded: FrontServer
+):
+    """It got a new lab at each attempt, and none of them was its own; a token was asked for again and again."""
+    front_server = open_another(private=True, max_sessions=1)
+    path = ask(front_server.url, "/lab/").headers["Location"]
+    told = ask(front_server.url, path)
+    assert (told.status, "This browser sent no cookie" in told.text) == (403, True)
+    other = Person(front_server, "")
+    other.post("/name", ("name", "Ben"))
+    assert "cookie" not in other.ask(path).text
+    to = ask(guarded.url, f"/runs?token={TOKEN}").headers["Location"]
+    assert "This browser sent no cookie" in ask(guarded.url, to).text
 
 
 def test_closing_the_server_closes_every_lab_and_keeps_the_runs(tmp_path: Path):

@@ -12,6 +12,7 @@ from flexlab.presets import load_preset, preset_names
 from flexlab.recording.store.run_files import SUFFIX
 from flexlab.server.auth import (
     LIVE,
+    NO_COOKIE,
     WITH_A_PASS,
     has_pass,
     is_foreign_link,
@@ -167,9 +168,9 @@ async def private_lab(request: web.Request) -> web.StreamResponse:
         sentence = context_of(request).places.ended(visitor_of(request).id, request.match_info["lab"])
         if is_websocket(request):
             raise web.HTTPGone if sentence else web.HTTPForbidden
-        return message("This lab is closed", sentence, 410, NEW_LAB) if sentence else message(
-            "Not your lab", NOT_YOURS, 403, NEW_LAB
-        )  # fmt: skip
+        if sentence:
+            return message("This lab is closed", sentence, 410, NEW_LAB)
+        return message("Not your lab", NOT_YOURS + ("" if request.cookies else NO_COOKIE), 403, NEW_LAB)
     if is_websocket(request):
         return await proxy_websocket(request, place)
     if not request.path.endswith("/"):

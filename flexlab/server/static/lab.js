@@ -15,8 +15,11 @@
   const word = element("div", { className: "server-word", hidden: true, role: "alert" },
     element("div", {}, sentence, actions));
 
+  let said = "", sharing = false;
+
   function say(text, ...buttons) {
-    if (!word.hidden && sentence.textContent === text) return;
+    if (!word.hidden && said === text) return; // The element may show it in another language.
+    [said, sharing] = [text, false];
     sentence.textContent = text;
     actions.replaceChildren(...buttons);
     word.hidden = false;
@@ -28,7 +31,6 @@
   const GONE = "Runs are kept. This page goes on by itself when the lab is back.";
   let missed = 0;
   let opened = false;
-  let sharing = false;
 
   async function look() {
     if (document.hidden) return;
@@ -59,9 +61,9 @@
   }
 
   async function share() {
-    const answer = await fetch(stateAddress, { cache: "no-store" });
-    const state = await answer.json();
-    if (!state.open) return look();
+    let state;
+    try { state = await (await fetch(stateAddress, { cache: "no-store" })).json(); } catch { /* `look` tells why. */ }
+    if (!state?.open) return look();
     const address = base + state.link;
     const shown = element("input", { value: address, readOnly: true, ariaLabel: "Link to this lab" });
     const done = () => { sharing = false; word.hidden = true; };
@@ -71,8 +73,8 @@
       try { await navigator.clipboard.writeText(address); } catch { document.execCommand("copy"); }
       done();
     };
-    sharing = true;
     say("This link opens the lab with the scenario as it is now:", shown, button("Copy", copy), button("Close", done));
+    sharing = true;
     shown.select();
   }
 

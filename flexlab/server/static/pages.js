@@ -14,26 +14,39 @@
   });
 }
 
+// A second click on the button of a form that is on its way would begin the same work again.
+{
+  const SAME_CLICK = 1000; // ms
+  const sent = new WeakMap(); // button → when it sent its form
+  addEventListener("submit", (event) => {
+    const button = event.submitter ?? event.target, now = performance.now();
+    if (event.defaultPrevented) return; // A script sends this form.
+    if (now - sent.get(button) < SAME_CLICK) event.preventDefault();
+    else sent.set(button, now);
+  });
+}
+
 // Tasks under way: shows their progress and reloads the page when they end, unless the page is to stay.
 {
   const LOOK = 600; // ms between two requests
-  const look = async (line) => {
+  const look = async (line, said) => {
     let state = { working: true };
     try {
       const answer = await fetch(line.dataset.address, { cache: "no-store" });
-      if (answer.status === 404) return location.reload(); // a new server does not know it: the page says so
+      // A new server does not know it, or wants its new token: the page says so.
+      if ([401, 403, 404].includes(answer.status)) return location.reload();
       if (answer.ok) state = await answer.json();
     } catch {
       state.sentence = "The server does not answer.";
     }
     if (!state.working && line.dataset.stays === undefined) return location.reload();
-    if (state.sentence) line.textContent = state.sentence;
+    if (state.sentence && state.sentence !== said) line.textContent = state.sentence;
     line.dataset.kind = state.kind ?? "";
     line.dispatchEvent(new CustomEvent("progress", { detail: state }));
     const bar = line.previousElementSibling;
     bar.value = Math.max(bar.value, state.share ?? 0);
     bar.hidden = !state.working;
-    if (state.working) setTimeout(() => look(line), LOOK);
+    if (state.working) setTimeout(() => look(line, state.sentence ?? said), LOOK);
   };
   for (const line of document.querySelectorAll(".progress[data-working]")) look(line);
 }
@@ -92,11 +105,13 @@
 const library = document.getElementById("runs");
 if (library) {
   const body = library.tBodies[0], rows = [...body.rows], headings = [...library.tHead.rows[0].cells];
-  const texts = new Map(rows.map((row) => [row, row.textContent.toLowerCase()]));
   const search = document.getElementById("search");
   const find = () => {
     const words = search.value.toLowerCase().split(/\s+/).filter(Boolean);
-    for (const row of rows) row.hidden = !words.every((word) => texts.get(row).includes(word));
+    for (const row of rows) {
+      const text = row.textContent.toLowerCase(); // as it is shown now, in any language
+      row.hidden = !words.every((word) => text.includes(word));
+    }
     document.getElementById("nothing").hidden = rows.some((row) => !row.hidden);
   };
   const key = (row, column) => row.cells[column].dataset.key ?? row.cells[column].textContent.trim().toLowerCase();
@@ -187,6 +202,7 @@ for (const form of document.querySelectorAll(".study-form form")) {
     problem.hidden = false;
     button.disabled = false;
   });
+  addEventListener("pageshow", () => { button.disabled = false; }); // Going back in the browser restores the disabled one.
 }
 {
   const source = document.getElementById("source");

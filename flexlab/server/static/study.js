@@ -230,6 +230,8 @@ function tellFailures(found) {
 
 const choice = document.getElementById("metric");
 const KEPT = `metric of ${location.pathname}`; // keeps the shown metric when the page reloads at the end
+let kept = null;
+try { kept = sessionStorage.getItem(KEPT); } catch { /* A browser that blocks cookies has no storage. */ }
 let found = null;
 
 const load = async () => { found = await (await fetch(chart.dataset.address, { cache: "no-store" })).json(); };
@@ -249,12 +251,11 @@ async function refresh() {
 async function show() {
   await load();
   if (choice) {
-    const kept = sessionStorage.getItem(KEPT);
     const fields = found.metrics.map((metric) => metric.field);
     found.metrics.forEach((metric, k) => choice.add(new Option(`${metric.title} (${metric.unit})`, k)));
     choice.value = fields.indexOf([kept, "rms-y", choice.dataset.listed.split(" ")[0]].find((name) => fields.includes(name)));
     choice.addEventListener("change", () => {
-      sessionStorage.setItem(KEPT, fields[choice.value]);
+      try { sessionStorage.setItem(KEPT, fields[choice.value]); } catch { /* As above. */ }
       again();
     });
     chart.addEventListener("keydown", (event) => arrows(event, found));

@@ -1,5 +1,5 @@
 // The teacher's page: one tile per lab, updated every 0.4 s while the page is visible.
-const LOOK = 400; // ms
+const LOOK = 400, PATIENCE = 5000; // ms between two requests, and for one answer: a broken line gives none for minutes
 const base = document.currentScript.src.replace(/\/static\/[^/]*$/, ""); // A proxy may put a path before ours.
 const list = document.getElementById("labs");
 const template = document.getElementById("tile");
@@ -11,8 +11,8 @@ let changing = 0; // Changes of the rules that the server has not confirmed; mea
 const DIGITS = { time: 1, error: 2 };
 
 function write(node, text) {
-  // Names and titles are visitors' own words: they become text, never HTML.
-  if (node.textContent !== text) node.textContent = text;
+  // Names and titles are visitors' own words: they become text, never HTML. The page may show them in another language.
+  if ((window.flexlabEnglish?.(node) ?? node.textContent) !== text) node.textContent = text;
 }
 
 // The count of each answer, as bars and as numbers.
@@ -85,7 +85,8 @@ function show(labs) {
 async function look() {
   if (document.hidden) return;
   try {
-    const answer = await fetch(`${base}/teacher/labs`, { cache: "no-store" });
+    const answer = await fetch(`${base}/teacher/labs`, { cache: "no-store", signal: AbortSignal.timeout(PATIENCE) });
+    if ([401, 403].includes(answer.status)) return location.reload(); // A restarted server may want another token.
     if (!answer.ok) throw new Error(answer.statusText);
     const told = await answer.json();
     show(told.labs);

@@ -1,0 +1,140 @@
+"""What the pages' own scripts do when a line breaks, somebody clicks twice, or a browser refuses storage, in a real browser."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from browser_window import open_window
+from http_client import PATIENCE, over, post
+from person import open_server
+from playwright.sync_api import Browser, BrowserContext, Page, Request
+
+from flexlab.presets import load_preset
+from flexlab.server.front_server import FrontServer
+from flexlab.server.pages.templating import language_script
+from flexlab.server.scenario_links import encode_scenario
+
+SWEEP = {
+    "scenario": encode_scenario(load_preset("paper")), "name": "paper", "kind": "sweep", "duration": "0.05",
+    "field1": "payload.bending_stiffness", "low1": "50", "high1": "100", "count1": "2", "field2": "",
+}  # fmt: skip
+LAB_S_ADDITION = f"""<!doctype html><html lang="en"><head>{language_script()}
+<script src="/static/lab.js" data-state="/state/lab" defer></script></head><body></body></html>"""
+"""A lab's page with nothing but what the server adds to it."""
+NO_STORAGE = """for (const name of ["localStorage", "sessionStorage"]) Object.defineProperty(window, name, {
+  get() { throw new DOMException("denied", "SecurityError"); } });"""
+"""Script after which a page has no storage, as where a browser blocks cookies."""
+BETWEEN_CLICKS, LATER = 150, 1000
+"""Time between the clicks of a double click, and time after which a click is a new one, ms."""
+RUN = "2025-12-31T12-00-00-two"
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory, recorded: Path) -> Iterator[FrontServer]:
+    """A server with a shared lab and a recording."""
+    logs = tmp_path_factory.mktemp("logs")
+    (logs / f"{RUN}.rrd").write_bytes(recorded.read_bytes())
+    with open_server(logs) as opened:
+        yield opened
+
+
+@pytest.fixture
+def window(plain_chromium: Browser, request: pytest.FixtureRequest) -> Iterator[BrowserContext]:
+    """A window in the language that the test asks for, or in English."""
+    with open_window(plain_chromium, 1280, 800, locale=getattr(request, "param", "en-US")) as opened:
+        yield opened
+
+
+def lab_s_addition(window: BrowserContext, server: FrontServer) -> Page:
+    page = window.new_page()
+    page.route("**/lab/", lambda route: route.fulfill(body=LAB_S_ADDITION, content_type="text/html"))
+    page.goto(f"{server.url}lab/")
+    return page
+
+
+def test_a_link_that_is_shown_while_the_line_breaks_leaves_no_notice(window: BrowserContext, server: FrontServer):
+    """The notice took the place of the link and stayed after the break, without a button, over the whole lab."""
+    page = lab_s_addition(window, server)
+    page.get_by_role("button", name="Share").click()
+    page.get_by_label("Link to this lab").wait_for()
+    page.route("**/state/lab", lambda route: route.abort())
+    page.get_by_role("alert").filter(has_text="The lab does not answer").wait_for()
+    page.unroute("**/state/lab")
+    page.get_by_role("alert").wait_for(state="hidden")
+
+
+@pytest.mark.parametrize("window", ["de-DE"], indirect=True)
+def test_a_translated_notice_keeps_its_links(window: BrowserContext, server: FrontServer):
+    """It was made anew every 3 s: said again by a screen reader, and the focus on its links was lost."""
+    page = lab_s_addition(window, server)
+    page.route("**/state/lab", lambda route: route.fulfill(status=503, body=""))
+    link = page.get_by_role("alert").get_by_role("link", name="Ein neues Labor öffnen")
+    link.focus()
+    for _ in range(2):
+        page.wait_for_event("response", lambda answer: answer.url.endswith("/state/lab"))
+    assert page.evaluate("document.activeElement.textContent") == "Ein neues Labor öffnen"
+
+
+def test_a_map_is_drawn_without_storage(window: BrowserContext, server: FrontServer):
+    address = post(server.url, "/studies", SWEEP).headers["Location"]
+    over(server.url, f"{address}/state", 4 * PATIENCE)
+    window.add_init_script(NO_STORAGE)
+    page = window.new_page()
+    page.goto(server.url.rstrip("/") + address)
+    page.locator("a.cell").nth(1).wait_for()
+    page.get_by_label("Show").select_option("1")
+    page.locator("#chart figcaption").filter(has_text=page.locator("#metric option").nth(1).inner_text()).wait_for()
+
+
+def test_a_double_click_sends_a_form_once(window: BrowserContext, server: FrontServer):
+    sent: list[Request] = []
+    page = window.new_page()
+    page.on("request", lambda request: "/export?" in request.url and sent.append(request))
+    page.route("**/viewer/**", lambda route: route.abort())
+    page.goto(f"{server.url}runs/{RUN}")
+    page.get_by_text("Export", exact=True).first.click()
+    page.locator("select[name=format]").select_option("csv")
+    button = page.get_by_role("button", name="Export", exact=True)
+    with page.expect_download():
+        button.evaluate(
+            "(button, pause) => { button.click(); setTimeout(() => button.click(), pause); }", BETWEEN_CLICKS
+        )
+    assert len(sent) == 1
+    page.wait_for_timeout(LATER)
+    with page.expect_download():
+        button.click()
+    assert len(sent) == 2, "later the same button works again"
+
+
+@pytest.mark.parametrize("window", ["de-DE"], indirect=True)
+def test_the_library_is_searched_in_the_language_that_it_shows(window: BrowserContext, server: FrontServer):
+    page = window.new_page()
+    page.goto(f"{server.url}runs")
+    row = page.locator("#runs tbody tr").filter(has_text="vollständig").first
+    row.wait_for()
+    search = page.get_by_role("searchbox")
+    search.fill("vollständig")
+    assert row.is_visible()
+    search.fill("unsinn")
+    row.wait_for(state="hidden")
+
+
+def test_a_study_s_form_can_be_sent_again_after_going_back(window: BrowserContext, server: FrontServer):
+    page = window.new_page()
+    page.goto(f"{server.url}studies")
+    button = page.get_by_role("button", name=re.compile("Start the")).first
+    # A page that a browser kept comes back as it was left.
+    button.evaluate("""(button) => { button.disabled = true;
+      dispatchEvent(new PageTransitionEvent("pageshow", { persisted: true })); }""")
+    assert button.is_enabled()
+
+
+def test_the_teacher_is_told_that_a_line_gives_no_answer(window: BrowserContext, server: FrontServer):
+    page = window.new_page()
+    page.goto(f"{server.url}teacher")
+    page.locator("#labs > *").first.wait_for()
+    page.route("**/teacher/labs", lambda route: None)
+    page.get_by_role("status").filter(has_text="The server does not answer: what you see is old.").wait_for()
+    page.unroute("**/teacher/labs")
+    page.get_by_role("status").filter(has_text="does not answer").wait_for(state="hidden")

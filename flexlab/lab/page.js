@@ -85,6 +85,10 @@
     };
   }
 
+  // viser connects again only while its page has the focus: one on a projector, or beside the teacher's page, would stay lost.
+  document.hasFocus = () => !document.hidden;
+  addEventListener("visibilitychange", () => dispatchEvent(new Event("focus")));
+
   // A menu is wider than a phone for an instant while it is placed: the phone would zoom out and close the menu.
   document.querySelector("meta[name=viewport]")?.setAttribute("content", "width=device-width, initial-scale=1, minimum-scale=1");
 
@@ -280,7 +284,8 @@
   function watchAge(way) {
     const told = Number(document.querySelector(".fl-run")?.dataset.at ?? NaN), now = performance.now();
     if (way !== connection) [connection, labTime, quickest] = [way, NaN, Infinity];
-    if (told !== labTime) [labTime, quickest] = [told, Math.min(quickest, now - 1000 * told)];
+    // Until the new run's mark has come, after a connection, there is no time.
+    if (told > 0 && told !== labTime) [labTime, quickest] = [told, Math.min(quickest, now - 1000 * told)];
     const age = now - 1000 * labTime - quickest;
     found = age > BEHIND && !document.hidden ? found + 1 : 0;
     const text = found > LASTING ? `The picture is ${Math.round(age / 1000)} s old: the connection to the lab is slow or lost.` : "";

@@ -1,9 +1,9 @@
-"""A page whose connection to the lab is held up says how old its picture is, in a real browser."""
+"""A page whose connection to the lab is held up or cut, in a real browser."""
 
 import socket
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 
 from browser_window import open_window
 from lab_page import READY
@@ -16,8 +16,12 @@ PIECE = 65536
 
 
 @contextmanager
-def line_to(port: int) -> Iterator[tuple[int, threading.Event]]:
-    """Open another port that leads to `port` of this machine; nothing comes from there while the event is not set."""
+def line_to(port: int) -> Iterator[tuple[int, threading.Event, Callable[[], None]]]:
+    """Open another port that leads to `port` of this machine; nothing comes from there while the event is not set.
+
+    The function cuts all present connections.
+    """
+    open_ones: list[socket.socket] = []
     flows = threading.Event()
     flows.set()
     door = socket.create_server(("127.0.0.1", 0))
@@ -40,25 +44,46 @@ def line_to(port: int) -> Iterator[tuple[int, threading.Event]]:
             except OSError:
                 return
             far = socket.create_connection(("127.0.0.1", port))
+            open_ones.append(near)
             threading.Thread(target=carry, args=(near, far, False), daemon=True).start()
             threading.Thread(target=carry, args=(far, near, True), daemon=True).start()
 
+    def cut() -> None:
+        for plug in open_ones:
+            with suppress(OSError):
+                plug.shutdown(socket.SHUT_RDWR)
+
     threading.Thread(target=admit, daemon=True).start()
     try:
-        yield door.getsockname()[1], flows
+        yield door.getsockname()[1], flows, cut
     finally:
         flows.set()
         door.close()
 
 
 def test_a_page_shows_the_age_of_its_picture_while_its_line_is_held_up(chromium: Browser, session: Session) -> None:
-    with line_to(session.port) as (port, flows), open_window(chromium, 1440, 900) as window:
+    with line_to(session.port) as (port, flows, _), open_window(chromium, 1440, 900) as window:
         page = window.new_page()
         page.goto(f"http://127.0.0.1:{port}/?fixedDpr=0.3")
         page.wait_for_function(READY)
         word = page.locator(".fl-behind")
         word.wait_for(state="hidden")
+        # As just after a connection, when the marks of the run have not come yet.
+        page.evaluate("document.querySelector('.fl-run').remove()")
+        page.locator(".fl-run").wait_for(state="attached")
         flows.clear()
         word.filter(has_text="s old: the connection to the lab is slow or lost.").wait_for(state="visible")
         flows.set()
         word.wait_for(state="hidden")
+
+
+def test_a_page_without_the_focus_connects_again(chromium: Browser, session: Session) -> None:
+    """A lab on a projector stayed lost until somebody clicked on it."""
+    with line_to(session.port) as (port, _, cut), open_window(chromium, 1440, 900) as window:
+        page = window.new_page()
+        page.add_init_script("Document.prototype.hasFocus = () => false")
+        page.goto(f"http://127.0.0.1:{port}/?fixedDpr=0.3")
+        page.wait_for_function(READY)
+        way = page.locator(".fl-reports").get_attribute("data-way")
+        cut()
+        page.locator(f".fl-reports:not([data-way='{way}'])").wait_for(state="attached")

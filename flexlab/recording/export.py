@@ -168,6 +168,7 @@ _REASONS: tuple[tuple[type[Exception], str], ...] = (
     (json.JSONDecodeError, "its metadata are not JSON"),
     (KeyError, "its metadata are missing or not complete"),
     (StopIteration, "it has no columns"),
+    (UnicodeDecodeError, "it is not text in UTF-8"),
     (RecursionError, "its metadata are nested too deeply"),
 )
 """Reasons for errors whose own words mean nothing to a reader of the file."""
@@ -177,7 +178,12 @@ def _reason(error: Exception) -> str:
     known = next((reason for kind, reason in _REASONS if isinstance(error, kind)), "")
     said = getattr(error, "strerror", None) or visible(str(error).split("\n")[0], LONGEST_REASON)
     # NumPy's error advises loading Python objects, which would run code from the archive.
+    said = said.partition("; use `usecols`")[0]  # Advice for callers of NumPy.
     return known or ("it holds Python objects" if "pickle" in said else said) or type(error).__name__
+
+
+SAVED_ANEW = "a spreadsheet has saved it in a form of its own: import the file that was exported"
+"""Spreadsheets quote the metadata, separate by semicolons where commas begin decimals, and round."""
 
 
 def _check_room(size: int) -> None:
@@ -203,9 +209,13 @@ def _write_csv(path: Path, batches: Iterable[Columns], metadata: str) -> None:
 def _read_csv(path: Path) -> tuple[Columns, str]:
     with path.open(encoding="utf-8-sig", newline="") as file:
         metadata = file.readline().removeprefix("# ")
+        if metadata.startswith('"# {'):
+            raise ValueError(SAVED_ANEW)
         if not metadata.startswith("{"):
             raise ValueError("its first line has no metadata")
         names = next(csv.reader(file))
+        if len(names) == 1 and ";" in names[0]:
+            raise ValueError(SAVED_ANEW)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # A table without rows needs no warning.
             table = np.loadtxt(file, delimiter=",", ndmin=2)

@@ -33,6 +33,7 @@ from flexlab.recording.store.people import told_apart
 from flexlab.recording.store.run_files import find_run
 from flexlab.recording.store.run_index import RunRow, read_row
 from flexlab.scenario.field_text import change_in_words
+from flexlab.text import visible
 
 AnyRun = Run | str | Path
 """A run; a recording's file, its name in the logs folder or the beginning of that; or "newest"."""
@@ -198,8 +199,15 @@ def write_page(row: RunRow, target: Path) -> None:
 
 
 def _paths(runs: Iterable[AnyRun], logs: str | Path, stack: ExitStack) -> list[Path]:
-    """Paths of the runs' recordings; a run in memory is recorded until `stack` closes. Raises `RecordingError`."""
+    """Paths of the runs' recordings; a run in memory is recorded until `stack` closes. Raises `RecordingError`, `StudyError`."""
     folder = file_path("logs", logs)
+    runs = list(runs)
+    for run in runs:
+        if not isinstance(run, (Run, str, Path)):
+            given = visible(" ".join(repr(run).split()), 60)
+            raise StudyError(
+                f"{given} is not a run: give one from flexlab.simulate, or the name or path of a recording."
+            )
     return [
         run.save(stack.enter_context(TemporaryDirectory(prefix="flexlab-")))
         if isinstance(run, Run)

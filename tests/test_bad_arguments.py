@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import flexlab
@@ -106,6 +107,13 @@ def test_a_flag_must_be_true_or_false(run: flexlab.Run, given: Any):
 def test_a_signal_must_be_a_name(run: flexlab.Run, given: Any):
     one_sentence(lambda: flexlab.fit(run, signal=given), "signal = ", "give a text")
     one_sentence(lambda: flexlab.fit(run, time=given), "time = ", "give a text")
+
+
+@pytest.mark.parametrize("given", [None, 5, b"x", ["newest"], np.zeros((3, 2)), pd.DataFrame({"t": [0, 1]}), object()])
+def test_a_run_must_be_a_run_or_a_recording(run: flexlab.Run, given: Any):
+    """A table with two columns was answered with: There is no recording t w 0 0 1."""
+    for ask in (lambda: flexlab.fit(given), lambda: flexlab.compare(run, given), lambda: flexlab.replay(given)):
+        one_sentence(ask, "is not a run: give one from flexlab.simulate, or the name or path of a recording")
 
 
 @pytest.mark.parametrize("given", [None, 5, b"x", 1.5, ("payload",), object()])

@@ -291,6 +291,10 @@ def tune(
             raise StudyError(f"{axis.path}: a range is searched, not a list: write LOW:HIGH or LOW:HIGH:log.")
     if not axes:
         raise StudyError("Nothing may change: say what, as in controller.feedback_gain=50:500:log.")
+    if both := {axis.path for axis in axes} & {axis.path for axis in robust}:
+        raise StudyError(
+            f"{min(both)} is searched and varied by robust as well: its search would hide the other values."
+        )
     candidates = whole_number("candidates", candidates, FEWEST_CANDIDATES, MOST_CANDIDATES)
     variants = [
         change_settings(scenario, dict(zip((axis.path for axis in robust), values, strict=True)))

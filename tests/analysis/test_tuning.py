@@ -60,6 +60,13 @@ def test_a_robust_cost_is_that_of_the_worst_scenario():
     assert found.before.cost == max(2 * numbers_of(run.metrics)["rms-y"] for run in runs)
 
 
+def test_a_field_that_is_searched_and_also_varied_is_refused():
+    """The searched value replaced the others, so that the tuning was not robust at all."""
+    both = parse_axes([f"{GAIN[0].path}=100,200"], PAPER)
+    with pytest.raises(StudyError, match=f"^{GAIN[0].path} is searched and varied by robust as well"):
+        tune(PAPER, GAIN, parse_cost("rms-y"), both, duration=0.1, candidates=8)
+
+
 def test_a_scenario_that_fails_as_it_is_and_a_list_to_search_are_refused():
     far = parse_axes(["trajectory.center=[0,1.6,0]"], PAPER)
     with pytest.raises(StudyError, match="a range is searched, not a list"):

@@ -118,4 +118,5 @@ def test_a_run_that_was_deleted_in_another_terminal_is_one_sentence(tmp_path: Pa
 
 
 def test_a_lack_of_memory_is_one_sentence():
-    assert refusal(MemoryError()) == "No memory is left: close other programs, or allow more (ulimit -v)."
+    for error in (MemoryError(), ImportError("libarrow.so.2600: failed to map segment from shared object")):
+        assert refusal(error) == "No memory is left: close other programs, or allow more (ulimit -v)."

@@ -13,6 +13,8 @@ NO_HANDLES = (errno.EMFILE, errno.ENFILE)
 UNUSABLE = (errno.EACCES, errno.EPERM, errno.ENAMETOOLONG)
 """Errors of a file or folder that may not be used, or whose name is too long."""
 OWN = "flexlab"
+NO_MEMORY = "failed to map segment"
+"""Part of the system's message if a library finds no room in memory."""
 UNWRITABLE = "no locator available"
 """Part of Numba's message if it cannot store machine code."""
 NEAR = 10
@@ -23,7 +25,7 @@ LONGEST_REASON, LONGEST_VALUE = 200, 60
 
 def refusal(error: Exception) -> str | None:
     """The sentence that says what the machine lacks, which library fails to load or what was deleted; None for other errors."""
-    if isinstance(error, MemoryError):
+    if isinstance(error, MemoryError) or NO_MEMORY in str(error):
         return "No memory is left: close other programs, or allow more (ulimit -v)."
     if isinstance(error, OSError) and error.errno in NO_HANDLES:
         return f"{error.strerror}: close other programs, or allow more (ulimit -n)."

@@ -20,6 +20,7 @@ import time
 import zlib
 from collections import deque
 from collections.abc import Callable
+from io import FileIO
 from pathlib import Path
 from typing import IO
 
@@ -97,14 +98,17 @@ class Pipe:
         if sys.platform == "linux":
             with contextlib.suppress(OSError):  # A user's pipes may hold only so much: then it stays smaller.
                 fcntl.fcntl(self._end, fcntl.F_SETPIPE_SZ, READ_BYTES)
+        # The thread allocates nothing: without memory it would end, and rerun would wait for it for ever.
+        piece = memoryview(bytearray(READ_BYTES))
         source = self.path.open("rb", buffering=0)
-        self._thread = threading.Thread(target=self._pass_on, args=(source, handle), name="flexlab-pipe", daemon=True)
+        arguments = source, handle, piece
+        self._thread = threading.Thread(target=self._pass_on, args=arguments, name="flexlab-pipe", daemon=True)
         self._thread.start()
 
-    def _pass_on(self, source: IO[bytes], handle: IO[bytes]) -> None:
+    def _pass_on(self, source: FileIO, handle: IO[bytes], piece: memoryview) -> None:
         with source:
-            while piece := source.read(READ_BYTES):
-                rest = memoryview(piece)
+            while size := source.readinto(piece):
+                rest = piece[:size]
                 try:
                     while rest and self._problem is None:
                         rest = rest[os.write(handle.fileno(), rest) :]

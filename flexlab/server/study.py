@@ -46,6 +46,9 @@ Form = Mapping[str, Any]
 _PATH = re.compile(r"'?\b([a-z]\w*(?:\.\w+)+)\b'?(?:=([^\s:]+):([^\s:]+)\S*)?")
 """A field as the command line's sentences name it, perhaps with a range, LOW:HIGH:COUNT."""
 
+_DECIMAL_COMMA = re.compile(r"^(?![+-]?[1-9]\d{0,2},\d{3}\Z)([^,.]*),([^,.]*)\Z")
+"""A number with a decimal comma, the only point on some phones' keys; not 1,000, which may be a thousand."""
+
 
 @dataclass(frozen=True)
 class Question:
@@ -247,9 +250,9 @@ def text_of(form: Form, name: str) -> str:
 
 
 def number_of(form: Form, name: str, what: str) -> float:
-    """A number of a form. Raises `StudyError`."""
+    """A number of a form, also with a decimal comma or the minus sign that pages show. Raises `StudyError`."""
     text = text_of(form, name)
-    number = typed_number(text)
+    number = typed_number(_DECIMAL_COMMA.sub(r"\1.\2", text.replace("−", "-")))
     if math.isnan(number):
         raise StudyError(f"{what} {text[:LONGEST_SHOWN]!r} is not a number: write one such as 0.5 or 1e3.")
     return number

@@ -13,13 +13,13 @@ import flexlab
 from flexlab.analysis.sweep.axes import parse_axes, varied_fields
 from flexlab.analysis.sweep.plan import make_plan, run_part
 from flexlab.analysis.sweep.result import Sweep, join_parts, save_part
-from flexlab.errors import FlexlabError
+from flexlab.errors import FlexlabError, StudyError
 from flexlab.presets import load_preset
 from flexlab.server.front_server import FrontServer
 from flexlab.server.limits import THE_SERVER
 from flexlab.server.scenario_links import decode_scenario, encode_scenario
 from flexlab.server.studies.sweep import SweepStudy, page_data
-from flexlab.server.study import MOST_AT_ONCE, MOST_VALUES, read_study
+from flexlab.server.study import MOST_AT_ONCE, MOST_VALUES, number_of, read_study
 from flexlab.server.task_book import Task
 from flexlab.text import number_text
 
@@ -246,6 +246,19 @@ def test_an_invalid_study_is_refused_in_a_sentence(changes: dict[str, str], says
         read_study(form, paper)
     assert says in str(caught.value)
     assert len(str(caught.value)) < 300
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"), [("0,5", 0.5), ("−0.5", -0.5), ("-1,25e3", -1250.0), (",125", 0.125), ("0,125", 0.125)]
+)
+def test_a_number_may_have_a_decimal_comma_or_the_page_s_own_minus_sign(typed: str, meant: float):
+    assert number_of({"low1": typed}, "low1", "It") == meant
+
+
+@pytest.mark.parametrize("typed", ["1,000", "-12,500", "1,000.5", "1,2,3", ",", "1.5,2"])
+def test_a_comma_that_may_separate_thousands_is_refused(typed: str):
+    with pytest.raises(StudyError, match=r"is not a number: write one such as 0\.5"):
+        number_of({"low1": typed}, "low1", "It")
 
 
 def test_a_study_keeps_every_digit_of_a_range_and_names_its_spacing():

@@ -5,7 +5,7 @@
   const POWER = /^[+-]?(\d+[.,]?\d*|[.,]\d+)e([+-]?\d*)$/i;
   const DIGITS = { useGrouping: false, maximumSignificantDigits: 15 };
   const value = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value"), setValue = value.set;
-  const isBox = (part) => part?.matches?.("input[inputmode=decimal], input[inputmode=numeric]");
+  const isBox = (part) => part?.matches?.("input.mantine-NumberInput-input");
   const isNumber = (text) => text.trim() !== "" && Number.isFinite(Number(text));
   const REST = 400, PAUSE = 3000; // ms after which a typed number takes effect, and after which the typing counts as ended
   const last = new WeakMap(); // box → its last number
@@ -76,6 +76,12 @@
       document.execCommand("insertText", false, text);
     }
   }
+
+  // An iPhone's keys for decimals have no minus sign, which the play screen does not need.
+  const lacksMinus = /iPhone|iPod/.test(navigator.platform);
+  addEventListener("pointerdown", ({ target }) => {
+    if (lacksMinus && isBox(target) && !target.closest("[data-fl-play]")) target.inputMode = "text";
+  }, true);
 
   const forget = () => { written = null; };
   const keep = ({ target }) => { if (isBox(target) && isNumber(target.value)) last.set(target, target.value); };

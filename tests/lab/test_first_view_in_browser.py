@@ -281,3 +281,20 @@ def test_the_ring_of_the_first_lesson_is_large_enough_to_be_seen(page: LabPage) 
 
     wait_until(seen, "a ring of 60 px")
     assert page.session.lab_state.view.exaggeration == 50.0
+
+
+SHEET = """() => document.querySelector('div[style*="position: fixed"][style*="width: 20em"]').getBoundingClientRect().height"""
+"""Height of the sheet of a page in one column, px."""
+
+
+def test_a_phone_held_across_shows_controls_and_keys_with_a_minus_sign(
+    chromium: Browser, shared_session: Session, few_pictures: None
+) -> None:
+    """Below the sheet's head one line was in sight. Boxes asked for an iPhone's keys for decimals, which lack the sign."""
+    with open_window(chromium, 844, 390, has_touch=True) as window:
+        window.add_init_script("Object.defineProperty(navigator, 'platform', { get: () => 'iPhone' })")
+        page = opened(window.new_page(), address(shared_session))
+        assert 0.45 < page.evaluate(SHEET) / 390 < 0.55
+        box = page.get_by_label("Bending stiffness EI (N·m²)", exact=True).first
+        box.tap()
+        assert box.get_attribute("inputmode") == "text"

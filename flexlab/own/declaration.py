@@ -190,9 +190,9 @@ def read_declaration(source: str, file: str) -> Declaration:
             if on_save not in ON_SAVE:
                 raise law.problem(value.lineno, f"on_save = {on_save!r} is not one of " + ", ".join(map(repr, ON_SAVE)))
     for name, example in (("period", DEFAULT_PERIOD), ("on_save", ON_SAVE[1])):
-        if law.has_method(name):
+        if law.has_method(name) or any(name == declared for kind in found.values() for declared, _ in kind):
             raise law.problem(
-                law.line, f"{name} of a law is no method or property: write it out, as in {name} = {example!r}"
+                law.line, f"{name} of a law is no method, property or gain: write it out, as in {name} = {example!r}"
             )
     if not law.has_method("act"):
         raise law.problem(law.line, f"{law.node.name} has no method act(self, at), which computes the inputs")

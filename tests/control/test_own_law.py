@@ -279,6 +279,14 @@ ACT = "    def act(self, at): ...\n"
             "class A(OwnLaw):\n    period = 5\n    def act(self, at): ...\n",
             "line 2: period = 5 is outside 10⁻⁵ to 0.1 s",
         ),
+        (
+            "class A(OwnLaw):\n    period = gain(0.02, 's', low=0.001, high=0.1)\n" + ACT,
+            "line 1: period of a law is no method, property or gain: write it out, as in period = 0.001",
+        ),
+        (
+            "class A(OwnLaw):\n" + ACT + "class B(A):\n" + ACT,
+            r"line \d: B inherits from OwnLaw through another class: inherit directly",
+        ),
         ("class A(OwnLaw):\n    m = memory(True)\n" + ACT, "line 2: m = memory"),
         (
             "class A(OwnLaw):\n    k = gain(1.0, 5, low=0, high=1)\n" + ACT,

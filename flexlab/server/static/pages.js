@@ -19,8 +19,8 @@
   const SAME_CLICK = 1000; // ms
   const sent = new WeakMap(); // button → when it sent its form
   addEventListener("submit", (event) => {
-    const button = event.submitter ?? event.target, now = performance.now();
-    if (event.defaultPrevented) return; // A script sends this form.
+    const button = event.submitter, now = performance.now();
+    if (!button || event.defaultPrevented) return; // A script sends this form.
     if (now - sent.get(button) < SAME_CLICK) event.preventDefault();
     else sent.set(button, now);
   });

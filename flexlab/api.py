@@ -22,7 +22,7 @@ from flexlab.analysis.sweep.result import Sweep, run_sweep, sweep_folder
 from flexlab.analysis.workers import chosen_workers, progress_bar
 from flexlab.analysis.workers import simulate_many as compute_many
 from flexlab.arguments import file_path, flag, whole_number
-from flexlab.errors import StudyError
+from flexlab.errors import RecordingError, StudyError
 from flexlab.own.files import law_kind, path_kind
 from flexlab.presets import AnyLaw, AnyPath, AnyScenario, law_and_path, named_scenario
 from flexlab.recording.course import Course, course_of_commands
@@ -43,6 +43,8 @@ if TYPE_CHECKING:
 
 LOGS = "logs"
 """The folder of recordings, relative to the working directory."""
+EXPORTED = (".csv", ".parquet", ".npz", ".html", ".zip")
+"""Endings of files that `export` writes of a run."""
 
 
 class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of all arrays)
@@ -100,13 +102,15 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
         from flexlab.recording.headless import write_run
         from flexlab.recording.store.notes import write_notes
 
-        problem = ""
+        place, problem = file_path("folder", folder), ""
+        if place.suffix.lower() in EXPORTED and not place.is_dir():
+            raise RecordingError(f"{place} is no recording (.rrd): flexlab.export(run, '{place}') writes such a file.")
         try:
             metrics = self.metrics
         except StudyError as error:
             metrics, problem = run_metrics(self, finished=not self.status.failed, own=False), str(error)
         notes = MetricNotes(self.name, self.scenario, metrics)
-        path = write_run(self, file_path("folder", folder), self.name, notes, self._course)
+        path = write_run(self, place, self.name, notes, self._course)
         if problem:
             write_notes(path, note=problem)
         return path

@@ -117,6 +117,11 @@ def test_a_saved_run_is_read_again_bit_for_bit(tmp_path: Path, monkeypatch: pyte
         assert (found.name, found.scenario, str(found.status)) == ("soft-beam", run.scenario, "finished")
         np.testing.assert_array_equal(found.joint_torque, run.joint_torque)
         assert repr(found.metrics) == repr(run.metrics)
+    with pytest.raises(
+        RecordingError, match=r"^table\.csv is no recording \(\.rrd\): flexlab\.export\(run, 'table\.csv'\)"
+    ):
+        run.save("table.csv")
+    assert not Path("table.csv").exists()
     with pytest.raises(RecordingError, match="no recording nothing"):
         flexlab.read("nothing")
     with pytest.raises(StudyError, match="names no recording"):

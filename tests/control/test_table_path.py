@@ -40,6 +40,8 @@ def test_decimal_commas_are_read_where_they_separate_no_columns(tmp_path: Path) 
     (tmp_path / "comma.csv").write_text(rows, encoding="utf-8")
     (tmp_path / "point.csv").write_text(rows.replace(",", "."), encoding="utf-8")
     assert read_path_file(tmp_path / "comma.csv") == read_path_file(tmp_path / "point.csv")
+    (tmp_path / "excel.csv").write_text(f"sep=;\n{rows}", encoding="utf-8-sig")
+    assert read_path_file(tmp_path / "excel.csv") == read_path_file(tmp_path / "point.csv")
 
 
 @pytest.mark.parametrize("ends", ["at rest", "free"])

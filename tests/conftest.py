@@ -189,6 +189,7 @@ def few_pictures() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(lab_session, "FRAME_TIME", PAUSE / 1000)
         patch.setattr(lab_session, "READOUT_EVERY", 1)
+        patch.setattr(lab_session, "SELDOM", 4)  # Once a second, as usual.
         yield
 
 

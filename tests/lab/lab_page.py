@@ -1,6 +1,7 @@
 """A lab as a person sees it: helpers that look at and touch the page of a running session."""
 
 import itertools
+import math
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -154,8 +155,13 @@ class LabPage:
             return now.run_number > run and now.scenario == paper and now.playing and now.target_speed == 1.0
 
         wait_until(begun, "a new run of the paper's preset")
-        self.open_tab("View")
-        self.press("Payload")  # The view of a new window.
+        cameras: Any = self.session._cameras
+        for client in self.session.server.get_clients().values():
+            cameras.choose(client, "Payload")  # The view of a new window; the button would need another tab.
+        wait_until(
+            lambda: any(math.dist(self.camera(), seen.put_at) < SAME_PLACE for seen in cameras._watches.values()),
+            "the camera shows the payload",
+        )
         self.open_tab("Parameters")
         self._close_notifications()
         wait_until(lambda: self.box(EI).input_value() == "100", "the page shows its stiffness")

@@ -116,9 +116,9 @@ def do_lesson(page: LabPage, number: int, lesson: Lesson, say: Callable[[str], N
 
 BEGUN = 1.2
 """Shortest time that a person watches a new run, simulated s."""
-UPDATES = 25
-"""Updates of the readouts to wait for: guide and explanations check every tenth, and an explanation appears when found twice. The
-readouts of a run at rest do not change: the wait ends after 20 s, when the page has caught up."""
+UPDATES = 10
+"""Updates of the readouts to wait for: guide and explanations check every fourth, and an explanation appears when found twice.
+The readouts of a run at rest do not change: the wait ends after 20 s, when the page has caught up."""
 FOLLOW = """async (count) => {
   const read = () => document.querySelector(".fl-grid")?.textContent;
   const stopped = () => [...document.querySelectorAll(".fl-title")].some((title) => title.textContent === "Stopped");

@@ -10,6 +10,7 @@ widened by the error of this model where the residual is not white noise (`evide
 """
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from scipy.special import stdtrit
@@ -157,8 +158,14 @@ def _basis(modes: np.ndarray, tau: np.ndarray) -> np.ndarray:
     for omega, sigma in modes:
         decay = np.exp(-sigma * tau)
         columns += [decay * np.cos(omega * tau), decay * np.sin(omega * tau)]
-    place = 2 * tau / tau[-1] - 1
-    return np.column_stack([*columns, np.polynomial.legendre.legvander(place, BACKGROUND_ORDER)])
+    return np.column_stack([*columns, _background(tau.tobytes())])
+
+
+@lru_cache(maxsize=1)
+def _background(instants: bytes) -> np.ndarray:
+    """Legendre polynomials at the `instants` tau of a fit, (N, background), computed once for its hundreds of residuals."""
+    tau = np.frombuffer(instants)
+    return np.polynomial.legendre.legvander(2 * tau / tau[-1] - 1, BACKGROUND_ORDER)
 
 
 def _rest(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarray:

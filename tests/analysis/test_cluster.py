@@ -32,7 +32,7 @@ from flexlab.analysis.workers import chosen_workers
 from flexlab.errors import StudyError
 from flexlab.own.files import law_kind
 
-VARY = ["payload.bending_stiffness=1:1000:log:16", "controller.feedback_gain=50:500:16"]
+VARY = ["payload.bending_stiffness=1:1000:log:16", "controller.feedback_gain=50:500:8"]
 
 
 def start(folder: Path, *words: str) -> subprocess.Popen:

@@ -15,9 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from reference.terms import arm_terms
 
+from flexlab.physics.dynamics import configure_arms
 from flexlab.physics.internal_force import payload_matrices
+from flexlab.physics.plant import make_workspace
 from flexlab.presets import load_preset
 from flexlab.sim.build import nodal_damping_matrix
 from flexlab.sim.samples import Samples
@@ -63,6 +64,8 @@ def proof(request) -> Proof:
     outside = np.linalg.norm(samples.sliding_variable, axis=1) > law.boundary_layer
     samples = samples.slice(0, len(samples) if outside.all() else int(np.argmin(outside)))
     D, K = nodal_damping_matrix(world.beam), np.full(3, law.feedback_gain)
+    workspace = make_workspace(len(plant.arms), plant.modal.shape[1])
+    arms = workspace.arm
     Psi, kinetic, growth = [], [], []
     for k in range(len(samples)):
         x, v, a = samples.pose[k], samples.pose_rate[k], samples.pose_acceleration[k]
@@ -74,7 +77,8 @@ def proof(request) -> Proof:
         known_rate = (rigid_payload(beam, x[2] + h) - rigid_payload(beam, x[2] - h)) / (2 * h) * v[2]
         unknown = A[:3, :3] - coupling[:, 1:] - known
         Psi.append(coupling[:, 0] - B[:3, :3] @ v - B[:3, 3:] @ q_dot - unknown @ a + known_rate @ s / 2)
-        kinetic.append(s @ (arm_terms(plant, x, v).M.sum(axis=0) + known) @ s / 2)
+        assert configure_arms(plant, x, arms, workspace.fault) == 0
+        kinetic.append(s @ (arms.M.sum(axis=0) + known) @ s / 2)
         size, speed2 = np.linalg.norm(x), v @ v
         growth.append([1.0, size, speed2])
     Psi, growth, s = np.array(Psi), np.array(growth), samples.sliding_variable

@@ -120,7 +120,7 @@ def fit_ring(time: np.ndarray, signal: np.ndarray, most_modes: int = MOST_MODES)
     """Fit a free vibration at `time` (N,), s, rising but not necessarily even. Raises `StudyError` for too few samples."""
     time, signal = np.asarray(time, dtype=float), np.asarray(signal, dtype=float)
     if len(time) < FEWEST_SAMPLES:
-        raise StudyError(f"{len(time)} samples are too few to fit a vibration: give {FEWEST_SAMPLES} at least.")
+        raise StudyError(f"Too few samples to fit a vibration, {len(time)}: give {FEWEST_SAMPLES} at least.")
     scale = float(np.max(np.abs(signal - signal.mean())))
     if scale == 0 or not np.isfinite(scale):
         raise StudyError("The signal does not move: there is no vibration to fit.")

@@ -8,7 +8,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
-from lab_process import PATIENCE, refused
+from lab_process import PATIENCE, Command, refused
 
 from flexlab.cli.circumstances import refusal
 from flexlab.recording.reader import read_recording
@@ -73,11 +73,11 @@ def test_a_variable_that_numba_cannot_read_is_one_line_without_traceback(tmp_pat
     assert said.stderr.count("\n") == 1
 
 
-def test_recording_is_refused_while_rerun_is_switched_off(tmp_path: Path):
+def test_recording_is_refused_while_rerun_is_switched_off(tmp_path: Path, flexlab_command: Command):
     said = refused(done("run", "smooth-start", "--duration", "0.01", folder=tmp_path, RERUN="off"))
     assert "RERUN = off" in said
-    assert done("run", "smooth-start", "--duration", "0.01", folder=tmp_path).returncode == 0
-    assert done("export", "newest", "--to", "table.csv", folder=tmp_path).returncode == 0
+    assert flexlab_command("run", "smooth-start", "--duration", "0.01").returncode == 0
+    assert flexlab_command("export", "newest", "--to", "table.csv").returncode == 0
     assert "RERUN = off" in refused(done("import", "table.csv", folder=tmp_path, RERUN="off"))
 
 

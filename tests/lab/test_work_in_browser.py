@@ -206,7 +206,6 @@ def test_a_kept_run_is_drawn_and_compared_with_the_next_one(page: LabPage) -> No
     assert not page.errors
 
 
-@pytest.mark.usefixtures("new_lab")
 def test_save_download_and_open(page: LabPage, tmp_path: Path) -> None:
     page.enter(EI, "33")
     wait_until(lambda: stiffness(page) == 33.0, "the change is taken")

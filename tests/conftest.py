@@ -12,7 +12,8 @@ from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import pytest
-from browser_window import BY_THE_PROCESSOR, PAUSE, SOFTWARE_RENDERING
+from browser_window import BY_THE_PROCESSOR, SOFTWARE_RENDERING
+from few_pictures import send_few
 from get_browser import find_browser
 from hypothesis import settings
 from lab_process import Command, Lab
@@ -24,7 +25,6 @@ from flexlab.cli import main
 from flexlab.cli.console import notes, output
 from flexlab.control.law import LAWS
 from flexlab.control.path import PATHS
-from flexlab.lab import session as lab_session
 from flexlab.own import hosts
 from flexlab.own.files import PATH_FILES
 
@@ -187,9 +187,7 @@ def plain_chromium(chromium: Browser) -> Iterator[Browser]:
 def few_pictures() -> Iterator[None]:
     """Let labs of this process send only as many pictures as a page of the tests draws."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(lab_session, "FRAME_TIME", PAUSE / 1000)
-        patch.setattr(lab_session, "READOUT_EVERY", 1)
-        patch.setattr(lab_session, "SELDOM", 4)  # Once a second, as usual.
+        send_few(patch)
         yield
 
 

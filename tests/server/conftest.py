@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from datetime import datetime
 from pathlib import Path
 
+import few_pictures as seldom
 import pytest
 from person import TOKEN, open_server
 
@@ -11,6 +12,7 @@ from flexlab.presets import load_preset
 from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.run_info import RunInfo
 from flexlab.server.front_server import FrontServer
+from flexlab.server.labs import worker
 from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
 
@@ -19,6 +21,14 @@ from flexlab.sim.world import World
 def _compiled() -> None:
     """Compile the engine before the first lab, so that no test waits for it."""
     World(load_preset("paper")).advance(2)
+
+
+@pytest.fixture(scope="module")
+def few_pictures(few_pictures: None) -> Iterator[None]:
+    """Let private labs send few pictures as well."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(worker, "work", seldom.work)
+        yield
 
 
 @pytest.fixture(scope="session")

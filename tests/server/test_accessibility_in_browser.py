@@ -28,7 +28,9 @@ PANEL, DIALOG = '[data-dock-region="right"]', '[role="dialog"]'
 
 
 @pytest.fixture(scope="module")
-def page(plain_chromium: Browser, recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+def page(
+    plain_chromium: Browser, recorded: Path, tmp_path_factory: pytest.TempPathFactory, few_pictures: None
+) -> Iterator[Page]:
     """One window for all tests, at the page that asks for the token; the server has two runs and a leaderboard."""
     with full_server(tmp_path_factory.mktemp("accessible"), recorded) as address:
         window = open_window(plain_chromium, **USUAL, base_url=address, reduced_motion="reduce")

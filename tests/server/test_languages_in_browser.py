@@ -44,7 +44,9 @@ VISIBLE = """() => {
 
 
 @pytest.fixture(scope="module")
-def page(plain_chromium: Browser, recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+def page(
+    plain_chromium: Browser, recorded: Path, tmp_path_factory: pytest.TempPathFactory, few_pictures: None
+) -> Iterator[Page]:
     """A window whose reader prefers German, at the page that asks for the token; the server has two runs and a leaderboard."""
     with full_server(tmp_path_factory.mktemp("languages"), recorded) as address:
         window = open_window(plain_chromium, 1440, 900, base_url=address, locale="de-DE")

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import pytest
 from browser_window import PATIENCE, open_window
 from http_client import looking, wait_until
 from person import TEACHER, TOKEN, Person, open_server
@@ -10,6 +11,8 @@ from playwright.sync_api import Browser
 from flexlab.presets import load_preset
 from flexlab.recording.store.notes import read_notes
 from flexlab.recording.store.run_files import list_runs
+
+pytestmark = pytest.mark.usefixtures("few_pictures")
 
 
 def test_each_button_of_the_class_and_of_a_lab_does_what_it_says(plain_chromium: Browser, tmp_path: Path):

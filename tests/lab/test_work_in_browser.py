@@ -58,6 +58,13 @@ def middle(page: LabPage, name: str) -> np.ndarray:
     return rings[len(rings) // 2, :, :2].mean(axis=0)
 
 
+def held_now(page: LabPage) -> Pull:
+    """The pull of the hand that holds on."""
+    pull = page.session.lab_state.pulled
+    assert pull is not None
+    return pull
+
+
 def pulls(page: LabPage) -> list[Pull]:
     return [event.command for event in page.snapshot.events if isinstance(event.command, Pull)]
 
@@ -140,10 +147,10 @@ def test_dragging_a_link_pulls_the_arm(page: LabPage) -> None:
     pull = wait_until(lambda: page.session.lab_state.pulled, "somebody pulls")
     assert pull.link == (1, 2)
     assert pull.position == pytest.approx(0.3, abs=0.05)
-    wait_until(lambda: page.session.lab_state.pulled.target[0] < middle[0] - 0.1, "the hand is where the mouse is")
+    wait_until(lambda: held_now(page).target[0] < middle[0] - 0.1, "the hand is where the mouse is")
 
     def spring_force() -> float:
-        now = page.session.lab_state.pulled
+        now = held_now(page)
         return now.stiffness * math.dist(now.target, held_point(page.snapshot.scenario, page.snapshot.display, now))
 
     wait_until(lambda: page.label("/pull_force") == f"pull {spring_force():.1f} N", "the arrow says how hard")

@@ -143,6 +143,8 @@ class Declared:
     """Where the class begins in its file."""
     meaning: str = field(compare=False)
     """First paragraph of its docstring."""
+    mistake: str = field(compare=False)
+    """As for `DeclaredClass`."""
     settings: tuple[tuple[str, Setting], ...]
     """Gains or options."""
 
@@ -191,9 +193,8 @@ def read_declaration(source: str, file: str) -> Declaration:
                 raise law.problem(value.lineno, f"on_save = {on_save!r} is not one of " + ", ".join(map(repr, ON_SAVE)))
     for name, example in (("period", DEFAULT_PERIOD), ("on_save", ON_SAVE[1])):
         if law.has_method(name) or any(name == declared for kind in found.values() for declared, _ in kind):
-            raise law.problem(
-                law.line, f"{name} of a law is no method, property or gain: write it out, as in {name} = {example!r}"
-            )
+            why = f"{name} of a law is no method, property or gain: write it out, as in {name} = {example!r}"
+            law.mistake = f"line {law.line}: {why}"
     if not law.has_method("act"):
         raise law.problem(law.line, f"{law.node.name} has no method act(self, at), which computes the inputs")
     gains, memories = dict(found[Setting]), dict(found[Memory])
@@ -201,7 +202,7 @@ def read_declaration(source: str, file: str) -> Declaration:
     law.few("numbers of memory", sum(one.size for one in memories.values()), MOST_MEMORY)
     law.few("signals", len(found[OwnSignal]), MOST_SIGNALS)
     kept, signals, goes_on = tuple(memories.items()), tuple(found[OwnSignal]), on_save == ON_SAVE[0]
-    return Declaration(*law.about, tuple(gains.items()), period, goes_on, kept, signals)
+    return Declaration(*law.about, law.mistake, tuple(gains.items()), period, goes_on, kept, signals)
 
 
 def read_path_declaration(source: str, file: str) -> PathDeclaration:
@@ -224,7 +225,7 @@ def read_path_declaration(source: str, file: str) -> PathDeclaration:
     if not path.has_method("position"):
         raise path.problem(path.line, f"{path.node.name} has no method position(self, t), which gives x, y and θ")
     path.few("options", sum(one.size for one in options.values()), MOST_SETTINGS)
-    return PathDeclaration(*path.about, tuple(options.items()), lasting[0] == "period")
+    return PathDeclaration(*path.about, path.mistake, tuple(options.items()), lasting[0] == "period")
 
 
 _MAKERS: dict[str, Callable[..., Any]] = {"gain": gain, "memory": memory, "readout": readout}

@@ -68,8 +68,10 @@ class OwnKinds(Generic[K]):
             if known is not None and not isinstance(known, self.sort):
                 text = f"{file}: a {self.registry.what} of flexlab is called {own.kind} already: give the class another name."
                 raise ScenarioError([(f"{self.field}.source", text)])
+            # Checked in a person's own file only: earlier recordings with such laws must still open.
+            if own.declaration.mistake:
+                raise ScenarioError([(f"{self.field}.source", f"{file}, {own.declaration.mistake}.")])
             if wrong := _slider_problem(own.declaration.settings):
-                # Checked in a person's own file only: earlier recordings with such laws must still open.
                 raise ScenarioError([(f"{self.field}.source", f"{file}: {wrong}.")])
             hosts.allow(source, file)
             if known is None or default_source(known) != source:

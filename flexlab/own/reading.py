@@ -95,11 +95,12 @@ class DeclaredClass:
             line = found[1].lineno if found else 1
             raise self.problem(line, f"has {what} {base}: write one class Name({base}): in a file")
         self.node = found[0]
+        self.mistake = ""
+        """Why a person's file is refused, with its line, although recordings with such a text still open."""
         for node in tree.body:  # Python would take it for the law, and not the class that it inherits from.
             if isinstance(node, ast.ClassDef) and self.node.name in map(called, node.bases):
-                raise self.problem(
-                    node.lineno, f"{node.name} inherits from {base} through another class: inherit directly"
-                )
+                why = f"{node.name} inherits from {base} through another class: inherit directly"
+                self.mistake = f"line {node.lineno}: {why}"
         if len(self.node.name) > LONGEST_CLASS:
             text = f"the name of the class has {len(self.node.name)} characters: {LONGEST_CLASS} are the most"
             raise self.problem(self.node.lineno, text)

@@ -305,6 +305,23 @@ def test_an_unusable_declaration_is_refused(source: str, said: str):
 
 
 @pytest.mark.parametrize(
+    "source",
+    [
+        "class A(OwnLaw):\n    period = gain(0.02, 's', low=0.001, high=0.1)\n" + ACT,
+        "class A(OwnLaw):\n    def period(self): ...\n" + ACT,
+        "class A(OwnLaw):\n" + ACT + "class B(A):\n" + ACT,
+    ],
+)
+def test_a_recorded_text_that_files_may_no_longer_have_is_still_read(source: str) -> None:
+    """Such laws were recorded before they were refused, and their recordings have to open."""
+    with pytest.raises(ScenarioError):
+        add_own_law(source, "own.py")
+    recorded = parse_scenario({"controller": {"kind": "a", "source": source}})
+    assert recorded.controller.kind == "a"
+    assert recorded.controller.control_period == 0.001
+
+
+@pytest.mark.parametrize(
     "name",
     [
         "pose",

@@ -69,7 +69,7 @@ class JointFriction(Part):
         0.1, title="Speed at which static friction has fallen by half", symbol="v_s", unit="rad/s", low=1e-4, high=100
     )
     smoothing_speed: Number = quantity(
-        0.01, title="Speed within which friction turns over", symbol="v_0", unit="rad/s", low=1e-6, high=1
+        0.01, title="Speed within which friction changes sign", symbol="v_0", unit="rad/s", low=1e-6, high=1
     )
     """A sticking joint creeps at a fraction of it; a smaller value needs shorter steps."""
 

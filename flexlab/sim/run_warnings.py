@@ -156,7 +156,7 @@ def pace_warning(integrator: str, beam: Beam, step: float, bound: str, others: s
         "creep": ["less damping", "a softer or lighter beam"],
         "resonance": ["some damping (payload.damping)", "a softer beam"],
         "accuracy": ["a smooth start", "more damping", "a softer beam"],
-        "joints": ["a higher speed within which friction turns over (joints.friction.smoothing_speed)", COARSER],
+        "joints": ["a higher speed within which friction changes sign (joints.friction.smoothing_speed)", COARSER],
         "grips": ["a lower stiffness or damping of the grips (grips.stiffness, grips.damping)", COARSER],
         "motors": ["a longer time constant of the motors (joints.motor.time_constant), or 0", COARSER],
         "law": ["lower gains", COARSER],
@@ -302,7 +302,7 @@ def inaccurate(scenario: Scenario, time: float, coming: Sizes, found: Sizes, pea
     if not said:
         return ""
     cause, cure = "errors of the steps add up in modes that ring on", "more damping, fewer elements"
-    smaller = " or a smaller pose accuracy (simulation.accuracy)"
+    smaller = " or a smaller tolerance of the pose (simulation.accuracy)"
     if found[0] > bound or found[1] > least:
         cause = "the start or a change excites modes that are faster than the steps, or errors of the steps add up"
         cure = "a smooth start, more damping, fewer elements"

@@ -171,7 +171,7 @@ def _refuse_tiny(step: float, integrator: str, bound: str, others: str) -> None:
     cures = {
         "creep": "Choose a softer, lighter or less damped beam, fewer elements, or heavier links",
         "beam": f"Choose a softer or less damped beam or fewer elements, {own_step}",
-        "joints": "Choose a higher speed within which friction turns over (joints.friction.smoothing_speed), or less friction",
+        "joints": "Choose a higher speed within which friction changes sign (joints.friction.smoothing_speed), or less friction",
         "motors": "Choose a longer time constant of the motors (joints.motor.time_constant), or 0",
         "grips": f"Choose a lower stiffness or damping of the grips (grips.stiffness, grips.damping), {auto}or fewer elements",
         "law": f"Lower the gains, {own_step}",

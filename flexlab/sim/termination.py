@@ -157,7 +157,7 @@ def runtime_fault(assembly: Assembly, code: int, y: np.ndarray, pose_rate: np.nd
         delay = f" and {counted(law.input_delay, 'sample')} of delay" if law.input_delay else ""
         acts, cure = "torques that are held act too late for these gains", "a shorter control period or lower gains"
         if scenario.joints.encoders.active and not unstable:
-            acts, cure = "counts that pass for rates drive it", "more joints.encoders.counts or lower gains"
+            acts, cure = "encoder steps taken for rates drive it", "more joints.encoders.counts or lower gains"
         return Status(
             name,
             f"The sampled control loop ran away just after t = {time:.3f} s: with a control period of "

@@ -113,5 +113,5 @@ def test_encoders_that_cannot_work_are_refused_or_named_as_the_cause():
         WorldBatch(Settings(scenario=with_counts(1e4)), 1)
     run = simulate(with_counts(100.0), 1.0)
     assert run.status.failed
-    assert "counts that pass for rates drive it" in run.status.text
+    assert "encoder steps taken for rates drive it" in run.status.text
     assert "Reset with more joints.encoders.counts" in run.status.text

@@ -205,7 +205,7 @@ def conditions(around: Circumstances) -> tuple[Condition, ...]:
         on_path.append(_regressor(now, constants["links"], now.desired[1], now.desired[2]) * weight)
         on_any += [_regressor(now, constants["links"], np.zeros(3), unit) * weight for unit in np.eye(3)]
     told, tellable = _rank(on_path, TOLD), _rank(on_any, TELLABLE)
-    text = f"Y rich enough: this path tells {told} combinations of masses of the {tellable} that can be told"
+    text = f"Y rich enough: this path identifies {told} of the {tellable} identifiable combinations of masses"
     return (Condition(f"{text}; s goes to zero even so, the rest of â stays where it is.", told >= tellable),)
 
 

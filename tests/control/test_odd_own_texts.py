@@ -68,7 +68,7 @@ def test_a_period_that_only_a_run_of_the_text_would_tell_is_refused(name: str, m
     """A control period written as a property was passed over: the law ran every 1 ms."""
     text = law_text().replace("    def act", f"    {mark}def {name}(self):\n        return 0.01\n    def act")
     with pytest.raises(ScenarioError, match=f"odd.py, line 3: {name} .*: write it out, as in {name} = "):
-        read_declaration(text, "odd.py")
+        add_own_law(text, "odd.py")
 
 
 def test_a_gain_of_three_numbers_counts_as_three():

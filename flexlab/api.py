@@ -43,8 +43,8 @@ if TYPE_CHECKING:
 
 LOGS = "logs"
 """The folder of recordings, relative to the working directory."""
-EXPORTED = (".csv", ".parquet", ".npz", ".html", ".zip")
-"""Endings of files that `export` writes of a run."""
+PAGE, ARCHIVE = ".html", ".zip"
+"""Endings of files that `export` writes of a run, besides tables."""
 
 
 class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of all arrays)
@@ -99,11 +99,12 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
         library and `flexlab.read` open it again. Raises `RecordingError`, also if the file exists already.
         """
         from flexlab.analysis.run_summary import MetricNotes
+        from flexlab.recording.export import FORMATS
         from flexlab.recording.headless import write_run
         from flexlab.recording.store.notes import write_notes
 
         place, problem = file_path("folder", folder), ""
-        if place.suffix.lower() in EXPORTED and not place.is_dir():
+        if place.suffix.lower() in (*FORMATS, PAGE, ARCHIVE) and not place.is_dir():
             raise RecordingError(f"{place} is no recording (.rrd): flexlab.export(run, '{place}') writes such a file.")
         try:
             metrics = self.metrics

@@ -22,7 +22,7 @@ from flexlab.analysis.replay import Replay
 from flexlab.analysis.sweep.axes import parse_axes
 from flexlab.analysis.tuning import Tuning, parse_cost
 from flexlab.analysis.workers import chosen_workers, progress_bar
-from flexlab.api import LOGS, Run, export_fmu
+from flexlab.api import ARCHIVE, LOGS, PAGE, Run, export_fmu
 from flexlab.arguments import file_path, flag, text_or_none, time_or_none, whole_number
 from flexlab.errors import StudyError
 from flexlab.presets import AnyLaw, AnyPath, AnyScenario, any_scenario, named_scenario
@@ -37,8 +37,8 @@ from flexlab.text import visible
 
 AnyRun = Run | str | Path
 """A run; a recording's file, its name in the logs folder or the beginning of that; or "newest"."""
-UNIT, BODIES, PAGE, ARCHIVE = ".fmu", (".urdf", ".xml", ".mjcf"), ".html", ".zip"
-"""Endings of files that are not tables."""
+UNIT, BODIES = ".fmu", (".urdf", ".xml", ".mjcf")
+"""Endings of files that are made of a scenario."""
 
 
 def tune(

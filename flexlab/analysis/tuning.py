@@ -292,9 +292,7 @@ def tune(
     if not axes:
         raise StudyError("Nothing may change: say what, as in controller.feedback_gain=50:500:log.")
     if both := {axis.path for axis in axes} & {axis.path for axis in robust}:
-        raise StudyError(
-            f"{min(both)} is searched and varied by robust as well: its search would hide the other values."
-        )
+        raise StudyError(f"{min(both)} is both searched and varied by robust: leave it out of one of them.")
     candidates = whole_number("candidates", candidates, FEWEST_CANDIDATES, MOST_CANDIDATES)
     variants = [
         change_settings(scenario, dict(zip((axis.path for axis in robust), values, strict=True)))

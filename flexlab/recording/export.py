@@ -177,8 +177,8 @@ _REASONS: tuple[tuple[type[Exception], str], ...] = (
 def _reason(error: Exception) -> str:
     known = next((reason for kind, reason in _REASONS if isinstance(error, kind)), "")
     said = getattr(error, "strerror", None) or visible(str(error).split("\n")[0], LONGEST_REASON)
-    # NumPy's error advises loading Python objects, which would run code from the archive.
     said = said.partition("; use `usecols`")[0]  # Advice for callers of NumPy.
+    # NumPy's error advises loading Python objects, which would run code from the archive.
     return known or ("it holds Python objects" if "pickle" in said else said) or type(error).__name__
 
 

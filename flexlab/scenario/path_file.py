@@ -67,8 +67,8 @@ def read_path_file(file: str | Path) -> tuple[tuple[float, float, float, float],
     return decoded_path(content, str(file))
 
 
-SEPARATOR = re.compile(r"^sep=.*", re.MULTILINE)
-"""The line that tells Excel the separator."""
+SEPARATOR = re.compile(r"\Asep=.*")
+"""The first line that tells Excel the separator."""
 
 
 def decoded_path(content: bytes, name: str) -> tuple[tuple[float, float, float, float], ...]:
@@ -79,7 +79,7 @@ def decoded_path(content: bytes, name: str) -> tuple[tuple[float, float, float, 
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise PresetError(f"{name} is not a text file in UTF-8: give a CSV file with the columns {HEADER}.") from None
-    text = SEPARATOR.sub("", text, count=1)
+    text = SEPARATOR.sub("", text)
     lines = [(number, line) for number, line in enumerate(_cells(text, name), 1) if any(cell.strip() for cell in line)]
     if not lines:
         raise PresetError(f"{name} is empty: give a CSV file with the columns {HEADER}.")

@@ -63,7 +63,7 @@ def test_a_robust_cost_is_that_of_the_worst_scenario():
 def test_a_field_that_is_searched_and_also_varied_is_refused():
     """The searched value replaced the others, so that the tuning was not robust at all."""
     both = parse_axes([f"{GAIN[0].path}=100,200"], PAPER)
-    with pytest.raises(StudyError, match=f"^{GAIN[0].path} is searched and varied by robust as well"):
+    with pytest.raises(StudyError, match=f"^{GAIN[0].path} is both searched and varied by robust"):
         tune(PAPER, GAIN, parse_cost("rms-y"), both, duration=0.1, candidates=8)
 
 

@@ -1,5 +1,8 @@
 """The error in steady motion, and bound estimates that drift under noise."""
 
+from functools import lru_cache
+from typing import Any
+
 import numpy as np
 
 from flexlab.analysis.explanations.explanation import Evidence, n, register
@@ -7,8 +10,10 @@ from flexlab.analysis.explanations.growth import lateness
 from flexlab.analysis.law_conditions import circumstances
 from flexlab.analysis.lesson_measures import bound_terms, largest, length
 from flexlab.control.conditions import Circumstances, stability_limit
+from flexlab.control.controller import Controller
 from flexlab.control.law import laws
 from flexlab.errors import ScenarioError
+from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples
 
 WORTH = 1e-5
@@ -55,11 +60,22 @@ def outside_the_layer(seen: Evidence) -> str | None:
     return (
         f"‖s‖ is outside its boundary layer of {n(layer)} m/s for {n(100 * share)} % of the last second, up to "
         f"{n(float(size.max()))} m/s: the beam asks for ‖Ψ‖ = {n(force)} N, and K = {n(gain)} N·s/m "
-        f"{held}. {_cure(seen, force / layer)}"
+        f"{held}. {_back_inside(seen, force / layer)}"
     )
 
 
-def _cure(seen: Evidence, needed: float) -> str:
+@lru_cache(maxsize=32)
+def _fastest_rate(scenario: Scenario) -> float:
+    """Fastest rate of a scenario's loop, 1/s; kept, as a lab explains several times a second."""
+    return circumstances(scenario).fastest_rate
+
+
+def _share_of_limit(rate: float, law: Controller) -> float:
+    """λT_c of a loop with this fastest rate, 1/s, over the largest of a stable one; 0 for a continuous law."""
+    return rate * (law.control_period or 0.0) / stability_limit(law.input_delay)
+
+
+def _back_inside(seen: Evidence, needed: float) -> str:
     """What brings s back inside its layer, `needed`: the K for it, N·s/m; or why nothing does."""
     law, also = seen.scenario.controller, ""
     if seen.field("adaptation") is not None:
@@ -68,10 +84,10 @@ def _cure(seen: Evidence, needed: float) -> str:
         also = " or a larger ρ̂"
     part = "controller" if hasattr(law, "feedback_gain") else "controller.slow"
     try:
-        raised = seen.scenario.replace({f"{part}.feedback_gain": needed})
+        raised: Any = seen.scenario.replace({f"{part}.feedback_gain": needed})  # Any: pydantic makes it hashable.
     except ScenarioError:
         return f"That would take K = {n(needed)} N·s/m, more than K may be: the path has to ask for less."
-    share = circumstances(raised).fastest_rate * (law.control_period or 0.0) / stability_limit(law.input_delay)
+    share = _share_of_limit(_fastest_rate(raised), law)
     if share > TOO_SWIFT:
         return (
             f"K above {n(needed)} N·s/m would bring it back inside, but torques that come so late make a loop that fast "
@@ -94,7 +110,7 @@ def _cures(seen: Evidence, around: Circumstances, gains: str) -> str:
     law, truth = seen.scenario.controller, seen.background.informed
     wrong = 0.0 if truth is None else np.linalg.norm(around.reaction - truth.reaction, axis=1).max(initial=0.0)
     knows = wrong <= WRONG * around.largest_reaction  # Feed-forward leaves the force of a wrong mass.
-    stable = 2 * around.fastest_rate * (law.control_period or 0.0) < stability_limit(law.input_delay)
+    stable = _share_of_limit(2 * around.fastest_rate, law) < 1
     if stable and knows:
         return f" Twice the {gains} nearly halves it; feed-forward of the bending removes its cause."
     if stable:

@@ -6,7 +6,7 @@ nobody has allowed to run.
 
 import ast
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from flexlab.own.reading import DeclaredClass, called, is_finite, kind_of
@@ -182,8 +182,7 @@ def read_declaration(source: str, file: str) -> Declaration:
     for name, value in law.attributes().items():
         maker = _MAKERS.get(called(value.func)) if isinstance(value, ast.Call) else None
         if maker is not None and isinstance(value, ast.Call):
-            made = law.made(name, maker, value)
-            _check(law, name, made, value.lineno)
+            made = _checked(law, name, law.made(name, maker, value), value.lineno)
             found[type(made)].append((name, made))
         elif name == "period":
             period = law.number(value, "period", SHORTEST_PERIOD, LONGEST_PERIOD, "s")
@@ -193,8 +192,9 @@ def read_declaration(source: str, file: str) -> Declaration:
                 raise law.problem(value.lineno, f"on_save = {on_save!r} is not one of " + ", ".join(map(repr, ON_SAVE)))
     for name, example in (("period", DEFAULT_PERIOD), ("on_save", ON_SAVE[1])):
         if law.has_method(name) or any(name == declared for kind in found.values() for declared, _ in kind):
-            why = f"{name} of a law is no method, property or gain: write it out, as in {name} = {example!r}"
-            law.mistake = f"line {law.line}: {why}"
+            law.note(
+                law.line, f"{name} of a law is no method, property or gain: write it out, as in {name} = {example!r}"
+            )
     if not law.has_method("act"):
         raise law.problem(law.line, f"{law.node.name} has no method act(self, at), which computes the inputs")
     gains, memories = dict(found[Setting]), dict(found[Memory])
@@ -213,8 +213,7 @@ def read_path_declaration(source: str, file: str) -> PathDeclaration:
     for name, value in path.attributes().items():
         is_option = isinstance(value, ast.Call) and called(value.func) == "option"
         if is_option and isinstance(value, ast.Call):
-            options[name] = path.made(name, option, value)
-            _check_setting(path, name, options[name], value.lineno)
+            options[name] = _checked_setting(path, name, path.made(name, option, value), value.lineno)
         if name in LASTING:
             lasting.append(name)
             if not is_option:
@@ -231,25 +230,51 @@ def read_path_declaration(source: str, file: str) -> PathDeclaration:
 _MAKERS: dict[str, Callable[..., Any]] = {"gain": gain, "memory": memory, "readout": readout}
 
 
-def _check(law: DeclaredClass, name: str, made: Any, line: int) -> None:
+def _checked(law: DeclaredClass, name: str, made: Any, line: int) -> Any:
+    """What an attribute declares. Raises `ScenarioError` if it cannot be used."""
+    if isinstance(made, Setting):
+        return _checked_setting(law, name, made, line)
     if isinstance(made, Memory):
         if type(made.size) is not int or not 1 <= made.size <= MOST_MEMORY or not is_finite(made.start):
             text = f"{name} = memory({made.size!r}, {made.start!r}) needs a whole number from 1 to {MOST_MEMORY}"
             raise law.problem(line, f"{text} and a finite start")
-    elif isinstance(made, OwnSignal):
-        if not all(isinstance(text, str) for text in (made.unit, made.title, made.symbol)):
-            raise law.problem(line, f"{name}: unit, title and symbol of a signal are texts")
-    else:
-        _check_setting(law, name, made, line)
+    elif not all(isinstance(text, str) for text in (made.unit, made.title, made.symbol)):
+        raise law.problem(line, f"{name}: unit, title and symbol of a signal are texts")
+    return made
 
 
-def _check_setting(declared: DeclaredClass, name: str, gain: Setting, line: int) -> None:
-    """Raise `ScenarioError` for an empty range or a default outside it."""
+def _checked_setting(declared: DeclaredClass, name: str, gain: Setting, line: int) -> Setting:
+    """A gain or an option, mended where that is a mistake only in a person's file.
+
+    Raises `ScenarioError` for an empty range or a default outside it.
+    """
     if not is_finite(gain.low) or not is_finite(gain.high) or not gain.low < gain.high:
         raise declared.problem(line, f"{name}: low = {gain.low!r} and high = {gain.high!r} are not a range")
-    if not all(isinstance(text, str) for text in (gain.unit, gain.title, gain.symbol)):
-        raise declared.problem(line, f"{name}: unit, title and symbol are texts")
     numbers = gain.default if isinstance(gain.default, tuple) else (gain.default,)
     if len(numbers) not in (1, 3) or not all(is_finite(one) and gain.low <= one <= gain.high for one in numbers):
         text = f"{name}: the default {gain.default!r} is outside {number_text(gain.low)} to {number_text(gain.high)} {gain.unit}"
         raise declared.problem(line, f"{text}, or not one or three numbers")
+    texts = {what: getattr(gain, what) for what in ("unit", "title", "symbol")}
+    if not all(isinstance(text, str) for text in texts.values()):
+        declared.note(line, f"{name}: unit, title and symbol are texts")
+        gain = replace(gain, **{what: "" if text is None else str(text) for what, text in texts.items()})
+    if wrong := _slider_problem(gain):
+        declared.note(line, f"{name}: {wrong}")
+        gain = replace(gain, slider=None, logarithmic=False)
+    return gain
+
+
+def _slider_problem(one: Setting) -> str:
+    """What is wrong with a setting's slider; empty if nothing is."""
+    about = f"slider = {one.slider!r:.60}"
+    if one.slider is not None:
+        ends = one.slider if isinstance(one.slider, tuple) else ()
+        if len(ends) != 2 or not all(map(is_finite, ends)) or not one.low <= ends[0] < ends[1] <= one.high:
+            within = f"{number_text(one.low)} to {number_text(one.high)}"
+            return f"{about} is not a part of its range: give two numbers within {within}"
+    if not isinstance(one.logarithmic, bool):
+        return f"logarithmic = {one.logarithmic!r:.60} is not usable: give True or False"
+    if one.logarithmic and (one.slider or (one.low,))[0] <= 0:
+        begins = about if one.slider else f"low = {one.low!r}"
+        return f"a logarithmic slider begins above 0, and {begins}: give slider=(LOW, HIGH) with LOW above 0"
+    return ""

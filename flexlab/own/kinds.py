@@ -19,10 +19,10 @@ from flexlab.errors import ScenarioError
 from flexlab.files import short_hash
 from flexlab.own import hosts
 from flexlab.own.declaration import Declared, Setting
-from flexlab.own.reading import LONGEST_SOURCE, is_finite
+from flexlab.own.reading import LONGEST_SOURCE
 from flexlab.quantities import Number, OneOrThree, quantity
 from flexlab.registry import Registry
-from flexlab.text import number_text, visible
+from flexlab.text import visible
 
 LONGEST_SHOWN = 60
 """Characters of a name that a sentence repeats."""
@@ -71,8 +71,6 @@ class OwnKinds(Generic[K]):
             # Checked in a person's own file only: earlier recordings with such laws must still open.
             if own.declaration.mistake:
                 raise ScenarioError([(f"{self.field}.source", f"{file}, {own.declaration.mistake}.")])
-            if wrong := _slider_problem(own.declaration.settings):
-                raise ScenarioError([(f"{self.field}.source", f"{file}: {wrong}.")])
             hosts.allow(source, file)
             if known is None or default_source(known) != source:
                 self.registry.add(own, instead=True)
@@ -159,25 +157,6 @@ def flat_numbers(model: BaseModel, settings: Sequence[tuple[str, Setting]]) -> n
 def default_source(own: Law | Path) -> str:
     """The text of a law or a path, as in its file."""
     return own.model.model_fields["source"].default
-
-
-def _slider_problem(settings: Sequence[tuple[str, Setting]]) -> str:
-    """What is wrong with a slider of these settings; empty if nothing is."""
-    for name, one in settings:
-        about = f"slider = {one.slider!r:.60}"
-        if one.slider is not None:
-            ends = one.slider if isinstance(one.slider, tuple) else ()
-            if len(ends) != 2 or not all(map(is_finite, ends)) or not one.low <= ends[0] < ends[1] <= one.high:
-                within = f"{number_text(one.low)} to {number_text(one.high)}"
-                return f"{name}: {about} is not a part of its range: give two numbers within {within}"
-        if not isinstance(one.logarithmic, bool):
-            return f"{name}: logarithmic = {one.logarithmic!r:.60} is not usable: give True or False"
-        if one.logarithmic and (one.slider or (one.low,))[0] <= 0:
-            begins = about if one.slider else f"low = {one.low!r}"
-            return (
-                f"{name}: a logarithmic slider begins above 0, and {begins}: give slider=(LOW, HIGH) with LOW above 0"
-            )
-    return ""
 
 
 def _setting_field(name: str, gain: Setting) -> Any:

@@ -96,14 +96,13 @@ class DeclaredClass:
             raise self.problem(line, f"has {what} {base}: write one class Name({base}): in a file")
         self.node = found[0]
         self.mistake = ""
-        """Why a person's file is refused, with its line, although recordings with such a text still open."""
+        """The first reason, with its line, why a person's file is refused although recordings with such a text open."""
         for node in tree.body:  # Python would take it for the law, and not the class that it inherits from.
             if isinstance(node, ast.ClassDef) and self.node.name in map(called, node.bases):
-                why = f"{node.name} inherits from {base} through another class: inherit directly"
-                self.mistake = f"line {node.lineno}: {why}"
+                self.note(node.lineno, f"{node.name} inherits from {base} through another class: inherit directly")
         if len(self.node.name) > LONGEST_CLASS:
             text = f"the name of the class has {len(self.node.name)} characters: {LONGEST_CLASS} are the most"
-            raise self.problem(self.node.lineno, text)
+            self.note(self.node.lineno, text)
         self.line: int = self.node.lineno
         meaning = visible(" ".join((ast.get_docstring(self.node) or self.node.name).split("\n\n")[0].split()))
         self.about = self.node.name, self.line, meaning
@@ -119,6 +118,10 @@ class DeclaredClass:
     def problem(self, line: int, text: str) -> ScenarioError:
         """An error with file and line."""
         return ScenarioError([(self._field, f"{self._file}, line {line}: {text}.")])
+
+    def note(self, line: int, text: str) -> None:
+        """Note a `mistake`: every rule that is younger than recordings is checked this way, so that they still open."""
+        self.mistake = self.mistake or f"line {line}: {text}"
 
     def attributes(self) -> dict[str, ast.expr]:
         """Name → value of the class's plain attributes; as in Python, the last value counts."""

@@ -156,14 +156,40 @@ def test_a_slider_has_to_lie_within_the_range(scale: str, says: str):
     for add, text, name in ((add_own_law, law_text(scale=scale), "k"), (add_own_path, path_text(scale=scale), "size")):
         with pytest.raises(ScenarioError) as caught:
             add(text, "odd.py")
-        assert str(caught.value).startswith(f"odd.py: {name}: ")
+        assert str(caught.value).startswith(f"odd.py, line 4: {name}: ")
         assert says in str(caught.value)
 
 
-def test_a_recorded_law_with_an_odd_slider_opens():
-    """Such a slider was accepted when it was recorded."""
-    scenario = parse_scenario({"controller": {"source": law_text(scale="low=0, high=2, slider=(5, 9)")}})
-    assert scenario.controller.kind == "odd"
+@pytest.mark.parametrize(
+    "odd",
+    [
+        "low=0, high=2, slider=(5, 9)",
+        "low=0, high=2, slider='01'",
+        "low=0, high=2, logarithmic=True",
+        "low=0, high=2, title=None",
+        "low=0, high=2, symbol=5",
+    ],
+)
+def test_a_recorded_law_with_an_odd_gain_opens_with_a_usual_one(odd: str):
+    """Such a gain was accepted when it was recorded."""
+    with pytest.raises(ScenarioError, match=r"odd\.py, line 4: k: "):
+        add_own_law(law_text(scale=odd), "odd.py")
+    scenario = parse_scenario({"controller": {"source": law_text(scale=odd)}})
+    about = scenario.about("controller.k")
+    assert (scenario.controller.kind, about.slider, about.logarithmic) == ("odd", (0, 2), False)
+    assert (about.title, about.unit_text()) == ("K", " N")
+    assert about.symbol == ("5" if "symbol" in odd else "")
+
+
+@pytest.mark.parametrize(("unit", "shown"), [("None", ""), ("5", " 5")])
+def test_a_recorded_law_with_a_unit_that_is_not_a_text_opens(unit: str, shown: str):
+    text = law_text().replace('gain(1.0, "N"', f"gain(1.0, {unit}")
+    assert parse_scenario({"controller": {"source": text}}).about("controller.k").unit_text() == shown
+
+
+def test_a_recorded_law_with_a_very_long_name_opens():
+    text = law_text().replace("Odd", "Odd" + "x" * 200)
+    assert parse_scenario({"controller": {"source": text}}).controller.kind == "odd" + "x" * 200
 
 
 @pytest.mark.parametrize("given", ODD_THREE)

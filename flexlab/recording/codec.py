@@ -24,10 +24,10 @@ from pydantic import BaseModel
 
 from flexlab.compiled import compiled, entry_point
 from flexlab.errors import FlexlabError, RecordingError
-from flexlab.physics.plant import AXIAL_WORK
+from flexlab.physics.plant import AXIAL_WORK, NO_HAND
 from flexlab.recording.store import formats
 from flexlab.scenario import parse_scenario
-from flexlab.sim.commands import ChangeScenario, Command, LoadScenario
+from flexlab.sim.commands import ChangeScenario, Command, LoadScenario, Pull
 from flexlab.sim.samples import TAKEN, Origin, Samples, WorldState, join_blocks
 from flexlab.sim.signals import TABLE
 from flexlab.sim.snapshot import Event
@@ -234,6 +234,8 @@ def larger_blocks(blocks: Iterable[Samples], rows: int) -> Iterator[Samples]:
 
 LAYOUT, PRESENT_LAYOUT = "layout", 3
 """Order of the numbers of y; states of layout 1 do not name it."""
+OF_BEAM = 4
+"""Numbers of a `Hand` in the first recordings, in which it could hold nothing but the beam."""
 
 
 def state_json(state: WorldState) -> str:
@@ -259,6 +261,8 @@ def state_from_values(values: Mapping[str, Any]) -> WorldState:
         arrays["y"] = np.concatenate([y[:6], y[9:], y[6:9]])
     if layout <= 2:
         arrays["y"] = np.insert(arrays["y"], AXIAL_WORK, 0.0)  # The axial load did no work.
+    if len(arrays["pull"]) == OF_BEAM:
+        arrays["pull"] = np.append(arrays["pull"], NO_HAND[OF_BEAM:])
     return WorldState(tick=int(values["tick"]), **arrays)
 
 
@@ -290,6 +294,8 @@ def command_from_values(given: Mapping[str, Any]) -> Command:
     try:
         values = dict(given)
         kind = KINDS[values.pop("kind")]
+        if kind is Pull and "beam_position" in values:  # As a hand's position was called in the first recordings.
+            values["position"] = values.pop("beam_position")
         if kind is ChangeScenario:
             values["changes"] = dict(values["changes"])
             values.setdefault("keeps_target", False)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
-from flexlab.recording.codec import command_from_values, command_values
+from flexlab.recording.codec import command_from_values, command_values, state_from_values, state_json
 from flexlab.sim.commands import (
     ChangeScenario,
     Command,
@@ -69,6 +69,23 @@ def test_changes_keep_their_values() -> None:
 def test_numpy_numbers_become_plain_numbers() -> None:
     found = through_json(ChangeScenario({"gravity": np.float64(9.81), "a": np.array([1.0, 2.0])}))
     assert found == ChangeScenario({"gravity": 9.81, "a": (1.0, 2.0)})
+
+
+def test_a_pull_of_the_first_recordings_is_one_of_the_beam() -> None:
+    """As written on 21 November 2026, before a hand could hold a link."""
+    text = '{"kind": "Pull", "beam_position": 0.02, "target": [0.1, 0.8], "stiffness": 30.0}'
+    assert command_from_values(json.loads(text)) == Pull(0.02, (0.1, 0.8), 30.0)
+
+
+def test_a_state_of_the_first_recordings_goes_on() -> None:
+    world = World(load_preset("paper"))
+    world.apply(Pull(0.02, (0.1, 0.8), 30.0))
+    world.advance(7)
+    written = json.loads(state_json(world.state()))
+    written["pull"] = written["pull"][:4]  # Position, target and stiffness: only the beam could be held.
+    other = World(load_preset("paper"))
+    other.restore(state_from_values(written))
+    assert world.advance(20).pose.tobytes() == other.advance(20).pose.tobytes()
 
 
 @pytest.mark.parametrize("text", ["5", "[]", "{}", '{"kind": "Explode"}', '{"kind": "Tap"}', '{"kind": "Tap", "x": 1}'])

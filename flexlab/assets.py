@@ -42,6 +42,7 @@ def user_cache() -> Path:
     return folder if _is_writable(folder / "flexlab") else _passing_cache(f"{folder} cannot be written")
 
 
+@cache  # Each kernel asks.
 def _is_writable(folder: Path) -> bool:
     """Whether this user may make a folder or, if it exists, write into it."""
     there = next((each for each in (folder, *folder.parents) if os.path.exists(each)), folder)

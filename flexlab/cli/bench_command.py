@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from flexlab.cli.options import option
+from flexlab.cli.warmup import loading, warm_up
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -20,9 +21,9 @@ def command(
     ] = False,
 ) -> None:
     """Measure speed and accuracy of the engine on this machine, on one core, after compiling."""
-    from flexlab.benchmarks import run_bench
-    from flexlab.cli.warmup import warm_up
-    from flexlab.presets import load_preset
+    with loading():
+        from flexlab.benchmarks import run_bench
+        from flexlab.presets import load_preset
 
     compared = _peers() if peers else None
     warm_up(load_preset("paper"))

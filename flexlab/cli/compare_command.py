@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from flexlab.cli.console import complain, new_table, output, print_json, typed
 from flexlab.cli.options import LOGS, Law, Logs, NoBrowser, Runs, Seed, Settings, ViewerPort, chosen_changes, option
 from flexlab.cli.showing import show_review
+from flexlab.cli.warmup import loading, warm_up
 from flexlab.errors import StudyError
 
 if TYPE_CHECKING:
@@ -33,13 +34,15 @@ def command(
     first RUN's scenario is simulated again with these changes, recorded under a name that lists them, and compared as well;
     "newest" then means the newest run that was not made this way, and a changed run that exists already is not made again.
     """
-    changes = chosen_changes(set_, law, seed)
+    with loading():
+        changes = chosen_changes(set_, law, seed)
     if len(runs) + bool(changes) < 2:
         raise StudyError("A comparison needs two runs at least: name them, as in flexlab compare newest 2026-05-01T14.")
     if save is not None and save.suffix != ".rrd":
         raise StudyError(f"--save {save} does not name a recording: give a name that ends in .rrd.")
-    from flexlab.analysis.comparison import compare, compare_into
-    from flexlab.recording.store.run_files import NEWEST, find_run, newest_run
+    with loading():
+        from flexlab.analysis.comparison import compare, compare_into
+        from flexlab.recording.store.run_files import NEWEST, find_run, newest_run
 
     paths = [find_run(run, logs) if run != NEWEST else newest_run(logs, made=not changes) for run in runs]
     if changes:
@@ -59,14 +62,14 @@ def command(
 
 def _changed_run(path: Path, changes: dict[str, Any], logs: Path) -> Path:
     """The recording of a run's scenario with some changes: an existing one, or a new one of the same duration."""
-    from flexlab.analysis.result import scenario_hash
-    from flexlab.cli.headless_run import run_and_record
-    from flexlab.cli.warmup import warm_up
-    from flexlab.presets import telling_name
-    from flexlab.recording.reader import read_recording
-    from flexlab.recording.store.notes import read_notes, write_notes
-    from flexlab.recording.store.run_files import VARIANT, list_runs
-    from flexlab.scenario.settings import change_settings
+    with loading():
+        from flexlab.analysis.result import scenario_hash
+        from flexlab.cli.headless_run import run_and_record
+        from flexlab.presets import telling_name
+        from flexlab.recording.reader import read_recording
+        from flexlab.recording.store.notes import read_notes, write_notes
+        from flexlab.recording.store.run_files import VARIANT, list_runs
+        from flexlab.scenario.settings import change_settings
 
     recording = read_recording(path)
     scenario = change_settings(recording.scenario, changes)

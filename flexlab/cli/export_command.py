@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from flexlab.cli.console import output, typed
 from flexlab.cli.options import LOGS, Logs, Run, option
+from flexlab.cli.warmup import loading
 from flexlab.errors import StudyError
 
 UNIT, BODIES = ".fmu", (".urdf", ".xml", ".mjcf")
@@ -58,13 +59,15 @@ def command(
         if figures.lower() not in FORMATS:  # Before the table is written.
             raise StudyError(f"--figures {figures} is not a format of figures: choose {' or '.join(FORMATS)}.")
     if to is not None:
-        from flexlab.study_api import export
+        with loading():
+            from flexlab.study_api import export
 
         _say(export(run, to, start, end, logs, **options))
     if figures is not None:
-        from flexlab.analysis.figures import paper_figures
-        from flexlab.recording.reader import read_range
-        from flexlab.recording.store.run_files import find_run
+        with loading():
+            from flexlab.analysis.figures import paper_figures
+            from flexlab.recording.reader import read_range
+            from flexlab.recording.store.run_files import find_run
 
         path = find_run(run, logs)
         folder = Path() if to is None else to.parent

@@ -7,6 +7,7 @@ import tyro
 
 from flexlab.cli.console import note, output, print_json, typed
 from flexlab.cli.options import LOGS, Logs, option
+from flexlab.cli.warmup import loading
 from flexlab.errors import StudyError
 
 
@@ -35,9 +36,10 @@ def command(
     simulations. Prints "no ring" if the samples hold no free vibration, and "not identifiable" for a value that they do not
     determine. Exits with 1 if the first frequency is not identifiable.
     """
-    from flexlab.analysis.identification.fitting import fit_file, fit_run, is_measurement, keep_measurement
-    from flexlab.errors import RecordingError
-    from flexlab.presets import find_scenario, save_scenario
+    with loading():
+        from flexlab.analysis.identification.fitting import fit_file, fit_run, is_measurement, keep_measurement
+        from flexlab.errors import RecordingError
+        from flexlab.presets import find_scenario, save_scenario
 
     path = Path(source)
     measured = is_measurement(source)

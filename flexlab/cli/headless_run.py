@@ -1,7 +1,6 @@
 """A simulation without a screen: its recording, its summary on the terminal, and its numbers for programs."""
 
 import math
-import sys
 import time
 from collections import deque
 from collections.abc import Iterator
@@ -10,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pyarrow as pa  # type: ignore[import-untyped]  # It ships no types.
 
 from flexlab.analysis.explanations.explanation import LONGEST_LOOK, explain_run
 from flexlab.analysis.lesson_measures import coarse_note
@@ -31,29 +29,6 @@ from flexlab.text import counted
 
 if TYPE_CHECKING:
     from rich.table import Table
-
-
-class _NoPandas:
-    """An import finder that hides pandas and leaves all other modules to the next finder."""
-
-    def find_spec(self, name: str, path: Any, target: Any = None, /) -> None:
-        if name == "pandas":
-            raise ModuleNotFoundError("No module named 'pandas'", name=name)
-
-
-def leave_pandas_out() -> None:
-    """Hide pandas from pyarrow, which then treats a pandas series as a list; other imports of pandas still work.
-
-    Only for processes of the command line, where it saves the import of pandas.
-    """
-    if "pandas" in sys.modules:
-        return
-    finder = _NoPandas()
-    sys.meta_path.insert(0, finder)
-    try:
-        pa.array([True])  # type: ignore[reportUnknownMemberType]  # As above.
-    finally:
-        sys.meta_path.remove(finder)
 
 
 MOST_EXPLAINED = 3
@@ -172,7 +147,6 @@ def run_and_record(
     world, summary, hashed = World(scenario, sample_period), Summary(), ResultHash()
     if world.pace_warning:
         complain(world.pace_warning)
-    leave_pandas_out()
     kept: deque[Samples] = deque(maxlen=KEPT)
     began, notes = time.perf_counter(), MetricNotes(name, world.scenario)
     with HeadlessRecording(logs, RunInfo(name, world.scenario, world.tick_period), notes) as recording:

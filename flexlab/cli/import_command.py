@@ -7,6 +7,7 @@ import tyro
 
 from flexlab.cli.console import note, output, typed
 from flexlab.cli.options import LOGS, Logs, option
+from flexlab.cli.warmup import loading
 
 
 def command(
@@ -16,9 +17,10 @@ def command(
     logs: Logs = LOGS,
 ) -> None:
     """Add FILE to logs as a recording with the same samples, bit for bit; FILE itself does not change."""
-    from flexlab.analysis.run_summary import note_metrics
-    from flexlab.recording.importing import import_into
-    from flexlab.recording.store.run_index import read_row
+    with loading():
+        from flexlab.analysis.run_summary import note_metrics
+        from flexlab.recording.importing import import_into
+        from flexlab.recording.store.run_index import read_row
 
     path = import_into(file, logs)
     note_metrics(path)

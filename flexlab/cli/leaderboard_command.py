@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from flexlab.cli.console import complain, new_table, note, output
 from flexlab.cli.options import Cluster, Several, Threads, keep_own_texts_apart, option
+from flexlab.cli.warmup import loading, warm_up
 from flexlab.text import counted
 
 if TYPE_CHECKING:
@@ -36,15 +37,15 @@ def command(
 
     A law that fails says why. Exits with 1 if --verify finds a difference.
     """
-    from flexlab.analysis.leaderboard.board import make_tasks, run_board
-    from flexlab.analysis.leaderboard.case import chosen_cases
-    from flexlab.analysis.leaderboard.entry import chosen_entrants
-    from flexlab.analysis.leaderboard.report import write_report
-    from flexlab.analysis.leaderboard.store import FOLDER, RowStore
-    from flexlab.analysis.workers import chosen_workers, progress_bar
-    from flexlab.cli.warmup import warm_up
-    from flexlab.files import make_folder
-    from flexlab.presets import load_preset
+    with loading():
+        from flexlab.analysis.leaderboard.board import make_tasks, run_board
+        from flexlab.analysis.leaderboard.case import chosen_cases
+        from flexlab.analysis.leaderboard.entry import chosen_entrants
+        from flexlab.analysis.leaderboard.report import write_report
+        from flexlab.analysis.leaderboard.store import FOLDER, RowStore
+        from flexlab.analysis.workers import chosen_workers, progress_bar
+        from flexlab.files import make_folder
+        from flexlab.presets import load_preset
 
     known = chosen_workers(workers, cluster)
     keep_own_texts_apart()

@@ -7,6 +7,7 @@ from flexlab.cli.console import agreed, output, print_json
 from flexlab.cli.console import note as say
 from flexlab.cli.options import LOGS, Logs, Runs, option
 from flexlab.cli.runs_listing import FIELDS, plain_row, print_runs, print_table, sorted_rows
+from flexlab.cli.warmup import loading
 from flexlab.errors import StudyError
 from flexlab.text import counted
 
@@ -123,9 +124,10 @@ def _delete(rows: "list[RunRow]", yes: bool, nothing: str) -> None:
 
 def _measure(logs: Path) -> None:
     """Repair the recordings of killed labs, and measure every run without metrics."""
-    from flexlab.analysis.run_summary import note_missing_metrics
-    from flexlab.errors import FlexlabError
-    from flexlab.recording.repair import finish, sweep_empty, unfinished_runs
+    with loading():
+        from flexlab.analysis.run_summary import note_missing_metrics
+        from flexlab.errors import FlexlabError
+        from flexlab.recording.repair import finish, sweep_empty, unfinished_runs
 
     if swept := sweep_empty(logs):
         say(f"Removed {counted(swept, 'run')} that ended before anything was written.")

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from flexlab.cli.console import agreed, note, output
 from flexlab.cli.options import LOGS, Logs, Run, keep_own_texts_apart, option
+from flexlab.cli.warmup import loading, warm_up
 from flexlab.text import visible
 
 RunOwnLaw = Annotated[
@@ -21,11 +22,13 @@ def command(run: Run = "newest", logs: Logs = LOGS, run_own_law: RunOwnLaw = Fal
     is compared within a tolerance. Prints which comparison was made, or when and in which signal the run first differs, and
     what recorded it. Exits with 0 if the run is reproduced, with 1 if not.
     """
-    from flexlab.recording.store.run_files import find_run
+    with loading():
+        from flexlab.recording.store.run_files import find_run
 
     if not run.lower().endswith(".zip"):
         return _replay(find_run(run, logs), run_own_law)
-    from flexlab.analysis.capsule import unpack_capsule
+    with loading():
+        from flexlab.analysis.capsule import unpack_capsule
 
     with TemporaryDirectory(prefix="flexlab-") as folder:
         return _replay(unpack_capsule(Path(run), Path(folder)), run_own_law)
@@ -33,11 +36,12 @@ def command(run: Run = "newest", logs: Logs = LOGS, run_own_law: RunOwnLaw = Fal
 
 def _replay(path: Path, run_own_law: bool) -> int:
     """Replay a recording, print the result, and return the exit code."""
-    from flexlab.recording.reader import read_recording
+    with loading():
+        from flexlab.analysis.replay import allow_own_laws, replay
+        from flexlab.analysis.workers import progress_bar
+        from flexlab.recording.reader import read_recording
 
     recording = read_recording(path)
-    from flexlab.analysis.replay import allow_own_laws, replay
-    from flexlab.analysis.workers import progress_bar
 
     def agrees(_: str, question: str, code: str) -> bool:
         if code and not run_own_law:
@@ -46,8 +50,6 @@ def _replay(path: Path, run_own_law: bool) -> int:
 
     keep_own_texts_apart()
     allow_own_laws(recording, agrees)
-    from flexlab.cli.warmup import warm_up
-
     warm_up(recording.scenario)
     with progress_bar(True, "replaying", "{task.completed:.0f} s") as told:
         found = replay(recording, lambda time: told(time, recording.status.time or None))  # 0: unknown

@@ -7,6 +7,7 @@ import tyro
 
 from flexlab.cli.console import agreed, complain, note, output, typed
 from flexlab.cli.options import Cluster, Law, Preset, Seed, Settings, Several, Threads, chosen_scenarios, option
+from flexlab.cli.warmup import loading, warm_up
 from flexlab.errors import StudyError
 from flexlab.text import counted
 
@@ -49,14 +50,14 @@ def command(
     FOLDER gets cells.parquet and figures. To continue a sweep that was interrupted or killed, give the same command again.
     The table says why a cell failed.
     """
-    ((name, scenario),) = chosen_scenarios([preset], set_, law, seed)
-    from flexlab.analysis.metrics.metric import named
-    from flexlab.analysis.sweep.axes import parse_axes
-    from flexlab.analysis.sweep.figures import write_figures
-    from flexlab.analysis.sweep.plan import DEFAULT_ACCURACY, make_plan
-    from flexlab.analysis.sweep.result import run_sweep, sweep_folder
-    from flexlab.analysis.workers import chosen_workers, progress_bar
-    from flexlab.cli.warmup import warm_up
+    with loading():
+        ((name, scenario),) = chosen_scenarios([preset], set_, law, seed)
+        from flexlab.analysis.metrics.metric import named
+        from flexlab.analysis.sweep.axes import parse_axes
+        from flexlab.analysis.sweep.figures import write_figures
+        from flexlab.analysis.sweep.plan import DEFAULT_ACCURACY, make_plan
+        from flexlab.analysis.sweep.result import run_sweep, sweep_folder
+        from flexlab.analysis.workers import chosen_workers, progress_bar
 
     wanted, axes = DEFAULT_ACCURACY if accuracy is None else accuracy, parse_axes(vary, scenario)
     plan = make_plan(scenario, axes, duration, sample_period, design, samples, design_seed, wanted)

@@ -7,6 +7,7 @@ import tyro
 
 from flexlab.cli.console import complain, new_table, output
 from flexlab.cli.options import Cluster, Law, Preset, Seed, Settings, Several, Threads, chosen_scenarios, option
+from flexlab.cli.warmup import loading, warm_up
 from flexlab.errors import StudyError
 
 if TYPE_CHECKING:
@@ -43,14 +44,14 @@ def command(
     Metrics have names such as rms_error.y, rms_internal_force, settling_time, peak_torque; names of earlier versions, such as
     rms-y, are in the units of tables. Exits with 1 if no candidate keeps within the limits, or every run fails.
     """
-    ((_, scenario),) = chosen_scenarios([preset], set_, law, seed)
-    from flexlab.analysis.figures import figure_kind, save_figure
-    from flexlab.analysis.sweep.axes import parse_axes
-    from flexlab.analysis.tuning import parse_cost, tune
-    from flexlab.analysis.workers import chosen_workers, progress_bar
-    from flexlab.cli.warmup import warm_up
-    from flexlab.files import check_writing
-    from flexlab.presets import save_scenario
+    with loading():
+        ((_, scenario),) = chosen_scenarios([preset], set_, law, seed)
+        from flexlab.analysis.figures import figure_kind, save_figure
+        from flexlab.analysis.sweep.axes import parse_axes
+        from flexlab.analysis.tuning import parse_cost, tune
+        from flexlab.analysis.workers import chosen_workers, progress_bar
+        from flexlab.files import check_writing
+        from flexlab.presets import save_scenario
 
     axes = parse_axes(change, scenario)
     others = parse_axes(robust, scenario) if robust else ()

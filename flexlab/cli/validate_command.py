@@ -6,6 +6,7 @@ from typing import Annotated
 
 from flexlab.cli.console import complain, new_table, output, print_json
 from flexlab.cli.options import option
+from flexlab.cli.warmup import loading, warm_up
 
 
 def command(
@@ -18,11 +19,11 @@ def command(
 
     Exits with 0 if every statement holds, with 1 if not.
     """
-    from flexlab.analysis.validation import validate
-    from flexlab.analysis.validation.report import write_report
-    from flexlab.cli.warmup import warm_up
-    from flexlab.files import check_writing, make_folder
-    from flexlab.presets import load_preset
+    with loading():
+        from flexlab.analysis.validation import validate
+        from flexlab.analysis.validation.report import write_report
+        from flexlab.files import check_writing, make_folder
+        from flexlab.presets import load_preset
 
     make_folder(to.parent, "choose another file")
     check_writing(to)

@@ -6,10 +6,9 @@ import sys
 from contextlib import suppress
 from importlib import import_module
 
-import pyarrow  # type: ignore[import-untyped]  # It ships no types.
-
 from flexlab.errors import FlexlabError
 from flexlab.presets import load_preset
+from flexlab.recording.no_pandas import leave_pandas_out
 from flexlab.server.labs import worker
 from flexlab.server.tasks import leave_interrupts_to_the_server
 from flexlab.sim.world import World
@@ -36,8 +35,7 @@ for name in READ_LATE:
         import_module(name)
 if "PIL.Image" in sys.modules:
     sys.modules["PIL.Image"].init()
-# pyarrow imports pandas, if installed, when it converts its first list.
-pyarrow.array([True])  # pyright: ignore[reportUnknownMemberType]
+leave_pandas_out()
 _try_out()
 # Freeze the present objects: if a forked process's collector wrote to them, their memory would no longer be shared.
 gc.collect()

@@ -44,5 +44,6 @@ def telling(tell: Callable[[str], object], failed: str) -> Iterator[None]:
     except FlexlabError as error:
         tell(str(error))
     except Exception as error:
-        log.exception(failed)
-        tell(failed.format(f"{type(error).__name__}: {error}"))
+        sentence = failed.format(f"{type(error).__name__}: {error}")
+        log.exception("%s", sentence)
+        tell(sentence)

@@ -35,7 +35,8 @@ def circumstances(scenario: Scenario) -> Circumstances:
     """The circumstances by which the conditions of a scenario's law are judged."""
     beam = build_beam(scenario.payload)
     system = build_system(scenario, beam)
-    times = np.arange(INSTANTS) * (scenario.trajectory.slowest_period / INSTANTS)
+    motion = scenario.trajectory
+    times = motion.window[0] + np.arange(INSTANTS) * (motion.slowest_period / INSTANTS)
     ws, seen, reached = new_workspace(system), [], []
     find_mass_at(system.plant, 0.0, ws)
     for t, desired in zip(times, poses(system.trajectory, times), strict=True):
@@ -44,7 +45,7 @@ def circumstances(scenario: Scenario) -> Circumstances:
             reached.append(t)
     path = np.array(seen, LAW_INPUT).view(np.recarray)
     m, inertia = beam.matrices.m, beam.matrices.I
-    modes, asked = beam.modes, desired_poses(system, scenario.trajectory)
+    modes, asked = beam.modes, desired_poses(system, motion)
     rigid = system._replace(plant=system.plant._replace(kappa=np.zeros(3)))
     around = Circumstances(
         scenario=scenario, instants=np.array(reached), path=path, reaction=np.zeros((len(path), 3)), omega=modes.omega,

@@ -273,6 +273,12 @@ def test_a_gain_of_zero_is_explained_without_dividing_by_it(law: str):
             assert not re.search(r"\b(nan|inf)\b|\d{6}", text)
 
 
+def test_a_motion_along_the_beam_is_explained_without_dividing_by_its_reaction():
+    """The beam does not bend, ‖Ψ‖ = 0: in the lab, plots and sentences stopped where y and θ were set to 0."""
+    along = load_preset("paper").replace({"trajectory.amplitude": (0.2, 0.0, 0.0), "initial.pose_rate": None})
+    assert flexlab.simulate(along, 2.0).explanations == ()
+
+
 def test_a_small_margin_of_a_memory_that_hardly_moves_is_not_reported():
     scenario = load_preset("gravity").replace({"controller.kind": "regressor-adaptive"})
     margin = background(scenario).modes.disk_margin

@@ -31,6 +31,15 @@ def test_the_beams_reaction_that_the_law_does_not_know_acts_across_the_beam():
     assert around.largest_reaction == pytest.approx(8.6, abs=0.1)
 
 
+@pytest.mark.parametrize("kind", ["rest-to-rest", "bang-bang", "waypoints"])
+def test_a_path_that_begins_later_is_judged_by_its_own_motion(kind: str):
+    """A path chosen in mid-run begins then: the conditions looked at the rest before it, and promised ‖Ψ‖ = 0 N."""
+    path = load_preset("paper").replace({"trajectory.kind": kind})
+    at_once, later = (circumstances(path.replace({"trajectory.start": start})) for start in (0.0, 30.0))
+    assert at_once.largest_reaction > 2.0
+    np.testing.assert_allclose(later.reaction, at_once.reaction, atol=1e-9)
+
+
 def test_the_condition_on_feedback_predicts_whether_s_stays_in_the_boundary_layer():
     """K ε ≥ ‖Ψ‖ predicts whether ‖s‖ stays inside after the start; it does in one of the two presets."""
     for name, met in (("paper", True), ("weak-feedback", False)):

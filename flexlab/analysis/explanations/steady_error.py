@@ -141,7 +141,7 @@ def error_within_the_layer(seen: Evidence) -> str | None:
         learnt = np.sum(span.bound_estimates * bound_terms(span.pose, span.pose_rate), axis=1)
         bound = float(learnt.min()) if np.isfinite(learnt).all() else 0.0
     stiffness = gain + bound / layer
-    if stiffness * slope == 0:
+    if stiffness * slope * around.largest_reaction == 0:  # A motion along a beam that does not turn has no reaction.
         return None
     error = _error(span)
     predicted = around.largest_reaction / (stiffness * slope)

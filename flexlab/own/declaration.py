@@ -16,6 +16,16 @@ MOST_SETTINGS, MOST_SIGNALS, MOST_MEMORY = 64, 16, 256
 """The most settings, signals and numbers of memory that a text may declare."""
 SHORTEST_PERIOD, LONGEST_PERIOD = 1e-5, 0.1
 """Limits of the control period, s, as for every sampled controller."""
+NAMES_OF_RUNS = frozenset(
+    (
+        "_sizes absent arm_input axial_load axial_load_share axial_work beam_coordinates beam_rates bound_estimates "
+        "desired_pose dissipated_energy elastic_energy explanations gravity_energy having input_work internal_force "
+        "joint_angle joint_torque kinetic_energy metrics midspan_deflection moving_force name own plot pose "
+        "pose_acceleration pose_rate quasi_static_deflection result_hash saturated save scenario show signals slice "
+        "sliding_variable spin_share status take time to_arrow to_pandas to_xarray total_energy tracking_error vibration"
+    ).split()
+)
+"""Names that a law's signals may not have, as every run has them (`sim.samples.TAKEN`, which is not known here)."""
 DEFAULT_PERIOD = 1e-3
 """Control period of a law that declares none, s."""
 ON_SAVE = ("go on", "restart")
@@ -97,6 +107,11 @@ class OwnSignal:
     unit: str
     title: str = ""
     symbol: str = ""
+
+
+def signal_name(readout: str) -> str:
+    """The name of a readout's signal in runs: its own, with an underscore if it is one of `NAMES_OF_RUNS`."""
+    return f"{readout}_" if readout in NAMES_OF_RUNS else readout
 
 
 def gain(
@@ -238,8 +253,12 @@ def _checked(law: DeclaredClass, name: str, made: Any, line: int) -> Any:
         if type(made.size) is not int or not 1 <= made.size <= MOST_MEMORY or not is_finite(made.start):
             text = f"{name} = memory({made.size!r}, {made.start!r}) needs a whole number from 1 to {MOST_MEMORY}"
             raise law.problem(line, f"{text} and a finite start")
-    elif not all(isinstance(text, str) for text in (made.unit, made.title, made.symbol)):
+        return made
+    if not all(isinstance(text, str) for text in (made.unit, made.title, made.symbol)):
         raise law.problem(line, f"{name}: unit, title and symbol of a signal are texts")
+    if name in NAMES_OF_RUNS:
+        what = f"the law has a signal {name}, which every run has"
+        law.note(line, f"{what}: give its readout, or the unit's output, another name")
     return made
 
 

@@ -19,7 +19,7 @@ from flexlab.control.observers.believed_plant import believed_plant
 from flexlab.control.observers.kalman import padded
 from flexlab.numerics.linear_algebra import product
 from flexlab.own import hosts
-from flexlab.own.declaration import LONGEST_PERIOD, SHORTEST_PERIOD, Declaration, read_declaration
+from flexlab.own.declaration import LONGEST_PERIOD, SHORTEST_PERIOD, Declaration, read_declaration, signal_name
 from flexlab.own.execution import ANSWER_BYTES, ANSWERED, ASKED, FAILED, INTERRUPTED, MESSAGE, Channel
 from flexlab.own.kinds import MODELS_KEPT, OWN_PLACE, OwnKinds, default_source, flat_numbers, source_field
 from flexlab.own.measurement import BELIEVED, MOST_MODES, PLACES
@@ -215,8 +215,8 @@ def own_law_of(source: str, file: str, kind: str = "") -> PythonLaw:
     )
     model = OWN_LAWS.model(declared, source, file, kind or declared.kind, control_period=(Number | None, period))
     signals = [
-        Signal(signal, one.symbol or signal, (one.unit,), one.title or signal.replace("_", " "))
-        for signal, one in declared.signals
+        Signal(signal_name(name), one.symbol or name, (one.unit,), one.title or name.replace("_", " "))
+        for name, one in declared.signals
     ]
     parts = tuple(Memory(part, about.size) for part, about in declared.memory)
     law = PythonLaw(

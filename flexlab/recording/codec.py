@@ -24,6 +24,7 @@ from pydantic import BaseModel
 
 from flexlab.compiled import compiled, entry_point
 from flexlab.errors import FlexlabError, RecordingError
+from flexlab.own.declaration import signal_name
 from flexlab.physics.plant import AXIAL_WORK, NO_HAND
 from flexlab.recording.store import formats
 from flexlab.scenario import parse_scenario
@@ -181,7 +182,24 @@ def _decode(data: bytes) -> tuple[Samples, int]:
     if "time" not in found:
         raise ValueError("it has no times")
     # A signal with the name of an attribute of every run would hide that attribute.
-    return Samples(**{name: array for name, array in found.items() if name in TABLE or name not in TAKEN}), written_in
+    return Samples(**{n if n in TABLE or n not in TAKEN else signal_name(n): a for n, a in found.items()}), written_in
+
+
+def told_apart(samples: Samples, hidden: frozenset[str], one_law: bool) -> Samples:
+    """Samples in which readouts that took the place of a signal of the table, as they did once, have their `signal_name`.
+
+    `hidden`: the names of such readouts. Where a run had several laws, a readout is told by its shape.
+    """
+    signals = samples.signals()
+    own = {
+        name: signal_name(name)
+        for name in signals.keys() & hidden - {"time"}
+        if signal_name(name) not in signals and (one_law or signals[name].ndim != 1 + len(TABLE[name].axes))
+    }
+    if not own:
+        return samples
+    found = {own.get(name, name): array for name, array in signals.items()}
+    return Samples(**found, **{name: DERIVED[name](found) for name in own.keys() & DERIVED.keys()})
 
 
 def _follows(name: str, signals: dict[str, np.ndarray]) -> bool:

@@ -12,17 +12,20 @@ from typing import Any
 
 import numpy as np
 
-from flexlab.control.law import laws
+from flexlab.control.law import law_of, laws
 from flexlab.control.path import paths
 from flexlab.errors import FlexlabError, RecordingError, ScenarioError
+from flexlab.own.declaration import signal_name
+from flexlab.own.law import OwnController
 from flexlab.recording.checksums import GAPS, unchecked
-from flexlab.recording.codec import decode_block, event_from_values, state_from_values
+from flexlab.recording.codec import decode_block, event_from_values, state_from_values, told_apart
 from flexlab.recording.rerun_internals.chunks import PROPERTIES, Row
 from flexlab.recording.rows import Rows, read_rows, rows_in_order
 from flexlab.recording.store.formats import FORMAT, Changes, checked_format, migrate, readable, same_numbers
 from flexlab.recording.store.run_files import BREAKING_OFF, State, run_state
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.signal import COORDINATE
+from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Run, Samples, Status, WorldState, empty_samples, join_blocks
 from flexlab.sim.signals import TABLE, own_signals
 from flexlab.sim.snapshot import Event
@@ -94,8 +97,9 @@ class Recording:
         history = cache(lambda: Changes(self.scenario, self.events))
         count = 0
         with _telling_what_is_strange(self.path, self.properties):
+            hidden = _hidden_by_laws(self.scenario, self.events, history)
             for _, values in rows:
-                block = _block(self.path, self.scenario, values, history)
+                block = _block(self.path, self.scenario, values, history, hidden)
                 count += len(block)
                 yield block
             self._check_count(count)
@@ -250,9 +254,31 @@ def _events(path: Path, rows: Rows, end: Mapping[str, Any]) -> tuple[Event, ...]
     return events
 
 
-def _block(path: Path, scenario: Scenario, values: dict[str, Any], history: Callable[[], Changes]) -> Samples:
+def _hidden_by_laws(
+    scenario: Scenario, events: Iterable[Event], history: Callable[[], Changes]
+) -> tuple[frozenset[str], bool]:
+    """Signals of the table that have the name of a readout of a run's laws; whether the run had one law alone."""
+    changes = [event.command.changes for event in events if isinstance(event.command, ChangeScenario)]
+    one_law = not any({"controller", "controller.kind", "controller.source"} & each.keys() for each in changes)
+    names = {
+        signal.name
+        for each in ([scenario] if one_law else history().scenarios)
+        if isinstance(each.controller, OwnController)
+        for signal in law_of(each.controller).signals
+    }
+    return frozenset(name for name in TABLE if signal_name(name) in names), one_law
+
+
+def _block(
+    path: Path,
+    scenario: Scenario,
+    values: dict[str, Any],
+    history: Callable[[], Changes],
+    hidden: tuple[frozenset[str], bool],
+) -> Samples:
     try:
         samples, written_in = decode_block(values.get("data", b""))
+        samples = told_apart(samples, *hidden)
         # Only the mesh may change during a run.
         for name in samples.signals().keys() & TABLE:
             shape, due = samples[name].shape[1:], TABLE[name].shape(len(scenario.arms), 0)

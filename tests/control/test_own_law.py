@@ -23,14 +23,17 @@ from flexlab.control.law import forget_law
 from flexlab.errors import ScenarioError
 from flexlab.lab.panel.sections import entries
 from flexlab.own import endless_calls, hosts
+from flexlab.own.declaration import NAMES_OF_RUNS
 from flexlab.own.files import add_own_law_file, law_files, law_kind
 from flexlab.own.law import add_own_law
 from flexlab.presets import load_preset, save_scenario
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
 from flexlab.scenario import Scenario, parse_scenario
+from flexlab.sim import samples
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.motion import controller_states
+from flexlab.sim.samples import TAKEN
 from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
 
@@ -335,11 +338,34 @@ def test_a_recorded_text_that_files_may_no_longer_have_is_still_read(source: str
     ],
 )
 def test_a_readout_may_not_take_a_name_that_every_run_has(name: str):
-    chosen = scenario(
-        f"class A(OwnLaw):\n    {name} = readout('N')\n    def act(self, at):\n        return at.weights\n", "a.py"
-    )
-    with pytest.raises(ScenarioError, match=f"has a signal {name}, which every run has: give its readout"):
-        simulate(chosen, 0.002)
+    source = f"class A(OwnLaw):\n    {name} = readout('N')\n    def act(self, at):\n        return at.weights\n"
+    with pytest.raises(
+        ScenarioError, match=f"line 2: the law has a signal {name}, which every run has: give its readout"
+    ):
+        add_own_law(source, "a.py")
+
+
+def test_names_of_runs_are_known_where_laws_are_read():
+    assert {name for name in TAKEN if not name.startswith("__")} == NAMES_OF_RUNS
+
+
+@pytest.mark.parametrize("name", ["tracking_error", "joint_torque", "kinetic_energy", "metrics"])
+def test_a_recorded_readout_in_the_place_of_a_signal_opens_under_its_own_name(name: str, tmp_path: Path):
+    """Until 24 November 2026 a readout with the name of a signal was recorded instead of that signal."""
+    act = f"        self.{name} = 2.0 + at.time\n        return at.weights\n"
+    source = f"class A(OwnLaw):\n    {name} = readout('N')\n    def act(self, at):\n{act}"
+    hosts.allow("from flexlab import OwnLaw, readout\n" + source, "a.py")
+    chosen = {"controller": {"kind": "a", "source": "from flexlab import OwnLaw, readout\n" + source}}
+    run = simulate(parse_scenario(chosen), 0.02)
+    signals = run.signals()
+    readout = signals[name] = signals.pop(f"{name}_")
+    old = samples.Run(**signals, scenario=run.scenario, status=run.status)
+    recording = read_recording(write_run(old, tmp_path, "a"))
+    np.testing.assert_array_equal(recording.samples[f"{name}_"], readout)
+    assert recording.samples.own.keys() == run.own.keys()
+    if name == "tracking_error":
+        np.testing.assert_array_equal(recording.samples.tracking_error, run.tracking_error)
+    assert replay(recording).agrees
 
 
 @pytest.mark.parametrize(

@@ -36,14 +36,18 @@ def test_a_run_in_an_impossible_time_zone_is_recorded_in_utc(tmp_path: Path, zon
 
 
 @pytest.mark.parametrize(
-    ("variable", "value", "library"),
-    [("NUMBA_NUM_THREADS", "0", "numba"), ("MPLBACKEND", "nope", "matplotlib"), ("SOURCE_DATE_EPOCH", "x", "numpy")],
+    ("variable", "value", "says"),
+    [
+        ("NUMBA_NUM_THREADS", "0", "numba cannot be loaded ("),
+        ("MPLBACKEND", "nope", "matplotlib cannot be loaded ("),
+        ("SOURCE_DATE_EPOCH", "x", "matplotlib cannot draw with "),
+    ],
 )
-def test_a_variable_that_a_library_refuses_is_one_sentence(tmp_path: Path, variable: str, value: str, library: str):
+def test_a_variable_that_a_library_refuses_is_one_sentence(tmp_path: Path, variable: str, value: str, says: str):
     said = refused(
         done("sweep", "paper", "--vary", "gravity=1,2", "--to", "here", folder=tmp_path, **{variable: value})
     )
-    assert said.startswith(f"{library} cannot be loaded (")
+    assert said.startswith(says)
     assert f"{variable} = {value}" in said
 
 

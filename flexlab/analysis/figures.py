@@ -5,8 +5,10 @@ same bytes of SVG, so that a figure can be kept under version control.
 """
 
 import io
+import os
 import re
 from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from itertools import pairwise, product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -19,7 +21,7 @@ from flexlab.files import make_folder, writing
 from flexlab.signal import COORDINATE, Signal
 from flexlab.sim.samples import Run, Samples
 from flexlab.sim.signals import DERIVED, known_signals
-from flexlab.text import in_mathtext
+from flexlab.text import in_mathtext, visible
 from flexlab.views import DEFLECTION, ERROR, View, css, views
 
 if TYPE_CHECKING:
@@ -46,6 +48,8 @@ BLUE, VERMILION, GREEN, GRAY, PURPLE = map(
 """The lab's colours of left arm, right arm, payload, background of a curve, and desired motion."""
 LINES = ("-", "--", "-.", ":")
 """Line styles of the first to fourth curve, which tell them apart without colours."""
+LONGEST_EPOCH = 60
+"""Most characters of an environment variable's value in a sentence."""
 MILLI = 1e3
 AXES = ("x", "y", "θ")
 
@@ -67,9 +71,20 @@ _PAGE_STYLE = (
 
 
 def style(salt: str = STYLE["svg.hashsalt"]) -> "AbstractContextManager[None]":
-    """The context in which figures are made and written; `salt` as for `svg_text`."""
+    """The context in which figures are made and written; `salt` as for `svg_text`.
+
+    Raises `StudyError` for a SOURCE_DATE_EPOCH that matplotlib cannot read: it does so whenever it lays out an SVG.
+    """
     import matplotlib as mpl  # Loading takes half a second, which a lab without figures saves.
 
+    built = os.environ.get("SOURCE_DATE_EPOCH") or "0"
+    try:
+        datetime.fromtimestamp(int(built), UTC)
+    except (ValueError, OverflowError, OSError):
+        raise StudyError(
+            f"matplotlib cannot draw with SOURCE_DATE_EPOCH = {visible(built, LONGEST_EPOCH)} in the environment: give a number "
+            "of seconds since 1970, or unset it."
+        ) from None
     return mpl.rc_context(STYLE | {"svg.hashsalt": salt})
 
 

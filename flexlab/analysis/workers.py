@@ -241,12 +241,14 @@ Told = Callable[[int, int], None]
 @contextmanager
 def progress_bar(shown: bool, what: str = "cells", how_far: str = "") -> Iterator[Callable[[float, Any], None]]:
     """A progress bar, if `shown` and on a terminal. `how_far`: rich's text beside the bar instead of "3/10"."""
+    notes = console(stderr=True)
+    if not (flag("progress", shown) and notes.is_terminal):
+        yield lambda done, total: None
+        return
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    notes = console(stderr=True)
     beside = TextColumn(how_far) if how_far else MofNCompleteColumn()
     columns = TextColumn(what), BarColumn(), beside, TimeRemainingColumn()
-    hidden = not (flag("progress", shown) and notes.is_terminal)
-    with Progress(*columns, console=notes, transient=True, disable=hidden) as progress:
+    with Progress(*columns, console=notes, transient=True) as progress:
         task = progress.add_task(what, total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)

@@ -217,3 +217,15 @@ def test_a_run_s_page_names_changed_fields_by_their_titles(open_another: Callabl
     (logs / "2026-01-01T00-00-00-x.json").write_text('{"changes": ["payload.bending_stiffness: 100 → 50"]}')
     page = ask(front_server.url, "/runs/2026-01-01T00-00-00-x").text
     assert "<li>Bending stiffness EI (N·m²): 100 → 50</li>" in page
+
+
+def test_a_run_with_gaps_says_how_much_is_missing(open_another: Callable[..., FrontServer], recorded: Path):
+    """A lab on a busy machine had left out 37 % of the samples, and its run was "complete" without a word."""
+    front_server = open_another()
+    path = front_server.settings.logs / "2026-01-01T12-00-00-busy.rrd"
+    shutil.copy(recorded, path)
+    write_notes(path, rows=63, dropped=37)
+    for address in ("/runs", f"/runs/{path.stem}"):
+        assert "37\N{NO-BREAK SPACE}% of the samples are missing" in ask(front_server.url, address).text
+    write_notes(path, dropped=0)
+    assert "are missing" not in ask(front_server.url, f"/runs/{path.stem}").text

@@ -42,6 +42,8 @@ MEASURED_STATUS = "measured"
 _NO_ADDRESS = re.compile(r"[\\\t\n]|\A\.*\Z|\.rrd\Z")
 """Found in names that an address cannot hold, or that would mean something else there."""
 _NAME = re.compile(r"(\d{4}-\d{2}-\d{2}T\d{2}-\d{2}-\d{2})-(.+)")
+LEAST_SHARE = 0.01
+"""Smallest share of missing samples that is told as it is, %."""
 log = logging.getLogger(__name__)
 
 
@@ -81,6 +83,8 @@ class RunRow:
     """Names of the metrics that a person declared for their own studies."""
     breaks_off: str = ""
     """Why the end of the run is not recorded, as a sentence; "" if it is, or if the reason was not noted."""
+    gaps: str = ""
+    """How much of the run is missing because the machine was too busy to write it, as a sentence; "" if nothing is."""
     problem: str = ""
     """Why the file is not a recording, as a sentence; it can then only be deleted."""
 
@@ -214,6 +218,7 @@ def read_row(path: Path) -> RunRow:
         lessons=_lessons(notes.get("lessons")),
         own_metrics=_texts(notes.get("own_metrics"), LONGEST_NAME, MOST_METRICS),
         breaks_off=visible(notes.get(BREAKS_OFF, ""), LONGEST_CHANGE),
+        gaps=_gaps(notes),
         problem=problem,
     )
 
@@ -248,6 +253,14 @@ def _metrics(values: Any) -> dict[str, float | None]:
     if not isinstance(values, dict):
         return {}
     return {visible(name, LONGEST_NAME): _number(value) for name, value in list(values.items())[:MOST_METRICS]}
+
+
+def _gaps(notes: dict[str, Any]) -> str:
+    rows, dropped = (_number(notes.get(name)) or 0.0 for name in ("rows", "dropped"))
+    if not (rows > 0 and dropped > 0):
+        return ""
+    share = number_text(max(100 * dropped / (rows + dropped), LEAST_SHARE), 2)
+    return f"{share} % of the samples are missing, as the computer was too busy: curves and metrics leave them out."
 
 
 def _lessons(values: Any) -> tuple[LessonProgress, ...]:

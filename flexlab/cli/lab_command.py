@@ -101,8 +101,8 @@ def command(
         if has_browser and not shown:
             open_browser(front_server.address("/lab/"))
         wait_for(ended)
+        output().print("\nClosing: the recordings are being completed.")  # That of a class can take a minute.
     last = front_server.close()
-    output().print()
     if last is not None:
         review = "flexlab review" if logs == LOGS else f"flexlab review {typed(last)}"
         output().print(f"The last run is in {last}. Look at it with: {review}", soft_wrap=True)

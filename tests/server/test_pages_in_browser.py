@@ -76,6 +76,24 @@ def test_a_translated_notice_keeps_its_links(window: BrowserContext, server: Fro
     assert page.evaluate("document.activeElement.textContent") == "Ein neues Labor öffnen"
 
 
+@pytest.mark.parametrize("width", [1280, 1024, 390])
+@pytest.mark.parametrize("window", ["en-US", "de-DE"], indirect=True)
+def test_a_panel_of_the_runs_lies_within_the_window(window: BrowserContext, server: FrontServer, width: int):
+    """Import at 1280 px, and Export on a projector of 1024 px, were cut at the right edge."""
+    page = window.new_page()
+    page.set_viewport_size({"width": width, "height": 800})
+    for address in ("runs", f"runs/{RUN}"):
+        page.goto(f"{server.url}{address}")
+        for panel in page.locator("details.pop").all():
+            panel.locator("summary").click()
+            page.evaluate("() => new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(drawn)))")
+            box = panel.locator(":scope > :not(summary)").bounding_box()
+            assert box is not None
+            assert box["x"] >= 0
+            assert box["x"] + box["width"] <= width
+            page.keyboard.press("Escape")  # On a phone, an open panel covers the next button.
+
+
 def test_a_map_is_drawn_without_storage(window: BrowserContext, server: FrontServer):
     address = post(server.url, "/studies", SWEEP).headers["Location"]
     over(server.url, f"{address}/state", 4 * PATIENCE)

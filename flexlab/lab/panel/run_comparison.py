@@ -86,7 +86,9 @@ def comparison_html(kept: ReferenceRun, snapshot: Snapshot, runner: Runner) -> s
         return f'<div class="fl">{text}{settings}</div>'
     lines = []
     for old, new in rows[1:]:
-        shown = change_text(100 * (new.value / old.value - 1) if old.value else math.nan)
+        shown = change_text(100 * (new.value / old.value - 1) if old.value else math.nan).replace(
+            " ", "\N{NO-BREAK SPACE}"
+        )
         lines.append((escaped(with_units(old.label)), metric_text(old), metric_text(new), shown))
     table = table_html(lines, "", "kept", "now", "change", numbers=(1, 2, 3))
     return f'<div class="fl">Over t = {first:.2f} s to {last:.2f} s of both runs:{table}{settings}</div>'

@@ -1,7 +1,17 @@
 // What the pages of runs, studies and comparisons do in the browser. Each block looks for its own part of the page.
 
-// Open panels close on Escape and on a click elsewhere.
+// Open panels lie within the window, and close on Escape and on a click elsewhere.
 {
+  const EDGE = 12; // px between a panel and the window's edge
+  const fit = (event) => {
+    const panel = event.target.matches?.("details.pop[open]") && event.target.querySelector(":scope > :not(summary)");
+    if (!panel) return;
+    panel.style.translate = "";
+    const { left, right } = panel.getBoundingClientRect();
+    const shift = Math.max(Math.min(document.documentElement.clientWidth - EDGE - right, 0), EDGE - left);
+    if (shift) panel.style.translate = `${shift}px`;
+  };
+  document.addEventListener("toggle", fit, true); // It does not bubble.
   const closeAll = (except) => {
     for (const panel of document.querySelectorAll("details.pop[open]")) if (panel !== except) panel.open = false;
   };

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cache, cached_property
@@ -12,11 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from flexlab.control.law import law_of, laws
+from flexlab.control.law import laws
 from flexlab.control.path import paths
 from flexlab.errors import FlexlabError, RecordingError, ScenarioError
-from flexlab.own.declaration import signal_name
-from flexlab.own.law import OwnController
+from flexlab.own.declaration import read_declaration
 from flexlab.recording.checksums import GAPS, unchecked
 from flexlab.recording.codec import decode_block, event_from_values, state_from_values, told_apart
 from flexlab.recording.rerun_internals.chunks import PROPERTIES, Row
@@ -97,7 +96,7 @@ class Recording:
         history = cache(lambda: Changes(self.scenario, self.events))
         count = 0
         with _telling_what_is_strange(self.path, self.properties):
-            hidden = _hidden_by_laws(self.scenario, self.events, history)
+            hidden = _hidden_by_laws(self.scenario, self.events)
             for _, values in rows:
                 block = _block(self.path, self.scenario, values, history, hidden)
                 count += len(block)
@@ -254,19 +253,16 @@ def _events(path: Path, rows: Rows, end: Mapping[str, Any]) -> tuple[Event, ...]
     return events
 
 
-def _hidden_by_laws(
-    scenario: Scenario, events: Iterable[Event], history: Callable[[], Changes]
-) -> tuple[frozenset[str], bool]:
+def _hidden_by_laws(scenario: Scenario, events: Iterable[Event]) -> tuple[frozenset[str], bool]:
     """Signals of the table that have the name of a readout of a run's laws; whether the run had one law alone."""
     changes = [event.command.changes for event in events if isinstance(event.command, ChangeScenario)]
     one_law = not any({"controller", "controller.kind", "controller.source"} & each.keys() for each in changes)
-    names = {
-        signal.name
-        for each in ([scenario] if one_law else history().scenarios)
-        if isinstance(each.controller, OwnController)
-        for signal in law_of(each.controller).signals
-    }
-    return frozenset(name for name in TABLE if signal_name(name) in names), one_law
+    texts = {getattr(scenario.controller, "source", ""), *(str(each.get("controller.source", "")) for each in changes)}
+    names: set[str] = set()
+    for text in texts - {""}:
+        with suppress(ScenarioError):  # A change may have been refused.
+            names.update(name for name, _ in read_declaration(text, "").signals)
+    return frozenset(names & TABLE.keys()), one_law
 
 
 def _block(

@@ -32,6 +32,12 @@ SAMPLE_PERIOD, COMMANDS = "sample_period", "commands"
 """Names of the differences between runs that are not fields of a scenario."""
 MOST_COMMANDS = 3
 """Largest number of a run's commands that are listed."""
+STARTS = {
+    "initial.pose": "on the path",
+    "initial.pose_rate": "that of the path",
+    "initial.beam_coordinates": "undeformed",
+}
+"""How a run starts where its scenario leaves it open, by field."""
 SAME = "All runs started from the same scenario."
 
 
@@ -197,9 +203,11 @@ def _metrics(recording: Recording, seen: Callable[[int], None], seconds: float =
 
 
 def _value(recording: Recording, path: str) -> str:
-    """A field's value in words; "–" if it is not set, or if the scenario lacks it, as with another kind of damping."""
-    value = recording.scenario.get(path) if recording.scenario.has(path) else None
-    return "–" if value is None else value_text(value)
+    """A field's value in words; "–" if the scenario lacks it, as with another kind of damping, or if it is not set."""
+    if not recording.scenario.has(path):
+        return "–"
+    value = recording.scenario.get(path)
+    return STARTS.get(path, "–") if value is None else value_text(value)
 
 
 def _commands(recording: Recording) -> str:

@@ -130,6 +130,12 @@ def test_different_commands_and_sample_periods_are_shown(tmp_path: Path) -> None
     assert told in found.text()
 
 
+def test_a_start_that_is_left_open_is_told_in_words(tmp_path: Path) -> None:
+    """The only difference between `paper` and `smooth-start` read "– | 0, 0, 0"."""
+    files = [flexlab.simulate(name, 0.01).save(tmp_path) for name in ("paper", "smooth-start")]
+    assert compare(files).settings == (("initial.pose_rate", ("0, 0, 0", "that of the path")),)
+
+
 def test_the_same_run_twice_differs_in_nothing(recording_file: Path) -> None:
     assert compare([recording_file, recording_file]).settings == ()
     assert "same scenario" in compare([recording_file, recording_file]).text()

@@ -64,6 +64,8 @@ class Report(msgspec.Struct, omit_defaults=True):
     ready: bool = False
     problem: str = ""
     warning: str = ""
+    answered: bool = False
+    """Whether the text has answered its first call."""
 
 
 Say = Callable[..., None]
@@ -97,9 +99,9 @@ def _serve(load: Callable[[str, str], T], answer: Callable[[T, socket.socket, Sa
     calls, reported = socket.socket(fileno=int(sys.argv[1])), socket.socket(fileno=int(sys.argv[2]))
     file = sys.argv[4]
 
-    def say(pid: int = 0, ready: bool = False, problem: str = "", warning: str = "") -> None:
+    def say(pid: int = 0, ready: bool = False, problem: str = "", warning: str = "", answered: bool = False) -> None:
         # Lone surrogates, which UTF-8 cannot encode, are made visible.
-        reported.sendall(msgspec.json.encode(Report(pid, ready, visible(problem), visible(warning))) + b"\n")
+        reported.sendall(msgspec.json.encode(Report(pid, ready, visible(problem), visible(warning), answered)) + b"\n")
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the lab, which then closes the lifeline.
     name = os.path.basename(file)
@@ -129,12 +131,15 @@ def _serve(load: Callable[[str, str], T], answer: Callable[[T, socket.socket, Sa
 
 
 def _answer_law(law: RunningLaw, calls: socket.socket, say: Say) -> None:
-    warned = False
+    warned = answered = False
     while (data := receive(calls, MESSAGE.itemsize + LAW_INPUT.itemsize)) is not None:
         message = np.frombuffer(data, MESSAGE, 1)[0]
         text = law.answer(message, np.frombuffer(data, LAW_INPUT, 1, MESSAGE.itemsize)[0])
         if text:
             say(problem=text)
+        elif not answered:
+            say(answered=True)
+            answered = True
         if law.warning and not warned:
             say(warning=law.warning)
             warned = True

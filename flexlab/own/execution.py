@@ -208,6 +208,9 @@ class RunningLaw(RunningText):
             raise KeyboardInterrupt
         return self._problem
 
+    cause = problem
+    """As `LawApart.cause`."""
+
     def ensure(self) -> None:
         """Forget earlier problems, as a run begins. Raises a KeyboardInterrupt that came too late for the last run."""
         self._calls = 0

@@ -48,7 +48,7 @@ class LawApart(OwnProcess):
         os.write(self._turn[1], TURN)
         for end in self._turn:
             self._open.callback(os.close, end)
-        self._is_interrupted = False
+        self._is_interrupted, self._earlier = False, ""
         outcomes = self._when_late()
         next(outcomes)
         self._late_function = LateFunction(outcomes.send)
@@ -56,6 +56,7 @@ class LawApart(OwnProcess):
 
     def _start_again(self) -> None:
         turn = os.read(self._turn[0], 1)
+        self._earlier = self._problem
         try:
             super()._start_again()
         finally:
@@ -72,6 +73,11 @@ class LawApart(OwnProcess):
             self._is_interrupted = False
             raise KeyboardInterrupt
         return super().problem
+
+    @property
+    def cause(self) -> str:
+        """As `problem`; that of the process before while the new one, which a study may have started, has answered nothing."""
+        return self.problem or ("" if self.has_answered else self._earlier)
 
     def _when_late(self) -> Generator[int, int]:
         """Tell the kernel, each time it asks, whether to go on waiting for an answer.

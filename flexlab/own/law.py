@@ -85,7 +85,7 @@ class PythonLaw(Law):
     def problem(self, settings: Any) -> str:
         """The last problem of its text, as a sentence; empty if there was none."""
         law = hosts.known_law(settings.source)
-        return "" if law is None else law.problem
+        return "" if law is None else law.cause
 
     def warning(self, settings: Any) -> str:
         """Why runs of its text cannot be repeated, as a sentence; empty as far as is known."""

@@ -85,7 +85,7 @@ class OwnProcess:
         self._process: subprocess.Popen[bytes] | None = None
         self._lifeline = -1
         self._worker = 0
-        self.is_loaded = False
+        self.is_loaded = self.has_answered = False
         self._problem = self._warning = ""
         self._start()
 
@@ -184,7 +184,8 @@ class OwnProcess:
         theirs.close()
         reporting.close()
         os.close(lifeline)
-        self._said, self._trace, self._problem, self.is_loaded = b"", "", "", False
+        self._said, self._trace, self._problem = b"", "", ""
+        self.is_loaded = self.has_answered = False
         self._worker = 0
         text = self._source.encode()
         with contextlib.suppress(OSError):  # A process that ended at once says why.
@@ -219,6 +220,7 @@ class OwnProcess:
         with contextlib.suppress(ValueError, RecursionError):
             said = msgspec.json.decode(line, type=Report)
             self.is_loaded |= said.ready
+            self.has_answered |= said.answered
             self._worker = self._worker or said.pid
             self._problem = self._problem or visible(said.problem, LONGEST_PROBLEM)
             self._warning = self._warning or visible(said.warning, LONGEST_PROBLEM)

@@ -17,6 +17,7 @@ from own_law_text import PD, at_work
 from own_path_text import ROUND
 from waiting import wait_until
 
+from flexlab.control.law import laws
 from flexlab.errors import ScenarioError
 from flexlab.lab.session import Session
 from flexlab.own import hosts
@@ -172,6 +173,22 @@ def test_all_processes_that_a_law_started_end_with_a_killed_lab(number: int, tmp
     lab.wait()
     wait_until(lambda: marked(mark) == [], "their end")
     lab.stdout.close()
+
+
+def test_a_law_that_failed_is_named_although_a_study_has_started_it_again():
+    """The lab's study of poles starts a failed law anew. The run then read no reason, and blamed "too late" torques."""
+    text = at_work("if at.time > 0.01: 1 / 0")
+    world = world_of(text)
+    world.advance(100)
+    controller = world.scenario.controller
+    law = hosts.known_law(controller.source)
+    assert isinstance(law, LawApart)
+    assert "ZeroDivisionError" in world.status.text
+    law.ensure()  # As each study does.
+    assert law.problem == ""
+    assert "ZeroDivisionError" in laws()[controller.kind].problem(controller)
+    assert len(world_of(text).advance(3)) == 3
+    assert laws()[controller.kind].problem(controller) == "", "it answers again"
 
 
 def test_saving_a_law_many_times_leaves_few_processes_and_files_behind():

@@ -81,6 +81,12 @@ FEWEST_TICKS = """() => Math.min(...Object.values(window.__viserTestpoints.uplot
   .filter((chart) => chart.root.offsetParent !== null).map(({ axes: [, axis], scales: { y: { min, max } } }) =>
     (axis._splits ?? []).filter((value) => value !== null && min <= value && value <= max).length))"""
 """The smallest number of ticks on a vertical axis in sight."""
+WIDE = {name: "DejaVu Sans" for name in ("standard", "sansSerif")}
+TAB_NAMES = """[...document.querySelectorAll('[role="tab"]')].filter((tab) => tab.offsetParent !== null).map((tab) => {
+  const words = document.createRange(), box = tab.lastElementChild;
+  words.selectNodeContents(box);
+  return [tab.textContent, words.getBoundingClientRect().width > box.getBoundingClientRect().width + 0.1]; })"""
+"""The name of each tab in sight, and whether it is cut."""
 WHOLE_PLOT = """() => {
   const box = document.querySelector('[data-floating-window]').getBoundingClientRect();
   const names = [...document.querySelectorAll('.u-legend .u-series')].map((part) => part.getBoundingClientRect());
@@ -118,6 +124,15 @@ def test_the_scene_takes_most_of_any_window(newcomer: Page, shared_session: Sess
     """The tests below look at three more sizes."""
     newcomer.set_viewport_size({"width": size[0], "height": size[1]})
     fills(opened(newcomer, address(shared_session)), size[0])
+
+
+def test_tabs_keep_their_names_where_the_default_font_is_wide(newcomer: Page, shared_session: Session) -> None:
+    """In Firefox on a plain Debian, tabs of the panel read "Paramet…", "Vi…" and "F…"."""
+    newcomer.context.new_cdp_session(newcomer).send("Page.setFontFamilies", {"fontFamilies": WIDE})
+    opened(newcomer, address(shared_session))
+    names = newcomer.evaluate(TAB_NAMES)
+    assert "Parameters" in [name for name, _ in names]
+    assert [name for name, cut in names if cut] == []
 
 
 def test_plots_are_one_click_away_and_a_browser_remembers_that_they_are_open(

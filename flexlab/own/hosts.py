@@ -154,6 +154,8 @@ def run_apart(apart: bool = True, output: int = subprocess.DEVNULL) -> None:
 def host(sort: str, source: str) -> Any:
     """What runs an allowed text, a "law" or a "path". Raises `TextProblem` or `ScenarioError` if it cannot be run."""
     key, file = (sort, short_hash(source)), file_of(source)
+    if not hasattr(os, "fork"):
+        raise TextProblem(f"{file}: own laws and paths run on Linux and macOS only: on Windows, start flexlab in WSL.")
     with _lock:
         found = known.pop(key, None)
         if found is None:

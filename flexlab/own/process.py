@@ -37,6 +37,8 @@ MARK = "FLEXLAB_OWN_TEXT"
 """Environment variable that marks all processes of a text."""
 LINE_LIMIT, LONGEST_LINE_LIMIT = 0.3, 3.0
 """Time to find out which line a late process is in, s, without and with its waits for a processor."""
+PROCESSES = Path("/proc")
+"""Where Linux tells about processes."""
 STARVED = 0.3
 """Share of a check spent waiting for a processor, above which the machine is late and not the text."""
 
@@ -142,7 +144,7 @@ class OwnProcess:
         if process.returncode == -getattr(signal, "SIGKILL", 0):
             # The supervisor was killed itself: what the text started is found by its mark.
             mark = f"{MARK}={self._mark}".encode()
-            for process in Path("/proc").glob("[0-9]*"):
+            for process in PROCESSES.glob("[0-9]*"):
                 with contextlib.suppress(OSError):
                     if mark in (process / "environ").read_bytes().split(b"\0"):
                         os.kill(int(process.name), signal.SIGKILL)
@@ -261,12 +263,19 @@ class OwnProcess:
         return bool(self._calls.recv(1, socket.MSG_PEEK)) or self._give_up(self._how_it_ended())
 
     def _look(self) -> Look:
-        """The process now; all 0 where the system does not report it."""
+        """The process now; where the system does not report waits, all time in which it does not work counts as one."""
         try:
-            work, wait = Path(f"/proc/{self._worker}/schedstat").read_text().split()[:2]
-            state = Path(f"/proc/{self._worker}/stat").read_text().rpartition(")")[2].split()[0]
+            work, wait = (PROCESSES / f"{self._worker}/schedstat").read_text().split()[:2]
+            state = (PROCESSES / f"{self._worker}/stat").read_text().rpartition(")")[2].split()[0]
         except (OSError, ValueError, IndexError):
-            return Look(time.monotonic(), 0.0, 0.0, False)
+            import psutil
+
+            try:
+                worked = sum(psutil.Process(self._worker).cpu_times()[:2])
+            except psutil.Error:
+                worked = 0.0
+            now = time.monotonic()
+            return Look(now, worked, now - worked, False)
         return Look(time.monotonic(), int(work) / 1e9, int(wait) / 1e9, state == "R")
 
     def _waited(self, since: Look) -> float:

@@ -18,7 +18,7 @@ from own_path_text import ROUND
 from waiting import wait_until
 
 from flexlab.control.law import laws
-from flexlab.errors import ScenarioError
+from flexlab.errors import FlexlabError, ScenarioError
 from flexlab.lab.session import Session
 from flexlab.own import hosts
 from flexlab.own.files import LAW_FILES
@@ -237,6 +237,41 @@ def test_a_wait_for_a_processor_counts_before_it_ends():
         for one in crowd:
             one.kill()
             one.communicate()
+
+
+@pytest.fixture
+def without_reports_on_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on macOS, which has no /proc."""
+    monkeypatch.setattr("flexlab.own.process.PROCESSES", tmp_path)
+
+
+@pytest.mark.usefixtures("without_reports_on_processes")
+def test_a_process_that_cannot_work_waits_where_nothing_reports_it():
+    """On macOS, a law that waited 80 ms for a processor was stopped: "act did not answer within 50 ms"."""
+    world = world_of(PD)
+    assert len(world.advance(1)) == 1
+    (host,) = hosts.known.values()
+    assert isinstance(host, LawApart)
+    os.kill(host._worker, signal.SIGSTOP)
+    before = host._look()
+    time.sleep(0.2)
+    assert host._waited(before) >= 0.2
+    os.kill(host._worker, signal.SIGCONT)
+    assert len(world.advance(1)) == 1
+
+
+@pytest.mark.usefixtures("without_reports_on_processes")
+def test_an_endless_law_ends_where_nothing_reports_waits():
+    world = world_of(at_work("while at.time > 0.0015: pass"))
+    world.advance(5)
+    assert "act did not answer within 50 ms" in world.status.text
+
+
+def test_without_forks_an_own_law_is_refused_in_a_sentence(monkeypatch: pytest.MonkeyPatch):
+    """As on Windows, where it was a traceback, and the page of studies an error."""
+    monkeypatch.delattr(os, "fork")
+    with pytest.raises(FlexlabError, match="run on Linux and macOS only: on Windows, start flexlab in WSL"):
+        world_of(PD)
 
 
 REPORTS = {

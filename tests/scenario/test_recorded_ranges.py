@@ -9,8 +9,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
-from annotated_types import MaxLen, MinLen
-
 from flexlab.own.law import OwnController
 from flexlab.own.path import OwnTrajectory
 from flexlab.quantities import Part, describe, parts_of
@@ -49,9 +47,9 @@ def accepted() -> dict[str, Accepted]:
     for model in parts(Scenario):
         for name, field in model.model_fields.items():
             about = describe(model, name)
-            shortest = max([item.min_length for item in field.metadata if isinstance(item, MinLen)], default=0)
+            shortest = max([item.min_length for item in field.metadata if hasattr(item, "min_length")], default=0)
             longest = min(
-                [item.max_length for item in field.metadata if isinstance(item, MaxLen)], default=float("inf")
+                [item.max_length for item in field.metadata if hasattr(item, "max_length")], default=float("inf")
             )
             found[f"{name_of(model)}.{name}"] = about.low, about.high, shortest, longest, choices(field.annotation)
     return found

@@ -81,7 +81,7 @@ FEWEST_TICKS = """() => Math.min(...Object.values(window.__viserTestpoints.uplot
   .filter((chart) => chart.root.offsetParent !== null).map(({ axes: [, axis], scales: { y: { min, max } } }) =>
     (axis._splits ?? []).filter((value) => value !== null && min <= value && value <= max).length))"""
 """The smallest number of ticks on a vertical axis in sight."""
-WIDE = {name: "DejaVu Sans" for name in ("standard", "sansSerif")}
+WIDE = dict.fromkeys(("standard", "sansSerif"), "DejaVu Sans")
 TAB_NAMES = """[...document.querySelectorAll('[role="tab"]')].filter((tab) => tab.offsetParent !== null).map((tab) => {
   const words = document.createRange(), box = tab.lastElementChild;
   words.selectNodeContents(box);

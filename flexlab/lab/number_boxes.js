@@ -1,13 +1,16 @@
 // Makes number boxes accept 1.5e-3 and −3 as people write and copy them: viser's drop the letter and the sign, giving 1.53 and 3.
 // A box that is left without a number shows its last one again. A typed number takes effect when the typing pauses, or at once on
-// Enter, an arrow key, a shortcut or leaving the box: otherwise 600 would take effect as 6 and as 60 first.
+// Enter, an arrow key, a shortcut or leaving the box: otherwise 600 would take effect as 6 and as 60 first. A pasted text that is
+// no number is refused in a sentence: viser would drop its letters and take 0x10 for 10.
 (() => {
   const POWER = /^[+-]?(\d+[.,]?\d*|[.,]\d+)e([+-]?\d*)$/i;
+  const NUMBER = /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i;
   const DIGITS = { useGrouping: false, maximumSignificantDigits: 15 };
   const value = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value"), setValue = value.set;
   const isBox = (part) => part?.matches?.("input.mantine-NumberInput-input");
   const isNumber = (text) => text.trim() !== "" && Number.isFinite(Number(text));
   const REST = 400, PAUSE = 3000; // ms after which a typed number takes effect, and after which the typing counts as ended
+  const READ = 5000, LONGEST = 20; // ms for which a refusal stays, and characters of the refused text in it
   const last = new WeakMap(); // box → its last number
   let held = null, timer = 0; // a box whose text has not taken effect yet
   let busy = null, pause = 0; // a box in which somebody types
@@ -58,6 +61,29 @@
     hold(box);
   }
 
+  // In place of viser's box, which drops 2,5 and 1,234.5 without a word.
+  function paste(event) {
+    const box = event.target;
+    if (!isBox(box)) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    const text = event.clipboardData.getData("text").trim(), number = text.replace("−", "-").replace(",", ".");
+    const whole = box.value.slice(0, box.selectionStart) + number + box.value.slice(box.selectionEnd);
+    if (NUMBER.test(whole) && Number.isFinite(Number(whole))) {
+      show(box, /e/i.test(whole) ? Number(whole).toLocaleString("en-US", DIGITS) : whole);
+      return;
+    }
+    const shown = text.length > LONGEST ? `${text.slice(0, LONGEST)}…` : text;
+    const { right, bottom } = box.getBoundingClientRect();
+    const word = Object.assign(document.createElement("p"),
+      { className: "fl-refused", textContent: `'${shown}' is not a number: write one such as 0.5 or 1e3.` });
+    word.setAttribute("role", "alert");
+    Object.assign(word.style, { right: `${innerWidth - right}px`, top: `${bottom}px` });
+    document.querySelector(".fl-refused")?.remove();
+    document.body.append(word);
+    setTimeout(() => word.remove(), READ);
+  }
+
   function write(event) {
     const box = event.target;
     if (!isBox(box)) return;
@@ -91,6 +117,7 @@
     hold(event.target);
   };
   addEventListener("beforeinput", write, true);
+  addEventListener("paste", paste, true);
   // viser's boxes note the caret at each key, and lose text that is written beyond the end of the text that they know.
   addEventListener("keydown", (event) => {
     const { key, ctrlKey, metaKey } = event;

@@ -159,6 +159,26 @@ def test_a_box_takes_numbers_as_people_write_them(page: LabPage) -> None:
     expect(box).to_have_value("36", timeout=PATIENCE)  # Left empty, it shows its number again.
 
 
+def test_a_pasted_text_is_a_number_or_is_refused(page: LabPage) -> None:
+    """A pasted "5 kN" became 5, 0x10 became 10, and 1,234.5 did nothing."""
+    page.page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    box = page.box(EI)
+    page.enter(EI, "36")
+    for pasted in ("5 kN", "0x10", "1.5.2", "1,234.5", "five"):
+        page.page.evaluate("(text) => navigator.clipboard.writeText(text)", pasted)
+        box.press("ControlOrMeta+a")
+        box.press("ControlOrMeta+v")
+        page.wait_for_text(f"'{pasted}' is not a number: write one such as 0.5 or 1e3.")
+        expect(box).to_have_value("36")
+    for pasted, taken in ((" 7.5", 7.5), ("2,5", 2.5), ("1e2", 100.0), ("90\n", 90.0)):
+        page.page.evaluate("(text) => navigator.clipboard.writeText(text)", pasted)
+        box.press("ControlOrMeta+a")
+        box.press("ControlOrMeta+v")
+        wait_until(
+            lambda taken=taken: page.snapshot.scenario.payload.bending_stiffness == taken, f"{pasted!r} is {taken:g}"
+        )
+
+
 def test_a_typed_number_may_be_much_longer_than_the_present_one(page: LabPage) -> None:
     page.enter(EI, "100")
     box = page.box(EI)

@@ -39,7 +39,7 @@
       Object.assign(word.style, { position: "fixed", left: "var(--fl-picture-middle, 50%)", zIndex: 1,
         top: "var(--fl-picture-center, 40%)",
         transform: "translate(-50%, -50%)", width: "min(26em, var(--fl-picture-width, 80vw))", padding: "0.8em 1em", margin: 0,
-        boxSizing: "border-box", font: "15px/1.4 system-ui, sans-serif", color: "#222", background: "#fff", borderRadius: "6px" });
+        boxSizing: "border-box", font: "15px/1.4 var(--narrow)", color: "#222", background: "#fff", borderRadius: "6px" });
       document.body.append(word);
     });
   }

@@ -185,23 +185,6 @@ def _decode(data: bytes) -> tuple[Samples, int]:
     return Samples(**{n if n in TABLE or n not in TAKEN else signal_name(n): a for n, a in found.items()}), written_in
 
 
-def told_apart(samples: Samples, hidden: frozenset[str], one_law: bool) -> Samples:
-    """Samples in which readouts that took the place of a signal of the table, as they did once, have their `signal_name`.
-
-    `hidden`: the names of such readouts. Where a run had several laws, a readout is told by its shape.
-    """
-    signals = samples.signals()
-    own = {
-        name: signal_name(name)
-        for name in signals.keys() & hidden - {"time"}
-        if signal_name(name) not in signals and (one_law or signals[name].ndim != 1 + len(TABLE[name].axes))
-    }
-    if not own:
-        return samples
-    found = {own.get(name, name): array for name, array in signals.items()}
-    return Samples(**found, **{name: DERIVED[name](found) for name in own.keys() & DERIVED.keys()})
-
-
 def _follows(name: str, signals: dict[str, np.ndarray]) -> bool:
     try:
         return np.array_equal(signals[name].view(np.int64), DERIVED[name](signals).view(np.int64))

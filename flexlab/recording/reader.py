@@ -15,9 +15,9 @@ import numpy as np
 from flexlab.control.law import laws
 from flexlab.control.path import paths
 from flexlab.errors import FlexlabError, RecordingError, ScenarioError
-from flexlab.own.declaration import read_declaration
+from flexlab.own.declaration import read_declaration, signal_name
 from flexlab.recording.checksums import GAPS, unchecked
-from flexlab.recording.codec import decode_block, event_from_values, state_from_values, told_apart
+from flexlab.recording.codec import DERIVED, decode_block, event_from_values, state_from_values
 from flexlab.recording.rerun_internals.chunks import PROPERTIES, Row
 from flexlab.recording.rows import Rows, read_rows, rows_in_order
 from flexlab.recording.store.formats import FORMAT, Changes, checked_format, migrate, readable, same_numbers
@@ -265,6 +265,23 @@ def _hidden_by_laws(scenario: Scenario, events: Iterable[Event]) -> tuple[frozen
     return frozenset(names & TABLE.keys()), one_law
 
 
+def _told_apart(samples: Samples, hidden: frozenset[str], one_law: bool) -> Samples:
+    """Samples in which readouts that took the place of a signal of the table, as they did once, have their `signal_name`.
+
+    `hidden`: the names of such readouts. Where a run had several laws, a readout is told by its shape.
+    """
+    signals = samples.signals()
+    own = {
+        name: signal_name(name)
+        for name in signals.keys() & hidden - {"time"}
+        if signal_name(name) not in signals and (one_law or signals[name].ndim != 1 + len(TABLE[name].axes))
+    }
+    if not own:
+        return samples
+    found = {own.get(name, name): array for name, array in signals.items()}
+    return Samples(**found, **{name: DERIVED[name](found) for name in own.keys() & DERIVED.keys()})
+
+
 def _block(
     path: Path,
     scenario: Scenario,
@@ -274,7 +291,7 @@ def _block(
 ) -> Samples:
     try:
         samples, written_in = decode_block(values.get("data", b""))
-        samples = told_apart(samples, *hidden)
+        samples = _told_apart(samples, *hidden)
         # Only the mesh may change during a run.
         for name in samples.signals().keys() & TABLE:
             shape, due = samples[name].shape[1:], TABLE[name].shape(len(scenario.arms), 0)

@@ -99,6 +99,8 @@ def remove_left_drafts(folder: Path) -> None:
 
 def check_writing(path: Path) -> None:
     """Check before long work that a file can be written afterwards. Raises `StudyError`."""
+    if not path.parent.is_dir():
+        raise StudyError(f"{path} cannot be written: there is no folder {path.parent}.")
     with writable(path, "choose another file"):
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))

@@ -102,6 +102,7 @@ def test_a_changed_preset_is_printed_as_a_scenario_file(flexlab_command: Command
     assert [preset["name"] for preset in listed] == preset_names()
     assert listed[0]["payload"]["bending_stiffness"] == 100.0
     assert "Say which preset to change" in refused(flexlab_command("presets", "--law", "pd"))
+    assert "give nothing else with it" in refused(flexlab_command("presets", "paper", "--schema"))
     assert "did you mean gravity?" in refused(flexlab_command("presets", "paper", "--set", "gravty=1"))
 
 
@@ -119,6 +120,7 @@ def test_own_presets_are_listed_and_broken_ones_named(flexlab_command: Command, 
 def test_an_unknown_command_is_one_sentence(flexlab_process: Command, flexlab_command: Command):
     assert "did you mean presets?" in refused(flexlab_process("prests"))
     assert "leaderboard, logs" in refused(flexlab_command("zzz"))
+    assert "give one of --verify and --to" in refused(flexlab_command("leaderboard", "--verify", "--to", "report"))
 
 
 @pytest.mark.parametrize("words", [["--preset"], ["--prot", "1"], ["run"], ["--port", "many"], ["run", "paper", "-x"]])

@@ -88,6 +88,7 @@ def test_a_run_is_compared_with_itself_under_other_settings(flexlab_command: Com
         (["newest"] * 7, "Choose 2 to 6 runs to compare, not 7."),
         (["newest", "newest", "--save", "both.png"], "give a name that ends in .rrd"),
         (["newest", "newest", "--save", "no/such/both.rrd"], "cannot be written to no/such/both.rrd"),
+        (["newest", "newest", "--json", "--save", "both.rrd"], "give one of --json and --save"),
         (["newest", "junk.rrd"], "not a rerun recording"),
     ],
 )

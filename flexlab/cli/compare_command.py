@@ -38,6 +38,8 @@ def command(
         changes = chosen_changes(set_, law, seed)
     if len(runs) + bool(changes) < 2:
         raise StudyError("A comparison needs two runs at least: name them, as in flexlab compare newest 2026-05-01T14.")
+    if save is not None and as_json:
+        raise StudyError("--json prints tables and writes no overlay: give one of --json and --save.")
     if save is not None and save.suffix != ".rrd":
         raise StudyError(f"--save {save} does not name a recording: give a name that ends in .rrd.")
     with loading():

@@ -39,10 +39,15 @@ def command(
     with loading():
         from flexlab.analysis.identification.fitting import fit_file, fit_run, is_measurement, keep_measurement
         from flexlab.errors import RecordingError
+        from flexlab.files import check_writing
         from flexlab.presets import find_scenario, save_scenario
 
     path = Path(source)
     measured = is_measurement(source)
+    if save is not None:
+        if measured and not preset:
+            raise StudyError("--save needs --preset: the scenario whose beam is fitted.")
+        check_writing(save)
     scenario = find_scenario(preset)[1] if preset else None
     if measured:
         fit = fit_file(path, time, signal, start, end, scenario)
@@ -56,9 +61,7 @@ def command(
             kept = keep_measurement(fit, path, scenario, preset, logs)
         except RecordingError as error:
             note(f"{path.name} is not kept as a run: {error}")
-    if save is not None:
-        if fit.scenario is None:
-            raise StudyError("--save needs --preset: the scenario whose beam is fitted.")
+    if save is not None and fit.scenario is not None:
         save_scenario(fit.scenario, save)
     if as_json:
         print_json(_without_nan(fit.as_data() | {"run": kept and kept.stem}))

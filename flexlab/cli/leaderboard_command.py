@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 from flexlab.cli.console import complain, new_table, note, output
 from flexlab.cli.options import Cluster, Several, Threads, keep_own_texts_apart, option
 from flexlab.cli.warmup import loading, warm_up
+from flexlab.errors import StudyError
 from flexlab.text import counted
 
 if TYPE_CHECKING:
@@ -47,6 +48,8 @@ def command(
         from flexlab.files import make_folder
         from flexlab.presets import load_preset
 
+    if verify and to is not None:
+        raise StudyError("--verify compares stored rows and writes no report: give one of --verify and --to.")
     known = chosen_workers(workers, cluster)
     keep_own_texts_apart()
     cases = chosen_cases(case or None, long)
@@ -76,7 +79,6 @@ def command(
 def _verify(rows: "list[Row]", tasks: "tuple[Task, ...]", store: "RowStore", workers: "Workers") -> int:
     from flexlab.analysis.leaderboard.board import verify
     from flexlab.analysis.workers import progress_bar
-    from flexlab.errors import StudyError
 
     if not rows:
         raise StudyError(f"{store.folder} holds no such rows: flexlab leaderboard computes them.")

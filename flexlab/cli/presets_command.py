@@ -27,9 +27,10 @@ def command(
 
     A scenario file NAME.json in a folder `presets` where you work is also a preset.
     """
-    if schema and as_json:
-        raise StudyError("--schema writes a file and prints no JSON: give one of --schema and --json.")
+    changed = bool(set_) or law is not None or seed is not None
     if schema:
+        if as_json or preset or changed:
+            raise StudyError("--schema writes the schema of all scenario files: give nothing else with it.")
         return _write_schema()
     if preset:
         with loading():
@@ -38,7 +39,7 @@ def command(
         ((_, scenario),) = chosen_scenarios([preset], set_, law, seed)
         print_json_text(scenario_text(scenario))
         return 0
-    if set_ or law is not None or seed is not None:
+    if changed:
         raise StudyError("Say which preset to change, as in flexlab presets paper --set gravity=9.81.")
     with loading():
         from flexlab.presets import load_scenario_file, preset_files

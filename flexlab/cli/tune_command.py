@@ -8,7 +8,6 @@ import tyro
 from flexlab.cli.console import complain, new_table, output
 from flexlab.cli.options import Cluster, Law, Preset, Seed, Settings, Several, Threads, chosen_scenarios, option
 from flexlab.cli.warmup import loading, warm_up
-from flexlab.errors import StudyError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -57,8 +56,6 @@ def command(
     others = parse_axes(robust, scenario) if robust else ()
     wanted = parse_cost(cost, limit)
     for file in (save, figure):  # Before hours of work.
-        if file is not None and not file.parent.is_dir():
-            raise StudyError(f"{file} cannot be written: there is no folder {file.parent}.")
         if file is not None:
             check_writing(file)
     if figure is not None:

@@ -425,6 +425,10 @@ def test_a_signal_that_is_no_deflection_is_fitted_but_not_kept_as_a_run(flexlab_
         (("nothing", "--end", "1e400"), "end = inf s is not usable: give a finite number"),
         (("nothing", "--time", "t"), "time = 't' names a column of a file: a run has one time, leave it out"),
         (("mine.csv", "--save", "a.json"), "--save needs --preset"),
+        (
+            ("mine.csv", "--save", "no/such.json", "--preset", "paper"),
+            "no/such.json cannot be written: there is no folder no",
+        ),
         (("back.csv",), "time does not rise at row"),
         (("empty.csv",), "has 0 columns"),
         (("unitless.csv",), "the unit of time is not known"),
@@ -458,6 +462,7 @@ def test_bad_input_is_one_sentence(flexlab_command: Command, tmp_path: Path, wor
     assert done.stdout == ""
     assert done.stderr.strip().count("\n") <= 2, done.stderr
     assert "Traceback" not in done.stderr
+    assert not (tmp_path / "logs").exists()  # A refused command keeps nothing.
 
 
 @pytest.mark.parametrize("kind", ["white", "drift", "coloured"])

@@ -376,6 +376,15 @@ noise of gauges that an observer reads: sim/sampled_control.py
 places at which a beam whose mesh changes is compared: sim/bumpless_transfer.py
     for p in (old, new)))
     for p in (new, new)))
+rate of a fast mode at a sample: sim/integrators/beam_flow.py
+    rate[k] += late * (
+    rate[k] += 0.5 * late * (
+push of fast modes on the grips: sim/integrators/beam_flow.py
+    m00, m01 = 1 - W_hh
+    m00, m01 = 1 + W_hh
+rate of a fast mode since the sample before: sim/integrators/beam_flow.py
+    rate[k] += early * flow
+    rate[k] += 0.5 * early * flow
 shape of a beam whose mesh changes: sim/bumpless_transfer.py
     correction * (product(payload_row(old
     0.5 * correction * (product(payload_row(old

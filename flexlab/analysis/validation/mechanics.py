@@ -122,6 +122,17 @@ SPUN = MOVING | {
     "simulation.accuracy": 1e-11,
 }
 """A motion in which the centrifugal force and the force along the beam change its bending and its loss within a step."""
+FADING = {
+    "payload.damping": {"kind": "stiffness", "coefficient": 0.01},
+    "controller.kind": "computed-torque",
+    "trajectory.frequency": (3.0, 2.0, 2.5),
+    "initial.pose_rate": None,
+    "simulation.integrator": "etdrk4",
+    "simulation.step": PERIOD,
+}
+"""A smooth motion of a beam whose modes but the first are damped by e^-15 or more within a step."""
+CALM = 100
+"""Samples after which what the start excites has faded."""
 LOOSE = {"controller.kind": "none", "gravity": 9.81, "payload.damping.coefficient": 0.0}
 HANDS = {
     "the beam": Pull(-0.1, (0.1, 0.9), 400.0),
@@ -149,6 +160,7 @@ def energy_and_convergence(runs: Runs) -> Iterator[Check]:
             f"soft beam, {elements} elements, spins fast: energy gained = work put in - energy damped, as a part"
         )
         yield balanced(statement, spun)
+    yield _fast_modes()
     free = runs.free
     drift = free.total_energy / free.total_energy[0] - 1
     yield below("no motors, no damping: relative drift of the energy in 2 s", 1e-6, drift)
@@ -159,6 +171,19 @@ def energy_and_convergence(runs: Runs) -> Iterator[Check]:
         errors = [np.abs(_end(integrator, step) - exact).max() for step in steps]
         slope = float(np.log2(errors[0] / errors[-1]) / (len(errors) - 1))
         yield close(f"{integrator}: the pose's error falls with the step to the power", order, slope, absolute=0.25)
+
+
+def _fast_modes() -> Check:
+    """The rates of modes that are damped faster than the step, beside differences of their recorded deflections."""
+    run = run_of("the run with strong damping", FADING, 0.25, PERIOD)
+    points, n = MassPoints(run.scenario), run.beam_rates.shape[1]
+    straight = np.concatenate([run.pose[0], np.zeros(n)])
+    M = points.payload_inertia(straight)[3:, 3:]
+    K = slopes(lambda at: slopes(lambda q: np.array(points.potential(q)), at), straight)[3:, 3:]
+    fast = M @ eigh(K, M)[1][:, 1:]
+    told, changed = run.beam_rates[2:-2][CALM:] @ fast, time_derivative(run.beam_coordinates, PERIOD)[CALM:] @ fast
+    missed = np.abs(told - changed).max(axis=0) / np.abs(changed).max(axis=0)
+    return below("etdrk4: modes damped faster than its step: η̇ is the change of η: relative error", 5e-4, missed)
 
 
 def _pulled() -> Iterator[Check]:

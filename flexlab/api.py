@@ -290,7 +290,7 @@ def read(run: str | Path, logs: str | Path = LOGS) -> Run:
     The scenario is that of the first sample. Raises `RecordingError` if there is no such recording or it cannot be read.
     """
     if not isinstance(run, (str, Path)):
-        raise StudyError(f"read({run!r}) names no recording: give a file's path, a run's name, or \"newest\".")
+        raise StudyError(f"read({run!r:.60}) names no recording: give a file's path, a run's name, or \"newest\".")
     from flexlab.recording.headless import course_of_recording
     from flexlab.recording.reader import read_recording
     from flexlab.recording.store.run_files import find_run

@@ -33,7 +33,6 @@ from flexlab.recording.store.people import told_apart
 from flexlab.recording.store.run_files import find_run
 from flexlab.recording.store.run_index import RunRow, read_row
 from flexlab.scenario.field_text import change_in_words
-from flexlab.text import visible
 
 AnyRun = Run | str | Path
 """A run; a recording's file, its name in the logs folder or the beginning of that; or "newest"."""
@@ -204,9 +203,8 @@ def _paths(runs: Iterable[AnyRun], logs: str | Path, stack: ExitStack) -> list[P
     runs = list(runs)
     for run in runs:
         if not isinstance(run, (Run, str, Path)):
-            given = visible(" ".join(repr(run).split()), 60)
             raise StudyError(
-                f"{given} is not a run: give one from flexlab.simulate, or the name or path of a recording."
+                f"{run!r:.60} is not a run: give one from flexlab.simulate, or the name or path of a recording."
             )
     return [
         run.save(stack.enter_context(TemporaryDirectory(prefix="flexlab-")))

@@ -5,7 +5,9 @@ import pydoc
 import re
 import warnings
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from fractions import Fraction
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,7 @@ import pandas as pd
 import pytest
 
 import flexlab
-from flexlab.errors import FlexlabError, StudyError
+from flexlab.errors import FlexlabError, ScenarioError, StudyError
 from flexlab.sim.commands import Pull, Tap
 
 EI = "payload.bending_stiffness"
@@ -130,6 +132,19 @@ def test_a_folder_of_presets_must_be_a_path(given: Any):
     one_sentence(lambda: flexlab.preset_names(given), "own = ", "is not a path")
 
 
+def test_a_table_in_the_wrong_place_does_not_break_the_sentence():
+    table = pd.DataFrame({"a": range(30), "b": range(30)})
+    asked: list[Callable[[Any], object]] = [
+        flexlab.read, flexlab.explain, flexlab.fit, flexlab.leaderboard, lambda its: flexlab.compare(its, its),
+        lambda its: flexlab.simulate("paper", its), lambda its: flexlab.simulate("paper", 0.01, commands=its),
+        lambda its: flexlab.simulate("paper", 0.01, law=its), lambda its: flexlab.simulate("paper", 0.01, path=its),
+        lambda its: flexlab.simulate({"payload": its}, 0.01), lambda its: flexlab.simulate({"gravity": its}, 0.01),
+        lambda its: flexlab.export("paper", its), lambda its: flexlab.sweep("paper", its),
+    ]  # fmt: skip
+    for ask in asked:
+        one_sentence(lambda ask=ask: ask(table))
+
+
 def test_a_folder_of_presets_may_be_a_text(tmp_path: Path):
     (tmp_path / "mine.json").write_text('{"title": "Mine"}')
     assert "mine" in flexlab.preset_names(str(tmp_path))
@@ -228,6 +243,19 @@ def test_a_refusal_does_not_repeat_a_very_long_name(run: flexlab.Run):
         with pytest.raises(FlexlabError) as caught:
             ask()
         assert len(str(caught.value)) < 1500
+
+
+def simulate_in_this_process(changes: dict[str, Any]) -> str:
+    return flexlab.simulate(flexlab.load_preset("paper").replace(changes), 0.01).result_hash
+
+
+def test_a_refusal_of_another_process_arrives_whole():
+    """An error that cannot be unpickled ends the pool: "A process in the process pool was terminated abruptly"."""
+    with ProcessPoolExecutor(1, get_context("spawn")) as other:
+        with pytest.raises(ScenarioError, match=f"^{re.escape(EI)} = -5 N·m² is outside") as caught:
+            other.submit(simulate_in_this_process, {EI: -5.0}).result()
+        assert [path for path, _ in caught.value.problems] == [EI]
+        assert other.submit(simulate_in_this_process, {}).result() == simulate_in_this_process({})
 
 
 def test_one_number_is_no_list_of_scenarios():

@@ -154,6 +154,8 @@ def _listen_on_file(path: str) -> socket.socket:
             try:
                 probe.connect(path)
             except ConnectionRefusedError:
+                if not Path(path).is_socket():  # The system refuses a connection to any other file, too.
+                    raise LabError(f"{path} is a file, not a socket: choose a path at which there is none.") from None
                 Path(path).unlink()
             except FileNotFoundError:
                 pass

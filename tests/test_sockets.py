@@ -1,4 +1,8 @@
-"""Every spelling of a host stands for the same address. No test here listens."""
+"""Every spelling of a host stands for the same address, and a Unix socket replaces nothing but an old one."""
+
+import socket
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -53,3 +57,16 @@ def test_an_address_that_cannot_be_used_is_explained(host: str, port: int, said:
 def test_an_impossible_host_is_one_sentence(host: str) -> None:
     with pytest.raises(LabError, match=r"is not an address of this machine: use 127\.0\.0\.1 or 0\.0\.0\.0"):
         listen(host, 0)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no Unix sockets")
+def test_a_unix_socket_replaces_one_that_nobody_listens_on_and_no_other_file(tmp_path: Path) -> None:
+    file, left = tmp_path / "thesis.txt", tmp_path / "left"
+    file.write_text("a year of work")
+    with pytest.raises(LabError, match=r"thesis\.txt is a file, not a socket"):
+        listen(f"unix:{file}", 0)
+    assert file.read_text() == "a year of work"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as killed:
+        killed.bind(str(left))
+    with listen(f"unix:{left}", 0), pytest.raises(LabError, match="in use by another program"):
+        listen(f"unix:{left}", 0)

@@ -8,6 +8,7 @@ import json
 import os
 import secrets
 import signal
+import sys
 import threading
 import time
 from collections.abc import Mapping
@@ -174,7 +175,11 @@ def main() -> None:
     ended = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda number, frame: ended.set())
-    with open_hub_service(os.environ):
+    try:
+        service = open_hub_service(os.environ)
+    except LabError as error:
+        sys.exit(str(error))
+    with service:
         ended.wait()
 
 

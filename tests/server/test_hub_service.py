@@ -3,6 +3,7 @@
 The real hub is in tests/peers/jupyter_hub.py.
 """
 
+import asyncio
 import json
 import threading
 from collections.abc import Callable, Iterator
@@ -11,7 +12,9 @@ from pathlib import Path
 from urllib.parse import parse_qs, urlencode, urlsplit
 
 import pytest
-from http_client import Answer, ask, post, wait_until
+from aiohttp import web
+from aiohttp.test_utils import TestServer
+from http_client import PATIENCE, Answer, ask, post, wait_until
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
@@ -19,7 +22,9 @@ from flexlab.errors import LabError
 from flexlab.presets import load_preset
 from flexlab.server import connections
 from flexlab.server.front_server import FrontServer
-from flexlab.server.hub_service import SESSION, STATE, open_hub_service
+from flexlab.server.hub_service import SESSION, STATE, main, open_hub_service
+from flexlab.server.labs import hub_labs
+from flexlab.server.labs.hub_labs import HubLabs
 from flexlab.sockets import free_ports
 
 PREFIX = "/services/flexlab"
@@ -87,6 +92,8 @@ def test_a_teacher_sees_and_leads_the_labs_that_report(
     monkeypatch.setattr(
         connections, "HEAD_TIME", 0.5
     )  # s: a lab's connection lasts longer, and must not count as a slow request.
+    (tmp_path / "hub").mkdir()
+    monkeypatch.chdir(tmp_path / "hub")
     answer = sign_in(service, "teacher")
     assert (answer.status, answer.headers["Location"]) == (303, f"{PREFIX}/teacher")
     mine = {SESSION: answer.cookies[SESSION]}
@@ -125,6 +132,7 @@ def test_a_teacher_sees_and_leads_the_labs_that_report(
     assert service.places.running() == [seen], "it has been the same connection all the time"
     lab.close()
     wait_until(lambda: labs() == [], "what is closed is gone")
+    assert not [*Path().iterdir()], "rules that no later service takes up are not saved"
 
 
 def test_only_a_teacher_can_use_the_service(service: FrontServer):
@@ -139,14 +147,53 @@ def test_only_a_teacher_can_use_the_service(service: FrontServer):
 
 
 @pytest.mark.parametrize("said", ["nonsense", "{}", '{"status": {"error": NaN}, "visitors": 1}', "x" * 100_000])
-def test_a_lab_that_sends_an_invalid_report_is_disconnected(service: FrontServer, said: str):
+def test_a_lab_that_sends_an_invalid_report_is_disconnected(
+    service: FrontServer, said: str, caplog: pytest.LogCaptureFixture
+):
     address = f"ws://127.0.0.1:{service.port}{PREFIX}/labs"
     with connect(address, additional_headers={"Authorization": "token ann"}) as lab:
         lab.send(said)
         with pytest.raises(ConnectionClosed):
             lab.recv(timeout=30)
+    wait_until(lambda: not service.places.running(), "it is no longer listed")
+    assert not [record for record in caplog.records if record.exc_info]
 
 
-def test_without_a_hub_the_service_says_so():
+def test_a_lab_whose_line_broke_reports_again(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(hub_labs, "HEARTBEAT", 0.2)
+    monkeypatch.setattr(hub_labs, "PATIENCE", 0.0)
+
+    async def reports() -> list[str]:
+        came: list[str] = []
+        again = asyncio.Event()
+
+        async def service(request: web.Request) -> web.WebSocketResponse:
+            plug = web.WebSocketResponse(autoping=False)
+            await plug.prepare(request)
+            came.append("a lab")
+            if len(came) > 1:
+                again.set()
+            await again.wait()  # The first line brings no answer to a ping.
+            return plug
+
+        app = web.Application()
+        app.router.add_get(hub_labs.REPORTS, service)
+        async with TestServer(app) as server:
+            telling = asyncio.create_task(hub_labs.tell_class(str(server.make_url("/")), HubLabs()))
+            waiting = asyncio.create_task(again.wait())
+            await asyncio.wait([telling, waiting], timeout=PATIENCE, return_when=asyncio.FIRST_COMPLETED)
+            for task in (telling, waiting):
+                task.cancel()
+            again.set()
+        return came
+
+    assert asyncio.run(reports())[:2] == ["a lab", "a lab"]
+
+
+def test_without_a_hub_the_service_says_so(monkeypatch: pytest.MonkeyPatch):
     with pytest.raises(LabError, match="JUPYTERHUB_API_TOKEN is not set: a JupyterHub starts this service"):
         open_hub_service({})
+    monkeypatch.delenv("JUPYTERHUB_API_TOKEN", raising=False)
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+    with pytest.raises(SystemExit, match="JUPYTERHUB_API_TOKEN is not set"):
+        main()

@@ -15,7 +15,7 @@ from urllib.parse import quote
 
 import aiohttp
 import msgspec
-from aiohttp import web
+from aiohttp import WSMsgType, web
 
 from flexlab.errors import FlexlabError
 from flexlab.guide import ClassRules
@@ -66,6 +66,8 @@ async def tell_class(service: str, places: LabProvider) -> None:
                 telling = asyncio.create_task(_report(plug, places))
                 try:
                     async for said in plug:
+                        if said.type is not WSMsgType.TEXT:  # The line is broken, which comes as a message too.
+                            break
                         await _follow(places, msgspec.json.decode(said.data, type=Order))
                 finally:
                     telling.cancel()
@@ -112,6 +114,8 @@ class HubLab(Lab):
         """Take its reports until it disconnects or sends something else."""
         with contextlib.suppress(msgspec.MsgspecError):
             async for said in self._plug:
+                if said.type is not WSMsgType.TEXT:
+                    break
                 report = msgspec.json.decode(said.data, type=Report)
                 self._status, self.visitors = report.status, report.visitors
 

@@ -162,10 +162,11 @@ async def rule(request: web.Request) -> web.StreamResponse:
     rules = ClassRules(lesson, int(step), "lock" in form, "hide" in form)
     context = context_of(request)
     await context.places.rule(rules)
-    try:
-        await asyncio.to_thread(keep_rules, context.settings.logs, rules)
-    except OSError as error:
-        raise LabError(f"The rules hold until the server ends, but cannot be saved ({error.strerror}).") from None
+    if context.settings.resumes_class:
+        try:
+            await asyncio.to_thread(keep_rules, context.settings.logs, rules)
+        except OSError as error:
+            raise LabError(f"The rules hold until the server ends, but cannot be saved ({error.strerror}).") from None
     pace = f"All are at {step_text(rules.step)} of “{lesson}”" if lesson else "Everybody chooses their own lesson"
     return _answer(request, f"{pace}; {'nobody can play' if rules.locked else 'all can play'}.")
 

@@ -132,7 +132,7 @@ class Settings:
 
     def public_host(self) -> str:
         """This machine's name or address for other machines."""
-        return next(iter(network_addresses()), socket.gethostname()) if self.host in WILDCARDS else self.host
+        return next(iter(self._reached_at()), socket.gethostname())
 
     def address(self, port: int, path: str = "", host: str | None = None, token: str | None = None) -> str:
         """The address of a page; on a Unix socket, the part after the proxy's address. `host`: this machine's name for others."""
@@ -141,8 +141,15 @@ class Settings:
 
     def outside_addresses(self, port: int, path: str = "/") -> list[str]:
         """A page's addresses for other machines, token included; none if the server is for this machine only."""
-        hosts = [] if self.is_local else network_addresses() if self.host in WILDCARDS else [self.host]
+        hosts = [] if self.is_local else self._reached_at()
         return [self.address(port, path, host, self.token) for host in hosts]
+
+    def _reached_at(self) -> list[str]:
+        """The names or addresses at which other machines reach the server."""
+        if self.host not in WILDCARDS:
+            return [self.host]
+        # 0.0.0.0 takes no connections by IPv6; :: takes both.
+        return [address for address in network_addresses() if self.host != "0.0.0.0" or ":" not in address]
 
     @property
     def is_local(self) -> bool:

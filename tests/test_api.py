@@ -1,8 +1,10 @@
 """The Python interface: names, files and values; what a run can do; what type checkers and `dir` see."""
 
 import json
+import os
 import subprocess
 import sys
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -126,6 +128,17 @@ def test_a_saved_run_is_read_again_bit_for_bit(tmp_path: Path, monkeypatch: pyte
         flexlab.read("nothing")
     with pytest.raises(StudyError, match="names no recording"):
         flexlab.read(7)  # type: ignore[arg-type]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork processes")
+def test_forked_processes_save_runs_too(tmp_path: Path):
+    """As `multiprocessing.Pool` on Linux does: rerun refused, as its streams of the first process could not be ended."""
+    run = flexlab.simulate("paper", 0.02)
+    run.save(tmp_path)
+    with get_context("fork").Pool(1) as pool:
+        saved = [pool.apply_async(run.save, [tmp_path]).get(60) for _ in range(2)]
+    assert len(set(saved)) == 2
+    assert {flexlab.read(path).result_hash for path in saved} == {run.result_hash}
 
 
 def test_dir_and_all_list_every_public_name():

@@ -29,6 +29,10 @@ PROPERTIES = "/__properties/"
 NANOSECONDS = 1_000_000_000
 """Nanoseconds per second, the resolution of rerun's timelines."""
 
+if hasattr(os, "register_at_fork"):
+    # A forked process, as of Python's `multiprocessing`, cannot end what its parent has abandoned, and would record nothing.
+    os.register_at_fork(before=flush_and_cleanup_orphaned_recordings)
+
 
 def new_stream(application: str, run_id: str | None = None) -> rr.RecordingStream:
     """A stream without rerun's own properties; `application`: the name for which a person's changes to a layout hold.

@@ -103,8 +103,8 @@ class Unit:
         given = [numbers[name] for name in self._inputs]
         told = np.array([before, at.time, at.period, *given, *parameters])
         mark = 1 + int.from_bytes(hashlib.sha256(told.tobytes()).digest()[:MARK_BYTES], "big")
-        if not self._goes_back and before != self._now and before in self._next:
-            mark = self._next[before]  # It cannot go back: its first answer holds.
+        if not self._goes_back and before not in (0, self._now) and before in self._next:
+            mark = self._next[before]  # It cannot go back within a run: its first answer holds.
         elif mark not in self._known or mark != self._now:
             try:
                 self._move(before, mark, at, given, parameters)

@@ -14,6 +14,7 @@ from flexlab.analysis.modes import Modes
 from flexlab.control.conditions import Condition
 from flexlab.errors import telling
 from flexlab.scenario import Payload, Scenario
+from flexlab.scenario.scenario import SAID
 from flexlab.sim.geometry import deflection_at
 
 REST = 0.3
@@ -24,6 +25,9 @@ PAUSE_SHARE = 9
 
 PEAK_POINTS = 101
 """Points along the beam among which the largest deflection is found."""
+
+NOT_IN_THE_LOOP = (*SAID, "initial", "simulation")
+"""Fields of a scenario on which neither its modes nor its law's conditions depend."""
 
 
 def peak_deflection(payload: Payload, shape: np.ndarray) -> float:
@@ -95,11 +99,4 @@ class ModeStudy:
 
 def _key(scenario: Scenario) -> tuple:
     """Everything that the modes and the law's conditions depend on."""
-    return (
-        scenario.payload,
-        scenario.left_arm,
-        scenario.right_arm,
-        scenario.controller,
-        scenario.gravity,
-        scenario.trajectory,
-    )
+    return tuple(part for name, part in vars(scenario).items() if name not in NOT_IN_THE_LOOP)

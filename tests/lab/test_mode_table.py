@@ -52,7 +52,15 @@ def test_the_modes_of_a_beam_under_axial_force_say_that_they_leave_it_out():
     assert '<td class="fl-figure">3.17</td>' in poles
 
 
-@pytest.mark.parametrize("change", [{"controller.control_period": 2e-3}, {"gravity": 5.0}])
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"controller.control_period": 2e-3},
+        {"gravity": 5.0},
+        {"joints.friction.viscous": (5.0, 5.0, 5.0)},
+        {"grips.model": "compliant"},
+    ],
+)
 def test_the_modes_are_computed_anew_when_the_scenario_changes(change: dict):
     now = 0.0
     study, scenario = ModeStudy(lambda: now), load_preset("paper")

@@ -13,6 +13,8 @@ from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Any
 
+import viser
+
 from flexlab.lab.browser_messages import (
     CommandTriggerMessage,
     FileTransferPart,
@@ -157,7 +159,7 @@ class InputGuard:
     def _start_upload(
         self, server: GuardedServer, client: int, browser: _Browser, message: FileTransferStartUpload
     ) -> None:
-        if find_input(server, client, message.source_component_uuid) is None:
+        if not isinstance(find_input(server, client, message.source_component_uuid), viser.GuiUploadButtonHandle):
             raise Refused("it uploads to a button that is not there")
         if message.size_bytes > LARGEST_UPLOAD:
             end_upload(server, client, message.transfer_uuid, message.source_component_uuid)

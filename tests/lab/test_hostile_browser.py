@@ -170,6 +170,16 @@ def test_a_file_shorter_than_announced_is_refused_in_a_sentence(
     assert capfd.readouterr() == ("", ""), "viser itself would write a line for each"
 
 
+@pytest.mark.parametrize("label", ["Bending stiffness EI, slider", "Plot window"])
+def test_a_file_for_anything_but_the_button_is_refused(session: Session, label: str) -> None:
+    handle = widget(session, label)
+    before = handle.value
+    with RawBrowser(session) as browser:
+        browser.send(start(session, "t", source_component_uuid=handle._impl.uuid, part_count=0, size_bytes=0))
+        wait_until(lambda: session.guard.refused == 1, "it is refused", 20)
+    assert handle.value == before
+
+
 def test_a_huge_upload_is_refused_before_it_is_kept(session: Session) -> None:
     with RawBrowser(session) as browser:
         browser.send(start(session, "t", size_bytes=LARGEST_UPLOAD + 1))

@@ -69,8 +69,8 @@ class Undo:
 class SlowChanges:
     """Carries out changes one at a time. Changes that arrive meanwhile are merged: the last value of each field counts."""
 
-    def __init__(self, carry_out: Callable[[Mapping[str, Any]], None], warn: Callable[[str], None]):
-        """`warn` gets a sentence about a change that was refused."""
+    def __init__(self, carry_out: Callable[[Mapping[str, Any], "SlowChanges"], None], warn: Callable[[str], None]):
+        """`carry_out` gets a change and this object; `warn` gets a sentence about a change that was refused."""
         self._carry_out, self._warn = carry_out, warn
         self._lock = threading.Lock()
         self._waiting: dict[str, Any] = {}
@@ -95,4 +95,4 @@ class SlowChanges:
                     self.is_busy = False
                     return
             with telling(self._warn, "This change failed ({}); the simulation goes on."):
-                self._carry_out(changes)
+                self._carry_out(changes, self)

@@ -155,10 +155,14 @@ class LabState:
         else:
             self._change(changes)
 
-    def _change_slowly(self, changes: Mapping[str, Any]) -> None:
-        # This computes and caches the poses, so that the change itself does not wait for them.
-        self.intended.replace(changes)
-        self._change(changes)
+    def _change_slowly(self, changes: Mapping[str, Any], asked: SlowChanges) -> None:
+        """Carry out a change, unless another run has begun since it was asked for: it was not meant for that one."""
+        if asked is self._slow:
+            # This computes and caches the poses, so that the change itself does not wait for them.
+            self.intended.replace(changes)
+        with self.lock:
+            if asked is self._slow:
+                self._change(changes)
 
     def _change(self, changes: Mapping[str, Any]) -> None:
         with self.lock:
@@ -294,6 +298,7 @@ class LabState:
 
     def _start(self, settings: Settings) -> None:
         self._settings, self._run_name = settings, settings.name
+        self._slow = SlowChanges(self._change_slowly, self.warn)
         self.pulled = None
         self.set_view(shown_mode=None)
         self._fit_exaggeration(settings.scenario)

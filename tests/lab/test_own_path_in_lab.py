@@ -47,3 +47,21 @@ def test_an_own_path_follows_its_options_and_its_file_and_a_broken_file_changes_
         wait_until(lambda: runner.snapshot.scenario.trajectory.reach[1] == pytest.approx(0.0325, 1e-3), "the way back")
         assert runner.snapshot.run_number == 1
         assert not runner.snapshot.status.failed
+
+
+def test_a_path_that_is_still_being_computed_does_not_get_into_a_preset_that_is_opened_meanwhile(tmp_path: Path):
+    file = tmp_path / "mine.py"
+    file.write_text(ROUND.replace("turn = 2 *", "for _ in range(60_000): pass\n        turn = 2 *"))
+    path = add_own_path_file(file)
+    with Session(load_preset("paper"), "paper", shadows=False) as lab:
+        state = lab.lab_state
+        state.change({**changes_for("trajectory.kind", path.kind), "trajectory.radius": 0.12})
+        computing = state._slow
+        assert computing.is_busy
+        state.load(load_preset("gravity"), "gravity")
+        assert computing.is_busy
+        state.change({"gravity": 5.0})
+        wait_until(lambda: not computing.is_busy, "the path is computed")
+        assert state.intended == load_preset("gravity").replace({"gravity": 5.0})
+        wait_until(lambda: lab.runner.snapshot.scenario == state.intended, "the engine has taken up the change")
+        assert state.notice.text == ""

@@ -1,5 +1,7 @@
 """Thinned signals keep every peak at its own time, whatever blocks they arrive in."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -125,3 +127,18 @@ def test_numbers_too_large_for_a_chart_are_drawn_at_its_edge() -> None:
     assert drawn[0] > 1e38
     assert drawn[1] < -1e38
     assert drawn[3] == 2.5
+
+
+def test_hours_without_samples_take_no_memory() -> None:
+    time, values = ring(2000)
+    curve = Curve(2, 1.0)
+    curve.append(time, values)
+    tracemalloc.start()
+    curve.append(time + 8 * 3600, values)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 1e6
+    shown, lines = drawn(curve)
+    known = ~np.isnan(lines[0])
+    assert shown[known][-1] == pytest.approx(8 * 3600 + time[-1])
+    np.testing.assert_array_equal(lines[1][known], 0.1 * time[np.rint((shown[known] - 8 * 3600) / TICK).astype(int)])

@@ -81,6 +81,9 @@ class Curve:
         ticks, values = ticks[fresh], values[:, fresh]
         if self.newest < 0:
             self._first = self._origin = int(ticks[0])
+        elif ticks[0] - self.newest > self.window and not self._keep_all:
+            # The plots were held, or nobody watched, perhaps for hours: room for all that time would fill the memory.
+            self._values, self._first = self._values[:, :0], int(ticks[0])
         end = self._first + self._values.shape[1]
         block = np.full((self._signals, int(ticks[-1]) + 1 - end), np.nan)
         block[:, ticks - end] = values

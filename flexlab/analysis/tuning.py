@@ -65,13 +65,13 @@ class Cost:
     def excess(self, metrics: RunMetrics | None) -> float:
         """The sum of a run's relative excesses over the limits: 0 within all limits, NaN as in `of`.
 
-        A run that has not settled exceeds every limit of its settling time.
+        A run that has not settled exceeds every limit of its settling time, by more than any run that has.
         """
         if metrics is None or self.lacks(metrics):
             return math.nan
         values = numbers_of(metrics)
         return sum(
-            NOT_SETTLED if math.isnan(metrics[name]) else max(values[name] - limit, 0.0) / limit
+            max(values[name] - limit, NOT_SETTLED * limit if math.isnan(metrics[name]) else 0.0) / limit
             for name, limit in self.limits.items()
         )
 

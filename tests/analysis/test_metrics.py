@@ -64,6 +64,10 @@ def test_the_residual_vibration_is_what_rings_after_the_target_stopped(stopped: 
     assert np.isnan(run_metrics(stopped, (0.35, 0.8)).residual_vibration).all(), "it never moved"
     assert run_metrics(stopped, (0.0, 0.4)).residual_vibration[0] == after
     assert np.isnan(run_metrics(stopped, (0.0, 0.4)).residual_vibration[1])
+    bending = stopped.quasi_static_deflection.copy()
+    bending[600:] = np.nan  # As in a recording whose path is not known any more.
+    unknown = run_metrics(stopped.having(quasi_static_deflection=bending))
+    assert np.isnan([*unknown.residual_vibration, unknown.peak_vibration]).all(), "the residual vibration was 0"
 
 
 @pytest.mark.parametrize("sample_period", [0.01, 0.02, 0.1, 0.7])

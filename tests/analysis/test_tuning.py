@@ -86,10 +86,13 @@ def test_a_metric_without_a_value_has_no_cost():
 
     @flexlab.metric("J")
     def worth(samples: flexlab.Samples) -> float:
-        return 500.0 if len(samples) and samples.bound_estimates[-1, 0] < 0.006 else math.nan
+        return 500.0 if len(samples) and samples.bound_estimates[-1, 0] < 0.006 else missing
 
+    missing = math.nan
     try:
         found = tune(PAPER, GAIN, parse_cost("worth"), duration=0.05, candidates=12)
+        missing = -math.inf  # Infinity was a cost, -inf the least of all.
+        assert tune(PAPER, GAIN, parse_cost("worth"), duration=0.05, candidates=12).table == found.table
         values = set(found.table.column("cost").to_pylist())
         assert values == {500.0, None}, "some gains have a value, and others have none"
         assert (found.best.cost, found.problem) == (500.0, "")
@@ -108,6 +111,9 @@ def test_a_run_that_has_not_settled_exceeds_any_limit_of_its_settling_time():
     unsettled = flexlab.simulate(PAPER, 0.1).metrics
     cost = parse_cost("rms_error.y", "settling_time=2")
     assert cost.excess(unsettled) > 0
+    settled = flexlab.simulate(PAPER, 0.6).metrics
+    strict = parse_cost("rms_error.y", "settling_time=0.01")
+    assert 40 < strict.excess(settled) < strict.excess(unsettled), "not settled counted as 10"
     found = tune(PAPER, GAIN, cost, duration=0.05, candidates=8)
     assert not found.holds
     assert "Nothing that was tried keeps within the limits" in repr(found)

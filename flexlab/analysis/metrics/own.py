@@ -66,8 +66,8 @@ def metric(unit: str, title: str = "", of: Kind = "run") -> Callable[[Function],
 
     `unit`: SI; "1" for none. `title`: as tables show it. `of`: with "run", the function returns the number of a whole run, which
     is kept in memory for it; with "peak" or "rms", a signal (N,) for any piece of a run, whose largest magnitude or root mean
-    square is the number. If the function fails, the cell of a sweep fails and says why. Declaring a metric again replaces it.
-    Raises `StudyError` for a name that is taken.
+    square is the number. NaN and infinity mean that the run has none. If the function fails, the cell of a sweep fails and says
+    why. Declaring a metric again replaces it. Raises `StudyError` for a name that is taken.
     """
     if not isinstance(unit, str) or not unit:
         raise StudyError(

@@ -20,7 +20,8 @@ STOPPED = 0.01
 class ResidualVibration(Metric):
     """Largest |vibration| after the last instant at which the desired pose moved, and from `LATER` s after it on, m.
 
-    NaN if the target never moved or has not stopped. The vibration is the mid-span deflection less its quasi-static part.
+    NaN if the target never moved or has not stopped, or if the vibration is not recorded, which is the mid-span deflection less
+    its quasi-static part.
     """
 
     name, place = "residual_vibration", 35
@@ -56,7 +57,8 @@ class ResidualVibration(Metric):
         elif not np.array_equal(self._pose, pose):  # The target has moved since the piece before, if there was one.
             self._moved, self._stands = self._last, float(time[0])
         self._last, self._pose = float(time[-1]), pose
-        time, size = np.concatenate([self._time, time]), np.concatenate([self._size, np.abs(samples.vibration)])
+        size = np.nan_to_num(np.abs(samples.vibration), nan=np.inf)  # NaN, not recorded, may have been any size.
+        time, size = np.concatenate([self._time, time]), np.concatenate([self._size, size])
         after = time > self._moved
         self._time, self._size = outlasting(time[after], size[after])
 
@@ -71,4 +73,5 @@ class ResidualVibration(Metric):
         return self._after(self.stop), self._after(self.stop + LATER)
 
     def _after(self, time: float) -> float:
-        return float(np.max(self._size[self._time > time], initial=0.0)) if self._last > time else np.nan
+        largest = float(np.max(self._size[self._time > time], initial=0.0)) if self._last > time else np.nan
+        return largest if largest < np.inf else np.nan

@@ -7,7 +7,7 @@ from collections import namedtuple
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from math import inf, isnan, nan
+from math import inf, isfinite, isnan, nan
 from typing import TYPE_CHECKING, Any
 
 from flexlab.analysis.metrics.metric import METRICS, Column, Metric, label_of, named, numbers
@@ -212,7 +212,9 @@ class MetricCollection:
 
     def compute(self, finished: bool = True, noted: Noted = None, note: str = "") -> RunMetrics:
         """The metrics of all pieces so far; `finished`: whether the run came to its end; others as for `RunMetrics`."""
-        values = {name: metric.compute() for name, metric in self._metrics.items()}
+        found = ((name, metric.compute()) for name, metric in self._metrics.items())
+        # A user's metric may be infinite, which neither JSON nor a search for the least can use.
+        values = {name: tuple(number if isfinite(number) else nan for number in numbers) for name, numbers in found}
         reasons = {name: metric.reason() for name, metric in self._metrics.items()}
         return RunMetrics(self._span, values, finished, reasons, noted, note)
 

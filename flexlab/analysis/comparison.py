@@ -102,7 +102,11 @@ class Comparison(Result):
     @cached_property
     def coarse(self) -> tuple[str, ...]:
         """A sentence for each run whose samples are too far apart for metrics of its vibration."""
-        notes = [coarse_note(run.scenario, run.sample_period) for run in self.recordings]
+        notes = []
+        for run, duration in zip(self.recordings, self.duration, strict=True):
+            begin = 0.0 if run.start is None else run.start.tick * run.sample_period
+            until = begin + min(duration, self.window)
+            notes.append(coarse_note(run.scenario, run.sample_period, until, run.events))
         return tuple(f"{label}: {note}" for label, note in zip(self.labels, notes, strict=True) if note)
 
     def run_table(self) -> Table:

@@ -16,7 +16,7 @@ from flexlab.analysis.modes import PoleRow, fastest_growth, modes
 from flexlab.lapack import one_blas_thread
 from flexlab.physics.axial_load import buckling_load
 from flexlab.physics.mass_change import FACTOR, find_mass
-from flexlab.recording.course import DISTURBANCES
+from flexlab.recording.course import DISTURBANCES, scenarios
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim.build import build_beam
 from flexlab.sim.commands import ChangeScenario
@@ -55,13 +55,16 @@ def _lightest(payload: Payload, until: float) -> float:
     return min(1.0, now.mass_factor[FACTOR])
 
 
-def coarse_note(scenario: Scenario, period: float, until: float = math.inf) -> str:
+def coarse_note(scenario: Scenario, period: float, until: float, events: Sequence[Event] = ()) -> str:
     """A sentence if samples `period` s apart are too few for metrics of a vibration in the beam's first mode, grips held.
 
-    Otherwise "". Metrics of too few samples may differ much from those of the motion. `until`: the run's last instant, s, up to
-    which the payload may have been emptied.
+    Otherwise "". Metrics of too few samples may differ much from those of the motion. `scenario`: at the run's start; `until`:
+    its last instant, s, up to which `events` may have made the beam stiffer or the payload may have been emptied.
     """
-    frequency = first_frequency(scenario.payload) / math.sqrt(_lightest(scenario.payload, until))
+    payloads = [each.payload for each in scenarios(scenario, events, until)]
+    # f1 is proportional to the root of this: a change of length, boundary or mesh begins a new run.
+    payload = max(payloads, key=lambda one: one.bending_stiffness / (one.linear_density * _lightest(one, until)))
+    frequency = first_frequency(payload) / math.sqrt(_lightest(payload, until))
     if not period * frequency * FEWEST > 1:
         return ""
     digits = 10.0 ** math.floor(math.log10(1 / (FEWEST * frequency)))

@@ -299,14 +299,11 @@ def tune(
         for values in product(*(axis.values for axis in robust))
     ]
     tried = [_try(variants, cost, duration, {})]
-    scale = abs(tried[0].cost)
     if tried[0].metrics is None and not any(axis.path.startswith("controller") for axis in axes):
         raise StudyError(f"The scenario fails as it is: {tried[0].reason}")
 
     size = max(5, min(CANDIDATES_PER_FIELD * len(axes), candidates // 3))
-    rounds = max(candidates // size - 1, 1)
     start = np.random.default_rng(whole_number("seed", seed, 0))
-    population = start.random((size, len(axes)))
     with one_blas_thread(), (workers or chosen_workers())() as run:
 
         def costs(_: object, generation: Iterable[np.ndarray]) -> list[float]:
@@ -315,18 +312,17 @@ def tune(
                 {axis.path: axis.at(min(float(share), BELOW_ONE)) for axis, share in zip(axes, shares, strict=True)}
                 for shares in generation
             ]
-            first = len(tried)
-            found: dict[int, Candidate] = {}
+            first, found = len(tried), dict[int, Candidate]()
             for number, candidate in run(partial(_try, variants, cost, duration), changes):
                 found[number] = candidate
                 told(first + len(found), candidates)
             tried.extend(found[number] for number in range(len(changes)))
-            return [_energy(candidate, scale) for candidate in tried[first:]]
+            return [_energy(candidate, abs(tried[0].cost)) for candidate in tried[first:]]
 
         differential_evolution(
             lambda shares: costs(None, [shares])[0],
-            [(0.0, 1.0)] * len(axes), init=population, maxiter=rounds, rng=start, updating="deferred",
-            workers=costs, polish=False, tol=0, atol=1e-6,
+            [(0.0, 1.0)] * len(axes), init=start.random((size, len(axes))),
+            maxiter=max(candidates // size - 1, 1), rng=start, updating="deferred", workers=costs, polish=False, tol=0, atol=1e-6,
         )  # fmt: skip
     return Tuning(scenario, cost, (tried[0], *sorted(tried[1:], key=lambda item: (item.rank, str(item.changes)))))
 

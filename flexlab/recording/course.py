@@ -1,6 +1,6 @@
 """What is needed besides the samples and the scenario of a run to record it and to simulate it again."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 
@@ -40,12 +40,19 @@ def is_pulled(events: Sequence[Event], since: float = inf) -> bool:
     return last is not None and (last.time > since or getattr(last.command, "stiffness", 0.0) > 0)
 
 
-def changed_scenario(scenario: Scenario, events: Sequence[Event], before: float = inf) -> Scenario:
-    """The scenario of a run that began with `scenario`, after its changes before an instant, s. Raises `ScenarioError`."""
+def scenarios(scenario: Scenario, events: Sequence[Event], before: float = inf) -> Iterator[Scenario]:
+    """`scenario`, with which a run began, and the one after each of its changes before an instant, s. Raises `ScenarioError`."""
+    yield scenario
     for event in events:
         if isinstance(event.command, ChangeScenario) and event.level != "error" and event.time < before:
             scenario = scenario.replace(event.command.changes)
-    return scenario
+            yield scenario
+
+
+def changed_scenario(scenario: Scenario, events: Sequence[Event], before: float = inf) -> Scenario:
+    """The last of the `scenarios` of a run. Raises `ScenarioError`."""
+    *_, last = scenarios(scenario, events, before)
+    return last
 
 
 def course_of_commands(run: Run, commands: Sequence[tuple[float, WorldCommand]], sample_period: float) -> Course:

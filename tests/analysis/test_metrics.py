@@ -17,7 +17,7 @@ from flexlab.analysis.metrics.run_metrics import noted_text, noted_value
 from flexlab.analysis.metrics.settling_time import SettlingTime, settling_time
 from flexlab.errors import StudyError
 from flexlab.presets import load_preset
-from flexlab.sim.commands import Tap
+from flexlab.sim.commands import ChangeScenario, Tap
 from flexlab.sim.samples import Run, Samples
 from flexlab.sim.simulate import simulate
 
@@ -94,6 +94,20 @@ def test_samples_that_are_too_far_apart_for_the_ring_get_a_note(tmp_path: Path) 
     cells = flexlab.sweep("paper", {"gravity": [0.0]}, 0.1, 0.02, folder=tmp_path, progress=False)
     assert "Samples are 20 ms apart" in cells.texts("sentence")[0]
     assert not cells.failed
+
+
+def test_samples_too_far_apart_for_a_beam_that_is_made_stiffer_are_noted(tmp_path: Path) -> None:
+    """The note looked at the beam of the start; a comparison also at one that a later end of the run would have emptied."""
+    stiffer = (0.1, ChangeScenario({"payload.bending_stiffness": 900.0}))
+    emptied = {"payload.mass_change": {"factor": 0.05, "begin": 5.0, "duration": 0.1}}
+    kept = flexlab.simulate(load_preset("paper").replace(emptied), 0.3, 0.002, [stiffer])
+    note = kept.metrics.note
+    assert "the beam's first mode has a period of 7.47 ms" in note
+    assert note.endswith("Take samples every 0.9 ms or more often.")
+    assert not flexlab.simulate("paper", 0.1, 0.002, [stiffer]).metrics.note, "the run ends before"
+    path = kept.save(tmp_path / "kept.rrd")
+    assert flexlab.read(path).metrics.note == note
+    assert flexlab.compare([path, path]).coarse == (f"A: {note}", f"B: {note}")
 
 
 def pieces(samples: Samples, cuts: int, seed: int) -> list[Samples]:

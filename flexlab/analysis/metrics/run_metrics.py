@@ -235,7 +235,9 @@ def run_metrics(
     note = ""
     if isinstance(samples, Run) and len(samples) > 1:
         last = float(samples.time[-1])
-        note = coarse_note(samples.scenario, (last - float(samples.time[0])) / (len(samples) - 1), last)
+        course = getattr(samples, "_course", None)
+        period = (last - float(samples.time[0])) / (len(samples) - 1)
+        note = coarse_note(samples.scenario, period, last, () if course is None else course.events)
     return collection.compute(finished, noted, note)
 
 

@@ -107,7 +107,7 @@ def test_samples_too_far_apart_for_a_beam_that_is_made_stiffer_are_noted(tmp_pat
     assert not flexlab.simulate("paper", 0.1, 0.002, [stiffer]).metrics.note, "the run ends before"
     path = kept.save(tmp_path / "kept.rrd")
     assert flexlab.read(path).metrics.note == note
-    assert flexlab.compare([path, path]).coarse == (f"A: {note}", f"B: {note}")
+    assert flexlab.compare(path, kept).coarse == (f"A: {note}", f"B: {note}")
 
 
 def pieces(samples: Samples, cuts: int, seed: int) -> list[Samples]:

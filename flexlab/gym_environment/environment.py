@@ -99,6 +99,10 @@ class _Scaled:
         self._drawing: Drawing | None = None
         self._window: Window | None = None
 
+    def __getstate__(self) -> dict[str, Any]:
+        """What a copy takes over: no window, and no figure."""
+        return {**vars(self), "_drawing": None, "_window": None}
+
     def _scaled(self, actions: Any, shape: tuple[int, ...]) -> np.ndarray:
         """Actions, limited to [-1, 1], in N and N·m, (worlds, numbers). Raises `StudyError` for anything else."""
         try:

@@ -163,6 +163,10 @@ class WorldBatch:
             standing = StandingThreads(step_worlds, parts, loop_variant(first.system.plant))
             self._move, self._end_threads = standing.run, weakref.finalize(self, standing.close)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """How the worlds are copied, and passed to other processes: with arrays and threads of their own."""
+        return _restored, (self.settings, self.count, [*self.state, self._begun])
+
     @property
     def action_size(self) -> int:
         """Number of values in an action."""
@@ -207,6 +211,13 @@ class WorldBatch:
         """End the threads."""
         self._move = self._move_alone
         self._end_threads()
+
+
+def _restored(settings: Settings, count: int, arrays: list[np.ndarray]) -> WorldBatch:
+    made = WorldBatch(settings, count)
+    for array, value in zip((*made.state, made._begun), arrays, strict=True):
+        array[:] = value
+    return made
 
 
 def _base(settings: Settings) -> Scenario:

@@ -1,12 +1,15 @@
 """The environment moves as the engine, many worlds move as single ones, and Gymnasium's checker finds nothing wrong."""
 
 import ast
+import copy
+import pickle
 import subprocess
 import sys
 import urllib.request
 import warnings
+from collections.abc import Callable
 from pathlib import Path
-from typing import TypeGuard
+from typing import Any, TypeGuard
 
 import gymnasium
 import numpy as np
@@ -100,6 +103,25 @@ def test_many_worlds_move_on_all_threads_as_one_does():
         single, single_reward, *_ = again.step(actions[chosen])
         np.testing.assert_array_equal(seen[chosen], single)
         assert reward[chosen] == single_reward
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+@pytest.mark.parametrize("count", [None, 40])
+def test_a_copy_goes_on_by_itself_as_the_original_does(copied: Callable[[Any], Any], count: int | None):
+    """As planners look ahead: a step of the copy moved the original, and gave the copy's old observation."""
+    options: dict[str, Any] = {"stiffness": (20, 400), "variants": 2, "delay": (1, 2), "noise": 1.0, "duration": 0.02}
+    env = TwoArms(**options) if count is None else TwoArmsVector(count, threads=2, **options)
+    env.reset(seed=3)
+    actions = [0.2 * env.action_space.sample() for _ in range(30)]
+    for action in actions[:5]:
+        env.step(action)
+    other = copied(env)
+    ahead = [other.step(action)[:4] for action in actions[5:]]
+    for action, seen in zip(actions[5:], ahead, strict=True):
+        for now, before in zip(env.step(action)[:4], seen, strict=True):
+            np.testing.assert_array_equal(now, before)
+    other.close()
+    env.close()
 
 
 def test_an_episode_that_is_over_restarts_at_the_next_step():

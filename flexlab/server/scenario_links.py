@@ -18,8 +18,9 @@ from flexlab.scenario.scenario import FORMAT, FORMAT_FIELD
 
 LONGEST_LINK = 6000
 """Most characters of a link: web servers refuse an address of more than about 8000; a scenario takes about 400."""
-LONGEST_TEXT = 200_000
-"""Most bytes of JSON in a link when unpacked: a scenario has about 2000, a hostile link could have gigabytes."""
+LONGEST_TEXT = 1_000_000
+"""Most bytes of JSON in a word when unpacked: a scenario has about 2000, the longest path with every digit 810,000, and a hostile
+word could have gigabytes."""
 COLUMNS = "columns"
 """The field of a path that holds its rows as `_columns` packs them."""
 MOST_DIGITS, HIGHEST_ORDER = 9, 4
@@ -30,7 +31,7 @@ LARGEST_DIFFERENCE = 2**53
 
 
 def encode_scenario(scenario: Scenario) -> str:
-    """The scenario as a word for a link. Numbers keep every bit."""
+    """The scenario as a word for links and forms. Numbers keep every bit."""
     scenario = scenario.anew()
     data = scenario.model_dump(mode="json")
     if isinstance(scenario.trajectory, OwnTrajectory):  # Its poses are too long for a link, and follow from its text.
@@ -46,14 +47,12 @@ def encode_scenario(scenario: Scenario) -> str:
 
 
 def scenario_path(word: str) -> str:
-    """The server's address that opens the lab with a word of `encode_scenario`."""
-    return f"/lab/?scenario={word}"
+    """The server's address that opens the lab with a word of `encode_scenario`; empty if the word is too long for an address."""
+    return f"/lab/?scenario={word}" if len(word) <= LONGEST_LINK else ""
 
 
 def decode_scenario(word: str) -> Scenario:
-    """Return the scenario in a link's word. Raises `PresetError` if it holds none, `ScenarioError` if it is not valid."""
-    if len(word) > LONGEST_LINK:
-        raise PresetError(f"This link is too long ({len(word)} characters, at most {LONGEST_LINK}): copy it again.")
+    """The scenario in a word of `encode_scenario`. Raises `PresetError` if it holds none, `ScenarioError` if it is not valid."""
     try:
         packed = base64.b64decode(word + "=" * (-len(word) % 4), altchars=b"-_", validate=True)
         unpacker = zlib.decompressobj()

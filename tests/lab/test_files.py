@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 from lab_page import wait_until
-from raw_browser import RawBrowser, widget
+from raw_browser import RawBrowser, html_texts, widget
 
 from flexlab.errors import PresetError, ScenarioError
-from flexlab.lab.panel.scenario_files import read_upload, save_preset
+from flexlab.lab.panel.scenario_files import TOO_LONG, read_upload, save_preset
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset, scenario_text
 from flexlab.scenario import Scenario
@@ -138,3 +138,8 @@ def test_a_path_from_a_file_is_followed_from_now_on_without_a_jump(session: Sess
         lab.change({"trajectory.rows": ((0.0, 0.0, 0.75, 0.0), (1.0, 0.0, 1.7, 0.0))})
     lab.undo()
     wait_until(lambda: runner.snapshot.scenario.trajectory.kind == "sine", "and back")
+
+
+def test_a_scenario_that_is_too_long_for_a_link_is_said_to_be() -> None:
+    with Session(load_preset("paper"), "paper", shadows=False, link=lambda _: "") as session:
+        wait_until(lambda: any(TOO_LONG in text.content for text in html_texts(session)), "the panel says so")

@@ -64,6 +64,18 @@ def test_a_link_that_is_shown_while_the_line_breaks_leaves_no_notice(window: Bro
     page.get_by_role("alert").wait_for(state="hidden")
 
 
+def test_a_scenario_that_is_too_long_for_a_link_is_not_shared_as_one(window: BrowserContext, server: FrontServer):
+    page = lab_s_addition(window, server)
+    page.route("**/state/lab", lambda route: route.fulfill(json={"open": True, "link": "", "live": ""}))
+    page.get_by_role("button", name="Share").click()
+    notice = page.get_by_role("alert").filter(has_text="This scenario is too long for a link: download it as a file.")
+    notice.wait_for()
+    page.wait_for_event("response", lambda answer: answer.url.endswith("/state/lab"))
+    assert notice.is_visible(), "it stays until it is closed"
+    notice.get_by_role("button", name="Close").click()
+    notice.wait_for(state="hidden")
+
+
 @pytest.mark.parametrize("window", ["de-DE"], indirect=True)
 def test_a_translated_notice_keeps_its_links(window: BrowserContext, server: FrontServer):
     """It was made anew every 3 s: said again by a screen reader, and the focus on its links was lost."""

@@ -120,7 +120,7 @@ def test_invalid_columns_of_a_table_are_refused_in_a_sentence(columns: object):
         packed(b'{"payload": NaN}'),
         packed(b"[" * 100_000),
         packed(b" " * (LONGEST_TEXT + 1)),
-        "A" * (LONGEST_LINK + 1),
+        "A" * 10_000,
     ],
 )
 def test_an_invalid_link_is_refused_in_a_sentence(word: str):

@@ -1,12 +1,13 @@
 """Studies on a real server, without a browser: what may be varied, progress, results, and where a cell leads."""
 
 import json
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from http_client import PATIENCE, ask, over, post
+from http_client import PATIENCE, ask, over, post, wait_until
 from person import open_server
 
 import flexlab
@@ -15,9 +16,10 @@ from flexlab.analysis.sweep.plan import make_plan, run_part
 from flexlab.analysis.sweep.result import Sweep, join_parts, save_part
 from flexlab.errors import FlexlabError, StudyError
 from flexlab.presets import load_preset
+from flexlab.scenario import Scenario
 from flexlab.server.front_server import FrontServer
 from flexlab.server.limits import THE_SERVER
-from flexlab.server.scenario_links import decode_scenario, encode_scenario
+from flexlab.server.scenario_links import LONGEST_LINK, decode_scenario, encode_scenario
 from flexlab.server.studies.sweep import SweepStudy, page_data
 from flexlab.server.study import MOST_AT_ONCE, MOST_VALUES, number_of, read_study
 from flexlab.server.task_book import Task
@@ -153,22 +155,39 @@ def test_control_laws_are_swept_on_the_page(server: FrontServer):
         ("Control law", False, 2), ("Bending stiffness", True, 3),
     ]  # fmt: skip
     assert found["status"] == ["finished"] * 6
-    assert (
-        decode_scenario(ask(server.url, f"{address}/cells/5").headers["Location"].partition("=")[2]).controller.kind
-        == "computed-torque"
-    )
+    ask(server.url, f"{address}/cells/5")
+    wait_until(lambda: of_lab(server).controller.kind == "computed-torque", "the cell leads to the lab")
+
+
+def of_lab(server: FrontServer) -> Scenario:
+    """The present scenario of the server's lab."""
+    [lab] = server.places.running()
+    return decode_scenario(lab.status().link)
 
 
 def test_a_cell_leads_to_its_scenario_in_the_lab(server: FrontServer, swept: str):
     answer = ask(server.url, f"{swept}/cells/2")
-    assert answer.status == 303
-    assert answer.headers["Location"].startswith("/lab/?scenario=")
-    scenario = decode_scenario(answer.headers["Location"].partition("=")[2])
-    assert scenario.payload.bending_stiffness == pytest.approx(200.0)
-    assert scenario == load_preset("paper").replace({EI: scenario.payload.bending_stiffness})
+    assert (answer.status, answer.headers["Location"]) == (303, "/lab/")
+    stiffness = json.loads(ask(server.url, f"{swept}/data").text)["axes"][1]["values"][2]
+    scenario = load_preset("paper").replace({EI: stiffness})
+    assert stiffness == pytest.approx(200.0)
+    wait_until(lambda: of_lab(server) == scenario, "the lab shows the cell")
     assert "cells 0 to 5" in ask(server.url, f"{swept}/cells/6").text
     assert ask(server.url, f"{swept}/cells/-1").status == 404
     assert ask(server.url, f"{swept}/cells/2", Sec_Fetch_Dest="image").status == 403
+
+
+def test_a_scenario_that_is_too_long_for_a_link_is_studied_and_opened(server: FrontServer):
+    rows = [(k / 30, 0.05 * math.sin(k / 30) ** 2, 0.0, 0.0) for k in range(400)]  # A measured path with every digit.
+    scenario = Scenario().replace({"trajectory": {"kind": "table", "rows": rows}})
+    assert len(encode_scenario(scenario)) > LONGEST_LINK
+    form = SWEEP | {"scenario": encode_scenario(scenario), "field1": "", "count2": "2"}
+    address = finished(server, form)
+    assert "Open the scenario in the lab" not in ask(server.url, address).text
+    assert ask(server.url, f"{address}/cells/1").status == 303
+    wait_until(lambda: of_lab(server).trajectory == scenario.trajectory, "the lab shows the cell")
+    assert "the lab as it is now" in ask(server.url, "/studies").text
+    assert json.loads(ask(server.url, "/state/lab").text)["link"] == ""
 
 
 def test_a_tuning_shows_before_and_after_and_leads_to_the_lab(server: FrontServer):

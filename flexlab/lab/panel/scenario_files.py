@@ -29,6 +29,7 @@ LONGEST_WORDS = 1200
 """Most characters of what to watch, as in a scenario."""
 LONGEST_FILE_NAME = 60
 """Most characters of a file's name in a sentence."""
+TOO_LONG = "This scenario is too long for a link: download it as a file."
 
 
 def save_preset(scenario: Scenario, name: str, folder: Path = OWN_FOLDER) -> Path:
@@ -119,7 +120,7 @@ class Presets:
 class ScenarioFiles:
     """Buttons for scenarios, made in the open GUI container.
 
-    `link` returns the address at which a browser opens a scenario; None if there is no such address.
+    `link` returns the address that opens a scenario, empty for one that is too long; None if there are no addresses.
     `on_saved` is called when a preset has been saved.
     """
 
@@ -169,10 +170,10 @@ class ScenarioFiles:
         self._changes.content = f'<div class="fl">{table or f"As in {name}: nothing is changed."}</div>'
         if self._link is not None:
             address = escaped(self._link(lab_state.to_keep))
-            self._address.content = (
-                '<div class="fl">This scenario in another browser (click, then copy):'
-                f'<div class="fl-code" tabindex="0">{address}</div></div>'
+            shown = (
+                f'This scenario in another browser (click, then copy):<div class="fl-code" tabindex="0">{address}</div>'
             )
+            self._address.content = f'<div class="fl">{shown if address else TOO_LONG}</div>'
 
     def save(self) -> None:
         """Save under the name in the box."""

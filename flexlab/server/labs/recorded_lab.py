@@ -112,7 +112,7 @@ class RecordedLab(Lab):
                 port=0,
                 shadows=order.shadows,
                 recording=RecordingText(recorder, order.logs),
-                link=lambda scenario: order.address + scenario_path(encode_scenario(scenario)),
+                link=lambda scenario: (path := scenario_path(encode_scenario(scenario))) and order.address + path,
                 origin=order.choice.origin,
                 secret=order.secret,
                 playing=not order.choice.stands,

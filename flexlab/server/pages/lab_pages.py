@@ -64,9 +64,9 @@ async def lab(request: web.Request) -> web.StreamResponse:
     if "scenario" in request.query:
         # A path of thousands of rows takes a second, in which the others are served.
         scenario = await asyncio.to_thread(decode_scenario, request.query["scenario"])
-        return await _enter_by_link(request, Choice(scenario, LINKED, stands=True))
+        return await enter_by_link(request, Choice(scenario, LINKED, stands=True))
     if context.places.is_private:
-        return await _enter_by_link(request, None)
+        return await enter_by_link(request, None)
     if not request.path.endswith("/"):
         raise web.HTTPSeeOther("/lab/" + (f"?{raw}" if (raw := request.rel_url.raw_query_string) else ""))
     return await proxy_page(request, await context.places.enter(visitor_of(request), None), "")
@@ -86,10 +86,11 @@ async def preset_link(request: web.Request) -> web.StreamResponse:
         if is_listed:
             raise
         return message("No such preset", str(error), 404)
-    return await _enter_by_link(request, Choice(scenario, name))
+    return await enter_by_link(request, Choice(scenario, name))
 
 
-async def _enter_by_link(request: web.Request, choice: Choice | None) -> web.StreamResponse:
+async def enter_by_link(request: web.Request, choice: Choice | None) -> web.StreamResponse:
+    """Redirect a visitor who followed a link to the lab, with a scenario if the link leads to one."""
     if not is_opened_by_person(request):
         return refuse(request, 403, "A link into the lab must be opened by a person, not from inside another page.")
     if choice is not None:

@@ -12,7 +12,8 @@ from flexlab.analysis.sweep.axes import varied_choices, varied_fields
 from flexlab.errors import FlexlabError, LabError
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
-from flexlab.server.auth import is_opened_by_person, refuse
+from flexlab.server.labs.lab_provider import Choice
+from flexlab.server.pages.lab_pages import LINKED, enter_by_link
 from flexlab.server.pages.templating import button, message, page
 from flexlab.server.scenario_links import decode_scenario, encode_scenario, scenario_path
 from flexlab.server.study import MOST_VALUES, Found, Study, known_studies, metric_columns, read_study
@@ -185,17 +186,15 @@ async def table(request: web.Request) -> web.StreamResponse:
 
 
 @ROUTES.get("/studies/{study}/cells/{cell}")
-async def cell(request: web.Request) -> web.Response:
+async def cell(request: web.Request) -> web.StreamResponse:
     """Open the scenario of a map's cell in the lab."""
-    if not is_opened_by_person(request):
-        return refuse(request, 403, "A link into the lab must be opened by a person, not from inside another page.")
     number = request.match_info["cell"]
     is_number = number.isascii() and number.isdecimal() and len(number) < 9
     try:
         scenario = _task(request).about.study.cell_scenario(int(number) if is_number else -1)
     except FlexlabError as error:
         return message("No such cell", str(error), 404, ALL_STUDIES)
-    raise web.HTTPSeeOther(scenario_path(encode_scenario(scenario)))
+    return await enter_by_link(request, Choice(scenario, LINKED, stands=True))
 
 
 @ROUTES.post("/studies/{study}/cancel")

@@ -64,9 +64,14 @@
     let state;
     try { state = await (await fetch(stateAddress, { cache: "no-store" })).json(); } catch { /* `look` tells why. */ }
     if (!state?.open) return look();
+    const done = () => { sharing = false; word.hidden = true; };
+    if (!state.link) {
+      say("This scenario is too long for a link: download it as a file.", button("Close", done));
+      sharing = true;
+      return;
+    }
     const address = base + state.link;
     const shown = element("input", { value: address, readOnly: true, ariaLabel: "Link to this lab" });
-    const done = () => { sharing = false; word.hidden = true; };
     const copy = async () => {
       shown.select();
       // Without https only the old way to the clipboard works.

@@ -4,6 +4,7 @@ import os
 import re
 import shutil
 from collections.abc import Callable
+from html import unescape
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,21 @@ def test_the_start_page_names_every_preset_and_the_state_of_the_lab(front_server
     (lab,) = front_server.places.running()
     assert f"is {state_of(lab)} (t = " in page
     assert ask(front_server.url, "/static/style.css").headers["Content-Type"].startswith("text/css")
+
+
+def test_a_preset_of_any_name_opens_from_the_start_page(
+    open_another: Callable[..., FrontServer], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "presets").mkdir()
+    (tmp_path / "presets" / "half? 50%25 #1.json").write_text('{"title": "Half a beam"}')
+    front_server = open_another()
+    card = re.search(
+        r'<li class="card"><a href="([^"]*)">(?:(?!</li>).)*Half a beam', ask(front_server.url).text, re.DOTALL
+    )
+    assert card is not None
+    assert ask(front_server.url, unescape(card[1])).status == 303
+    wait_until(lambda: "Half a beam is" in ask(front_server.url).text, "the lab shows it")
 
 
 def test_the_lab_s_page_is_passed_on_with_the_server_s_bar(front_server: FrontServer):

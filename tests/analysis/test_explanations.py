@@ -111,6 +111,8 @@ CASES = (
     Case("growing loop", r"13\.\d Hz grows at 5\.4 1/s: pose and law, a pole of arms, beam and law together\. Lower", (),
          {**HELD, "controller.kind": "pd", "controller.velocity_gain": 20.0, "controller.control_period": 1e-3,
           "controller.input_delay": 2}, 0.2),
+    Case("growing loop", r"Mode 1 grows at 7\.93 1/s without oscillating: .* Less force along it", ("axial load",),
+         {**HELD, "payload.axial_load": "first-order", "controller.wanted_internal_force": 60.0}, 0.2, "soft-beam"),
     Case("small margin", r"nearly unstable at 35\.7 Hz: .*0\.853 to 1\.17 .*±9\.\d+°", (),
          {**HELD, "controller.control_period": 0.014}, 0.2),
     Case("small margin", r"nearly unstable at 54 Hz: .*0\.992 to 1\.01 .*±0\.4\d+°", ("ring", "jerky start"),
@@ -277,6 +279,12 @@ def test_a_motion_along_the_beam_is_explained_without_dividing_by_its_reaction()
     """The beam does not bend, ‖Ψ‖ = 0: in the lab, plots and sentences stopped where y and θ were set to 0."""
     along = load_preset("paper").replace({"trajectory.amplitude": (0.2, 0.0, 0.0), "initial.pose_rate": None})
     assert flexlab.simulate(along, 2.0).explanations == ()
+
+
+def test_a_run_at_exact_rest_is_explained_without_dividing_by_what_its_law_has_learnt():
+    still = {"trajectory": {"kind": "hold", "pose": (0.0, 0.75, 0.0)}, "initial.pose": (0.0, 0.75, 0.0)}
+    changes = {**still, "initial.pose_rate": (0.0, 0.0, 0.0), "controller.leakage": 0.5}
+    assert flexlab.simulate(load_preset("paper").replace(changes), 1.6).explanations == ()
 
 
 def test_a_small_margin_of_a_memory_that_hardly_moves_is_not_reported():

@@ -117,12 +117,17 @@ def growing_pose(seen: Evidence) -> str | None:
     4,
 )
 def growing_loop(seen: Evidence) -> str | None:
-    """The loop grows for another reason, probably because it is as fast as the beam."""
+    """The loop grows for another reason: the beam buckles, or the loop is probably as fast as the beam."""
     growth, around, observer = growing_pole(seen.background), seen.background.around, observer_of(seen.background)
     if growth is None or growing_mode(seen) or growing_pose(seen):
         return None
     if observer and growth.mode > observer.observer_modes:
         return None
+    if growth.mode and growth.frequency == 0 and seen.scenario.payload.axial_load != "none":
+        return (
+            f"Mode {growth.mode} grows at {n(growth.rate)} 1/s without oscillating: the force along the beam at rest is larger "
+            f"than the beam withstands. Less force along it, or a stiffer beam, helps.{_not_begun(seen)}"
+        )
     what = f"mode {growth.mode}" if growth.mode else "pose and law"
     cause = ""
     if around is not None and around.slow_rate > np.min(around.omega):

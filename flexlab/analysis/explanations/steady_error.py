@@ -246,7 +246,9 @@ def leaking_estimates(seen: Evidence) -> str | None:
     now, rate, k0 = found
     size = float(np.linalg.norm(seen.steady.sliding_variable, axis=1).mean())
     balance = size / (law.leakage * k0)
-    if abs(rate) > STANDS * now or (not law.sensor_noise.active and abs(now / balance - 1) > BALANCES):
+    if now == 0 or abs(rate) > STANDS * now:  # Nothing has been learnt, as in a run at exact rest.
+        return None
+    if not law.sensor_noise.active and abs(now - balance) > BALANCES * balance:
         return None
     return (
         f"b̂0 stands at {n(now)} N instead of growing: leakage σ = {n(law.leakage)} 1/s takes from it what ‖s‖ adds, "

@@ -1,8 +1,9 @@
 """A functional mock-up unit that runs as a control law, by FMPy, in the process of that law.
 
 At each control instant the unit gets the measurement, is moved on from the instant before, and its outputs drive the arms. A law
-may be asked again from an earlier instant; the unit then returns to its state of that instant. The law's memory holds a number
-that identifies the state: a digest of all inputs since the unit began.
+may be asked again from an earlier instant, or for another run; the unit then returns to its state of that instant, or computes
+the way there again if it cannot save its state. The law's memory holds a number that identifies the state: a digest of all
+inputs since the unit began.
 """
 
 import contextlib
@@ -10,7 +11,7 @@ import hashlib
 import os
 import shutil
 import tempfile
-from collections import OrderedDict
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -40,6 +41,7 @@ class Kept(NamedTuple):
     state: Any
     """None if the unit cannot give its state."""
     time: float
+    given: list[float]
     parameters: list[float]
     answer: list[float]
 
@@ -82,10 +84,10 @@ class Unit:
         self._answers = [each for each in answers if each in numbers]
         self._given = [numbers[each] for each in (*self._answers, *signals.values())]
         self._goes_back = bool(getattr(about.coSimulation, "canGetAndSetFMUstate", False))
-        self._known: OrderedDict[int, Kept] = OrderedDict()
-        self._next: dict[int, int] = {}
-        """Mark of an instant → mark of the first instant computed after it."""
+        self._known: dict[int, Kept] = {}
+        """By mark, which identifies all inputs up to an instant, and so the answer."""
         self._now = 0
+        """Mark of the instant that the unit has reached; 0: none."""
         self._is_new = True
 
     def act(self, law: Any, at: Measurement) -> Any:
@@ -103,9 +105,9 @@ class Unit:
         given = [numbers[name] for name in self._inputs]
         told = np.array([before, at.time, at.period, *given, *parameters])
         mark = 1 + int.from_bytes(hashlib.sha256(told.tobytes()).digest()[:MARK_BYTES], "big")
-        if not self._goes_back and before not in (0, self._now) and before in self._next:
-            mark = self._next[before]  # It cannot go back within a run: its first answer holds.
-        elif mark not in self._known or mark != self._now:
+        if self._is_corrected(before, at.time, parameters):
+            mark = self._now  # It cannot go back: its first answer holds.
+        elif mark not in self._known:
             try:
                 self._move(before, mark, at, given, parameters)
             except TextProblem:
@@ -122,6 +124,12 @@ class Unit:
         found = np.array(answer[:wanted]).reshape(at.arm_count, 3)
         return found if self._has_grips else at.from_torques(found)
 
+    def _is_corrected(self, before: int, time: float, parameters: list[float]) -> bool:
+        """Whether the newest instant of a unit that cannot save its state is asked again, as by a shorter step of the engine."""
+        now = self._known.get(self._now)
+        is_same = now is not None and now.before == before != 0 and now.time == time and now.parameters == parameters
+        return is_same and not self._goes_back
+
     def _move(self, before: int, mark: int, at: Measurement, given: list[float], parameters: list[float]) -> None:
         """Move the unit from the instant `before` (0: not begun) to this one."""
         self._said = ""
@@ -129,22 +137,17 @@ class Unit:
             self._begin(at.time, given, parameters)
         else:
             self._go_back(before)
-            kept = self._known[before]
-            if parameters != kept.parameters:
-                self._set(self._tuned, parameters)
-            self._set(self._asked, given)
-            self._unit.doStep(kept.time, at.time - kept.time)
+            self._go_on(self._known[before], at.time, given, parameters)
         answer = list((self._unit.getFloat64 if self._third else self._unit.getReal)(self._given))
         state = self._unit.getFMUState() if self._goes_back else None
-        self._forget(mark)
-        self._next.setdefault(before, mark)
-        self._known[mark] = Kept(before, state, at.time, parameters, answer)
+        self._known[mark] = Kept(before, state, at.time, given, parameters, answer)
         self._now = mark
         if len(self._known) > STATES_KEPT:
-            self._forget(next(iter(self._known)))
+            oldest = self._known.pop(next(iter(self._known)))
+            if oldest.state is not None:
+                self._unit.freeFMUState(oldest.state)
 
     def _begin(self, time: float, given: list[float], parameters: list[float]) -> None:
-        self._next.clear()
         if not self._is_new:
             self._unit.reset()
         self._is_new = False
@@ -155,22 +158,27 @@ class Unit:
         self._set(self._asked, given)
         self._unit.exitInitializationMode()
 
+    def _go_on(self, before: Kept, time: float, given: list[float], parameters: list[float]) -> None:
+        if parameters != before.parameters:
+            self._set(self._tuned, parameters)
+        self._set(self._asked, given)
+        self._unit.doStep(before.time, time - before.time)
+
     def _go_back(self, mark: int) -> None:
         if mark == self._now:
             return
-        kept = self._known.get(mark)
-        if kept is None:
-            raise self._problem("what it computed up to here is no longer known: begin the run again")
-        if kept.state is None:
-            raise self._problem("it cannot save its state (canGetAndSetFMUState), so it cannot go back: reset the run")
-        self._unit.setFMUState(kept.state)
-
-    def _forget(self, mark: int) -> None:
-        kept = self._known.pop(mark, None)
-        if kept is not None:
-            self._next.pop(kept.before, None)
-        if kept is not None and kept.state is not None:
-            self._unit.freeFMUState(kept.state)
+        way: list[Kept] = []
+        while mark and not (way and self._goes_back):
+            if mark not in self._known:
+                raise self._problem("what it computed up to here is no longer known: begin the run again")
+            way.append(self._known[mark])
+            mark = way[-1].before
+        if self._goes_back:
+            self._unit.setFMUState(way[0].state)
+            return
+        self._begin(way[-1].time, way[-1].given, way[-1].parameters)
+        for before, kept in pairwise(reversed(way)):
+            self._go_on(before, kept.time, kept.given, kept.parameters)
 
     def _set(self, references: list[int], values: list[float]) -> None:
         if references:

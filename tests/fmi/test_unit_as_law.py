@@ -20,6 +20,7 @@ from flexlab.own.files import LAW_FILES, law_kind
 from flexlab.own.unit import unit_in
 from flexlab.presets import load_preset
 from flexlab.quantities import base_exponents
+from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import options
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.world import World
@@ -116,15 +117,24 @@ def test_a_unit_that_cannot_save_its_state_gives_the_same_run(exported: Exported
     np.testing.assert_array_equal(
         flexlab.simulate(softer, 0.1, law=file).pose, flexlab.simulate(softer, 0.1).pose, err_msg="the second run"
     )
-    world = World(scenario.replace({"controller.kind": law_kind(file)}))
+    chosen = [scenario.replace({"controller.kind": law_kind(one)}) for one in (exported(scenario), file)]
+    saving, computing = map(back_with_another_gain, chosen)
+    np.testing.assert_array_equal(computing, saving)
+    np.testing.assert_array_equal(World(chosen[1]).run(40).pose, wanted.pose[:41])
+
+
+def back_with_another_gain(scenario: Scenario) -> np.ndarray:
+    """Poses of a world that goes back, first as it was, then with another gain, and at last where it had been."""
+    world = World(scenario)
     there = world.state()
-    world.advance(20)
+    first = world.advance(20).pose
     later = world.state()
-    world.advance(20)
-    world.restore(later)
-    world.apply(ChangeScenario({"controller.feedback_gain_1": 500.0}))
     world.restore(there)
-    np.testing.assert_array_equal(world.advance(5).pose, wanted.pose[1:6])
+    np.testing.assert_array_equal(world.advance(5).pose, first[:5])
+    world.apply(ChangeScenario({"controller.feedback_gain_1": 500.0}))
+    other = world.advance(5).pose
+    world.restore(later)
+    return np.concatenate([first, other, world.advance(5).pose])
 
 
 def test_units_of_measure_are_reduced_to_base_units():

@@ -214,6 +214,13 @@ def test_a_metric_must_have_a_unit_a_title_and_a_named_function():
         one_sentence(lambda of=of: bare("J", of=of), "of = ", "is not usable")
     for function in (None, 5, "work", lambda samples: 1.0, np.zeros(2)):
         one_sentence(lambda function=function: flexlab.metric("J")(function), "makes no metric")
+    for name in (
+        "key",
+        "rows",
+        "note",
+    ):  # A sweep failed with "Multiple matches for FieldRef", `run.metrics.rows` was another.
+        work.__name__ = name
+        one_sentence(lambda: flexlab.metric("J")(work), f"The name {name} is taken")
 
 
 @pytest.mark.parametrize("gives", [1j, np.array([1 + 2j]), "3.0", None, np.array("3"), {"J": 1.0}])

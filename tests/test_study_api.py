@@ -99,6 +99,19 @@ def test_a_metric_of_ones_own_is_in_runs_and_sweeps(tmp_path: Path):
     before = make_plan(plan.scenario, plan.axes, 0.05, 0.001).key
     flexlab.metric("m", of="rms")(farthest)
     assert make_plan(plan.scenario, plan.axes, 0.05, 0.001).key != before, "another metric is another sweep"
+    keys = set()
+    for scale in (1.0, 2.0, 1.0):  # The table of a finished sweep was given for a metric that used other values.
+
+        def place(samples: flexlab.Samples, scale: float = scale) -> float:
+            return scale * samples.pose[-1, 1]
+
+        @flexlab.metric("m")
+        def scaled(samples: flexlab.Samples) -> float:
+            return place(samples)
+
+        keys.add(make_plan(plan.scenario, plan.axes, 0.05, 0.001).key)
+    assert len(keys) == 2
+    forget("scaled")
     with pytest.raises(StudyError, match="give the function or its title another name"):
         flexlab.metric("N")(_named("peak_torque"))
     flexlab.metric("m", of="peak")(_named("two"))

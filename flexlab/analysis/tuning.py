@@ -209,8 +209,8 @@ class Tuning(Result):
         The excess is as in `Candidate`; cost and excess of a candidate that fails are null.
         """
         paths = dict.fromkeys(path for candidate in self.candidates for path in candidate.changes)
-        names = list(dict.fromkeys(name for each in self.candidates if each.metrics for name in each.metrics.by_name()))
-        rows = []
+        known = dict.fromkeys(name for each in self.candidates if each.metrics for name in each.metrics.by_name())
+        names, rows = [name for name in known if name not in ("cost", "excess")], []
         for candidate in self.candidates:
             found = {} if candidate.metrics is None else candidate.metrics.by_name()
             rows.append(

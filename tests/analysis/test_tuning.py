@@ -107,6 +107,18 @@ def test_a_metric_without_a_value_has_no_cost():
     assert not math.isnan(never.plot().axes[0].get_xlim()[0])
 
 
+def test_a_metric_called_cost_leaves_the_column_of_the_cost_alone():
+    @flexlab.metric("J")
+    def cost(samples: flexlab.Samples) -> float:
+        return 3.0
+
+    try:
+        found = tune(PAPER, GAIN, parse_cost("cost=2"), duration=0.02, candidates=8)
+        assert set(found.table.column("cost").to_pylist()) == {6.0}
+    finally:
+        forget("cost")
+
+
 def test_a_run_that_has_not_settled_exceeds_any_limit_of_its_settling_time():
     unsettled = flexlab.simulate(PAPER, 0.1).metrics
     cost = parse_cost("rms_error.y", "settling_time=2")

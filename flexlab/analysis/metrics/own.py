@@ -9,6 +9,7 @@ their values beside the recording, where lists and later processes find them.
 """
 
 import inspect
+import re
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
 import numpy as np
 
 from flexlab.analysis.metrics.metric import METRICS, Column, Metric, Peak, RootMeanSquare, of_signal, register
+from flexlab.analysis.metrics.run_metrics import RunMetrics
 from flexlab.errors import StudyError
 from flexlab.files import short_hash
 from flexlab.text import visible
@@ -31,6 +33,8 @@ REAL = "biuf"
 """NumPy's kinds of real arrays."""
 PLACE = 100
 """Rank after all other metrics."""
+COLUMNS = ("cell", "status", "sentence", "scenario", "key", "version")
+"""Columns of a sweep's table that are no metrics."""
 
 
 @dataclass(frozen=True)
@@ -49,12 +53,34 @@ class OwnMetric:
 
     @property
     def digest(self) -> str:
-        """A digest of the function's text, which is part of a sweep's key."""
-        try:
-            text = inspect.getsource(self.function)
-        except (OSError, TypeError):
-            text = repr(self.function.__code__.co_code) + repr(self.function.__code__.co_consts)
-        return short_hash(f"{self.name} {self.unit} {self.of} {text}")
+        """A digest of the function's text and of what the function uses, which is part of a sweep's key."""
+        return short_hash(f"{self.name} {self.unit} {self.of} {_text(self.function, set())}")
+
+
+PLAIN = (int, float, complex, str, bytes, tuple, list, dict, np.ndarray, np.generic)
+"""Types of values that count in a digest."""
+ADDRESS = re.compile(r" at 0x[0-9a-f]+")
+"""The part of an object's text that differs from process to process."""
+
+
+def _text(function: Any, seen: set[str]) -> str:
+    """The text of a function, with the plain values that it uses and the functions of its module, each once (`seen`)."""
+    seen.add(getattr(function, "__qualname__", ""))
+    code = getattr(function, "__code__", None)
+    try:
+        parts = [inspect.getsource(function)]
+    except (OSError, TypeError):
+        parts = [repr(code and (code.co_code, code.co_consts))]
+    if code is not None:
+        known = inspect.getclosurevars(function)
+        defaults = dict(enumerate(function.__defaults__ or ()))
+        used = {**known.globals, **known.nonlocals, **(function.__kwdefaults__ or {}), **defaults}
+        for name, value in sorted(used.items(), key=lambda item: str(item[0])):
+            if isinstance(value, PLAIN):
+                parts.append(f"{name} = {value!r}")
+            elif getattr(value, "__module__", "") == function.__module__ and inspect.isfunction(value):
+                parts += [] if value.__qualname__ in seen else [_text(value, seen)]
+    return ADDRESS.sub("", "\n".join(parts))
 
 
 DECLARED: dict[str, OwnMetric] = {}
@@ -82,6 +108,8 @@ def metric(unit: str, title: str = "", of: Kind = "run") -> Callable[[Function],
         name = getattr(function, "__name__", "")
         if not callable(function) or not name.isidentifier():
             raise StudyError(f"{function!r:.60} makes no metric: give a function with a name, as def makes it.")
+        if name in COLUMNS or hasattr(RunMetrics, name) or name == "note":
+            raise StudyError(f"The name {name} is taken in tables or by `run.metrics`: give the function another name.")
         know_own_metrics([OwnMetric(function, unit, title or function.__name__.replace("_", " ").capitalize(), of)])
         return function
 

@@ -194,7 +194,7 @@ def start_table(times: StartTimes) -> "Table":
     title, heads = "Start of the engine in a fresh interpreter", ("", "imports", "to first sample", "processor time")
     starts = {
         "cold (compiles what moving arms need)": times.cold,
-        "after it, compiling meanwhile (other integrators, laws)": times.rest,
+        "after it, on all cores (other integrators, laws)": times.rest,
         "warm (machine code on disk)": times.warm,
     }
     rows = (

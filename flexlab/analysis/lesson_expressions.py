@@ -20,7 +20,7 @@ from flexlab.analysis.metrics.metric import number_names
 from flexlab.errors import LabError
 from flexlab.scenario import parse_scenario
 from flexlab.sim.signals import DERIVED, TABLE
-from flexlab.text import syntax_tree
+from flexlab.text import number_text, syntax_tree
 
 LONGEST = 400
 """Largest length of an expression, characters."""
@@ -158,7 +158,7 @@ def _number(node: ast.AST, known: Collection[str]) -> Callable[[LookedAt], float
     def number(run: LookedAt) -> float:
         value = part(run)
         if not isinstance(value, (int, float)):
-            raise ExpressionError(f"{ast.unparse(node)[:60]} is not a number here.")
+            raise ExpressionError(f"{ast.unparse(node)[:60]} is not a number here")
         return float(value)
 
     return number
@@ -190,9 +190,14 @@ def _call(node: ast.Call, known: Collection[str]) -> Value:
             f"{', '.join(EXTREMES)}, of a field, and {', '.join(OF_A_PART)}, of two instants."
         )
     window = [_number(part, known) for part in given]
+    fewest = 2 if name in OF_A_PART else 1
 
     def measured(run: LookedAt) -> float:
-        samples = run.look.part(*(instant(run) for instant in window)) if window else run.look.samples
+        begin, end = (instant(run) for instant in window) if window else (-np.inf, np.inf)
+        samples = run.look.part(begin, end)
+        if len(samples) < fewest:  # Of none, some measures would be 0, which is no result.
+            times = f"t = {number_text(begin)} s to {number_text(end)} s"
+            raise ExpressionError(f"{ast.unparse(node)[:60]}: there are too few samples from {times}")
         if name in OF_A_PART:
             return OF_A_PART[name](run.look, samples)
         return FUNCTIONS[name](np.asarray(samples[signal])[index])

@@ -23,7 +23,7 @@ from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Event
 from flexlab.sim.target import first_mode, shaper_impulses
-from flexlab.text import number_text
+from flexlab.text import fixed_text, number_text
 
 SECONDS = 30.0
 """Duration of the newest part of a run that a check sees, s."""
@@ -130,7 +130,7 @@ def largest(signal: np.ndarray) -> float:
 
 def length(metres: float) -> str:
     """A length in words: in mm, or in µm below 10 µm."""
-    return f"{1e3 * metres:.2f} mm" if metres >= 1e-5 else f"{1e6 * metres:.1f} µm"
+    return f"{fixed_text(1e3 * metres, 2)} mm" if abs(metres) >= 1e-5 else f"{fixed_text(1e6 * metres, 1)} µm"
 
 
 class Span(NamedTuple):
@@ -231,7 +231,7 @@ VALUES: dict[str, Callable[[Look], Any]] = {
 OF_A_PART: dict[str, Callable[[Look, Samples], float]] = {
     "ring_frequency": lambda _, part: ring_frequency(part),
     "settled": lambda _, part: settling_time(part.time, part.vibration),  # at one per cent of its peak; NaN: not yet
-    "torque_jump": lambda look, part: torque_jump(torque_turns(part, look.scenario.controller.control_period)),
+    "torque_jump": lambda look, part: _jump(part, look.scenario.controller.control_period),  # NaN: a continuous law
     # Sum of the arms' internal forces.
     "imbalance": lambda _, part: max(largest(part.internal_force.sum(axis=1)), 1e-15),
 }
@@ -247,6 +247,10 @@ def upward_frequency(part: Samples) -> float:
     step = part.time[1] - part.time[0]
     times = part.time[upwards] - w[upwards] * step / (w[upwards + 1] - w[upwards])
     return float((len(times) - 1) / (times[-1] - times[0]))
+
+
+def _jump(part: Samples, control_period: float | None) -> float:
+    return np.nan if control_period is None else torque_jump(torque_turns(part, control_period))
 
 
 @lru_cache(maxsize=8)

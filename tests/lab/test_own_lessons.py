@@ -165,6 +165,33 @@ def test_names_that_need_each_other_too_often_end_in_a_sentence(tmp_path: Path) 
 
 
 @pytest.mark.parametrize(
+    "measure",
+    [
+        "imbalance(5, 6)",
+        "largest(vibration, 5, 6)",
+        "mean(pose, 0.6, 0.5)",
+        "ring_frequency(0.5, 0.5)",
+        "settled(5, 6)",
+    ],
+)
+def test_a_measure_of_no_samples_is_no_result(tmp_path: Path, measure: str) -> None:
+    """The imbalance of no forces was 0, and its check held before there was anything to measure."""
+    own = write(tmp_path, re.sub("check: .*\n", f"check: {measure} < 1\n", EXAMPLE))
+    told = verdict(own, load_preset("paper"), SAMPLES)
+    assert not told.done
+    assert f"({measure}: there are too few samples from t = " in told.sentence
+
+
+def test_sentences_of_lessons_write_lengths_and_missing_measures_as_elsewhere(tmp_path: Path) -> None:
+    rules = "\n## Check\ndone if torque_jump(0, 1) < 1: It is smooth.\nelse: {0 - 0.0125:length}, {0 - 2e-6:length}.\n"
+    own = write(tmp_path, re.sub("check: .*\n", "", EXAMPLE) + rules)
+    told = verdict(own, load_preset("paper"), SAMPLES)
+    assert told == (False, "−12.50 mm, −2.0 µm."), (
+        "the paper's law is continuous: no torque jumps from sample to sample"
+    )
+
+
+@pytest.mark.parametrize(
     ("text", "holds"),
     [
         ("settling_time < 0.5", True),

@@ -4,11 +4,15 @@ import re
 import threading
 
 import pytest
+from lab_page import wait_until
+from raw_browser import RawBrowser, widget
 
 from flexlab.analysis.modes import modes
 from flexlab.lab.mode_computation import ModeStudy
 from flexlab.lab.panel.mode_table import MOST_POLES, modes_html
+from flexlab.lab.session import Session
 from flexlab.presets import load_preset
+from flexlab.sim.commands import Reset
 
 SAMPLED = {
     "payload.element_count": 8,
@@ -100,3 +104,16 @@ def test_while_a_slider_is_dragged_modes_are_computed_once_a_second():
         now += 0.11
     assert study.result is not before
     assert study.background(scenario) is not None
+
+
+def test_the_switch_of_the_animation_is_off_after_another_preset_is_opened(session: Session) -> None:
+    lab_state, switch = session.lab_state, widget(session, "Animate its shape")
+    with RawBrowser(session) as browser:
+        browser.update(switch, {"value": True})
+        wait_until(lambda: lab_state.view.shown_mode == 0, "the mode is animated")
+        lab_state.submit(Reset())
+        wait_until(lambda: session.runner.snapshot.run_number == 2, "a new run")
+        assert lab_state.view.shown_mode == 0
+        lab_state.load(load_preset("gravity"), "gravity")
+        wait_until(lambda: not switch.value, "the switch is off")
+        assert lab_state.view.shown_mode is None

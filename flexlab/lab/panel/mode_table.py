@@ -10,7 +10,7 @@ from flexlab.errors import LabError
 from flexlab.lab.mode_computation import ModeStudy, peak_deflection
 from flexlab.lab.panel.playback import SPEEDS
 from flexlab.lab.view_settings import EXAGGERATION, nice
-from flexlab.lab.widgets import Widgets, table_html
+from flexlab.lab.widgets import Widgets, put, table_html
 from flexlab.sim.commands import Pause, Play, SetSpeed
 from flexlab.sim.snapshot import Snapshot
 from flexlab.text import counted, escaped, number_text
@@ -38,6 +38,7 @@ class ModePanel:
     def __init__(self, widgets: Widgets, study: ModeStudy):
         self._lab_state, self._study = widgets.lab_state, study
         self._paused_run = 0
+        self._run_number = widgets.lab_state.snapshot.run_number
         self._awaited = False
         study.ask(self._lab_state.intended)
         self._table = widgets.gui.add_html("")
@@ -52,8 +53,12 @@ class ModePanel:
         self._choice.on_update(widgets.handler(lambda _: self._set_animation()))
 
     def update(self, snapshot: Snapshot) -> None:
-        """Update the table."""
+        """Update the table, and the switch: a run of another preset or file is drawn itself."""
         self._study.ask(snapshot.scenario)
+        if snapshot.run_number != self._run_number:
+            self._run_number = snapshot.run_number
+            if self._lab_state.view.shown_mode is None and not self._awaited:
+                put(self._animate, value=False)
         result = self._study.result
         pressed = snapshot.scenario.payload.axial_load != "none"
         self._table.content = modes_html(result, pressed) if result is not None else '<div class="fl">Computing …</div>'

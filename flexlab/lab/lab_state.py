@@ -23,7 +23,7 @@ from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import changes_towards, differences
 from flexlab.sim.commands import ChangeScenario, Command, LoadScenario, Pause, Play, Pull, Reset, SetSpeed
 from flexlab.sim.runner import Runner
-from flexlab.sim.samples import Origin
+from flexlab.sim.samples import Origin, WorldState
 from flexlab.sim.snapshot import Snapshot
 from flexlab.sim.target import change_path
 from flexlab.sim.termination import check_trajectory, same_reach
@@ -232,8 +232,10 @@ class LabState:
         """Adopt the engine's scenario if it differs: after a change that it refused, or a change or run from elsewhere."""
         with self.lock:
             if snapshot.run_number != self._run_number:
-                # A new run begins without a pull.
-                self._run_number, self.pulled = snapshot.run_number, None
+                self._run_number = snapshot.run_number
+                # A run begins without a pull, unless time went on, as after a change of the mesh.
+                if not _hand(self.runner.checkpoint(float(snapshot.latest.time[0])).state).stiffness:
+                    self.pulled = None
             if snapshot.answered < self._asked:
                 return
             if snapshot.name != self._run_name:
@@ -311,10 +313,15 @@ class LabState:
 
     def _let_go_of(self, origin: Origin | None) -> None:
         """End a pull that was active at `origin`: nobody holds it now, and no arrow would show it."""
-        if origin is None or not (hand := Hand(*map(float, origin.state.pull))).stiffness:
+        if origin is None or not (hand := _hand(origin.state)).stiffness:
             return
         held = None if hand.arm == ON_BEAM else (int(hand.arm) + 1, int(hand.link) + 1)
         self.runner.submit(Pull(hand.position, (hand.target_x, hand.target_y), 0.0, held))
+
+
+def _hand(state: WorldState) -> Hand:
+    """The pull that is active in a state."""
+    return Hand(*map(float, state.pull))
 
 
 def _settings(scenario: Scenario, name: str, origin: Origin | None) -> Settings:

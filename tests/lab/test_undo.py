@@ -11,10 +11,11 @@ from lab_page import wait_until
 from flexlab.lab import changes
 from flexlab.lab.changes import Settings, Undo
 from flexlab.lab.lab_state import LabState
+from flexlab.physics.plant import Hand
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import changes_towards
-from flexlab.sim.commands import ChangeScenario, Pause, Play, Pull, SetSpeed
+from flexlab.sim.commands import ChangeScenario, Pause, Play, Pull, Reset, SetSpeed
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Origin
 from flexlab.sim.world import World
@@ -100,6 +101,30 @@ def test_the_history_of_undo_is_bounded() -> None:
     while (earlier := history.back(present)) is not None:
         present, steps = earlier, steps + 1
     assert steps == changes.LONGEST_HISTORY
+
+
+def test_a_pull_that_lasts_beyond_a_change_of_the_mesh_can_be_let_go() -> None:
+    runner = Runner(load_preset("paper"), "paper", clock=lambda: 0.0)
+    lab_state = LabState(runner)
+
+    def is_pulled() -> bool:
+        runner.frame()
+        lab_state.settle(runner.snapshot)
+        return bool(Hand(*runner.checkpoint(0.0).state.pull).stiffness)
+
+    lab_state.pull(Pull(0.0, (0.0, 1.5), 500.0))
+    assert is_pulled()
+    lab_state.change({"payload.element_count": 6})
+    wait_until(lambda: is_pulled() and runner.snapshot.run_number == 2, "the new mesh")
+    assert lab_state.pulled is not None, "its arrow stays"
+    lab_state.pull(None)
+    assert not is_pulled()
+    lab_state.pull(Pull(0.0, (0.0, 1.5), 500.0))
+    assert is_pulled()
+    runner.submit(Reset())
+    assert not is_pulled()
+    assert lab_state.pulled is None
+    runner.stop()
 
 
 def test_a_continued_run_lets_go_of_what_was_pulled() -> None:

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from lab_page import wait_until
+from raw_browser import RawBrowser
 
 from flexlab.analysis.lesson_measures import amplitude_spectrum
 from flexlab.analysis.lyapunov import tracking_energy
@@ -15,18 +17,19 @@ from flexlab.lab.reference_run import ReferenceRun, common_metrics, whole_run
 from flexlab.lab.scene.beam import PIECES, axial_loads, curvature_functions, strain_colors
 from flexlab.lab.scene.forces import held_point
 from flexlab.lab.scene.overlays import elbow_sines, shade
+from flexlab.lab.session import Session
 from flexlab.presets import load_preset
 from flexlab.quantities import Quantity
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import differences
-from flexlab.sim.commands import Pull
+from flexlab.sim.commands import Pause, Pull
 from flexlab.sim.geometry import arm_points, beam_points, deflection_at
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Samples
 from flexlab.sim.signals import PLACES
 from flexlab.sim.simulate import simulate
 from flexlab.sim.snapshot import TICK
-from flexlab.views import views
+from flexlab.views import SLIDING, views
 
 
 @pytest.fixture(scope="module")
@@ -220,3 +223,18 @@ def test_the_force_along_the_beam_is_drawn_as_it_is_recorded() -> None:
     # Each place is pulled by the part of the beam beyond it; at the free end there is none.
     assert drawn[0] > drawn[500] > drawn[-1] > 0
     assert drawn[-1] < 0.01 * drawn[0]
+
+
+def test_a_limit_moves_in_its_chart_which_is_not_drawn_anew(session: Session) -> None:
+    """A new chart would lose its zoom, and flicker while the limit is dragged."""
+    (chart,) = (chart for chart in session._plots._every() if chart._handle.title == SLIDING.title)
+    with RawBrowser(session):
+        for layer in (0.07, 0.09):
+            session.lab_state.change({"controller.boundary_layer": layer})
+            wait_until(lambda layer=layer: np.allclose(chart._handle.data[4], layer), "its upper line moves")
+            np.testing.assert_allclose(chart._handle.data[5], -layer, rtol=1e-6)
+        session.lab_state.submit(Pause())
+        wait_until(lambda: not session.runner.snapshot.playing, "the run is paused")
+        session.lab_state.change({"controller.boundary_layer": 0.05})
+        wait_until(lambda: np.allclose(chart._handle.data[4], 0.05), "it also moves while time stands still")
+        assert chart in session._plots._every()

@@ -198,7 +198,7 @@ class Chart:
 
     def __init__(self, gui: viser.GuiApi, plot: Plot, window: float, kept: ReferenceRun | None, group: str):
         """Charts of one `group` share their cursor and their zoom."""
-        self._plot, self._kept = plot, kept
+        self._plot, self._kept, self._limits = plot, kept, plot.limits
         self._span = Span(plot.least)
         self._seen: Sequence[float] = WHOLE
         self.restart(window)
@@ -207,7 +207,7 @@ class Chart:
         series += [signal_series(label, tone, place) for place, (label, tone) in enumerate(signals)]
         if kept is not None:
             series += [kept_series(tone) for tone in plot.tones]
-        for limit in self._plot.limits:
+        for limit in plot.limits:
             series += limit_series(limit)
         self._handle = gui.add_uplot(
             self._data(),
@@ -238,6 +238,11 @@ class Chart:
             samples = self._kept.samples
             self._kept_curve.append(samples.time, self._plot.values(self._kept.scenario, samples))
 
+    def set_limits(self, limits: tuple[Limit, ...]) -> bool:
+        """Move the lines of the limits, as many as before; returns whether any has moved."""
+        before, self._limits = self._limits, limits
+        return limits != before
+
     def append(self, scenario: Scenario, samples: Samples) -> None:
         """Add samples; those already known are skipped."""
         self._curve.append(samples.time, self._plot.values(scenario, samples))
@@ -262,7 +267,7 @@ class Chart:
         if np.isfinite(lines).any():
             self._span.fit(float(np.nanmin(lines)), float(np.nanmax(lines)))
         low, high = self._span.ends
-        levels = [np.full(len(drawn), sign * limit.value) for limit in self._plot.limits for sign in (1, -1)]
+        levels = [np.full(len(drawn), sign * limit.value) for limit in self._limits for sign in (1, -1)]
         ends = np.full(len(drawn), high)
         ends[::2] = low
         return compact((start + drawn) * TICK, [*lines, *levels, ends], TICK)

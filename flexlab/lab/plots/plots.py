@@ -16,7 +16,7 @@ from flexlab.analysis.lesson_measures import amplitude_spectrum
 from flexlab.lab import colors
 from flexlab.lab.mode_computation import ModeStudy
 from flexlab.lab.plots.chart import HEIGHT, X_AXIS_SIZE, Chart, axis, compact, signal_series
-from flexlab.lab.plots.plot_signals import tabs
+from flexlab.lab.plots.plot_signals import Plot, tabs
 from flexlab.lab.ranges import Range
 from flexlab.lab.reference_run import ReferenceRun
 from flexlab.lab.view_settings import ViewSettings
@@ -167,7 +167,7 @@ class Plots:
         self.homes = (*self._homes.values(), spectrum)
         self._charts: list[list[Chart]] = []
         self._plotted: object = None
-        self._build(scenario, None)
+        self._build(tabs(scenario), None)
 
     def update(
         self,
@@ -185,8 +185,10 @@ class Plots:
         if view.hold_plots:
             return
         scenario, window = snapshot.scenario, view.plot_window
-        if _plotted(scenario, kept) != self._plotted:
-            self._build(scenario, kept)
+        plots = tabs(scenario)
+        if _plotted(plots, kept) != self._plotted:
+            self._build(plots, kept)
+        moved = [chart.set_limits(plot.limits) for chart, plot in zip(self._every(), _all(plots), strict=True)]
         newest = self._charts[0][0].newest
         now = round(float(snapshot.latest.time[0]) / TICK)
         if snapshot.run_number != self._run_number or window != self._window or now < newest:
@@ -201,7 +203,7 @@ class Plots:
                 return  # A run with another number of arms has begun since the snapshot: the next picture shows it.
             for chart in self._every():
                 chart.append(scenario, samples)
-        if missing > 0 or opened != self._opened:
+        if missing > 0 or any(moved) or opened != self._opened:
             just_opened = self._spectrum_is_open(opened) and not self._spectrum_is_open(self._opened)
             self._opened = opened
             self._show(recent, scenario, window, just_opened)
@@ -223,14 +225,14 @@ class Plots:
     def _every(self) -> list[Chart]:
         return [chart for charts in self._charts for chart in charts]
 
-    def _build(self, scenario: Scenario, kept: ReferenceRun | None) -> None:
+    def _build(self, plots: Mapping[str, Sequence[Plot]], kept: ReferenceRun | None) -> None:
         for chart in self._every():
             chart.remove()
         self._charts = []
-        for name, plots in tabs(scenario).items():
+        for name, on_tab in plots.items():
             with self._homes[name]:
-                self._charts.append([Chart(self._gui, plot, self._window, kept, name) for plot in plots])
-        self._plotted = _plotted(scenario, kept)
+                self._charts.append([Chart(self._gui, plot, self._window, kept, name) for plot in on_tab])
+        self._plotted = _plotted(plots, kept)
 
 
 def unbroken(recent: Recent, newest: int, missing: float, window: float) -> Samples:
@@ -245,9 +247,14 @@ def unbroken(recent: Recent, newest: int, missing: float, window: float) -> Samp
         asked *= 2
 
 
-def _plotted(scenario: Scenario, kept: ReferenceRun | None) -> list:
-    """The key for which the charts are built: titles, limit lines and the kept run."""
-    keys = [(plot.title, plot.limits) for plots in tabs(scenario).values() for plot in plots]
+def _all(plots: Mapping[str, Sequence[Plot]]) -> list[Plot]:
+    """The plots of all tabs."""
+    return [plot for on_tab in plots.values() for plot in on_tab]
+
+
+def _plotted(plots: Mapping[str, Sequence[Plot]], kept: ReferenceRun | None) -> list:
+    """The key for which the charts are built: titles, names of limit lines, which may move, and the kept run."""
+    keys = [(plot.title, [(limit.label, limit.tone) for limit in plot.limits]) for plot in _all(plots)]
     return [*keys, id(kept)]
 
 

@@ -128,7 +128,11 @@ def text_of_unit(file: Path) -> str:
     gains = _named((each.name for each in tuned if each.start is not None), MOST_SETTINGS)
     signals = _named((each.name for each in others), MOST_SIGNALS, gains)
     known = {each.name: each for each in about.modelVariables}
-    declared = [f"    {name} = {_gain(known[its])}\n" for name, its in gains.items()]
+    try:
+        period, declared = _period(about), [f"    {name} = {_gain(known[its])}\n" for name, its in gains.items()]
+    except (ValueError, IndexError):
+        what = "has a step size, or a start or limit of a parameter, that is not a finite number"
+        raise _problem(file, f"{what}: export it again") from None
     declared += [
         f"    {name} = readout({_unit(known[its])!r}, {_title(known[its])!r})\n" for name, its in signals.items()
     ]
@@ -136,7 +140,7 @@ def text_of_unit(file: Path) -> str:
     return _TEXT.format(
         name=re.sub(r"\W", "_", f"Fmu_{file.stem}", flags=re.ASCII),
         meaning=repr(f"{meaning.rstrip('.')}: computed by the unit {_file_name(file)}, FMI {about.fmiVersion}."),
-        period=_period(about),
+        period=period,
         declared="".join(declared),
         file=_file_name(file),
         sha256=hashlib.sha256(data).hexdigest(),
@@ -219,7 +223,10 @@ WIDE = 1e9
 
 
 def _gain(variable: Any) -> str:
+    """The declaration of a gain. Raises ValueError or IndexError for a start or limit that is not a finite number."""
     start = float(str(variable.start).split()[0])
+    if not math.isfinite(start):
+        raise ValueError
     low, high = (_bound(bound, other) for bound, other in ((variable.min, -WIDE), (variable.max, WIDE)))
     low, high = min(low, start), max(high, start)
     shown = sorted((0.0, 3 * start)) if start else (-1.0, 1.0)

@@ -153,6 +153,9 @@ def test_units_of_measure_are_reduced_to_base_units():
         ('unit="rad/s"', 'unit="m/s"', "has an input pose_rate_theta in m/s: it has to be in rad/s"),
         ('fmiVersion="3.0"', 'fmiVersion="1.0"', "is not a unit that can be read"),
         ("<CoSimulation", "<Other", "is not made for co-simulation: export it for that."),
+        ('start="0.0" />', 'start="" />', "has a step size, or a start or limit of a parameter, that is not a finite number"),
+        ('start="0.0" />', 'start="NaN" />', "has a step size, or a start or limit of a parameter, that is not a finite"),
+        ('stepSize="0.001"', 'stepSize="fast"', "has a step size, or a start or limit of a parameter, that is not a finite"),
     ],
 )  # fmt: skip
 def test_a_unit_unable_to_drive_the_arms_is_refused(exported: Exported, tmp_path: Path, old: str, new: str, says: str):

@@ -6,7 +6,7 @@ complete. Reading a scenario with a text makes its declaration known; the text r
 
 import threading
 import warnings
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, Literal, TypeVar
 
@@ -71,6 +71,8 @@ class OwnKinds(Generic[K]):
             # Checked in a person's own file only: earlier recordings with such laws must still open.
             if own.declaration.mistake:
                 raise ScenarioError([(f"{self.field}.source", f"{file}, {own.declaration.mistake}.")])
+            if hiding := [name for name, _ in own.declaration.settings if field_of(name, self.base) != name]:
+                raise self._taken(file, hiding[0])
             hosts.allow(source, file)
             if known is None or default_source(known) != source:
                 self.registry.add(own, instead=True)
@@ -90,7 +92,11 @@ class OwnKinds(Generic[K]):
             own = own.model_dump()
         if not isinstance(own, Mapping) or not isinstance(own.get("source"), str) or not own["source"]:
             return data
-        return {**data, self.field: {**own, "kind": self._known_kind(own["source"])}}
+        kind = self._known_kind(own["source"])
+        known: Any = self.registry.all().get(kind)
+        settings = known.declaration.settings if isinstance(known, self.sort) else ()
+        fields = {name: field_of(name, self.base) for name, _ in settings}
+        return {**data, self.field: {**{fields.get(name, name): value for name, value in own.items()}, "kind": kind}}
 
     def restored(self, data: dict[str, Any]) -> Any:
         """The model from the `model_dump` of another process."""
@@ -114,22 +120,27 @@ class OwnKinds(Generic[K]):
                     return kind
         return own.kind
 
-    def model(
-        self, declared: Declared, source: str, file: str, kind: str, reserved: Collection[str] = (), **fields: Any
-    ) -> type[Any]:
+    def _taken(self, file: str, name: str) -> ScenarioError:
+        why = "begins with _" if name.startswith("_") else f"is a field of every {self.owner}"
+        text = f"{file}: {visible(name, LONGEST_SHOWN)} {why}: give the {self.setting} another name."
+        return ScenarioError([(f"{self.field}.source", text)])
+
+    def model(self, declared: Declared, source: str, file: str, kind: str, **fields: Any) -> type[Any]:
         """The model of what a text declares, with `fields` besides its settings. Raises `ScenarioError`."""
         for name, _ in declared.settings:
-            if _is_taken(name, self.base) or name in ("kind", *reserved):
-                why = "begins with _" if name.startswith("_") else f"is a field of every {self.owner}"
-                text = f"{file}: {visible(name, LONGEST_SHOWN)} {why}: give the {self.setting} another name."
-                raise ScenarioError([(f"{self.field}.source", text)])
+            if name.startswith("_") or name in self.base.model_fields or name == "kind":
+                raise self._taken(file, name)
         own = {
-            name: (OneOrThree if one.size == 3 else Number, _setting_field(name, one))
+            field_of(name, self.base): (OneOrThree if one.size == 3 else Number, _setting_field(name, one))
             for name, one in declared.settings
         }
         with warnings.catch_warnings():
-            # It concerns settings called "copy" and the like, which do no harm.
-            warnings.filterwarnings("ignore", message="Field name .* shadows an attribute in parent")
+            # They concern settings called "copy", "model_dump_" and the like, which do no harm.
+            for message in (
+                "Field name .* shadows an attribute in parent",
+                "Field .* conflicts with protected namespace",
+            ):
+                warnings.filterwarnings("ignore", message)
             return create_model(
                 declared.name,
                 __base__=self.base,
@@ -141,16 +152,19 @@ class OwnKinds(Generic[K]):
             )
 
 
-def _is_taken(name: str, base: type[BaseModel]) -> bool:
-    """Whether a setting cannot have this name, as it would hide a method or field of `base`."""
-    # Names from earlier versions of pydantic, such as "copy", are allowed: recordings may have them.
-    is_free = hasattr(BaseModel, name) and not name.startswith("model_")
-    return name.startswith("_") or (hasattr(base, name) and not is_free) or name in base.model_fields
+def field_of(setting: str, model: type[BaseModel]) -> str:
+    """The field of a setting: its name, with an underscore if it would hide an attribute of every such model.
+
+    Files with such names are refused, but recordings may have them: flexlab may have got the attribute later.
+    """
+    # Names from earlier versions of pydantic, such as "copy", do no harm.
+    is_free = hasattr(BaseModel, setting) and not setting.startswith("model_")
+    return f"{setting}_" if hasattr(model, setting) and not is_free else setting
 
 
 def flat_numbers(model: BaseModel, settings: Sequence[tuple[str, Setting]]) -> np.ndarray:
     """The numbers of a model's gains or options, flat, in the order of their declaration."""
-    values = [np.broadcast_to(getattr(model, name), one.size) for name, one in settings]
+    values = [np.broadcast_to(getattr(model, field_of(name, type(model))), one.size) for name, one in settings]
     return np.concatenate([np.zeros(0), *values])
 
 

@@ -28,7 +28,7 @@ from flexlab.files import short_hash
 from flexlab.own import hosts
 from flexlab.own.declaration import PathDeclaration, Setting, read_path_declaration
 from flexlab.own.endless_calls import CALLS
-from flexlab.own.kinds import MODELS_KEPT, OWN_PLACE, OwnKinds, flat_numbers, source_field
+from flexlab.own.kinds import MODELS_KEPT, OWN_PLACE, OwnKinds, field_of, flat_numbers, source_field
 from flexlab.own.reading import TextProblem
 from flexlab.quantities import Number, quantity
 from flexlab.text import number_text
@@ -42,8 +42,6 @@ TABLES_KEPT = 128
 """How many tables are kept, for options that return to an earlier value."""
 COMPUTED = ("trajectory.source", "trajectory.table", "trajectory.table_of")
 """Fields that are recorded with every change of such a path."""
-RESERVED = ("rows", "span", "end", "window")
-"""Names that options may not have: properties of every path."""
 
 FEWEST, MOST = 64, 4096
 """Intervals of a table."""
@@ -84,7 +82,7 @@ class OwnTrajectory(Trajectory):
 
     @model_validator(mode="after")
     def _has_its_table(self) -> "OwnTrajectory":
-        chosen = json.dumps({name: getattr(self, name) for name, _ in self.options})
+        chosen = json.dumps({name: getattr(self, field_of(name, type(self))) for name, _ in self.options})
         wanted = short_hash(f"{short_hash(self.source)} {chosen}")
         if self.table_of != wanted or from_text(self.table) is None:
             try:
@@ -211,7 +209,7 @@ class PythonPath(Path):
 def own_path_of(source: str, file: str, kind: str = "") -> PythonPath:
     """The path that a text declares, under another name if one is given. Raises `ScenarioError` with file and line."""
     declared = read_path_declaration(source, file)
-    model = OWN_PATHS.model(declared, source, file, kind or declared.kind, RESERVED)
+    model = OWN_PATHS.model(declared, source, file, kind or declared.kind)
     model.repeats, model.options = declared.repeats, declared.settings
     return PythonPath(model, own_path, lambda own: _pieces(own.table, own.repeats), OWN_PLACE, declaration=declared)
 
@@ -227,7 +225,7 @@ def needs_running(trajectory: Trajectory, changes: Mapping[str, Any]) -> bool:
     path = PATHS.all().get(kind)
     if not isinstance(path, PythonPath):
         return False
-    names = ("kind", "source", *(name for name, _ in path.model.options))
+    names = ("kind", "source", *(field_of(name, path.model) for name, _ in path.model.options))
     return not {"trajectory", *(f"trajectory.{name}" for name in names)}.isdisjoint(changes)
 
 

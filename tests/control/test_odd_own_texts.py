@@ -10,6 +10,7 @@ from exported import export_run
 
 import flexlab
 from flexlab.errors import FlexlabError, ScenarioError
+from flexlab.own import hosts
 from flexlab.own.declaration import read_declaration
 from flexlab.own.law import add_own_law
 from flexlab.own.path import add_own_path
@@ -85,14 +86,31 @@ def test_a_gain_or_option_may_not_take_a_name_that_its_model_needs(name: str):
         add_own_law(law_text().replace("k =", f"{name} ="), "odd.py")
     with pytest.raises(ScenarioError, match=f"{name} .*: give the option another name"):
         add_own_path(path_text().replace("size =", f"{name} ="), "odd.py")
-    with pytest.raises(ScenarioError, match=f"{name} .*: give the gain another name"):  # A scenario file.
-        parse_scenario({"controller": {"kind": "odd", "source": law_text().replace("k =", f"{name} =")}})
+    if name.startswith("_"):
+        with pytest.raises(ScenarioError, match=f"{name} .*: give the gain another name"):  # A scenario file.
+            parse_scenario({"controller": {"kind": "odd", "source": law_text().replace("k =", f"{name} =")}})
 
 
 @pytest.mark.parametrize("name", ["reach", "options", "jumps", "middle", "repeats", "slowest_period", "keeping"])
 def test_an_option_may_not_take_the_name_of_a_property_of_paths(name: str):
     with pytest.raises(ScenarioError, match=f"{name} is a field of every path: give the option another name"):
         add_own_path(path_text().replace("size =", f"{name} ="), "odd.py")
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("name", ["jumps", "discontinuities", "keeping", "taken_up", "model_copy", "model_dump"])
+def test_a_recorded_text_with_a_setting_of_such_a_name_opens_with_its_value(name: str):
+    """flexlab has got some of these properties later."""
+    source = path_text("self.size, 0.75, 0.0").replace("size", name)
+    hosts.allow(source, "odd.py")
+    recorded = parse_scenario({"trajectory": {"source": source, name: 0.5}}).model_dump()["trajectory"]
+    recorded[name] = recorded.pop(f"{name}_")
+    hosts._allowed.clear()
+    assert parse_scenario({"trajectory": recorded}).trajectory.rows[0, 1] == 0.5, "its table, as the text may not run"
+    law = law_text(f"self.s = self.{name}").replace("k =", f"{name} =")
+    hosts.allow(law, "odd.py")
+    run = flexlab.simulate(flexlab.load_preset("paper").replace({"controller": {"source": law, name: 0.5}}), 0.003)
+    assert run["s"].tolist() == [0.5] * 4
 
 
 @pytest.mark.filterwarnings("error")

@@ -19,6 +19,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from flexlab.errors import LabError
+from flexlab.guide import ClassRules
 from flexlab.presets import load_preset
 from flexlab.server import connections
 from flexlab.server.front_server import FrontServer
@@ -130,6 +131,14 @@ def test_a_teacher_sees_and_leads_the_labs_that_report(
     assert order("pause") == "1 lab paused."
     wait_until(lambda: place.status().state == "paused", "it stands")
     assert service.places.running() == [seen], "it has been the same connection all the time"
+    order("rules", lock="on")
+    wait_until(lambda: lab.places.rules.locked, "the class is locked once more")
+    service.places.rules = (
+        ClassRules()
+    )  # As a service has that the hub starts anew, or that unlocked while the line was broken.
+    monkeypatch.setattr(hub_labs, "PATIENCE", 0.0)
+    asyncio.run_coroutine_threadsafe(seen._plug.close(), service._loop).result()
+    wait_until(lambda: not lab.places.rules.locked, "a lab that comes back follows the rules in force")
     lab.close()
     wait_until(lambda: labs() == [], "what is closed is gone")
     assert not [*Path().iterdir()], "rules that no later service takes up are not saved"
@@ -152,6 +161,7 @@ def test_a_lab_that_sends_an_invalid_report_is_disconnected(
 ):
     address = f"ws://127.0.0.1:{service.port}{PREFIX}/labs"
     with connect(address, additional_headers={"Authorization": "token ann"}) as lab:
+        assert "rules" in json.loads(lab.recv(timeout=30)), "the rules in force come first"
         lab.send(said)
         with pytest.raises(ConnectionClosed):
             lab.recv(timeout=30)

@@ -146,8 +146,7 @@ class HubLabs(LabProvider):
         lab = HubLab(next(self._numbers), name, request.query.get("server", ""), plug)
         self._labs[lab.path] = lab
         try:
-            if self.rules != ClassRules():
-                await lab.ask(self.rules)
+            await lab.ask(self.rules)  # It may come back with earlier ones.
             await lab.follow_reports()
         finally:
             if self._labs.get(lab.path) is lab:

@@ -240,10 +240,8 @@ class Tuning(Result):
         wanted = [named(name).number.name for name in (first, second) if not isinstance(name, str) or name]
         names = [*wanted, *self.cost.names, "rms_error.y", "rms_internal_force"]
         first, second = list(dict.fromkeys(names))[:2]
-        found = [values for candidate in self.candidates if (values := candidate.numbers)]
-        if later := [name for name in (first, second) if found and name not in found[0]]:
-            raise StudyError(f"The metric {later[0]} was declared after this tuning: tune anew.")
-        x, y = (np.array([values[name] for values in found]) for name in (first, second))
+        found = [candidate.metrics for candidate in self.candidates if candidate.metrics is not None]
+        x, y = (np.array([metrics[name] for metrics in found]) for name in (first, second))
         with style():
             figure = empty_figure(*SIZE)
             axes = figure.add_subplot()
@@ -251,8 +249,8 @@ class Tuning(Result):
             best = pareto_front(x, y)
             axes.step(x[best], y[best], "-", where="post", color=GRAY, linewidth=1)
             for candidate, color, words in ((self.before, VERMILION, "before"), (self.best, BLUE, "chosen")):
-                if values := candidate.numbers:
-                    axes.plot(values[first], values[second], "o", color=color, markersize=8, label=words)
+                if metrics := candidate.metrics:
+                    axes.plot(metrics[first], metrics[second], "o", color=color, markersize=8, label=words)
             axes.set_xlabel(named(first).title)
             axes.set_ylabel(named(second).title)
             for name, draw in ((first, axes.axvline), (second, axes.axhline)):

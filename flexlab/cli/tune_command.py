@@ -10,8 +10,6 @@ from flexlab.cli.options import Cluster, Law, Preset, Seed, Settings, Several, T
 from flexlab.cli.warmup import loading, warm_up
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from flexlab.analysis.tuning import Tuning
 
 
@@ -77,6 +75,8 @@ def command(
 
 
 def _print(found: "Tuning") -> None:
+    from flexlab.analysis.metrics.metric import named
+
     table = new_table()
     table.add_column("")
     for head in ("before", "tuned"):
@@ -84,17 +84,16 @@ def _print(found: "Tuning") -> None:
     for path, value in found.best.changes.items():
         before = found.scenario.get(path) if found.scenario.has(path) else "–"
         table.add_row(path, str(before), f"{value:.6g}")
+    both = found.before, found.best
     for name in found.cost.names:
-        both = (candidate.numbers for candidate in (found.before, found.best))
         limit = f", at most {found.cost.limits[name]:g}" if name in found.cost.limits else ""
-        table.add_row(f"{name}{limit}", *(_number(values, name) for values in both))
-    costs = ({**each.numbers, "cost": each.cost} if each.numbers else {} for each in (found.before, found.best))
-    table.add_row("cost", *(_number(values, "cost") for values in costs))
+        missing = named(name).number.column.missing
+        values = ("fails" if each.metrics is None else _number(each.metrics[name], missing) for each in both)
+        table.add_row(f"{name}{limit}", *values)
+    table.add_row("cost", *("fails" if each.metrics is None else _number(each.cost, "–") for each in both))
     output().print(table)
     output().print(f"Candidates tried: {len(found.candidates)}.")
 
 
-def _number(values: "Mapping[str, float]", name: str) -> str:
-    if not values:
-        return "fails"
-    return f"{values[name]:.5g}" if values[name] == values[name] else "–"
+def _number(value: float, missing: str) -> str:
+    return f"{value:.5g}" if value == value else missing

@@ -1,10 +1,12 @@
 """Tuning finds the least cost within bounds and limits, robustly if asked, and gives the same result again."""
 
 import math
+import re
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from own_law_text import at_work
 
@@ -119,6 +121,14 @@ def test_a_metric_called_cost_leaves_the_column_of_the_cost_alone():
         forget("cost")
 
 
+def test_the_trade_off_has_no_settling_time_of_a_run_that_has_not_settled():
+    """Those runs stood at ten times their length."""
+    drawn = tune(PAPER, GAIN, parse_cost("settling_time"), duration=0.05, candidates=8).plot(
+        "settling_time", "rms_error.y"
+    )
+    assert all(np.isnan(line.get_xdata()).all() for line in drawn.axes[0].lines)
+
+
 def test_a_run_that_has_not_settled_exceeds_any_limit_of_its_settling_time():
     unsettled = flexlab.simulate(PAPER, 0.1).metrics
     cost = parse_cost("rms_error.y", "settling_time=2")
@@ -184,8 +194,9 @@ def test_the_command_writes_a_preset_and_the_trade_off(
     tuned = flexlab.simulate(tmp_path / "t.json", 0.01).scenario
     assert 100 <= tuned.controller.feedback_gain <= 400
     assert "RMS error y (mm)" in (tmp_path / "t.svg").read_text(encoding="utf-8")
-    impossible = flexlab_command("tune", "paper", *words, "--candidates", "12", "--limit", "torque=1")
+    impossible = flexlab_command("tune", "paper", *words, "--candidates", "12", "--limit", "torque=1,settled=1")
     assert impossible.returncode == 1
+    assert re.search(r"settled, at most 1 +not settled +not settled\n", impossible.stdout), "no run settles in 0.2 s"
     assert "Nothing that was tried keeps within the limits" in impossible.stderr
 
 

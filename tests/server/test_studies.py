@@ -202,6 +202,18 @@ def test_a_tuning_shows_before_and_after_and_leads_to_the_lab(server: FrontServe
     assert 0 < page.find(before) < page.find(after)
 
 
+def test_a_tuning_gives_no_settling_time_of_a_run_that_has_not_settled(tmp_path: Path):
+    form = TUNING | {"cost": "settled", "limited": "", "field1": K}
+    study = read_study(form, load_preset("paper"))
+    found = study.job()(lambda share: None).result
+    task = Task("settled", THE_SERVER, tmp_path, working=False, result=found)
+    assert study.found(task).lines[-1] == ("Vibration below 1 % after (s)", "not settled", "not settled")
+    drawn = study.drawing(task)
+    assert drawn is not None
+    assert drawn["points"] == []
+    assert found.before.cost == pytest.approx(0.5), "the search takes it to be ten times the run's length"
+
+
 def test_too_many_studies_are_refused_and_cancelled_ones_end(server: FrontServer):
     long = SWEEP | {"count1": "30", "count2": "30", "high1": "0.55", "duration": "6"}
     most = sum(MOST_AT_ONCE[2:])

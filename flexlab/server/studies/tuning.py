@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from flexlab.analysis.metrics.metric import named
+from flexlab.analysis.metrics.run_metrics import value_text
 from flexlab.analysis.sweep.axes import Axis
-from flexlab.analysis.tuning import Cost, Tuning, parse_cost, tune
+from flexlab.analysis.tuning import Candidate, Cost, Tuning, parse_cost, tune
 from flexlab.errors import StudyError
 from flexlab.scenario import Scenario
 from flexlab.server.study import (
@@ -89,13 +90,15 @@ class TuningStudy(Study):
             return None
         columns = [named(name).number.column for name in (self.cost.names[0], FORCE)]
 
-        def point(numbers: dict[str, float]) -> tuple[float, ...] | None:
-            values = tuple(numbers.get(column.field, math.nan) for column in columns)
+        def point(candidate: Candidate) -> tuple[float, ...] | None:
+            if candidate.metrics is None:
+                return None
+            values = tuple(candidate.metrics[column.field] for column in columns)
             return values if all(map(math.isfinite, values)) else None
 
-        tried = [found for candidate in tuned.candidates if (found := point(candidate.numbers))]
+        tried = [found for candidate in tuned.candidates if (found := point(candidate))]
         titles = [column.label for column in columns]
-        before, after = point(tuned.before.numbers), point(tuned.best.numbers)
+        before, after = point(tuned.before), point(tuned.best)
         return {"points": tried, "before": before, "after": after, "titles": titles}
 
     def found(self, task: Task) -> Found:
@@ -109,7 +112,7 @@ class TuningStudy(Study):
         for name in self.cost.names:
             column = named(name).number.column
             before, after = (
-                number_text(candidate.numbers[name]) if candidate.numbers else "fails"
+                "fails" if candidate.metrics is None else value_text(column, candidate.metrics[name])
                 for candidate in (tuned.before, tuned.best)
             )
             limit = f", at most {number_text(self.cost.limits[name])}" if name in self.cost.limits else ""

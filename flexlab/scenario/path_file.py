@@ -15,6 +15,7 @@ from flexlab.files import check_ordinary
 from flexlab.own.files import path_kind
 from flexlab.scenario.scenario import Scenario, parse_scenario
 from flexlab.text import counted, typed_number, visible
+from flexlab.text_tables import cells, separator, table_lines
 
 COLUMNS = {"t": "time", "x": "length", "y": "length", "theta": "angle"}
 """Column → its quantity."""
@@ -67,10 +68,6 @@ def read_path_file(file: str | Path) -> tuple[tuple[float, float, float, float],
     return decoded_path(content, str(file))
 
 
-SEPARATOR = re.compile(r"\Asep=.*")
-"""The first line that tells Excel the separator."""
-
-
 def decoded_path(content: bytes, name: str) -> tuple[tuple[float, float, float, float], ...]:
     """As `read_path_file`, for the content of a file called `name`."""
     if len(content) > LONGEST_FILE:
@@ -79,8 +76,7 @@ def decoded_path(content: bytes, name: str) -> tuple[tuple[float, float, float, 
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise PresetError(f"{name} is not a text file in UTF-8: give a CSV file with the columns {HEADER}.") from None
-    text = SEPARATOR.sub("", text)
-    lines = [(number, line) for number, line in enumerate(_cells(text, name), 1) if any(cell.strip() for cell in line)]
+    lines = [(number, line) for number, line in _cells(text, name) if any(cell.strip() for cell in line)]
     if not lines:
         raise PresetError(f"{name} is empty: give a CSV file with the columns {HEADER}.")
     places = _columns(lines[0][1], name)
@@ -91,13 +87,15 @@ def decoded_path(content: bytes, name: str) -> tuple[tuple[float, float, float, 
     return tuple(rows)
 
 
-def _cells(text: str, name: str) -> Iterator[list[str]]:
-    first = text.lstrip().split("\n", 1)[0]
-    separator = max(",;\t", key=first.count)
+def _cells(text: str, name: str) -> Iterator[tuple[int, list[str]]]:
+    """The number of each line, and its cells, with points for decimal commas."""
+    lines = list(table_lines(text.splitlines()))
+    between = separator(lines[0][1]) if lines else ""
     try:
-        for line in csv.reader(text.splitlines(), delimiter=separator, strict=True):
-            # A comma that does not separate columns is a decimal comma.
-            yield line if separator == "," else [cell.replace(",", ".") for cell in line]
+        for number, line in lines:
+            for row in cells([line], between, strict=True):
+                # A comma that does not separate columns is a decimal comma.
+                yield number, row if between == "," else [cell.replace(",", ".") for cell in row]
     except csv.Error as error:
         raise PresetError(f"{name} is not a CSV file: {error}.") from None
 

@@ -287,6 +287,17 @@ def test_a_row_whose_time_does_not_rise_is_named_by_its_place_in_the_file(tmp_pa
         read_measured(file)
 
 
+@pytest.mark.parametrize("separator", [",", ";", "\t", " "])
+def test_the_names_that_savetxt_writes_as_a_remark_are_read(tmp_path: Path, separator: str):
+    """They were left out as a remark, and the file "begins with numbers"."""
+    t = np.arange(0, 0.4, 1e-3)
+    columns, names = np.column_stack([1e3 * t, 1e3 * ring(t, 44.0, 0.03, 1e-3)]), separator.join(("t [ms]", "y [mm]"))
+    np.savetxt(tmp_path / "mine.csv", columns, delimiter=separator, header=f"Recorded on Monday\n{names}")
+    measured = read_measured(tmp_path / "mine.csv")
+    np.testing.assert_allclose(measured.time, t, rtol=1e-14, atol=0)
+    np.testing.assert_allclose(measured.signal, columns[:, 1] / 1e3, rtol=1e-14, atol=0)
+
+
 def test_a_typographic_minus_sign_is_read(tmp_path: Path):
     """With this sign, all negative samples were left out."""
     file = write_signal(tmp_path / "set.csv", ring(np.arange(0, 0.4, 1e-3), 44.0, 0.03, 1e-3))

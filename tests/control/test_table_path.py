@@ -44,6 +44,13 @@ def test_decimal_commas_are_read_where_they_separate_no_columns(tmp_path: Path) 
     assert read_path_file(tmp_path / "excel.csv") == read_path_file(tmp_path / "point.csv")
 
 
+@pytest.mark.parametrize("separator", [",", ";", "\t", " "])
+def test_the_names_that_savetxt_writes_as_a_remark_are_read(tmp_path: Path, separator: str) -> None:
+    names = separator.join(("t [s]", "x [m]", "y [m]", "theta [rad]"))
+    np.savetxt(tmp_path / "path.csv", ROWS, delimiter=separator, header=f"Recorded on Monday\n{names}", fmt="%.17g")
+    np.testing.assert_array_equal(read_path_file(tmp_path / "path.csv"), ROWS)
+
+
 @pytest.mark.parametrize("ends", ["at rest", "free"])
 def test_a_table_is_the_quintic_spline_through_its_rows(ends: str):
     motion = build_trajectory(on_table(ends=ends))
@@ -98,6 +105,7 @@ WRONG = [
     ("t,x,y,theta\n" + 3_000_000 * "0,", "is too long: a path has 10000 rows at most"),
     ("t,x,y,theta\n0,0,0.75,0\n", "has 1 row below its header: a path needs 2 to 10000"),
     ("", "is empty"),
+    ("# made by me\n0,0,0.75,0\n1,0,0.75,0\n", "'0' is not a column of a path: name the columns t [s], x [m]"),
     (
         "t,x,y,theta\n0,0,0.75,0\n0.2,0,0.75,0\n0.1,0,0.75,0\n",
         "row 3: t = 0.1 s does not come after the 0.2 s of row 2",

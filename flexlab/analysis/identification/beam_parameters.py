@@ -16,6 +16,7 @@ from flexlab.errors import FlexlabError, StudyError
 from flexlab.files import check_ordinary
 from flexlab.scenario import Scenario
 from flexlab.text import counted, visible
+from flexlab.text_tables import cells, separator, table_lines
 
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "min": 60.0}
 """Unit → s."""
@@ -50,8 +51,8 @@ LARGEST_SIGNAL = 1e100
 def read_measured(path: Path, time: str | None = None, signal: str | None = None) -> Measured:
     """Two columns of a CSV file, named by `time` and `signal`, with a unit in brackets if the file does not give it.
 
-    "t [ms]" is the column `t` or `t [ms]`; None: the first and the second column. Lines that begin with # are skipped. Rows
-    without a number are left out and counted. Raises `StudyError`.
+    "t [ms]" is the column `t` or `t [ms]`; None: the first and the second column. Rows without a number are left out
+    and counted. Raises `StudyError`.
     """
     names, rows, comma = _read(path)
     if names and all(math.isfinite(_number(names, place, comma)) for place in range(len(names))):
@@ -112,13 +113,11 @@ def _read(path: Path) -> tuple[list[str], list[list[str]], bool]:
         if path.stat().st_size > LARGEST_FILE:
             raise StudyError(f"{path} is larger than {LARGEST_FILE // 1_000_000} MB: cut out what is to be fitted.")
         with path.open(encoding="utf-8-sig", newline="") as file:
-            # Excel takes a first line "sep=;" for a remark, too.
-            lines = (line for line in file if line.strip() and not line.startswith(("#", "sep=")))
+            lines = (line for _, line in table_lines(file))
             first = next(lines, "")
-            semicolons, tabs, commas = map(first.count, ";\t,")
-            dialect = ";" if semicolons > commas else "\t" if tabs > commas else ","
-            names = next(csv.reader([first], delimiter=dialect), [])
-            return [name.strip() for name in names], list(csv.reader(lines, delimiter=dialect)), dialect != ","
+            between = separator(first)
+            names = next(cells([first], between), [])
+            return [name.strip() for name in names], list(cells(lines, between)), between != ","
     except FileNotFoundError:
         raise StudyError(f"There is no file {path}: check the name.") from None
     except UnicodeDecodeError:

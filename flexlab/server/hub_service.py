@@ -24,6 +24,7 @@ from flexlab.server.auth import ELSEWHERE, is_from_elsewhere, refuse
 from flexlab.server.connections import Handler
 from flexlab.server.front_server import FrontServer, build_app
 from flexlab.server.labs.hub_labs import REPORTS, HubLabs
+from flexlab.server.limits import BusyError
 from flexlab.server.pages import teacher_page
 from flexlab.server.pages.templating import OF_HUB
 from flexlab.server.settings import SECRET_BYTES, Settings
@@ -67,9 +68,16 @@ class Hub:
         self._states: dict[str, None] = {}
 
     async def who(self, inside: aiohttp.ClientSession, token: str) -> dict[str, Any]:
-        """Ask the hub which user owns a token; empty if there is none."""
-        async with inside.get(f"{self._api}/user", headers={"Authorization": f"token {token}"}) as answer:
-            return await answer.json() if answer.status == 200 else {}
+        """Ask the hub which user owns a token; empty if there is none. Raises `BusyError` if the hub does not answer."""
+        return await self._ask(inside, "GET", "user", headers={"Authorization": f"token {token}"})
+
+    async def _ask(self, inside: aiohttp.ClientSession, method: str, what: str, **more: Any) -> dict[str, Any]:
+        """The hub's answer; empty if it refuses. Raises `BusyError`."""
+        try:
+            async with inside.request(method, f"{self._api}/{what}", **more) as answer:
+                return await answer.json() if answer.status == 200 else {}
+        except (aiohttp.ClientError, TimeoutError):
+            raise BusyError("The hub does not answer: try again in a moment.") from None
 
     def may_teach(self, user: dict[str, Any]) -> bool:
         """Whether the hub's administrator lets a user use this service."""
@@ -120,8 +128,7 @@ class Hub:
             "code": request.query.get("code", ""),
             "redirect_uri": self.prefix + CALLBACK,
         }
-        async with inside.post(f"{self._api}/oauth2/token", data=words) as told:
-            token = (await told.json()).get("access_token", "") if told.status == 200 else ""
+        token = (await self._ask(inside, "POST", "oauth2/token", data=words)).get("access_token", "")
         if not self.may_teach(await self.who(inside, token)):
             return refuse(request, 403, "The hub does not let you use this page: ask its administrator.")
         word = secrets.token_urlsafe(SECRET_BYTES)

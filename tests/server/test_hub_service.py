@@ -54,21 +54,24 @@ class StandIn(BaseHTTPRequestHandler):
         """Nobody needs a line per request."""
 
 
+def environment_of(hub: int, port: int) -> dict[str, str]:
+    """The environment in which a hub, given by its port, starts the service on a port."""
+    return {
+        "JUPYTERHUB_API_TOKEN": "secret",
+        "JUPYTERHUB_API_URL": f"http://127.0.0.1:{hub}/hub/api",
+        "JUPYTERHUB_CLIENT_ID": "service-flexlab",
+        "JUPYTERHUB_SERVICE_URL": f"http://127.0.0.1:{port}",
+        "JUPYTERHUB_SERVICE_PREFIX": f"{PREFIX}/",
+        "JUPYTERHUB_OAUTH_ACCESS_SCOPES": '["access:services", "access:services!service=flexlab"]',
+        "JUPYTERHUB_BASE_URL": "/",
+    }
+
+
 @pytest.fixture
 def service() -> Iterator[FrontServer]:
     with ThreadingHTTPServer(("127.0.0.1", 0), StandIn) as hub:
         threading.Thread(target=hub.serve_forever, args=(0.05,), daemon=True).start()
-        [port] = free_ports(1)
-        environment = {
-            "JUPYTERHUB_API_TOKEN": "secret",
-            "JUPYTERHUB_API_URL": f"http://127.0.0.1:{hub.server_port}/hub/api",
-            "JUPYTERHUB_CLIENT_ID": "service-flexlab",
-            "JUPYTERHUB_SERVICE_URL": f"http://127.0.0.1:{port}",
-            "JUPYTERHUB_SERVICE_PREFIX": f"{PREFIX}/",
-            "JUPYTERHUB_OAUTH_ACCESS_SCOPES": '["access:services", "access:services!service=flexlab"]',
-            "JUPYTERHUB_BASE_URL": "/",
-        }
-        with open_hub_service(environment) as opened:
+        with open_hub_service(environment_of(hub.server_port, *free_ports(1))) as opened:
             yield opened
         hub.shutdown()
 
@@ -198,6 +201,17 @@ def test_a_lab_whose_line_broke_reports_again(monkeypatch: pytest.MonkeyPatch):
         return came
 
     assert asyncio.run(reports())[:2] == ["a lab", "a lab"]
+
+
+def test_a_hub_that_does_not_answer_is_said_not_to(caplog: pytest.LogCaptureFixture):
+    nobody, port = free_ports(2)
+    with open_hub_service(environment_of(nobody, port)) as service:
+        begun = parse_qs(urlsplit(ask(service.url, f"{PREFIX}/teacher").headers["Location"]).query)["state"][0]
+        back = ask(service.url, f"{PREFIX}/oauth_callback?state={begun}&code=teacher", cookies={STATE: begun})
+        reported = ask(service.url, f"{PREFIX}/labs", Authorization="token ann")
+        for answer in (back, reported):
+            assert (answer.status, "The hub does not answer" in answer.text) == (503, True)
+    assert not [record for record in caplog.records if record.exc_info]
 
 
 def test_without_a_hub_the_service_says_so(monkeypatch: pytest.MonkeyPatch):

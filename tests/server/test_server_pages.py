@@ -1,5 +1,6 @@
 """The pages of a server, requested without a browser."""
 
+import json
 import os
 import re
 import shutil
@@ -67,6 +68,17 @@ def test_a_link_loads_its_preset_and_the_same_link_again_does_not_restart_it(ope
     # Runs are recorded in order, a little behind the lab: once the third file is there, the earlier ones are too.
     wait_until(lambda: any(logs.glob("*-shared-scenario.rrd")), "the linked run is recorded")
     assert len(list(logs.glob("*-soft-beam.rrd"))) == 1, "the same preset asked for again does not start anew"
+
+
+def test_a_run_that_has_stopped_does_not_count_as_resumed(open_another: Callable[..., FrontServer]):
+    front_server = open_another()
+    far = load_preset("paper").replace({"trajectory.center": (0.0, 9.0, 0.0)})
+    ask(front_server.url, f"/lab/?scenario={encode_scenario(far)}")
+    [lab] = front_server.places.running()
+    wait_until(lambda: lab.status().state == "stopped", "the arms cannot reach the payload")
+    lab.visitors = 1
+    told = post(front_server.url, "/teacher/resume", {}, Accept="application/json")
+    assert json.loads(told.text) == {"sentence": "0 labs running again."}
 
 
 @pytest.mark.parametrize(

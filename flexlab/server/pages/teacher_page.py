@@ -191,9 +191,10 @@ async def pause(request: web.Request) -> web.StreamResponse:
 @ROUTES.post("/teacher/resume")
 async def resume(request: web.Request) -> web.StreamResponse:
     """Resume one lab, or all that somebody watches; the others wait until somebody comes back."""
-    places = await _tell(request, Hold(True), watched=True)
+    watched = await _tell(request, Hold(True), watched=True)
+    places = [place for place in watched if place.status().state != "stopped"]  # A run that failed needs a reset.
     nobody = "Nobody is watching: a lab resumes when somebody comes back to it."
-    return _answer(request, f"{_count(places)} running again." if places else nobody)
+    return _answer(request, f"{_count(places)} running again." if watched else nobody)
 
 
 async def _form(request: web.Request) -> Any:

@@ -197,6 +197,15 @@ def test_the_command_fits_the_last_tap_of_a_recording(flexlab_command: Command, 
     assert saved.payload.bending_stiffness == pytest.approx(63.0, rel=0.01)
 
 
+def test_a_ring_is_sought_before_the_end_that_is_given():
+    """It was sought after the run's last tap, or loudest ring, and there were no samples between that and the end."""
+    held = flexlab.load_preset("paper").replace({"trajectory.amplitude": (0.0, 0.0, 0.0), "initial.pose_rate": None})
+    taps = [(0.2, Tap(0.0, (0.0, 0.1))), (1.2, Tap(0.0, (0.0, 0.4)))]
+    run = flexlab.simulate(held, 1.5, 0.001, taps)
+    assert flexlab.fit(run, end=0.9).ring.start == pytest.approx(0.201)
+    assert flexlab.fit(run).ring.start == pytest.approx(1.201)
+
+
 @pytest.mark.parametrize(
     ("preset", "tap"), [("paper", None), ("paper", 0.6), ("gravity", 1.0), ("vibration-damping", 1.27)]
 )

@@ -23,7 +23,10 @@ GONE = 0.005
 def ring_of_run(
     recording: Recording, name: str = "vibration", start: float | None = None, end: float | None = None
 ) -> tuple[np.ndarray, np.ndarray, str]:
-    """(time s, signal, unit) of a free ring; `start` None: after the last tap, or from its beginning. Raises `StudyError`."""
+    """(time s, signal, unit) of a free ring up to `end`, s (None: of the run, or where it has faded). Raises `StudyError`.
+
+    `start`, s; None: after the last tap before the end, or from the ring's beginning.
+    """
     about = {**TABLE, **DERIVED}.get(name)
     if about is None or about.axes:
         usable = [other for other, signal in {**TABLE, **DERIVED}.items() if not signal.axes and other != "time"]
@@ -31,9 +34,11 @@ def ring_of_run(
     samples = recording.samples
     if len(samples) == 0:
         raise StudyError(f"{recording.path.stem} has no samples.")
-    taps = [event.time for event in recording.events if isinstance(event.command, Tap)]
+    until = np.inf if end is None else end
+    taps = [event.time for event in recording.events if isinstance(event.command, Tap) and event.time < until]
     if start is None:
-        start = taps[-1] if taps else float(samples.time[ring_begins(np.asarray(samples[name], float))])
+        seen = np.asarray(samples[name], float)[samples.time <= until]
+        start = taps[-1] if taps else float(samples.time[ring_begins(seen)])
     time, signal = _ring(samples, recording.events, name, start, end)
     if not len(time):
         raise StudyError(f"{recording.path.stem} has no samples after {start:g} s in which it rings freely.")

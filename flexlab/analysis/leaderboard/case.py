@@ -89,7 +89,7 @@ VIBRATION = Column("vibration", "Largest vibration", "vibration", "µm", 1e6)
 peak_error = partial(_score, peak_position_error, "max √(e_x² + e_y²)")
 rms_error = partial(_score, rms_position_error, "√(mean(e_x² + e_y²))")
 largest_vibration = partial(_score, metrics.peak_vibration, "max |w − w_qs| at mid-span", column=VIBRATION)
-settled = partial(_score, SettlingTime, "last t with |w − w_qs| > 1 % of its peak", floor=1e-3)
+settled = partial(_score, SettlingTime, "time up to the last |w − w_qs| > 1 % of its peak", floor=1e-3)
 peak_torque = partial(_score, metrics.peak_torque, "max |τ| of any joint")
 internal_force = partial(_score, metrics.rms_internal_force, "√(mean(F_1x² + F_1y²))")
 """Scores by their formulas, over a window, s, if one is given."""

@@ -19,7 +19,7 @@ from flexlab.sim.termination import pose_fault
 from flexlab.text import counted, number_text
 
 MOST_ROWS = 16
-"""Largest number of rows in a printed table: faster poles decay before anybody sees them."""
+"""Largest number of rows in a printed table, unless more poles grow: faster poles decay before anybody sees them."""
 
 
 class PoleRow(NamedTuple):
@@ -75,13 +75,14 @@ def _pole_lines(modes: "Modes") -> list[str]:
     if not everything:
         return [f"{head}: none"]
     rows = [("f (Hz)", "ζ (%)", "rate (1/s)", "", "of")]
-    for row in everything[:MOST_ROWS]:
+    most = max(MOST_ROWS, sum(row.verdict == "grows" for row in everything))
+    for row in everything[:most]:
         frequency = f"{row.frequency:.2f}" if row.frequency else "–"
         verdict = row.verdict.upper() if row.verdict == "grows" else row.verdict
         rows.append((frequency, f"{100 * row.damping_ratio:.3g}", f"{row.rate:+.4g}", verdict, row.origin))
     lines = [head, "", *_aligned(rows, 3)]
-    if len(everything) > MOST_ROWS:
-        lines.append(f"… and {counted(len(everything) - MOST_ROWS, 'faster one')}, none of which grows")
+    if len(everything) > most:
+        lines.append(f"… and {len(everything) - most} more, none of which grows")
     if modes.unstable:
         lines += ["", f"UNSTABLE: small motions grow at {number_text(modes.growth, 3)} 1/s."]
     return lines

@@ -325,6 +325,15 @@ def test_modes_print_as_a_table():
     assert re.search(r"^ +2 +197\.25 .* 0\.0 +62\.5$", quiet, re.MULTILINE), "6/π² of its inertia turns"
 
 
+def test_all_growing_poles_are_in_the_table():
+    """It ended after sixteen, and said that none of the others grows."""
+    gains = {"controller.lateral_vibration_gain": 1000.0, "controller.angular_vibration_gain": 3e4}
+    found = modes(fine().replace({"payload.element_count": 20, **gains}))
+    growing = sum(row.rate > NEUTRAL for row in found.pole_rows())
+    assert str(found).count("GROWS") == growing > 16
+    assert f"… and {len(found.pole_rows()) - growing} more, none of which grows" in str(found)
+
+
 @pytest.mark.parametrize("pose", [(0.0, 9.0, 0.0), (0.0, float("nan"), 0.0), (1.0, 2.0), "up"])
 def test_poses_out_of_reach_are_refused_in_a_sentence(pose):
     with pytest.raises(StudyError, match=r"reach|three numbers"):

@@ -262,7 +262,7 @@ def test_estimates_that_nothing_changes_keep_their_start_while_an_observer_settl
     if slow == "regressor-adaptive":
         changes["controller.slow.initial_estimate_factor"] = 1.0
     scenario = load_preset("composite").replace(changes)
-    found, run = modes(scenario).linearization, simulate(scenario, 2.0)
+    found, run = linear_of(modes(scenario)), simulate(scenario, 2.0)
     rest, start = found.rest.memory, found.probe.start_memory
     kept = 3 if slow == "adaptive-sliding-mode" else 8
     np.testing.assert_array_equal(rest[:kept], start[:kept])

@@ -1,5 +1,6 @@
 """The scenario's files: the preset menu, own presets, download, upload, link."""
 
+import html
 import re
 import unicodedata
 from collections.abc import Callable
@@ -169,7 +170,7 @@ class ScenarioFiles:
         table = changes_table(*key, "changed, not saved", name, "now")
         self._changes.content = f'<div class="fl">{table or f"As in {name}: nothing is changed."}</div>'
         if self._link is not None:
-            address = escaped(self._link(lab_state.to_keep))
+            address = html.escape(self._link(lab_state.to_keep))  # Whole, however long.
             shown = (
                 f'This scenario in another browser (click, then copy):<div class="fl-code" tabindex="0">{address}</div>'
             )

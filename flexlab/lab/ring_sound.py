@@ -55,7 +55,9 @@ class Tones:
             beam = build_beam(payload)
         order = np.argsort(beam.modes.omega)
         omega = np.asarray(beam.modes.omega)[order]
-        self.factor = heard_factor(float(omega[0]) / (2 * np.pi))
+        self.first = float(omega[0]) / (2 * np.pi)
+        """Frequency of the first mode, Hz, at the payload's mass at the start."""
+        self.factor = heard_factor(self.first)
         kept = order[: min(int(np.searchsorted(omega, 2 * np.pi * TOP / self.factor)), MOST_TONES)]
         self.omega = np.asarray(beam.modes.omega)[kept]
         shapes = beam.modes.V[:, kept]
@@ -95,8 +97,9 @@ class RingSound:
             self._tones = Tones(payload)
         tones, runs = self._tones, snapshot.playing and not snapshot.waiting
         found = tones.amplitudes(self._look_back.recent(tones.window)) if runs else np.zeros(len(tones.omega))
+        factor = tones.factor * snapshot.first_frequency / tones.first  # Filling the payload lowers all modes alike.
         heard = [
-            [round(tones.factor * omega / (2 * math.pi), 2), round(loudness(amplitude), 4)]
+            [round(factor * omega / (2 * math.pi), 2), round(loudness(amplitude), 4)]
             for omega, amplitude in zip(tones.omega.tolist(), found.tolist(), strict=True)
         ]
         self._count += 1

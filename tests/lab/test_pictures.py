@@ -1,5 +1,9 @@
 """What is drawn is true: strain, reach, held points, the spectrum, the Lyapunov function and kept runs."""
 
+import html
+import json
+import re
+
 import numpy as np
 import pytest
 from lab_page import wait_until
@@ -7,6 +11,7 @@ from raw_browser import RawBrowser
 
 from flexlab.analysis.lesson_measures import amplitude_spectrum
 from flexlab.analysis.lyapunov import tracking_energy
+from flexlab.analysis.modes import modes
 from flexlab.errors import LabError
 from flexlab.lab.panel.number_control import Scale
 from flexlab.lab.panel.sections import three_valued
@@ -238,3 +243,21 @@ def test_a_limit_moves_in_its_chart_which_is_not_drawn_anew(session: Session) ->
         session.lab_state.change({"controller.boundary_layer": 0.05})
         wait_until(lambda: np.allclose(chart._handle.data[4], 0.05), "it also moves while time stands still")
         assert chart in session._plots._every()
+
+
+def test_spectrum_and_sound_have_the_frequencies_of_the_present_mass_of_a_payload_that_is_filled() -> None:
+    change = {"factor": 4.0, "begin": 0.1, "duration": 0.1}
+    scenario = load_preset("paper").replace({f"payload.mass_change.{name}": value for name, value in change.items()})
+    empty = modes(scenario).frequency[:3]
+    with Session(scenario, "paper", shadows=False) as lab, RawBrowser(lab):
+
+        def marks() -> np.ndarray:
+            hertz, _, strokes = lab._plots._spectrum._handle.data
+            return hertz[np.isfinite(strokes)][::2]
+
+        np.testing.assert_allclose(marks(), empty, rtol=1e-6)
+        wait_until(lambda: np.allclose(marks(), empty / 2, rtol=1e-6), "the marks follow the mass")
+        lab._sound.update(lab.runner.snapshot)
+        (told,) = re.findall('data-tones="(.*)"', lab._sound._mark.content)
+        sound = json.loads(html.unescape(told))
+        np.testing.assert_allclose([hertz for hertz, _ in sound["tones"]][:3], sound["factor"] * empty / 2, rtol=1e-4)

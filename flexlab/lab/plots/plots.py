@@ -23,7 +23,7 @@ from flexlab.lab.view_settings import ViewSettings
 from flexlab.lab.viser_internals import send_plot_data, widget_uuid
 from flexlab.lab.widgets import LAST, put
 from flexlab.lapack import one_blas_thread
-from flexlab.scenario import Scenario
+from flexlab.scenario import Payload, Scenario
 from flexlab.sim.build import build_beam
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Samples
@@ -77,10 +77,9 @@ class Spectrum:
     """A chart of amplitude over frequency, made in the open GUI container."""
 
     def __init__(self, gui: viser.GuiApi, scenario: Scenario):
-        self._scenario: Scenario | None = None
-        self._marks = np.zeros(0)
+        self._payload: Payload | None = None
         self._top = Range(LOWEST_TOP, PATIENCE)
-        self._mark_modes(scenario)
+        self._mark_modes(scenario.payload)
         series = (
             uplot.Series(label="f (Hz)"),
             signal_series("vibration (µm)", colors.VIOLET) | {"spanGaps": True},
@@ -102,24 +101,25 @@ class Spectrum:
         """Clear the chart for a new run."""
         send_plot_data(self._handle, self._data(None))
 
-    def update(self, scenario: Scenario, samples: Samples) -> None:
-        """Show the spectrum of `samples`."""
-        self._mark_modes(scenario)
-        modes = _series_of_modes(scenario)
+    def update(self, snapshot: Snapshot, samples: Samples) -> None:
+        """Show the spectrum of `samples`, with the modes of the snapshot's beam at its present mass."""
+        self._mark_modes(snapshot.scenario.payload, snapshot.first_frequency)
+        modes = _series_of_modes(snapshot.scenario)
         if self._handle.series[-1] != modes:
             self._handle.series = (*self._handle.series[:-1], modes)
         send_plot_data(self._handle, self._data(samples))
 
-    def _mark_modes(self, scenario: Scenario) -> None:
-        if self._scenario is not None and self._scenario.payload == scenario.payload:
-            return
-        self._scenario = scenario
-        with one_blas_thread():
-            omega = build_beam(scenario.payload).modes.omega
-        self._marks = np.sort(omega)[:SHOWN_MODES] / (2 * np.pi)
-        highest = 1.15 * self._marks[-1] if len(self._marks) else np.inf
+    def _mark_modes(self, payload: Payload, first: float | None = None) -> None:
+        """Mark the payload's modes; `first`: the first one's frequency at the present mass, Hz, which lowers all alike."""
+        if payload != self._payload:
+            self._payload = payload
+            with one_blas_thread():
+                omega = build_beam(payload).modes.omega
+            self._modes = np.sort(omega)[:SHOWN_MODES] / (2 * np.pi)
+        factor = 1.0 if first is None else first / self._modes[0]
+        highest = 1.15 * max(1.0, factor) * self._modes[-1]
         self._highest = float(min(highest, 0.5 / TICK))
-        self._marks = self._marks[self._marks < self._highest]
+        self._marks = factor * self._modes[factor * self._modes < self._highest]
 
     def _data(self, samples: Samples | None) -> tuple[np.ndarray, ...]:
         grid, line = np.linspace(0, self._highest, POINTS), np.full(POINTS, np.nan)
@@ -206,12 +206,12 @@ class Plots:
         if missing > 0 or any(moved) or opened != self._opened:
             just_opened = self._spectrum_is_open(opened) and not self._spectrum_is_open(self._opened)
             self._opened = opened
-            self._show(recent, scenario, window, just_opened)
+            self._show(recent, snapshot, window, just_opened)
 
     def _spectrum_is_open(self, opened: Mapping[str, tuple[float, float]] | None) -> bool:
         return opened is None or self._spectrum.uuid in opened
 
-    def _show(self, recent: Recent, scenario: Scenario, window: float, spectrum: bool) -> None:
+    def _show(self, recent: Recent, snapshot: Snapshot, window: float, spectrum: bool) -> None:
         """Send only the charts that are on a screen: hidden ones would be most of the page's traffic."""
         self._count += 1
         for chart in self._every():
@@ -220,7 +220,7 @@ class Plots:
             elif chart.uuid in self._opened:
                 chart.show(self._opened[chart.uuid])
         if spectrum or (self._count % SPECTRUM_EVERY == 0 and self._spectrum_is_open(self._opened)):
-            self._spectrum.update(scenario, recent(window))
+            self._spectrum.update(snapshot, recent(window))
 
     def _every(self) -> list[Chart]:
         return [chart for charts in self._charts for chart in charts]

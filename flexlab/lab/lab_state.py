@@ -34,6 +34,9 @@ NOTICE_TIME = 12.0
 SEEN_AT_ONCE = 0.3
 """Time over which the largest deflection counts as the present one, simulated s: a period of the softest beam offered."""
 
+BY_UNDO = "Undo (Ctrl+Z) goes back."
+"""The way back from a preset or file that somebody has opened."""
+
 BY_PERSON: ContextVar[bool] = ContextVar("by_person", default=False)
 """Whether a person at the page makes the request: the teacher's lock binds only them."""
 
@@ -195,11 +198,11 @@ class LabState:
 
     def undo(self) -> None:
         """Undo the last change; raises `LabError` if there is none."""
-        self._step(self._undo.back, "There is nothing to undo.")
+        self._step(self._undo.back, "There is nothing to undo.", "Redo (Ctrl+Shift+Z) goes back.")
 
     def redo(self) -> None:
         """Redo the last undone change; raises `LabError` if there is none."""
-        self._step(self._undo.forward, "There is nothing to redo.")
+        self._step(self._undo.forward, "There is nothing to redo.", BY_UNDO)
 
     def back_to_baseline(self) -> None:
         """Discard all changes of the preset or file, and start a new run of it."""
@@ -282,7 +285,7 @@ class LabState:
         if self.rules.locked and BY_PERSON.get():
             raise LabError(LOCKED)
 
-    def _step(self, move: Callable[[Settings], Settings | None], otherwise: str) -> None:
+    def _step(self, move: Callable[[Settings], Settings | None], otherwise: str, way_back: str) -> None:
         self._check_lock()
         with self.lock:
             present = self._settings
@@ -292,13 +295,13 @@ class LabState:
             if dataclasses.replace(wanted, scenario=present.scenario) == present:
                 self._send(wanted, changes_towards(present.scenario, wanted.scenario))
             else:
-                self._start(wanted)
+                self._start(wanted, way_back)
 
     def _send(self, settings: Settings, changes: Mapping[str, Any]) -> None:
         self._settings = settings
         self._ask(ChangeScenario(dict(changes)))
 
-    def _start(self, settings: Settings) -> None:
+    def _start(self, settings: Settings, way_back: str = BY_UNDO) -> None:
         self._settings, self._run_name = settings, settings.name
         self._slow = SlowChanges(self._change_slowly, self.warn)
         self.pulled = None
@@ -307,9 +310,7 @@ class LabState:
         self._ask(LoadScenario(settings.scenario, settings.name, settings.origin))
         self._let_go_of(settings.origin)
         if BY_PERSON.get() and self.company() > 1:
-            self.say(
-                f'Somebody in this lab opened "{settings.scenario.title or settings.name}". Undo (Ctrl+Z) goes back.'
-            )
+            self.say(f'Somebody in this lab opened "{settings.scenario.title or settings.name}". {way_back}')
 
     def _let_go_of(self, origin: Origin | None) -> None:
         """End a pull that was active at `origin`: nobody holds it now, and no arrow would show it."""

@@ -22,5 +22,11 @@ def test_opening_another_preset_is_announced_only_if_others_share_the_lab(sessio
             wait_until(lambda: SAID in lab_state.notice.text, "the other is told", 60)
             title = load_preset("paper").title
             assert lab_state.notice.text == f'{SAID} "{title}". Undo (Ctrl+Z) goes back.'
+            browser.update(widget(session, "Undo"), {"value": True})
+            title = load_preset("smooth-start").title
+            told = f'{SAID} "{title}". Redo (Ctrl+Shift+Z) goes back.'
+            wait_until(lambda: lab_state.notice.text == told, "the others hear how to go back", 60)
+            browser.update(widget(session, "Redo"), {"value": True})
+            wait_until(lambda: "Undo (Ctrl+Z) goes back" in lab_state.notice.text, "and again", 60)
     lab_state.undo()
     wait_until(lambda: session.runner.snapshot.name == "smooth-start", "what was open before is open again", 60)

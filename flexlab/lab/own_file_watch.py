@@ -88,8 +88,10 @@ class OwnFileWatch:
             source = new.model.model_fields["source"].default
             hosts.stop_loading(str(file), source)
             title, stopped = f"{kinds.registry.what} {new.kind}", lab_state.snapshot.status.failed
-            if present.kind != new.kind or getattr(present, "source", "") == source:
+            if present.kind != new.kind:
                 told = f"the {title} is new."
+            elif getattr(present, "source", "") == source:
+                told = f"the {title} has not changed."
             elif isinstance(new, PythonLaw) and not (
                 isinstance(old, PythonLaw) and old.declaration == new.declaration and new.declaration.goes_on
             ):

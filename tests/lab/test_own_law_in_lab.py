@@ -31,6 +31,11 @@ def test_a_saved_law_acts_at_once_and_one_that_cannot_be_read_changes_nothing(tm
         wait_until(lambda: "line 1" in lab.lab_state.notice.text, "the sentence about the new text")
         assert str(tmp_path) not in lab.lab_state.notice.text, "visitors need not see where the file lies"
         assert lab.runner.snapshot.latest["push"][0] == 17.0
+        file.write_text(PD.replace("self.push = common[0]", "self.push = 17.0"))
+        wait_until(
+            lambda: lab.lab_state.notice.text == f"mine.py was saved: the control law {law.kind} has not changed.",
+            "it says so",
+        )
         file.write_text(
             PD.replace("low=0, high=1e5", "low=0, high=2e5").replace("self.push = common[0]", "self.push = 18.0")
         )

@@ -212,17 +212,22 @@ class Recorder:
             self._run.write_shown(join_blocks(blocks), *zip(*speeds, strict=True))
 
     def _end(self, status: Status, dropped: int) -> None:
-        if self._run is None or self._file is None:
+        run, file, live = self._run, self._file, self._live
+        if run is None or file is None:
             return
-        self._write()
-        self._run.end(status, dropped)
-        path = self._file.close({**self._circumstances(), **self._run.summary(status, dropped)})
-        if self._live is not None:
-            self._push_live()
-            self._live.close()
-        self._run = self._file = self._live = None
-        if path is not None:
-            self._finisher.add(path)
+        notes: dict[str, Any] = {}
+        try:
+            self._write()
+            run.end(status, dropped)
+            notes = {**self._circumstances(), **run.summary(status, dropped)}
+        finally:  # Whatever fails, the file is closed, and the next run is recorded.
+            path = file.close(notes)
+            if live is not None:
+                self._push_live()
+                live.close()
+            self._run = self._file = self._live = None
+            if path is not None:
+                self._finisher.add(path)
 
     def _report(self, text: str) -> None:
         """Report a problem that concerns no file, once, and keep it until the next run."""

@@ -3,11 +3,13 @@
 import threading
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from recording_helpers import assert_same_bits, drawn_beam, wait_until
 
+from flexlab.analysis.run_summary import MetricNotes
 from flexlab.presets import load_preset
 from flexlab.recording.reader import read_recording
 from flexlab.recording.recorder import Recorder
@@ -62,6 +64,29 @@ def test_a_session_leaves_one_complete_file_per_run(tmp_path: Path, clock: Clock
     assert any("soft-beam-2" in path.name for path in list_runs(tmp_path))
     for run in runs:
         np.testing.assert_array_equal(run.samples.time, np.arange(len(run.samples)) * 0.001)
+
+
+def test_a_run_whose_metrics_fail_is_whole_and_the_next_one_is_recorded(tmp_path: Path, clock: Clock) -> None:
+    class Failing(MetricNotes):
+        def result(self, status: Status) -> dict[str, Any]:
+            raise ZeroDivisionError("division by zero")
+
+    made, told = [Failing, MetricNotes], list[str]()
+    recorder = Recorder(
+        tmp_path, on_problem=told.append, start_notes=lambda name, scenario: made.pop(0)(name, scenario)
+    )
+    runner = Runner(load_preset("paper"), "first", [recorder], clock=clock)
+    drive(runner, clock, 0.2)
+    runner.submit(LoadScenario(load_preset("paper"), "second"))
+    drive(runner, clock, 0.3)
+    runner.stop()
+    recorder.close(finishing_time=60)
+    runs = {run.name: run for run in map(read_recording, list_runs(tmp_path))}
+    assert {name: run.status for name, run in runs.items()} == {"first": "finished", "second": "finished"}
+    assert len(runs["first"].samples) == 201
+    assert len(runs["second"].samples) > 200
+    assert told == ["The recorder failed (ZeroDivisionError: division by zero)."]
+    assert [read_notes(runs[name].path).get("metrics") is None for name in ("first", "second")] == [True, False]
 
 
 def test_every_sample_is_recorded_and_a_world_reproduces_it(tmp_path: Path, clock: Clock) -> None:

@@ -115,11 +115,12 @@ def _numbers(what: str, given: Sequence[str] | Mapping[str, float], default: flo
         texts = [word.strip() for text in ([given] if isinstance(given, str) else given) for word in text.split(",")]
         pairs = [tuple(part.strip() for part in text.partition("=")[::2]) for text in texts if text]
     found: dict[str, float] = {}
-    for name, value in pairs:
+    for word, value in pairs:
         try:
-            named(name)
+            metric = named(word).number
         except StudyError as error:
             raise StudyError(f"{what}: {error}") from None
+        name = word if word == metric.name else metric.column.field  # In place of a title with its unit.
         try:
             number = default if value == "" else float(value)
         except (TypeError, ValueError, OverflowError):

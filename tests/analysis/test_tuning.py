@@ -76,6 +76,8 @@ def test_a_scenario_that_fails_as_it_is_and_a_list_to_search_are_refused():
     out_of_reach, stiffness = PAPER.replace({"trajectory.center": (0, 1.6, 0)}), parse_axes([f"{EI}=50:100"], PAPER)
     with pytest.raises(StudyError, match=r"The scenario fails as it is: .*reach"):
         tune(out_of_reach, stiffness, parse_cost("rms-y"), duration=0.1)
+    titled = parse_cost({"RMS error y [mm]": 2.0, "Peak vibration (mm)": 1.0})  # A tuning with one raised KeyError.
+    assert titled == parse_cost("rms-y=2,vibration")
     with pytest.raises(StudyError, match="cost: rms-y=0 is not usable: give a number above 0"):
         parse_cost({"rms-y": 0})
     assert math.isnan(parse_cost("rms-y").of(None))

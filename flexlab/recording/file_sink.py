@@ -221,6 +221,7 @@ class FileSink:
                 if self._has_gaps or self._parts > 1 or self._writer.given_up or self.problem is not None:
                     self._writer.stream.log(PROPERTIES + GAPS, rr.AnyValues(**checked({GAPS: 1})))
                 self._writer.close(self._refusal)
+                self.problem = None  # What waited has found room.
         except RecordingError as error:
             self._fail(error)
         writer, self._writer = self._writer, None

@@ -17,11 +17,13 @@ from recording_helpers import assert_same_bits, start_script, wait_until
 from flexlab.analysis.replay import replay
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
+from flexlab.recording.file_sink import FileSink
 from flexlab.recording.headless import HeadlessRecording, write_run
 from flexlab.recording.reader import read_recording
 from flexlab.recording.recorder import Recorder
 from flexlab.recording.repair import Mending, finish
 from flexlab.recording.rerun_internals.rrd_file import has_footer
+from flexlab.recording.run_encoder import RunEncoder
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.run_files import (
     check_folder,
@@ -32,6 +34,7 @@ from flexlab.recording.store.run_files import (
     newest_run,
     run_state,
 )
+from flexlab.recording.store.run_index import read_row
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Run
 from flexlab.sim.world import World
@@ -310,6 +313,25 @@ def test_a_file_that_cannot_grow_for_a_while_is_reported_and_loses_nothing(when:
     assert replay(found).identical
     if when == "later":
         np.testing.assert_array_equal(found.samples.time, np.arange(len(found.samples)) * 0.001)
+
+
+def test_a_run_for_which_there_is_room_again_as_it_ends_does_not_break_off(run: Run, tmp_path: Path) -> None:
+    info, told, refusals = RunInfo("paper", run.scenario), list[str](), ["", "The space is full."]
+    file = FileSink(tmp_path, info, told.append, lambda size: refusals[0])
+    encoder = RunEncoder(info, [file])
+    encoder.write_samples(run.slice(0, 500))
+    file.keep_up(0.0)
+    refusals.reverse()
+    encoder.write_samples(run.slice(500, len(run)))
+    file.keep_up(0.1)
+    assert told == ["The space is full. This run is not being recorded until that is mended."]
+    refusals.reverse()
+    encoder.end(run.status)
+    path = file.close(encoder.summary(run.status, 0))
+    assert path is not None
+    assert_same_bits(read_recording(path).samples, run)
+    row = read_row(path)
+    assert (row.breaks_off, row.status, row.duration) == ("", "finished", 1.0)
 
 
 @pytest.fixture

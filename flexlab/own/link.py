@@ -148,7 +148,9 @@ class Link:
 
     def ask(self, at: Measurement, kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The inputs (arms, 3), N, N, N·m, and the memory that the program wants kept, (16,)."""
-        if at.time == 0.0 and self._has_ended():
+        if problem := self._unfit():
+            if at.time > 0.0:
+                raise self._problem(problem)
             self._connect()  # The program was restarted between two runs.
         asked = {name: getattr(at, name) for name in ASKS} | {"memory": kept}
         plain = {name: one.tolist() if isinstance(one, np.ndarray) else one for name, one in asked.items()}
@@ -184,8 +186,7 @@ class Link:
     def _exchange(self, message: Any, decoder: Any, limit: float) -> Any:
         """Send a message and return the answer, which is due within `limit` s."""
         body, link = self._encode(message), self._socket
-        if link is None:
-            raise self._problem("the connection was closed")
+        assert link is not None
         end = time.monotonic() + limit
         try:
             link.settimeout(limit)
@@ -216,18 +217,18 @@ class Link:
             data += part
         return data
 
-    def _has_ended(self) -> bool:
-        """Whether the other end is closed or has sent a message unasked."""
+    def _unfit(self) -> str:
+        """Why nothing can be asked: the other end is closed, or its next message would answer an earlier one; empty if it can."""
         if self._socket is None:
-            return True
+            return "the connection was closed"
         try:
             self._socket.settimeout(0)
-            self._socket.recv(1, socket.MSG_PEEK)
+            more = self._socket.recv(1, socket.MSG_PEEK)
         except BlockingIOError:
-            return False
+            return ""
         except OSError:
-            pass
-        return True
+            more = b""
+        return "it sent more than one answer to a message" if more else "it closed the connection"
 
     def _numbers(self, name: str, given: Any, wanted: tuple[int, ...]) -> np.ndarray:
         shape = f"({', '.join(map(str, wanted))}{',' * (len(wanted) == 1)})"

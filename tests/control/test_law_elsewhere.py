@@ -230,6 +230,13 @@ def test_a_program_that_leaves_ends_the_run_and_may_serve_the_next_one(program: 
     assert len(World(scenario).advance(20)) == 20
 
 
+def test_a_second_answer_is_not_taken_for_that_to_the_next_message(program: Callable[..., Program]):
+    one = program(lambda at: packed({"inputs": at["weights"]}) * (2 if at["time"] > 0.005 else 1))
+    run = flexlab.simulate("gravity", 0.1, law=one.address)
+    assert len(run) < 20
+    assert f"{one.address}: it sent more than one answer to a message." in run.status.text
+
+
 def test_a_program_that_stops_answering_is_given_up_after_a_second(program: Callable[..., Program]):
     one = program(lambda at: {"inputs": at["weights"]} if at["time"] < 0.005 else b"")
     run = flexlab.simulate("gravity", 0.1, law=one.address)

@@ -376,6 +376,9 @@ noise of gauges that an observer reads: sim/sampled_control.py
 places at which a beam whose mesh changes is compared: sim/bumpless_transfer.py
     for p in (old, new)))
     for p in (new, new)))
+loss of a held beam: sim/advance.py
+    y[DISSIPATED] += before - unspent
+    y[DISSIPATED] -= before - unspent
 rate of a fast mode at a sample: sim/integrators/beam_flow.py
     rate[k] += late * (
     rate[k] += 0.5 * late * (

@@ -5,6 +5,7 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
+from scipy.integrate import simpson
 from scipy.linalg import eigh
 
 from flexlab.analysis.validation.check import (
@@ -199,6 +200,11 @@ def _pulled() -> Iterator[Check]:
         statement = f"a hand pulls {words}, {grips} grips: energy gained and lost = energy that its spring gives"
         yield below(statement, 1e-6, (gained + lost - given) / np.ptp(stored))
         yield below("and that is the work put in: relative error", 1e-6, (run.input_work - given) / np.ptp(stored))
+    world = World(load_preset("paper").replace({**LOOSE, "payload.damping.coefficient": DAMPING}), TICK / 20)
+    world.apply(HANDS["the beam"])
+    run = world.run(400)
+    lost = float(simpson(DAMPING * np.sum(run.beam_rates**2, axis=1), x=run.time))
+    yield close("the damping of a held beam takes ∫q̇ᵀDq̇ dt", lost, float(run.dissipated_energy[-1]), "J", 1e-5)
 
 
 def _held_point(scenario: Scenario, hand: Pull, run: Samples) -> np.ndarray:

@@ -13,7 +13,7 @@ from flexlab.sim.samples import Samples, join_blocks
 from flexlab.sim.snapshot import TICK
 
 LONGEST = 30.0
-"""Longest part of a run that is compared, s: the part that the engine keeps."""
+"""Longest part of a run that is compared, s; the engine keeps twice as much."""
 MOST_KEPT = 300.0
 """Longest part of a run that is kept, s, counted from its start: 180 MB."""
 
@@ -35,9 +35,10 @@ class ReferenceRun:
         return float(self.samples.time[0]), float(self.samples.time[-1])
 
     def at(self, time: float) -> Samples | None:
-        """The sample (N = 1) nearest to a simulation time, s, or None outside `span`."""
-        row = round((time - self.span[0]) / TICK)
-        return self.samples.slice(row, row + 1) if 0 <= row < len(self.samples) else None
+        """The sample (N = 1) nearest to a simulation time, s, or None outside `span` and where samples were not recorded."""
+        row = int(np.searchsorted(self.samples.time, time - TICK / 2))
+        found = self.samples.slice(row, row + 1)
+        return found if len(found) and found.time[0] <= time + TICK / 2 else None
 
 
 def keep_run(runner: Runner) -> ReferenceRun:

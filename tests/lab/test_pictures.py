@@ -173,6 +173,11 @@ def test_a_kept_run_is_read_by_time_and_compared_over_the_common_time(paper: Sam
     assert found.time[0] == pytest.approx(0.25)
     assert kept.at(0.05) is None
     assert kept.at(0.45) is None
+    gap = ReferenceRun("paper", scenario, paper.take(np.r_[100:200, 300:401]))
+    found = gap.at(0.35)
+    assert found is not None
+    assert found.time[0] == pytest.approx(0.35), "samples that were not recorded shift no others"
+    assert gap.at(0.25) is None
     rows, (first, last) = common_metrics(kept, paper.slice(0, 301))
     assert (first, last) == pytest.approx((0.1, 0.3))
     np.testing.assert_array_equal(*zip(*((old.value, new.value) for old, new in rows), strict=True))

@@ -17,7 +17,7 @@ from flexlab.lab.widgets import Widgets, put, table_html
 from flexlab.text import escaped, number_text
 
 LOOKED_BACK = 30.0
-"""Time in which a ring is looked for, s: all that a runner keeps."""
+"""Time in which a ring is looked for, s; a runner keeps twice as much."""
 SYMBOLS = {"lateral_vibration_gain": ("k_v", "1/(kg·s)"), "angular_vibration_gain": ("k_θ", "1/(kg·m²·s)")}
 
 

@@ -121,6 +121,14 @@ def test_a_saved_preset_is_titled_by_its_name_and_says_what_changed(
         wait_until(lambda: len(name.value) == 200, "the name is written")
         browser.update(save, {"value": True})
         wait_until(lambda: "cannot be a preset's name: use 1 to 40 characters" in lab.notice.text, "it is refused")
+        words = widget(session, "What to watch")
+        browser.update(name, {"value": "Third"})
+        browser.update(words, {"value": "w" * 1201})
+        wait_until(lambda: name.value == "Third" and words.value, "name and words are written")
+        browser.update(save, {"value": True})
+        told = "What to watch has 1201 characters: at most 1200 fit."
+        wait_until(lambda: lab.notice.text == told, "it is refused, and not cut off")
+        assert not (tmp_path / "presets" / "third.json").exists()
 
 
 def test_a_path_from_a_file_is_followed_from_now_on_without_a_jump(session: Session) -> None:

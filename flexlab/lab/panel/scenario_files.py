@@ -178,15 +178,17 @@ class ScenarioFiles:
 
     def save(self) -> None:
         """Save under the name in the box."""
-        name, scenario = self.name.value, self._lab_state.to_keep
+        name, words, scenario = self.name.value, self.words.value.strip(), self._lab_state.to_keep
+        if len(words) > LONGEST_WORDS:
+            raise PresetError(f"What to watch has {len(words)} characters: at most {LONGEST_WORDS} fit.")
         if usable_stem(name) != self._lab_state.name:
             scenario = scenario.replace({"title": name})
             changed = told(differences(self._lab_state.baseline, self._lab_state.intended))
             changes = ", ".join(f"{field_title(path, scenario)} {value_text(new)}" for path, _, new in changed)
             if changes:
                 scenario = scenario.replace({"watch": f"From {self._lab_state.name}: {changes}."[:LONGEST_WORDS]})
-        if self.words.value.strip():
-            scenario = scenario.replace({"watch": self.words.value.strip()[:LONGEST_WORDS]})
+        if words:
+            scenario = scenario.replace({"watch": words})
         path = save_preset(scenario, name)
         self._lab_state.saved(scenario, path.stem)
         self._on_saved()

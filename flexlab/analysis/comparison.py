@@ -225,5 +225,7 @@ def _commands(recording: Recording) -> str:
 
 def _markdown(table: Table) -> str:
     heads, *rows = table
+    # Titles and names may hold line breaks and the sign between columns.
+    rows = [[" ".join(cell.split()).replace("|", "\\|") for cell in row] for row in rows]
     lines = [heads, ["---"] * len(heads), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)

@@ -141,6 +141,12 @@ def test_the_same_run_twice_differs_in_nothing(recording_file: Path) -> None:
     assert "same scenario" in compare([recording_file, recording_file]).text()
 
 
+def test_a_title_with_a_bar_and_a_line_break_stays_in_its_column(tmp_path: Path) -> None:
+    odd = load_preset("paper").replace({"title": "stiff | soft\nbeams"})
+    files = [flexlab.simulate(scenario, 0.01).save(tmp_path) for scenario in (odd, "paper")]
+    assert r"| 0.01 | stiff \| soft beams |" in compare(files).text()
+
+
 def test_time_is_counted_from_each_runs_first_sample(recording_file: Path, tmp_path: Path) -> None:
     world = World(load_preset("paper"))
     world.advance(250)

@@ -367,3 +367,16 @@ def test_a_run_deleted_before_a_task_reads_it_is_one_sentence(
         with pytest.raises(LabError, match=f"{recorded.stem} is not there any more: somebody has deleted or moved it"):
             asyncio.run(Tasks().run(THE_SERVER, work, *arguments))
     assert capfd.readouterr().err == ""
+
+
+def test_runs_are_tagged_all_or_none(open_another: Callable[..., FrontServer], recorded: Path, tmp_path: Path):
+    front_server = open_another()
+    runs = [Path(shutil.copy(recorded, tmp_path / "logs" / f"2025-01-01T12-00-0{k}-paper.rrd")) for k in range(2)]
+    write_notes(runs[1], tags=["x" * 190])
+    chosen = [("run", run.stem) for run in runs]
+    refused = post(front_server.url, "/runs/tag", [*chosen, ("tags", "a new word")])
+    said = f"No run was tagged: the tags of {runs[1].stem} would have 201 characters, and at most 200 fit."
+    assert (refused.status, said in refused.text) == (400, True)
+    assert not read_notes(runs[0]).get("tags")
+    assert post(front_server.url, "/runs/tag", [*chosen, ("tags", "new")]).status == 303
+    assert [read_notes(run)["tags"][-1] for run in runs] == ["new", "new"]

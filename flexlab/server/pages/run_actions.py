@@ -14,7 +14,7 @@ from aiohttp import hdrs, web
 from markupsafe import Markup
 
 from flexlab.errors import FlexlabError, LabError, RecordingError
-from flexlab.recording.store.run_index import RunRow, annotate_run, check_removable, delete_run, size_text
+from flexlab.recording.store.run_index import LONGEST_TAGS, RunRow, annotate_run, check_removable, delete_run, size_text
 from flexlab.server.auth import is_opened_by_person, refuse
 from flexlab.server.pages.lab_pages import enter_lab
 from flexlab.server.pages.templating import ALL_RUNS, message, page
@@ -226,8 +226,14 @@ async def tag(request: web.Request) -> web.StreamResponse:
     tags = str((await request.post()).get("tags", ""))
     if not tags.strip(" ,"):
         raise RecordingError("No tag was given: write one or more, separated by commas.")
-    for row in await _chosen(request):
-        await asyncio.to_thread(annotate_run, row, None, ",".join((*row.tags, tags)))
+    tagged = [(row, ",".join((*row.tags, tags))) for row in await _chosen(request)]
+    for row, words in tagged:  # Before the first one is changed.
+        if len(words) > LONGEST_TAGS:
+            raise RecordingError(
+                f"No run was tagged: the tags of {row.id} would have {len(words)} characters, and at most {LONGEST_TAGS} fit."
+            )
+    for row, words in tagged:
+        await asyncio.to_thread(annotate_run, row, None, words)
     raise web.HTTPSeeOther("/runs")
 
 

@@ -49,7 +49,7 @@ class ModeStudy:
         self._wanted: tuple | None = None
         self._wanted_since = self._not_before = float("-inf")
         self.result: Modes | None = None
-        """Modes of the scenario last computed; None before the first."""
+        """Modes of the scenario last computed; None before the first, and if there are none."""
         self.problem = ""
         """Why there is no result, as a sentence."""
         self.conditions: tuple[Condition, ...] = ()
@@ -94,7 +94,7 @@ class ModeStudy:
         self._not_before = now + PAUSE_SHARE * (now - begun)
 
     def _give_up(self, problem: str) -> None:
-        self.conditions, self.problem = (), problem
+        self.conditions, self.result, self.problem = (), None, problem
 
 
 def _key(scenario: Scenario) -> tuple:

@@ -5,7 +5,7 @@ import threading
 
 import pytest
 from lab_page import wait_until
-from raw_browser import RawBrowser, widget
+from raw_browser import RawBrowser, html_texts, widget
 
 from flexlab.analysis.modes import modes
 from flexlab.lab.mode_computation import ModeStudy
@@ -78,6 +78,29 @@ def test_the_modes_are_computed_anew_when_the_scenario_changes(change: dict):
     assert study.result is not before
     assert study.result is not None
     assert study.result.disk_margin is not None
+
+
+AROUND_THE_BASES = {
+    "trajectory.kind": "circle",
+    "trajectory.center": (0.0, 0.0, 0.0),
+    "trajectory.radius": 0.3,
+    "trajectory.frequency": 0.2,
+}
+"""A path whose centre the arms cannot reach, so that there is no rest point for modes."""
+
+
+def test_where_modes_cannot_be_computed_those_of_another_beam_are_not_shown(session: Session) -> None:
+    lab_state = session.lab_state
+    with RawBrowser(session) as browser:
+        wait_until(lambda: any("45.54" in text.content for text in html_texts(session)), "the modes are shown")
+        scenario = load_preset("paper").replace({**AROUND_THE_BASES, "payload.bending_stiffness": 10.0})
+        lab_state.load(scenario, "around")
+        why = "The left arm cannot reach the pose of the linearisation"
+        wait_until(lambda: any(why in text.content for text in html_texts(session)), "the panel says why not")
+        shown = [text.content for text in html_texts(session)]
+        assert not [text for text in shown if "45.54</td>" in text or "Computing" in text]
+        browser.update(widget(session, "Slow motion for it"), {"value": True})
+        wait_until(lambda: lab_state.notice.text.startswith(why), "so does the button")
 
 
 def test_while_a_slider_is_dragged_modes_are_computed_once_a_second():

@@ -61,18 +61,19 @@ class ModePanel:
                 put(self._animate, value=False)
         result = self._study.result
         pressed = snapshot.scenario.payload.axial_load != "none"
-        self._table.content = modes_html(result, pressed) if result is not None else '<div class="fl">Computing …</div>'
+        problem = self._study.problem
+        waits = "" if problem else '<div class="fl">Computing …</div>'
+        self._table.content = waits if result is None else modes_html(result, pressed)
         if self._awaited and result is not None:
             self._awaited = False
             self._show_chosen()
-        problem = self._study.problem
         self._problem.content = f'<div class="fl fl-bad">{escaped(problem)}</div>' if problem else ""
 
     def _chosen(self) -> int:
         """Index of the chosen mode; raises `LabError` if this mesh has no such mode."""
         result, index = self._study.result, int(self._choice.value) - 1
         if result is None:
-            raise LabError(STILL_COMPUTED)
+            raise LabError(self._study.problem or STILL_COMPUTED)
         if index >= len(result.frequency):
             has = counted(len(result.frequency), "mode")
             raise LabError(f"Mode {index + 1} needs a finer mesh: this one has {has}. Give it more elements.")
@@ -117,7 +118,7 @@ class ModePanel:
         scenario = self._lab_state.intended
         result = self._study.modes_of(scenario.payload)
         if result is None or index >= len(result.frequency):
-            raise LabError(STILL_COMPUTED)
+            raise LabError(self._study.problem or STILL_COMPUTED)
         shape = result.shape[:, index]
         size = START_SIZE * scenario.payload.length
         start = tuple(float(value) for value in shape * size / peak_deflection(scenario.payload, shape))

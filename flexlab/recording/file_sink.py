@@ -37,12 +37,15 @@ class RunWriter:
     def __init__(self, file: RunFile, info: RunInfo, in_one_piece: bool = False):
         """Begin the file with a description of the run.
 
-        `in_one_piece`: on systems with named pipes, rerun writes and finishes the file, which its tool then need not mend;
+        `in_one_piece`: where a named pipe can be made, rerun writes and finishes the file, which its tool then need not mend;
         only at the end is it known whether all of it is there. Raises `RecordingError`, and leaves no file, if that fails.
         """
         self.file = file
         self._bytes = RrdFile(file.handle)
-        self._pipe = Pipe(file.handle) if in_one_piece and hasattr(os, "mkfifo") else None
+        self._pipe = None
+        if in_one_piece and hasattr(os, "mkfifo"):
+            with contextlib.suppress(OSError):  # There may be no room for temporary files.
+                self._pipe = Pipe(file.handle)
         with contextlib.ExitStack() as undoing:
             undoing.callback(file.path.unlink, missing_ok=True)
             undoing.callback(file.release)

@@ -241,6 +241,15 @@ def test_a_run_that_is_lost_leaves_no_pipe_behind(tmp_path: Path, run: Run, monk
     assert list(place.iterdir()) == []
 
 
+def test_a_run_is_saved_where_no_temporary_files_can_be_made(
+    tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "full"))
+    recording = read_recording(write_run(run, tmp_path, "paper"))
+    assert recording.state == "complete"
+    assert_same_bits(recording.samples, run)
+
+
 def test_the_empty_file_of_a_killed_lab_is_removed_by_the_next_recorder(tmp_path: Path) -> None:
     assert start_script(KILLED_AT_ONCE, tmp_path).wait() < 0
     (path,) = list_runs(tmp_path)

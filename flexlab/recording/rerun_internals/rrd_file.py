@@ -87,11 +87,15 @@ class Pipe:
     """A named pipe into which rerun writes a file; a thread passes it on, and reads on when the disk takes no more."""
 
     def __init__(self, handle: IO[bytes]):
-        """`handle`: the file, open for writing, unbuffered."""
+        """`handle`: the file, open for writing, unbuffered. Raises OSError."""
         self._folder = tempfile.mkdtemp(prefix="flexlab-pipe-")
         self.path = Path(self._folder) / "run.rrd"
         """The path to which rerun writes."""
-        os.mkfifo(self.path)
+        try:
+            os.mkfifo(self.path)
+        except OSError:
+            os.rmdir(self._folder)
+            raise
         self._problem: OSError | None = None
         # Held open: if rerun failed before it opened its end, the reader would wait for it.
         self._end = os.open(self.path, os.O_RDWR | os.O_NONBLOCK)

@@ -1,7 +1,7 @@
 """The rows of a recording's entities, from a mended copy if the file is torn."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -59,13 +59,15 @@ def _in_order(path: Path, entity: str) -> Iterator[Row]:
 @contextmanager
 def _mended(path: Path) -> Iterator[Path]:
     """A whole copy of the file up to the tear. Raises `RecordingError` if nothing of the run can be read."""
-    with TemporaryDirectory(prefix="flexlab-") as folder:
-        copy = Path(folder) / path.name
+    with ExitStack() as closing:
         try:
+            folder = closing.enter_context(TemporaryDirectory(prefix="flexlab-"))
+            copy = Path(folder) / path.name
             found = Mending().rewrite(path, copy)
         except OSError as error:
             raise RecordingError(
-                f"{path} has no end, and a mended copy of it cannot be put into {folder} ({error.strerror}): make room."
+                f"{path} is torn, and a mended copy of it cannot be put among the temporary files ({error.strerror}): "
+                "make room there, or set TMPDIR to another folder."
             ) from None
         try:
             if found:

@@ -5,6 +5,7 @@ import os
 import shutil
 import signal
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from threading import Thread
@@ -102,6 +103,16 @@ def test_a_recording_is_mended_where_the_home_folder_cannot_be_written(
     monkeypatch.delenv("XDG_CONFIG_HOME", raising=False)
     finish(unfinished)
     assert run_state(unfinished) == "recovered"
+
+
+def test_a_torn_recording_says_that_its_mended_copy_needs_room(
+    unfinished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    os.truncate(unfinished, unfinished.stat().st_size - 5)
+    assert len(read_recording(unfinished).samples) == 1000
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "full"))
+    with pytest.raises(RecordingError, match=r"is torn, and a mended copy .* \(No such file or directory\): make room"):
+        read_recording(unfinished)
 
 
 def test_a_reader_of_a_file_is_not_taken_for_its_writer_and_does_not_prevent_mending(

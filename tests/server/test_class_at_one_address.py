@@ -198,20 +198,29 @@ def test_only_the_first_parts_of_an_upload_are_read(front_server: FrontServer):
 
 CRAMPED = """
 import asyncio, os, resource
+from pathlib import Path
 from flexlab.errors import LabError
-from flexlab.server.limits import THE_SERVER
+from flexlab.presets import load_preset
+from flexlab.server.labs.lab_provider import Choice, Order
+from flexlab.server.labs.per_visitor import PrivateLabs
+from flexlab.server.limits import THE_SERVER, Visitor
+from flexlab.server.settings import Settings
 from flexlab.server.tasks import Tasks, OUT_OF_MEMORY
 
 async def main():
     tasks = Tasks()
+    order = Order(Choice(load_preset("paper"), "paper"), Path("logs"), "")
+    labs, anna = PrivateLabs(Settings(private=True, max_sessions=1), order), Visitor("anna")
     await asyncio.to_thread(int)
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (len(os.listdir("/proc/self/fd")) + 1, hard))
-    try:
-        await tasks.run(THE_SERVER, abs, -1)
-    except LabError as error:
-        print(error)
+    for work in (tasks.run(THE_SERVER, abs, -1), labs.enter(anna, None)):
+        try:
+            await work
+        except LabError as error:
+            print(error)
     resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+    print((await labs.enter(anna, None)).path[:3], await labs.close() is not None)
     print(await tasks.run(THE_SERVER, abs, -1), await tasks.run(THE_SERVER, OUT_OF_MEMORY.read_text), len(tasks._processes))
 
 if __name__ == "__main__":
@@ -220,9 +229,10 @@ if __name__ == "__main__":
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-def test_a_task_that_cannot_begin_says_why_and_gives_its_place_back(tmp_path: Path):
+def test_a_task_or_lab_that_cannot_begin_says_why_and_gives_its_place_back(tmp_path: Path):
     script = tmp_path / "cramped.py"
     script.write_text(CRAMPED)
-    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False, cwd=tmp_path)
     assert "This task cannot begin (Too many open files)" in done.stdout, done.stderr
-    assert done.stdout.split()[-3:] == ["1", "1000", "0"]
+    assert "The lab cannot be opened (Too many open files)" in done.stdout, done.stderr
+    assert done.stdout.split()[-5:] == ["/s/", "True", "1", "1000", "0"]

@@ -124,7 +124,12 @@ class PrivateLabs(LabProvider):
             visitor=visitor.name,
             own_files=hosts.allowed(),
         )
-        place = await asyncio.to_thread(PrivateLab, next(self._numbers), lab, visitor.id, order, tell)
+        try:
+            place = await asyncio.to_thread(PrivateLab, next(self._numbers), lab, visitor.id, order, tell)
+        except OSError as error:  # There is no handle, process or memory left.
+            raise LabError(
+                f"The lab cannot be opened ({error.strerror}): this machine has too much to do. Try again later."
+            ) from None
         self._places[lab] = place
         try:
             place.port = await asyncio.to_thread(place.wait_until_ready)

@@ -3,7 +3,7 @@
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from flexlab.errors import telling
@@ -46,6 +46,14 @@ class Undo:
         self._future.clear()
         if not same:
             self._past = [*self._past[-LONGEST_HISTORY + 1 :], before]
+
+    def renamed(self, old: Settings, new: Settings) -> None:
+        """Give the steps with the preset or file of `old` that of `new`, in which the same run goes on."""
+        for steps in (self._past, self._future):
+            steps[:] = [
+                replace(new, scenario=one.scenario) if replace(one, scenario=old.scenario) == old else one
+                for one in steps
+            ]
 
     def back(self, present: Settings) -> Settings | None:
         """The settings one step back, or None if there is no step."""

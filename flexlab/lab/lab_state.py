@@ -194,7 +194,8 @@ class LabState:
     def saved(self, scenario: Scenario, name: str) -> None:
         """Count changes against `scenario` from now on: the present one with another title, which was saved as a file."""
         with self.lock:
-            self._settings = Settings(self.intended, name, scenario)
+            old, self._settings = self._settings, dataclasses.replace(self._settings, name=name, baseline=scenario)
+            self._undo.renamed(old, self._settings)
 
     def undo(self) -> None:
         """Undo the last change; raises `LabError` if there is none."""

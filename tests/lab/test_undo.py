@@ -127,6 +127,29 @@ def test_a_pull_that_lasts_beyond_a_change_of_the_mesh_can_be_let_go() -> None:
     runner.stop()
 
 
+def test_a_change_before_a_preset_was_saved_is_undone_in_the_same_run() -> None:
+    runner = Runner(PAPER, "paper", playing=False)
+    lab_state = LabState(runner)
+    for stiffness in (50.0, 20.0):
+        lab_state.change({"payload.bending_stiffness": stiffness})
+        lab_state.change({"gravity": 1.0 / stiffness})
+    mine = lab_state.intended.replace({"title": "Mine"})
+    lab_state.saved(mine, "mine")
+    assert not lab_state.changed
+    for _ in range(4):
+        lab_state.undo()
+        runner.frame()
+        lab_state.settle(runner.snapshot)
+    assert lab_state.intended == PAPER
+    assert (lab_state.name, lab_state.baseline) == ("mine", mine)
+    for _ in range(4):
+        lab_state.redo()
+        runner.frame()
+    assert not lab_state.changed
+    assert runner.snapshot.run_number == 1
+    assert runner.snapshot.scenario.payload.bending_stiffness == 20.0
+
+
 def test_a_continued_run_lets_go_of_what_was_pulled() -> None:
     world = World(load_preset("paper"))
     world.apply(Pull(0.2, (-0.9, 0.8), 300.0, (1, 2)))

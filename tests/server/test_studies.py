@@ -1,8 +1,10 @@
 """Studies on a real server, without a browser: what may be varied, progress, results, and where a cell leads."""
 
+import base64
 import json
 import math
-from collections.abc import Iterator
+import zlib
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +77,19 @@ def test_the_page_offers_the_lab_and_all_presets(server: FrontServer):
     assert f'<option value="{EI}" data-low="1" data-high="1000" data-log="yes"' in page
     assert "1/(kg·s)" in ask(server.url, "/studies?from=vibration-damping").text, "fields are those of the scenario"
     assert ask(server.url, "/studies?from=nothing").status == 404
+
+
+def test_the_page_does_without_a_lab_whose_law_only_its_own_process_knows(open_another: Callable[..., FrontServer]):
+    """A private lab takes up a law that was saved after the server had started."""
+    opened = open_another()
+    [lab] = opened.places.running()
+    unknown = {"controller": {"kind": "own-of-another-process"}}
+    word = base64.urlsafe_b64encode(zlib.compress(json.dumps(unknown).encode())).decode().rstrip("=")
+    assert "the lab as it is now" in ask(opened.url, "/studies").text
+    lab._shown = lab._shown[0], word  # type: ignore[attr-defined]
+    page = ask(opened.url, "/studies")
+    assert (page.status, "the lab as it is now" in page.text) == (200, False)
+    assert '<option value="paper" selected>' in page.text
 
 
 def test_a_sweep_has_the_numbers_of_the_command_line_and_says_what_failed(server: FrontServer, swept: str, tmp_path):

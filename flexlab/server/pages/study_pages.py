@@ -2,6 +2,7 @@
 
 import asyncio
 import secrets
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
@@ -82,13 +83,15 @@ async def studies(request: web.Request) -> web.Response:
 
 
 def _lab_scenario(request: web.Request) -> tuple[str, Scenario] | None:
-    """(name, present scenario) of the visitor's lab; None without a lab."""
+    """(name, present scenario) of the visitor's lab; None without a lab, or if this process cannot read its scenario."""
     context = context_of(request)
     place = context.places.of_visitor(visitor_of(request).id)
     if place is None:
         return None
     status = place.status()
-    return (status.name, decode_scenario(status.link)) if status.link else None
+    with suppress(FlexlabError):  # It has only just begun, or has a law that only its own process knows.
+        return status.name, decode_scenario(status.link)
+    return None
 
 
 def _row(task: Task) -> dict[str, Any]:

@@ -206,6 +206,15 @@ def test_a_ring_is_sought_before_the_end_that_is_given():
     assert flexlab.fit(run).ring.start == pytest.approx(1.201)
 
 
+def test_a_signal_that_a_run_lacks_is_refused_in_a_sentence():
+    """Without a tap scipy raised ValueError, and with one the run was said not to ring."""
+    run = flexlab.simulate("paper", 0.1)
+    signals = run.signals() | {"quasi_static_deflection": np.full(len(run), np.nan)}
+    old = flexlab.Run(**signals, scenario=run.scenario, status=run.status)
+    with pytest.raises(StudyError, match="was not recorded with vibration in all samples: choose another signal"):
+        flexlab.fit(old)
+
+
 @pytest.mark.parametrize(
     ("preset", "tap"), [("paper", None), ("paper", 0.6), ("gravity", 1.0), ("vibration-damping", 1.27)]
 )

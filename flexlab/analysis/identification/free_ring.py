@@ -34,11 +34,12 @@ def ring_of_run(
     samples = recording.samples
     if len(samples) == 0:
         raise StudyError(f"{recording.path.stem} has no samples.")
-    until = np.inf if end is None else end
+    whole, until = np.asarray(samples[name], float), np.inf if end is None else end
+    if not np.isfinite(whole).all():
+        raise StudyError(f"{recording.path.stem} was not recorded with {name} in all samples: choose another signal.")
     taps = [event.time for event in recording.events if isinstance(event.command, Tap) and event.time < until]
     if start is None:
-        seen = np.asarray(samples[name], float)[samples.time <= until]
-        start = taps[-1] if taps else float(samples.time[ring_begins(seen)])
+        start = taps[-1] if taps else float(samples.time[ring_begins(whole[samples.time <= until])])
     time, signal = _ring(samples, recording.events, name, start, end)
     if not len(time):
         raise StudyError(f"{recording.path.stem} has no samples after {start:g} s in which it rings freely.")

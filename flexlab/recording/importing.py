@@ -83,7 +83,8 @@ def _take_recording(path: Path, logs: Path, notes: Mapping[str, str]) -> Path:
         remove_run(file.path)
         raise RecordingError(f"{path.name} cannot be copied into {logs} ({error.strerror}): make room.") from None
     file.release()
-    finish(file.path)
+    with contextlib.suppress(RecordingError):  # Finishing needs room; all of the run is there.
+        finish(file.path)
     return file.path
 
 

@@ -19,6 +19,7 @@ from flexlab.errors import RecordingError
 from flexlab.presets import load_preset
 from flexlab.recording.file_sink import FileSink
 from flexlab.recording.headless import HeadlessRecording, write_run
+from flexlab.recording.importing import import_into
 from flexlab.recording.reader import read_recording
 from flexlab.recording.recorder import Recorder
 from flexlab.recording.repair import Mending, finish
@@ -389,6 +390,20 @@ def test_mending_without_room_changes_nothing_and_works_once_there_is_some(small
     finish(path)
     assert run_state(path) == "complete"
     assert_same_bits(read_recording(path).samples, run.slice(0, len(run)))
+
+
+def test_a_recording_is_imported_onto_a_disk_without_room_to_mend_it(
+    small_disk: Path, run: Run, tmp_path: Path
+) -> None:
+    torn = write_run(run, tmp_path, "paper")
+    torn.write_bytes(torn.read_bytes()[:-200])
+    filler = leave(small_disk, torn.stat().st_size + 300_000)
+    path = import_into(torn, small_disk)
+    assert list_runs(small_disk) == [path]
+    assert_same_bits(read_recording(path).samples, run.slice(0, len(run)))
+    filler.unlink()
+    finish(path)
+    assert run_state(path) in ("complete", "recovered")
 
 
 def test_a_finished_run_is_on_a_disk_whole_or_not_at_all(small_disk: Path, run: Run) -> None:

@@ -5,6 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from lab_page import wait_until
+from raw_browser import RawBrowser
 
 from flexlab.control.motion import poses
 from flexlab.control.path import build_motion
@@ -12,6 +14,7 @@ from flexlab.lab.lab_state import LabState
 from flexlab.lab.panel.number_control import Scale
 from flexlab.lab.panel.run_comparison import change_text
 from flexlab.lab.scene.cameras import FIELD_OF_VIEW, Window, floor_extent, overview, payload_view
+from flexlab.lab.session import Session
 from flexlab.lab.view_settings import fitting_window, tamed_exaggeration
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
@@ -174,3 +177,29 @@ def test_changes_are_written_with_a_sign_or_as_a_factor() -> None:
     assert change_text(-3.6) == "−4 %"
     assert change_text(-0.2) == change_text(0.4) == "0 %"
     assert change_text(float("nan")) == "–"
+
+
+def test_a_path_in_millimetres_fills_neither_floor_nor_memory(session: Session) -> None:
+    """Its run stops at once; the floor would have had 4 billion pixels of shading."""
+    rows = ((0.0, 0.0, 750.0, 0.0), (1.0, 900.0, 750.0, 0.0), (2.0, 0.0, 900.0, 0.0))
+    far = load_preset("paper").replace({"trajectory.kind": "table", "trajectory.rows": rows})
+    for scenario in (far, far.replace({"left_arm.link_length": (20.0, 20.0, 20.0), "left_arm.base": (-20.0, -20.0)})):
+        x_min, x_max, y_min, y_max = floor_extent(scenario)
+        assert max(x_max - x_min, y_max - y_min) < 190
+        with RawBrowser(session):
+            session.lab_state.load(scenario, "far")
+            wait_until(lambda: session.runner.snapshot.status.failed, "it cannot be reached", 60)
+            wait_until(
+                lambda scenario=scenario: (
+                    session._scene._reach._x.size <= 1e6
+                    and session._scene._run_number == session.runner.snapshot.run_number
+                ),
+                "it is drawn",
+                60,
+            )
+            assert "failed" not in session.lab_state.notice.text
+    for name in preset_names():
+        preset = load_preset(name)
+        path, half, floor = preset.trajectory, 0.5 * preset.payload.length, floor_extent(preset)
+        assert floor[0] <= path.middle[0] - path.reach[0] - half
+        assert floor[3] >= path.middle[1] + path.reach[1] + half

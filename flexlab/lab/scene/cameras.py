@@ -60,13 +60,18 @@ Look = Callable[[viser.ClientHandle, str], None]
 
 
 def floor_extent(scenario: Scenario) -> tuple[float, float, float, float]:
-    """x_min, x_max, y_min, y_max of the floor, m, in whole cells: it holds the bases, the trajectory and the elbows' swing."""
+    """x_min, x_max, y_min, y_max of the floor, m, in whole cells: it holds the bases, the trajectory and the elbows' swing.
+
+    A trajectory beyond the arms' reach, as one in mm, does not widen it further.
+    """
     bases = np.array([arm.base for arm in scenario.arms])
     center, swing = np.array(scenario.trajectory.middle[:2]), np.array(scenario.trajectory.reach[:2])
     half = 0.5 * scenario.payload.length
     elbow = max(arm.link_length[0] for arm in scenario.arms)
-    low = np.minimum(bases.min(axis=0) - [ELBOW_SHARE * elbow, MARGIN], center - swing - half - MARGIN)
-    high = np.maximum(bases.max(axis=0) + [ELBOW_SHARE * elbow, MARGIN], center + swing + half)
+    reached = max(sum(arm.link_length) for arm in scenario.arms) + 2 * half + MARGIN
+    near, far = bases.min(axis=0), bases.max(axis=0)
+    low = np.minimum(near - [ELBOW_SHARE * elbow, MARGIN], np.maximum(center - swing - half - MARGIN, near - reached))
+    high = np.maximum(far + [ELBOW_SHARE * elbow, MARGIN], np.minimum(center + swing + half, far + reached))
     low, high = np.floor(low / CELL) * CELL, np.ceil(high / CELL) * CELL
     return float(low[0]), float(high[0]), float(low[1]), float(high[1])
 

@@ -31,8 +31,8 @@ TRAIL_POINTS = 91
 GHOST_OPACITY = 0.3
 GHOST_RADIUS = 0.013
 """Drawn radius of the desired pose for the paper's arms, m: thinner than the beam, so that the beam's colour stays visible."""
-CELL = 0.02
-"""Size of one pixel of the shading, m."""
+CELL, MOST_CELLS = 0.02, 1000
+"""Size of one pixel of the shading, m, unless the floor is longer than the most pixels."""
 CLOSE = 0.35
 """Sine of the elbow below which a pose counts as near a singularity (20°)."""
 ANGLE_STEP = 0.05
@@ -131,15 +131,16 @@ class Reach:
 
     def __init__(self, scene: viser.SceneApi, scenario: Scenario):
         x_min, x_max, y_min, y_max = floor_extent(scenario)
-        x, y = np.arange(x_min, x_max, CELL) + CELL / 2, np.arange(y_min, y_max, CELL) + CELL / 2
+        cell = max(CELL, max(x_max - x_min, y_max - y_min) / MOST_CELLS)
+        x, y = np.arange(x_min, x_max, cell) + cell / 2, np.arange(y_min, y_max, cell) + cell / 2
         # The picture's first row is at the far edge.
         self._x, self._y = np.meshgrid(x, y[::-1])
         self._shown_for: tuple[Scenario, float] | None = None
         self._picture = scene.add_image(
             "/reach",
             np.zeros((*self._x.shape, 4), np.uint8),
-            render_width=len(x) * CELL,
-            render_height=len(y) * CELL,
+            render_width=len(x) * cell,
+            render_height=len(y) * cell,
             format="png",
             position=((x_min + x_max) / 2, (y_min + y_max) / 2, ABOVE_FLOOR),
             wxyz=(0.0, 1.0, 0.0, 0.0),

@@ -168,8 +168,11 @@ def test_control_characters_in_a_note_are_made_visible(front_server: FrontServer
 
 def test_one_address_cannot_take_all_private_labs(open_another: Callable[..., FrontServer]):
     front_server = open_another(private=True, max_sessions=2)
-    Person(front_server, "").enter()
-    full = Person(front_server, "").ask("/lab/")
+    first, second = Person(front_server, ""), Person(front_server, "")
+    assert "0 of 2 labs in use. You get one of your own." in first.ask("/").text
+    first.enter()
+    assert "1 of 2 labs in use. Your address has as many as it may have." in second.ask("/").text
+    full = second.ask("/lab/")
     assert (full.status, "1 of 1 labs that one address may have" in full.text) == (503, True)
 
 

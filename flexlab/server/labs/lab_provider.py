@@ -155,6 +155,10 @@ class LabProvider:
         """The running lab of a visitor, if there is one."""
         return None
 
+    def has_room_for(self, visitor: Visitor) -> bool:
+        """Whether the visitor's address may have a lab for them."""
+        return True
+
     def ended(self, visitor: str, lab: str) -> str:
         """Return why a visitor's lab ended, as a sentence; empty if there never was one."""
         return ""

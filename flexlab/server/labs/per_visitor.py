@@ -97,14 +97,20 @@ class PrivateLabs(LabProvider):
                 f"{LOOK_AGAIN} s and goes on by itself: a lab that nobody looks at is closed.",
                 place,
             )
-        most = self._settings.labs_per_address
-        if sum(self._addresses.get(other) == visitor.address for other in others) >= most:
+        if not self.has_room_for(visitor):
+            most = self._settings.labs_per_address
             raise FullError(
                 f"Your address has {most} of {most} labs that one address may have. Come back in a few minutes, or use the "
                 "browser in which you opened one: a lab that nobody looks at is closed. Whoever runs this server can allow "
                 "more (--max-per-address)."
             )
         self._addresses = {other: self._addresses.get(other, "") for other in others} | {visitor.id: visitor.address}
+
+    def has_room_for(self, visitor: Visitor) -> bool:
+        """Whether the visitor's address may have a lab for them, besides those of its other visitors."""
+        others = self._taken() - {visitor.id}
+        near = sum(self._addresses.get(other) == visitor.address for other in others)
+        return near < self._settings.labs_per_address
 
     async def _open(self, visitor: Visitor, choice: Choice) -> PrivateLab:
         if self._watch is None:

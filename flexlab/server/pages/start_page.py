@@ -54,10 +54,17 @@ def _now(request: web.Request, context: Context) -> str:
     if not context.places.is_private:
         return " ".join(map(_place_text, context.places.running()))
     running, most = len(context.places.running()), context.settings.max_sessions
-    mine = context.places.of_visitor(visitor_of(request).id)
-    new = " You get one of your own." if running < most else " You wait in line for one."
-    own = f" Yours: {_place_text(mine)}" if mine is not None else new
-    return f"{running} of {most} labs in use.{own}"
+    visitor = visitor_of(request)
+    mine = context.places.of_visitor(visitor.id)
+    if mine is not None:
+        own = f"Yours: {_place_text(mine)}"
+    elif running >= most:
+        own = "You wait in line for one."
+    elif context.places.has_room_for(visitor):
+        own = "You get one of your own."
+    else:
+        own = "Your address has as many as it may have."
+    return f"{running} of {most} labs in use. {own}"
 
 
 def _place_text(place: Lab) -> str:

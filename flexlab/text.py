@@ -103,7 +103,7 @@ def with_subscripts(html: str) -> str:
 
 def in_mathtext(text: str) -> str:
     """Text for a figure whose symbols have real subscripts, in matplotlib's notation."""
-    return _INDEXED.sub(r"\1$_{\\mathrm{\2}}$", text)
+    return _INDEXED.sub(r"\1$_{\\mathrm{\2}}$", text.replace("$", r"\$"))
 
 
 REPLACEMENT = "\N{REPLACEMENT CHARACTER}"

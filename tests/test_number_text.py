@@ -44,6 +44,10 @@ def test_an_index_becomes_a_subscript_and_a_name_in_code_stays(text: str, shown:
     assert (in_mathtext(text) == text) == (shown is None)
 
 
+def test_a_dollar_sign_begins_no_formula_in_a_figure() -> None:
+    assert in_mathtext("costs_i in $, not $\\frac{") == r"costs_i in \$, not \$\frac{"
+
+
 def test_a_zero_has_no_sign_and_a_rounding_error_is_no_difference() -> None:
     assert fixed_text(-1e-9, 3) == fixed_text(1e-9, 3, signed=True) == "0.000"
     assert fixed_text(-0.13, 3, signed=True) == "−0.130"

@@ -14,7 +14,7 @@ import textwrap
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, ModuleType
 from typing import Any, Generic, TypeVar
 
 from flexlab.assets import presets_folder
@@ -40,6 +40,8 @@ HEADER = (
 )
 """Imports at the head of a class's text."""
 FUTURE = "__future__"
+LOADS = ("LOAD_NAME", "LOAD_GLOBAL", "LOAD_FROM_DICT_OR_GLOBALS")
+"""Python's instructions that look a name up in the file; the last from Python 3.12 on."""
 LARGEST = 4 * LONGEST_SOURCE
 """The most bytes of a file: a character has four at most."""
 RENAMED = {
@@ -60,14 +62,14 @@ def class_text(given: type) -> str:
         own, first = inspect.getsourcelines(given)
         lines = inspect.findsource(given)[0]
     text = textwrap.dedent("".join(own))
-    needed, kept, found = _loaded(syntax_tree(text)), {}, set()
+    needed, kept, found = _used(_compiled(syntax_tree(text).body)), {}, set()
     nodes = [node for node in syntax_tree("".join(lines)).body if not _is_main(node)]
     while new := [
         node for node in nodes if node.lineno not in kept and _bound(node) & needed and not _holds(node, first)
     ]:
         for node in new:
             kept[node.lineno] = node
-            needed |= _loaded(node)
+            needed |= _used(_compiled([node]))
             found |= _bound(node)
     rows = [""] * len(lines)
     for node in kept.values():
@@ -83,17 +85,21 @@ def class_text(given: type) -> str:
     return (above + (joint + rows[0] if rows[0] else "") + "\n" + "\n".join(rows[1:])).rstrip("\n") + "\n"
 
 
-def _loaded(tree: ast.AST) -> set[str]:
-    """Names that a piece of code uses."""
-    return {node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)}
+def _compiled(statements: list[ast.stmt]) -> CodeType:
+    return compile(ast.Module(statements, []), "", "exec", ast.PyCF_ALLOW_TOP_LEVEL_AWAIT, dont_inherit=True)
+
+
+def _used(code: CodeType) -> set[str]:
+    """Names that a piece of code takes from its file: not those of variables in its functions."""
+    inner = [one for one in code.co_consts if isinstance(one, CodeType)]
+    return {step.argval for step in dis.get_instructions(code) if step.opname in LOADS}.union(*map(_used, inner))
 
 
 def _bound(node: ast.stmt) -> set[str]:
     """Names that a statement defines."""
     if _is_future(node):
         return set()
-    code = compile(ast.Module([node], []), "", "exec", ast.PyCF_ALLOW_TOP_LEVEL_AWAIT, dont_inherit=True)
-    return {step.argval for step in dis.get_instructions(code) if step.opname == "STORE_NAME"}
+    return {step.argval for step in dis.get_instructions(_compiled([node])) if step.opname == "STORE_NAME"}
 
 
 def _is_future(node: ast.stmt) -> bool:
@@ -102,7 +108,7 @@ def _is_future(node: ast.stmt) -> bool:
 
 def _is_main(node: ast.stmt) -> bool:
     """Whether a statement runs only when the file is run by itself."""
-    return isinstance(node, ast.If) and "__name__" in _loaded(node.test)
+    return isinstance(node, ast.If) and "__name__" in (getattr(part, "id", "") for part in ast.walk(node.test))
 
 
 def _holds(node: ast.stmt, line: int) -> bool:

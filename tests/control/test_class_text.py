@@ -50,7 +50,8 @@ class One(OwnLaw):
     damping = gain(800.0, "N·s/m", low=0, high=1e5)
 
     def act(self, at):
-        return at.weights - at.shared(error_of(at) + self.damping * (at.pose_rate - at.desired_rate))
+        run = error_of(at) + self.damping * (at.pose_rate - at.desired_rate)
+        return at.weights - at.shared(run)
 
 
 class Other(OwnLaw):
@@ -105,6 +106,13 @@ def test_several_classes_of_one_file_run_one_after_the_other(apart: bool, tmp_pa
     for _ in range(2):
         assert flexlab.simulate("paper", 0.01, law=module.One, path=module.Round).status == "finished"
         assert flexlab.simulate("paper", 0.01, law=module.Other, path=module.Back).status == "finished"
+
+
+def test_a_variable_in_a_method_does_not_run_the_scripts_line_of_that_name(tmp_path: Path):
+    """`run = flexlab.simulate(…)` below a law whose `act` has a variable `run`: the law's text simulated again, and failed."""
+    module = module_of(f"{TWO_OF_EACH}\nrun, other = numpy.ones(3) / STIFFNESS, None\n", tmp_path / "script.py")
+    assert "other" not in class_text(module.One)
+    assert flexlab.simulate("paper", 0.01, law=module.One).status == "finished"
 
 
 def test_an_error_in_a_class_is_reported_with_the_line_of_its_file(tmp_path: Path):

@@ -172,9 +172,10 @@ class Scenario(Part):
         return self
 
     def replace(self, changes: Mapping[str, Any]) -> "Scenario":
-        """A copy with fields changed by dotted path; raises `ScenarioError` and changes nothing if it is not valid.
+        """A copy with fields changed by dotted path, in order; raises `ScenarioError` and changes nothing if it is not valid.
 
-        A changed `kind` (damping, controller, trajectory) drops the fields that the new kind does not have.
+        A changed `kind` (damping, controller, trajectory) begins with defaults, except for the fields that all laws or all paths
+        have: name it before its own fields.
         """
         if not _by_name(changes):
             example = 'as in {"payload.bending_stiffness": 50.0}'

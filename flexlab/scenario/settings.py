@@ -65,11 +65,11 @@ def settings_from(texts: Sequence[str] = (), law: str | None = None, seed: int |
 
 
 def change_settings(scenario: Scenario, changes: Mapping[str, Any]) -> Scenario:
-    """A copy with fields changed by path, kinds first, so that fields of a new kind may be named in any order.
+    """A copy with fields changed by path, kinds first and outer ones before inner, so that they may be named in any order.
 
     Raises `ScenarioError`.
     """
-    ordered = sorted(changes.items(), key=lambda item: not item[0].endswith(".kind"))
+    ordered = sorted(changes.items(), key=lambda item: (not item[0].endswith(".kind"), item[0].count(".")))
     return scenario.replace(dict(ordered))
 
 

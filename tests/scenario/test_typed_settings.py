@@ -38,6 +38,13 @@ def test_settings_change_fields_by_path_and_kinds_come_first():
     assert change_settings(paper, {}) == paper
 
 
+def test_a_kind_comes_before_the_kinds_of_its_parts():
+    """The kind of the slow part was lost, in silence, where it was named before the law that has such a part."""
+    texts = ("controller.slow.feedback_gain=300", "controller.slow.kind=sliding-mode", "controller.kind=composite")
+    slow = change_settings(load_preset("paper"), settings_from(texts)).controller.slow
+    assert (slow.kind, slow.feedback_gain) == ("sliding-mode", 300.0)
+
+
 @pytest.mark.parametrize(
     ("texts", "says"),
     [

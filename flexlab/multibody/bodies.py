@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import eigh
 
+from flexlab.errors import ScenarioError
 from flexlab.scenario import Arm, Payload, Scenario
 from flexlab.signal import ARM
 from flexlab.sim.build import build_beam
@@ -137,7 +138,10 @@ def _walk(body: Body, holder: Body | None) -> Iterator[tuple[Body, Body | None]]
 
 def make_bodies(scenario: Scenario) -> Bodies:
     """The bodies of a scenario at its start. Raises `ScenarioError` for one that cannot start."""
-    start, payload = World(scenario).observe(), scenario.payload
+    world, payload = World(scenario.anew()), scenario.payload
+    if world.status.failed:
+        raise ScenarioError([("initial", world.status.text)])
+    start = world.observe()
     right_end = payload.boundary.split("-")[1]
     pieces = _beam(payload, start.beam_coordinates[0], scenario.left_arm.link_length[2])
     omega, fastest = _frequencies(payload)

@@ -11,7 +11,7 @@ from reference.pinocchio_arms import pinocchio_arms
 from reference.terms import random_scenario
 from scipy.linalg import eigh, null_space
 
-from flexlab.errors import StudyError
+from flexlab.errors import ScenarioError, StudyError
 from flexlab.multibody import write_bodies
 from flexlab.multibody.bodies import make_bodies
 from flexlab.multibody.formats import mjcf_text
@@ -157,6 +157,14 @@ def test_a_link_without_mass_is_refused_by_name():
         StudyError, match=r"^right link 2 has the mass 0 kg and the inertia 0\.1 kg·m²: MuJoCo requires both"
     ):
         mjcf_text(make_bodies(scenario), "test")
+
+
+@pytest.mark.parametrize("changes", [{"initial.pose": (0.0, 5.0, 0.0)}, {"trajectory.center": (0.0, 3.0, 0.0)}])
+def test_a_scenario_that_cannot_start_is_refused_with_the_reason(changes: dict[str, object], tmp_path: Path):
+    """It ended with "Singular matrix"."""
+    with pytest.raises(ScenarioError, match=r"^The left arm cannot reach the (start|desired) pose"):
+        write_bodies(Scenario().replace(changes), tmp_path / "arms.urdf")
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_friction_of_the_joints_is_exported(tmp_path: Path):

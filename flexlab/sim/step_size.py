@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from decimal import ROUND_DOWN, Context
 from fractions import Fraction
 from typing import NamedTuple
 
@@ -68,6 +69,9 @@ SOFT_BEAM = 0.03
 GRIPPED_ANGLE = 0.1
 """Largest step of rk4 times frequency of the grips' springs with a rigid beam: rk4 then takes 1e-8 of a vibration per step."""
 
+SHORTENED = Context(prec=3, rounding=ROUND_DOWN)
+"""Makes the text of a longest step no longer than that step."""
+
 TOLD = 12
 """Digits of a refused period: with fewer it would look like one that is allowed."""
 SMALLEST_COMMON_STEP = 1e-6
@@ -112,10 +116,11 @@ def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) ->
     if simulation.step is not None:
         if simulation.step > stable:
             etdrk4 = "" if others else "etdrk4, "
+            longest = number_text(float(SHORTENED.create_decimal_from_float(stable)))
             sentence = (
                 f"A step of {number_text(simulation.step)} s (simulation.step) is unstable with rk4: "
                 f"{'the grips allow at most' if hard else 'the stiffest mode of this beam allows at most'} "
-                f"{number_text(stable, 3)} s. Choose a shorter step, {etdrk4}or null for an automatic step."
+                f"{longest} s. Choose a shorter step, {etdrk4}or null for an automatic step."
             )
             raise ScenarioError([("simulation.step", sentence)])
         return Choice(integrator, simulation.step, "given")

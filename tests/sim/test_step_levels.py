@@ -1,5 +1,7 @@
 """The automatic step adapts during the run, by the state at each tick alone."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -68,3 +70,13 @@ def test_however_coarse_the_accuracy_the_step_stays_stable(preset, elements, sti
     assert world.assembly.levels.step * world.assembly.rates.coupling <= STABLE_COUPLING
     world.advance(60)
     assert not world.status.failed
+
+
+@pytest.mark.parametrize("stiffness", [100.0, 110.0, 120.0])
+def test_the_longest_stable_step_that_a_refusal_names_is_accepted(stiffness: float) -> None:
+    """It was rounded up for some beams, and refused with its own value as the longest one."""
+    rk4 = load_preset("paper").replace({"simulation.integrator": "rk4", "payload.bending_stiffness": stiffness})
+    with pytest.raises(ScenarioError) as refusal:
+        World(rk4.replace({"simulation.step": 0.01}))
+    named = re.findall(r"at most ([\d.]+) s\.", str(refusal.value))
+    assert World(rk4.replace({"simulation.step": float(named[0])})).integrator == "rk4"

@@ -281,8 +281,8 @@ class Runner:
     def _change(self, command: ChangeScenario | Pull | Tap, known: tuple[Assembly, ...], at_once: bool) -> None:
         """Apply a change to the world; a restart or another mesh begins a new run."""
         world, time_before, final = self._run.world, self._run.world.time, self._run.final_status()
-        event = Event(time_before, command_text(command), command)
         begins_anew = world.apply(command, known, at_once)
+        event = Event(time_before, command_text(command), command)
         if isinstance(command, ChangeScenario):  # A recording must not need a person's own code.
             complete = with_table(command.changes, world.scenario.trajectory)
             if complete != command.changes:

@@ -34,6 +34,9 @@ REFUSED = [
     Tap(0.4, (1.0, 0.0)),
     Pull(0.0, (0.0, 0.0), float("inf")),
     Pull(0.0, (float("inf"), 0.0), 10.0),
+    Pull(0.0, ("left", 0.0), 10.0),  # type: ignore[arg-type]
+    Tap("middle", (0.0, 1.0)),  # type: ignore[arg-type]
+    ChangeScenario({"controller.source": 5}),
     SetSpeed(1e9),
     StepOnce(-1),
 ]
@@ -50,6 +53,7 @@ def test_a_refused_command_is_an_event_and_the_run_goes_on(live, command):
     assert [event.level for event in snapshot.events] == ["error"]
     assert snapshot.events[0].text.endswith((".", "?"))
     assert "\n" not in snapshot.events[0].text
+    assert "could not be carried out" not in snapshot.events[0].text
     assert snapshot.run_number == 1
     assert snapshot.playing
     assert snapshot.status == "running"

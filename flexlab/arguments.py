@@ -47,7 +47,8 @@ def finite_number(name: str, value: Any, unit: str = "", low: float = -math.inf)
         least = "" if low == -math.inf else f" of at least {number_text(low)}"
         words = f" {unit}" if unit else ""
         raise StudyError(f"{name} = {value!r:.60}{words} is not usable: give a finite number{least}.")
-    return float(value)
+    # A number of single precision means the decimal that it shows: 0.01, not 0.00999999977648258.
+    return float(str(value)) if isinstance(value, np.floating) else float(value)
 
 
 def time_or_none(name: str, value: Any) -> float | None:

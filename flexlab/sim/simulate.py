@@ -17,6 +17,9 @@ from flexlab.text import number_text
 LONGEST_RUN = 50_000_000
 """Largest number of samples of one run: more would fill the memory of an ordinary machine."""
 
+RELATIVE_ROUNDING, LEAST_ROUNDING = 1e-12, 1e-9
+"""What rounding adds to a time over the sample period at most, as a share of it and in sample periods."""
+
 
 def simulate(
     scenario: Scenario,
@@ -32,7 +35,7 @@ def simulate(
     scenario or command, and `StudyError` for an invalid duration or period, or a command that changes the beam's mesh or
     starts the run anew.
     """
-    count, sample_period = sample_count(duration, sample_period), float(sample_period)
+    count, sample_period = sample_count(duration, sample_period), finite_number("sample_period", sample_period, "s")
     world = World(scenario.anew(), sample_period)
     rows, parts = world.new_rows(count + 1), []
     rows[:1] = world.observe_rows()
@@ -84,26 +87,27 @@ def _check_commands(commands: Sequence[tuple[float, WorldCommand]]) -> None:
 
 def tick_at(time: float, sample_period: float) -> int:
     """The first sample instant, counted from 0, that is not before a time, s."""
-    return max(0, math.ceil(time / sample_period - 1e-9))
+    return max(0, math.ceil(time / sample_period * (1 - RELATIVE_ROUNDING) - LEAST_ROUNDING))
 
 
 def sample_count(duration: float, sample_period: float) -> int:
     """Number of samples after t = 0; raises `StudyError` for times that are not usable or too many samples."""
-    for name, value, low, high in (
-        ("duration", duration, 0.0, math.inf),
-        ("sample_period", sample_period, SHORTEST_PERIOD, LONGEST_PERIOD),
+    span, period = finite_number("duration", duration, "s"), finite_number("sample_period", sample_period, "s")
+    for name, value, number, low, high in (
+        ("duration", duration, span, 0.0, math.inf),
+        ("sample_period", sample_period, period, SHORTEST_PERIOD, LONGEST_PERIOD),
     ):
-        if not low <= finite_number(name, value, "s") <= high:
+        if not low <= number <= high:
             limit = (
                 f"from {number_text(low)} to {number_text(high)}"
                 if math.isfinite(high)
                 else f"of at least {number_text(low)}"
             )
             raise StudyError(f"{name} = {value!r:.60} s is not usable: give a number of seconds {limit}.")
-    count = float(duration) / float(sample_period) * (1 + 1e-12) + 1e-9
+    count = span / period * (1 + RELATIVE_ROUNDING) + LEAST_ROUNDING
     if count > LONGEST_RUN:
         raise StudyError(
-            f"duration = {number_text(duration)} s at sample_period = {number_text(sample_period)} s makes "
+            f"duration = {number_text(span)} s at sample_period = {number_text(period)} s makes "
             f"{number_text(count)} samples, over {number_text(LONGEST_RUN)}: "
             "choose a shorter duration or a longer sample period."
         )

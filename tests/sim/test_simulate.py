@@ -6,7 +6,7 @@ import pytest
 from flexlab.errors import StudyError
 from flexlab.presets import load_preset
 from flexlab.sim.commands import ChangeScenario, Pull, Tap
-from flexlab.sim.simulate import simulate
+from flexlab.sim.simulate import simulate, tick_at
 from flexlab.sim.world import World
 
 
@@ -106,9 +106,17 @@ def test_a_senseless_time_is_refused_by_name(name: str, value):
     assert str(refusal.value).endswith(".")
 
 
-def test_durations_may_be_numpy_numbers():
-    """Parameters often come from linspace."""
-    assert len(simulate(load_preset("paper"), np.float64(0.01), np.float64(0.001))) == 11
+@pytest.mark.parametrize("number", [np.float64, np.float32])
+def test_durations_may_be_numpy_numbers(number: type[np.floating]):
+    """Parameters often come from linspace. One of single precision means the decimal that it shows: the last sample was lost."""
+    run = simulate(load_preset("paper"), number(0.01), number(0.001))
+    assert np.array_equal(run.time, np.arange(11) * 0.001)
+
+
+def test_a_command_of_a_long_run_acts_at_its_own_sample():
+    """At 32 771 391 ms, nine hours, the quotient of time and period is 4e-9 too large, and the command came a sample late."""
+    assert tick_at(32_771_391 * 0.001, 0.001) == 32_771_391
+    assert tick_at(0.0010001, 0.001) == 2
 
 
 def test_the_run_knows_the_scenario_it_started_from_even_after_commands():

@@ -125,7 +125,7 @@ class Compilation(event.Listener):
 
 
 def _is_own(event: Any) -> bool:
-    return event.data["dispatcher"].py_func.__module__.startswith("flexlab.")
+    return (event.data["dispatcher"].py_func.__module__ or "").startswith("flexlab.")
 
 
 COMPILATION = Compilation()

@@ -39,6 +39,14 @@ def test_a_built_in_function_is_typed_once_for_the_same_arguments(monkeypatch):
     assert len(asked) == len(set(asked)) > 0
 
 
+def test_a_function_that_belongs_to_no_module_compiles():
+    """Libraries make such functions from text; the note on flexlab's own compilation asked for the module's name."""
+    made = {"njit": numba.njit}
+    exec("@njit\ndef double(x):\n    return 2 * x", made)
+    assert made["double"].py_func.__module__ is None
+    assert made["double"](2) == 4
+
+
 def test_numba_is_left_as_it_was_even_by_a_kernel_that_does_not_compile():
     def parts():
         return BaseFunction.get_call_type, TargetConfig.__eq__, TargetConfig.__hash__, ir.Inst._rec_list_vars

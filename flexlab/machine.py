@@ -4,6 +4,7 @@
 in one folder per control group (cgroups, versions 1 and 2: https://docs.kernel.org/admin-guide/cgroup-v2.html).
 """
 
+import contextlib
 import math
 import os
 from collections.abc import Iterator
@@ -19,6 +20,12 @@ def cores() -> int:
     count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     shares = (_processors(group) for group in _control_groups("cpu"))
     return max(1, math.floor(min((count, *shares))))
+
+
+def give_way(niceness: int) -> None:
+    """Let everything else on the machine take precedence, by a Unix niceness; on Windows, which has none, do nothing."""
+    with contextlib.suppress(AttributeError, OSError):
+        os.nice(niceness)
 
 
 def free_memory() -> float | None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from flexlab import machine
+from flexlab.machine import give_way
 from flexlab.server.settings import capacity
 
 GIGABYTE = 1_000_000_000
@@ -81,3 +82,9 @@ def test_half_a_processor_and_used_up_memory_still_open_one_lab(files) -> None:
 def test_a_system_that_does_not_tell_has_all_its_processors_and_unknown_memory(tmp_path: Path) -> None:
     (tmp_path / "proc/meminfo").unlink()
     assert found() == (64, None)
+
+
+def test_a_system_without_niceness_works_on(monkeypatch: pytest.MonkeyPatch):
+    """On Windows, the process that compiles beside a lab ended at once."""
+    monkeypatch.delattr(os, "nice")
+    give_way(1)

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from flexlab.errors import FlexlabError, LabError
+from flexlab.machine import give_way
 from flexlab.own.files import know_own_files
 from flexlab.own.hosts import allowed
 from flexlab.recording.store.run_files import vanished
@@ -128,8 +129,7 @@ def failures_told_plainly() -> Generator[None, None, None]:
 def work_for_the_server(niceness: int) -> None:
     """Have this job's process work at a Unix niceness and end with the server, however that ends."""
     leave_interrupts_to_the_server()
-    with contextlib.suppress(AttributeError, OSError):
-        os.nice(niceness)
+    give_way(niceness)
     parent = multiprocessing.parent_process()
     if parent is None:
         return

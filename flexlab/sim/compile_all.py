@@ -17,7 +17,7 @@ from typing import Any
 from flexlab.compiled import PLAIN_PYTHON, cache_folder
 from flexlab.control.law import laws
 from flexlab.control.path import paths
-from flexlab.machine import cores
+from flexlab.machine import cores, give_way
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.integrators.scheme import ORDER
@@ -115,7 +115,7 @@ def _end_with_the_input() -> None:
 
 
 if __name__ == "__main__":
-    os.nice(PATIENCE)
+    give_way(PATIENCE)
     beside_a_lab = WHILE_OPEN in sys.argv
     if beside_a_lab:
         threading.Thread(target=_end_with_the_input, name="flexlab-starter", daemon=True).start()

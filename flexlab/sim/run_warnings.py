@@ -9,12 +9,25 @@ from flexlab.physics.axial_load import buckling_load
 from flexlab.physics.beam import free_coordinates
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim.build import Beam
-from flexlab.sim.signals import ARMS, INTERNAL, LOAD_SHARE, MIDSPAN, MOVING, PER_ARM, SPIN_SHARE, TORQUE
+from flexlab.sim.signals import ARMS, INTERNAL, LOAD_SHARE, MIDSPAN, MOVING, PER_ARM, SPIN_SHARE, TIME, TORQUE
 from flexlab.text import number_text
 
 JUMP, LEAST_JUMP = 1.5, 0.05
 """A torque jumps in a tick, and excites fast modes, if it changes by more than the first factor times its largest change in any
 checked tick, and by more than the second times the largest torque: under a sampled law, or where the desired motion jumps."""
+
+
+class Largest(NamedTuple):
+    """The largest value of a run so far, and when it was."""
+
+    value: float = 0.0
+    time: float = 0.0
+    """s."""
+
+    def among(self, values: np.ndarray, times: np.ndarray) -> "Largest":
+        """This value, or the largest of further ones (N ≥ 1,) at their times, s."""
+        k = int(np.argmax(values))
+        return Largest(float(values[k]), float(times[k])) if values[k] > self.value else self
 
 
 class Peaks(NamedTuple):
@@ -26,13 +39,13 @@ class Peaks(NamedTuple):
     """Largest torque, N·m."""
     torque: np.ndarray | None = None
     """Joint torques of the newest sample, N·m, (3 arms,); None before the first."""
-    load_share: float = 0.0
+    load_share: Largest = Largest()
     """Largest compression of the beam over its buckling load, 1."""
     critical: float = 0.0
     """Buckling load of the beam that bore the largest share of it, N; the beam may have been changed since."""
-    spin_share: float = 0.0
+    spin_share: Largest = Largest()
     """Largest share of the linear beam's stiffness that the spin took away, 1."""
-    bending: float = 0.0
+    bending: Largest = Largest()
     """Largest deflection over the beam's length, 1."""
 
 
@@ -41,13 +54,13 @@ def with_model_shares(before: Peaks, scenario: Scenario, rows: np.ndarray) -> Pe
     payload = scenario.payload
     free = free_coordinates(payload.element_count, payload.boundary)
     columns = [MIDSPAN, *(ARMS + PER_ARM * len(scenario.arms) + np.flatnonzero(free % 2 == 0))]
-    bent = float(np.abs(rows[:, columns]).max())
-    share = float(rows[:, LOAD_SHARE].max())
-    if share > before.load_share:
+    bent, times = np.abs(rows[:, columns]).max(axis=1), rows[:, TIME]
+    share = before.load_share.among(rows[:, LOAD_SHARE], times)
+    if share is not before.load_share:
         before = before._replace(load_share=share, critical=_critical(payload))
     return before._replace(
-        spin_share=max(before.spin_share, float(rows[:, SPIN_SHARE].max())),
-        bending=max(before.bending, bent / payload.length),
+        spin_share=before.spin_share.among(rows[:, SPIN_SHARE], times),
+        bending=before.bending.among(bent / payload.length, times),
     )
 
 
@@ -222,43 +235,48 @@ class ModelWarning(NamedTuple):
 
 
 def model_warning(payload: Payload, seen: Peaks) -> ModelWarning:
-    """The warning for all samples so far.
+    """The warning for all samples so far. It says when each value was largest, as the beam may have been changed since.
 
     Limits are `NOTABLE` and `WHOLE` for axial load and spin of the paper's beam, `WHOLE` else, `LARGE_DEFLECTION` for bending.
     """
     critical = seen.critical or _critical(payload)
-    share, spin, felt = seen.load_share, seen.spin_share, payload.axial_load != "none"
-    force, limit = f"up to {number_text(share * critical, 3)} N along it", f"{number_text(critical, 3)} N"
+    (share, pressed), (spin, spun), (bending, bent) = seen.load_share, seen.spin_share, seen.bending
+    felt, force = payload.axial_load != "none", f"{number_text(share * critical, 3)} N along it"
     said = []
     if share >= WHOLE:
         end = (
-            "it buckles, and where it bends far the model ends." if felt else f"a real beam would have buckled. {CURE}"
+            "so it buckles, and where it bends far the model ends."
+            if felt
+            else f"a real beam would have buckled. {CURE}"
         )
-        said.append(f"The beam is pressed with {force}, more than the {limit} that buckle it: {end}")
+        said.append(
+            f"At t = {pressed:.3f} s the beam was pressed with {force}, more than its buckling load of "
+            f"{number_text(critical, 3)} N: {end}"
+        )
     elif not felt and share >= NOTABLE:
         said.append(
-            f"The beam is pressed with {force}, {100 * share:.0f} % of what buckles it: the paper's model leaves out what that "
-            f"does. {CURE}"
+            f"At t = {pressed:.3f} s the beam was pressed with {force}, {100 * share:.0f} % of its buckling load: the paper's "
+            f"model leaves out what that does. {CURE}"
         )
     if not felt and spin >= WHOLE:
         said.append(
-            "The link spins faster than the beam's first mode rings: the paper's model has no stiffness left, where a real "
-            f"beam gets stiffer. {CURE}"
+            f"At t = {spun:.3f} s the link spun faster than the beam's first mode rings: the paper's model has no stiffness "
+            f"left, where a real beam gets stiffer. {CURE}"
         )
     elif not felt and spin >= NOTABLE:
         said.append(
-            f"The spin takes up to {100 * spin:.0f} % of the beam's stiffness in the paper's model, where a real beam gets "
-            f"stiffer. {CURE}"
+            f"At t = {spun:.3f} s the spin took {100 * spin:.0f} % of the beam's stiffness in the paper's model, where a real "
+            f"beam gets stiffer. {CURE}"
         )
     limits = (WHOLE,) if felt else (NOTABLE, WHOLE)
     passed = [share >= limit for limit in limits] + ([] if felt else [spin >= limit for limit in limits])
-    bent = seen.bending > LARGE_DEFLECTION
-    if bent:
+    too_far = bending > LARGE_DEFLECTION
+    if too_far:
         said.append(
-            f"Large deflection: |w|/L = {number_text(100 * seen.bending, 2)} %, above {number_text(100 * LARGE_DEFLECTION)} %. "
-            "The beam model is linear and no longer exact here."
+            f"Large deflection at t = {bent:.3f} s: |w|/L = {number_text(100 * bending, 2)} %, above "
+            f"{number_text(100 * LARGE_DEFLECTION)} %. The beam model is linear and no longer exact here."
         )
-    return ModelWarning(sum(passed) + bent, " ".join(said))
+    return ModelWarning(sum(passed) + too_far, " ".join(said))
 
 
 def bounds(scenario: Scenario, peak: float) -> Sizes:

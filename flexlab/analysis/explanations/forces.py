@@ -4,7 +4,7 @@ import numpy as np
 
 from flexlab.analysis.explanations.explanation import Evidence, n, register
 from flexlab.analysis.lesson_measures import largest, length, newest
-from flexlab.sim.run_warnings import Peaks, model_warning
+from flexlab.sim.run_warnings import Largest, Peaks, model_warning
 from flexlab.sim.termination import arm_name, elbow_sine, wrist_reach
 
 UNEXPLAINED = 0.5
@@ -60,7 +60,8 @@ def wanted_force(seen: Evidence) -> str | None:
 def axial_load(seen: Evidence) -> str | None:
     """The beam's model neglects an axial load that matters, or is not valid at this load."""
     samples = seen.samples
-    peaks = Peaks(load_share=float(samples.axial_load_share.max()), spin_share=float(samples.spin_share.max()))
+    load, spin = (Largest().among(each, samples.time) for each in (samples.axial_load_share, samples.spin_share))
+    peaks = Peaks(load_share=load, spin_share=spin)
     return model_warning(seen.scenario.payload, peaks).text or None
 
 

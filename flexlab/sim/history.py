@@ -31,25 +31,16 @@ class History:
         self._written = 0
         self._lock = threading.Lock()
 
-    def append(self, rows: np.ndarray, own: Sequence[Signal] = ()) -> None:
-        """Add rows (N, row length); the newest are kept if not all fit. `own`: the own signals of the law now in force."""
+    def append(self, rows: np.ndarray) -> None:
+        """Add rows (N, row length); the newest are kept if not all fit."""
         size = len(self._rows)
         rows = rows[-size:]
         with self._lock:
-            if tuple(own) != self._own:
-                self._follow(rows.shape[1], tuple(own))
             start = self._written % size
             first = min(len(rows), size - start)
             self._rows[start : start + first] = rows[:first]
             self._rows[: len(rows) - first] = rows[first:]
             self._written += len(rows)
-
-    def _follow(self, row_length: int, own: tuple[Signal, ...]) -> None:
-        """Fit the rows to another law, whose own signals are NaN in the past."""
-        shared = row_length - sum(signal.fixed_size for signal in own)
-        rows = np.full((len(self._rows), row_length), np.nan)
-        rows[:, :shared] = self._rows[:, :shared]
-        self._rows, self._own = rows, own
 
     def recent(self, seconds: float, ago: int = 0) -> Samples:
         """A copy of the last `seconds`, oldest first, as they were `ago` samples earlier (as far as the ring goes back)."""
@@ -60,9 +51,8 @@ class History:
             count = min(max(round(seconds / TICK), 0) + 1, kept - ago)
             start = (self._written - ago - count) % size
             first = min(count, size - start)
-            own = self._own
             rows = np.concatenate([self._rows[start : start + first], self._rows[: count - first]])
-        return samples.rows_to_samples(rows, self._arm_count, own)
+        return samples.rows_to_samples(rows, self._arm_count, self._own)
 
 
 PERIOD_TICKS = 250

@@ -271,7 +271,7 @@ class LiveRun:
     def _hand_out(self, rows: np.ndarray, speed: float) -> None:
         if len(rows) == 0:
             return
-        self.history.append(rows, own_signals(self.world.scenario))
+        self.history.append(rows)
         self.checkpoints.follow(self.world)
         samples = self.world.to_samples(rows)
         self.previous = samples.slice(len(rows) - 2, len(rows) - 1) if len(rows) > 1 else self.latest

@@ -15,7 +15,7 @@ from flexlab.sim.snapshot import TICK
 def interpolate(before: Samples, after: Samples, fraction: float) -> Samples:
     """The state at `fraction` in [0, 1] of the way between two samples (N = 1 each).
 
-    Pose and beam follow cubic Hermite curves through positions and rates, all else straight lines.
+    Pose and beam follow cubic Hermite curves through positions and rates, all else straight lines; a joint turns the short way.
     """
     if fraction >= 1 or len(before) == 0 or before.beam_coordinates.shape != after.beam_coordinates.shape:
         return after
@@ -23,7 +23,10 @@ def interpolate(before: Samples, after: Samples, fraction: float) -> Samples:
     earlier, later = before.signals(), after.signals()
     for name, b in later.items():
         a = earlier.get(name, b)
-        signals[name] = a + fraction * (b - a)
+        change = b - a
+        if name == "joint_angle":
+            change -= 2 * np.pi * np.rint(change / (2 * np.pi))  # An angle that passes π goes on at −π.
+        signals[name] = a + fraction * change
     span = float(after.time[0] - before.time[0])
     for position, rate in (("pose", "pose_rate"), ("beam_coordinates", "beam_rates")):
         ends = [getattr(sample, name) for sample in (before, after) for name in (position, rate)]

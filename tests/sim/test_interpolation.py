@@ -46,3 +46,13 @@ def test_an_interpolated_state_is_read_only_like_every_sample():
     state = interpolate(*ends(), 0.5)
     for name in ("pose", "beam_coordinates", "time", "saturated"):
         assert not getattr(state, name).flags.writeable
+
+
+def test_a_joint_that_passes_half_a_turn_goes_on_turning():
+    """Its angle goes from π to −π; in slow motion the arm was drawn all the way round, backwards."""
+    before, after = ends()
+    angles = [sample.joint_angle.copy() for sample in (before, after)]
+    angles[0][0, 0, 0], angles[1][0, 0, 0] = 3.14, -3.14
+    state = interpolate(before.having(joint_angle=angles[0]), after.having(joint_angle=angles[1]), 0.5)
+    np.testing.assert_allclose(np.remainder(state.joint_angle[0, 0, 0], 2 * np.pi), np.pi, atol=1e-12)
+    np.testing.assert_allclose(state.joint_angle[0, 1], interpolate(before, after, 0.5).joint_angle[0, 1], atol=1e-15)

@@ -280,6 +280,18 @@ def test_the_point_of_a_pull_or_tap_must_be_two_numbers(given: Any):
         )
 
 
+def test_a_pull_or_tap_may_have_numbers_of_numpy(tmp_path: Path):
+    point, half = np.array([0.0, 0.5]), np.float32(0.5)
+    commands = [
+        (0.002, Tap(np.float32(0.125), point)),
+        (0.004, Pull(half, point, np.int64(50), (np.int64(1), np.int64(2)))),
+    ]
+    plain = [(0.002, Tap(0.125, (0.0, 0.5))), (0.004, Pull(0.5, (0.0, 0.5), 50, (1, 2)))]
+    run = flexlab.simulate("paper", 0.01, commands=commands)  # type: ignore[arg-type]
+    assert run.result_hash == flexlab.simulate("paper", 0.01, commands=plain).result_hash
+    assert flexlab.replay(run.save(tmp_path)).agrees
+
+
 @pytest.mark.parametrize(
     "link", [np.zeros(2), np.array(1.0), (1.0, 2.0), (True, True), "11", 5, (1, 1, 1), (np.zeros(2), 1)]
 )

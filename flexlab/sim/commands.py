@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import FOLLOW, TITLES, value_text
 from flexlab.sim.samples import Origin
@@ -24,8 +26,21 @@ class ChangeScenario:
     """Whether the target goes on from where it is when its path changes; in recordings before 0.2 it jumped."""
 
 
+def _plain(value: Any) -> Any:
+    """NumPy's numbers and arrays as Python's, which recordings hold; anything else as it is."""
+    if isinstance(value, (np.generic, np.ndarray)):
+        value = value.tolist()
+    return tuple(map(_plain, value)) if isinstance(value, (tuple, list)) else value
+
+
+class _OfPlainNumbers:
+    def __post_init__(self) -> None:
+        for name, value in list(vars(self).items()):
+            object.__setattr__(self, name, _plain(value))
+
+
 @dataclass(frozen=True)
-class Pull:
+class Pull(_OfPlainNumbers):
     """A spring from a point of the beam, or of a link, to a point of the plane; stiffness 0 releases it.
 
     `link`: (arm, link), both counted from 1; None for the beam. `position`: material coordinate s of the beam, or distance
@@ -39,7 +54,7 @@ class Pull:
 
 
 @dataclass(frozen=True)
-class Tap:
+class Tap(_OfPlainNumbers):
     """An impulse (x, y), N·s, on the beam's material point s, m."""
 
     beam_position: float

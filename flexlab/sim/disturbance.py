@@ -40,10 +40,9 @@ def _refuse(name: str, value: Any, unit: str, low: float, high: float) -> None:
 
 def _axes(name: str, pair: Any) -> list[tuple[str, Any]]:
     """Return (axis, number) for each of two numbers. Raises `ScenarioError` for anything else."""
-    values = pair.tolist() if isinstance(pair, np.ndarray) else pair
-    if not isinstance(values, (tuple, list)) or len(values) != 2:
+    if not isinstance(pair, tuple) or len(pair) != 2:
         raise ScenarioError([(name, f"{name} = {pair!r:.60} is not usable: give two numbers, (x, y).")])
-    return list(zip("xy", values, strict=True))
+    return list(zip("xy", pair, strict=True))
 
 
 def _check_point(payload: Payload, s: float) -> None:
@@ -52,8 +51,8 @@ def _check_point(payload: Payload, s: float) -> None:
 
 def _check_link(scenario: Scenario, link: tuple[int, int], position: float) -> None:
     links = [(arm + 1, number) for arm in range(len(scenario.arms)) for number in LINKS]
-    whole = isinstance(link, (tuple, list)) and all(type(number) is int for number in link)
-    if not whole or tuple(link) not in links:
+    whole = isinstance(link, tuple) and all(type(number) is int for number in link)
+    if not whole or link not in links:
         allowed = f"choose arm 1 to {len(scenario.arms)} and link 1 to {LINKS[-1]}"
         raise ScenarioError(
             [("pulled link", f"pulled link = {link!r:.60} is not (arm, link) of this machine: {allowed}.")]

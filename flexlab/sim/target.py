@@ -97,7 +97,7 @@ def _slopes(system: System, pose: np.ndarray, parts: np.ndarray, scale: np.ndarr
             moved = y.copy()
             moved[part] += step
             if rates_at(system, 0.0, moved, ws, row, True) != 0:
-                raise ScenarioError([("trajectory", "The middle of the path cannot be reached by both arms: move it.")])
+                raise ScenarioError([("trajectory", "The middle of the path is out of reach: move it.")])
         columns.append((rows[0] - rows[1])[parts] / (2 * DIFFERENCE))
     return np.stack(columns, axis=1) * scale[:, None] / scale
 

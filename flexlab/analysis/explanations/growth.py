@@ -83,8 +83,8 @@ def growing_mode(seen: Evidence) -> str | None:
     better = "an observer that predicts over the delay" if observer else "the predicting observer (composite, kalman)"
     return (
         f"{n(growth.frequency)} Hz grows at {n(growth.rate)} 1/s: mode {growth.mode}, because the torque comes "
-        f"{n(1e3 * late)} ms late, which feeds modes from {n(fed_from)} Hz on. A damping ratio larger by {n(more)} %, a control "
-        f"period below {n(1e3 * shorter)} ms, or {better} helps.{_not_begun(seen)}"
+        f"{n(1e3 * late)} ms late, which feeds modes from {n(fed_from)} Hz on. A damping ratio larger by {n(more)} "
+        f"percentage points, a control period below {n(1e3 * shorter)} ms, or {better} helps.{_not_begun(seen)}"
     )
 
 
@@ -121,14 +121,15 @@ def growing_loop(seen: Evidence) -> str | None:
     growth, around, observer = growing_pole(seen.background), seen.background.around, observer_of(seen.background)
     if growth is None or growing_mode(seen) or growing_pose(seen):
         return None
-    if observer and growth.mode > observer.observer_modes:
-        return None
     if growth.mode and growth.frequency == 0 and seen.scenario.payload.axial_load != "none":
         return (
             f"Mode {growth.mode} grows at {n(growth.rate)} 1/s without oscillating: the force along the beam at rest is larger "
             f"than the beam withstands. Less force along it, or a stiffer beam, helps.{_not_begun(seen)}"
         )
+    if observer and growth.mode > observer.observer_modes:
+        return None
     what = f"mode {growth.mode}" if growth.mode else "pose and law"
+    moving = f"{n(growth.frequency)} Hz" if growth.frequency else "A motion that does not oscillate"
     cause = ""
     if around is not None and around.slow_rate > np.min(around.omega):
         cause = (
@@ -136,8 +137,8 @@ def growing_loop(seen: Evidence) -> str | None:
             f"{n(float(np.min(around.omega)))} 1/s, which it takes for rigid"
         )
     return (
-        f"{n(growth.frequency)} Hz grows at {n(growth.rate)} 1/s: {what}, a pole of arms, beam and law together{cause}. Lower "
-        f"gains or more damping help.{_not_begun(seen)}"
+        f"{moving} grows at {n(growth.rate)} 1/s: {what}, a pole of arms, beam and law together{cause}. Lower gains or more "
+        f"damping help.{_not_begun(seen)}"
     )
 
 
@@ -150,7 +151,7 @@ def growing_loop(seen: Evidence) -> str | None:
 def spillover(seen: Evidence) -> str | None:
     """The growing mode is not part of the observer's model."""
     growth, observer = growing_pole(seen.background), observer_of(seen.background)
-    if growth is None or observer is None or growth.mode <= observer.observer_modes:
+    if growth is None or growth.frequency == 0 or observer is None or growth.mode <= observer.observer_modes:
         return None
     period = seen.scenario.controller.control_period
     shown = abs(growth.frequency - round(growth.frequency * period) / period)
@@ -159,7 +160,7 @@ def spillover(seen: Evidence) -> str | None:
     return (
         f"Mode {growth.mode}, {n(growth.frequency)} Hz, grows at {n(growth.rate)} 1/s: the observer models "
         f"{counted(observer.observer_modes, 'mode')}, but the gauges also see this one{folded} (spillover). A damping ratio "
-        f"larger by {n(more)} % or lower vibration gains help.{_not_begun(seen)}"
+        f"larger by {n(more)} percentage points or lower vibration gains help.{_not_begun(seen)}"
     )
 
 

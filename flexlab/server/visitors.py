@@ -9,6 +9,7 @@ import secrets
 import unicodedata
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from email.message import Message
 from itertools import islice
 from pathlib import Path
 from typing import Literal
@@ -30,6 +31,7 @@ from flexlab.server.run_jobs import Measuring
 from flexlab.server.settings import Settings
 from flexlab.server.task_book import IDLE, Task, TaskBook
 from flexlab.server.tasks import Tasks
+from flexlab.text import visible
 
 MOST_PAGES = 12, 120, 128, 8
 """Most open pages of labs: of one visitor, one address and all, and extra for the teacher."""
@@ -118,11 +120,18 @@ def fresh(data: object) -> web.Response:
     return web.json_response(data, headers={hdrs.CACHE_CONTROL: "no-store"})
 
 
+def as_download(name: str) -> str:
+    """The header Content-Disposition of a download with this name, whatever characters it has."""
+    made = Message()
+    made.add_header(hdrs.CONTENT_DISPOSITION, "attachment", filename=" ".join(visible(name).split("\n")))
+    return made[hdrs.CONTENT_DISPOSITION]
+
+
 def file_answer(path: Path, name: str = "") -> web.FileResponse:
     """Return a file unchanged, as a download of this name if there is one."""
     headers = {hdrs.CONTENT_TYPE: "application/octet-stream", hdrs.CACHE_CONTROL: "no-cache"}
     if name:
-        headers[hdrs.CONTENT_DISPOSITION] = f'attachment; filename="{name}"'
+        headers[hdrs.CONTENT_DISPOSITION] = as_download(name)
     return web.FileResponse(path, headers=headers)
 
 

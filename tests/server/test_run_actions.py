@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from aiohttp.multipart import content_disposition_filename, parse_content_disposition
 from http_client import ask, compared, looking, over, post, upload, wait_until
 from rerun.chunk import RrdReader
 
@@ -32,6 +33,7 @@ from flexlab.server.front_server import FrontServer
 from flexlab.server.limits import THE_SERVER
 from flexlab.server.run_jobs import archive_into, compare_runs
 from flexlab.server.tasks import Tasks
+from flexlab.server.visitors import as_download
 from flexlab.sim.commands import Play
 from flexlab.sim.simulate import simulate
 
@@ -254,6 +256,12 @@ def test_continuing_from_a_time_outside_the_run_is_refused(
     assert (answer.status, says in answer.text) == (422, True)
     assert f'href="/runs/{recorded.stem}"' in answer.text
     assert library.places.running()[0].status().name == "paper"
+
+
+@pytest.mark.parametrize("name", ['a "good" run.csv', "größe.zip", "back\\slash.npz", "two\nlines.csv"])
+def test_a_download_has_the_name_of_its_file_whatever_its_characters(name: str) -> None:
+    kind, given = parse_content_disposition(as_download(name))
+    assert (kind, content_disposition_filename(given)) == ("attachment", name.replace("\n", " "))
 
 
 def test_an_export_imported_again_is_the_run_bit_for_bit(library: FrontServer, softer: Path, tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from flexlab.server.auth import is_opened_by_person, refuse
 from flexlab.server.pages.lab_pages import enter_lab
 from flexlab.server.pages.templating import ALL_RUNS, message, page
 from flexlab.server.run_jobs import archive_into, begin_replay, choice_at, export_into, replay_of
-from flexlab.server.visitors import context_of, run_for, told, visitor_of, with_names
+from flexlab.server.visitors import as_download, context_of, run_for, told, visitor_of, with_names
 from flexlab.text import limited, shown, typed_number
 
 ROUTES = web.RouteTableDef()
@@ -183,7 +183,7 @@ async def send_download(request: web.Request, path: Path) -> web.StreamResponse:
     answer = web.StreamResponse()
     answer.content_type = "application/octet-stream"
     answer.content_length = path.stat().st_size
-    answer.headers[hdrs.CONTENT_DISPOSITION] = f'attachment; filename="{path.name}"'
+    answer.headers[hdrs.CONTENT_DISPOSITION] = as_download(path.name)
     answer.headers[hdrs.CACHE_CONTROL] = "no-store"
     await answer.prepare(request)
     if request.method != "HEAD":

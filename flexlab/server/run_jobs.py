@@ -4,6 +4,7 @@ When a visitor opens the library, a process at low priority measures runs that h
 """
 
 import hashlib
+import threading
 import time
 import zipfile
 from collections.abc import Callable, Sequence
@@ -231,21 +232,24 @@ class Measuring:
         self._logs = logs
         self._process: BaseProcess | None = None
         self._tried: set[str] = set()
+        self._lock = threading.Lock()
+        """Held by whom looks: two visitors may open the page at once."""
 
     def look(self, rows: Sequence[RunRow]) -> int:
         """Start measuring if there are new runs to measure; return how many runs are still to be measured."""
         missing = {row.id for row in rows if not measured(row.metrics) and row.state in ("complete", "recovered")}
-        if self._process is not None and self._process.is_alive():
+        with self._lock:
+            if self._process is not None and self._process.is_alive():
+                return len(missing)
+            # A run that could not be measured is not tried again.
+            if missing <= self._tried:
+                return 0
+            self._tried |= missing
+            self._process = job_processes().Process(
+                target=measure, args=(self._logs,), name="flexlab-measuring", daemon=True
+            )
+            start(self._process)
             return len(missing)
-        # A run that could not be measured is not tried again.
-        if missing <= self._tried:
-            return 0
-        self._tried |= missing
-        self._process = job_processes().Process(
-            target=measure, args=(self._logs,), name="flexlab-measuring", daemon=True
-        )
-        start(self._process)
-        return len(missing)
 
     def close(self) -> None:
         """End the process; a later one measures the rest."""

@@ -12,6 +12,7 @@ from raw_browser import RawBrowser, html_texts, widget
 from flexlab.lab.session import RenderLoop, Session
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
+from flexlab.sim.commands import Play
 
 EI = "Bending stiffness EI (N·m²)"
 K_SLIDER = "Feedback gain K, slider"
@@ -226,6 +227,21 @@ def test_a_time_that_no_run_can_reach_is_answered_in_a_sentence(
         browser.update(box, {"value": truth})
         still_works(session, browser)
     assert not [record for record in caplog.records if record.exc_info]
+
+
+@pytest.mark.parametrize("button", ["Step", "Run to it"])
+def test_a_stopped_run_answers_that_it_takes_no_step(session: Session, button: str) -> None:
+    lab_state, paper = session.lab_state, load_preset("paper")
+    far = paper.replace({"trajectory.amplitude": (5.0, 0.0, 0.0)})
+    with RawBrowser(session) as browser:
+        lab_state.load(far, "far")
+        wait_until(lambda: session.runner.snapshot.status.failed, "it cannot be reached", 20)
+        browser.update(widget(session, button), {"value": True})
+        wait_until(lambda: "This run has stopped: " in shown_notice(session), "a sentence", 20)
+        lab_state.load(paper, "paper")
+        wait_until(lambda: not session.runner.snapshot.status.failed, "it can run", 20)
+        lab_state.submit(Play())
+        wait_until(lambda: float(session.runner.snapshot.latest.time[0]) > 0, "time goes on", 20)
 
 
 def test_html_in_the_texts_of_a_scenario_is_escaped(session: Session) -> None:

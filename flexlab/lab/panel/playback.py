@@ -119,7 +119,8 @@ class Playback:
             self._lab_state.submit(Play())
 
     def step(self) -> None:
-        """Pause, and advance by one sample."""
+        """Pause, and advance by one sample; raises `LabError` for a run that has stopped."""
+        _check_goes_on(self._lab_state.snapshot)
         self._lab_state.submit(Pause())
         self._lab_state.submit(StepOnce())
 
@@ -161,6 +162,11 @@ class Scrub:
         put(self._words, content=f'<div class="fl fl-scrub">{told}</div>')
 
 
+def _check_goes_on(snapshot: Snapshot) -> None:
+    if snapshot.status.failed:
+        raise LabError(f"This run has stopped: {snapshot.status.text} Reset, or load another preset.")
+
+
 class Events:
     """Event list and "run to", made in the open GUI container."""
 
@@ -179,7 +185,8 @@ class Events:
         self._list.content = events_html(snapshot)
 
     def run_to(self, goal: float) -> None:
-        """Run to a simulation time, s; raises `LabError` for one that has passed or is too far away."""
+        """Run to a simulation time, s; raises `LabError` for one that has passed or is too far, or if the run has stopped."""
+        _check_goes_on(self._lab_state.snapshot)
         now = float(self._lab_state.snapshot.latest.time[0])
         ticks = (goal - now) / TICK  # It may be infinite: the box takes every number.
         wanted = f"t = {number_text(goal, 6)} s"

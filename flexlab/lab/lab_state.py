@@ -178,11 +178,20 @@ class LabState:
             self._send(dataclasses.replace(self._settings, scenario=wanted), complete)
 
     def load(self, scenario: Scenario, name: str, origin: Origin | None = None) -> None:
-        """Request a new run of another scenario, or one that continues an earlier run."""
+        """Request a new run of another scenario, or one that continues an earlier run; it plays after one that `has_failed`."""
         self._check_lock()
         with self.lock:
+            plays = self.has_failed
             self._undo.note(self._settings)
             self._start(_settings(scenario, name, origin))
+            if plays:
+                self.submit(Play())
+
+    @property
+    def has_failed(self) -> bool:
+        """Whether the run played until it failed; one that failed at its start may have been paused."""
+        last = self.snapshot
+        return last.status.failed and float(last.latest.time[0]) > last.start_time
 
     def go_on(self, scenario: Scenario, origin: Origin) -> None:
         """Request a run that continues from an instant of the present one; its preset or file stays the same."""

@@ -113,9 +113,9 @@ class Playback:
 
     def reset(self) -> None:
         """Start a new run with the same settings; it also plays if the last one played until it failed."""
-        last = self._lab_state.snapshot
+        plays = self._lab_state.has_failed
         self._lab_state.submit(Reset())
-        if last.status.failed and float(last.latest.time[0]) > last.start_time:
+        if plays:
             self._lab_state.submit(Play())
 
     def step(self) -> None:

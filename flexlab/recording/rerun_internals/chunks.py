@@ -7,7 +7,7 @@ base wheel.
 import os
 import warnings
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, cast
 
@@ -40,7 +40,8 @@ def new_stream(application: str, run_id: str | None = None) -> rr.RecordingStrea
     Raises `RecordingError` if the environment switches rerun off.
     """
     # As `rerun.init` does: an abandoned stream keeps two threads and a megabyte.
-    flush_and_cleanup_orphaned_recordings()
+    with suppress(RuntimeError):  # In a forked process that has dropped a stream of its parent.
+        flush_and_cleanup_orphaned_recordings()
     stream = rr.RecordingStream(application, recording_id=run_id, send_properties=False)
     if not rr.is_enabled(stream):
         setting = visible(os.environ.get("RERUN", ""))

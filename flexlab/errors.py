@@ -21,7 +21,7 @@ class FlexlabError(Exception):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """How processes pass the error on: without its `__init__`, whose arguments may be others than `args`."""
-        return copyreg.__newobj__, (type(self), *self.args), vars(self)  # type: ignore[attr-defined]
+        return copyreg.__newobj__, (type(self), *self.args), vars(self)
 
 
 class ScenarioError(FlexlabError):

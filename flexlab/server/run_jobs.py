@@ -233,7 +233,7 @@ class Measuring:
         self._process: BaseProcess | None = None
         self._tried: set[str] = set()
         self._lock = threading.Lock()
-        """Held by whom looks: two visitors may open the page at once."""
+        """Held by each `look`: two visitors may open the page at once."""
 
     def look(self, rows: Sequence[RunRow]) -> int:
         """Start measuring if there are new runs to measure; return how many runs are still to be measured."""

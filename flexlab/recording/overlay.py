@@ -10,7 +10,7 @@ from flexlab.errors import RecordingError
 from flexlab.files import replacing
 from flexlab.recording.codec import larger_blocks
 from flexlab.recording.reader import Recording
-from flexlab.recording.rerun_internals.chunks import new_stream, send_columns, send_layout
+from flexlab.recording.rerun_internals.chunks import new_stream, send_columns, send_layout, time_column
 from flexlab.recording.rerun_internals.rrd_file import messages
 from flexlab.recording.rerun_internals.tool import Mending
 from flexlab.recording.run_encoder import curves, shown_columns
@@ -114,7 +114,7 @@ def _send_run(stream: rr.RecordingStream, number: int, recording: Recording, fac
     for block in _from_zero(larger_blocks(recording.blocks(), BLOCK_ROWS)):
         drawn = block.take(slice(None, None, stride))
         for entity, time, columns in shown_columns(scenario, signals, block, drawn, factor):
-            send_columns(stream, f"runs/{label}/{entity}", time, columns)
+            send_columns(stream, f"runs/{label}/{entity}", time_column(time), columns)
         yield len(block.time)
 
 

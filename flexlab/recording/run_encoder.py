@@ -20,6 +20,7 @@ from flexlab.recording.rerun_internals.chunks import (
     send_columns,
     send_layout,
     single,
+    time_column,
 )
 from flexlab.recording.run_info import RunInfo, RunNotes, parameters_text, run_properties, signals_text
 from flexlab.recording.scene_and_plots import (
@@ -222,6 +223,7 @@ class RunStream:
         self._stream = new_stream(APPLICATION, info.run_id)
         self._encoded = self._stream.binary_stream() if file is None else None
         self._live = live
+        self._sent: tuple[np.ndarray | None, Any] = None, None
         # Active, not only the default: for the first pieces of a file without an index the viewer makes a layout of its own,
         # which it would keep.
         layout = measurement_blueprint(info.scenario)
@@ -257,8 +259,11 @@ class RunStream:
 
     def send(self, entity: str, time: np.ndarray, columns: Iterable[Column]) -> None:
         """Send columns for the instants `time` (N,), s. Returns at once."""
-        if not self._live or entity != SAMPLES:
-            send_columns(self._stream, entity, time, columns)
+        if self._live and entity == SAMPLES:
+            return
+        if self._sent[0] is not time:  # All curves of a block share its instants.
+            self._sent = time, time_column(time)
+        send_columns(self._stream, entity, self._sent[1], columns)
 
     def read(self) -> bytes:
         """Return the data sent since the last call as one piece of a rerun file, or b"". Raises `RecordingError`."""

@@ -20,7 +20,7 @@ from flexlab.recording.checksums import checked
 from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.importing import import_into
 from flexlab.recording.reader import read_recording, read_scenario
-from flexlab.recording.rerun_internals.chunks import Column, new_stream, scalars, send_columns, stream_rows
+from flexlab.recording.rerun_internals.chunks import Column, new_stream, scalars, send_columns, stream_rows, time_column
 from flexlab.recording.run_encoder import RunEncoder
 from flexlab.recording.run_info import RunInfo
 from flexlab.sim.samples import Run, Samples
@@ -262,7 +262,7 @@ def test_a_column_packed_as_a_dictionary_is_not_unpacked(tmp_path: Path) -> None
     column = Column("Events", "text", None, pa.ListArray.from_arrays(ends, shared))
     stream = new_stream("flexlab", "odd")
     stream.save(tmp_path / "odd.rrd")
-    send_columns(stream, "/exact/events", np.array([0.0, 0.1, 0.2]), [column, scalars(np.zeros((3, 1)))])
+    send_columns(stream, "/exact/events", time_column(np.array([0.0, 0.1, 0.2])), [column, scalars(np.zeros((3, 1)))])
     stream.disconnect()
     rows = [row for _, row in stream_rows(tmp_path / "odd.rrd", ["/exact/events"])]
     assert rows == [(nanoseconds, {"scalars": 0.0}) for nanoseconds in (0, 100_000_000, 200_000_000)]

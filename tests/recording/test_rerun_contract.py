@@ -13,7 +13,7 @@ from rerun.catalog import DatasetEntry
 from rerun_bindings import CatalogClientInternal
 
 from flexlab.recording.rerun_internals import chunks, rrd_file, tool
-from flexlab.recording.rerun_internals.chunks import TIMELINE, scalars, send_columns, single
+from flexlab.recording.rerun_internals.chunks import TIMELINE, scalars, send_columns, single, time_column
 
 INTERNALS = Path("flexlab/recording/rerun_internals")
 UNPROMISED = ("rerun.chunk", "rerun.catalog", "rerun.experimental", "rerun_bindings", "rerun_cli")
@@ -30,9 +30,9 @@ def pieces() -> list[bytes]:
     stream.set_sinks(encoded)
     chunks.send_layout(stream, rrb.Blueprint(rrb.TimeSeriesView(origin="/curve")))
     stream.send_recording_name("contract")
-    send_columns(stream, "curve", TIMES, [scalars(np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]))])
+    send_columns(stream, "curve", time_column(TIMES), [scalars(np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]))])
     first = encoded.read(flush_timeout_sec=5.0)
-    send_columns(stream, "exact", TIMES[-1:], [single("flexlab.Block", "data", None, b"\x00\xff")])
+    send_columns(stream, "exact", time_column(TIMES[-1:]), [single("flexlab.Block", "data", None, b"\x00\xff")])
     second = encoded.read(flush_timeout_sec=5.0)
     stream.disconnect()
     assert first, "BinaryStream.read gives no bytes of what was sent"
@@ -147,7 +147,7 @@ def test_streams_that_ended_leave_no_thread_behind() -> None:
         encoded = stream.binary_stream()
         stream.set_sinks(encoded)
         chunks.send_layout(stream, rrb.Blueprint(rrb.TimeSeriesView(origin="/curve")))
-        send_columns(stream, "curve", TIMES, [scalars(np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]))])
+        send_columns(stream, "curve", time_column(TIMES), [scalars(np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]))])
         assert encoded.read(flush_timeout_sec=5.0)
         stream.disconnect()
         del stream, encoded

@@ -8,6 +8,7 @@ import os
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, cast
 
@@ -94,13 +95,16 @@ class Column:
         return self._values
 
 
-def send_columns(stream: rr.RecordingStream, entity: str, time: np.ndarray, columns: Iterable[Column]) -> None:
-    """Send columns for the instants `time` (N,), s."""
+def time_column(time: np.ndarray) -> rr.TimeColumn:
+    """The instants `time` (N,), s, for `send_columns`."""
     # Rerun would truncate times instead of rounding them: 0.003 s would become 2999999 ns.
-    nanoseconds = np.rint(np.asarray(time) * NANOSECONDS).astype("timedelta64[ns]")
+    return rr.TimeColumn(TIMELINE, duration=np.rint(np.asarray(time) * NANOSECONDS).astype("timedelta64[ns]"))
+
+
+def send_columns(stream: rr.RecordingStream, entity: str, times: rr.TimeColumn, columns: Iterable[Column]) -> None:
+    """Send columns at the instants of `times`."""
     # A `Column` has all that rerun needs of a `ComponentColumn`, without being one by name.
-    given = cast(Iterable[rr.ComponentColumn], columns)
-    stream.send_columns(entity, [rr.TimeColumn(TIMELINE, duration=nanoseconds)], given)
+    stream.send_columns(entity, [times], cast(Iterable[rr.ComponentColumn], columns))
 
 
 def scalars(values: np.ndarray) -> Column:
@@ -138,10 +142,13 @@ def _tuples(values: np.ndarray) -> pa.Array:
 
 def _lists(items: pa.Array, width: int, nullable: bool = True) -> pa.Array:
     """Lists of `width` items each, of the type of rerun's own: it draws nothing of another type."""
-    count = len(items) // width if width else 0
-    offsets = pa.array(np.arange(count + 1, dtype=np.int32) * width)
     kind = pa.list_(pa.field("item", items.type, nullable=nullable))
-    return pa.ListArray.from_arrays(offsets, items, type=kind)
+    return pa.ListArray.from_arrays(_offsets(len(items) // width if width else 0, width), items, type=kind)
+
+
+@lru_cache(maxsize=32)
+def _offsets(count: int, width: int) -> pa.Array:
+    return pa.array(np.arange(count + 1, dtype=np.int32) * width)
 
 
 ROW_ID = "rerun.controls.RowId"

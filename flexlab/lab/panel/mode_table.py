@@ -39,7 +39,6 @@ class ModePanel:
         self._lab_state, self._study = widgets.lab_state, study
         self._paused_run = 0
         self._run_number = widgets.lab_state.snapshot.run_number
-        self._awaited = False
         study.ask(self._lab_state.intended)
         self._table = widgets.gui.add_html("")
         self._choice = widgets.gui.add_dropdown("Mode", tuple(str(k + 1) for k in range(MOST_MODES)), initial_value="1")
@@ -57,16 +56,12 @@ class ModePanel:
         self._study.ask(snapshot.scenario)
         if snapshot.run_number != self._run_number:
             self._run_number = snapshot.run_number
-            if self._lab_state.view.shown_mode is None and not self._awaited:
+            if self._lab_state.view.shown_mode is None:
                 put(self._animate, value=False)
-        result = self._study.result
+        result, problem = self._study.result, self._study.problem
         pressed = snapshot.scenario.payload.axial_load != "none"
-        problem = self._study.problem
         waits = "" if problem else '<div class="fl">Computing …</div>'
         self._table.content = waits if result is None else modes_html(result, pressed)
-        if self._awaited and result is not None:
-            self._awaited = False
-            self._show_chosen()
         self._problem.content = f'<div class="fl fl-bad">{escaped(problem)}</div>' if problem else ""
 
     def _chosen(self) -> int:
@@ -88,17 +83,11 @@ class ModePanel:
         elif not wanted and self._paused_run == self._lab_state.snapshot.run_number:
             self._paused_run = 0
             self._lab_state.submit(Play())
-        # After a change of the beam, the mode is shown as soon as it is computed.
-        self._awaited = wanted and self._study.result is None
         self._lab_state.set_view(shown_mode=None)
-        if wanted and not self._awaited:
-            self._show_chosen()
-
-    def _show_chosen(self) -> None:
-        try:
-            self._lab_state.set_view(shown_mode=self._chosen())
-        except LabError as error:
-            self._lab_state.warn(str(error))
+        if wanted:
+            # After a change of the beam, the scene shows the mode as soon as it is computed.
+            index = self._chosen() if self._study.result is not None else int(self._choice.value) - 1
+            self._lab_state.set_view(shown_mode=index)
 
     def _slow_down(self, index: int) -> None:
         result = self._study.result

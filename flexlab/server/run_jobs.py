@@ -8,13 +8,12 @@ import threading
 import time
 import zipfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from multiprocessing.process import BaseProcess
 from pathlib import Path
+from typing import NamedTuple
 
 from flexlab.analysis.capsule import write_capsule
-from flexlab.analysis.comparison import compare
-from flexlab.analysis.metrics import MetricRow
+from flexlab.analysis.comparison import Table, compare
 from flexlab.analysis.metrics.run_metrics import measured
 from flexlab.analysis.replay import replay
 from flexlab.analysis.resume import resume
@@ -56,16 +55,14 @@ LOW_PRIORITY = 19
 """Unix niceness of the measuring process, the lowest priority."""
 
 
-@dataclass(frozen=True)
-class ComparisonTables:
-    """The tables of a comparison's page."""
+class ComparisonTables(NamedTuple):
+    """The tables of a comparison's page, each with a row of heads first."""
 
     window: str
     """The range of time over which metrics are taken, in words."""
-    metrics: tuple[tuple[MetricRow, ...], ...]
-    """One tuple per metric, one row per run."""
-    settings: tuple[tuple[str, tuple[str, ...]], ...]
-    """(title with symbol and unit, the runs' values) of each field in which they differ."""
+    metrics: Table
+    settings: Table
+    """The runs' values of each field in which they differ; the heads alone if there is none."""
 
 
 def compare_runs(paths: tuple[Path, ...], folder: Path, report: Callable[[float], None]) -> Outcome:
@@ -90,8 +87,9 @@ def compare_runs(paths: tuple[Path, ...], folder: Path, report: Callable[[float]
     folder.mkdir(exist_ok=True)
     write_comparison(comparison.recordings, folder / OVERLAY, comparison.text(), seen)
     scenarios = [recording.scenario for recording in comparison.recordings]
-    settings = ((field_title(path, *scenarios), values) for path, values in comparison.settings)
-    return Outcome(ComparisonTables(comparison.window_text, comparison.metrics, tuple(settings)))
+    heads, *settings = comparison.setting_table()
+    settings = [heads, *([field_title(path, *scenarios), *values] for path, *values in settings)]
+    return Outcome(ComparisonTables(comparison.window_text, comparison.metric_table(), settings))
 
 
 def check_size(path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from aiohttp import web
 
-from flexlab.analysis.comparison import difference_text
 from flexlab.errors import FlexlabError, RecordingError
 from flexlab.recording.overlay import MOST_RUNS, run_label
 from flexlab.recording.store.run_files import SUFFIX
@@ -57,13 +56,10 @@ async def comparison(request: web.Request) -> web.Response:
         kind="compare",
         rows=rows,
         labels=labels,
-        window=tables.window,
-        metric_heads=[*labels, *(f"{label} − A" for label in labels[1:])],
-        metrics=_metrics(tables),
         measured=[label for label, row in zip(labels, rows, strict=True) if row.is_measured],
-        settings=tables.settings,
         longest=LONGEST_VALUE,
         address=recording_address(context, COMPARISON + task.key),
+        **tables._asdict(),
     )
 
 
@@ -76,16 +72,6 @@ async def state(request: web.Request) -> web.Response:
     for run in task.about:
         await run_for(request, run)
     return told(task)
-
-
-def _metrics(tables: ComparisonTables) -> list[tuple[str, list[str]]]:
-    """(title, the runs' values and their differences from the first run) of each metric."""
-    lines: list[tuple[str, list[str]]] = []
-    for metric in tables.metrics:
-        first = metric[0]
-        differences = [difference_text(first, row) for row in metric[1:]]
-        lines.append((first.label, [*(row.short for row in metric), *differences]))
-    return lines
 
 
 @ROUTES.get(f"/{COMPARISON}{{key}}{SUFFIX}")

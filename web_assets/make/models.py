@@ -6,12 +6,15 @@ They fit arms of any size: a link's bar has length 1 and is stretched to the lin
 All lengths are in m, for the paper's arm (0.7, 0.6, 0.2 m links).
 """
 
-import json
-import struct
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from trimesh import Scene, Trimesh
+from trimesh.exchange.gltf import export_glb
+from trimesh.util import concatenate
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial
 
 from flexlab.lab.scene.arms import GRIPPER_LENGTH, JOINT_RADIUS
 
@@ -19,30 +22,24 @@ CORNER_STEPS = 3
 """Facets per rounded corner of a bar: enough to catch the light, few enough to draw fast without a graphics card."""
 
 
-class Solid(NamedTuple):
-    """A triangle mesh: `vertices` (V, 3) m, `normals` (V, 3) unit, `faces` (F, 3) indices, outside counter-clockwise."""
-
-    vertices: np.ndarray
-    normals: np.ndarray
-    faces: np.ndarray
+def solid(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray) -> Trimesh:
+    """A mesh of `vertices` (V, 3) m, `normals` (V, 3) unit, `faces` (F, 3) indices, outside counter-clockwise."""
+    return Trimesh(vertices, faces, vertex_normals=normals, process=False)
 
 
-def joined(*solids: Solid) -> Solid:
-    """All solids as one mesh."""
-    starts = np.cumsum([0] + [len(solid.vertices) for solid in solids])
-    return Solid(
-        np.concatenate([solid.vertices for solid in solids]),
-        np.concatenate([solid.normals for solid in solids]),
-        np.concatenate([solid.faces + start for solid, start in zip(solids, starts, strict=False)]),
-    )
+def joined(*meshes: Trimesh) -> Trimesh:
+    """All meshes as one."""
+    whole = concatenate(meshes)
+    assert isinstance(whole, Trimesh)
+    return whole
 
 
-def moved(solid: Solid, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Solid:
-    """The solid shifted by (x, y, z) m."""
-    return solid._replace(vertices=solid.vertices + np.array([x, y, z]))
+def moved(mesh: Trimesh, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Trimesh:
+    """The mesh shifted by (x, y, z) m."""
+    return solid(mesh.vertices + [x, y, z], mesh.vertex_normals, mesh.faces)
 
 
-def turned(profile: list[tuple[float, float]], sections: int = 32) -> Solid:
+def turned(profile: list[tuple[float, float]], sections: int = 32) -> Trimesh:
     """A body of revolution about z; `profile` lists (radius, height) in m from bottom to top, edges stay crisp."""
     angle = np.linspace(0, 2 * np.pi, sections + 1)
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -52,11 +49,11 @@ def turned(profile: list[tuple[float, float]], sections: int = 32) -> Solid:
         outward, upward = (z1 - z0) / slant, (r0 - r1) / slant
         normals = np.column_stack([circle * outward, np.full(sections + 1, upward)])
         rings = [np.column_stack([circle * r, np.full(sections + 1, z)]) for r, z in ((r0, z0), (r1, z1))]
-        strips.append(Solid(np.concatenate(rings), np.concatenate([normals, normals]), _strip_faces(sections + 1)))
+        strips.append(solid(np.concatenate(rings), np.concatenate([normals, normals]), _strip_faces(sections + 1)))
     return joined(*strips)
 
 
-def drum(radius: float, bottom: float, top: float, chamfer: float, sections: int = 32) -> Solid:
+def drum(radius: float, bottom: float, top: float, chamfer: float, sections: int = 32) -> Trimesh:
     """A closed cylinder about z with chamfered rims, m."""
     return turned(
         [
@@ -71,11 +68,11 @@ def drum(radius: float, bottom: float, top: float, chamfer: float, sections: int
     )
 
 
-def bar(start: float, end: float, width: float, height: float, corner: float) -> Solid:
+def bar(start: float, end: float, width: float, height: float, corner: float) -> Trimesh:
     """A bar along x from `start` to `end` with a rounded cross-section `width` (y) by `height` (z), closed ends, m."""
     outline, normals = _rounded_rectangle(width, height, corner)
     count = len(outline)
-    sides = Solid(
+    sides = solid(
         np.concatenate([np.insert(outline, 0, x, axis=1) for x in (start, end)]),
         np.tile(np.insert(normals, 0, 0.0, axis=1), (2, 1)),
         _strip_faces(count),
@@ -83,11 +80,11 @@ def bar(start: float, end: float, width: float, height: float, corner: float) ->
     return joined(sides, _cap(outline, end, 1.0), _cap(outline[::-1], start, -1.0))
 
 
-def _cap(outline: np.ndarray, x: float, side: float) -> Solid:
+def _cap(outline: np.ndarray, x: float, side: float) -> Trimesh:
     vertices = np.insert(outline, 0, x, axis=1)
     corners = np.arange(1, len(outline) - 1)
     faces = np.column_stack([np.zeros_like(corners), corners, corners + 1])
-    return Solid(vertices, np.tile([side, 0.0, 0.0], (len(outline), 1)), faces)
+    return solid(vertices, np.tile([side, 0.0, 0.0], (len(outline), 1)), faces)
 
 
 def _rounded_rectangle(width: float, height: float, corner: float) -> tuple[np.ndarray, np.ndarray]:
@@ -111,12 +108,6 @@ def _strip_faces(count: int) -> np.ndarray:
     return np.concatenate([np.column_stack([near, near + 1, far + 1]), np.column_stack([near, far + 1, far])])
 
 
-MAGIC, VERSION = 0x46546C67, 2
-JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942
-FLOAT, UNSIGNED_INT = 5126, 5125
-VERTEX_BUFFER, INDEX_BUFFER = 34962, 34963
-
-
 class Material(NamedTuple):
     """`color`: sRGB 0..255; `metallic` and `roughness` 0..1 as in glTF."""
 
@@ -125,59 +116,20 @@ class Material(NamedTuple):
     roughness: float = 0.6
 
 
-def encode_glb(parts: list[tuple[Solid, Material]]) -> bytes:
-    """A GLB file with one mesh per (solid, material) pair, positions in m, z up as in flexlab and viser."""
-    binary = bytearray()
-    document: dict = {
-        "asset": {"version": "2.0", "generator": "flexlab"},
-        "scene": 0,
-        "scenes": [{"nodes": list(range(len(parts)))}],
-        "nodes": [{"mesh": index} for index in range(len(parts))],
-        "meshes": [],
-        "materials": [_material(material) for _, material in parts],
-        "accessors": [],
-        "bufferViews": [],
-    }
-    for index, (solid, _) in enumerate(parts):
-        position = _append(document, binary, solid.vertices.astype("<f4"), FLOAT, VERTEX_BUFFER)
-        normal = _append(document, binary, solid.normals.astype("<f4"), FLOAT, VERTEX_BUFFER)
-        faces = _append(document, binary, solid.faces.astype("<u4").reshape(-1), UNSIGNED_INT, INDEX_BUFFER)
-        primitive = {"attributes": {"POSITION": position, "NORMAL": normal}, "indices": faces, "material": index}
-        document["meshes"].append({"primitives": [primitive]})
-    document["buffers"] = [{"byteLength": len(binary)}]
-    text = json.dumps(document, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<II", len(text), JSON_CHUNK) + text
-    chunks += struct.pack("<II", len(binary), BINARY_CHUNK) + bytes(binary)
-    return struct.pack("<III", MAGIC, VERSION, 12 + len(chunks)) + chunks
+def encode_glb(parts: list[tuple[Trimesh, Material]]) -> bytes:
+    """A GLB file with one mesh per (mesh, material) pair, positions in m, z up as in flexlab and viser."""
+    scene = Scene()
+    for mesh, (color, metallic, roughness) in parts:
+        look = PBRMaterial(baseColorFactor=[*color, 255], metallicFactor=metallic, roughnessFactor=roughness)
+        mesh.visual = TextureVisuals(material=look)
+        scene.add_geometry(mesh)
 
+    def brighten(document: dict) -> None:
+        for material in document["materials"]:
+            *color, opacity = material["pbrMetallicRoughness"]["baseColorFactor"]
+            material["pbrMetallicRoughness"]["baseColorFactor"] = [*map(_linear, color), opacity]
 
-def _append(document: dict, binary: bytearray, data: np.ndarray, kind: int, target: int) -> int:
-    """Add an array to the buffer, and return its accessor's number. float32 and uint32 keep the buffer 4-byte aligned."""
-    view = {"buffer": 0, "byteOffset": len(binary), "byteLength": data.nbytes, "target": target}
-    accessor = {
-        "bufferView": len(document["bufferViews"]),
-        "componentType": kind,
-        "count": len(data),
-        "type": "SCALAR" if data.ndim == 1 else "VEC3",
-    }
-    if data.ndim == 2:
-        accessor["min"], accessor["max"] = data.min(axis=0).tolist(), data.max(axis=0).tolist()
-    binary += data.tobytes()
-    document["bufferViews"].append(view)
-    document["accessors"].append(accessor)
-    return len(document["accessors"]) - 1
-
-
-def _material(material: Material) -> dict:
-    linear = [_linear(channel / 255) for channel in material.color]
-    return {
-        "pbrMetallicRoughness": {
-            "baseColorFactor": [*linear, 1.0],
-            "metallicFactor": material.metallic,
-            "roughnessFactor": material.roughness,
-        }
-    }
+    return export_glb(scene, include_normals=True, tree_postprocessor=brighten)
 
 
 def _linear(channel: float) -> float:
@@ -194,12 +146,12 @@ BRIGHT = Material((246, 247, 249), metallic=0.0, roughness=0.35)
 """Material of the grips."""
 
 
-def link_parts() -> list[tuple[Solid, Material]]:
+def link_parts() -> list[tuple[Trimesh, Material]]:
     """A bar from x = 0 to x = 1 (stretched to the link's length), and a dark keel under it."""
     return [(bar(0.0, 1.0, 0.062, 0.034, 0.012), SHELL), (moved(bar(0.0, 1.0, 0.03, 0.012, 0.004), z=-0.02), DARK)]
 
 
-def joint_parts() -> list[tuple[Solid, Material]]:
+def joint_parts() -> list[tuple[Trimesh, Material]]:
     """A housing about z with a dark foot and cap, its middle at z = 0."""
     housing = drum(JOINT_RADIUS, -0.024, 0.024, 0.006)
     foot = drum(0.8 * JOINT_RADIUS, -0.05, -0.02, 0.003)
@@ -207,7 +159,7 @@ def joint_parts() -> list[tuple[Solid, Material]]:
     return [(housing, SHELL), (joined(foot, cap), DARK)]
 
 
-def base_parts() -> list[tuple[Solid, Material]]:
+def base_parts() -> list[tuple[Trimesh, Material]]:
     """A pedestal on the floor, under joint 1."""
     plate = drum(0.115, 0.0, 0.014, 0.004, 40)
     column = turned([(0.088, 0.012), (0.066, 0.03), (0.06, 0.062), (0.0, 0.062)])
@@ -215,7 +167,7 @@ def base_parts() -> list[tuple[Solid, Material]]:
     return [(joined(plate, *bolts), DARK), (column, STEEL)]
 
 
-def gripper_parts() -> list[tuple[Solid, Material]]:
+def gripper_parts() -> list[tuple[Trimesh, Material]]:
     """A fork along x with the grip at the origin: two prongs above and below the beam, and the pin that it turns on."""
     palm = bar(-GRIPPER_LENGTH - 0.012, -GRIPPER_LENGTH + 0.012, 0.05, 0.05, 0.006)
     prongs = [moved(bar(-GRIPPER_LENGTH, 0.012, 0.03, 0.007, 0.003), z=z) for z in (-0.0205, 0.0205)]

@@ -57,7 +57,7 @@ def test_a_malformed_report_is_ignored(session: Session, text: str) -> None:
 
 def test_charts_that_nobody_sees_are_not_sent(session: Session) -> None:
     plots = session._plots
-    (first, *others) = [chart for charts in plots._charts for chart in charts]
+    (first, *others) = plots._charts
     with RawBrowser(session) as browser:
         report(browser, session, 1, **{first.uuid: (0.0, 1.0)})
         wait_until(lambda: plots._opened == {first.uuid: (0.0, 1.0)}, "the report is heard", 20)

@@ -237,7 +237,7 @@ def test_the_force_along_the_beam_is_drawn_as_it_is_recorded() -> None:
 
 def test_a_limit_moves_in_its_chart_which_is_not_drawn_anew(session: Session) -> None:
     """A new chart would lose its zoom, and flicker while the limit is dragged."""
-    (chart,) = (chart for chart in session._plots._every() if chart._handle.title == SLIDING.title)
+    (chart,) = (chart for chart in session._plots._charts if chart._handle.title == SLIDING.title)
     with RawBrowser(session):
         for layer in (0.07, 0.09):
             session.lab_state.change({"controller.boundary_layer": layer})
@@ -247,7 +247,7 @@ def test_a_limit_moves_in_its_chart_which_is_not_drawn_anew(session: Session) ->
         wait_until(lambda: not session.runner.snapshot.playing, "the run is paused")
         session.lab_state.change({"controller.boundary_layer": 0.05})
         wait_until(lambda: np.allclose(chart._handle.data[4], 0.05), "it also moves while time stands still")
-        assert chart in session._plots._every()
+        assert chart in session._plots._charts
 
 
 def test_spectrum_and_sound_have_the_frequencies_of_the_present_mass_of_a_payload_that_is_filled() -> None:

@@ -165,7 +165,7 @@ class Plots:
         with spectrum:
             self._spectrum = Spectrum(gui, scenario)
         self.homes = (*self._homes.values(), spectrum)
-        self._charts: list[list[Chart]] = []
+        self._charts: list[Chart] = []
         self._plotted: object = None
         self._build(tabs(scenario), None)
 
@@ -188,11 +188,11 @@ class Plots:
         plots = tabs(scenario)
         if _plotted(plots, kept) != self._plotted:
             self._build(plots, kept)
-        moved = [chart.set_limits(plot.limits) for chart, plot in zip(self._every(), _all(plots), strict=True)]
-        newest = self._charts[0][0].newest
+        moved = [chart.set_limits(plot.limits) for chart, plot in zip(self._charts, _all(plots), strict=True)]
+        newest = self._charts[0].newest
         now = round(float(snapshot.latest.time[0]) / TICK)
         if snapshot.run_number != self._run_number or window != self._window or now < newest:
-            for chart in self._every():
+            for chart in self._charts:
                 chart.restart(window)
             self._spectrum.clear()
             self._run_number, self._window, newest = snapshot.run_number, window, -1
@@ -201,7 +201,7 @@ class Plots:
             samples = unbroken(recent, newest, missing, window)
             if samples.joint_torque.shape[1] != len(scenario.arms):
                 return  # A run with another number of arms has begun since the snapshot: the next picture shows it.
-            for chart in self._every():
+            for chart in self._charts:
                 chart.append(scenario, samples)
         if missing > 0 or any(moved) or opened != self._opened:
             just_opened = self._spectrum_is_open(opened) and not self._spectrum_is_open(self._opened)
@@ -214,7 +214,7 @@ class Plots:
     def _show(self, recent: Recent, snapshot: Snapshot, window: float, spectrum: bool) -> None:
         """Send only the charts that are on a screen: hidden ones would be most of the page's traffic."""
         self._count += 1
-        for chart in self._every():
+        for chart in self._charts:
             if self._opened is None:
                 chart.show()
             elif chart.uuid in self._opened:
@@ -222,16 +222,13 @@ class Plots:
         if spectrum or (self._count % SPECTRUM_EVERY == 0 and self._spectrum_is_open(self._opened)):
             self._spectrum.update(snapshot, recent(window))
 
-    def _every(self) -> list[Chart]:
-        return [chart for charts in self._charts for chart in charts]
-
     def _build(self, plots: Mapping[str, Sequence[Plot]], kept: ReferenceRun | None) -> None:
-        for chart in self._every():
+        for chart in self._charts:
             chart.remove()
         self._charts = []
         for name, on_tab in plots.items():
             with self._homes[name]:
-                self._charts.append([Chart(self._gui, plot, self._window, kept, name) for plot in on_tab])
+                self._charts += [Chart(self._gui, plot, self._window, kept, name) for plot in on_tab]
         self._plotted = _plotted(plots, kept)
 
 

@@ -106,12 +106,11 @@ class InputGuard:
     async def check(self, client: int, raw: Any) -> Verdict:
         """The verdict on a message. A browser that sends too much has to wait; the others do not."""
         browser = self._browsers.setdefault(client, _Browser())
+        cost, problem = 1.0 + len(raw) / BYTES_PER_MESSAGE, None
         try:
-            message = decode(raw)
-            cost = 1.0 + len(raw) / BYTES_PER_MESSAGE + self._possible(client, browser, message)
-            problem = None
+            cost += self._possible(client, browser, decode(raw))
         except Refused as refused:
-            cost, problem = 1.0 + len(raw) / BYTES_PER_MESSAGE, refused
+            problem = refused
         wait = browser.wait_for_turn(cost)
         if wait > 0.0:
             await asyncio.sleep(wait)

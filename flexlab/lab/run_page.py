@@ -106,7 +106,9 @@ def run_page(run: Run, name: str, noted: Noted = NOTHING, events: Sequence[Event
     if run.status == MEASURED:
         raise StudyError("This run was measured, which tells no motion to show: export it as a table, or compare it.")
     animation = animation_html(run)
-    plots, left, right = _plots(run)
+    figure = draw_signals(run)
+    plots = page_svg(figure)  # This also lays out the figure.
+    axis = figure.axes[0].get_position()
     return filled(
         Path(__file__).with_name("run_page.html"),
         name=name,
@@ -115,8 +117,8 @@ def run_page(run: Run, name: str, noted: Noted = NOTHING, events: Sequence[Event
         exaggeration=number_text(fitting_exaggeration(run.scenario)),
         animation=animation,
         plots=Markup(plots),
-        left=left,
-        right=right,
+        left=100 * axis.x0,
+        right=100 * axis.x1,
         start=float(run.time[0]),
         end=float(run.time[-1]),
         metrics=Markup(run_metrics(run, finished=not run.status.failed)._repr_html_()),
@@ -132,11 +134,3 @@ def run_page(run: Run, name: str, noted: Noted = NOTHING, events: Sequence[Event
 def write_run_page(run: Run, path: Path, name: str, noted: Noted = NOTHING, events: Sequence[Event] = ()) -> None:
     """Write the page of a run as one file, atomically. Raises `StudyError`."""
     write_text(path, run_page(run, name, noted, events))
-
-
-def _plots(run: Run) -> tuple[str, float, float]:
-    """SVG of the usual signals, and the start and end of the time axis in per cent of its width."""
-    figure = draw_signals(run)
-    svg = page_svg(figure)  # This also lays out the figure.
-    place = figure.axes[0].get_position()
-    return svg, 100 * place.x0, 100 * place.x1

@@ -5,7 +5,6 @@ import contextlib
 import errno
 import socket
 import time
-from collections import Counter
 from collections.abc import Awaitable, Callable
 from typing import Any
 
@@ -47,8 +46,6 @@ limited("aiohttp.server")
 
 class Visit(web.RequestHandler):
     """One connection, with the times that show whether it is too slow."""
-
-    __slots__ = ("address", "began", "body_before", "busy", "connections", "known", "received", "request")
 
     def __init__(self, connections: "Connections", manager: web.Server, loop: asyncio.AbstractEventLoop):
         super().__init__(manager, loop=loop, access_log=None, keepalive_timeout=KEPT_OPEN, lingering_time=2.0)  # pyright: ignore[reportArgumentType]
@@ -149,7 +146,7 @@ class Connections:
         same = [other for other in resting if other.address == visit.address]
         if len(same) > MOST_RESTING_PER_ADDRESS:
             self._make_room(same)
-        if self.counted()[visit.address] > self._most_of_address:
+        if sum(other.address == visit.address for other in self._open) > self._most_of_address:
             log.warning("Too many connections are open from %s: closed its newest.", visit.address)
             self.remove(visit)
             visit.cut()
@@ -157,10 +154,6 @@ class Connections:
     def remove(self, visit: Visit) -> None:
         """Remove a closed connection."""
         self._open.pop(visit, None)
-
-    def counted(self) -> Counter[str]:
-        """The number of open connections of each address."""
-        return Counter(visit.address for visit in self._open)
 
     async def close(self) -> None:
         """Stop accepting connections."""

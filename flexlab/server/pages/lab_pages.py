@@ -98,19 +98,10 @@ async def enter_by_link(request: web.Request, choice: Choice | None) -> web.Stre
         place = context_of(request).places.of_visitor(visitor_of(request).id)
         if place is not None and is_foreign_link(request):
             return _ask_first(request, choice, "A page of another site leads")
-        if place is not None and _would_disturb(request, choice, place):
+        watched = place is not None and place.visitors > 0 and not context_of(request).places.is_private
+        if watched and choice.stands and not is_from_own_page(request):
             return _ask_first(request, choice, "This link leads")
     return await enter_lab(request, choice)
-
-
-def _would_disturb(request: web.Request, choice: Choice, place: Lab) -> bool:
-    """Whether a scenario from a link would end a run that others watch in the shared lab."""
-    return (
-        choice.stands
-        and not context_of(request).places.is_private
-        and place.visitors > 0
-        and not is_from_own_page(request)
-    )
 
 
 def _ask_first(request: web.Request, choice: Choice, what: str) -> web.Response:

@@ -8,13 +8,13 @@ import time
 from collections.abc import Callable, Mapping
 from contextvars import ContextVar
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from flexlab.errors import FlexlabError, LabError, ScenarioError
 from flexlab.guide import LOCKED, ClassRules, LessonProgress
 from flexlab.lab.changes import Settings, SlowChanges, Undo
 from flexlab.lab.mode_computation import peak_deflection
-from flexlab.lab.reference_run import ReferenceRun
+from flexlab.lab.reference_run import Recorded, ReferenceRun
 from flexlab.lab.view_settings import ViewSettings, fitting_window, tamed_exaggeration
 from flexlab.own.path import needs_running, with_table
 from flexlab.physics.plant import ON_BEAM, Hand
@@ -50,12 +50,26 @@ class Notice:
     at: float = 0.0
 
 
+class Outside(NamedTuple):
+    """What a lab asks of the program around it."""
+
+    recording: Callable[[], str] = lambda: ""
+    """The sentence that the panel shows about the recording."""
+    recorded_as: Callable[[], str] = lambda: ""
+    """The name of the present run's recording; empty if it is not recorded."""
+    recorded: Recorded | None = None
+    """Reads the part of the present run that the engine no longer keeps."""
+    link: Callable[[Scenario], str] | None = None
+    """The address that opens a scenario in another browser, empty for one that is too long; None if there are no addresses."""
+
+
 class LabState:
     """Takes changes from callbacks on the server's event loop, and is read by the drawing thread. Thread-safe."""
 
-    def __init__(self, runner: Runner, origin: Origin | None = None):
+    def __init__(self, runner: Runner, origin: Origin | None = None, outside: Outside | None = None):
         """`origin`: the instant from which the runner's first run continues."""
         snapshot = runner.snapshot
+        self.outside = outside or Outside()
         self.runner = runner
         """Simulates the run that the lab shows."""
         self.lock = threading.RLock()

@@ -1,6 +1,5 @@
 """Looking back at the last minute of the run, and continuing from an earlier instant."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from flexlab.errors import LabError
@@ -27,9 +26,8 @@ class _Past:
 class LookBack:
     """Pauses the run while somebody looks back at its past. Thread-safe."""
 
-    def __init__(self, lab_state: LabState, recorded_as: Callable[[], str]):
-        """`recorded_as`: the name of the present run's recording, or empty."""
-        self._lab_state, self._runner, self._recorded_as = lab_state, lab_state.runner, recorded_as
+    def __init__(self, lab_state: LabState):
+        self._lab_state, self._runner = lab_state, lab_state.runner
         self._past: _Past | None = None
 
     @property
@@ -76,7 +74,7 @@ class LookBack:
         now = self._runner.snapshot
         tick = round((float(now.latest.time[0]) - ago) / TICK)
         checkpoint = self._runner.checkpoint(tick * TICK)
-        origin = Origin(self._recorded_as() or now.name, tick * TICK, state_from(checkpoint, tick))
+        origin = Origin(self._lab_state.outside.recorded_as() or now.name, tick * TICK, state_from(checkpoint, tick))
         self._lab_state.go_on(checkpoint.scenario, origin)
         self._lab_state.submit(Play())
         self._past = None

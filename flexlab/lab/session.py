@@ -9,7 +9,7 @@ import viser
 
 from flexlab.errors import LabError, telling
 from flexlab.lab.input_guard import InputGuard
-from flexlab.lab.lab_state import LabState
+from flexlab.lab.lab_state import LabState, Outside
 from flexlab.lab.look_back import LookBack
 from flexlab.lab.mode_computation import ModeStudy
 from flexlab.lab.own_file_watch import OwnFileWatch
@@ -19,7 +19,6 @@ from flexlab.lab.panel.panel import Panel
 from flexlab.lab.panel.readouts import SpokenSummary
 from flexlab.lab.picking import Picking
 from flexlab.lab.plots.plots import ExplanationList, Plots
-from flexlab.lab.reference_run import Recorded
 from flexlab.lab.ring_sound import RingSound
 from flexlab.lab.scene.cameras import FIELD_OF_VIEW, ClientCameras, Window, payload_view
 from flexlab.lab.scene.scene import Scene
@@ -145,13 +144,9 @@ class RenderLoop:
 class Session:
     """A running lab. A process may have any number of them; each is started once and stopped once.
 
-    `consumers`, such as a recorder, get every sample and event. `recording` returns the sentence that the panel shows about
-    the recording, `link` the address that opens a scenario in another browser. `port`: on loopback, 0 for any free one. `shadows`
-    take a slow graphics card most of its time. With an `origin`, the first run continues from there.
-    With a `secret`, the page answers only requests that carry it. `attended`: a run begins when a browser has drawn it, and
-    pauses while no browser is connected.
-    `recorded` reads the part of the present run that the engine no longer keeps; `recorded_as` returns the name of its
-    recording, or empty.
+    `consumers`, such as a recorder, get every sample and event. `port`: on loopback, 0 for any free one. `shadows` take a slow
+    graphics card most of its time. With an `origin`, the first run continues from there. With a `secret`, the page answers only
+    requests that carry it. `attended`: a run begins when a browser has drawn it, and pauses while no browser is connected.
     """
 
     def __init__(
@@ -163,23 +158,18 @@ class Session:
         port: int = 0,
         playing: bool = True,
         shadows: bool = True,
-        recording: Callable[[], str] = lambda: "",
-        link: Callable[[Scenario], str] | None = None,
         origin: Origin | None = None,
         secret: str = "",
         attended: bool = False,
-        recorded: Recorded | None = None,
-        recorded_as: Callable[[], str] = lambda: "",
+        outside: Outside | None = None,
     ):
         hosts.run_apart()
-        self._scenario, self._port = scenario, port
-        self._shadows, self._recording, self._link = shadows, recording, link
+        self._scenario, self._port, self._shadows = scenario, port, shadows
         self._secret, self._attended = secret, attended
-        self._recorded, self._recorded_as = recorded, recorded_as
         self.guard = InputGuard()
         """Checks every message of every browser, and counts the refused ones."""
         self.runner = Runner(scenario, name, consumers=consumers, playing=playing, origin=origin, hold_starts=attended)
-        self.lab_state = LabState(self.runner, origin)
+        self.lab_state = LabState(self.runner, origin, outside)
         self._server: GuardedServer | None = None
         self._study = ModeStudy()
         self._closing = ExitStack()
@@ -235,7 +225,7 @@ class Session:
         lab_state.company = lambda: len(server.get_clients())
         gui, runner, study = server.gui, self.runner, self._study
         widgets = Widgets(gui, lab_state)
-        self._look_back = look_back = LookBack(lab_state, self._recorded_as)
+        self._look_back = look_back = LookBack(lab_state)
         touch = Picking(widgets)
         self._scene = Scene(server, self._scenario, study, touch, self._shadows)
         self._cameras = ClientCameras(server, runner)
@@ -246,11 +236,8 @@ class Session:
             study,
             touch,
             self._cameras.choose,
-            self._recording,
-            self._link,
             lambda client: fold_panel(client, board, not self._reports.toggle_presentation(client)),
             lambda client: self._reports.say(client, summary.text),
-            self._recorded,
         )
         self._plots = Plots(gui, board, self._scenario, lab_state.view.plot_window)
         explanations = ExplanationList(gui, runner, study, self._plots.homes)

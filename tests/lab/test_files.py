@@ -7,6 +7,7 @@ from lab_page import wait_until
 from raw_browser import RawBrowser, html_texts, widget
 
 from flexlab.errors import PresetError, ScenarioError
+from flexlab.lab.lab_state import Outside
 from flexlab.lab.panel.scenario_files import TOO_LONG, read_upload, save_preset
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset, scenario_text
@@ -151,10 +152,10 @@ def test_a_path_from_a_file_is_followed_from_now_on_without_a_jump(session: Sess
 def test_a_long_link_is_shown_as_a_whole() -> None:
     """A path of one's own takes thousands of characters."""
     link = f"http://127.0.0.1:8000/lab/?scenario={'x' * 5000}"
-    with Session(load_preset("paper"), "paper", shadows=False, link=lambda _: link) as session:
+    with Session(load_preset("paper"), "paper", shadows=False, outside=Outside(link=lambda _: link)) as session:
         wait_until(lambda: any(f">{link}<" in html.content for html in html_texts(session)), "the link")
 
 
 def test_a_scenario_that_is_too_long_for_a_link_is_said_to_be() -> None:
-    with Session(load_preset("paper"), "paper", shadows=False, link=lambda _: "") as session:
+    with Session(load_preset("paper"), "paper", shadows=False, outside=Outside(link=lambda _: "")) as session:
         wait_until(lambda: any(TOO_LONG in text.content for text in html_texts(session)), "the panel says so")

@@ -8,7 +8,7 @@ from lab_page import wait_until
 
 from flexlab.errors import LabError
 from flexlab.guide import LOCKED, ClassRules
-from flexlab.lab.lab_state import BY_PERSON
+from flexlab.lab.lab_state import BY_PERSON, Outside
 from flexlab.lab.look_back import LookBack
 from flexlab.lab.session import Session
 from flexlab.sim.commands import Pause, Play, Reset, SetSpeed, Tap
@@ -19,7 +19,8 @@ from flexlab.sim.samples import Samples
 def look_back(session: Session) -> LookBack:
     """The look back of a lab that has run for half a second."""
     wait_until(lambda: session.runner.snapshot.latest.time[0] > 0.5, "the run goes on")
-    return LookBack(session.lab_state, lambda: "2026-01-01T00-00-00-paper")
+    session.lab_state.outside = Outside(recorded_as=lambda: "2026-01-01T00-00-00-paper")
+    return LookBack(session.lab_state)
 
 
 def answered(session: Session) -> None:

@@ -20,7 +20,6 @@ from flexlab.lab.panel.run_comparison import Comparing
 from flexlab.lab.panel.scenario_files import Presets, ScenarioFiles
 from flexlab.lab.panel.sections import GROUPS, SECTIONS, Folder, group_rows, section_rows, three_valued
 from flexlab.lab.picking import Picking, touch_controls
-from flexlab.lab.reference_run import Recorded
 from flexlab.lab.scene.cameras import VIEWS, Look
 from flexlab.lab.view_settings import EXAGGERATION, PLOT_WINDOWS, SWITCHES, fitting_window
 from flexlab.lab.widgets import LAST, Menu, Widgets, put, table_html
@@ -105,18 +104,11 @@ class Panel:
         study: ModeStudy,
         touch: Picking,
         look: Look,
-        recording: Callable[[], str],
-        link: Callable[[Scenario], str] | None,
         present: Callable[[viser.ClientHandle], None],
         say: Callable[[viser.ClientHandle], None],
-        recorded: Recorded | None,
     ):
-        """`present` begins or ends the presentation in one browser, `say` makes its screen reader say what happens.
-
-        `recorded` as for `Comparing`.
-        """
+        """`present` begins or ends the presentation in one browser, `say` makes its screen reader say what happens."""
         self._lab_state, self._look_back, self._study = widgets.lab_state, look_back, study
-        self._recording = recording
         self._run_number = self._lab_state.snapshot.run_number
         self._last_event: Event | None = None
         self._told: Scenario | None = None
@@ -149,9 +141,9 @@ class Panel:
         with tabs.add_tab("Modes"):
             self._modes = ModePanel(widgets, study)
         with tabs.add_tab("Compare"):
-            self.comparing = Comparing(widgets, recorded)
+            self.comparing = Comparing(widgets)
         with tabs.add_tab("File"):
-            self._filing = ScenarioFiles(widgets, link, self._presets.menu.settle)
+            self._filing = ScenarioFiles(widgets, self._presets.menu.settle)
         with tabs.add_tab("Events"):
             self._events = Events(widgets)
         self._play = PlayScreen(widgets, touch, look)
@@ -166,7 +158,7 @@ class Panel:
         lab_state.settle(snapshot)
         lab_state.fit_view(snapshot)
         self._announce(snapshot)
-        self._status.content = status_html(seen, lab_state.view, scales, self._recording())
+        self._status.content = status_html(seen, lab_state.view, scales, lab_state.outside.recording())
         put(self._caption, content=f'<div class="fl fl-caption">{escaped(caption)}</div>')
         put(self._number, content=number_html(self._look_back.recent(SEEN_TOGETHER), seen))
         self._notices.content = notices_html(seen, lab_state.notice, lab_state.rules)

@@ -23,9 +23,8 @@ AS_FACTOR = 1000.0
 class Comparing:
     """Buttons and table, made in the open GUI container."""
 
-    def __init__(self, widgets: Widgets, recorded: Recorded | None = None):
-        """`recorded` reads the part of the present run that the engine no longer keeps; None if it is not recorded."""
-        self._lab_state, self._recorded = widgets.lab_state, recorded
+    def __init__(self, widgets: Widgets):
+        self._lab_state = widgets.lab_state
         words = (
             "Keep this run, change a setting or the control law, and press Reset: the kept run stays behind the new one, "
             "its beam in grey and its curves dotted."
@@ -41,11 +40,11 @@ class Comparing:
         self._lab_state.kept = kept
         self._say_kept(kept)
         self.update(self._lab_state.snapshot)
-        if self._recorded is not None and kept.span[0] > start:
+        recorded = self._lab_state.outside.recorded
+        if recorded is not None and kept.span[0] > start:
             # On a thread: reading a minute takes a second or two, and the page must go on answering.
-            threading.Thread(
-                target=self._complete, args=(kept, start, self._recorded), name="flexlab-keep", daemon=True
-            ).start()
+            given = kept, start, recorded
+            threading.Thread(target=self._complete, args=given, name="flexlab-keep", daemon=True).start()
 
     def _complete(self, kept: ReferenceRun, start: float, recorded: Recorded) -> None:
         """Also keep the beginning of a run, read from its recording."""

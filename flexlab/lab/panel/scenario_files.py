@@ -119,15 +119,11 @@ class Presets:
 
 
 class ScenarioFiles:
-    """Buttons for scenarios, made in the open GUI container.
+    """Buttons for scenarios, made in the open GUI container. `on_saved` is called when a preset has been saved."""
 
-    `link` returns the address that opens a scenario, empty for one that is too long; None if there are no addresses.
-    `on_saved` is called when a preset has been saved.
-    """
-
-    def __init__(self, widgets: Widgets, link: Callable[[Scenario], str] | None, on_saved: Callable[[], None]):
+    def __init__(self, widgets: Widgets, on_saved: Callable[[], None]):
         lab_state = widgets.lab_state
-        self._lab_state, self._link, self._on_saved = lab_state, link, on_saved
+        self._lab_state, self._on_saved = lab_state, on_saved
         self._shown_for: tuple[Scenario, Scenario] | None = None
         self._changes = widgets.gui.add_html("")
         for label, icon, hint, action in (
@@ -169,8 +165,8 @@ class ScenarioFiles:
         name = escaped(lab_state.name)
         table = changes_table(*key, "changed, not saved", name, "now")
         self._changes.content = f'<div class="fl">{table or f"As in {name}: nothing is changed."}</div>'
-        if self._link is not None:
-            address = html.escape(self._link(lab_state.to_keep))  # Whole, however long.
+        if (link := lab_state.outside.link) is not None:
+            address = html.escape(link(lab_state.to_keep))  # Whole, however long.
             shown = (
                 f'This scenario in another browser (click, then copy):<div class="fl-code" tabindex="0">{address}</div>'
             )

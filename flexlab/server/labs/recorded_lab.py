@@ -12,6 +12,7 @@ from typing import Any
 from flexlab.analysis.run_summary import MetricNotes
 from flexlab.errors import RecordingError
 from flexlab.guide import LOCKED, ClassRules, LessonProgress
+from flexlab.lab.lab_state import Outside
 from flexlab.lab.session import Session
 from flexlab.recording.live import LiveHub, Take
 from flexlab.recording.reader import read_range
@@ -104,6 +105,11 @@ class RecordedLab(Lab):
             refusal=Quota(order.logs, order.owner, order.quota),
         )
         self._shown: tuple[Scenario | None, str] = (None, "")
+
+        def link(scenario: Scenario) -> str:
+            path = scenario_path(encode_scenario(scenario))
+            return path and order.address + path
+
         try:
             self._session = Session(
                 order.choice.scenario,
@@ -111,15 +117,17 @@ class RecordedLab(Lab):
                 consumers=[recorder],
                 port=0,
                 shadows=order.shadows,
-                recording=RecordingText(recorder, order.logs),
-                link=lambda scenario: (path := scenario_path(encode_scenario(scenario))) and order.address + path,
                 origin=order.choice.origin,
                 secret=order.secret,
                 playing=not order.choice.stands,
                 # Live data may be watched while no page of the lab is open.
                 attended=live is None,
-                recorded=self._recorded,
-                recorded_as=lambda: recorder.path.stem if recorder.path is not None else "",
+                outside=Outside(
+                    RecordingText(recorder, order.logs),
+                    lambda: recorder.path.stem if recorder.path is not None else "",
+                    self._recorded,
+                    link,
+                ),
             )
             self._session.start()
             self.port = self._session.port

@@ -117,6 +117,12 @@ def test_images_frames_and_prefetches_cannot_load_a_preset(front_server: FrontSe
     assert '"name": "paper"' in ask(front_server.url, "/state/lab").text
 
 
+def test_a_program_that_checks_a_link_ends_no_run(front_server: FrontServer):
+    """Chats and link checkers ask by HEAD, which must change nothing."""
+    assert ask(front_server.url, "/lab/soft-beam", "HEAD").status == 200
+    assert '"name": "paper"' in ask(front_server.url, "/state/lab").text
+
+
 @pytest.mark.parametrize("path", ["/", "/runs", "/lab/", "/viewer/", "/nowhere", "/static/style.css", "/state/lab"])
 def test_every_answer_carries_security_headers(front_server: FrontServer, path: str):
     headers = ask(front_server.url, path).headers

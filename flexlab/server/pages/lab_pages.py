@@ -91,6 +91,8 @@ async def preset_link(request: web.Request) -> web.StreamResponse:
 
 async def enter_by_link(request: web.Request, choice: Choice | None) -> web.StreamResponse:
     """Redirect a visitor who followed a link to the lab, with a scenario if the link leads to one."""
+    if request.method == "HEAD":  # A program only asks whether the page is there: the run goes on.
+        return web.Response()
     if not is_opened_by_person(request):
         return refuse(request, 403, "A link into the lab must be opened by a person, not from inside another page.")
     if choice is not None:

@@ -32,6 +32,7 @@ from flexlab.analysis.lesson_checks import read_check
 from flexlab.analysis.lesson_expressions import ExpressionError
 from flexlab.guide import Lesson, LessonError, lessons, read_lesson
 from flexlab.presets import preset_names
+from flexlab.text import writable
 
 OWN_LESSONS = Path("lessons")
 """Relative to the working directory."""
@@ -56,8 +57,13 @@ class OwnLesson(NamedTuple):
 
 
 def own_lessons(folder: Path = OWN_LESSONS) -> list[OwnLesson]:
-    """All lessons of a folder, sorted by name; one that cannot be read has a `problem`."""
-    return [_read(file) for file in sorted(folder.glob("*.md"))[:MOST]]
+    """The first `MOST` lessons of a folder, sorted by name; one that cannot be read, or is one too many, has a `problem`."""
+    files = sorted(folder.glob("*.md"))
+    found = [_read(file) for file in files[:MOST]]
+    if len(files) > MOST:
+        told = f"this lesson and all after it in the order of names are left out, as {MOST} are the most: remove some."
+        found.append(_unread(files[MOST], told))
+    return found
 
 
 def lesson_menu(own: Sequence[OwnLesson]) -> dict[str, Lesson]:
@@ -90,10 +96,15 @@ def _read(file: Path) -> OwnLesson:
             raise LessonError(file, [(1, "it is not an ordinary file.")])
         if file.stat().st_size > LARGEST:
             raise LessonError(file, [(1, f"over {LARGEST} bytes are no lesson.")])
-        return OwnLesson(file.stem, read_lesson(file, further=_mistakes), "")
+        return OwnLesson(writable(file.stem), read_lesson(file, further=_mistakes), "")
     except (LessonError, OSError, UnicodeDecodeError) as error:
-        reason = str(error) if isinstance(error, LessonError) else f"{file.name}: it cannot be read ({error})."
-        return OwnLesson(file.stem, None, reason)
+        if isinstance(error, LessonError):
+            return OwnLesson(writable(file.stem), None, writable(str(error)))
+        return _unread(file, f"it cannot be read ({error}).")
+
+
+def _unread(file: Path, why: str) -> OwnLesson:
+    return OwnLesson(writable(file.stem), None, writable(f"{file.name}: {why}"))
 
 
 def _mistakes(lesson: Lesson) -> Iterator[tuple[int, str]]:

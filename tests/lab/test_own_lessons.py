@@ -2,6 +2,7 @@
 
 import os
 import re
+import sys
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ from flexlab.analysis import own_lessons as own_lesson_files
 from flexlab.analysis.lesson_checks import Verdict, read_check
 from flexlab.analysis.lesson_expressions import ExpressionError, LookedAt, expression
 from flexlab.analysis.lesson_measures import Look
-from flexlab.analysis.own_lessons import OwnLesson, lesson_menu, lesson_mistakes, own_lessons, short_name
+from flexlab.analysis.own_lessons import MOST, OwnLesson, lesson_menu, lesson_mistakes, own_lessons, short_name
 from flexlab.lab.panel.guide_panel import Guide
 from flexlab.lab.session import Session
 from flexlab.lab.widgets import Widgets
@@ -124,6 +125,25 @@ def test_of_very_many_mistakes_only_the_first_are_listed(tmp_path: Path, part: s
     said = write(tmp_path, bad).problem
     assert "more lines are wrong" in said
     assert len(said) < 30_000
+
+
+def test_lessons_beyond_the_most_of_a_menu_are_not_left_out_silently(tmp_path: Path) -> None:
+    for number in range(MOST + 2):
+        (tmp_path / f"lesson-{number:02}.md").write_text(EXAMPLE.replace("Stiffer", f"Stiffer {number}"))
+    *read, first_left = own_lessons(tmp_path)
+    assert [own.problem for own in read] == [""] * MOST
+    assert first_left.problem == (
+        f"lesson-{MOST}.md: this lesson and all after it in the order of names are left out, as {MOST} are the most: "
+        "remove some."
+    )
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such names")
+def test_a_lesson_whose_file_name_is_not_utf_8_can_be_shown(tmp_path: Path) -> None:
+    (tmp_path / os.fsdecode(b"b\xfcrste.md")).write_text("no lesson")
+    [own] = own_lessons(tmp_path)
+    assert own.name == "b\N{REPLACEMENT CHARACTER}rste"
+    own.problem.encode()
 
 
 def test_folders_broken_links_and_pipes_are_not_lessons(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from flexlab.scenario import Payload, Scenario
 from flexlab.sim.build import build_beam
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Samples
-from flexlab.sim.snapshot import Event
+from flexlab.sim.snapshot import SHORTEST_PERIOD, Event
 from flexlab.sim.target import first_mode, shaper_impulses
 from flexlab.text import fixed_text, number_text
 
@@ -69,10 +69,12 @@ def coarse_note(scenario: Scenario, period: float, until: float, events: Sequenc
         return ""
     digits = 10.0 ** math.floor(math.log10(1 / (FEWEST * frequency)))
     enough = digits * math.floor(1 / (FEWEST * frequency) / digits)
+    advice = f"Take samples every {number_text(1e3 * enough)} ms or more often."
+    if enough < SHORTEST_PERIOD:
+        advice = f"Even samples {number_text(1e3 * SHORTEST_PERIOD)} ms apart, the closest that there are, are too few."
     return (
         f"Samples are {number_text(1e3 * period)} ms apart, and the beam's first mode has a period of "
-        f"{number_text(1e3 / frequency, 3)} ms: peaks, settling time and RMS of the vibration may be far off. Take "
-        f"samples every {number_text(1e3 * enough)} ms or more often."
+        f"{number_text(1e3 / frequency, 3)} ms: peaks, settling time and RMS of the vibration may be far off. {advice}"
     )
 
 

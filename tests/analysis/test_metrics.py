@@ -96,6 +96,13 @@ def test_samples_that_are_too_far_apart_for_the_ring_get_a_note(tmp_path: Path) 
     assert not cells.failed
 
 
+def test_no_closer_samples_are_advised_than_there_are() -> None:
+    stiffest = load_preset("paper").replace({"payload.bending_stiffness": 1e12})
+    note = run_metrics(simulate(stiffest, 0.01)).note
+    assert "the beam's first mode has a period of 0.000224 ms" in note
+    assert note.endswith("Even samples 0.001 ms apart, the closest that there are, are too few.")
+
+
 def test_samples_too_far_apart_for_a_beam_that_is_made_stiffer_are_noted(tmp_path: Path) -> None:
     """The note looked at the beam of the start; a comparison also at one that a later end of the run would have emptied."""
     stiffer = (0.1, ChangeScenario({"payload.bending_stiffness": 900.0}))

@@ -9,6 +9,7 @@ import difflib
 import json
 import math
 import re
+import sys
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import lru_cache
@@ -25,7 +26,7 @@ from flexlab.scenario import parse_scenario
 from flexlab.scenario.field_text import differences, told, value_text
 from flexlab.scenario.path_file import known_kind, path_choice
 from flexlab.scenario.scenario import FORMAT, FORMAT_FIELD, MENU_FIELD, SCHEMA_FIELD, Scenario
-from flexlab.text import visible
+from flexlab.text import visible, writable
 
 REFERENCE = "schema/scenario.json"
 """Path of the schema relative to the presets, as they give it."""
@@ -69,7 +70,8 @@ class DuplicateField(ValueError):
 def preset_files(own: str | Path = OWN_FOLDER) -> dict[str, Path]:
     """Name → file of every preset: flexlab's own first, then those of the folder `own`, each by `menu_order`, then by name."""
     own, ours = file_path("own", own), presets_folder()
-    files = {path.stem: path for folder in (own, ours) for path in folder.glob("*.json")}
+    # Pages, menus and recordings hold names as UTF-8, which those of old archives are not.
+    files = {writable(path.stem): path for folder in (own, ours) for path in folder.glob("*.json")}
     return dict(sorted(files.items(), key=lambda item: (item[1].parent != ours, _menu_order(item[1]), item[0])))
 
 
@@ -104,10 +106,10 @@ def find_scenario(name_or_path: str) -> tuple[str, Scenario]:
 
     Raises `PresetError` or `ScenarioError`.
     """
-    if name_or_path in preset_files():
-        return name_or_path, load_preset(name_or_path)
+    if (name := writable(name_or_path)) in preset_files():
+        return name, load_preset(name)
     if name_or_path.endswith(".json") or "/" in name_or_path or "\\" in name_or_path:
-        return Path(name_or_path).stem, load_scenario_file(name_or_path)
+        return writable(Path(name_or_path).stem), load_scenario_file(name_or_path)
     raise PresetError(_unknown(name_or_path, preset_names()))
 
 
@@ -244,8 +246,13 @@ def _parsed(content: bytes, name: str | Path) -> Any:
     except json.JSONDecodeError as error:
         where = f"line {error.lineno}, column {error.colno}"
         raise PresetError(f"{name}, {where}, is not valid JSON: {_lower_first(error.msg)}.") from None
-    except (ValueError, RecursionError) as error:
-        raise PresetError(f"{name} cannot be read as a scenario: {_lower_first(str(error))}.") from None
+    except DuplicateField as error:
+        raise PresetError(f"{name} cannot be read as a scenario: {error}.") from None
+    except RecursionError:
+        raise PresetError(f"{name} cannot be read as a scenario: its parts are nested too deeply.") from None
+    except ValueError:  # Python converts no longer integers.
+        most = sys.get_int_max_str_digits()
+        raise PresetError(f"{name} cannot be read as a scenario: a number has more than {most} digits.") from None
 
 
 def unique_fields(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -4,6 +4,7 @@ import json
 import math
 import os
 import pickle
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -49,6 +50,28 @@ def test_presets_come_in_menu_order_with_the_users_own_last(tmp_path: Path):
     own = ["early", "late", "a-first-try", "broken", "no-number", "zebra"]
     assert preset_names(tmp_path) == [*sorted(NAMES, key=lambda name: orders[name]), *own]
     assert load_preset("early", tmp_path) == load_preset("paper")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such names")
+def test_a_preset_whose_file_name_is_not_utf_8_has_a_name_that_is(tmp_path: Path):
+    """Archives of other systems bring such names. One of them ended the start page, and its runs could not be recorded."""
+    file = tmp_path / os.fsdecode(b"b\xfcrste.json")
+    file.write_text('{"title": "A brush"}')
+    name = "b\N{REPLACEMENT CHARACTER}rste"
+    assert preset_names(tmp_path)[-1] == name
+    assert load_preset(name, tmp_path).title == "A brush"
+    assert find_scenario(str(file)) == (name, load_scenario_file(file))
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [("[" * 100_000, "its parts are nested too deeply"), ("9" * 5000, "a number has more than 4300 digits")],
+)
+def test_json_that_python_cannot_read_is_refused_without_advice_for_programmers(tmp_path: Path, text: str, reason: str):
+    (tmp_path / "odd.json").write_text(f'{{"gravity": {text}}}')
+    with pytest.raises(PresetError) as caught:
+        load_preset("odd", tmp_path)
+    assert str(caught.value) == f"{tmp_path / 'odd.json'} cannot be read as a scenario: {reason}."
 
 
 def test_a_preset_with_a_new_menu_order_moves(tmp_path: Path):

@@ -243,6 +243,14 @@ def test_the_same_sweep_is_not_computed_twice_and_needs_no_folder(tmp_path: Path
     assert (again.folder / "cells.parquet").stat().st_mtime_ns == stamp
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such names")
+def test_a_sweep_is_kept_in_a_folder_whose_name_is_not_utf_8(tmp_path: Path):
+    folder = tmp_path / os.fsdecode(b"b\xfcrste")
+    sweep = flexlab.sweep("paper", {"gravity": [0.0, 1.0]}, 0.02, folder=folder)
+    assert sweep.table.num_rows == 2
+    assert sorted(os.listdir(folder)) == ["cells.parquet", "sweep.json"]
+
+
 def test_two_computations_of_one_sweep_at_once_both_get_its_table(tmp_path: Path):
     """The slower one failed, as if the folder could not be written, because the other had removed the parts."""
     plan = make_plan(load_preset("paper"), axes("gravity=0,1,2"), 0.02, 0.001)

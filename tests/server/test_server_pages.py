@@ -4,6 +4,7 @@ import json
 import os
 import re
 import shutil
+import sys
 from collections.abc import Callable
 from html import unescape
 from pathlib import Path
@@ -28,12 +29,18 @@ def test_the_start_page_names_every_preset_and_the_state_of_the_lab(front_server
     assert ask(front_server.url, "/static/style.css").headers["Content-Type"].startswith("text/css")
 
 
+on_linux = pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such names")
+NAMES = [b"half? 50%25 #1.json", pytest.param(b"half a b\xfcrste.json", marks=on_linux)]
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_a_preset_of_any_name_opens_from_the_start_page(
-    open_another: Callable[..., FrontServer], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    open_another: Callable[..., FrontServer], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: bytes
 ):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "presets").mkdir()
-    (tmp_path / "presets" / "half? 50%25 #1.json").write_text('{"title": "Half a beam"}')
+    (tmp_path / "presets" / os.fsdecode(b"broken " + name)).write_text("{")
+    (tmp_path / "presets" / os.fsdecode(name)).write_text('{"title": "Half a beam"}')
     front_server = open_another()
     card = re.search(
         r'<li class="card"><a href="([^"]*)">(?:(?!</li>).)*Half a beam', ask(front_server.url).text, re.DOTALL

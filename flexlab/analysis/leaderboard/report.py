@@ -289,10 +289,11 @@ def write_report(board: Leaderboard, folder: Path) -> list[Path]:
     for case, figure in zip(board.cases, figures, strict=True):
         write_text(figure, svg_text(board.plot(case.name), f"flexlab-{case.name}"))
     write_text(html, report_text(board))
-    with writing(tables[0]) as draft:
-        pyarrow.parquet.write_table(board.table, draft, compression="zstd")
-    with writing(tables[1]) as draft:
-        pyarrow.csv.write_csv(board.table, draft)
+    # Arrow itself opens no file whose name is not UTF-8.
+    with writing(tables[0]) as draft, draft.open("wb") as opened:
+        pyarrow.parquet.write_table(board.table, opened, compression="zstd")
+    with writing(tables[1]) as draft, draft.open("wb") as opened:
+        pyarrow.csv.write_csv(board.table, opened)
     return [html, *tables, *figures]
 
 

@@ -89,7 +89,8 @@ def _rows(file: Path, layout: pa.Schema, cells: range) -> pa.Table:
     """The rows of these cells in a file. Raises OSError, or ValueError for a file that holds anything else."""
     check_ordinary(file)
     try:
-        table = parquet.read_table(file, partitioning=None)
+        with file.open("rb") as opened:  # Arrow itself opens no file whose name is not UTF-8.
+            table = parquet.read_table(opened, partitioning=None)
     except pa.ArrowException as error:
         raise ValueError(str(error)) from None
     if table.schema != layout or not np.array_equal(table.column("cell"), cells):
@@ -110,8 +111,8 @@ def save_part(folder: Path, plan: Plan, cells: Sequence[Cell]) -> None:
     part = part_file(folder, range(cells[0].number, cells[-1].number + 1))
     with writable(folder, ADVICE):
         part.parent.mkdir(exist_ok=True)  # The same sweep, computed twice at once, may have been finished.
-        with replacing(part) as draft:
-            parquet.write_table(to_table(plan, cells), draft)
+        with replacing(part) as draft, draft.open("wb") as opened:
+            parquet.write_table(to_table(plan, cells), opened)
 
 
 def run_sweep(plan: Plan, folder: Path, workers: Workers, told: Told = lambda done, total: None) -> "Sweep":
@@ -167,7 +168,11 @@ def join_parts(folder: Path, plan: Plan) -> None:
         if not table.exists():
             layout = schema(plan)
             try:
-                with replacing(table) as draft, parquet.ParquetWriter(draft, layout, compression="zstd") as writer:
+                with (
+                    replacing(table) as draft,
+                    draft.open("wb") as opened,
+                    parquet.ParquetWriter(opened, layout, compression="zstd") as writer,
+                ):
                     for cells in plan.parts():
                         writer.write_table(_rows(part_file(folder, cells), layout, cells))
             except OSError:

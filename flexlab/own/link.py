@@ -158,6 +158,8 @@ class Link:
         if answer.error is not None:
             raise self._problem(visible(answer.error) or "it refused and gave no reason")
         wanted = (at.arm_count, 3)
+        if answer.inputs is not None and answer.torques is not None:
+            raise self._problem("its answer has both inputs and torques, and one of them would be lost")
         if answer.inputs is not None:
             inputs = self._numbers("inputs", answer.inputs, wanted)
         elif answer.torques is not None:

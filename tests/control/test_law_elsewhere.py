@@ -105,6 +105,10 @@ def problem_of(one: Program) -> str:
     ("answer", "says"),
     [
         ({}, "its answer has neither inputs nor torques."),
+        (
+            {"inputs": INPUTS, "torques": INPUTS},
+            "its answer has both inputs and torques, and one of them would be lost.",
+        ),
         ({"inputs": [[1.0, 2.0, 3.0]]}, "the shape of its inputs is (1, 3) instead of (2, 3)."),
         ({"torques": [1.0, 2.0]}, "it sent an unreadable message (Expected `array`, got `float` - at `$.torques[0]`)."),
         ({"inputs": [[1.0], [1.0, 2.0]]}, "its inputs are lists of unequal length instead of (2, 3) numbers."),

@@ -8,6 +8,8 @@ SHRINK_BELOW = 0.45
 """The range shrinks when the signals use less than this fraction of it ..."""
 SHRINK_AFTER = 15
 """... for this many updates in a row (1.5 s at 10 Hz)."""
+AFTER_PICTURES = 75
+"""The same for what is drawn in every picture (2.5 s)."""
 HARDLY_SEEN, NARROWEST = 0.005, 0.1
 """Fractions of a plot's larger side: the other side is left out below the first, and otherwise has at least the second."""
 

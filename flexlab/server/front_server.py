@@ -6,7 +6,6 @@ The server locks its temporary folder, so that a later server can recognize and 
 import asyncio
 import contextlib
 import logging
-import secrets
 import shutil
 import socket
 import tempfile
@@ -48,7 +47,7 @@ from flexlab.server.pages.templating import catalogues
 from flexlab.server.preset_cards import PresetCards
 from flexlab.server.proxy import inside_connector
 from flexlab.server.run_jobs import MOST_COMPARISONS, MOST_REPLAYS, Measuring
-from flexlab.server.settings import GIGABYTE, SECRET_BYTES, Settings
+from flexlab.server.settings import GIGABYTE, Settings, secret_word
 from flexlab.server.study import MOST_AT_ONCE, MOST_STUDIES
 from flexlab.server.task_book import TaskBook
 from flexlab.server.tasks import Tasks
@@ -251,7 +250,7 @@ class FrontServer:
                 self.settings,
                 self.port,
                 cookie_key(self.settings.logs if is_closed else None),
-                secrets.token_urlsafe(SECRET_BYTES) if is_closed else None,
+                secret_word() if is_closed else None,
                 self.places,
                 inside,
                 measuring,
@@ -302,8 +301,8 @@ def open_front_server(
         choice = Choice(scenario, name)
         # Without the token, which its owner hands out: whoever follows the link is asked for it.
         address = settings.address(_port_of(plug), host=settings.public_host())
-        secret, quota = secrets.token_urlsafe(SECRET_BYTES), settings.bytes_of_visitor
-        order = Order(choice, settings.logs, address, settings.shadows, settings.rerun, secret, quota=quota)
+        quota = settings.bytes_of_visitor
+        order = Order(choice, settings.logs, address, settings.shadows, settings.rerun, secret_word(), quota=quota)
         if settings.private:
             places = PrivateLabs(settings, order)
         else:

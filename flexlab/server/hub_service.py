@@ -6,7 +6,6 @@ The service needs no rights over the hub. See .github/UNIVERSITY.md.
 
 import json
 import os
-import secrets
 import signal
 import sys
 import threading
@@ -27,7 +26,7 @@ from flexlab.server.labs.hub_labs import REPORTS, HubLabs
 from flexlab.server.limits import BusyError
 from flexlab.server.pages import teacher_page
 from flexlab.server.pages.templating import OF_HUB
-from flexlab.server.settings import SECRET_BYTES, Settings
+from flexlab.server.settings import Settings, secret_word
 from flexlab.server.visitors import Context, context_of, scheme_of, set_cookie
 from flexlab.sockets import listen
 
@@ -98,7 +97,7 @@ class Hub:
 
     def sign_in(self, request: web.Request) -> web.Response:
         """Redirect to the hub, which sends the user back with a code."""
-        state = secrets.token_urlsafe(SECRET_BYTES)
+        state = secret_word()
         self._states[state] = None
         while len(self._states) > MOST_STATES:
             del self._states[next(iter(self._states))]
@@ -131,7 +130,7 @@ class Hub:
         token = (await self._ask(inside, "POST", "oauth2/token", data=words)).get("access_token", "")
         if not self.may_teach(await self.who(inside, token)):
             return refuse(request, 403, "The hub does not let you use this page: ask its administrator.")
-        word = secrets.token_urlsafe(SECRET_BYTES)
+        word = secret_word()
         self._sessions[word] = Session(token, time.monotonic())
         answer = web.Response(status=303, headers={hdrs.LOCATION: "/teacher"})
         set_cookie(request, answer, SESSION, word, age=None)

@@ -3,7 +3,6 @@
 When a visitor opens the library, a process at low priority measures runs that have no metrics yet.
 """
 
-import hashlib
 import threading
 import time
 import zipfile
@@ -19,7 +18,7 @@ from flexlab.analysis.replay import replay
 from flexlab.analysis.resume import resume
 from flexlab.analysis.run_summary import note_metrics, note_missing_metrics
 from flexlab.errors import RecordingError
-from flexlab.files import is_regular
+from flexlab.files import is_regular, short_hash
 from flexlab.recording.export import export_recording
 from flexlab.recording.importing import import_into
 from flexlab.recording.overlay import write_comparison
@@ -199,7 +198,7 @@ def comparison(book: TaskBook, asker: Visitor, rows: Sequence[RunRow]) -> Task:
     asked = tuple(row.id for row in rows)
     # A second visitor shares a running comparison even if a run that is being recorded has grown since.
     making = next((task.key for task in book.all() if task.working and task.about == asked), None)
-    key = making or hashlib.sha256(repr([(row.id, row.size) for row in rows]).encode()).hexdigest()[:24]
+    key = making or short_hash(repr([(row.id, row.size) for row in rows]))
     paths = tuple(row.path for row in rows)
     return book.start("Comparison", key, asker, compare_runs, paths, about=asked, anew=False)
 

@@ -20,7 +20,7 @@ from flexlab.sockets import LOOPBACK, UNIX, WILDCARDS, base_address, usual_spell
 from flexlab.text import counted
 
 SECRET_BYTES = 18
-"""Random bytes of a generated token or key."""
+"""Random bytes of a generated word."""
 SHORTEST_TOKEN = 16
 """Fewest characters of a chosen token: at two guesses a second nobody finds it."""
 TOKEN_LETTERS = frozenset(string.ascii_letters + string.digits + "-._~")
@@ -41,6 +41,11 @@ KEPT_FREE = 1e9
 LABS_PER_CORE = 6
 """A running lab costs a quarter to a third of a core while its visitor watches, 0.3 % while nobody does: with this many per
 core, each runs at full speed while half of a class reads."""
+
+
+def secret_word() -> str:
+    """A new word that nobody can guess, in characters that addresses and cookies hold."""
+    return secrets.token_urlsafe(SECRET_BYTES)
 
 
 @dataclass(frozen=True)
@@ -111,9 +116,9 @@ class Settings:
         if self.token is not None and self.token == self.teacher_token:
             raise LabError("--teacher-token is the same as --token, which opens the lab to all: choose another one.")
         if self.token is None and not self.is_local:
-            settle("token", secrets.token_urlsafe(SECRET_BYTES))
+            settle("token", secret_word())
         if self.teacher_token is None and self.token is not None:
-            settle("teacher_token", secrets.token_urlsafe(SECRET_BYTES))
+            settle("teacher_token", secret_word())
 
     @property
     def labs_per_address(self) -> int:

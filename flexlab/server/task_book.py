@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import hashlib
 import logging
 import shutil
 from collections import OrderedDict
@@ -15,14 +14,13 @@ from pathlib import Path
 from typing import Any
 
 from flexlab.errors import FlexlabError, LabError
+from flexlab.files import short_hash
 from flexlab.server.limits import THE_SERVER, Limit, Visitor
 from flexlab.server.tasks import Tasks
 
 MOST_BYTES = 1_000_000_000
 """Most bytes of all files of finished tasks; the newest task keeps its files whatever their size."""
 GOOD, BAD = "good", "bad"
-NAME_DIGITS = 16
-"""Hexadecimal digits in the name of a task's folder."""
 
 log = logging.getLogger(__name__)
 
@@ -101,7 +99,7 @@ class TaskBook:
         held = ExitStack()
         if self._limit is not None:
             held.enter_context(self._limit.place(asker))
-        folder = self._folder / f"task-{hashlib.sha256(f'{word} {key}'.encode()).hexdigest()[:NAME_DIGITS]}"
+        folder = self._folder / f"task-{short_hash(f'{word} {key}')}"
         task = Task(key, asker, folder, about, sentence=f"{word}: waiting for its turn")
         self._tasks[key] = task
         self._tasks.move_to_end(key)

@@ -28,7 +28,7 @@ from flexlab.server.labs.lab_provider import LabProvider
 from flexlab.server.limits import Guesses, Limit, Visitor, network_of
 from flexlab.server.preset_cards import PresetCards
 from flexlab.server.run_jobs import Measuring
-from flexlab.server.settings import Settings
+from flexlab.server.settings import Settings, secret_word
 from flexlab.server.task_book import IDLE, Task, TaskBook
 from flexlab.server.tasks import Tasks
 from flexlab.text import visible
@@ -44,8 +44,6 @@ SIGNATURE = 40
 KEY_FILE = ".flexlab-cookie-key"
 """File of the cookies' key in the logs folder, so that visitors keep their runs when the server starts again."""
 KEY_BYTES = 32
-VISITOR_BYTES = 18
-"""Random bytes of the cookie by which a visitor finds their own lab and runs again."""
 COOKIE_AGE = 30 * 24 * 3600
 """Seconds for which a browser stays signed in, keeps a name, and finds its runs again."""
 LONGEST_NAME = 40
@@ -221,7 +219,7 @@ def known_visitor_of(request: web.Request) -> Visitor:
     visitor = visitor_of(request)
     if visitor.id:
         return visitor
-    word = secrets.token_urlsafe(VISITOR_BYTES)
+    word = secret_word()
     signature = context_of(request).signed("visitor", word)
     return replace(visitor, id=f"{word}.{signature}")
 

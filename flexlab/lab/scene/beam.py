@@ -10,7 +10,7 @@ import numpy as np
 import viser
 
 from flexlab.lab import colors
-from flexlab.lab.ranges import Range
+from flexlab.lab.ranges import AFTER_PICTURES, Range
 from flexlab.lab.reference_run import ReferenceRun
 from flexlab.lab.scene import arms
 from flexlab.lab.scene.arms import scene_size, turn_about_z
@@ -42,8 +42,6 @@ FIBRE = 1e-3
 MICRO = 1e6
 LEAST_STRAIN = 1.0
 """Least range of the colours, µm/m or N."""
-FRAMES_BEFORE_SHRINKING = 75
-"""Pictures without a large strain before the range of the colours shrinks (2.5 s)."""
 NEUTRAL = (225, 225, 225)
 NEGATIVE, POSITIVE = colors.BLUE, colors.VERMILION
 COLORED = {
@@ -167,7 +165,7 @@ class StrainBeam:
         self._payload: Payload | None = None
         self._shown = ""
         self._curvature = np.zeros((PIECES, 0))
-        self._range = Range(LEAST_STRAIN, FRAMES_BEFORE_SHRINKING)
+        self._range = Range(LEAST_STRAIN, AFTER_PICTURES)
         radius = TUBE_RADIUS * self._size
         closed = tube_vertices(np.array([[-0.5, 0.0], [0.5, 0.0]]), radius, 0.0)
         self._pieces = scene.add_batched_meshes_simple(
@@ -199,7 +197,7 @@ class StrainBeam:
         shown = "strain" if view.strain else "axial" if view.axial else ""
         self._pieces.visible = bool(shown)
         if shown != self._shown:
-            self._shown, self._range = shown, Range(LEAST_STRAIN, FRAMES_BEFORE_SHRINKING)
+            self._shown, self._range = shown, Range(LEAST_STRAIN, AFTER_PICTURES)
         if not shown:
             return
         if scenario.payload != self._payload:

@@ -7,7 +7,7 @@ import numpy as np
 import viser
 
 from flexlab.lab import colors
-from flexlab.lab.ranges import Range
+from flexlab.lab.ranges import AFTER_PICTURES, Range
 from flexlab.lab.scene import arms
 from flexlab.lab.scene.arms import scene_size
 from flexlab.lab.view_settings import ViewSettings
@@ -26,8 +26,6 @@ ARC_RADIUS = 0.09
 ARC_PIECES = 16
 LEAST_FORCE, LEAST_MOMENT = 1.0, 0.5
 """Least ranges, N and N·m: smaller loads need not be magnified."""
-FRAMES_BEFORE_SHRINKING = 75
-"""Pictures without a large force before a range shrinks (2.5 s)."""
 AWAY = np.array([0.0, 0.0, -1e3])
 """Place of hidden parts, m: a browser shows a part at once and moves it a picture later, so that a part that is shown again would
 flash at its last place."""
@@ -53,7 +51,7 @@ class Arrows:
     def __init__(self, handle: Any, away: np.ndarray, least: float, height: float):
         """`away`: the points of hidden arrows; `least`: the smallest range; `height` above the floor, m."""
         self._handle, self._away, self._height = handle, away, height
-        self._range = Range(least, FRAMES_BEFORE_SHRINKING)
+        self._range = Range(least, AFTER_PICTURES)
         self._was_shown = False
 
     def update(self, places: np.ndarray, loads: np.ndarray, shown: bool) -> None:

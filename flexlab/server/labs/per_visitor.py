@@ -4,7 +4,6 @@ import asyncio
 import contextlib
 import itertools
 import logging
-import secrets
 import time
 from collections import OrderedDict
 from collections.abc import Coroutine, Sequence
@@ -20,11 +19,9 @@ from flexlab.recording.repair import finish, finish_abandoned
 from flexlab.server.labs.lab_provider import LOOK_AGAIN, Choice, FullError, Lab, LabProvider, Order, WaitingLine
 from flexlab.server.labs.worker import STOP_TIME, PrivateLab
 from flexlab.server.limits import Visitor
-from flexlab.server.settings import SECRET_BYTES, Settings
+from flexlab.server.settings import Settings, secret_word
 from flexlab.server.tasks import prepare_lab_processes
 
-ID_BYTES = 12
-"""Random bytes in the path of a lab."""
 ENDED_KEPT = 500
 """Most labs whose end is remembered for visitors who come back."""
 ROUNDS_PER_IDLE_TIME = 5
@@ -116,7 +113,7 @@ class PrivateLabs(LabProvider):
         if self._watch is None:
             self._watch = asyncio.create_task(self._close_idle_ones())
         loop = asyncio.get_running_loop()
-        lab = secrets.token_urlsafe(ID_BYTES)
+        lab = secret_word()
 
         def tell() -> None:
             with contextlib.suppress(RuntimeError):  # The server itself is closed already.
@@ -125,7 +122,7 @@ class PrivateLabs(LabProvider):
         order = replace(
             self._order,
             choice=choice,
-            secret=secrets.token_urlsafe(SECRET_BYTES),
+            secret=secret_word(),
             owner=visitor.owner,
             visitor=visitor.name,
             own_files=hosts.allowed(),

@@ -1,7 +1,6 @@
 """`/studies`: forms for studies of the lab's scenario or of a preset; `/studies/<id>`: one study, running or finished."""
 
 import asyncio
-import secrets
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import groupby
@@ -17,6 +16,7 @@ from flexlab.server.labs.lab_provider import Choice
 from flexlab.server.pages.lab_pages import LINKED, enter_by_link
 from flexlab.server.pages.templating import button, message, page
 from flexlab.server.scenario_links import decode_scenario, encode_scenario, scenario_path
+from flexlab.server.settings import secret_word
 from flexlab.server.study import MOST_VALUES, Found, Study, known_studies, metric_columns, read_study
 from flexlab.server.task_book import Task
 from flexlab.server.visitors import context_of, file_answer, fresh, keep_visitor, known_visitor_of, told, visitor_of
@@ -30,8 +30,6 @@ USUAL = ("payload.bending_stiffness", "controller.feedback_gain")
 """Fields that a form suggests if the scenario has them."""
 ALL_STUDIES = button("/studies", "Studies")
 NO_STUDY = "There is no such study: a server keeps the last few, as long as it runs."
-ID_BYTES = 9
-"""Random bytes of a study's address, so that nobody can guess it: whoever has the address may view and cancel the study."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +114,7 @@ async def start(request: web.Request) -> web.Response:
         study = await asyncio.to_thread(read_study, form, scenario)
         visitor = known_visitor_of(request)
         about = Begun(study, visitor.id if context.places.is_private else "", visible(form.get("name", ""), 80))
-        name = secrets.token_urlsafe(ID_BYTES)
+        name = secret_word()  # Whoever has a study's address may view and cancel it.
         context.studies.start(study.title, name, visitor_of(request), study.job(), about=about)
     except LabError as error:
         return message("Not now", str(error), 503, ALL_STUDIES)

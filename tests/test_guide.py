@@ -1,6 +1,7 @@
 """The guide is complete: chapters, lessons and pictures exist, fit together, and stay small."""
 
 import re
+import runpy
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -135,6 +136,17 @@ def test_every_preset_has_a_picture_that_exaggerates_as_the_lab_does():
         assert file.is_file(), f"run web_assets/make/pictures.py for {preset}"
         words = "".join(ET.fromstring(file.read_text(encoding="utf-8")).itertext())
         assert f"bending × {number_text(factor)}" in words, preset
+
+
+@pytest.mark.parametrize("name", ["equations", "leaderboard", "models", "notebooks", "pictures"])
+def test_the_scripts_that_make_shipped_files_load(root: Path, name: str):
+    runpy.run_path(str(root / f"web_assets/make/{name}.py"))
+
+
+def test_a_presets_picture_is_what_the_script_draws(root: Path):
+    made = runpy.run_path(str(root / "web_assets/make/pictures.py"))
+    shipped = web_assets_folder() / "pictures" / "paper.svg"
+    assert made["draw_preset"]("paper") == shipped.read_text(encoding="utf-8"), "run web_assets/make/pictures.py"
 
 
 def test_three_dimensional_models_are_small_and_described():

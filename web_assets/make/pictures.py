@@ -15,7 +15,7 @@ import numpy as np
 
 from flexlab.assets import presets_folder
 from flexlab.control.paths.sine import SineTrajectory
-from flexlab.lab.view_settings import fitting_exaggeration, tamed_exaggeration
+from flexlab.lab.view_settings import tamed_exaggeration
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.build import build_beam
@@ -23,13 +23,14 @@ from flexlab.sim.geometry import arm_points, beam_points, link_points
 from flexlab.sim.samples import Run, Samples
 from flexlab.sim.simulate import simulate
 from flexlab.text import number_text
+from flexlab.views import fitting_exaggeration
 
 ASSETS = Path(__file__).resolve().parent.parent
 ARM_COLORS, BEAM, DESIRED, GRAY = ("#0072b2", "#d55e00"), "#009e73", "#cc79a7", "#808890"
 LINK_WIDTHS = (7.0, 6.0, 4.0)
 """Stroke widths, px."""
-DRAWN_BENDING = 0.12
-"""Size at which the beam's largest deflection is drawn, m."""
+OVERVIEW_FACTOR = 100
+"""Factor on the deflection in the guide's picture, which draws it 70 mm large."""
 COLUMNS = 117
 """Number of columns of the curve at the foot, each drawn by its lowest and highest value."""
 BLUR = 6
@@ -86,13 +87,6 @@ class Canvas:
         size = f'width="{self.width}" height="{self.height}" viewBox="0 0 {self.width} {self.height}"'
         head = f'<svg xmlns="http://www.w3.org/2000/svg" {size}>\n<title>{title}</title>\n'
         return head + "\n".join(self.parts) + "\n</svg>\n"
-
-
-def nice_factor(largest: float) -> int:
-    """1, 2 or 5 times a power of ten, so that a deflection of `largest` m is drawn about `DRAWN_BENDING` m large."""
-    wanted = max(DRAWN_BENDING / max(largest, 1e-9), 1.0)
-    power = 10 ** math.floor(math.log10(wanted))
-    return int(power * max(step for step in (1, 2, 5) if step * power <= wanted * 1.0001))
 
 
 def draw_arms(canvas: Canvas, scenario: Scenario, sample: Samples) -> None:
@@ -174,14 +168,13 @@ def draw_overview() -> str:
     run = simulate(scenario, 1.0, 0.001)
     row = 130
     now = run.slice(row, row + 1)
-    factor = nice_factor(float(np.abs(now.midspan_deflection[0])))
     canvas = Canvas(300, 226, np.array([-1.02, -0.1]), np.array([1.02, 1.12]), 8, 14)
     draw_path(canvas, run)
     ghost = canvas.at(link_points(scenario, now.desired_pose)[0])
     canvas.line(ghost, DESIRED, 3)
     draw_arms(canvas, scenario, now)
     link = canvas.at(link_points(scenario, now.pose)[0])
-    beam = canvas.at(beam_points(scenario, now, 33, factor)[0])
+    beam = canvas.at(beam_points(scenario, now, 33, OVERVIEW_FACTOR)[0])
     canvas.line(link, "currentColor", 1, 'stroke-dasharray="4 3"')
     canvas.line(beam, BEAM, 4)
     arms = canvas.at(arm_points(scenario, now)[0])
@@ -197,7 +190,7 @@ def draw_overview() -> str:
     note("grip", (link[0, 0] - 22, link[0, 1] - 26), link[0])
     note("desired pose", (ghost[1, 0] + 20, ghost[1, 1] - 26), ghost[0] + 0.85 * (ghost[1] - ghost[0]), DESIRED)
     note("virtual link", (link[1, 0] - 4, link[1, 1] + 48), link[0] + 0.8 * (link[1] - link[0]))
-    note(f"beam, bending × {factor}", (136, link[1, 1] + 72), beam[12], BEAM)
+    note(f"beam, bending × {OVERVIEW_FACTOR}", (136, link[1, 1] + 72), beam[12], BEAM)
     return canvas.svg("Two arms carry a beam")
 
 

@@ -21,7 +21,7 @@ def test_the_fitted_ring_of_a_tap_gives_a_shaper_and_a_gain():
         def fitted() -> None:
             panel.fit()
             wait_until(lambda: not panel.is_busy, "the fit")
-            panel.update()
+            panel.update(lab.runner.snapshot)
 
         fitted()
         assert "There is no free ring to fit: tap the beam" in panel._found.content
@@ -34,6 +34,7 @@ def test_the_fitted_ring_of_a_tap_gives_a_shaper_and_a_gain():
         fitted()
         result = panel.result
         assert result is not None
+        assert result.remedies is not None
         assert result.fit.first.frequency.value == pytest.approx(45.0, rel=0.05)
         assert "95 % within" in panel._found.content
         assert all(button.visible for button in panel._shapers)
@@ -48,7 +49,7 @@ def test_the_fitted_ring_of_a_tap_gives_a_shaper_and_a_gain():
         panel._use_gain()
         assert state.intended.controller.lateral_vibration_gain == pytest.approx(result.remedies.gain, rel=1e-3)
         state.change({"controller.kind": "pd"})
-        panel.update()
+        panel.update(lab.runner.snapshot)
         assert not panel._damp.visible
         with pytest.raises(LabError, match="choose vibration-damping or composite"):
             panel._use_gain()

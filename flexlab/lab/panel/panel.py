@@ -115,11 +115,10 @@ class Panel:
         self._settled: tuple[Scenario | None, Scenario | None] = (None, None)
         self._notices = widgets.gui.add_html("")
         # The bar belongs to the picture, which comes before the panel in Tab order; no button may follow directly (`page.css`).
-        self._scrub = Scrub(widgets, look_back)
+        scrub = Scrub(widgets, look_back)
         self._caption, self._number = widgets.gui.add_html(""), widgets.gui.add_html("")
         self._status = widgets.gui.add_html("")
-        self._drive = Playback(widgets)
-        self._presets = Presets(widgets)
+        self._drive, presets = Playback(widgets), Presets(widgets)
         tabs = widgets.gui.add_tab_group()
         with tabs.add_tab("Parameters"):
             self._note = widgets.gui.add_html("", visible=False)
@@ -137,16 +136,17 @@ class Panel:
             self._viewing = ViewControls(widgets, look)
         with tabs.add_tab("Touch"):
             self._touching = touch_controls(widgets, touch)
-            self._ring = RingPanel(widgets)
+            ring = RingPanel(widgets)
         with tabs.add_tab("Modes"):
-            self._modes = ModePanel(widgets, study)
+            modes = ModePanel(widgets, study)
         with tabs.add_tab("Compare"):
             self.comparing = Comparing(widgets)
         with tabs.add_tab("File"):
-            self._filing = ScenarioFiles(widgets, self._presets.menu.settle)
+            self._filing = ScenarioFiles(widgets, presets.menu.settle)
         with tabs.add_tab("Events"):
-            self._events = Events(widgets)
-        self._play = PlayScreen(widgets, touch, look)
+            events = Events(widgets)
+        play = PlayScreen(widgets, touch, look)
+        self._parts = events, presets, self._drive, scrub, play, modes, ring, self._filing
         add_keys(widgets, self._keys(present, say))
 
     def update(self, snapshot: Snapshot, seen: Snapshot, scales: list[tuple[str, str]], caption: str) -> None:
@@ -162,14 +162,8 @@ class Panel:
         put(self._caption, content=f'<div class="fl fl-caption">{escaped(caption)}</div>')
         put(self._number, content=number_html(self._look_back.recent(SEEN_TOGETHER), seen))
         self._notices.content = notices_html(seen, lab_state.notice, lab_state.rules)
-        self._events.update(snapshot)
-        self._presets.update()
-        self._drive.update(snapshot)
-        self._scrub.update()
-        self._play.settle()
-        self._modes.update(snapshot)
-        self._ring.update()
-        self._filing.update(snapshot)
+        for part in self._parts:
+            part.update(snapshot)
         if lab_state.intended is not self._told:
             self._told, note = lab_state.intended, three_valued(lab_state.intended)
             put(self._note, content=f'<div class="fl fl-dim">{escaped(note)}</div>', visible=bool(note))
@@ -197,10 +191,8 @@ class Panel:
             Key("Slow motion: slower", "Half the speed", ",", None, lambda _: drive.faster(0.5)),
             Key("Slow motion: faster", "Twice the speed", ".", None, lambda _: drive.faster(2.0)),
             Key("Undo", "Undo the last change", "Z", "cmd/ctrl", lambda _: lab_state.undo()),
-            *(
-                Key("Redo", "Redo the last undone change", key, modifier, lambda _: lab_state.redo())
-                for key, modifier in (("Z", "cmd/ctrl+shift"), ("Y", "cmd/ctrl"))
-            ),
+            Key("Redo", "Redo the last undone change", "Z", "cmd/ctrl+shift", lambda _: lab_state.redo()),
+            Key("Redo", "Redo the last undone change", "Y", "cmd/ctrl", lambda _: lab_state.redo()),
             Key("Save as preset", "Under the name on the tab File", "S", None, lambda _: self._filing.save()),
             Key(
                 "Presentation",

@@ -148,7 +148,7 @@ class Scrub:
         self._bar.on_update(widgets.handler(lambda _: look_back.look(-float(self._bar.value))))
         self._ago = 0.0
 
-    def update(self) -> None:
+    def update(self, _: Snapshot) -> None:
         """Follow the run: the bar goes back as far as one can look, and grows in steps."""
         ago, reach = self._look_back.ago, self._look_back.reach
         low = max(reach if ago else float(f"{reach:.2g}"), SHORTEST_PAST)
@@ -223,7 +223,7 @@ class PlayScreen:
             self._beam = Folder(widgets, None, _play_rows, is_open=True)
             self._speed = speed_menu(widgets, "Simulation speed")
 
-    def settle(self) -> None:
+    def update(self, _: Snapshot) -> None:
         """Follow the run, but leave alone a control that a person is using."""
         self._beam.settle()
         self._speed.settle()

@@ -14,6 +14,7 @@ from flexlab.analysis.identification.remedies import SHAPERS, WANTED_RATIO, Reme
 from flexlab.analysis.identification.ring import RingFit, fit_ring
 from flexlab.errors import LabError, telling
 from flexlab.lab.widgets import Widgets, put, table_html
+from flexlab.sim.snapshot import Snapshot
 from flexlab.text import escaped, number_text
 
 LOOKED_BACK = 30.0
@@ -69,7 +70,7 @@ class RingPanel:
     def _give_up(self, problem: str) -> None:
         self.result, self._problem = None, problem
 
-    def update(self) -> None:
+    def update(self, _: Snapshot) -> None:
         """Show the result."""
         result, offered = self.result, self._offered()
         if self.is_busy:

@@ -94,7 +94,7 @@ class Presets:
         )
         self._text = widgets.gui.add_html("")
 
-    def update(self) -> None:
+    def update(self, _: Snapshot) -> None:
         """Show the preset that the scenario came from, its text, and the changes since."""
         self.menu.settle()
         baseline, now = self._lab_state.baseline, self._lab_state.intended
@@ -152,7 +152,7 @@ class ScenarioFiles:
         opener.on_upload(widgets.handler(self._upload))
         self._address = widgets.gui.add_html("")
 
-    def update(self, snapshot: Snapshot) -> None:
+    def update(self, _: Snapshot) -> None:
         """Show the changes from the preset, and the address of the scenario."""
         lab_state = self._lab_state
         key = (lab_state.baseline, lab_state.intended)

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf, sqrt
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -31,10 +31,6 @@ from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Event
 from flexlab.sim.target import shaper_impulses
 from flexlab.text import fixed_text, number_text
-
-if TYPE_CHECKING:
-    from flexlab.sim.samples import Run
-
 
 LONGEST_LOOK = 5.0
 """Length of the newest part of a run that explanations use, s."""
@@ -86,15 +82,12 @@ class Background(NamedTuple):
         after = filled(scenario)
         # The shaper stays as it was made for the mass at the start.
         then = None if after is None else cls.of(after)._replace(shaper=shaper)
-        rings, fastest, force = rings_of(found), fastest_growth(found), _inertial_force(around)
-        return cls(scenario, found, conditions, around, informed, shaper, rings, fastest, force, then)
-
-
-def _inertial_force(around: Circumstances | None) -> np.ndarray:
-    if around is None:
-        return np.zeros((0, 3))
-    return np.array([B @ now.desired[2] + now.C.sum(axis=0) @ now.desired[1]
-                     for now, B in zip(around.path, around.inertias(), strict=True)])  # fmt: skip
+        along = () if around is None else zip(around.path, around.inertias(), strict=True)
+        force = [B @ now.desired[2] + now.C.sum(axis=0) @ now.desired[1] for now, B in along]
+        return cls(
+            scenario, found, conditions, around, informed, shaper, rings_of(found), fastest_growth(found),
+            np.reshape(force, (-1, 3)), then,
+        )  # fmt: skip
 
 
 def filled(scenario: Scenario) -> Scenario | None:
@@ -134,7 +127,7 @@ class Evidence:
 
     @classmethod
     def of_run(
-        cls, run: "Run | Samples", background: Background, start: float | None = None, events: Sequence[Event] = ()
+        cls, run: Samples, background: Background, start: float | None = None, events: Sequence[Event] = ()
     ) -> Self:
         """The evidence of the newest part of a run, after the last of its events that changed or touched anything.
 
@@ -182,7 +175,7 @@ class Evidence:
     @cached_property
     def steady(self) -> Samples | None:
         """The newest second of steady motion; None before there is a full one."""
-        return newest(self.samples, STEADY) if self.length >= CALMED + STEADY - 1e-9 else None
+        return self.last_second if self.length >= CALMED + STEADY - 1e-9 else None
 
     @property
     def moving(self) -> bool:
@@ -253,10 +246,11 @@ def n(value: float) -> str:
     return number_text(value, 3) if abs(value) < 1000 else fixed_text(value, 0)
 
 
-def register(name: str, equation: str, plot: str, place: int) -> Callable[[Look], Look]:
-    """Function decorator: adds an explanation to `EXPLANATIONS`. Raises ValueError for a name that is taken."""
+def register(equation: str, plot: str, place: int) -> Callable[[Look], Look]:
+    """Function decorator: adds an explanation, named as its function, to `EXPLANATIONS`. Raises ValueError for a taken name."""
 
     def add(look: Look) -> Look:
+        name = look.__name__.replace("_", " ")
         if name in EXPLANATIONS:
             raise ValueError(f"two explanations are called {name!r}")
         EXPLANATIONS[name] = Explanation(name, equation, plot, place, look)
@@ -279,7 +273,7 @@ def explain(evidence: Evidence) -> tuple[Explained, ...]:
 
 
 def explain_run(
-    run: "Run | Samples", scenario: Scenario, start: float | None = None, events: Sequence[Event] = ()
+    run: Samples, scenario: Scenario, start: float | None = None, events: Sequence[Event] = ()
 ) -> tuple[Explained, ...]:
     """The explanations of a run's newest `LONGEST_LOOK` s since its last change or touch, under the scenario that it then has.
 

@@ -11,7 +11,7 @@ UNEXPLAINED = 0.5
 """Largest share of the internal force, RMS, that may remain unexplained."""
 
 
-@register("load share", "F_1 = (α − ½) f + what the postures differ by, Eqs. (14), (15)", "Internal force", 26)
+@register("F_1 = (α − ½) f + what the postures differ by, Eqs. (14), (15)", "Internal force", 26)
 def load_share(seen: Evidence) -> str | None:
     """An uneven load share causes most of the internal force."""
     span, share = seen.steady, seen.scenario.controller.load_share
@@ -37,7 +37,7 @@ CANCELLED = 1e-6
 """Largest sum of both internal forces that is rounding error, N and N·m."""
 
 
-@register("wanted force", "u_1 += F_d (cos θ, sin θ, 0), u_2 −= the same: F_1 + F_2 = 0", "Internal force", 27)
+@register("u_1 += F_d (cos θ, sin θ, 0), u_2 −= the same: F_1 + F_2 = 0", "Internal force", 27)
 def wanted_force(seen: Evidence) -> str | None:
     """The internal force along the link is, on average, the wanted one."""
     span, wanted = seen.steady, seen.scenario.controller.wanted_internal_force
@@ -56,7 +56,7 @@ def wanted_force(seen: Evidence) -> str | None:
     )
 
 
-@register("axial load", "P_cr = c π²EI/L²; K_G = ∫N N'ᵀN' ds", "Axial load beside P_cr", 6)
+@register("P_cr = c π²EI/L²; K_G = ∫N N'ᵀN' ds", "Axial load beside P_cr", 6)
 def axial_load(seen: Evidence) -> str | None:
     """The beam's model neglects an axial load that matters, or is not valid at this load."""
     samples = seen.samples
@@ -69,7 +69,7 @@ BENDING_AGREES = 0.1
 """Largest relative difference of the mean bending from the weight's."""
 
 
-@register("bending by weight", "w(0) = −5 ρ g L⁴ cos θ / (384 EI), pinned grips", "Mid-span deflection", 25)
+@register("w(0) = −5 ρ g L⁴ cos θ / (384 EI), pinned grips", "Mid-span deflection", 25)
 def bending_by_weight(seen: Evidence) -> str | None:
     """The mean quasi-static deflection is that of a beam on two pins under its weight."""
     beam, gravity = seen.scenario.payload, seen.scenario.gravity
@@ -99,7 +99,7 @@ NEAR = 0.3
 """Sine of the elbow angle, 17°, below which an arm counts as nearly singular."""
 
 
-@register("nearly singular arm", "det J_i = l_1 l_2 sin θ_2, Eq. (12)", "Joint torques", 12)
+@register("det J_i = l_1 l_2 sin θ_2, Eq. (12)", "Joint torques", 12)
 def nearly_singular_arm(seen: Evidence) -> str | None:
     """The arm whose elbow came closest to straight in the newest second."""
     arms = seen.scenario.arms

@@ -62,7 +62,6 @@ def _not_begun(seen: Evidence) -> str:
 
 
 @register(
-    "growing mode",
     "η̈ + Dη̇ + ω²η = −k h²η̇(t − (d + ½) T_c): fed where cos(ω (d + ½) T_c) < 0; poles log(z)/T_c",
     "Spectrum of the mid-span vibration",
     0,
@@ -89,10 +88,7 @@ def growing_mode(seen: Evidence) -> str | None:
 
 
 @register(
-    "growing pose",
-    "x(k+1) = x(k) − λT_c x(k−d): stable up to λT_c = 2 sin(π/(2 (2d + 1))) (Levin and May 1976)",
-    "Tracking error",
-    1,
+    "x(k+1) = x(k) − λT_c x(k−d): stable up to λT_c = 2 sin(π/(2 (2d + 1))) (Levin and May 1976)", "Tracking error", 1
 )
 def growing_pose(seen: Evidence) -> str | None:
     """The control period is too long for the feedback of the pose."""
@@ -111,10 +107,7 @@ def growing_pose(seen: Evidence) -> str | None:
 
 
 @register(
-    "growing loop",
-    "det(sI − A) = 0 has a root with Re s > 0, A: arms, beam and law about their rest point",
-    "Mid-span deflection",
-    4,
+    "det(sI − A) = 0 has a root with Re s > 0, A: arms, beam and law about their rest point", "Mid-span deflection", 4
 )
 def growing_loop(seen: Evidence) -> str | None:
     """The loop grows for another reason: the beam buckles, or the loop is probably as fast as the beam."""
@@ -143,7 +136,6 @@ def growing_loop(seen: Evidence) -> str | None:
 
 
 @register(
-    "spillover",
     "y = C_o z_o + C_r z_r: what gauges see of modes r outside the model enters the estimate of those in it (Balas 1978)",
     "Spectrum of the mid-span vibration",
     3,
@@ -170,7 +162,7 @@ SLOWEST = 0.1
 """Lowest frequency at which a small margin is reported, Hz; slower poles belong to a memory that hardly moves."""
 
 
-@register("small margin", "α = 1/max ρ((S − T)/2), the disk margin of all motors alike", "Tracking error", 18)
+@register("α = 1/max ρ((S − T)/2), the disk margin of all motors alike", "Tracking error", 18)
 def small_margin(seen: Evidence) -> str | None:
     """A stable loop with a small disk margin."""
     found = seen.background.modes
@@ -190,7 +182,7 @@ def small_margin(seen: Evidence) -> str | None:
     )
 
 
-@register("condition not met", "the law's stability conditions, below its gains", "Sliding variable s", 40)
+@register("the law's stability conditions, below its gains", "Sliding variable s", 40)
 def condition_not_met(seen: Evidence) -> str | None:
     """A condition of the law is not met, although all poles decay."""
     unmet = [condition for condition in seen.background.conditions if not condition.met]

@@ -16,7 +16,6 @@ SHAKEN = 10
 
 
 @register(
-    "folded mode",
     "f_shown = |f − round(f T) / T| with T the time between samples (Nyquist: f < 1/(2T))",
     "Spectrum of the mid-span vibration",
     30,
@@ -50,7 +49,7 @@ WHITE = -0.3
 """Correlation of successive jumps up to which they count as noise; differences of white noise have -½."""
 
 
-@register("noisy torques", "τ = 𝒥⁻ᵀu(x + n_x, ẋ + n_v): noise times gain", "Joint torques", 14)
+@register("τ = 𝒥⁻ᵀu(x + n_x, ẋ + n_v): noise times gain", "Joint torques", 14)
 def noisy_torques(seen: Evidence) -> str | None:
     """Noisy sensors make the torques jump at random."""
     law = seen.scenario.controller
@@ -90,7 +89,7 @@ CHATTER = 5.0
 """RMS jump of a joint torque per control period from which it counts as chatter, N·m; 0.5 is usual."""
 
 
-@register("chatter", "ū_3 = −Ψ s / max(‖s‖, ε), Eq. (25): s crosses ε within a control period", "Joint torques", 6)
+@register("ū_3 = −Ψ s / max(‖s‖, ε), Eq. (25): s crosses ε within a control period", "Joint torques", 6)
 def chatter(seen: Evidence) -> str | None:
     """Torques alternate from one control instant to the next, and s crosses its boundary layer within one control period."""
     law, layer = seen.scenario.controller, seen.field("boundary_layer")
@@ -118,7 +117,7 @@ LEAST_SHARE = 0.005
 NAMES = ("left", "right")
 
 
-@register("torque at its limit", "|τ_k| ≤ τ_max,k", "Joint torques", 5)
+@register("|τ_k| ≤ τ_max,k", "Joint torques", 5)
 def torque_at_its_limit(seen: Evidence) -> str | None:
     """A joint's torque is at its limit; of several joints, the one that is at its limit longest."""
     limit, motor, span = seen.scenario.controller.torque_limit, seen.scenario.joints.motor, seen.last_second

@@ -44,8 +44,8 @@ def _agrees(error: float, predicted: float) -> bool:
     return error >= WORTH and AGREES[0] * predicted < error < AGREES[1] * predicted
 
 
-@register("outside the boundary layer", "K ‖s‖ = ‖Ψ‖, inside only if ‖Ψ‖ ≤ K ε", "Sliding variable s", 13)
-def outside_the_layer(seen: Evidence) -> str | None:
+@register("K ‖s‖ = ‖Ψ‖, inside only if ‖Ψ‖ ≤ K ε", "Sliding variable s", 13)
+def outside_the_boundary_layer(seen: Evidence) -> str | None:
     """The feedback is too weak for the beam's reaction, so that s leaves its layer in steady motion."""
     found, gain = _layer(seen), seen.field("feedback_gain")
     if found is None or gain is None:
@@ -126,7 +126,7 @@ ALONE = 0.8
 """Least share of K in the feedback at which twice the K nearly halves the error."""
 
 
-@register("error within the layer", "‖e‖ ≤ ‖s‖/Λ, ‖s‖ ≤ ‖Ψ‖/(K + ρ/ε)", "Tracking error", 24)
+@register("‖e‖ ≤ ‖s‖/Λ, ‖s‖ ≤ ‖Ψ‖/(K + ρ/ε)", "Tracking error", 24)
 def error_within_the_layer(seen: Evidence) -> str | None:
     """The error is the beam's reaction divided by the feedback inside the layer."""
     found, slope = _layer(seen), seen.field("sliding_slope")
@@ -161,7 +161,7 @@ def error_within_the_layer(seen: Evidence) -> str | None:
     )
 
 
-@register("error of feedback alone", "P e ≈ −(B ẍ_d + C̄ ẋ_d + D ė)", "Tracking error", 23)
+@register("P e ≈ −(B ẍ_d + C̄ ẋ_d + D ė)", "Tracking error", 23)
 def error_of_feedback_alone(seen: Evidence) -> str | None:
     """The position gain of pd, a spring, supplies the force that the motion's inertia needs."""
     span, around, law = seen.steady, seen.background.around, seen.scenario.controller
@@ -179,7 +179,7 @@ def error_of_feedback_alone(seen: Evidence) -> str | None:
     )
 
 
-@register("wrong payload", "Ψ = (B_true − B_believed) ẍ_d + the weight's difference", "Tracking error", 15)
+@register("Ψ = (B_true − B_believed) ẍ_d + the weight's difference", "Tracking error", 15)
 def wrong_payload(seen: Evidence) -> str | None:
     """The controller's wrong model of the beam leaves more to the feedback."""
     now, truth, span = seen.background.around, seen.background.informed, seen.steady
@@ -211,24 +211,24 @@ BALANCES = 0.3
 """Largest relative difference of balanced growth and leakage."""
 
 
-def _growth(seen: Evidence) -> tuple[float, float, float] | None:
-    """b̂_0 now, N, its change, N/s, and k_0; None without estimates or steady motion."""
+def _growth(seen: Evidence) -> tuple[float, float, float, float] | None:
+    """b̂_0 now, N, its change, N/s, k_0, and the mean ‖s‖, m/s; None without estimates or steady motion."""
     adaptation = getattr(seen.scenario.controller, "adaptation", None)
     if adaptation is None or seen.steady is None or not np.isfinite(seen.steady.bound_estimates).all():
         return None
     estimate = seen.steady.bound_estimates[:, 0]
     span = float(seen.steady.time[-1] - seen.steady.time[0])
-    return float(estimate[-1]), float(estimate[-1] - estimate[0]) / span, float(adaptation[0])
+    size = float(np.linalg.norm(seen.steady.sliding_variable, axis=1).mean())
+    return float(estimate[-1]), float(estimate[-1] - estimate[0]) / span, float(adaptation[0]), size
 
 
-@register("drifting estimates", "ḃ_0 = ‖s‖/k_0 ≥ 0, Eq. (23)", "Bound estimates b̂", 16)
+@register("ḃ_0 = ‖s‖/k_0 ≥ 0, Eq. (23)", "Bound estimates b̂", 16)
 def drifting_estimates(seen: Evidence) -> str | None:
     """Noise keeps ‖s‖ above zero, so that estimates grow without need."""
     found, law = _growth(seen), seen.scenario.controller
     if found is None or law.leakage > 0 or not law.sensor_noise.active:
         return None
-    now, rate, k0 = found
-    size = np.nan if seen.steady is None else float(np.linalg.norm(seen.steady.sliding_variable, axis=1).mean())
+    now, rate, k0, size = found
     if rate < GROWTH_WORTH or not size < NOISELESS * rate * k0:
         return None
     return (
@@ -237,14 +237,13 @@ def drifting_estimates(seen: Evidence) -> str | None:
     )
 
 
-@register("leaking estimates", "ḃ_0 = ‖s‖/k_0 − σ b̂_0 = 0 at b̂_0 = ‖s‖/(σ k_0)", "Bound estimates b̂", 28)
+@register("ḃ_0 = ‖s‖/k_0 − σ b̂_0 = 0 at b̂_0 = ‖s‖/(σ k_0)", "Bound estimates b̂", 28)
 def leaking_estimates(seen: Evidence) -> str | None:
     """Leakage and growth balance at ‖s‖/(σ k_0)."""
     found, law = _growth(seen), seen.scenario.controller
-    if found is None or law.leakage <= 0 or seen.steady is None:
+    if found is None or law.leakage <= 0:
         return None
-    now, rate, k0 = found
-    size = float(np.linalg.norm(seen.steady.sliding_variable, axis=1).mean())
+    now, rate, k0, size = found
     balance = size / (law.leakage * k0)
     if now == 0 or abs(rate) > STANDS * now:  # Nothing has been learnt, as in a run at exact rest.
         return None

@@ -44,7 +44,7 @@ def fading_rate(samples: Samples, hertz: float) -> float:
     return float(np.polyfit(samples.time[tops], np.log(np.abs(samples.vibration[tops])), 1)[0])
 
 
-@register("ring", "w ~ exp(−ζωt) cos(ωt): the pole −ζω ± iω of the closed loop", "Mid-span deflection", 20)
+@register("w ~ exp(−ζωt) cos(ωt): the pole −ζω ± iω of the closed loop", "Mid-span deflection", 20)
 def ring(seen: Evidence) -> str | None:
     """A ring agrees in frequency and decay with a mode's pole."""
     part = ringing_part(seen.samples)
@@ -88,7 +88,7 @@ BENT = 0.1
 """Least vibration at the start, as under a weight that the beam does not yet carry, over the peak, to be a cause of its own."""
 
 
-@register("jerky start", "η̈ + Dη̇ + Ω²η = −h a⊥ − g θ̈, Eq. (10): a jump of ẋ is a burst of a", "Mid-span deflection", 22)
+@register("η̈ + Dη̇ + Ω²η = −h a⊥ − g θ̈, Eq. (10): a jump of ẋ is a burst of a", "Mid-span deflection", 22)
 def jerky_start(seen: Evidence) -> str | None:
     """The run does not start with the path's velocity, and its largest vibration follows at once."""
     samples = seen.samples
@@ -115,7 +115,7 @@ MOSTLY = 0.5
 """Least share of slow bending in a vibration that is not called a ring."""
 
 
-@register("off the path", "w − w_qs, where w_qs ∝ ẍ_d; a ring's mean over its period ≈ 0", "Mid-span deflection", 8)
+@register("w − w_qs, where w_qs ∝ ẍ_d; a ring's mean over its period ≈ 0", "Mid-span deflection", 8)
 def off_the_path(seen: Evidence) -> str | None:
     """The payload does not follow its path, and most of the vibration does not oscillate as fast as mode 1."""
     samples = seen.samples
@@ -158,7 +158,7 @@ def _two_periods(seen: Evidence) -> tuple[np.ndarray, np.ndarray] | None:
     return steps[-count:], steps[-2 * count : -count]
 
 
-@register("resonance", "|w|/|w_qs| = 1/√((1 − r²)² + (2ζr)²), r = f_path/f_k", "Mid-span deflection", 10)
+@register("|w|/|w_qs| = 1/√((1 − r²)² + (2ζr)²), r = f_path/f_k", "Mid-span deflection", 10)
 def resonance(seen: Evidence) -> str | None:
     """A sinusoidal path near the loop's first mode bends the beam as much as the formula says."""
     path, ring = seen.scenario.trajectory, seen.background.rings.get(1)
@@ -184,12 +184,7 @@ FORCED = 5.0
 """Largest vibration over r² |w_qs| that a path's harmonics explain; more has another cause, such as an axial force."""
 
 
-@register(
-    "forced vibration",
-    "|w|/|w_qs| − 1 ≈ r², r = f_path/f_1: forced, at the path's own period",
-    "Mid-span deflection",
-    21,
-)
+@register("|w|/|w_qs| − 1 ≈ r², r = f_path/f_1: forced, at the path's own period", "Mid-span deflection", 21)
 def forced_vibration(seen: Evidence) -> str | None:
     """The vibration repeats with the path's period."""
     pair, ring = _two_periods(seen), seen.background.rings.get(1)
@@ -246,7 +241,7 @@ def _no_ring(after: Samples, ring: Ring) -> float:
     return largest(size - parts @ np.linalg.lstsq(parts, size)[0]) / largest(size)
 
 
-@register("left after the stop", "η(t) = Σ of the free answers to each jump of ẍ_d", "Mid-span deflection", 11)
+@register("η(t) = Σ of the free answers to each jump of ẍ_d", "Mid-span deflection", 11)
 def left_after_the_stop(seen: Evidence) -> str | None:
     """Residual vibration without a shaper, and the delay that a shaper would add."""
     (left, after), ring = _left(seen), seen.background.rings.get(1)
@@ -271,12 +266,7 @@ def left_after_the_stop(seen: Evidence) -> str | None:
     )
 
 
-@register(
-    "left after a shaped stop",
-    "x_shaped(t) = Σ A_j x_d(t − t_j): vibration Σ A_j exp(iωt_j)",
-    "Mid-span deflection",
-    29,
-)
+@register("x_shaped(t) = Σ A_j x_d(t − t_j): vibration Σ A_j exp(iωt_j)", "Mid-span deflection", 29)
 def left_after_a_shaped_stop(seen: Evidence) -> str | None:
     """Residual vibration with a suitable shaper."""
     (left, _), ring, shaper = _left(seen), seen.background.rings.get(1), seen.background.shaper
@@ -292,7 +282,7 @@ def left_after_a_shaped_stop(seen: Evidence) -> str | None:
     )
 
 
-@register("shaper for another mode", "|Σ A_j exp(iωt_j)| of the mode that rings", "Mid-span deflection", 9)
+@register("|Σ A_j exp(iωt_j)| of the mode that rings", "Mid-span deflection", 9)
 def shaper_for_another_mode(seen: Evidence) -> str | None:
     """The shaper is not tuned to the closed loop's frequency, and by the formula leaves vibration."""
     shaper, ring = seen.background.shaper, seen.background.rings.get(1)

@@ -76,8 +76,8 @@ class Comparison(Result):
         from flexlab.analysis.figures import draw_bars
 
         names = metrics or tuple(number.name for number in numbers() if number.column.listed)
-        values = {one: one.scale * number_column(self.table, one.number.name) for one in map(named, names)}
-        return draw_bars(self.labels, {one.title: (found, one.number.column.missing) for one, found in values.items()})
+        values = {one: one.scale * number_column(self.table, one.name) for one in map(named, names)}
+        return draw_bars(self.labels, {one.title: (found, one.column.missing) for one, found in values.items()})
 
     @property
     def labels(self) -> list[str]:

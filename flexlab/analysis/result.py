@@ -57,7 +57,7 @@ def number_column(table: Any, name: str) -> np.ndarray:
     with suppress(StudyError):
         if not isinstance(name, str) or name not in table.column_names:
             found = named(name)
-            name, scale = found.number.name, found.scale
+            name, scale = found.name, found.scale
     return scale * named_column(table, name).to_numpy(zero_copy_only=False).astype(float)
 
 

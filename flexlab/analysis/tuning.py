@@ -91,7 +91,7 @@ def numbers_of(metrics: RunMetrics) -> dict[str, float]:
     found = metrics.by_name()
     found |= {row.column.field: row.value for row in metrics.rows}
     if math.isnan(metrics[SETTLING]):
-        found[SETTLING] = found[named(SETTLING).number.column.field] = NOT_SETTLED * metrics.duration
+        found[SETTLING] = found[named(SETTLING).column.field] = NOT_SETTLED * metrics.duration
     return found
 
 
@@ -117,7 +117,7 @@ def _numbers(what: str, given: Sequence[str] | Mapping[str, float], default: flo
     found: dict[str, float] = {}
     for word, value in pairs:
         try:
-            metric = named(word).number
+            metric = named(word)
         except StudyError as error:
             raise StudyError(f"{what}: {error}") from None
         name = word if word == metric.name else metric.column.field  # In place of a title with its unit.
@@ -238,7 +238,7 @@ class Tuning(Result):
 
     def plot(self, first: str = "", second: str = "") -> "Figure":
         """The trade-off between two metrics among all candidates; by default the first two of the cost. Raises `StudyError`."""
-        wanted = [named(name).number.name for name in (first, second) if not isinstance(name, str) or name]
+        wanted = [named(name).name for name in (first, second) if not isinstance(name, str) or name]
         names = [*wanted, *self.cost.names, "rms_error.y", "rms_internal_force"]
         first, second = list(dict.fromkeys(names))[:2]
         found = [candidate.metrics for candidate in self.candidates if candidate.metrics is not None]

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexlab.analysis.metrics.metric import named, numbers
-from flexlab.analysis.metrics.run_metrics import DURATION, UNKNOWN, measured, noted_text, noted_texts, results
+from flexlab.analysis.metrics.run_metrics import DURATION, measured, noted_text, noted_texts, results
 from flexlab.cli.console import new_table, note, output
 from flexlab.errors import StudyError
 from flexlab.recording.store.run_index import RunRow, duration_text, size_text, state_word
-from flexlab.text import counted
+from flexlab.text import MISSING, counted
 
 
 class Column(NamedTuple):
@@ -41,7 +41,7 @@ GAP = "  "
 def sorted_rows(rows: Sequence[RunRow], field: str, reverse: bool = False, search: str = "") -> list[RunRow]:
     """The rows that contain all words of `search`, sorted by `field`, newest or smallest first. Raises `StudyError`."""
     with suppress(StudyError):
-        field = field if field in FIELDS else named(field).number.name
+        field = field if field in FIELDS else named(field).name
     if field not in FIELDS:
         raise StudyError(f"--sort {field} is not a field: choose one of {', '.join(FIELDS)}.")
     words = search.lower().split()
@@ -164,7 +164,7 @@ def print_runs(rows: Sequence[RunRow]) -> None:
                 "state",
                 ", ".join(dict.fromkeys(filter(None, (state_word(row), row.status, "kept" if row.kept else "")))),
             ),
-            *((title, text) for title, text in noted_texts(row.metrics, row.is_stopped).items() if text != UNKNOWN),
+            *((title, text) for title, text in noted_texts(row.metrics, row.is_stopped).items() if text != MISSING),
             ("problem", row.problem),
             ("tags", ", ".join(row.tags)),
             ("note", row.note),

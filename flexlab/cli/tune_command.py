@@ -87,7 +87,7 @@ def _print(found: "Tuning") -> None:
     both = found.before, found.best
     for name in found.cost.names:
         limit = f", at most {found.cost.limits[name]:g}" if name in found.cost.limits else ""
-        missing = named(name).number.column.missing
+        missing = named(name).column.missing
         values = ("fails" if each.metrics is None else _number(each.metrics[name], missing) for each in both)
         table.add_row(f"{name}{limit}", *values)
     table.add_row("cost", *("fails" if each.metrics is None else _number(each.cost, "–") for each in both))

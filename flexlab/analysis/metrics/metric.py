@@ -10,7 +10,7 @@ such as `rms-y`, and titles with units; the numbers they name are in the units o
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
@@ -185,38 +185,29 @@ def of_signal(base: type[Peak | RootMeanSquare], place: int, *columns: Column, *
 
 @dataclass(frozen=True)
 class Number:
-    """One number of a metric."""
+    """One number of a metric, in SI units or in those of tables."""
 
     metric: str
     index: int
     """Index among the metric's numbers."""
     column: Column
+    scale: float = 1.0
+    """The number over that in SI units."""
 
     @property
     def name(self) -> str:
         """Name, as in "rms_error.y", or "peak_torque" for a metric with a single number."""
         return f"{self.metric}.{self.column.part}" if self.column.part else self.metric
 
-
-@dataclass(frozen=True)
-class Named:
-    """A number by one of its names."""
-
-    number: Number
-    scale: float
-    """The number in `unit` over the number in SI units."""
-    unit: str
-
     @property
     def title(self) -> str:
         """Title and unit of the number."""
-        return f"{self.number.column.title} ({self.unit})"
+        return f"{self.column.title} ({self.column.si_unit if self.scale == 1.0 else self.column.unit})"
 
 
 def numbers() -> list[Number]:
     """Every number of every metric, in the order of tables."""
-    found = ((name, *each) for name, metric in METRICS.items() for each in enumerate(metric.columns))
-    return [Number(*each) for each in found]
+    return [Number(name, *each) for name, metric in METRICS.items() for each in enumerate(metric.columns)]
 
 
 def number_names() -> list[str]:
@@ -224,14 +215,14 @@ def number_names() -> list[str]:
     return [number.name for number in numbers()]
 
 
-def named(word: str) -> Named:
+def named(word: str) -> Number:
     """The number that a word names. Raises `StudyError` for an unknown word."""
     for number in numbers() if isinstance(word, str) else ():
         column = number.column
         if word == number.name:
-            return Named(number, 1.0, column.si_unit)
+            return number
         if word in (column.field, column.key, column.label):
-            return Named(number, column.scale, column.unit)
+            return replace(number, scale=column.scale)
     parts = [name for name in number_names() if name.startswith(f"{word}.")]
     if parts:
         raise StudyError(f"{word} has several numbers: choose one of {', '.join(parts)}.")

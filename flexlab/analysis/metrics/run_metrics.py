@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexlab.analysis.metrics.metric import METRICS, Column, Metric, label_of, named, numbers
 from flexlab.errors import StudyError
-from flexlab.text import html_table, result_text
+from flexlab.text import MISSING, html_table, result_text
 
 if TYPE_CHECKING:
     from flexlab.sim.samples import Samples
@@ -73,7 +73,7 @@ class MetricRow:
 def value_text(column: Column, value: Any) -> str:
     """A number with four digits; the column's word for NaN, and "–" for anything but a number."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return "–"
+        return MISSING
     return column.missing if isnan(value) else result_text(value, column.scale)
 
 
@@ -115,11 +115,11 @@ class RunMetrics:
         if isinstance(name, str) and name in self._noted:
             return self._noted[name]
         found = named(name)
-        if found.number.metric not in self._values:
+        if found.metric not in self._values:
             raise StudyError(
-                f"The metric {found.number.name} was declared after these numbers were computed: compute them anew."
+                f"The metric {found.name} was declared after these numbers were computed: compute them anew."
             )
-        return found.scale * self._values[found.number.metric][found.number.index]
+        return found.scale * self._values[found.metric][found.index]
 
     def __dir__(self) -> Iterable[str]:
         return [*super().__dir__(), *self._values]
@@ -148,11 +148,8 @@ class RunMetrics:
 
     def by_name(self) -> dict[str, float]:
         """All numbers, SI, by the names of `metric.numbers`, without metrics that were declared after these were computed."""
-        return {
-            number.name: self._values[number.metric][number.index]
-            for number in numbers()
-            if number.metric in self._values
-        }
+        known = (number for number in numbers() if number.metric in self._values)
+        return {number.name: self._values[number.metric][number.index] for number in known}
 
     @property
     def numbers(self) -> tuple[float, ...]:
@@ -247,9 +244,6 @@ def between(samples: "Samples", first: float, last: float) -> "Samples":
     return samples if stop - start == len(samples) else samples.slice(int(start), int(stop))
 
 
-UNKNOWN = "–"
-
-
 def measured(noted: Any) -> bool:
     """Whether the notes have all present metrics; old notes lack newer ones and those whose meaning has changed."""
     return isinstance(noted, Mapping) and all(
@@ -269,7 +263,7 @@ def noted_text(column: Column, noted: Mapping[str, Any], stopped: bool = False) 
     `stopped`: whether the run stopped before its end.
     """
     if column.key not in noted:
-        return UNKNOWN
+        return MISSING
     value = results(noted, stopped)[column.key]
     if value is None and stopped:
         return NOT_FINISHED

@@ -47,7 +47,7 @@ def draw_metric(plan: Plan, table: Any, name: str) -> "Figure":
     A field without numbers gets a panel for each value, as does a third numeric field of a grid. Failed cells are crossed out.
     Raises `StudyError`.
     """
-    column = named(name).number.column
+    column = named(name).column
     numeric, every = _panels(plan, table)
     shown = every[:PANELS]
     left_out = f", {len(shown)} of {len(every)} combinations" if len(every) > len(shown) else ""
@@ -74,7 +74,7 @@ def draw_metric(plan: Plan, table: Any, name: str) -> "Figure":
 
 def draw_pareto(table: Any, first: str, second: str) -> "Figure":
     """Two metrics of all cells; a line joins the cells for which no other cell is smaller in both."""
-    one, other = (named(name).number.column for name in (first, second))
+    one, other = (named(name).column for name in (first, second))
     x, y = (drawable(number_column(table, each.key)) for each in (one, other))
     with style():
         figure = empty_figure(*SIZE)

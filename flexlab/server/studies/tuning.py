@@ -88,7 +88,7 @@ class TuningStudy(Study):
         tuned: Tuning | None = task.result
         if tuned is None:
             return None
-        columns = [named(name).number.column for name in (self.cost.names[0], FORCE)]
+        columns = [named(name).column for name in (self.cost.names[0], FORCE)]
 
         def point(candidate: Candidate) -> tuple[float, ...] | None:
             if candidate.metrics is None:
@@ -110,7 +110,7 @@ class TuningStudy(Study):
             unit = f" ({about.unit})" if about.unit not in ("", "1") else ""
             lines.append((f"{about.title}{unit}", number_text(self.scenario.get(path)), number_text(value)))
         for name in self.cost.names:
-            column = named(name).number.column
+            column = named(name).column
             before, after = (
                 "fails" if candidate.metrics is None else value_text(column, candidate.metrics[name])
                 for candidate in (tuned.before, tuned.best)

@@ -84,10 +84,9 @@ def _verify(rows: "list[Row]", tasks: "tuple[Task, ...]", store: "RowStore", wor
         raise StudyError(f"{store.folder} holds no such rows: flexlab leaderboard computes them.")
     with progress_bar(True, "rows") as told:
         found = list(verify(rows, tasks, workers, told))
-    odd = [finding for finding in found if finding.sentence]
-    for finding in odd:
-        row = finding.row
-        complain(f"{' '.join(filter(None, (row.case, row.variant, row.law)))}: {finding.sentence}.")
+    odd = [(row.place, difference) for row, difference in found if difference]
+    for place, difference in odd:
+        complain(f"{' '.join(filter(None, place))}: {difference}.")
     output().print(f"Rows that are the same, bit for bit: {len(found) - len(odd)} of {len(found)}.")
     return 1 if odd else 0
 

@@ -10,7 +10,7 @@ import pytest
 
 import flexlab
 from flexlab.analysis.figures import svg_text
-from flexlab.analysis.leaderboard.board import Finding, Leaderboard, make_tasks, run_board, verify
+from flexlab.analysis.leaderboard.board import Leaderboard, make_tasks, run_board, verify
 from flexlab.analysis.leaderboard.case import Case, Variant, cases, chosen_cases, peak_error, settled
 from flexlab.analysis.leaderboard.entry import Row, chosen_entrants, entrants
 from flexlab.analysis.leaderboard.report import OF_THE_BEST as BEST
@@ -55,7 +55,7 @@ def board(folder: Path) -> Leaderboard:
     return flexlab.leaderboard(LAWS, [QUICK], folder=folder, progress=False)
 
 
-def verified(rows: tuple[Row, ...]) -> list[Finding]:
+def verified(rows: tuple[Row, ...]) -> list[tuple[Row, str]]:
     return list(verify(rows, make_tasks([QUICK], chosen_entrants(LAWS))))
 
 
@@ -65,7 +65,7 @@ def test_the_table_that_ships_is_what_the_engine_computes():
     rows = shipped_rows()[::FIFTH]
     assert {row.case for row in rows} == {task.case.name for task in tasks}
     assert {row.law for row in rows} == {row.law for row in shipped_rows()}
-    assert [finding for finding in verify(rows, tasks) if finding.sentence] == []
+    assert [found for found in verify(rows, tasks) if found[1]] == []
 
 
 def test_a_row_is_the_run_that_simulate_gives(board: Leaderboard):
@@ -138,7 +138,7 @@ def test_the_engine_is_another_if_any_file_that_computes_rows_changes(
 def test_verification_reproduces_every_row(board: Leaderboard):
     found = verified(board.rows)
     assert len(found) == 6
-    assert not any(finding.sentence for finding in found)
+    assert not any(difference for _, difference in found)
 
 
 @pytest.mark.parametrize(
@@ -151,11 +151,11 @@ def test_verification_reproduces_every_row(board: Leaderboard):
 )
 def test_verification_names_what_was_changed(board: Leaderboard, name: str, value: object, says: str):
     kept = board.rows[1]
-    finding = next(f for f in verified((replace(kept, **{name: value}),)) if f.row.law == kept.law)
-    assert says in finding.sentence
-    assert "the table was changed" in finding.sentence
+    difference = next(said for row, said in verified((replace(kept, **{name: value}),)) if row.law == kept.law)
+    assert says in difference
+    assert "the table was changed" in difference
     older = replace(kept, **{name: value}, engine="another")
-    assert "with other sources, another" in verified((older,))[0].sentence
+    assert "with other sources, another" in verified((older,))[0][1]
 
 
 def test_a_row_whose_file_was_damaged_is_computed_again(tmp_path: Path):

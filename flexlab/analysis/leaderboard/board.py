@@ -57,24 +57,14 @@ class Leaderboard(Result):
     @cached_property
     def table(self) -> pa.Table:
         """A row per law, case and score: its value in SI units and in the shown unit, with formula, seed and hashes."""
-        return pa.Table.from_pylist(list(self._lines()), schema=SCHEMA)
-
-    def _lines(self) -> Iterator[dict[str, Any]]:
+        lines: list[dict[str, Any]] = []
         for row in self.rows:
-            about = row.as_data()
-            del about["scores"]
             for score in next(case for case in self.cases if case.name == row.case).scores:
-                value = row.scores.get(score.name)
-                yield {
-                    **about,
-                    "score": score.name,
-                    "metric": score.metric_name,
-                    "title": score.column.title,
-                    "value": value,
-                    "shown": None if value is None else score.column.scale * value,
-                    "unit": score.column.unit,
-                    "formula": score.formula,
-                }
+                value, column = row.scores.get(score.name), score.column
+                shown = None if value is None else column.scale * value
+                about = {"score": score.name, "metric": score.metric_name, "title": column.title, "unit": column.unit}
+                lines.append(row.as_data() | about | {"value": value, "shown": shown, "formula": score.formula})
+        return pa.Table.from_pylist(lines, schema=SCHEMA)
 
     def plot(self, case: str = "") -> "Figure":
         """The main score of every law in a case, such as "B1"; without a name, in the first case. Raises `StudyError`."""
@@ -178,27 +168,18 @@ def run_board(
 COMPARED = ("status", "sentence", "scores", "result_hash", "seed")
 
 
-@dataclass(frozen=True)
-class Finding:
-    """The check of one stored row."""
-
-    row: Row
-    sentence: str
-    """What differs; empty if the row computed again agrees bit for bit."""
-
-
 def verify(
     rows: Sequence[Row], tasks: Sequence[Task], workers: Workers | None = None, told: Told = lambda done, total: None
-) -> Iterator[Finding]:
-    """Compute the tasks of some rows again, without the store, and yield for each row what differs."""
+) -> Iterator[tuple[Row, str]]:
+    """Compute the tasks of some rows again, without the store, and yield each row with what differs, if anything."""
     wanted = {task.row.place: task for task in tasks}
     there = {row.place: row for row in rows}
     again = [wanted[place] for place in there if place in wanted]
     for row in rows:
         if row.place not in wanted:
-            yield Finding(row, "cannot be computed here: there is no such law or case; give the law's file with --law")
+            yield row, "cannot be computed here: there is no such law or case; give the law's file with --law"
     for done, found in enumerate(compute_rows(again, workers), 1):
-        yield Finding(there[found.place], _difference(there[found.place], found))
+        yield there[found.place], _difference(there[found.place], found)
         told(done, len(again))
 
 

@@ -49,9 +49,10 @@ class Entrant:
     @property
     def settings(self) -> str:
         """The settings that differ from the law's defaults, in words."""
-        named = {path.removeprefix("controller."): value for path, value in self.changes.items()}
-        words = [f"{path} = {value}" for path, value in named.items() if path not in ("kind", "source")]
-        return ", ".join(words)
+        own = {
+            path: value for path, value in self.changes.items() if path not in ("controller.kind", "controller.source")
+        }
+        return ", ".join(f"{path.removeprefix('controller.')} = {value}" for path, value in own.items())
 
     def scenario(self, plain: Scenario, law_fields: Mapping[str, Any]) -> tuple[Scenario, str] | None:
         """(a case's scenario with this law, a note on what had to be set for it); None if the law lacks one of the fields.

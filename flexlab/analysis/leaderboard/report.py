@@ -101,9 +101,8 @@ def _with_zeros(text: str, digits: int) -> str:
 
 def overview(board: Leaderboard) -> Grid:
     """Laws × cases: the main score over the best law's, as the geometric mean over a case's variants."""
-    columns = [_overview_column(board, case) for case in board.cases]
-    lines = tuple((law, tuple(column[law] for column in columns)) for law in board.laws)
-    return Grid(tuple(f"{case.name} {case.title}" for case in board.cases), lines)
+    heads = [f"{case.name} {case.title}" for case in board.cases]
+    return _grid(heads, [_overview_column(board, case) for case in board.cases], board)
 
 
 def _overview_column(board: Leaderboard, case: Case) -> dict[str, Cell]:
@@ -114,13 +113,11 @@ def _overview_column(board: Leaderboard, case: Case) -> dict[str, Cell]:
         rows = [board.row(case, variant, law) for variant in case.variants]
         entered = [found for row, found in zip(rows, by_variant, strict=True) if row is not None]
         missing = sum(law not in found for found in entered)
-        if not entered:
-            cells[law] = Cell("–", None, "does not enter")
-        elif missing:
+        if missing:
             words = "fails" if len(entered) == 1 else f"fails {missing} of {len(entered)}"
             failed = any(row is not None and row.failed for row in rows)
             cells[law] = Cell(words if failed else "no score", None, "see the case")
-        else:
+        elif entered:
             means[law] = exp(sum(log(found[law]) for found in entered) / len(entered))
     best = min(means.values(), default=1.0)
     over_best = {law: mean / best for law, mean in means.items()}
@@ -133,18 +130,16 @@ def sections(board: Leaderboard) -> tuple[Section, ...]:
 
 
 def _section(board: Leaderboard, case: Case) -> Section:
-    grids = tuple((variant.name, _all_scores(board, case, variant)) for variant in case.variants)
+    heads, grids = [f"{score.column.heading} ({score.column.unit})" for score in case.scores], list[tuple[str, Grid]]()
+    for variant in case.variants:
+        all_scores = [_column(board, case, variant, score) for score in case.scores]
+        grids.append((variant.name, _grid(heads, all_scores, board)))
     failed = [row for row in board.failed if row.case == case.name]
     failures = tuple(f"{row.law}{f' ({row.variant})' if row.variant else ''}: {row.sentence}" for row in failed)
     if len(case.variants) == 1:
         return Section(case, grids[0][1], (), failures)
     columns = [_column(board, case, variant, case.main) for variant in case.variants]
-    return Section(case, _grid([variant.name for variant in case.variants], columns, board), grids, failures)
-
-
-def _all_scores(board: Leaderboard, case: Case, variant: Variant) -> Grid:
-    heads = [f"{score.column.heading} ({score.column.unit})" for score in case.scores]
-    return _grid(heads, [_column(board, case, variant, score) for score in case.scores], board)
+    return Section(case, _grid([variant.name for variant in case.variants], columns, board), tuple(grids), failures)
 
 
 def _grid(heads: list[str], columns: list[dict[str, Cell]], board: Leaderboard) -> Grid:

@@ -1,7 +1,6 @@
 """Rows of the leaderboard on disk, each under a hash of everything on which it depends, and the keys of the newest table."""
 
 import ast
-import hashlib
 import json
 import platform
 import secrets
@@ -21,7 +20,7 @@ from flexlab.analysis.leaderboard.case import SAMPLE_PERIOD, Case, Variant
 from flexlab.analysis.leaderboard.entry import Row
 from flexlab.assets import web_assets_folder
 from flexlab.control.law import laws
-from flexlab.files import DIGITS, make_folder, read_json, writing
+from flexlab.files import make_folder, read_json, short_hash, writing
 from flexlab.own.law import PythonLaw
 from flexlab.own.link import address_in
 from flexlab.scenario import Scenario
@@ -37,15 +36,6 @@ _FILES = ("compiled.py", "numba_internals.py", "signal.py", "quantities.py", "bo
 _HERE = ("case.py", "entry.py")
 
 
-def digest(parts: Iterable[bytes | str]) -> str:
-    """A hash of `DIGITS` hexadecimal digits over a sequence of texts."""
-    found = hashlib.sha256()
-    for part in parts:
-        raw = part.encode() if isinstance(part, str) else part
-        found.update(len(raw).to_bytes(8, "big") + raw)
-    return found.hexdigest()[:DIGITS]
-
-
 @cache
 def engine() -> str:
     """A digest of everything that computes rows here, except the laws: flexlab's sources and the libraries' versions."""
@@ -54,7 +44,7 @@ def engine() -> str:
     files = [file for file in files if laws_folder not in file.parents]
     files += [_PACKAGE / name for name in _FILES] + [Path(__file__).with_name(name) for name in _HERE]
     versions = [__version__, numba.__version__, np.__version__, scipy.__version__, platform.python_version()]
-    return digest([*versions, *(part for file in files for part in (file.name, file.read_bytes()))])
+    return short_hash(repr([*versions, *((file.name, file.read_bytes()) for file in files)]))
 
 
 def law_source(scenario: Scenario) -> str:
@@ -68,7 +58,7 @@ def law_source(scenario: Scenario) -> str:
     kinds = [controller.kind] + ([slow.kind] if slow is not None else [])
     known = [laws()[kind] for kind in kinds]
     found = _digest_of(tuple(law.model.__module__ for law in known if not isinstance(law, PythonLaw)))
-    return digest([found, _THIS_PROCESS]) if address_in(getattr(controller, "source", "")) else found
+    return short_hash(found + _THIS_PROCESS) if address_in(getattr(controller, "source", "")) else found
 
 
 @cache
@@ -82,7 +72,7 @@ def _digest_of(modules: tuple[str, ...]) -> str:
             found.add(module)
             imported = [n.module for n in ast.walk(syntax_tree(_text(module))) if isinstance(n, ast.ImportFrom)]
             left += [name for name in imported if name is not None and name.startswith(LAWS)]
-    return digest(_text(module) for module in sorted(found))
+    return short_hash(repr([_text(module) for module in sorted(found)]))
 
 
 @cache
@@ -101,7 +91,7 @@ def row_key(name: str, case: Case, variant: Variant, scenario: Scenario | None, 
     parts = [repr(task), *(_text(module) for module in metrics if module.startswith(CASES)), engine()]
     if scenario is not None:
         parts += [json.dumps(scenario.model_dump(mode="json"), sort_keys=True), law_source(scenario)]
-    return digest(parts)
+    return short_hash(repr(parts))
 
 
 FOLDER = Path("leaderboard")

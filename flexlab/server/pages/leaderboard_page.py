@@ -13,8 +13,9 @@ from flexlab.analysis.leaderboard.board import Leaderboard, make_tasks, run_boar
 from flexlab.analysis.leaderboard.case import cases, chosen_cases
 from flexlab.analysis.leaderboard.entry import chosen_entrants
 from flexlab.analysis.leaderboard.report import page_figure, page_values
-from flexlab.analysis.leaderboard.store import FOLDER, RowStore, digest, engine, shipped_rows
+from flexlab.analysis.leaderboard.store import FOLDER, RowStore, engine, shipped_rows
 from flexlab.errors import FlexlabError
+from flexlab.files import short_hash
 from flexlab.server.pages.templating import page
 from flexlab.server.task_book import IDLE, Outcome
 from flexlab.server.visitors import Context, context_of, told, visitor_of
@@ -35,7 +36,7 @@ def newest_board(folder: Path) -> tuple[Leaderboard, str]:
     variants = {(case.name, variant.name) for case in known.values() for variant in case.variants}
     rows = tuple(row for row in RowStore(folder).last() if (row.case, row.variant) in variants) or shipped_rows()
     found = Leaderboard(tuple(known[name] for name in dict.fromkeys(row.case for row in rows)), rows)
-    return found, digest(row.key for row in rows)
+    return found, short_hash("".join(row.key for row in rows))
 
 
 def compute_board(kept: Path, report: Callable[[float], None]) -> Outcome:

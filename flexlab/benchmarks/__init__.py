@@ -14,7 +14,7 @@ from flexlab.benchmarks.live_costs import change_costs, measure_round_trip
 from flexlab.benchmarks.many_worlds import measure_environment, worker_scaling
 from flexlab.benchmarks.measure import this_machine
 from flexlab.benchmarks.precision import mesh_precision, mesh_scaling, paper_costs
-from flexlab.benchmarks.report import Report, plain
+from flexlab.benchmarks.report import plain
 from flexlab.presets import load_preset
 from flexlab.sim.world import World
 from flexlab.text import console
@@ -59,31 +59,34 @@ def run_bench(as_json: bool, quick: bool = False, peers: ModuleType | None = Non
         print(json.dumps(plain(found), indent=2, ensure_ascii=False, allow_nan=False))
 
 
-def measure(plan: Plan, peers: ModuleType | None, show: "Console | None") -> Report:
-    """Measure everything; `show`: a console that gets each table as soon as it is complete."""
+def measure(plan: Plan, peers: ModuleType | None, show: "Console | None") -> dict[str, Any]:
+    """Measure everything, by name; None where a library or system lacks what it needs.
+
+    `show`: a console that gets each table as soon as it is complete.
+    """
     World(load_preset("paper")).run(1)  # Compiles everything before the first measurement.
-    part = partial(_part, show)
-    machine = part("the machine", this_machine, lambda its: its.text + "\n")
-    found = Report(
-        machine,
-        part("the paper's run", lambda: paper_costs(3 * plan.duration, 2 * plan.repeats), report.paper_table),
-        [
-            part(f"{n} elements", lambda n=n: mesh_precision(n, plan.duration, plan.repeats), report.precision_table)
+    length, repeats, part = plan.duration, plan.repeats, partial(_part, show)
+    found: dict[str, Any] = {
+        "machine": part("the machine", this_machine, lambda its: its.text + "\n"),
+        "paper": part("the paper's run", lambda: paper_costs(3 * length, 2 * repeats), report.paper_table),
+        "precision": [
+            part(f"{n} elements", lambda n=n: mesh_precision(n, length, repeats), report.precision_table)
             for n in plan.meshes
         ],
-        part("all meshes", lambda: mesh_scaling(plan.duration, 2 * plan.repeats), report.scaling_table),
-        part("live changes", lambda: change_costs(10 * plan.repeats), report.changes_table),
-        part("many runs", lambda: worker_scaling(plan.rounds), report.workers_table),
-        part("the environment", lambda: measure_environment(2 * plan.rounds), report.environment_table),
-        part("a law in another program", lambda: measure_round_trip(400 * plan.rounds), report.round_trip_table),
-        part("starts", lambda: start_times(plan.cold), report.start_table),
-        part("memory", measure_memory, report.memory_table),
-        part("other engines", lambda: peers.compare_peers(plan.duration), peers.peers_table) if peers else None,
-        part("chains of segments", peers.compare_chains, peers.chain_table) if peers else None,
-        part("exact beams", peers.compare_beams, peers.beam_table) if peers else None,
-    )
-    part("goals", lambda: found.goals, report.goals_table)
-    return found
+        "scaling": part("all meshes", lambda: mesh_scaling(length, 2 * repeats), report.scaling_table),
+        "changes": part("live changes", lambda: change_costs(10 * repeats), report.changes_table),
+        "workers": part("many runs", lambda: worker_scaling(plan.rounds), report.workers_table),
+        "environment": part("the environment", lambda: measure_environment(2 * plan.rounds), report.environment_table),
+        "round_trip": part(
+            "a law in another program", lambda: measure_round_trip(400 * plan.rounds), report.round_trip_table
+        ),
+        "start": part("starts", lambda: start_times(plan.cold), report.start_table),
+        "memory": part("memory", measure_memory, report.memory_table),
+        "peers": part("other engines", lambda: peers.compare_peers(length), peers.peers_table) if peers else None,
+        "chain": part("chains of segments", peers.compare_chains, peers.chain_table) if peers else None,
+        "exact_beam": part("exact beams", peers.compare_beams, peers.beam_table) if peers else None,
+    }
+    return found | {"goals": part("goals", lambda: report.goals(found), report.goals_table)}
 
 
 def _part(show: "Console | None", what: str, work: Callable[[], Result], table: Callable[[Any], Any]) -> Result:

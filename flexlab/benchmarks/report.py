@@ -1,13 +1,12 @@
 """The results of a benchmark: goals, plain data for JSON, and tables for a terminal."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import TYPE_CHECKING, Any
 
 from flexlab.benchmarks.fresh_process import DURATION, LIVE_END, LIVE_START, Memory, StartTimes
 from flexlab.benchmarks.live_costs import BEAM_GOAL, FRAME_GOAL, LIGHT_GOAL, MESHES, ChangeCost, RoundTrip
 from flexlab.benchmarks.many_worlds import RATE_GOAL, SPEED_UP_GOAL, EnvironmentRate, WorkerScaling
-from flexlab.benchmarks.measure import Machine
 from flexlab.benchmarks.precision import (
     ASKED_ERROR,
     EXPONENT_GOAL,
@@ -45,66 +44,33 @@ class Goal:
         return self.value >= self.limit if self.at_least else self.value <= self.limit
 
 
-@dataclass(frozen=True)
-class Report:
-    """All measurements."""
-
-    machine: Machine
-    paper: list[PaperCost]
-    precision: list[MeshPrecision]
-    scaling: Scaling
-    changes: list[ChangeCost]
-    workers: WorkerScaling
-    environment: EnvironmentRate | None
-    """None if Gymnasium is not installed."""
-    round_trip: RoundTrip | None
-    """None if a control law in another program cannot be started."""
-    start: StartTimes
-    memory: Memory | None
-    """None on systems other than Linux."""
-    peers: Any
-    """Other engines on the same system (tests/peers); None if not measured."""
-    chain: Any
-    """Chains of segments (tests/peers); None if not measured."""
-    exact_beam: Any
-    """Geometrically exact beams (tests/peers); None if not measured."""
-
-    @property
-    def goals(self) -> list[Goal]:
-        """The goals whose figures were measured."""
-        goals = _paper_goals(self.paper)
-        for mesh in self.precision:
-            if mesh.fastest is not None and mesh.fastest.ms_per_second is not None:
-                what = f"{mesh.elements} elements"
-                goals.append(Goal(what, mesh.fastest.ms_per_second, "ms/s", mesh.goal, False))
-        goals.append(Goal("cost ~ elements to the power of", self.scaling.exponent, "", EXPONENT_GOAL, False))
-        goals += _change_goals(self.changes)
-        goals.append(Goal("speed-up of two workers", self.workers.speed_up, "", SPEED_UP_GOAL, True))
-        if self.environment is not None:
-            what, unit = f"vector environment, {self.environment.worlds} worlds", "thousand steps/s"
-            goals.append(Goal(what, self.environment.all_cores / 1e3, unit, RATE_GOAL / 1e3, True))
-        if self.peers is not None and self.peers.ratio is not None:
-            goals.append(Goal("times faster than the fastest peer", self.peers.ratio, "", RATIO_GOAL, True))
-        return goals
-
-
-def _change_goals(costs: list[ChangeCost]) -> list[Goal]:
-    coarse, fine = MESHES[0], MESHES[-1]
-    judged = (
-        ("a live gain, path or gravity", LIGHT_GOAL, [c.ms for c in costs if c.elements == coarse and c.is_light]),
-        ("a live change of the beam", BEAM_GOAL, [c.ms for c in costs if c.elements == coarse and not c.is_light]),
-        (f"any live change, {fine} elements", FRAME_GOAL, [c.ms for c in costs if c.elements == fine]),
-    )
-    return [Goal(what, max(ms), "ms", limit, False) for what, limit, ms in judged if ms]
-
-
-def _paper_goals(costs: list[PaperCost]) -> list[Goal]:
-    good = [cost for cost in costs if cost.pose_error <= ASKED_ERROR and cost.samples_at_1_khz]
-    if not good:
-        return []
-    best = min(cost.ms_per_second for cost in good)
-    what = "the paper's run, 1 kHz samples"
-    return [Goal(what, best, "ms/s", PAPER_LIMIT, False), Goal(f"{what}: aim", best, "ms/s", PAPER_AIM, False)]
+def goals(found: Mapping[str, Any]) -> list[Goal]:
+    """The goals whose figures were measured; `found`: all measurements by name."""
+    paper, environment, peers = "the paper's run, 1 kHz samples", found["environment"], found["peers"]
+    exact = [cost.ms_per_second for cost in found["paper"] if cost.samples_at_1_khz and cost.pose_error <= ASKED_ERROR]
+    fastest = min(exact, default=None)
+    coarse = [cost for cost in found["changes"] if cost.elements == MESHES[0]]
+    fine = [cost for cost in found["changes"] if cost.elements == MESHES[-1]]
+    at_most = [
+        (paper, fastest, "ms/s", PAPER_LIMIT),
+        (f"{paper}: aim", fastest, "ms/s", PAPER_AIM),
+        *(
+            (f"{mesh.elements} elements", mesh.fastest and mesh.fastest.ms_per_second, "ms/s", mesh.goal)
+            for mesh in found["precision"]
+        ),
+        ("cost ~ elements to the power of", found["scaling"].exponent, "", EXPONENT_GOAL),
+        ("a live gain, path or gravity", max(cost.ms for cost in coarse if cost.is_light), "ms", LIGHT_GOAL),
+        ("a live change of the beam", max(cost.ms for cost in coarse if not cost.is_light), "ms", BEAM_GOAL),
+        (f"any live change, {MESHES[-1]} elements", max(cost.ms for cost in fine), "ms", FRAME_GOAL),
+    ]
+    at_least = [("speed-up of two workers", found["workers"].speed_up, "", SPEED_UP_GOAL)]
+    if environment is not None:
+        what, unit = f"vector environment, {environment.worlds} worlds", "thousand steps/s"
+        at_least.append((what, environment.all_cores / 1e3, unit, RATE_GOAL / 1e3))
+    if peers is not None:
+        at_least.append(("times faster than the fastest peer", peers.ratio, "", RATIO_GOAL))
+    judged = ((row, lower) for rows, lower in ((at_most, False), (at_least, True)) for row in rows)
+    return [Goal(*row, lower) for row, lower in judged if row[1] is not None]
 
 
 def plain(value: Any) -> Any:

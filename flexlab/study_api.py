@@ -3,7 +3,7 @@
 Everything here is available as `flexlab.<name>`; each call does what the command of the same name does.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,7 +11,7 @@ from typing import Any
 
 from flexlab.analysis import comparison, tuning
 from flexlab.analysis import replay as replaying
-from flexlab.analysis.capsule import unpack_capsule, write_capsule
+from flexlab.analysis.capsule import opened_run, write_capsule
 from flexlab.analysis.comparison import Comparison
 from flexlab.analysis.identification.fitting import Fit, fit_file, fit_run, is_measurement
 from flexlab.analysis.leaderboard.board import Leaderboard, make_tasks, run_board
@@ -120,10 +120,8 @@ def replay(run: AnyRun, logs: str | Path = LOGS, run_own_law: bool = False) -> R
         return True
 
     with ExitStack() as stack:
-        if not isinstance(run, Run) and str(run).lower().endswith(ARCHIVE):
-            path = unpack_capsule(Path(run), Path(stack.enter_context(TemporaryDirectory(prefix="flexlab-"))))
-        else:
-            (path,) = _paths([run], logs, stack)
+        is_archive = not isinstance(run, Run) and str(run).lower().endswith(ARCHIVE)
+        path = stack.enter_context(opened_run(str(run), Path())) if is_archive else _paths([run], logs, stack)[0]
         recording = read_recording(path)
         replaying.allow_own_laws(recording, agrees)
         return replaying.replay(recording)
@@ -148,11 +146,12 @@ def export(
     known = (*TABLES, PAGE, ARCHIVE, UNIT, *BODIES)
     if kind not in known:
         raise StudyError(f"{target} has no known format: let its name end in {', '.join(known)}.")
-    if kind in (UNIT, *BODIES, PAGE, ARCHIVE) and (first, last) != (None, None):
-        what_whole = "run" if kind in (PAGE, ARCHIVE) else "scenario"
+    of_scenario = kind in (UNIT, *BODIES)
+    if kind not in TABLES and (first, last) != (None, None):
+        what_whole = "scenario" if of_scenario else "run"
         raise StudyError(f"start and end are for tables: {target} holds the whole {what_whole}.")
     _check_options(options, kind == UNIT, target)
-    if kind == UNIT or kind in BODIES:
+    if of_scenario:
         if isinstance(what, Run):
             what = what.scenario
         if kind == UNIT:
@@ -174,14 +173,10 @@ def export(
     return target
 
 
-UNIT_OPTIONS = ("part", "version", "sample_period")
-"""Options of `export_fmu`."""
-
-
 def _check_options(options: Mapping[str, Any], of_unit: bool, target: Path) -> None:
-    unknown = [name for name in options if name not in UNIT_OPTIONS]
-    if unknown:
-        there = f"there are start, end and logs, and for units {', '.join(UNIT_OPTIONS)}"
+    known = ("part", "version", "sample_period")  # of `export_fmu`
+    if unknown := [name for name in options if name not in known]:
+        there = f"there are start, end and logs, and for units {', '.join(known)}"
         raise StudyError(f"{', '.join(unknown)}: export has no such option: {there}.")
     if options and not of_unit:
         raise StudyError(f"{', '.join(options)}: an option of units is of no use here: let {target} end in .fmu.")
@@ -197,15 +192,13 @@ def write_page(row: RunRow, target: Path) -> None:
     write_run_page(recording.run, target, recording.name, noted, recording.events)
 
 
-def _paths(runs: Iterable[AnyRun], logs: str | Path, stack: ExitStack) -> list[Path]:
+def _paths(runs: Sequence[AnyRun], logs: str | Path, stack: ExitStack) -> list[Path]:
     """Paths of the runs' recordings; a run in memory is recorded until `stack` closes. Raises `RecordingError`, `StudyError`."""
     folder = file_path("logs", logs)
-    runs = list(runs)
-    for run in runs:
-        if not isinstance(run, (Run, str, Path)):
-            raise StudyError(
-                f"{run!r:.60} is not a run: give one from flexlab.simulate, or the name or path of a recording."
-            )
+    if odd := [run for run in runs if not isinstance(run, (Run, str, Path))]:
+        raise StudyError(
+            f"{odd[0]!r:.60} is not a run: give one from flexlab.simulate, or the name or path of a recording."
+        )
     return [
         run.save(stack.enter_context(TemporaryDirectory(prefix="flexlab-")))
         if isinstance(run, Run)

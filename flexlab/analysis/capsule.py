@@ -7,6 +7,8 @@ import hashlib
 import json
 import shutil
 import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -22,6 +24,7 @@ from flexlab.recording.codec import command_values
 from flexlab.recording.export import export_recording
 from flexlab.recording.reader import Recording, read_recording
 from flexlab.recording.run_info import these_versions
+from flexlab.recording.store.run_files import find_run
 from flexlab.recording.store.run_index import size_text
 
 METADATA, RUN = "ro-crate-metadata.json", "run.rrd"
@@ -148,7 +151,7 @@ def unpack_capsule(archive_path: Path, folder: Path) -> Path:
             free = f"are free in {folder.parent}: make room, or set TMPDIR to another folder"
             _check_size(f"{archive_path}: {RUN}", sizes.get(RUN, 0), shutil.disk_usage(folder).free, free)
             for name, digest in described.items():
-                if name not in sizes or _digest(archive, name, folder / RUN if name == RUN else None) != digest:
+                if name not in sizes or _digest(archive, name, folder) != digest:
                     changed = f"{name!r:.80} was changed or is missing"
                     raise RecordingError(f"{archive_path}: {changed}: get the archive again.")
     except RecordingError:
@@ -161,16 +164,23 @@ def unpack_capsule(archive_path: Path, folder: Path) -> Path:
     return folder / RUN
 
 
+@contextmanager
+def opened_run(run: str, logs: Path) -> Iterator[Path]:
+    """The path of a run's recording; one in an archive (.zip) is verified, and unpacked meanwhile. Raises `RecordingError`."""
+    if not run.lower().endswith(".zip"):
+        yield find_run(run, logs)
+        return
+    with TemporaryDirectory(prefix="flexlab-") as folder:
+        yield unpack_capsule(Path(run), Path(folder))
+
+
 def _check_size(what: str, size: int, most: float, held: str = "are unpacked") -> None:
     """Raise `RecordingError` if `size` is more than the `most` bytes that are `held`; `what`: the file that has it."""
     if size > most:
         raise RecordingError(f"{what} has {size_text(size)}, more than the {size_text(most)} that {held}.")
 
 
-def _digest(archive: zipfile.ZipFile, name: str, copy: Path | None) -> str:
-    """Return the SHA-256 of a member, and write the member to `copy` if that is given."""
-    if copy is not None:
-        with archive.open(name) as member, copy.open("wb") as out:
-            shutil.copyfileobj(member, out)
-    with archive.open(name) if copy is None else copy.open("rb") as data:
+def _digest(archive: zipfile.ZipFile, name: str, folder: Path) -> str:
+    """Return the SHA-256 of a member; the recording is unpacked into `folder` for it."""
+    with open(archive.extract(name, folder), "rb") if name == RUN else archive.open(name) as data:
         return hashlib.file_digest(data, "sha256").hexdigest()

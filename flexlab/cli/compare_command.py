@@ -4,7 +4,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
 
-from flexlab.cli.console import complain, new_table, output, print_json, typed
+from flexlab.cli.console import complain, new_table, output, print_json, tell, typed
 from flexlab.cli.options import LOGS, Law, Logs, NoBrowser, Runs, Seed, Settings, ViewerPort, chosen_changes, option
 from flexlab.cli.showing import show_review
 from flexlab.cli.warmup import loading, warm_up
@@ -52,14 +52,13 @@ def command(
     if as_json:
         print_json(compare(paths).as_data())
         return
-    if save is not None:
-        _print(compare_into(paths, save))
-        output().print(f"Written to {save}. Look at it with: flexlab review {typed(save)}", soft_wrap=True)
-        return
     with TemporaryDirectory(prefix="flexlab-") as folder:
-        target = Path(folder) / "comparison.rrd"
+        target = save or Path(folder) / "comparison.rrd"
         _print(compare_into(paths, target))
-        show_review(target, "The overlay", browser=not no_browser, port=port)
+        if save is None:
+            show_review(target, "The overlay", browser=not no_browser, port=port)
+        else:
+            tell(f"Written to {save}. Look at it with: flexlab review {typed(save)}")
 
 
 def _changed_run(path: Path, changes: dict[str, Any], logs: Path) -> Path:
@@ -106,5 +105,4 @@ def _print(comparison: "Comparison") -> None:
     if not comparison.settings:
         output().print("No setting differs.")
     for label, same in comparison.repeated():
-        said = f"{label} is the same run as {same}: nothing can differ between them. flexlab logs lists the others."
-        output().print(said, soft_wrap=True)
+        tell(f"{label} is the same run as {same}: nothing can differ between them. flexlab logs lists the others.")

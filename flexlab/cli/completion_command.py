@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from flexlab.cli.console import note, output
+from flexlab.cli.console import note, output, tell
 from flexlab.cli.options import option
 from flexlab.errors import StudyError
 from flexlab.files import writable
@@ -51,7 +51,7 @@ def command(
     with writable(target, "choose another home folder"):
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_text(script, encoding="utf-8")
-    output().print(str(target), soft_wrap=True)
+    tell(target)
     note(then)
 
 

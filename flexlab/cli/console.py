@@ -30,16 +30,21 @@ def notes() -> "Console":
     return console(stderr=True)
 
 
-def complain(sentence: str) -> None:
-    """Print an error in red on standard error, unless nothing can be written there."""
-    with suppress(OSError):
-        notes().print(sentence, style="red", soft_wrap=True)
+def tell(*lines: object, style: str | None = None) -> None:
+    """Print lines of results, unbroken where they are piped."""
+    for line in lines:
+        output().print(str(line), style=style, soft_wrap=True)
 
 
-def note(sentence: str) -> None:
+def note(sentence: str, style: str | None = None) -> None:
     """Print a remark on standard error, unless nothing can be written there."""
     with suppress(OSError):
-        notes().print(sentence, soft_wrap=True)
+        notes().print(sentence, style=style, soft_wrap=True)
+
+
+def complain(sentence: str) -> None:
+    """Print an error in red on standard error, unless nothing can be written there."""
+    note(sentence, "red")
 
 
 def typed(word: object) -> str:

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from flexlab.cli.console import output, typed
+from flexlab.cli.console import tell, typed
 from flexlab.cli.options import LOGS, Logs, Run, option
 from flexlab.cli.warmup import loading
 from flexlab.errors import StudyError
@@ -60,9 +60,11 @@ def command(
             raise StudyError(f"--figures {figures} is not a format of figures: choose {' or '.join(FORMATS)}.")
     if to is not None:
         with loading():
+            from flexlab.recording.store.run_index import size_text
             from flexlab.study_api import export
 
-        _say(export(run, to, start, end, logs, **options))
+        file = export(run, to, start, end, logs, **options)
+        tell(f"{file}  {size_text(file.stat().st_size)}")
     if figures is not None:
         with loading():
             from flexlab.analysis.figures import paper_figures
@@ -71,12 +73,4 @@ def command(
 
         path = find_run(run, logs)
         folder = Path() if to is None else to.parent
-        samples = read_range(path, start, end)
-        for figure in paper_figures(samples, folder, [figures.lower()], name=path.stem):
-            output().print(str(figure), soft_wrap=True)
-
-
-def _say(file: Path) -> None:
-    from flexlab.recording.store.run_index import size_text
-
-    output().print(f"{file}  {size_text(file.stat().st_size)}", soft_wrap=True)
+        tell(*paper_figures(read_range(path, start, end), folder, [figures.lower()], name=path.stem))

@@ -5,7 +5,7 @@ from typing import Annotated, Any, cast
 
 import tyro
 
-from flexlab.cli.console import note, output, print_json, typed
+from flexlab.cli.console import note, print_json, tell, typed
 from flexlab.cli.options import LOGS, Logs, option
 from flexlab.cli.warmup import loading
 from flexlab.errors import StudyError
@@ -48,17 +48,14 @@ def command(
         if measured and not preset:
             raise StudyError("--save needs --preset: the scenario whose beam is fitted.")
         check_writing(save)
-    scenario = find_scenario(preset)[1] if preset else None
-    if measured:
-        fit = fit_file(path, time, signal, start, end, scenario)
-    else:
-        fit = fit_run(source, logs, time, signal, start, end, scenario)
+    how = time, signal, start, end, find_scenario(preset)[1] if preset else None
+    fit = fit_file(path, *how) if measured else fit_run(source, logs, *how)
     for sentence in fit.notes:
         note(sentence)
     kept = None
     if measured:
         try:
-            kept = keep_measurement(fit, path, scenario, preset, logs)
+            kept = keep_measurement(fit, path, how[-1], preset, logs)
         except RecordingError as error:
             note(f"{path.name} is not kept as a run: {error}")
     if save is not None and fit.scenario is not None:
@@ -66,13 +63,10 @@ def command(
     if as_json:
         print_json(_without_nan(fit.as_data() | {"run": kept and kept.stem}))
     else:
-        output().print(str(fit), soft_wrap=True)
-        if save is not None:
-            output().print(str(save), soft_wrap=True)
+        tell(fit, *([] if save is None else [save]))
         if kept is not None:
             run = kept.stem if logs == LOGS else kept
-            said = f"Kept in {kept}. Beside a simulation: flexlab compare {typed(run)} RUN"
-            output().print(said, soft_wrap=True)
+            tell(f"Kept in {kept}. Beside a simulation: flexlab compare {typed(run)} RUN")
     return 0 if fit.ring.first.frequency.identifiable else 1
 
 

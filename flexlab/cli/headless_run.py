@@ -18,7 +18,7 @@ from flexlab.analysis.metrics.run_metrics import value_text
 from flexlab.analysis.result import ResultHash
 from flexlab.analysis.run_summary import MetricNotes
 from flexlab.analysis.workers import progress_bar
-from flexlab.cli.console import complain, new_table, output
+from flexlab.cli.console import complain, new_table, output, tell
 from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.run_info import RunInfo
 from flexlab.scenario import Scenario
@@ -164,14 +164,9 @@ def run_and_record(
         if kept:
             for line in explained(join_blocks(list(kept)), world.scenario):
                 output().print(line)
-    if world.accuracy_warning:
-        complain(world.accuracy_warning)
-    if ended.sample_warning:
-        complain(ended.sample_warning)
-    if status.failed:
-        complain(status.text)
-    elif world.model_warning.text:
-        complain(world.model_warning.text)
+    last = status.text if status.failed else world.model_warning.text
+    for warning in filter(None, (world.accuracy_warning, ended.sample_warning, last)):
+        complain(warning)
     return ended
 
 
@@ -186,7 +181,7 @@ def _tell(run: EndedRun, summary: Summary) -> None:
         f"{counted(run.samples, 'sample')} in {run.seconds:.2f} s with {run.world.integrator}, "
         f"steps of {1e6 * run.world.step:.4g} µs. Result {run.result_hash}."
     )
-    output().print(f"Recorded in {run.path}", soft_wrap=True)
+    tell(f"Recorded in {run.path}")
 
 
 def _blocks(world: World, ticks: int) -> Iterator[Samples]:

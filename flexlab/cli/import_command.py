@@ -5,7 +5,7 @@ from typing import Annotated
 
 import tyro
 
-from flexlab.cli.console import note, output, typed
+from flexlab.cli.console import note, tell, typed
 from flexlab.cli.options import LOGS, Logs, option
 from flexlab.cli.warmup import loading
 
@@ -27,4 +27,4 @@ def command(
     if left_out := read_row(path).note:
         note(left_out)
     run = path.stem if logs == LOGS else path
-    output().print(f"Recorded in {path}. Look at it with: flexlab review {typed(run)}", soft_wrap=True)
+    tell(f"Recorded in {path}. Look at it with: flexlab review {typed(run)}")

@@ -5,7 +5,7 @@ from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Annotated
 
-from flexlab.cli.console import complain, output, typed
+from flexlab.cli.console import complain, output, tell, typed
 from flexlab.cli.options import LOGS, Law, Logs, PathChoice, Preset, option
 from flexlab.cli.showing import ending, open_browser, wait_for, waiting_page
 from flexlab.cli.warmup import loading
@@ -105,7 +105,7 @@ def command(
     last = front_server.close()
     if last is not None:
         review = "flexlab review" if logs == LOGS else f"flexlab review {typed(last)}"
-        output().print(f"The last run is in {last}. Look at it with: {review}", soft_wrap=True)
+        tell(f"The last run is in {last}. Look at it with: {review}")
 
 
 def _check_private(**limits: float | None) -> None:
@@ -151,8 +151,8 @@ def _welcome(front_server: "FrontServer") -> None:
     if settings.max_size is not None or settings.max_age is not None:
         lines.append("Runs over the limits are deleted, oldest first; never those that are kept.")
     lines.append(f"Runs are recorded in {settings.logs}. Ctrl-C ends the lab.")
-    for line in lines:
-        output().print(line, style="bold" if line is lines[0] else "", soft_wrap=True)
+    tell(lines[0], style="bold")
+    tell(*lines[1:])
     if addresses:
         from rich.text import Text
 

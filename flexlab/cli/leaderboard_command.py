@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from flexlab.cli.console import complain, new_table, note, output
+from flexlab.cli.console import complain, new_table, note, output, tell
 from flexlab.cli.options import Cluster, Several, Threads, keep_own_texts_apart, option
 from flexlab.cli.warmup import loading, warm_up
 from flexlab.errors import StudyError
@@ -68,8 +68,7 @@ def command(
         board = run_board(tasks, store, known, told)
     _print(board)
     if to is not None:
-        for path in write_report(board, to):
-            output().print(str(path), soft_wrap=True)
+        tell(*write_report(board, to))
     note(f"{counted(len(board.rows), 'row')}, {board.computed} of them computed now.")
     if not case and not long:
         note(LONG_RUNS_ARE_LEFT_OUT)
@@ -99,14 +98,12 @@ def _print(board: "Leaderboard") -> None:
         case = section.case
         _print_grid(f"{case.name} {case.title}: {case.main.column.title}, {case.main.column.unit}", section.main)
         for score in case.scores if not section.details else (case.main,):
-            meaning = f"  {score.column.label} = {score.formula}"
-            output().print(meaning, style="dim", soft_wrap=True)
-        for sentence in section.failures:
-            output().print(f"  {sentence}", style="red", soft_wrap=True)
+            tell(f"  {score.column.label} = {score.formula}", style="dim")
+        tell(*(f"  {sentence}" for sentence in section.failures), style="red")
         output().print()
     if unusual := "; ".join(f"{law}: {', '.join(parts)}" for law, parts in settings(board).items()):
-        output().print(f"Settings other than a law's own: {unusual}.", soft_wrap=True)
-    output().print(provenance(board), soft_wrap=True)
+        tell(f"Settings other than a law's own: {unusual}.")
+    tell(provenance(board))
 
 
 def _print_grid(title: str, grid: "Grid") -> None:

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from flexlab.cli.console import agreed, output, print_json
+from flexlab.cli.console import agreed, output, print_json, tell
 from flexlab.cli.console import note as say
 from flexlab.cli.options import LOGS, Logs, Runs, option
 from flexlab.cli.runs_listing import FIELDS, plain_row, print_runs, print_table, sorted_rows
@@ -112,7 +112,7 @@ def _delete(rows: "list[RunRow]", yes: bool, nothing: str) -> None:
         output().print(nothing)
         return
     for row in rows:
-        output().print(f"{row.id}  {size_text(row.size)}", soft_wrap=True)
+        tell(f"{row.id}  {size_text(row.size)}")
     what = f"{counted(len(rows), 'run')} ({size_text(sum(row.size for row in rows))})"
     if not yes and not agreed(f"Delete {what}? This cannot be undone.", "--yes deletes without asking"):
         output().print("Nothing was deleted.")

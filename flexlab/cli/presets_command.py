@@ -31,7 +31,14 @@ def command(
     if schema:
         if as_json or preset or changed:
             raise StudyError("--schema writes the schema of all scenario files: give nothing else with it.")
-        return _write_schema()
+        with loading():
+            from flexlab.files import writable
+            from flexlab.presets import OWN_FOLDER, write_schema
+
+        with writable("The schema", "work in a folder that you may write to"):
+            file = write_schema(OWN_FOLDER)
+        output().out(f"{file} is written: editors find it through a scenario file's $schema.")
+        return 0
     if preset:
         with loading():
             from flexlab.presets import scenario_text
@@ -59,18 +66,6 @@ def command(
     for sentence in unreadable:
         complain(sentence)
     return 2 if unreadable else 0
-
-
-def _write_schema() -> int:
-    with loading():
-        from flexlab.presets import OWN_FOLDER, write_schema
-
-    try:
-        output().out(f"{write_schema(OWN_FOLDER)} is written: editors find it through a scenario file's $schema.")
-    except OSError as error:
-        complain(f"The schema cannot be written ({error.strerror}): work in a folder that you may write to.")
-        return 2
-    return 0
 
 
 def _print(presets: dict[str, tuple[str, str]]) -> None:

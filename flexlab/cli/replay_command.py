@@ -1,10 +1,8 @@
 """`flexlab replay [RUN]`: simulate again and compare, bit for bit."""
 
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Annotated
 
-from flexlab.cli.console import agreed, note, output
+from flexlab.cli.console import agreed, note, tell
 from flexlab.cli.options import LOGS, Logs, Run, keep_own_texts_apart, option
 from flexlab.cli.warmup import loading, warm_up
 from flexlab.text import visible
@@ -23,35 +21,22 @@ def command(run: Run = "newest", logs: Logs = LOGS, run_own_law: RunOwnLaw = Fal
     what recorded it. Exits with 0 if the run is reproduced, with 1 if not.
     """
     with loading():
-        from flexlab.recording.store.run_files import find_run
-
-    if not run.lower().endswith(".zip"):
-        return _replay(find_run(run, logs), run_own_law)
-    with loading():
-        from flexlab.analysis.capsule import unpack_capsule
-
-    with TemporaryDirectory(prefix="flexlab-") as folder:
-        return _replay(unpack_capsule(Path(run), Path(folder)), run_own_law)
-
-
-def _replay(path: Path, run_own_law: bool) -> int:
-    """Replay a recording, print the result, and return the exit code."""
-    with loading():
+        from flexlab.analysis.capsule import opened_run
         from flexlab.analysis.replay import allow_own_laws, replay
         from flexlab.analysis.workers import progress_bar
         from flexlab.recording.reader import read_recording
-
-    recording = read_recording(path)
 
     def agrees(_: str, question: str, code: str) -> bool:
         if code and not run_own_law:
             note(visible(code))
         return run_own_law or agreed(question, "give --run-own-law to let it run")
 
-    keep_own_texts_apart()
-    allow_own_laws(recording, agrees)
-    warm_up(recording.scenario)
-    with progress_bar(True, "replaying", "{task.completed:.0f} s") as told:
-        found = replay(recording, lambda time: told(time, recording.status.time or None))  # 0: unknown
-    output().print(f"{path.stem}: {found.text}", soft_wrap=True)
+    with opened_run(run, logs) as path:
+        recording = read_recording(path)
+        keep_own_texts_apart()
+        allow_own_laws(recording, agrees)
+        warm_up(recording.scenario)
+        with progress_bar(True, "replaying", "{task.completed:.0f} s") as told:
+            found = replay(recording, lambda time: told(time, recording.status.time or None))  # 0: unknown
+    tell(f"{path.stem}: {found.text}")
     return 0 if found.agrees else 1

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from flexlab.analysis.metrics.metric import named, numbers
 from flexlab.analysis.metrics.run_metrics import DURATION, measured, noted_text, noted_texts, results
-from flexlab.cli.console import new_table, note, output
+from flexlab.cli.console import new_table, note, output, tell
 from flexlab.errors import StudyError
 from flexlab.recording.store.run_index import RunRow, duration_text, size_text, state_word
 from flexlab.text import MISSING, counted
@@ -102,10 +102,9 @@ def print_table(rows: Sequence[RunRow], logs: Path) -> None:
         return GAP.join((first, *others)).rstrip()
 
     console = output()
-    for heading in ([column.heading for column in columns], [column.unit for column in columns]):
-        console.print(line(heading), style="bold", soft_wrap=True)
+    tell(line([column.heading for column in columns]), line([column.unit for column in columns]), style="bold")
     for row, *texts in zip(rows, *(column.texts for column in columns), strict=True):
-        console.print(line(texts), soft_wrap=True)
+        tell(line(texts))
         if more := _more(row):
             below = Text(GAP + more, style="dim")
             if console.is_terminal:
@@ -174,5 +173,5 @@ def print_runs(rows: Sequence[RunRow]) -> None:
         for title, text in lines:
             if text:
                 table.add_row(title, text)
-        output().print(row.id, style="bold", soft_wrap=True)
+        tell(row.id, style="bold")
         output().print(table)

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from flexlab.cli.console import agreed, complain, note, output, typed
+from flexlab.cli.console import agreed, complain, note, tell, typed
 from flexlab.cli.options import Cluster, Law, Preset, Seed, Settings, Several, Threads, chosen_scenarios, option
 from flexlab.cli.warmup import loading, warm_up
 from flexlab.errors import StudyError
@@ -55,54 +55,38 @@ def command(
         from flexlab.analysis.metrics.metric import named
         from flexlab.analysis.sweep.axes import parse_axes
         from flexlab.analysis.sweep.figures import write_figures
-        from flexlab.analysis.sweep.plan import DEFAULT_ACCURACY, make_plan
+        from flexlab.analysis.sweep.plan import DEFAULT_ACCURACY, MANY_CELLS, make_plan
         from flexlab.analysis.sweep.result import run_sweep, sweep_folder
         from flexlab.analysis.workers import chosen_workers, progress_bar
 
     wanted, axes = DEFAULT_ACCURACY if accuracy is None else accuracy, parse_axes(vary, scenario)
     plan = make_plan(scenario, axes, duration, sample_period, design, samples, design_seed, wanted)
-    shown, pair = _names(show), _pair(pareto)
+    shown, pair = _names(show), _names(pareto)
+    if len(pair) != 2:
+        example = "rms_error.y,rms_internal_force"
+        raise StudyError(f"--pareto {typed(pareto)} does not name two metrics: write two, as in {example}.")
     for metric in (*shown, *pair):
         named(metric)
-    _ask(plan.cell_count, yes)
+    if plan.cell_count > MANY_CELLS and not yes:
+        question = f"The sweep has {plan.cell_count} cells, which may take many hours. Compute them all?"
+        if not agreed(question, "say --yes, or choose fewer values"):
+            raise StudyError("Nothing was computed: choose fewer values.")
     folder = to or sweep_folder(name, plan)
     known = chosen_workers(workers, cluster)
     if cluster is None:
         warm_up(plan.scenario)
     with progress_bar(True) as told:
         sweep = run_sweep(plan, folder, known, told)
-    paths = write_figures(plan, sweep.table, folder, shown, pair)
-    for path in (folder / "cells.parquet", *paths):
-        output().print(str(path), soft_wrap=True)
-    _tell_failed(sweep.failed, len(sweep))
-    return 1 if len(sweep.failed) == len(sweep) else 0
+    tell(folder / "cells.parquet", *write_figures(plan, sweep.table, folder, shown, pair))
+    failed = sweep.failed
+    if not failed:
+        note(f"{counted(len(sweep), 'cell')}.")
+        return 0
+    complain(f"{len(failed)} of {len(sweep)} cells failed; the table says why.")
+    for cell, sentence in list(failed.items())[:FAILED_SHOWN]:
+        complain(f"  cell {cell}: {sentence}")
+    return 1 if len(failed) == len(sweep) else 0
 
 
 def _names(text: str) -> tuple[str, ...]:
     return tuple(word.strip() for word in text.split(",") if word.strip())
-
-
-def _pair(text: str) -> tuple[str, ...]:
-    names = _names(text)
-    if len(names) != 2:
-        example = "rms_error.y,rms_internal_force"
-        raise StudyError(f"--pareto {typed(text)} does not name two metrics: write two, as in {example}.")
-    return names
-
-
-def _ask(cells: int, yes: bool) -> None:
-    from flexlab.analysis.sweep.plan import MANY_CELLS
-
-    if cells > MANY_CELLS and not yes:
-        question = f"The sweep has {cells} cells, which may take many hours. Compute them all?"
-        if not agreed(question, "say --yes, or choose fewer values"):
-            raise StudyError("Nothing was computed: choose fewer values.")
-
-
-def _tell_failed(failed: dict[int, str], cells: int) -> None:
-    if not failed:
-        note(f"{counted(cells, 'cell')}.")
-        return
-    complain(f"{len(failed)} of {cells} cells failed; the table says why.")
-    for cell, sentence in list(failed.items())[:FAILED_SHOWN]:
-        complain(f"  cell {cell}: {sentence}")

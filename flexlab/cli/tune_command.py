@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from flexlab.cli.console import complain, new_table, output
+from flexlab.cli.console import complain, new_table, output, tell
 from flexlab.cli.options import Cluster, Law, Preset, Seed, Settings, Several, Threads, chosen_scenarios, option
 from flexlab.cli.warmup import loading, warm_up
 
@@ -65,9 +65,9 @@ def command(
     _print(found)
     if save is not None:
         save_scenario(found.tuned, save)
-        output().print(str(save), soft_wrap=True)
+        tell(save)
     if figure is not None:
-        output().print(str(save_figure(found.plot(), figure)), soft_wrap=True)
+        tell(save_figure(found.plot(), figure))
     if found.problem:
         complain(found.problem)
         return 1

@@ -4,7 +4,7 @@ import time
 from pathlib import Path
 from typing import Annotated
 
-from flexlab.cli.console import complain, new_table, output, print_json
+from flexlab.cli.console import complain, new_table, output, print_json, tell
 from flexlab.cli.options import option
 from flexlab.cli.warmup import loading, warm_up
 
@@ -45,7 +45,7 @@ def command(
     failed = sum(not check.holds for check in found.checks)
     count = len(found.checks)
     if not as_json:
-        output().print(f"{count - failed} of {count} statements hold, in {took:.1f} s. Report: {to}", soft_wrap=True)
+        tell(f"{count - failed} of {count} statements hold, in {took:.1f} s. Report: {to}")
     if failed:
         complain(f"{failed} of {count} statements do not hold: do not trust what this installation computes.")
     return 1 if failed else 0

@@ -317,12 +317,8 @@ def panels(count: int, width: float, height: float) -> "tuple[Figure, list[Axes]
 
 def draw_fit(time: np.ndarray, signal: np.ndarray, background: np.ndarray, unit: str) -> "Figure":
     """Draw a measured signal (N,) at `time` (N,), s, and the background (N,) about which it rings."""
+    curves = [Curve("samples", signal, BLUE, "-"), Curve("rings about", background, GRAY, "-")]
     with style():
-        figure = empty_figure(WIDTH, 2 * ROW_HEIGHT)
-        axes = figure.add_subplot()
-        axes.plot(time, signal, color=BLUE, label="samples")
-        axes.plot(time, background, color=GRAY, label="rings about")
-        axes.set_xlabel("t (s)")
-        axes.set_ylabel(f"signal ({unit})" if unit else "signal")
+        figure, (axes,) = _stacked(time, [Plot(f"signal ({unit})" if unit else "signal", curves)])
         axes.legend(frameon=False)
     return figure

@@ -4,20 +4,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import TYPE_CHECKING, Any
 
+from flexlab.benchmarks import precision
 from flexlab.benchmarks.fresh_process import DURATION, LIVE_END, LIVE_START, Memory, StartTimes
 from flexlab.benchmarks.live_costs import BEAM_GOAL, FRAME_GOAL, LIGHT_GOAL, MESHES, ChangeCost, RoundTrip
 from flexlab.benchmarks.many_worlds import RATE_GOAL, SPEED_UP_GOAL, EnvironmentRate, WorkerScaling
-from flexlab.benchmarks.precision import (
-    ASKED_ERROR,
-    EXPONENT_GOAL,
-    FIRST_FITTED,
-    PAPER_AIM,
-    PAPER_LIMIT,
-    MeshPrecision,
-    PaperCost,
-    Scaling,
-    WorkPoint,
-)
+from flexlab.benchmarks.precision import ASKED_ERROR, MeshPrecision, PaperCost, Scaling, WorkPoint
 from flexlab.scenario.scenario import SMALLEST_STEP
 
 if TYPE_CHECKING:
@@ -52,13 +43,13 @@ def goals(found: Mapping[str, Any]) -> list[Goal]:
     coarse = [cost for cost in found["changes"] if cost.elements == MESHES[0]]
     fine = [cost for cost in found["changes"] if cost.elements == MESHES[-1]]
     at_most = [
-        (paper, fastest, "ms/s", PAPER_LIMIT),
-        (f"{paper}: aim", fastest, "ms/s", PAPER_AIM),
+        (paper, fastest, "ms/s", precision.PAPER_LIMIT),
+        (f"{paper}: aim", fastest, "ms/s", precision.PAPER_AIM),
         *(
             (f"{mesh.elements} elements", mesh.fastest and mesh.fastest.ms_per_second, "ms/s", mesh.goal)
             for mesh in found["precision"]
         ),
-        ("cost ~ elements to the power of", found["scaling"].exponent, "", EXPONENT_GOAL),
+        ("cost ~ elements to the power of", found["scaling"].exponent, "", precision.EXPONENT_GOAL),
         ("a live gain, path or gravity", max(cost.ms for cost in coarse if cost.is_light), "ms", LIGHT_GOAL),
         ("a live change of the beam", max(cost.ms for cost in coarse if not cost.is_light), "ms", BEAM_GOAL),
         (f"any live change, {MESHES[-1]} elements", max(cost.ms for cost in fine), "ms", FRAME_GOAL),
@@ -116,7 +107,9 @@ def _point_cells(point: WorkPoint) -> tuple[str, ...]:
 
 def scaling_table(scaling: Scaling) -> "Table":
     """Cost over the number of elements."""
-    title = f"Modal damping, 1 ms steps: cost ~ elements^{scaling.exponent:.2f} from {FIRST_FITTED} elements on"
+    title = (
+        f"Modal damping, 1 ms steps: cost ~ elements^{scaling.exponent:.2f} from {precision.FIRST_FITTED} elements on"
+    )
     rows = ((str(mesh.elements), f"{mesh.us_per_step:.2f}", f"{mesh.real_time_factor:.0f}") for mesh in scaling.meshes)
     return new_table(title, ("elements", "µs/step", "times real time"), rows)
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from flexlab.analysis.metrics.metric import named, numbers
 from flexlab.analysis.metrics.run_metrics import DURATION, measured, noted_text, noted_texts, results
@@ -11,23 +11,6 @@ from flexlab.cli.console import new_table, note, output, tell
 from flexlab.errors import StudyError
 from flexlab.recording.store.run_index import RunRow, duration_text, size_text, state_word
 from flexlab.text import MISSING, counted
-
-
-class Column(NamedTuple):
-    """A column of numbers or words."""
-
-    heading: str
-    unit: str
-    texts: list[str]
-    """One per run."""
-
-    @property
-    def width(self) -> int:
-        """Terminal columns that its longest text takes."""
-        from rich.cells import cell_len
-
-        return max(map(cell_len, (self.heading, self.unit, *self.texts)))
-
 
 COLUMNS = {number.name: number.column for number in numbers()}
 """Name of a metric → its column."""
@@ -92,7 +75,7 @@ def print_table(rows: Sequence[RunRow], logs: Path) -> None:
     from rich.text import Text
 
     columns, left_out = _columns_with_room(rows)
-    widths = [column.width for column in columns]
+    widths = list(map(_width, columns))
 
     def line(texts: Sequence[str]) -> str:
         first, *others = [
@@ -102,8 +85,9 @@ def print_table(rows: Sequence[RunRow], logs: Path) -> None:
         return GAP.join((first, *others)).rstrip()
 
     console = output()
-    tell(line([column.heading for column in columns]), line([column.unit for column in columns]), style="bold")
-    for row, *texts in zip(rows, *(column.texts for column in columns), strict=True):
+    headings, units, *lines = zip(*columns, strict=True)
+    tell(line(headings), line(units), style="bold")
+    for row, texts in zip(rows, lines, strict=True):
         tell(line(texts))
         if more := _more(row):
             below = Text(GAP + more, style="dim")
@@ -118,25 +102,32 @@ def print_table(rows: Sequence[RunRow], logs: Path) -> None:
         note(f"Without metrics: {missing}. flexlab logs --measure reads those that can be read.")
 
 
-def _columns_with_room(rows: Sequence[RunRow]) -> tuple[list[Column], list[str]]:
-    """The columns that fit into the window, and the headings of the others."""
+def _width(texts: Sequence[str]) -> int:
+    """Terminal columns that the longest of some texts takes."""
+    from rich.cells import cell_len
+
+    return max(map(cell_len, texts))
+
+
+def _columns_with_room(rows: Sequence[RunRow]) -> tuple[list[list[str]], list[str]]:
+    """The columns that fit into the window (heading, unit, a text per run), and the headings of the others."""
     columns = [
-        Column("run", "", [row.id for row in rows]),
-        Column("duration", "", [duration_text(row.duration) for row in rows]),
-        Column("size", "", [size_text(row.size) for row in rows]),
-        Column("state", "", [state_word(row) for row in rows]),
+        ["run", "", *(row.id for row in rows)],
+        ["duration", "", *(duration_text(row.duration) for row in rows)],
+        ["size", "", *(size_text(row.size) for row in rows)],
+        ["state", "", *(state_word(row) for row in rows)],
     ]
     metrics = [
-        Column(metric.heading, metric.unit, [noted_text(metric, row.metrics, row.is_stopped) for row in rows])
+        [metric.heading, metric.unit, *(noted_text(metric, row.metrics, row.is_stopped) for row in rows)]
         for metric in COLUMNS.values()
         if metric.listed
     ]
     # A narrow window leaves out the last columns.
     shown, console = len(metrics), output()
-    room = console.width + len(GAP) - sum(column.width + len(GAP) for column in columns)
-    while console.is_terminal and shown and sum(column.width + len(GAP) for column in metrics[:shown]) > room:
+    room = console.width + len(GAP) - sum(_width(column) + len(GAP) for column in columns)
+    while console.is_terminal and shown and sum(_width(column) + len(GAP) for column in metrics[:shown]) > room:
         shown -= 1
-    return columns + metrics[:shown], [column.heading for column in metrics[shown:]]
+    return columns + metrics[:shown], [column[0] for column in metrics[shown:]]
 
 
 def _more(row: RunRow) -> str:

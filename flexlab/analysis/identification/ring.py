@@ -15,20 +15,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import stdtrit
 
-from flexlab.analysis.identification.evidence import (
-    BESIDE,
-    BEST_TOLD,
-    DENSE,
-    LEFT,
-    SEEN,
-    SEEN_NEAR,
-    clipped_until,
-    is_white,
-    local_density,
-    shifts,
-    stands_out,
-    unevenness,
-)
+from flexlab.analysis.identification import evidence
 from flexlab.errors import StudyError
 from flexlab.lapack import one_blas_thread
 
@@ -133,10 +120,10 @@ def fit_ring(time: np.ndarray, signal: np.ndarray, most_modes: int = MOST_MODES)
         if better > criterion - GAIN and len(found):
             break
         found, criterion = more, better
-        if _rest(found, tau, y).std() < BEST_TOLD:
+        if _rest(found, tau, y).std() < evidence.BEST_TOLD:
             break
     problem = _reason(found, tau, y)
-    if (last := clipped_until(y)) is not None:
+    if (last := evidence.clipped_until(y)) is not None:
         problem = (
             f"the signal is clipped until t = {time[last]:.6g} s; measure in a wider range, or begin the fit after that"
         )
@@ -146,9 +133,9 @@ def fit_ring(time: np.ndarray, signal: np.ndarray, most_modes: int = MOST_MODES)
 def _without_noise(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Leave out modes that do not stand out from a residual that is not white noise: they only fit its humps."""
     rest = _rest(modes, tau, y)
-    if len(modes) == 1 or rest.std() < BEST_TOLD or is_white(rest):
+    if len(modes) == 1 or evidence.is_white(rest):
         return modes
-    kept = [stands_out(_rest(np.delete(modes, k, axis=0), tau, y), rest, 1) for k in range(len(modes))]
+    kept = [evidence.stands_out(_rest(np.delete(modes, k, axis=0), tau, y), rest, 1) for k in range(len(modes))]
     return modes if all(kept) or not any(kept) else _refined(modes[kept], tau, y)
 
 
@@ -177,7 +164,7 @@ def _rest(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarray:
 def _criterion(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> float:
     """Schwarz's criterion; less is better."""
     count = 4 * len(modes) + BACKGROUND_ORDER + 1
-    return len(y) * np.log(max(np.mean(_rest(modes, tau, y) ** 2), BEST_TOLD**2)) + count * np.log(len(y))
+    return len(y) * np.log(max(np.mean(_rest(modes, tau, y) ** 2), evidence.BEST_TOLD**2)) + count * np.log(len(y))
 
 
 def _with_another(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -225,8 +212,8 @@ def _described(
     covariance = variance * np.linalg.pinv((J / size).T @ (J / size)) / np.outer(size, size)
     factor = float(stdtrit(freedom, 0.5 + CONFIDENCE / 2))
     near = [max(1.0, density) for density, _ in _near(modes, tau, y)]
-    exact = rest.std() < BEST_TOLD or is_white(rest)
-    moved = [np.zeros((1, 2))] * len(modes) if exact else shifts(modes, J, rest, linear, tau)
+    exact = evidence.is_white(rest)
+    moved = [np.zeros((1, 2))] * len(modes) if exact else evidence.shifts(modes, J, rest, linear, tau)
     found = []
     for k, (omega, sigma) in enumerate(modes):
         own = near[k] * covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2]
@@ -250,17 +237,18 @@ def _shadows(one: RingMode, louder: RingMode) -> bool:
     so close together.
     """
     f, other = one.frequency.value, louder.frequency.value
-    return one.amplitude < SHADOW * louder.amplitude and abs(f - other) < BESIDE * louder.damping_ratio.value * other
+    beside = evidence.BESIDE * louder.damping_ratio.value * other
+    return one.amplitude < SHADOW * louder.amplitude and abs(f - other) < beside
 
 
 def _near(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> list[tuple[float, float]]:
     """`local_density` of the residual near each mode; (1, 0) if the residual is white noise."""
     rest = _rest(modes, tau, y)
-    if rest.std() < BEST_TOLD or is_white(rest):
+    if evidence.is_white(rest):
         return [(1.0, 0.0)] * len(modes)
     even = np.linspace(0, tau[-1], len(tau))
     left, rings = np.interp(even, tau, rest), _rings(modes, tau, y)
-    return [local_density(left, even[1], omega / (2 * np.pi), float(rings @ rings)) for omega in modes[:, 0]]
+    return [evidence.local_density(left, even[1], omega / (2 * np.pi), float(rings @ rings)) for omega in modes[:, 0]]
 
 
 def _rings(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -272,15 +260,15 @@ def _rings(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarray:
 def _reason(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> str:
     """Why samples with these modes are no free ring; empty if they are one."""
     rest = _rest(modes, tau, y)
-    if rest.std() < BEST_TOLD:
+    if rest.std() < evidence.BEST_TOLD:
         return ""
-    if not stands_out(_rest(np.empty((0, 2)), tau, y), rest, len(modes)):
+    if not evidence.stands_out(_rest(np.empty((0, 2)), tau, y), rest, len(modes)):
         return NOISE_ALONE
-    uneven = unevenness(rest, _rings(modes, tau, y))
-    if uneven > SEEN:
+    uneven = evidence.unevenness(rest, _rings(modes, tau, y))
+    if uneven > evidence.SEEN:
         return NOT_ONE
     density, excess = map(max, zip(*_near(modes, tau, y), strict=True))
-    return NOT_ONE if excess > LEFT or (uneven > SEEN_NEAR and density > DENSE) else ""
+    return NOT_ONE if excess > evidence.LEFT or (uneven > evidence.SEEN_NEAR and density > evidence.DENSE) else ""
 
 
 def _mode(

@@ -237,11 +237,11 @@ def measured(scenario: Scenario, changes: Mapping[str, Any], duration: float, sa
 
 def run_part(plan: Plan, cells: Sequence[int]) -> list[Cell]:
     """Compute some cells of a sweep, one after the other. A cell that fails says why, and the next one follows."""
-    return [_run(plan, number) for number in cells]
-
-
-def _run(plan: Plan, number: int) -> Cell:
-    found = measured(plan.scenario, plan.changes(number), plan.duration, plan.sample_period)
-    numbers = None if found.metrics is None else tuple(None if x != x else x for x in found.metrics.numbers)
-    known = "" if found.scenario is None else scenario_hash(found.scenario)
-    return Cell(number, plan.values(number), found.status, found.sentence.replace("\n", " "), numbers, known)
+    done = []
+    for number in cells:
+        found = measured(plan.scenario, plan.changes(number), plan.duration, plan.sample_period)
+        numbers = None if found.metrics is None else tuple(None if x != x else x for x in found.metrics.numbers)
+        known = "" if found.scenario is None else scenario_hash(found.scenario)
+        said = found.sentence.replace("\n", " ")
+        done.append(Cell(number, plan.values(number), found.status, said, numbers, known))
+    return done

@@ -15,7 +15,7 @@ from lab_process import Command, refused
 from flexlab.analysis.metrics.metric import label_of
 from flexlab.analysis.run_summary import note_metrics
 from flexlab.cli.console import agreed
-from flexlab.cli.runs_listing import COLUMNS
+from flexlab.cli.logs_command import COLUMNS
 from flexlab.errors import RecordingError, StudyError
 from flexlab.presets import load_preset
 from flexlab.recording.headless import write_run

@@ -183,7 +183,7 @@ from flexlab.analysis.lesson_checks import check_lesson
 from flexlab.analysis.replay import replay
 from flexlab.analysis.run_summary import note_metrics
 from flexlab.cli import main
-from flexlab.cli.runs_listing import FIELDS
+from flexlab.cli.logs_command import FIELDS
 from flexlab.guide import lessons
 from flexlab.lab.panel.sections import entries
 from flexlab.presets import load_preset

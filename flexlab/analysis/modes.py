@@ -52,7 +52,7 @@ def sampling_text(control_period: float | None, input_delay: int) -> str:
     if control_period is None:
         return "continuous"
     text = f"sampled at {1e3 * control_period:g} ms"
-    return f"{text}, torques {input_delay} sample{'s' if input_delay > 1 else ''} late" if input_delay else text
+    return f"{text}, torques {counted(input_delay, 'sample')} late" if input_delay else text
 
 
 def _beam_lines(modes: "Modes") -> list[str]:

@@ -13,7 +13,6 @@ import numpy as np
 from flexlab.analysis.metrics.run_metrics import between
 from flexlab.analysis.metrics.settling_time import settling_time
 from flexlab.analysis.modes import PoleRow, fastest_growth, modes
-from flexlab.lapack import one_blas_thread
 from flexlab.physics.axial_load import buckling_load
 from flexlab.physics.mass_change import FACTOR, find_mass
 from flexlab.recording.course import DISTURBANCES, scenarios
@@ -37,10 +36,8 @@ SILENT = 1e-9
 """Smallest amplitude of a ring, m; squeeze-until-it-buckles falls below it 40 s after its start."""
 
 
-@lru_cache(maxsize=32)
-@one_blas_thread()
 def first_frequency(payload: Payload) -> float:
-    """f1 of the payload with its grips held, Hz; cached, as the lab asks several times a second and 64 elements take a while."""
+    """f1 of the payload with its grips held, Hz."""
     return float(np.min(build_beam(payload).modes.omega)) / (2 * np.pi)
 
 

@@ -3,12 +3,9 @@
 The other part, ½ Σ k_j (b_j - b̂_j)², contains the true bounds b_j, which are unknown.
 """
 
-from functools import lru_cache
-
 import numpy as np
 
-from flexlab.lapack import one_blas_thread
-from flexlab.scenario import Arm, Payload, Scenario
+from flexlab.scenario import Arm, Scenario
 from flexlab.sim.build import build_beam
 from flexlab.sim.samples import Samples
 
@@ -21,26 +18,19 @@ def tracking_energy(scenario: Scenario, samples: Samples) -> np.ndarray:
     s, angle = samples.sliding_variable, samples.pose[:, 2]
     along = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    m, inertia, hh, hg, gg = _inertia(scenario.payload)  # pyright: ignore[reportArgumentType]
+    beam = build_beam(scenario.payload)
+    m, inertia, (hh, hg, gg) = beam.matrices.m, beam.matrices.I, map(float, beam.kappa)
     lateral = np.einsum("ni,ni->n", s[:, :2], across)
     rigid = m * (s[:, 0] ** 2 + s[:, 1] ** 2) + inertia * s[:, 2] ** 2
     total = 0.5 * (rigid - hh * lateral**2 - 2 * hg * lateral * s[:, 2] - gg * s[:, 2] ** 2)
     if MASS in samples.own:  # The payload's whole part is proportional to its mass.
-        total *= samples.own[MASS] / _inertia(scenario.payload)[0]  # pyright: ignore[reportArgumentType]
+        total *= samples.own[MASS] / m
     half = 0.5 * scenario.payload.length
     for index, arm in enumerate(scenario.arms):
         side = -1 if index == 0 else 1
         grip_rate = s[:, :2] + side * half * s[:, 2:] * across
         total += _arm(arm, samples.joint_angle[:, index], grip_rate, s[:, 2])
     return total
-
-
-@lru_cache(maxsize=8)
-@one_blas_thread()
-def _inertia(payload: Payload) -> tuple[float, ...]:
-    """m, I, hᵀM_q⁻¹h, hᵀM_q⁻¹g, gᵀM_q⁻¹g: computed once per payload."""
-    beam = build_beam(payload)
-    return float(beam.matrices.m), float(beam.matrices.I), *map(float, beam.kappa)
 
 
 def _arm(arm: Arm, joint_angle: np.ndarray, grip_rate: np.ndarray, turn_rate: np.ndarray) -> np.ndarray:

@@ -100,11 +100,11 @@ def replay(recording: Recording, seen: Callable[[float], None] = lambda time: No
     """
     result = partial(Replay, scenario=recording.scenario)
     repetition, done, why = Repetition(recording), 0, _why_rounded_otherwise(recording)
-    rounding = _Rounding(recording.compared) if why else None
+    comparison = _Comparison(recording.compared, tolerant=bool(why))
     absent: frozenset[str] = frozenset()
     for recorded in recording.blocks():
         again = repetition.samples_until(float(recorded.time[-1]))
-        compared, difference = _compare(recorded, again, recording.compared, rounding)
+        compared, difference = _compare(recorded, again, comparison)
         done += compared
         absent |= recorded.absent
         if difference is not None:
@@ -119,18 +119,18 @@ def replay(recording: Recording, seen: Callable[[float], None] = lambda time: No
     if done == 0:
         return result(0, None, "The recording has no samples: there was nothing to compare.")
     left_out = _left_out(recording, absent)
-    if rounding is None or rounding.same_bits:
+    if comparison.same_bits:
         one, many = "The only sample came out again, bit for bit.", f"All {done} samples came out again, bit for bit."
         return result(done, None, (one if done == 1 else many) + left_out)
-    beyond = [each for share, each in rounding.shares() if share > TOLERANCE]
+    beyond = [each for share, each in comparison.shares() if share > TOLERANCE]
     difference = min(beyond, key=lambda each: each.time, default=None)
     if difference is not None:
-        return result(done, difference, _difference_text(recording, difference, why), rounding.deviation)
+        return result(done, difference, _difference_text(recording, difference, why), comparison.deviation)
     text = (
         f"All {done} samples came out again within a tolerance of {number_text(TOLERANCE)} of each signal's largest value, "
-        f"by at most {number_text(rounding.deviation, 1)} of it, and not bit for bit: {why}. {_makers(recording)}{left_out}"
+        f"by at most {number_text(comparison.deviation, 1)} of it, and not bit for bit: {why}. {_makers(recording)}{left_out}"
     )
-    return result(done, None, text, rounding.deviation)
+    return result(done, None, text, comparison.deviation)
 
 
 def _why_rounded_otherwise(recording: Recording) -> str:
@@ -196,58 +196,60 @@ def _left_out(recording: Recording, absent: frozenset[str]) -> str:
     )
 
 
-def _compare(
-    recorded: Samples, repeated: Iterable[Samples], compared: frozenset[str], rounding: "_Rounding | None"
-) -> tuple[int, Difference | None]:
-    """(number of compared samples, the first difference); repeated samples that were not recorded are left out.
-
-    `compared`: the signals of the table to compare; a law's own signals are all compared. With `rounding`, differences of
-    finite numbers are noted there and do not count.
-    """
+def _compare(recorded: Samples, repeated: Iterable[Samples], so_far: "_Comparison") -> tuple[int, Difference | None]:
+    """(number of compared samples, the first difference); repeated samples that were not recorded are left out."""
     done = 0
     for again in repeated:
         # The recording may have gaps, from dropped samples or a full disk.
         rows = np.searchsorted(recorded.time, again.time)
         there = (rows < len(recorded)) & (recorded.time[np.minimum(rows, len(recorded) - 1)] == again.time)
-        one, other = recorded.take(rows[there]), again.take(there)
-        if rounding is not None:
-            other = rounding.noted(one, other)
-        difference = _first_difference(one, other, compared)
+        difference = so_far.first_difference(recorded.take(rows[there]), again.take(there))
         done += int(np.count_nonzero(there))
         if difference is not None:
             return done, difference
     return done, None
 
 
-class _Rounding:
-    """The differences by rounding between a repetition and its recording, over a whole run."""
+class _Comparison:
+    """The comparison of a run with its repetition, block by block."""
 
-    def __init__(self, compared: frozenset[str]):
-        """`compared` as for `_compare`."""
-        self._compared = compared
+    def __init__(self, compared: frozenset[str], tolerant: bool):
+        """`compared`: the signals of the table to compare; a law's own signals are all compared.
+
+        `tolerant`: whether differences of finite numbers are only noted, as rounding.
+        """
+        self._compared, self._tolerant = compared, tolerant
         self.same_bits = True
+        """Whether nothing has been noted."""
         self._largest: dict[str, float] = {}
         """Signal → its largest recorded value."""
         self._differences: dict[str, list[Difference]] = {}
         """Signal → its differences that exceed all earlier ones; the first beyond any bound is among them."""
 
-    def noted(self, recorded: Samples, again: Samples) -> Samples:
-        """Note all differences of finite numbers, and return `again` without them."""
-        without = {}
-        for name, one in recorded.signals().items():
-            other = again.signals().get(name)
-            left_out = name in TABLE and name not in self._compared
-            if left_out or other is None or one.shape != other.shape or not len(one):
+    def first_difference(self, recorded: Samples, again: Samples) -> Difference | None:
+        """The first difference of a block in any bit, by row and then by signal, without what is only noted."""
+        present, first, found = again.signals(), len(recorded), None
+        for name, values in recorded.signals().items():
+            if name not in present or (name in TABLE and name not in self._compared):
                 continue
-            self.same_bits &= bool((_bits(one) == _bits(other)).all())
-            finite = np.isfinite(one) & np.isfinite(other)
-            without[name] = np.where(finite, one, other)
-            self._note(name, recorded.time, np.where(finite, one, 0.0), np.where(finite, other, 0.0))
-        return again.having(**without)
+            if values.shape != present[name].shape:
+                return Difference(float(recorded.time[0]), name, np.nan, np.nan)
+            one, other = _rows(values), _rows(present[name])
+            unlike = one.view(np.int64) != other.view(np.int64)
+            if self._tolerant and len(one):
+                self.same_bits &= not unlike.any()
+                finite = np.isfinite(one) & np.isfinite(other)
+                unlike &= ~finite
+                self._note(name, recorded.time, np.where(finite, one, 0.0), np.where(finite, other, 0.0))
+            row = int(np.argmax(unlike.any(axis=1))) if unlike.any() else first
+            if row < first:
+                column = int(np.argmax(unlike[row]))
+                values = float(one[row, column]), float(other[row, column])
+                first, found = row, Difference(float(recorded.time[row]), name, *values)
+        return found
 
     def _note(self, name: str, time: np.ndarray, one: np.ndarray, other: np.ndarray) -> None:
-        """Note the differences of a signal's values (N, ...), recorded and repeated, at instants (N,)."""
-        one, other = one.reshape(len(time), -1), other.reshape(len(time), -1)
+        """Note the differences of a signal's rows (N, values), recorded and repeated, at instants (N,)."""
         self._largest[name] = max(self._largest.get(name, 0.0), float(np.abs(one).max(initial=0.0)))
         kept = self._differences.setdefault(name, [])
         most = np.abs(one - other).max(axis=1, initial=0.0)
@@ -274,31 +276,9 @@ class _Rounding:
         return max((share for share, _ in self.shares()), default=0.0)
 
 
-def _first_difference(recorded: Samples, again: Samples, compared: frozenset[str]) -> Difference | None:
-    """The first difference in any bit, by row and then by signal."""
-    found: tuple[int, str] | None = None
-    present = again.signals()
-    for name, one in recorded.signals().items():
-        other = present.get(name)
-        if other is None or (name in TABLE and name not in compared):
-            continue
-        if one.shape != other.shape:
-            return Difference(float(recorded.time[0]), name, np.nan, np.nan)
-        unlike = _bits(one) != _bits(other)
-        rows = np.flatnonzero(unlike.any(axis=1))
-        if len(rows) and (found is None or rows[0] < found[0]):
-            found = (int(rows[0]), name)
-    if found is None:
-        return None
-    row, name = found
-    one, other = getattr(recorded, name)[row].ravel(), getattr(again, name)[row].ravel()
-    column = int(np.flatnonzero(_bits(one[None])[0] != _bits(other[None])[0])[0])
-    return Difference(float(recorded.time[row]), name, float(one[column]), float(other[column]))
-
-
-def _bits(signal: np.ndarray) -> np.ndarray:
-    flat = signal.reshape(len(signal), math.prod(signal.shape[1:]))
-    return np.ascontiguousarray(flat).view(np.int64)
+def _rows(signal: np.ndarray) -> np.ndarray:
+    """The values of a signal (N, …) as rows, (N, values)."""
+    return np.ascontiguousarray(signal.reshape(len(signal), math.prod(signal.shape[1:])))
 
 
 def _difference_text(recording: Recording, difference: Difference, why: str) -> str:

@@ -11,7 +11,7 @@ from recording_helpers import assert_same_bits
 from rerun.chunk import RrdReader
 
 import flexlab
-from flexlab.analysis.replay import TOLERANCE, _Rounding, replay
+from flexlab.analysis.replay import TOLERANCE, _Comparison, replay
 from flexlab.analysis.resume import resume, state_at
 from flexlab.analysis.run_summary import note_metrics
 from flexlab.errors import StudyError
@@ -160,7 +160,11 @@ def test_a_nan_in_an_older_recording_is_not_taken_for_rounding(recording: Record
     assert found.difference is not None
     assert (found.difference.time, found.difference.signal) == (0.2, "pose")
     one = recording.samples.slice(200, 201)
-    assert np.isnan(_Rounding(frozenset(TABLE)).noted(one, one.having(pose=pose[200:201])).pose[0, 1])
+    tolerant = _Comparison(frozenset(TABLE), tolerant=True)
+    difference = tolerant.first_difference(one, one.having(pose=pose[200:201]))
+    assert difference is not None
+    assert difference.signal == "pose"
+    assert np.isnan(difference.replayed)
 
 
 def test_a_missing_command_is_found(recording: Recording) -> None:

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from functools import cache, partial
 from typing import NamedTuple
 
-from flexlab.analysis.lesson_expressions import ExpressionError, LookedAt, Value, expression
+from flexlab.analysis.lesson_expressions import ExpressionError, Value, expression
 from flexlab.analysis.lesson_measures import VALUES, Look, length
 from flexlab.analysis.metrics import METRICS
 from flexlab.errors import FlexlabError
@@ -42,7 +42,7 @@ def _sentence(text: str, known: Sequence[str]) -> Value:
         raise ExpressionError(f"{text[:60]!r} holds no value: write as in {{t:.2f}}, or {{largest(vibration):length}}.")
     values = {found[1]: expression(found[1], known) for found in _BRACES.finditer(text)}
 
-    def shown(run: LookedAt, found: re.Match[str]) -> str:
+    def shown(run: Look, found: re.Match[str]) -> str:
         value = values[found[1]](run)
         return length(value) if found[2] == "length" else format(value, found[2] or "")
 
@@ -105,7 +105,7 @@ class Check:
         """The verdict on a run from its newest `SECONDS` s of samples and all its events. Never raises."""
         if len(samples) < 2:
             return Verdict(False, "Press play: there is nothing to measure yet.")
-        run = LookedAt(Look(scenario, samples, events), self._named)
+        run = Look(scenario, samples, events, self._named)
         try:
             rule = next(rule for rule in self._rules if rule.condition is None or rule.condition(run))
             return Verdict(rule.done, rule.sentence(run))

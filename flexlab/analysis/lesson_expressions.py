@@ -7,15 +7,14 @@ Python's parser reads them, and this module evaluates them with the names below 
 
 import ast
 import operator
-from collections.abc import Callable, Collection, Mapping
-from functools import cached_property
+from collections.abc import Callable, Collection
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from flexlab.analysis.lesson_measures import OF_A_PART, VALUES, Look
-from flexlab.analysis.metrics import METRICS, RunMetrics, run_metrics
+from flexlab.analysis.metrics import METRICS
 from flexlab.analysis.metrics.metric import number_names
 from flexlab.errors import LabError
 from flexlab.scenario import parse_scenario
@@ -67,31 +66,7 @@ class ExpressionError(LabError):
     """An invalid expression; the text names the wrong part and the alternatives."""
 
 
-class LookedAt:
-    """The values of names in a run. Metrics, and the values that a lesson names, are computed once."""
-
-    def __init__(self, look: Look, named: Mapping[str, Callable[["LookedAt"], Any]] | None = None):
-        """`named`: the functions that compute the values that the lesson names."""
-        self.look, self._named = look, named or {}
-        self._values: dict[str, Any] = {}
-
-    @cached_property
-    def _metrics(self) -> RunMetrics:
-        return run_metrics(self.look.samples)
-
-    def value(self, name: str) -> Any:
-        """The value of a name."""
-        if name in self._named:
-            if name not in self._values:
-                self._values[name] = self._named[name](self)
-            return self._values[name]
-        if name in VALUES:
-            return VALUES[name](self.look)
-        value = self._metrics[name] if "." in name else getattr(self._metrics, name)
-        return float(np.max(value))
-
-
-Value = Callable[[LookedAt], Any]
+Value = Callable[[Look], Any]
 """Returns the value of a part of an expression in the present state of a run."""
 
 
@@ -151,11 +126,11 @@ def _compiled(node: ast.AST, known: Collection[str]) -> Value:
     raise ExpressionError(f"{ast.unparse(node)[:60]} cannot stand in a check.")
 
 
-def _number(node: ast.AST, known: Collection[str]) -> Callable[[LookedAt], float]:
+def _number(node: ast.AST, known: Collection[str]) -> Callable[[Look], float]:
     """Compile an operand, which must be one number: a text or list times a number could have any length."""
     part = _compiled(node, known)
 
-    def number(run: LookedAt) -> float:
+    def number(run: Look) -> float:
         value = part(run)
         if not isinstance(value, (int, float)):
             raise ExpressionError(f"{ast.unparse(node)[:60]} is not a number here")
@@ -192,14 +167,14 @@ def _call(node: ast.Call, known: Collection[str]) -> Value:
     window = [_number(part, known) for part in given]
     fewest = 2 if name in OF_A_PART else 1
 
-    def measured(run: LookedAt) -> float:
+    def measured(run: Look) -> float:
         begin, end = (instant(run) for instant in window) if window else (-np.inf, np.inf)
-        samples = run.look.part(begin, end)
+        samples = run.part(begin, end)
         if len(samples) < fewest:  # Of none, some measures would be 0, which is no result.
             times = f"t = {number_text(begin)} s to {number_text(end)} s"
             raise ExpressionError(f"{ast.unparse(node)[:60]}: there are too few samples from {times}")
         if name in OF_A_PART:
-            return OF_A_PART[name](run.look, samples)
+            return OF_A_PART[name](run, samples)
         return FUNCTIONS[name](np.asarray(samples[signal])[index])
 
     return measured
@@ -243,8 +218,8 @@ def _path(node: ast.AST) -> str:
     return ".".join([node.id, *names]) if isinstance(node, ast.Name) and node.id in ROOTS and names else ""
 
 
-def _field(path: str, run: LookedAt) -> Any:
+def _field(path: str, run: Look) -> Any:
     """A field's value; NaN, which compares false, if it is not set."""
     root, _, name = path.partition(".")
-    value = (run.look.scenario if root == "scenario" else parse_scenario({})).get(name)
+    value = (run.scenario if root == "scenario" else parse_scenario({})).get(name)
     return np.nan if value is None else value

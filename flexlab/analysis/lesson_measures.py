@@ -1,8 +1,8 @@
 """Measures of a run for lessons and explanations: frequencies, peaks, jumps; and lengths in sentences."""
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from types import SimpleNamespace
@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexlab.analysis.metrics import RunMetrics, run_metrics
 from flexlab.analysis.metrics.run_metrics import between
 from flexlab.analysis.metrics.settling_time import settling_time
 from flexlab.analysis.modes import PoleRow, fastest_growth, modes
@@ -150,6 +151,25 @@ class Look:
     scenario: Scenario
     samples: Samples
     events: Sequence[Event]
+    named: Mapping[str, Callable[["Look"], Any]] = field(default_factory=dict)
+    """The functions that compute the values that the lesson names."""
+    _values: dict[str, Any] = field(default_factory=dict, init=False)
+    """These values, each computed once."""
+
+    @cached_property
+    def _metrics(self) -> RunMetrics:
+        return run_metrics(self.samples)
+
+    def value(self, name: str) -> Any:
+        """The value of a name: of the lesson, of a measure, or of a metric."""
+        if name in self.named:
+            if name not in self._values:
+                self._values[name] = self.named[name](self)
+            return self._values[name]
+        if name in VALUES:
+            return VALUES[name](self)
+        value = self._metrics[name] if "." in name else getattr(self._metrics, name)
+        return float(np.max(value))
 
     @property
     def now(self) -> float:

@@ -16,7 +16,7 @@ from flexlab.presets import AnyScenario, any_scenario
 from flexlab.scenario import Scenario
 from flexlab.sim.build import build_beam
 from flexlab.sim.termination import pose_fault
-from flexlab.text import counted, number_text
+from flexlab.text import aligned, counted, number_text
 
 MOST_ROWS = 16
 """Largest number of rows in a printed table, unless more poles grow: faster poles decay before anybody sees them."""
@@ -60,7 +60,7 @@ def _beam_lines(modes: "Modes") -> list[str]:
     for k, frequency in enumerate(modes.frequency[:MOST_ROWS]):
         shares = (f"{100 * each[k]:.1f}" for each in (modes.lateral_participation, modes.angular_participation))
         rows.append((f"{k + 1}", f"{frequency:.2f}", f"{100 * modes.damping_ratio[k]:.3g}", *shares))
-    lines = _aligned(rows, len(rows[0]))
+    lines = aligned(rows, len(rows[0]))
     if len(modes.frequency) > MOST_ROWS:
         lines.append(f"… and {counted(len(modes.frequency) - MOST_ROWS, 'higher mode')}")
     return lines
@@ -80,24 +80,12 @@ def _pole_lines(modes: "Modes") -> list[str]:
         frequency = f"{row.frequency:.2f}" if row.frequency else "–"
         verdict = row.verdict.upper() if row.verdict == "grows" else row.verdict
         rows.append((frequency, f"{100 * row.damping_ratio:.3g}", f"{row.rate:+.4g}", verdict, row.origin))
-    lines = [head, "", *_aligned(rows, 3)]
+    lines = [head, "", *aligned(rows, 3)]
     if len(everything) > most:
         lines.append(f"… and {len(everything) - most} more, none of which grows")
     if modes.unstable:
         lines += ["", f"UNSTABLE: small motions grow at {number_text(modes.growth, 3)} 1/s."]
     return lines
-
-
-def _aligned(rows: list[tuple[str, ...]], right: int) -> list[str]:
-    """Columns of equal width, the first `right` of them right-aligned."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return [
-        "  ".join(
-            cell.rjust(width) if k < right else cell.ljust(width)
-            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    ]
 
 
 POSE, MEMORY, ON_THEIR_WAY = "pose", "law's memory", "torques on their way"

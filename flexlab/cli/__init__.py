@@ -21,7 +21,7 @@ from typing import Any
 from flexlab.cli.circumstances import refusal
 from flexlab.cli.console import EXIT_INTERRUPTED, complain, note, notes
 from flexlab.errors import FlexlabError
-from flexlab.text import tell_failures_plainly
+from flexlab.text import aligned, tell_failures_plainly
 
 ENDING = "_command"
 COMMANDS = tuple(sorted(it.name.removesuffix(ENDING) for it in iter_modules(__path__) if it.name.endswith(ENDING)))
@@ -120,6 +120,4 @@ def _others() -> str:
     """Usage and purpose of each command except the lab, for the help."""
     files = (Path(__path__[0], f"{name}{ENDING}.py") for name in COMMANDS if name != "lab")
     firsts = (file.read_text(encoding="utf-8").partition("\n")[0] for file in files)
-    called = [first.strip('"`').split("`: ") for first in firsts]
-    width = max(len(usage) for usage, _ in called)
-    return "\n".join(f"  {usage:{width}}  {what.rstrip('.')}" for usage, what in called)
+    return "\n".join(f"  {line}" for line in aligned([first.strip('"`.').split("`: ") for first in firsts]))

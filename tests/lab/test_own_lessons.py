@@ -10,7 +10,7 @@ from lab_page import wait_until
 
 from flexlab.analysis import own_lessons as own_lesson_files
 from flexlab.analysis.lesson_checks import Verdict, read_check
-from flexlab.analysis.lesson_expressions import ExpressionError, LookedAt, expression
+from flexlab.analysis.lesson_expressions import ExpressionError, expression
 from flexlab.analysis.lesson_measures import Look
 from flexlab.analysis.own_lessons import MOST, OwnLesson, lesson_menu, lesson_mistakes, own_lessons, short_name
 from flexlab.lab.panel.guide_panel import Guide
@@ -226,7 +226,7 @@ def test_sentences_of_lessons_write_lengths_and_missing_measures_as_elsewhere(tm
     ],
 )
 def test_expressions_over_metrics_signals_and_fields(text: str, holds: bool) -> None:
-    assert expression(text, truth=True)(LookedAt(Look(load_preset("paper"), SAMPLES, ()))) is holds
+    assert expression(text, truth=True)(Look(load_preset("paper"), SAMPLES, ())) is holds
 
 
 @pytest.mark.parametrize(

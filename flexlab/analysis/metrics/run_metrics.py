@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexlab.analysis.metrics.metric import METRICS, Column, Metric, label_of, named, numbers
 from flexlab.errors import StudyError
-from flexlab.text import MISSING, html_table, result_text
+from flexlab.text import MISSING, aligned, html_table, result_text
 
 if TYPE_CHECKING:
     from flexlab.sim.samples import Samples
@@ -173,8 +173,7 @@ class RunMetrics:
         return f"<RunMetrics of {self.window_text}: {numbers}>"
 
     def __str__(self) -> str:
-        width = max(len(row.label) for row in self.rows)
-        rows = (f"  {row.label:<{width}}  {row.text}" for row in self.rows)
+        rows = (f"  {line}" for line in aligned([(row.label, row.text) for row in self.rows]))
         return "\n".join([f"Over {self.window_text}:", *rows, *([self.note] if self.note else [])])
 
     def _repr_html_(self) -> str:

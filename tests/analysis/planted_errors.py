@@ -391,6 +391,150 @@ rate of a fast mode since the sample before: sim/integrators/beam_flow.py
 shape of a beam whose mesh changes: sim/bumpless_transfer.py
     correction * (product(payload_row(old
     0.5 * correction * (product(payload_row(old
+masses of the left arm for both: control/observers/believed_plant.py
+    arm.link_mass,
+    arms[0].link_mass,
+height of a base in the energy of weight: physics/energy.py
+    arm.mass * arm.base_y + arm.gamma_1
+    arm.gamma_1
+mass of the first link for the second: physics/arm.py
+    inertia[0] + (m2 + m3)
+    inertia[0] + (m1 + m3)
+height of a base in the wrist: physics/arm.py
+    reach * s - arm.base_y
+    reach * s + arm.base_y
+weight in the quasi-static deflection: physics/beam.py
+    s * desired[2, 0] + gravity * c
+    s * desired[2, 0] + gravity * s
+turn in the quasi-static deflection: physics/beam.py
+    lateral + compliance[1] * desired[2, 2]
+    lateral - compliance[1] * desired[2, 2]
+mass in the quasi-static deflection: sim/signals.py
+    row[QUASI_STATIC] = factor * quasi
+    row[QUASI_STATIC] = quasi
+force beyond a hand: physics/axial_load.py
+    load -= terms[HAND]
+    load += terms[HAND]
+stiffness beyond a hand: physics/axial_load.py
+    force[k] -= pulled * G_F[k]
+    force[k] += pulled * G_F[k]
+part of an element beyond a hand: physics/axial_load.py
+    xi = low + (1 - low) * (point + 1) / 2
+    xi = (1 - low) * (point + 1) / 2
+mass in the force along the beam: physics/axial_load.py
+    density, half = factor * (plant.m / plant.length)
+    density, half = (plant.m / plant.length)
+mass in the axial stiffness: physics/axial_load.py
+    factor * terms[ALONG], factor * terms[SPIN], eta
+    terms[ALONG], factor * terms[SPIN], eta
+compression at a hand: physics/axial_load.py
+    least = min(least, at, at - terms[HAND])
+    least = min(least, at)
+compression over the buckling load: sim/signals.py
+    terms, factor) / plant.buckling_load
+    terms, factor) / (2 * plant.buckling_load)
+spin over the stiffness: sim/signals.py
+    factor * terms[SPIN] / first_stiffness
+    terms[SPIN] / first_stiffness
+hand on a beam that is filled: physics/dynamics.py
+    dy[ETA + n + k] += ease * (plant.modal[PULL, k] * f2)
+    dy[ETA + n + k] += plant.modal[PULL, k] * f2
+deflection under a tap: sim/disturbance.py
+    across - deflection * along
+    across + deflection * along
+mass under a tap: sim/disturbance.py
+    shape * across / factor
+    shape * across
+impulse along a beam: sim/disturbance.py
+    left * G0 + factor * along * G1
+    left * G0 - factor * along * G1
+impulse on the left arm: sim/disturbance.py
+    left = c * by_arm[0] + s * by_arm[1] if
+    left = c * by_arm[0] - s * by_arm[1] if
+energy of the grips' springs alone: sim/signals.py
+    row[end - 2], row[end - 1] = stored, states
+    row[end - 2], row[end - 1] = 0.5 * stored, states
+rate that is measured between grips: physics/grips.py
+    rate + ws.grips.velocity[i, a]
+    rate + ws.velocity[a]
+torques at another pose: physics/grips.py
+    task_input(ws.arm.J[i], ws.tau, ws.u[i])
+    task_input(seen.J[i], ws.tau, ws.u[i])
+where the pose is measured: physics/grips.py
+    grips.measured_at == "arms"
+    grips.measured_at != "arms"
+whole beam in a law with few modes: sim/build.py
+    loads = product(V.T, np.stack([matrices.h, matrices.g], axis=1))\n    kept
+    loads = product(V[:, : payload.mode_count].T, np.stack([matrices.h, matrices.g], axis=1))\n    kept
+modes that are kept: sim/build.py
+    slice(0, payload.mode_count)
+    slice(-(payload.mode_count or 0), None)
+leakage that grows: control/laws/adaptive_sliding_mode.py
+    b_rate[1] = s_norm * x_norm / k[1] - leakage
+    b_rate[1] = s_norm * x_norm / k[1] + leakage
+one adaptation gain for all: control/laws/adaptive_sliding_mode.py
+    v_norm2 / k[2]
+    v_norm2 / k[0]
+one sliding slope for all: control/sliding_surface.py
+    desired[2, a] - Lambda[a] *
+    desired[2, a] - Lambda[0] *
+one feedback gain for all: control/laws/sliding_mode.py
+    gains.feedback_gain[a] + switching
+    gains.feedback_gain[0] + switching
+gain of the first joint for the second: control/laws/joint_pd.py
+    -gains.position_gain[a] * error
+    -gains.position_gain[max(a - 1, 0) if a < 2 else a] * error
+reaction in the laws' conditions: analysis/law_conditions.py
+    unknown @ now.desired[2]
+    unknown @ now.desired[1]
+Levant's condition: control/laws/super_twisting.py
+    rate * (k2 + rate) / (k2 - rate)
+    rate * (k2 - rate) / (k2 + rate)
+growth in the conditions of rate feedback: control/conditions.py
+    gains[0] * around.loads[0] ** 2
+    gains[0] * around.loads[0]
+slope in a law's fastest rate: control/sliding_surface.py
+    now.scratch[3:6]) + max(Lambda)
+    now.scratch[3:6])
+participation of a mode: analysis/modes.py
+    g**2 / beam.matrices.I
+    g**2 / beam.matrices.m
+damping ratio of a mode: analysis/modes.py
+    [order] / (2 * omega)
+    [order] / omega
+input of a linear model: analysis/linearize.py
+    effect[signal][:, place]
+    effect[signal][place]
+disk margin: analysis/stability.py
+    identity + loop) / 2
+    identity + loop)
+gain of zeros and poles: analysis/linear_model.py
+    [0, 0, 0] * ratio)
+    [0, 0, 0] / ratio)
+frequency of a ring: analysis/identification/ring.py
+    natural = float(np.hypot(omega, sigma))
+    natural = float(omega)
+millimetres of a table: analysis/metrics/magnitudes.py
+    "peak y", "mm", 1e3
+    "peak y", "mm", 1e2
+hand on a first link: physics/hand.py
+    d1, d2 = (at, 0.0) if link == 0
+    d1, d2 = (arm.l1, 0.0) if link == 0
+reading before the first one: physics/sensors.py
+    before[a] = y[a] - period * ws.velocity[a]
+    before[a] = y[a] + period * ws.velocity[a]
+noise of the turning moment's gauges: sim/sampled_control.py
+    sampling.gauge_noise[1, j] * change
+    sampling.gauge_noise[0, j] * change
+torque at its lower limit: sim/signals.py
+    if abs(tau[a]) >= most
+    if tau[a] >= most
+friction of the other arm: sim/signals.py
+    row[first + k] = ws.joint_friction[k // 3, k % 3]
+    row[first + k] = ws.joint_friction[count // 3 - 1 - k // 3, k % 3]
+time at which a vibration is gone: analysis/metrics/settling_time.py
+    float(loud[-1] - self._first) if
+    float(loud[-1]) if
 """
 """Three lines per error: its name and file, the right code, the wrong code."""
 

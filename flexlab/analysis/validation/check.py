@@ -38,6 +38,15 @@ MOVING = {
     "initial.beam_coordinates": (0.05, 0.006, -0.02, -0.03),
 }
 """Weight, and a fast start with a bent beam."""
+UNEQUAL = {
+    "left_arm.base": (-0.52, 0.04),
+    "left_arm.link_mass": (8.5, 7.0, 3.5),
+    "right_arm.base": (0.5, -0.03),
+    "right_arm.link_length": (0.66, 0.63, 0.22),
+    "right_arm.link_center": (0.3, 0.36, 0.08),
+    "right_arm.link_inertia": (0.2, 0.3, 0.02),
+}
+"""Arms that differ in all their numbers, so that none can stand for another."""
 DAMPING = 0.1
 """The paper's damping coefficient of q̇."""
 
@@ -73,12 +82,12 @@ class Runs:
         return general("the general run (pinned-pinned)", {})
 
 
-def general(name: str, changes: dict[str, Any]) -> Run:
-    """3 ms of the paper's system with weight, moving fast with a bent beam, sampled finely enough to take derivatives.
+def general(name: str, changes: dict[str, Any], commands: Sequence[tuple[float, WorldCommand]] = ()) -> Run:
+    """3 ms with weight and `UNEQUAL` arms, moving fast with a bent beam, sampled finely enough to take derivatives.
 
     Raises `StudyError` if the run fails.
     """
-    return run_of(name, MOVING | {"simulation.step": FINE} | changes, 0.003, FINE)
+    return run_of(name, MOVING | UNEQUAL | {"simulation.step": FINE} | changes, 0.003, FINE, commands)
 
 
 def run_of(

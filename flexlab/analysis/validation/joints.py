@@ -19,7 +19,7 @@ from flexlab.analysis.validation.check import (
     same_internal_force,
     subject,
 )
-from flexlab.analysis.validation.mass_points import pose_by_angles, time_derivative
+from flexlab.analysis.validation.mass_points import MassPoints, pose_by_angles, time_derivative
 from flexlab.physics.plant import P
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
@@ -57,7 +57,10 @@ def friction(runs: Runs) -> Iterator[Check]:
     yield from _energy("friction", FRICTION, "work put in")
     run = run_of("the run with friction", FRICTION, 0.1, SHORT)
     rate = time_derivative(run.joint_angle, SHORT)
-    lost = np.sum(_stribeck(run.scenario.joints.friction, rate) * rate, axis=(1, 2))
+    torque = _stribeck(run.scenario.joints.friction, rate)
+    told = np.stack([run.own["left_joint_friction"], run.own["right_joint_friction"]], axis=1)[2:-2]
+    yield alike("the torque of friction, arm by arm: largest error, as a part", 1e-4, told, torque)
+    lost = np.sum(torque * rate, axis=(1, 2))
     statement = (
         "friction takes Στ_f θ̇, τ_f = Bθ̇ + C [1 + (σ_f - 1)/(1 + (θ̇/v_s)²)] θ̇/√(θ̇² + v_0²): largest error, as a part"
     )
@@ -171,21 +174,29 @@ def encoders(_: Runs) -> Iterator[Check]:
     # A law that responds to the rate alone shows the rate that encoders give.
     law = {"controller": {"kind": "pd", "position_gain": 0.0, "velocity_gain": 1.0, "control_period": PERIOD}}
     moving = {"initial.pose_rate": (0.1, -0.2, 0.3), "joints.encoders.counts": COUNTS}
-    told, samples = _readings(load_preset("paper").replace({**law, **STILL, **moving}), 100)
+    scenario = load_preset("paper").replace({**law, **STILL, **moving})
+    told, samples = _readings(scenario, 100)
     answers = [-now.arm_input[-1].sum(axis=0) for now in samples]
-    differences, statement = np.diff(told, axis=0) / PERIOD, "the rate is the difference of two readings over T_c"
-    yield alike(f"{statement}: largest error, as a part", 1e-3, answers[1:], differences)
+    # Before the first instant the pose is taken to have moved at its present rate.
+    points, ago = MassPoints(scenario), samples[0].pose[-1] - PERIOD * samples[0].pose_rate[-1]
+    angle = np.array([points.joint_angles(ago, arm) for arm in range(2)])
+    read = np.round(angle / COUNT) * COUNT
+    first = np.mean([pose_by_angles(scenario, arm, read[arm : arm + 1]) for arm in range(2)], axis=0)
+    differences = np.diff(told, axis=0, prepend=first) / PERIOD
+    statement = "the rate is the difference of two readings over T_c, from the first instant on"
+    yield alike(f"{statement}: largest error, as a part", 1e-3, answers, differences)
     # Without the previous pose among its states, the linear model would damp as if the rate did not lag by T_c/2.
     statement = "PD with differenced rates: pose 30 instants after an offset, by the linear model, as a part"
     yield _led_back(statement, {"joints.encoders.counts": FINEST})
 
 
 def _readings(scenario: Scenario, count: int) -> tuple[np.ndarray, list[Samples]]:
-    """The pose that encoders give, (N, 3), and the samples, at control instants."""
+    """The pose that encoders give, (N, 3), and the samples, at control instants from t = 0 on."""
     world, told, samples = World(scenario, scenario.controller.control_period), [], []
     for _ in range(count):
-        samples.append(world.advance(1))
+        samples.append(world.observe())
         told.append(own_states_of(world.system, world.state().y)["reading"].copy())
+        world.advance(1)
     return np.array(told), samples
 
 

@@ -9,9 +9,11 @@ from copy import copy
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
+from scipy.linalg import eigh
 
 from flexlab.analysis.validation.check import EVERY, FINE
 from flexlab.scenario import Scenario
+from flexlab.sim.commands import Pull
 from flexlab.sim.samples import Run
 
 COMPLEX_STEP = 1e-30
@@ -22,28 +24,36 @@ GAUSS_POINTS = 6
 """Per element, exact for the beam's kinetic energy."""
 CORRECTIONS = 30
 """Fixed-point steps for an acceleration; a few are enough."""
-HELD = {"pinned-pinned": (0, -2), "pinned-clamped": (0, -2, -1)}
+HELD = {"pinned-pinned": (0, -2), "pinned-clamped": (0, -2, -1), "clamped-pinned": (0, 1, -2)}
 """Boundary → which of the 2 (n + 1) nodal coordinates are zero."""
 
 
 class MassPoints:
     """A scenario with two arms and one of the boundaries of `HELD`."""
 
-    def __init__(self, scenario: Scenario):
-        payload = self._payload = scenario.payload
+    def __init__(self, scenario: Scenario, hand: Pull | None = None):
+        """`hand`: a spring that holds the beam."""
+        payload, self._hand = scenario.payload, hand
+        self._payload = payload
         self._arms, self.gravity = scenario.arms, scenario.gravity
         self._mass = np.array([arm.link_mass for arm in scenario.arms])
         self._turning = np.array([arm.inertia for arm in scenario.arms])
         n, half = payload.element_count, payload.length / 2
         x, weight = np.polynomial.legendre.leggauss(GAUSS_POINTS)
         edges = np.linspace(-half, half, n + 1)
-        middle, width = (edges[1:] + edges[:-1]) / 2, np.diff(edges)[:, None] / 2
-        self._s = (middle[:, None] + width * x).ravel()
+        cells = edges if hand is None else np.union1d(edges, [hand.position])
+        middle, width = (cells[1:] + cells[:-1]) / 2, np.diff(cells)[:, None] / 2
+        self.places = (middle[:, None] + width * x).ravel()
         self._weight = (width * weight).ravel()
         # Cubics between the nodes: N(s), N'(s), N''(s) of the free coordinates, (points, n_q) each.
         free = np.delete(np.eye(2 * n + 2), HELD[payload.boundary], axis=1)
         self.shapes = CubicHermiteSpline(edges, free[0::2], free[1::2])
-        self._N, self._N1, self._N2 = (self.shapes(self._s, order) for order in range(3))
+        self._N, self._N1, self._N2 = (self.shapes(self.places, order) for order in range(3))
+
+    @property
+    def density(self) -> float:
+        """Mass per length of the payload, kg/m."""
+        return self._payload.linear_density
 
     def payload_inertia(self, p: np.ndarray) -> np.ndarray:
         """A(p) of the payload alone, Eq. (8)."""
@@ -77,23 +87,27 @@ class MassPoints:
         left = run.arm_input[k, 0] - M @ change - C @ v - G
         along = np.array([np.cos(x[2]), np.sin(x[2])])
         pulled, turning = along @ change[:2] + self.gravity * along[1], 0.5 * v[2] ** 2 * (length**2 / 4 - s**2)
-        return -along @ left[:2] + self._payload.linear_density * (pulled * (s + length / 2) + turning)
+        force = -along @ left[:2] + self._payload.linear_density * (pulled * (s + length / 2) + turning)
+        if self._hand is None:
+            return force
+        held = self._hand.target - self.beam_point(np.concatenate([x, run.beam_coordinates[k]]), self._hand.position)
+        return force - np.where(s > self._hand.position, self._hand.stiffness * along @ held, 0.0)
 
     def axial_stiffness(self, run: Run, k: int) -> np.ndarray:
         """K_G at sample k, with N(s) of the ẍ that the payload would have without it."""
         q, change = run.beam_coordinates[k], run.pose_acceleration[k]
         inertia = self.inertia(np.concatenate([run.pose[k], q]))
         for _ in range(CORRECTIONS):
-            K_G = self.geometric_stiffness(self.axial_force(run, k, change, self._s))
+            K_G = self.geometric_stiffness(self.axial_force(run, k, change, self.places))
             change = run.pose_acceleration[k] + np.linalg.solve(inertia, np.concatenate([np.zeros(3), K_G @ q]))[:3]
         return K_G
 
     def between_grips(self, x: np.ndarray, spin: float, pulls: np.ndarray) -> np.ndarray:
         """K_G of a payload at pose x that turns with `spin`, rad/s, and is held by the forces pulls (2, 3) at its ends."""
         length, along = self._payload.length, pulls[:, :2] @ [np.cos(x[2]), np.sin(x[2])]
-        line = -along[0] + along.sum() * (self._s / length + 0.5)
+        line = -along[0] + along.sum() * (self.places / length + 0.5)
         density = self._payload.linear_density
-        return self.geometric_stiffness(line + density / 2 * spin**2 * (length**2 / 4 - self._s**2))
+        return self.geometric_stiffness(line + density / 2 * spin**2 * (length**2 / 4 - self.places**2))
 
     def geometric_stiffness(self, force: np.ndarray) -> np.ndarray:
         """K_G for N, N, at the mass points, tension positive."""
@@ -137,12 +151,41 @@ class MassPoints:
         return bending + self.gravity * payload.linear_density * float(self._weight @ self._beam(p)[1])
 
     def potential(self, p: np.ndarray) -> float:
-        """Potential energy of all weights and of the bending, J."""
-        return self.payload_potential(p) + sum(self.arm_potential(p[:3], index) for index in range(len(self._arms)))
+        """Potential energy of all weights, of the bending and of the hand's spring, J."""
+        stored = self.payload_potential(p) + sum(self.arm_potential(p[:3], index) for index in range(len(self._arms)))
+        if self._hand is None:
+            return stored
+        return stored + 0.5 * self._hand.stiffness * np.sum(
+            (self.beam_point(p, self._hand.position) - self._hand.target) ** 2
+        )
+
+    def static_deflection(self, x: np.ndarray, change: np.ndarray) -> float:
+        """Deflection at mid-span, m, of the beam at pose x that its weight and ẍ = `change` bend."""
+        straight = np.concatenate([x, np.zeros(self._N.shape[1])])
+        load = (
+            slopes(lambda p: np.array(self.payload_potential(p)), straight)
+            + self.payload_inertia(straight)[:, :3] @ change
+        )
+        return -float(self.shapes(0.0) @ np.linalg.solve(self.bending, load[3:]))
+
+    def softest(self) -> float:
+        """ω₁², 1/s², of the straight beam between held grips."""
+        M = self.payload_inertia(np.zeros(3 + self._N.shape[1]))[3:, 3:]
+        return float(eigh(self.bending, M, eigvals_only=True)[0])
+
+    @property
+    def bending(self) -> np.ndarray:
+        """K_F, N/m and so on, (n_q, n_q)."""
+        return self._payload.bending_stiffness * np.einsum("k,ka,kb->ab", self._weight, self._N2, self._N2)
+
+    def beam_point(self, p: np.ndarray, s: float) -> np.ndarray:
+        """Place of the beam's point at s, m, (2,)."""
+        c, sine, w = np.cos(p[2]), np.sin(p[2]), self.shapes(s) @ p[3:]
+        return np.array([p[0] + s * c - w * sine, p[1] + s * sine + w * c])
 
     def _beam(self, p: np.ndarray) -> np.ndarray:
         c, s, w = np.cos(p[2]), np.sin(p[2]), self._N @ p[3:]
-        return np.array([p[0] + self._s * c - w * s, p[1] + self._s * s + w * c])
+        return np.array([p[0] + self.places * c - w * s, p[1] + self.places * s + w * c])
 
     def _links(self, x: np.ndarray, index: int) -> np.ndarray:
         """Centres of mass of an arm's links and unit vectors along them, (2, 6)."""
@@ -209,14 +252,19 @@ def coordinates(run: Run) -> tuple[np.ndarray, np.ndarray, range]:
     return p, rate, range(2, len(run) - 2, EVERY)
 
 
-def residual_force(run: Run, body: Callable, force: Callable[[int], np.ndarray]) -> np.ndarray:
+def residual_force(
+    run: Run, body: Callable, force: Callable[[int], np.ndarray], onto: np.ndarray | None = None
+) -> np.ndarray:
     """Largest |d(∂T/∂ṗ)/dt - ∂T/∂p + ∂V/∂p - force(k)| of each coordinate over its momentum's rate, (3 + n_q,).
 
-    `body(k)`: inertia and potential at sample k, as functions of p.
+    `body(k)`: inertia and potential at sample k, as functions of p. `onto`: directions in which the motion is free, in columns
+    (None: every coordinate's).
     """
     p, rate, rows = coordinates(run)
     change = time_derivative(np.array([body(k)[0](p[k]) @ rate[k] for k in range(len(run))]), FINE)
-    missed = [lagrange(*body(k), p[k], rate[k], change[k - 2]) - force(k) for k in rows]
+    missed = np.array([lagrange(*body(k), p[k], rate[k], change[k - 2]) - force(k) for k in rows])
+    if onto is not None:
+        missed, change = missed @ onto, change @ onto
     return np.abs(missed).max(axis=0) / np.abs(change).max(axis=0)
 
 

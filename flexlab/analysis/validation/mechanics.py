@@ -6,7 +6,7 @@ from itertools import product
 
 import numpy as np
 from scipy.integrate import simpson
-from scipy.linalg import eigh
+from scipy.linalg import block_diag, eigh
 
 from flexlab.analysis.validation.check import (
     DAMPING,
@@ -32,6 +32,7 @@ from flexlab.analysis.validation.mass_points import (
     slopes,
     time_derivative,
 )
+from flexlab.analysis.validation.paper import desired, paper_law
 from flexlab.physics.internal_force import payload_matrices
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
@@ -39,6 +40,9 @@ from flexlab.sim.build import build_beam
 from flexlab.sim.commands import Pull
 from flexlab.sim.samples import Run, Samples
 from flexlab.sim.world import World
+
+KEPT = 2
+"""Number of modes that move in a run with few of them."""
 
 
 @subject("Mechanics of mass points", 2)
@@ -52,12 +56,37 @@ def mass_points(runs: Runs) -> Iterator[Check]:
         run = general(f"the run with {words} damping", {"payload.damping": {"kind": words, field: number}})
         points, n = MassPoints(run.scenario), run.beam_rates.shape[1]
         straight = np.concatenate([run.pose[0], np.zeros(n)])
-        K = slopes(lambda at, of=points: slopes(lambda q: np.array(of.potential(q)), at), straight)[3:, 3:]
+        K = points.bending
         M = points.payload_inertia(straight)[3:, 3:]
         square, V = eigh(K, M)
         D = number * K if words == "stiffness" else M @ V * (2 * number * np.sqrt(square)) @ V.T @ M
         statement = f"{words} damping acts on the beam as it should: relative residual"
         yield below(statement, 1e-6, lagrange_residual(run, points, D))
+    yield from _few_modes()
+
+
+def _few_modes() -> Iterator[Check]:
+    """A beam of which only the slowest modes move, under a law and with a static deflection of the whole beam."""
+    run = general(
+        "the run with few modes",
+        {
+            "payload.mode_count": KEPT,
+            "payload.boundary": "clamped-pinned",
+            "initial.beam_coordinates": (0.006, -0.02, -0.03),
+        },
+    )
+    points, n = MassPoints(run.scenario), run.beam_rates.shape[1]
+    straight = np.concatenate([run.pose[0], np.zeros(n)])
+    V = eigh(points.bending, points.payload_inertia(straight)[3:, 3:])[1][:, :KEPT]
+    onto = block_diag(np.eye(3), V)
+    statement = f"{KEPT} of {n} modes kept: Lagrange's equations hold for them: relative residual"
+    yield below(statement, 1e-6, lagrange_residual(run, points, DAMPING * np.eye(n), onto).max())
+    last = len(run) - 1
+    u = paper_law(points, run, last, run.bound_estimates[last])[0]
+    yield alike("and the law knows the whole beam: relative error", 1e-7, run.arm_input[last], u)
+    goal, _, change = (part[0] for part in desired(run.time[last:]))
+    held = points.static_deflection(goal, change)
+    yield close("as does the quasi-static deflection", held, run.quasi_static_deflection[last], "m", relative=1e-9)
 
 
 def _of(run: Run) -> Iterator[Check]:
@@ -71,6 +100,12 @@ def _of(run: Run) -> Iterator[Check]:
     stored = run.elastic_energy[rows] + run.gravity_energy[rows]
     yield alike("bending and weight store what mass points do: relative error", 1e-10, potential, stored)
 
+    static = [
+        points.static_deflection(goal[0], change[0]) for goal, _, change in map(desired, run.time[list(rows), None])
+    ]
+    statement = "weight and ẍ_d hold the quasi-static deflection: relative error"
+    yield alike(statement, 1e-9, run.quasi_static_deflection[rows], static)
+
     error = lagrange_residual(run, points, DAMPING * np.eye(p.shape[1] - 3))
     yield below("Lagrange's equations (16) hold for x0, y0, θ: relative residual", 1e-6, error[:3].max())
     yield below("and for the beam's q: relative residual", 1e-6, error[3:].max())
@@ -82,13 +117,13 @@ def _of(run: Run) -> Iterator[Check]:
     yield alike("joint torques give the power Σ τᵀθ̇ = Σ uᵀẋ: relative error", 1e-6, joints, inputs)
 
 
-def lagrange_residual(run: Run, points: MassPoints, D: np.ndarray) -> np.ndarray:
+def lagrange_residual(run: Run, points: MassPoints, D: np.ndarray, onto: np.ndarray | None = None) -> np.ndarray:
     """The `residual_force` of the arms' inputs and the beam's damping, (Σu, -D q̇)."""
 
     def force(k: int) -> np.ndarray:
         return np.concatenate([run.arm_input[k].sum(axis=0), -D @ run.beam_rates[k]])
 
-    return residual_force(run, lambda k: (points.inertia, points.potential), force)
+    return residual_force(run, lambda k: (points.inertia, points.potential), force, onto)
 
 
 def _inertia(run: Run, points: MassPoints, p: np.ndarray, rate: np.ndarray) -> Iterator[Check]:
@@ -137,6 +172,7 @@ CALM = 100
 LOOSE = {"controller.kind": "none", "gravity": 9.81, "payload.damping.coefficient": 0.0}
 HANDS = {
     "the beam": Pull(-0.1, (0.1, 0.9), 400.0),
+    "a first link": Pull(0.5, (0.4, 0.6), 400.0, (2, 1)),
     "a second link": Pull(0.25, (-0.9, 0.9), 400.0, (1, 2)),
     "a last link": Pull(0.1, (0.6, 1.0), 400.0, (2, 3)),
 }
@@ -180,8 +216,7 @@ def _fast_modes() -> Check:
     points, n = MassPoints(run.scenario), run.beam_rates.shape[1]
     straight = np.concatenate([run.pose[0], np.zeros(n)])
     M = points.payload_inertia(straight)[3:, 3:]
-    K = slopes(lambda at: slopes(lambda q: np.array(points.potential(q)), at), straight)[3:, 3:]
-    fast = M @ eigh(K, M)[1][:, 1:]
+    fast = M @ eigh(points.bending, M)[1][:, 1:]
     told, changed = run.beam_rates[2:-2][CALM:] @ fast, time_derivative(run.beam_coordinates, PERIOD)[CALM:] @ fast
     missed = np.abs(told - changed).max(axis=0) / np.abs(changed).max(axis=0)
     return below("etdrk4: modes damped faster than its step: η̇ is the change of η: relative error", 5e-4, missed)

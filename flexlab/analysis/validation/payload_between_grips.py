@@ -2,10 +2,13 @@
 
 from collections.abc import Iterator
 from functools import partial
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from scipy.integrate import simpson
 
+from flexlab.analysis.validation.beam import GAUGES
 from flexlab.analysis.validation.check import (
     DAMPING,
     FINE,
@@ -32,6 +35,8 @@ from flexlab.analysis.validation.mass_points import (
     residual_force,
     time_derivative,
 )
+from flexlab.analysis.validation.paper import desired, paper_law
+from flexlab.analysis.validation.sampled_loop import joint_torques
 from flexlab.presets import load_preset
 from flexlab.sim.commands import ChangeScenario, Pull, Tap
 from flexlab.sim.samples import Samples
@@ -87,16 +92,23 @@ def _compliant_motion() -> Iterator[Check]:
         gaps = [apart(at, sides[index]) for at in z]
         yield below(statement, 1e-12, run.own[f"{name}_grip_displacement"] - gaps)
     yield above("which it is, m or rad, at most", 1e-4, np.abs(run.own["left_grip_displacement"]).max())
-    energy, pulls = [], {}
+    energy, stored, pulls = [], [], {}
     for k in rows:
         own = sum(0.5 * rates[i][k] @ points.arm_inertia(poses[i][k], i) @ rates[i][k] for i in range(2))
         own += 0.5 * rate[k] @ points.payload_inertia(p[k]) @ rate[k] + points.payload_potential(p[k])
         own += sum(points.arm_potential(poses[i][k], i) for i in range(2))
         both = [np.concatenate([run.pose[k], poses[i][k]]) for i in range(2)]
         moving = [np.concatenate([run.pose_rate[k], rates[i][k]]) for i in range(2)]
-        energy.append(own + sum(0.5 * STIFFNESS @ apart(both[i], sides[i]) ** 2 for i in range(2)))
+        stored.append(sum(0.5 * STIFFNESS @ apart(both[i], sides[i]) ** 2 for i in range(2)))
+        energy.append(own + stored[-1])
         pulls[k] = np.array([pull(both[i], moving[i], sides[i]) for i in range(2)])
     yield alike("T + V is that of mass points and springs: relative error", 1e-9, run.total_energy[rows], energy)
+    yield alike("of which the springs store ½Σk δ²: relative error", 1e-9, run.own["grip_energy"][rows], stored)
+    seen: Any = SimpleNamespace(pose=np.mean(poses, axis=0), pose_rate=np.mean(rates, axis=0), time=run.time)
+    seen.scenario = run.scenario
+    asked = [joint_torques(points, seen.pose[k], paper_law(points, seen, k, run.bound_estimates[k])[0]) for k in rows]
+    statement = "motors give what Eqs. (23), (25) ask for at the mean of the arms' poses: relative error"
+    yield alike(statement, 1e-6, run.joint_torque[rows], asked)
     grip_force, pulled = run.internal_force[rows] + run.moving_force[rows][:, None], np.array(list(pulls.values()))
     yield alike("the internal force is made of the grips' pulls: relative error", 1e-7, grip_force, pulled[:, :, :3])
 
@@ -158,6 +170,11 @@ def _sag() -> Iterator[Check]:
 
 FILLED, EMPTIED, BEGIN, DURATION = 3.0, 0.3, 0.05, 0.2
 """μ of two runs; when the change begins and how long it takes, s."""
+HELD = Pull(-0.1, (0.3, 0.7), 900.0)
+"""The hand that holds a beam while it is filled, left of its middle and within an element."""
+LIMP = 5.0
+"""Bending stiffness of that beam, all of whose modes feel the force along it, N·m²."""
+KNOCK = Tap(0.1, (0.4, -0.3))
 LIGHT = 1e-7
 """Mass of links whose inertia is negligible, kg."""
 KNOWN, SPRINGS, RATE_GAINS = 0.4, (2e3, 2e3, 1e3), (200.0, 200.0, 100.0)
@@ -170,6 +187,7 @@ SPEED, PULL, AHEAD = 0.3, 2.0, 0.9
 def mass_change(runs: Runs) -> Iterator[Check]:
     """Lagrange's equations with the momentum that material brings, energy, the motion after the change, closed forms."""
     yield from _filling_motion()
+    yield from _held_motion()
     for factor in (FILLED, EMPTIED):
         run = run_of("the run with another mass", {**_change(factor), "gravity": 9.81}, 0.4, 0.001)
         statement = "energy gained = work - energy damped + energy that material brought, as a part of what moved"
@@ -211,6 +229,58 @@ def _filling_motion() -> Iterator[Check]:
     yield alike("the sampled ẍ is the change of ẋ: relative error", 1e-6, changed, told[2:-2], told)
     statement = "internal force, by Eq. (26) and by Eqs. (13)-(15): largest difference, as a part"
     yield same_internal_force(statement, run)
+
+
+def _held_motion() -> Iterator[Check]:
+    """A soft beam that is filled, held by a hand, and feels the force along it."""
+    begin, duration = 0.0, 0.01
+    change = {"factor": FILLED, "begin": begin, "duration": duration}
+    soft = {"payload.bending_stiffness": LIMP, "payload.axial_load": "first-order", "payload.mass_change": change}
+    run = general("the general run of a held beam", soft, [(0.0, HELD)])
+    s, s_dot = mass_ratio(run.time, FILLED, begin, duration)
+    points = MassPoints(run.scenario, HELD)
+    heavy, half = [points.filled(factor) for factor in s], run.scenario.payload.length / 2
+    p, rate, rows = coordinates(run)
+
+    def force(k: int) -> np.ndarray:
+        brought = s_dot[k] * points.payload_inertia(p[k]) @ rate[k]
+        on_beam = DAMPING * rate[k, 3:] + heavy[k].axial_stiffness(run, k) @ p[k, 3:]
+        return brought + np.concatenate([run.arm_input[k].sum(axis=0), -on_beam])
+
+    error = residual_force(run, lambda k: (heavy[k].inertia, heavy[k].potential), force)
+    statement = "a beam that is filled, held at its side and feels the force along it: Lagrange's equations"
+    yield below(f"{statement}: relative residual", 1e-6, error.max())
+    places = np.array([*half * 2 * np.array(GAUGES), -half, HELD.position, HELD.position + 1e-12, half])
+    along = np.array([heavy[k].axial_force(run, k, run.pose_acceleration[k], places) for k in rows])
+    yield alike("N(s) at the gauges, with a step at the hand: relative error", 1e-9, run.axial_load[rows], along[:, :4])
+    pressed = np.maximum(0.0, -along.min(axis=1)) / (np.pi**2 * LIMP / (2 * half) ** 2)
+    yield alike("its largest compression over π²EI/L²: relative error", 1e-9, run.axial_load_share[rows], pressed)
+    softest = s[rows] * run.pose_rate[rows, 2] ** 2 / points.softest()
+    yield alike("and ω²/ω₁² of the present mass: relative error", 1e-9, run.spin_share[rows], softest)
+    static = [heavy[k].static_deflection(*(part[0] for part in desired(run.time[k : k + 1])[::2])) for k in rows]
+    yield alike("and its quasi-static deflection: relative error", 1e-9, run.quasi_static_deflection[rows], static)
+    yield _tapped(World(run.scenario, FINE))
+
+
+def _tapped(world: World) -> Check:
+    """A tap on a bent beam that is being filled: the rates that an impulse gives to mass points, with the one along the beam."""
+    before = world.run(100).take(slice(-1, None))
+    world.apply(KNOCK)
+    after = world.observe()
+    s, _ = mass_ratio(before.time, FILLED, 0.0, 0.01)
+    points = MassPoints(world.scenario, Pull(KNOCK.beam_position, (0.0, 0.0), 0.0)).filled(float(s[0]))
+    p = np.concatenate([before.pose[0], before.beam_coordinates[0]])
+    c, sine, length = np.cos(p[2]), np.sin(p[2]), world.scenario.payload.length
+    impulse = np.array(KNOCK.impulse) @ jacobian(lambda at: points.beam_point(at, KNOCK.beam_position), p)
+    gained = np.concatenate([after.pose_rate - before.pose_rate, after.beam_rates - before.beam_rates], axis=1)[0]
+    # The impulse of N(s): what the left arm takes, what the points gain from the left end to s, and the tap's from there on.
+    rigid = np.linalg.solve(points.inertia(p), impulse)[:3]
+    left = points.arm_inertia(p[:3], 0) @ rigid
+    line = left[:2] @ [c, sine] + points.density * (rigid[:2] @ [c, sine]) * (points.places + length / 2)
+    line -= np.where(points.places > KNOCK.beam_position, np.array(KNOCK.impulse) @ [c, sine], 0.0)
+    impulse[3:] -= points.geometric_stiffness(line) @ p[3:]
+    statement = "a tap on it gives the rates of mass points, with the impulse along the beam: relative error"
+    return alike(statement, 1e-9, gained, np.linalg.solve(points.inertia(p), impulse))
 
 
 def _afterwards(factor: float) -> Iterator[Check]:

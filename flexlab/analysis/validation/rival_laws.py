@@ -4,15 +4,20 @@ The controller has a wrong model of the payload and of how it is filled, shares 
 of these effects counts.
 """
 
+import re
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.linalg import eigh
 
+from flexlab.analysis.law_conditions import law_conditions
 from flexlab.analysis.lesson_measures import bound_terms
-from flexlab.analysis.validation.check import EVERY, FINE, Check, Runs, alike, below, general, subject
+from flexlab.analysis.validation.check import EVERY, FINE, Check, Runs, alike, below, close, general, subject
 from flexlab.analysis.validation.mass_points import MassPoints, mass_ratio, slopes, time_derivative
-from flexlab.analysis.validation.paper import desired
+from flexlab.analysis.validation.paper import GAIN, SLOPE, desired
+from flexlab.analysis.validation.sampled_loop import GROWTH
+from flexlab.presets import load_preset
 from flexlab.sim.samples import Run
 
 FILLING = {"factor": 2.0, "begin": 0.0, "duration": 0.01}
@@ -25,18 +30,22 @@ COMMON = {
     "controller.load_share": 0.3,
     "controller.wanted_internal_force": 15.0,
 }
+SLOPED = {"sliding_slope": (50.0, 40.0, 60.0)}
+DRIVEN = SLOPED | {"feedback_gain": (200.0, 150.0, 90.0)}
+ADAPTED = DRIVEN | {"adaptation": (10.0, 20.0, 40.0), "leakage": 300.0}
 GAINS: dict[str, dict[str, Any]] = {
-    "sliding-mode": {"bound": 40.0},
-    "super-twisting": {},
-    "disturbance-observer": {},
-    "regressor-adaptive": {"initial_estimate_factor": 0.7},
-    "vibration-damping": {"lateral_vibration_gain": 80.0, "angular_vibration_gain": 500.0},
-    "composite": {"lateral_vibration_gain": 60.0, "angular_vibration_gain": 300.0},
-    "computed-torque": {},
-    "pd": {},
-    "joint-pd": {},
+    "sliding-mode": DRIVEN | {"bound": 40.0},
+    "super-twisting": SLOPED
+    | {"proportional_gain": (120.0, 100.0, 80.0), "integral_gain": (200.0, 300.0, 100.0), "boundary_layer": 0.2},
+    "disturbance-observer": DRIVEN,
+    "regressor-adaptive": DRIVEN | {"initial_estimate_factor": 0.7},
+    "vibration-damping": ADAPTED | {"lateral_vibration_gain": 80.0, "angular_vibration_gain": 500.0},
+    "composite": {"slow": ADAPTED, "lateral_vibration_gain": 60.0, "angular_vibration_gain": 300.0},
+    "computed-torque": {"position_gain": (900.0, 700.0, 500.0), "velocity_gain": (60.0, 50.0, 40.0)},
+    "pd": {"position_gain": (9e3, 7e3, 5e3), "velocity_gain": (900.0, 800.0, 600.0)},
+    "joint-pd": {"position_gain": (2e4, 1e4, 4e3), "velocity_gain": (600.0, 500.0, 120.0)},
 }
-"""Law → fields that differ from their defaults."""
+"""Law → fields that differ from their defaults, another number for each coordinate."""
 
 
 class Instant(NamedTuple):
@@ -107,12 +116,12 @@ def _layer(law: Any, s: np.ndarray) -> float:
 
 def _regressor_adaptive(at: Instant, estimates: np.ndarray) -> np.ndarray:
     s, r, r_dot = at.surface()
-    return regressor(at, r, r_dot) @ estimates - at.share[:, None] * at.law.feedback_gain * s
+    return regressor(at, r, r_dot) @ estimates - at.share[:, None] * (at.law.feedback_gain * s)
 
 
 def _adaptive(at: Instant, b_hat: np.ndarray, law: Any) -> np.ndarray:
     bound = b_hat @ bound_terms(at.x, at.v)
-    return _with(lambda _, s, __: -law.feedback_gain * s - bound * s / _layer(law, s))(at, b_hat)
+    return _with(lambda _, s, __: -(law.feedback_gain * s) - bound * s / _layer(law, s))(at, b_hat)
 
 
 def _damped(at: Instant, slow: np.ndarray) -> np.ndarray:
@@ -146,9 +155,9 @@ def _joint_pd(at: Instant, _: np.ndarray) -> np.ndarray:
 
 
 LAWS: dict[str, Law] = {
-    "sliding-mode": _with(lambda law, s, _: -law.feedback_gain * s - law.bound * s / _layer(law, s)),
-    "super-twisting": _with(lambda law, s, w: -law.proportional_gain * s / np.sqrt(_layer(law, s)) + w),
-    "disturbance-observer": _with(lambda law, s, d_hat: -law.feedback_gain * s - d_hat),
+    "sliding-mode": _with(lambda law, s, _: -(law.feedback_gain * s) - law.bound * s / _layer(law, s)),
+    "super-twisting": _with(lambda law, s, w: -(law.proportional_gain * s) / np.sqrt(_layer(law, s)) + w),
+    "disturbance-observer": _with(lambda law, s, d_hat: -(law.feedback_gain * s) - d_hat),
     "regressor-adaptive": _regressor_adaptive,
     "vibration-damping": lambda at, b_hat: _damped(at, _adaptive(at, b_hat, at.law)),
     "composite": lambda at, b_hat: _damped(at, _adaptive(at, b_hat, at.law.slow)),
@@ -196,6 +205,49 @@ def rival_laws(_: Runs) -> Iterator[Check]:
             yield below(f"{kind}: how its memory moves: relative error", 1e-5, error.max())
             begun = float(np.abs(memory[0] - _first_memory(run, kind)).max())
             yield below(f"{kind}: what its memory begins with: largest error, in SI units", 1e-12, begun)
+    yield from _conditions()
+
+
+def _told(law: dict[str, Any], pattern: str, **changes: Any) -> float:
+    """The number that a condition of a law tells of the paper's path; `pattern`: words with that number as a group."""
+    said = law_conditions(load_preset("paper").replace({"controller": law, **changes}))
+    return float(re.findall(pattern, " ".join(condition.sentence for condition in said))[0])
+
+
+def _conditions() -> Iterator[Check]:
+    """The numbers in the laws' conditions, with three digits, from mass points along the paper's path."""
+    points, n = MassPoints(load_preset("paper")), 4
+    instants = np.arange(32) / 32
+
+    def reaction(t: float) -> np.ndarray:
+        goal, _, change = (part[0] for part in desired(np.array([t])))
+        whole = points.payload_inertia(np.concatenate([goal, np.zeros(n)]))[:3, :3]
+        return (whole - points.rigid_inertia(goal)) @ change
+
+    force = max(np.linalg.norm(reaction(t)) for t in instants)
+    told = _told({"kind": "adaptive-sliding-mode"}, r"reaction on this path, ([\d.]+) N")
+    yield close("conditions: the beam's reaction on the paper's path is (A12 A22⁻¹A21) ẍ_d", force, told, "N", 0.006)
+    twisting = {"kind": "super-twisting"}
+    rate = max(np.linalg.norm(slopes(lambda at: reaction(at[0]), np.array([t]))) for t in instants)
+    told = _told(twisting, r"against ([\d.]+) N/s")
+    yield close("super-twisting: by how much it changes", rate, told, "N/s", 0.012)
+    path = desired(instants)[0]
+    inertia = [sum((points.arm_inertia(x, arm) for arm in range(2)), points.rigid_inertia(x)) for x in path]
+    most = max(np.linalg.eigvalsh(B)[-1] for B in inertia)
+    yield close("super-twisting: its largest inertia", most, _told(twisting, r"b = ([\d.]+) kg"), "kg", 0.006)
+    needed = np.sqrt(4 * most * rate * (200 + rate) / (200 - rate))
+    told = _told(twisting, r"against ([\d.]+), b")
+    yield close("super-twisting: Levant's k1 = √(4bδ(k2 + δ)/(k2 - δ))", needed, told, relative=0.02)
+    late = {"control_period": 1e-3, "input_delay": 1}
+    told = _told({"kind": "adaptive-sliding-mode", **late}, r"control period is ([\d.]+)")
+    fastest = max(SLOPE + eigh(GAIN * np.eye(3), B, eigvals_only=True)[-1] for B in inertia)
+    yield close(
+        "the loop's fastest rate is Λ + max λ(B⁻¹K), over the control period", 1e-3 * fastest, told, relative=0.01
+    )
+    damping = {"kind": "vibration-damping", **late}
+    fine = {"payload.element_count": 8, "payload.damping.coefficient": 0.0}
+    told = _told(damping, r"Hz grows at ([\d.]+) 1/s", **fine)
+    yield close("late rate feedback feeds the 400 Hz mode, to first order: rate", GROWTH, told, "1/s", 0.1)
 
 
 def _first_memory(run: Run, kind: str) -> np.ndarray:
@@ -219,7 +271,7 @@ def _memory_rate(kind: str, at: Instant, run: Run, k: int) -> np.ndarray:
     s, r, r_dot = at.surface()
     size = float(np.linalg.norm(s))
     if kind == "super-twisting":
-        return -at.law.integral_gain * s / max(size, at.law.boundary_layer)
+        return -(at.law.integral_gain * s) / max(size, at.law.boundary_layer)
     if kind == "disturbance-observer":
         known = np.einsum("iab,a->b", at.C, at.v) - at.G.sum(axis=0) - at.weight
         missed = at.momentum_rate(run.pose_acceleration[k]) - run.arm_input[k].sum(axis=0) - known
@@ -229,7 +281,7 @@ def _memory_rate(kind: str, at: Instant, run: Run, k: int) -> np.ndarray:
         rates = np.array([law.adaptation_gain_mass, law.adaptation_gain_inertia] + 6 * [law.adaptation_gain_links])
         return -rates * (regressor(at, r, r_dot).sum(axis=0).T @ s)
     law = at.law if kind == "vibration-damping" else at.law.slow
-    return size * bound_terms(at.x, at.v) / np.array(law.adaptation)
+    return size * bound_terms(at.x, at.v) / np.array(law.adaptation) - law.leakage * run.bound_estimates[k]
 
 
 def instant(run: Run, k: int) -> Instant:

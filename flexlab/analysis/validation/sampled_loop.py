@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlab.analysis.modes import modes
 from flexlab.analysis.validation.beam import GAUGES
-from flexlab.analysis.validation.check import STILL, Check, Runs, above, below, close, run_of, subject
+from flexlab.analysis.validation.check import STILL, Check, Runs, above, below, close, run_of, subject, true
 from flexlab.analysis.validation.mass_points import MassPoints, slopes
 from flexlab.analysis.validation.paper import paper_law
 from flexlab.control.conditions import stability_limit
@@ -55,7 +55,7 @@ def sampled_loop(runs: Runs) -> Iterator[Check]:
     yield close("rate feedback one sample late feeds the 400 Hz mode: rate", GROWTH, near.real.max(), "1/s", 0.005)
 
 
-def _torques(points: MassPoints, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+def joint_torques(points: MassPoints, x: np.ndarray, u: np.ndarray) -> np.ndarray:
     """Joint torques (2, 3) of arm inputs (2, 3): u = 𝒥ᵀτ."""
     J = [slopes(lambda at, arm=arm: points.joint_angles(at, arm), x).T for arm in range(2)]
     return np.array([np.linalg.solve(J[arm].T, u[arm]) for arm in range(2)])
@@ -74,7 +74,7 @@ def _clock() -> Iterator[Check]:
     for instant in range(instants - DELAY - 1):
         k = instant * FINER
         u, rate = paper_law(points, run, k, b_hat)
-        errors.append(np.abs(_torques(points, run.pose[k], u) - held[instant + DELAY, -1]).max())
+        errors.append(np.abs(joint_torques(points, run.pose[k], u) - held[instant + DELAY, -1]).max())
         b_hat = b_hat + PERIOD * rate
         steps.append(np.abs(run.bound_estimates[k + 1] - b_hat).max())
     yield below(f"torques of an instant act {DELAY} periods later: largest error, as a part", 1e-8, max(errors) / scale)
@@ -84,14 +84,15 @@ def _clock() -> Iterator[Check]:
 def _limits() -> Iterator[Check]:
     run = run_of("the limited run", {"controller.torque_limit": LIMIT}, 0.01, 2.5e-4)
     points, limit = MassPoints(run.scenario), np.array(LIMIT)
-    errors, clipped = [], 0
+    errors, clipped = [], []
     for k in range(len(run)):
         u, _ = paper_law(points, run, k, run.bound_estimates[k])
-        wanted = _torques(points, run.pose[k], u)
+        wanted = joint_torques(points, run.pose[k], u)
         errors.append(np.abs(np.clip(wanted, -limit, limit) - run.joint_torque[k]).max())
-        clipped += int((np.abs(wanted) > limit).any())
+        clipped.append((np.abs(wanted) > limit).any())
     yield below("torques are clipped to their limits: largest error, as a part", 1e-9, max(errors) / LIMIT[0])
-    yield above("instants at which one stands there", 5, clipped)
+    yield above("instants at which one stands there", 5, sum(clipped))
+    yield true("which the run says at each instant", np.array_equal(run.saturated, clipped))
 
 
 def _noise() -> Iterator[Check]:
@@ -116,18 +117,19 @@ def _noise() -> Iterator[Check]:
 
 
 def _strain_noise() -> Iterator[Check]:
-    """Noise of hᵀq̇ from gauges: √2 σ W_j / T_c each, W_j = (2/t) M(s_j) · quadrature weight, M the moment of the load ρ."""
+    """Noise of hᵀq̇ from gauges: √2 σ W_j / T_c each, W_j = (2/t) M(s_j) · weight of s_j, M the moment of ρ or ρs."""
     told = told_rates({"moment_rate": MOMENT_RATE})
     for name, sigma, found in zip(("hᵀq̇", "gᵀq̇"), MOMENT_RATE, told.std(axis=0), strict=True):
         statement = f"noise of {name}: deviation as a part of what is asked for"
         yield close(statement, 1.0, found / sigma, absolute=0.06)
-    rates, payload = told_rates({"strain": STRAIN})[:, 0], load_preset("paper").payload
-    quarter = payload.length / 4
+    told, payload = told_rates({"strain": STRAIN}), load_preset("paper").payload
     places = payload.length * np.array(GAUGES)
     moment = payload.linear_density / 2 * (payload.length**2 / 4 - places**2)
-    weights = 2 / payload.thickness * moment * quarter
-    wanted = np.sqrt(2) * STRAIN * np.linalg.norm(weights) / PERIOD
-    yield close("noise of hᵀq̇ from gauges: deviation", wanted, rates.std(), "kg·m/s", relative=0.06)
+    for name, loaded, rates in (("hᵀq̇", moment, told[:, 0]), ("gᵀq̇", places / 3 * moment, told[:, 1])):
+        weights = 2 / payload.thickness * loaded * payload.length / 4
+        wanted = np.sqrt(2) * STRAIN * np.linalg.norm(weights) / PERIOD
+        yield close(f"noise of {name} from gauges: deviation, SI", wanted, rates.std(), relative=0.06)
+    rates = told[:, 0]
     unit = rates / rates.std()
     alternating = (unit[1:] * unit[:-1]).mean()
     yield close("and each reading enters twice, with both signs: correlation", -0.5, alternating, absolute=0.06)

@@ -6,7 +6,8 @@ import numpy as np
 
 from flexlab.analysis.metrics.residual_vibration import LATER
 from flexlab.analysis.metrics.run_metrics import run_metrics
-from flexlab.analysis.validation.check import PERIOD, Check, Runs, alike, run_of, subject
+from flexlab.analysis.metrics.settling_time import settling_time
+from flexlab.analysis.validation.check import PERIOD, Check, Runs, alike, close, run_of, subject
 from flexlab.analysis.validation.mass_points import GAUSS_POINTS, MassPoints
 from flexlab.presets import load_preset
 from flexlab.sim.commands import ChangeScenario
@@ -36,6 +37,10 @@ def summary(runs: Runs) -> Iterator[Check]:
     }
     for name, exact in wanted.items():
         yield alike(f"{name.replace('_', ' ')}, from all samples: relative error", 1e-12, getattr(found, name), exact)
+    t = 0.5 + np.arange(4000) * PERIOD
+    ring = np.exp(-3 * t) * np.cos(50 * t)
+    gone = t[np.flatnonzero(np.abs(ring) > 0.01 * np.abs(ring).max())[-1]] - t[0]
+    yield close("settling time of a decaying cosine", gone, settling_time(t, ring), "s", absolute=1e-12)
     path = {"kind": "rest-to-rest", "duration": STOP}
     stopped = run_of("the run that stops", {"trajectory": path, "payload.bending_stiffness": 5.0}, 0.6, PERIOD)
     left = [np.abs(stopped.vibration[stopped.time > t - PERIOD / 2]).max() for t in (STOP, STOP + LATER)]

@@ -1,0 +1,101 @@
+"""Linear models, margins, identified beams, and units of tables, each against an independent answer."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from flexlab.analysis.identification.beam_parameters import beam_parameters
+from flexlab.analysis.identification.ring import fit_ring
+from flexlab.analysis.linearize import linearize
+from flexlab.analysis.metrics.metric import METRICS
+from flexlab.analysis.modes import modes
+from flexlab.analysis.validation.beam import EI, LENGTH, RHO
+from flexlab.analysis.validation.check import DAMPING, UNEQUAL, Check, Runs, alike, below, close, subject, true
+from flexlab.analysis.validation.mass_points import MassPoints, slopes
+from flexlab.presets import load_preset
+
+HELD = (0.05, 0.8, 0.2)
+"""Pose at which PD holds unequal arms."""
+SPRINGS, DAMPERS = np.diag((9e3, 7e3, 5e3)), np.diag((900.0, 800.0, 600.0))
+"""K_p and K_d of that law."""
+TRIED = 2j * np.pi * np.array([1.0, 20.0, 45.0, 190.0])
+"""Points s at which responses are compared, 1/s."""
+INPUTS = ("arm_input", "joint_torque", "desired_pose", "desired_pose_rate")
+SOUGHT, RATIO = 70.0, 0.02
+"""Bending stiffness, N·m², and damping ratio of a beam whose ring is identified."""
+SCALES = {"mm": 1e3, "mrad": 1e3, "%": 100.0}
+"""Unit of a table → its number per SI unit; 1 for any other."""
+
+
+@subject("Linear models and what is told of them", 17)
+def linear_models(_: Runs) -> Iterator[Check]:
+    """Participation of modes, responses, margins, an identified beam, scales of tables."""
+    yield from _participation()
+    yield from _pd()
+    yield from _ring()
+    columns = [column for metric in METRICS.values() if not metric.own for column in metric.columns]
+    wrong = [column.title for column in columns if column.scale != SCALES.get(column.unit, 1.0)]
+    yield true("numbers of tables are in the units that stand beside them", not wrong, ", ".join(wrong))
+
+
+def _participation() -> Iterator[Check]:
+    """A pinned beam's modes move 8/(kπ)² of its mass sideways (odd k) and 24/(kπ)² of its inertia in a turn (even k)."""
+    beta = 1e-4
+    damped = {"payload.element_count": 12, "payload.damping": {"kind": "stiffness", "coefficient": beta}}
+    found, k = modes(load_preset("paper").replace(damped)), np.arange(1, 5)
+    omega = np.sqrt(EI / RHO) * (k * np.pi / LENGTH) ** 2
+    yield alike("modes: frequencies of a pinned beam: relative error", 1e-3, found.frequency[:4], omega / (2 * np.pi))
+    yield alike(
+        "modes: C = βK_F damps each by ζ = βω/2: relative error", 1e-3, found.damping_ratio[:4], beta * omega / 2
+    )
+    shares = np.where(k % 2, 8, 24) / (k * np.pi) ** 2
+    told = np.where(k % 2, found.lateral_participation[:4], found.angular_participation[:4])
+    yield alike("modes: shares of mass and inertia that move with them: relative error", 1e-3, told, shares)
+
+
+def _pd() -> Iterator[Check]:
+    """PD at a tilted pose of unequal arms: M p̈ + (D + K_d) ṗ + (K + K_p) p = f, of mass points in nodal coordinates."""
+    law = {"kind": "pd", "position_gain": tuple(np.diag(SPRINGS)), "velocity_gain": tuple(np.diag(DAMPERS))}
+    scenario = load_preset("paper").replace({**UNEQUAL, "controller": law})
+    model = linearize(scenario, HELD, INPUTS, ("pose", "midspan_deflection"), closed=True)
+    points = MassPoints(scenario)
+    n = 3 + points.shapes(0.0).size
+    M, D, K = points.inertia(np.concatenate([HELD, np.zeros(n - 3)])), np.zeros((n, n)), np.zeros((n, n))
+    D[3:, 3:], K[3:, 3:] = DAMPING * np.eye(n - 3), points.bending
+    J = [slopes(lambda x, arm=arm: points.joint_angles(x, arm), np.array(HELD)) for arm in range(2)]
+    pose = np.eye(n)[:, :3]
+    shown = np.vstack([pose.T, np.concatenate([np.zeros(3), points.shapes(0.0)])])
+    told, exact = model.response(TRIED), []
+    for s in TRIED:
+        answer = np.linalg.inv(M * s**2 + D * s + K + pose @ (DAMPERS * s + SPRINGS) @ pose.T)
+        exact.append(shown @ answer @ pose @ np.hstack([np.eye(3), np.eye(3), *J, SPRINGS, DAMPERS]))
+    scale = np.abs(exact).max(axis=(0, 2), keepdims=True)
+    statement = (
+        "linearize: pose and mid-span of PD by inputs, torques and targets are those of mass points: relative error"
+    )
+    yield below(statement, 1e-5, np.abs((told - exact) / scale))
+    factors = linearize(scenario, HELD, "desired_pose_y", "pose_y").to_zpk()
+    of_y = [factors.gain * np.prod(s - factors.zeros) / np.prod(s - factors.poles) for s in TRIED]
+    yield alike(
+        "zeros, poles and gain give the same: relative error", 1e-4, np.abs(of_y), np.abs(np.array(exact)[:, 1, 13])
+    )
+    # A factor f of all torques makes the loop swing with ω if P + f Q is singular; it is (1 + δ/2)/(1 - δ/2).
+    least = np.inf
+    for s in 1j * np.geomspace(1.0, 1e4, 4000):
+        factor = -1 / np.linalg.eigvals((np.linalg.inv(M * s**2 + D * s + K)[:3, :3]) @ (DAMPERS * s + SPRINGS))
+        least = min(least, np.abs(2 * (factor - 1) / (factor + 1)).min())
+    assert model.disk_margin is not None
+    yield close("disk margin of all motors together: α", least, model.disk_margin.alike.alpha, relative=1e-3)
+
+
+def _ring() -> Iterator[Check]:
+    """A ring of known frequency and damping on a slow background, and the beam that rings so."""
+    scenario = load_preset("paper").replace({"payload.damping": {"kind": "modal", "ratio": 0.1}})
+    t, omega = np.arange(2000) * 5e-4, np.sqrt(MassPoints(scenario).softest() * SOUGHT / EI)
+    ring = np.exp(-RATIO * omega * t) * np.cos(omega * np.sqrt(1 - RATIO**2) * t + 0.4)
+    found = fit_ring(t, 1e-3 * (ring + 0.2 + 0.1 * t))
+    parameters = beam_parameters(found, scenario, in_loop=False)
+    yield close("identified: frequency of a ring", omega / (2 * np.pi), found.first.frequency.value, "Hz", 1e-6)
+    yield close("identified: amplitude", 1e-3, found.first.amplitude, "m", 1e-6)
+    yield close("identified: bending stiffness", SOUGHT, parameters.bending_stiffness.value, "N·m²", 1e-5)
+    yield close("identified: damping ratio", RATIO, parameters.damping.value, "", 1e-5)

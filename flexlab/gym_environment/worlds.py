@@ -13,7 +13,7 @@ from flexlab.compiled import PLAIN_PYTHON, entry_point
 from flexlab.errors import StudyError
 from flexlab.gym_environment.kernels import OBSERVED, Variants, Worlds, begin_worlds, step_worlds
 from flexlab.gym_environment.standing_threads import StandingThreads
-from flexlab.machine import cores
+from flexlab.machine import cores, free_memory
 from flexlab.physics.law_input import MOST_DELAY
 from flexlab.physics.plant import Workspace
 from flexlab.presets import any_scenario
@@ -28,6 +28,7 @@ from flexlab.sim.samples import Samples, row_length, rows_to_samples
 from flexlab.sim.step_trial import build_assembly
 from flexlab.sim.target import desired_at
 from flexlab.sim.termination import DEFLECTION_LIMIT, check_trajectory
+from flexlab.text import number_text
 
 WRENCH = "wrench"
 
@@ -147,6 +148,7 @@ class WorldBatch:
         pairs = zip((base.initial.pose, base.initial.pose_rate), self._desired, strict=False)
         self._start = np.array([path if own is None else own for own, path in pairs])
         self._limits, self._noise = np.full(3, float(settings.torque_limit)), np.array(NOISE)
+        _check_room(count, sum(array.nbytes for array in _new_worlds(1, first, settings)))
         self.state, self._begun = _new_worlds(count, first, settings), np.zeros(count, bool)
         threads = max(1, min(int(settings.threads or cores()), count // LEAST_PER_THREAD))
         edges = np.linspace(0, count, threads + 1).astype(int)
@@ -257,6 +259,16 @@ def _stack(assemblies: list[Assembly]) -> Variants:
         etdrk4=Etdrk4(*map(np.stack, zip(*(scheme for scheme in schemes if scheme is not None), strict=True))),
         step_count=np.array([assembly.step_count for assembly in assemblies]),
     )
+
+
+def _check_room(count: int, size: int) -> None:
+    """Raise `StudyError` if `count` worlds of `size` bytes do not fit into the memory: the system would end the process later."""
+    free = free_memory()
+    if free is not None and count * size > free:
+        raise StudyError(
+            f"num_envs = {count} worlds take {number_text(count * size / 1e9)} GB, and {number_text(free / 1e9)} GB of memory "
+            f"are free: give {int(free / size)} or fewer."
+        )
 
 
 def _new_worlds(count: int, assembly: Assembly, settings: Settings) -> Worlds:

@@ -214,6 +214,16 @@ def test_the_number_of_worlds_has_to_be_a_positive_whole_number(count: object):
         TwoArmsVector(count)  # type: ignore[arg-type]
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells the free memory")
+@pytest.mark.parametrize("count", [10**9, 2**70])
+def test_more_worlds_than_the_memory_holds_are_refused(count: int):
+    """Numbers of 64 bits raised NumPy's error; smaller ones were accepted, and the system ended the process at the reset."""
+    with pytest.raises(
+        StudyError, match=rf"num_envs = {count} worlds take .* GB of memory are free: give \d+ or fewer"
+    ):
+        gymnasium.make_vec(gym_environment.ID, num_envs=count)
+
+
 def test_a_step_before_a_reset_and_odd_resets_are_refused():
     with pytest.raises(StudyError, match="A world has no episode yet: call reset before step"):
         TwoArms(**STILL).step(np.zeros(3))

@@ -68,10 +68,16 @@ class DuplicateField(ValueError):
 
 
 def preset_files(own: str | Path = OWN_FOLDER) -> dict[str, Path]:
-    """Name → file of every preset: flexlab's own first, then those of the folder `own`, each by `menu_order`, then by name."""
+    """Name → file of every preset: flexlab's own first, then those of the folder `own`, each by `menu_order`, then by name.
+
+    Raises `PresetError` for a folder that cannot be looked into, such as one whose name is too long.
+    """
     own, ours = file_path("own", own), presets_folder()
-    # Pages, menus and recordings hold names as UTF-8, which those of old archives are not.
-    files = {writable(path.stem): path for folder in (own, ours) for path in folder.glob("*.json")}
+    try:
+        # Pages, menus and recordings hold names as UTF-8, which those of old archives are not.
+        files = {writable(path.stem): path for folder in (own, ours) for path in folder.glob("*.json")}
+    except OSError as error:
+        raise PresetError(f"own = {str(own)!r:.60} cannot be read ({error.strerror}): name another folder.") from None
     return dict(sorted(files.items(), key=lambda item: (item[1].parent != ours, _menu_order(item[1]), item[0])))
 
 

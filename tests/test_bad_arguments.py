@@ -132,6 +132,16 @@ def test_a_folder_of_presets_must_be_a_path(given: Any):
     one_sentence(lambda: flexlab.preset_names(given), "own = ", "is not a path")
 
 
+@pytest.mark.parametrize("argument", ["inputs", "outputs"])
+@pytest.mark.parametrize("given", [[["pose"]], [3], 3])
+def test_inputs_and_outputs_of_a_linear_model_must_be_names(argument: str, given: Any):
+    one_sentence(lambda: flexlab.linearize("paper", **{argument: given}), f"{argument} = ", "a list of names")
+
+
+def test_a_folder_of_presets_whose_name_is_too_long_is_refused():
+    one_sentence(lambda: flexlab.preset_names("x" * 3000), "own = ", "File name too long", "name another folder")
+
+
 def test_a_table_in_the_wrong_place_does_not_break_the_sentence():
     table = pd.DataFrame({"a": range(30), "b": range(30)})
     asked: list[Callable[[Any], object]] = [

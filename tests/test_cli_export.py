@@ -122,6 +122,7 @@ def test_a_replay_that_differs_says_where_and_fails(flexlab_command: Command, tm
             "run.zip has no known format: choose a file that ends in .rrd, .csv, .parquet, .npz. From an archive",
         ),
         (["import", "junk.txt"], "junk.txt has no known format"),
+        (["import", "."], ". has no known format"),
         (["replay", "zzz"], "no recording zzz"),
         (["replay", "junk.rrd"], "not a rerun recording"),
     ],

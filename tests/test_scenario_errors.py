@@ -128,6 +128,7 @@ def test_nan_is_refused_in_every_field(path):
         ("controller.kind", np.array([1, 2]), "is not one of"),
         ("trajectory.kind", [1], "is not one of"),
         ("left_arm.elbow", 0, "-1 or 1"),
+        ("left_arm.elbow", 2**70, "give a whole number of fewer digits"),
     ],
 )
 def test_the_sentence_names_field_value_and_range(path: str, value: object, says: str):

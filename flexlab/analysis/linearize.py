@@ -97,7 +97,7 @@ def _check_known(what: str, names: Sequence[str], known: Mapping[str, Sequence[s
 def _listed(what: str, names: str | Sequence[str]) -> tuple[str, ...]:
     if isinstance(names, str):
         return (names,)
-    if not isinstance(names, Sequence):
+    if not isinstance(names, Sequence) or not all(isinstance(name, str) for name in names):
         raise StudyError(f"{what} = {names!r:.60} is not usable: give a name, or a list of names.")
     return tuple(names)
 

@@ -53,7 +53,7 @@ def import_into(path: Path, logs: Path, **notes: str) -> Path:
     `notes` are written beside the run; its "note" lists columns that were left out. Raises `RecordingError`, and leaves nothing
     in `logs`, for a file without a run or if `logs` cannot be written.
     """
-    check_format(path.name)
+    check_format(path.name or str(path))
     return _take_recording(path, logs, notes) if path.suffix.lower() == SUFFIX else _take_table(path, logs, notes)
 
 

@@ -129,6 +129,8 @@ def problem(model: type[Part], item: Any) -> tuple[str, str]:
         return path, f"{path} = {shown} {text}{allowed}."
     if kind == "literal_error":
         return path, f"{path} = {shown} is not one of {item['ctx']['expected']}: choose one of them."
+    if kind == "int_parsing_size":  # A number beyond 64 bits where pydantic knows a few numbers only.
+        return path, f"{path} = {shown} is not usable: give a whole number of fewer digits."
     if kind == "union_tag_invalid":
         tag, known = brief(item["ctx"]["tag"]), item["ctx"]["expected_tags"]
         return path, f"{path}.kind = {tag} is not one of {known}: choose one of them."

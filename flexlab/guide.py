@@ -117,10 +117,11 @@ class LessonProgress(NamedTuple):
     passed: str
     """The check's sentence when it held; empty if it has not yet."""
 
-    @property
-    def told_answer(self) -> str:
-        """The right option once all steps have been seen; empty before."""
-        return self.answer if self.step == len(STEPS) else ""
+
+def begun(lessons: Iterable[LessonProgress]) -> tuple[LessonProgress, ...]:
+    """The lessons with a guess or a passed check, as notes keep them: with the right option only if all steps have been seen."""
+    met = (one for one in lessons if one.guess or one.passed)
+    return tuple(one if one.step == len(STEPS) else one._replace(answer="") for one in met)
 
 
 def guide_folder() -> Path:

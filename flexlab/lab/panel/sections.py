@@ -264,22 +264,20 @@ CHOSEN = tuple(path for path in TITLES if not any(path in group.paths for group 
 
 def present(scenario: Scenario, group: Group) -> tuple[str, ...]:
     """The paths of a group that this scenario has: laws differ in their gains, and not every scenario has a right arm."""
-    return tuple(path for path in _expanded(scenario, group) if scenario.has(path))
-
-
-def _expanded(scenario: Scenario, group: Group) -> Iterator[str]:
+    found: list[str] = []
     for path in group.paths:
         if path == GAINS:
             law = type(scenario.controller)
             numbers = (name for name in law.model_fields if describe(law, name).slider and _one_or_three(law, name))
-            yield from (f"controller.{name}" for name in numbers)
+            found += (f"controller.{name}" for name in numbers)
         elif path == PATH_NUMBERS:
             kind = type(scenario.trajectory)
             for name in (*own_numbers(kind, Trajectory), *own_numbers(Trajectory, Part)):
                 if describe(kind, name).slider is None or _one_or_three(kind, name):
-                    yield f"trajectory.{name}"
+                    found.append(f"trajectory.{name}")
         else:
-            yield path
+            found.append(path)
+    return tuple(path for path in found if scenario.has(path))
 
 
 def _one_or_three(part: type[Part], name: str) -> bool:

@@ -11,7 +11,7 @@ from typing import Any
 
 from flexlab.analysis.run_summary import MetricNotes
 from flexlab.errors import RecordingError
-from flexlab.guide import LOCKED, ClassRules, LessonProgress
+from flexlab.guide import LOCKED, ClassRules, LessonProgress, begun
 from flexlab.lab.lab_state import Outside
 from flexlab.lab.session import Session
 from flexlab.recording.live import LiveHub, Take
@@ -160,7 +160,7 @@ class RecordedLab(Lab):
 
     def _circumstances(self) -> dict[str, Any]:
         """The notes of a run: its owner, and the lessons that were begun in this lab."""
-        lessons = [met._asdict() | {"answer": met.told_answer} for met in self._lessons() if met.guess or met.passed]
+        lessons = [lesson._asdict() for lesson in begun(self._lessons())]
         whose = {"owner": self._owner, "visitor": self.name} if self._owner else {}
         return whose | ({"lessons": lessons} if lessons else {})
 

@@ -14,6 +14,7 @@ from aiohttp import hdrs, web
 from markupsafe import Markup
 
 from flexlab.errors import FlexlabError, LabError, RecordingError
+from flexlab.guide import begun
 from flexlab.recording.store.run_index import LONGEST_TAGS, RunRow, annotate_run, check_removable, delete_run, size_text
 from flexlab.server.auth import is_opened_by_person, refuse
 from flexlab.server.pages.lab_pages import enter_lab
@@ -124,10 +125,7 @@ def _as_it_stands(request: web.Request, row: RunRow) -> RunRow:
     """The run with the lessons of the lab that is recording it, if any."""
     recorded = (lab.status() for lab in context_of(request).places.running())
     lessons = next((lab.lessons for lab in recorded if lab.recording == row.path), None)
-    if lessons is None:
-        return row
-    met = (one._replace(answer=one.told_answer) for one in lessons if one.guess or one.passed)
-    return replace(row, lessons=tuple(met))
+    return row if lessons is None else replace(row, lessons=begun(lessons))
 
 
 @contextlib.asynccontextmanager

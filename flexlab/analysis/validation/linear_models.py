@@ -41,12 +41,12 @@ def linear_models(_: Runs) -> Iterator[Check]:
 def _participation() -> Iterator[Check]:
     """A pinned beam's modes move 8/(kπ)² of its mass sideways (odd k) and 24/(kπ)² of its inertia in a turn (even k)."""
     beta = 1e-4
-    damped = {"payload.element_count": 12, "payload.damping": {"kind": "stiffness", "coefficient": beta}}
+    damped = {"payload.element_count": 8, "payload.damping": {"kind": "stiffness", "coefficient": beta}}
     found, k = modes(load_preset("paper").replace(damped)), np.arange(1, 5)
     omega = np.sqrt(EI / RHO) * (k * np.pi / LENGTH) ** 2
-    yield alike("modes: frequencies of a pinned beam: relative error", 1e-3, found.frequency[:4], omega / (2 * np.pi))
+    yield alike("modes: frequencies of a pinned beam: relative error", 5e-3, found.frequency[:4], omega / (2 * np.pi))
     yield alike(
-        "modes: C = βK_F damps each by ζ = βω/2: relative error", 1e-3, found.damping_ratio[:4], beta * omega / 2
+        "modes: C = βK_F damps each by ζ = βω/2: relative error", 5e-3, found.damping_ratio[:4], beta * omega / 2
     )
     shares = np.where(k % 2, 8, 24) / (k * np.pi) ** 2
     told = np.where(k % 2, found.lateral_participation[:4], found.angular_participation[:4])
@@ -80,10 +80,9 @@ def _pd() -> Iterator[Check]:
         "zeros, poles and gain give the same: relative error", 1e-4, np.abs(of_y), np.abs(np.array(exact)[:, 1, 13])
     )
     # A factor f of all torques makes the loop swing with ω if P + f Q is singular; it is (1 + δ/2)/(1 - δ/2).
-    least = np.inf
-    for s in 1j * np.geomspace(1.0, 1e4, 4000):
-        factor = -1 / np.linalg.eigvals((np.linalg.inv(M * s**2 + D * s + K)[:3, :3]) @ (DAMPERS * s + SPRINGS))
-        least = min(least, np.abs(2 * (factor - 1) / (factor + 1)).min())
+    s = 1j * np.geomspace(1.0, 1e4, 2000)[:, None, None]
+    factor = -1 / np.linalg.eigvals(np.linalg.inv(M * s**2 + D * s + K)[:, :3, :3] @ (DAMPERS * s + SPRINGS))
+    least = np.abs(2 * (factor - 1) / (factor + 1)).min()
     assert model.disk_margin is not None
     yield close("disk margin of all motors together: α", least, model.disk_margin.alike.alpha, relative=1e-3)
 

@@ -22,8 +22,6 @@ STEP = 1e-4
 """Step of fourth-order differences, m and rad."""
 GAUSS_POINTS = 6
 """Per element, exact for the beam's kinetic energy."""
-CORRECTIONS = 30
-"""Fixed-point steps for an acceleration; a few are enough."""
 HELD = {"pinned-pinned": (0, -2), "pinned-clamped": (0, -2, -1), "clamped-pinned": (0, 1, -2)}
 """Boundary → which of the 2 (n + 1) nodal coordinates are zero."""
 
@@ -95,12 +93,16 @@ class MassPoints:
 
     def axial_stiffness(self, run: Run, k: int) -> np.ndarray:
         """K_G at sample k, with N(s) of the ẍ that the payload would have without it."""
-        q, change = run.beam_coordinates[k], run.pose_acceleration[k]
-        inertia = self.inertia(np.concatenate([run.pose[k], q]))
-        for _ in range(CORRECTIONS):
-            K_G = self.geometric_stiffness(self.axial_force(run, k, change, self.places))
-            change = run.pose_acceleration[k] + np.linalg.solve(inertia, np.concatenate([np.zeros(3), K_G @ q]))[:3]
-        return K_G
+        q = run.beam_coordinates[k]
+        give = np.linalg.inv(self.inertia(np.concatenate([run.pose[k], q])))[:3, 3:]
+        # N(s) is linear in ẍ, and K_G in N(s).
+        still, *further = (
+            self.axial_force(run, k, change, self.places) for change in np.vstack([np.zeros(3), np.eye(3)])
+        )
+        slope = np.stack([give @ self.geometric_stiffness(line - still) @ q for line in further], axis=1)
+        first = run.pose_acceleration[k] + give @ self.geometric_stiffness(still) @ q
+        change = np.linalg.solve(np.eye(3) - slope, first)
+        return self.geometric_stiffness(self.axial_force(run, k, change, self.places))
 
     def between_grips(self, x: np.ndarray, spin: float, pulls: np.ndarray) -> np.ndarray:
         """K_G of a payload at pose x that turns with `spin`, rad/s, and is held by the forces pulls (2, 3) at its ends."""

@@ -170,8 +170,8 @@ def _sag() -> Iterator[Check]:
 
 FILLED, EMPTIED, BEGIN, DURATION = 3.0, 0.3, 0.05, 0.2
 """μ of two runs; when the change begins and how long it takes, s."""
-HELD = Pull(-0.1, (0.3, 0.7), 900.0)
-"""The hand that holds a beam while it is filled, left of its middle and within an element."""
+HELD = Pull(-0.1, (0.9, 0.7), 900.0)
+"""The hand that holds a beam while it is filled, within an element, and presses its part on the right."""
 LIMP = 5.0
 """Bending stiffness of that beam, all of whose modes feel the force along it, N·m²."""
 KNOCK = Tap(0.1, (0.4, -0.3))

@@ -28,8 +28,6 @@ Table = list[list[str]]
 """A row of headings, then the rows of the table."""
 SAME_LENGTH = 1e-9
 """Difference of durations, s, below which two runs count as equally long."""
-SAMPLE_PERIOD, COMMANDS = "sample_period", "commands"
-"""Names of the differences between runs that are not fields of a scenario."""
 MOST_COMMANDS = 3
 """Largest number of a run's commands that are listed."""
 STARTS = {
@@ -172,7 +170,7 @@ def compare(paths: Sequence[Path], seen: Callable[[int], None] = lambda samples:
     }
     settings = [(path, tuple(_value(recording, path) for recording in recordings)) for path in sorted(fields)]
     periods = tuple(f"{number_text(recording.sample_period)} s" for recording in recordings)
-    for name, values in ((SAMPLE_PERIOD, periods), (COMMANDS, tuple(map(_commands, recordings)))):
+    for name, values in (("sample_period", periods), ("commands", tuple(map(_commands, recordings)))):
         settings += [(name, values)] if len(set(values)) > 1 else []
     return Comparison(recordings, durations, window, tuple(zip(*metrics, strict=True)), tuple(settings))
 

@@ -13,7 +13,7 @@ import numpy as np
 from flexlab.analysis.explanations.explanation import LONGEST_LOOK, explain_run
 from flexlab.analysis.lesson_measures import coarse_note
 from flexlab.analysis.metrics import Column, RunMetrics
-from flexlab.analysis.metrics.metric import Peak
+from flexlab.analysis.metrics.metric import Peak, of_signal
 from flexlab.analysis.metrics.run_metrics import value_text
 from flexlab.analysis.result import ResultHash
 from flexlab.analysis.run_summary import MetricNotes
@@ -42,24 +42,22 @@ def explained(samples: Samples, scenario: Scenario) -> list[str]:
     return [f"{each.plot}: {each.sentence} ({each.equation})" for each in found]
 
 
-class Magnitudes(Peak):
+@of_signal(
+    Peak,
+    0,
+    Column("", "tracking error x", "", "mm", 1e3),
+    Column("", "tracking error y", "", "mm", 1e3),
+    Column("", "tracking error θ", "", "mrad", 1e3),
+    Column("", "mid-span deflection", "", "mm", 1e3),
+    Column("", "of it vibration", "", "mm", 1e3),
+    Column("", "internal force", "", "N"),
+    Column("", "joint torque", "", "N·m"),
+)
+def largest(samples: Samples) -> np.ndarray:
     """The largest magnitudes of a summary."""
-
-    columns = (
-        Column("", "tracking error x", "", "mm", 1e3),
-        Column("", "tracking error y", "", "mm", 1e3),
-        Column("", "tracking error θ", "", "mrad", 1e3),
-        Column("", "mid-span deflection", "", "mm", 1e3),
-        Column("", "of it vibration", "", "mm", 1e3),
-        Column("", "internal force", "", "N"),
-        Column("", "joint torque", "", "N·m"),
-    )
-
-    def signal(self, samples: Samples) -> np.ndarray:
-        """The columns, (N, 7)."""
-        force = np.linalg.norm(samples.internal_force[..., :2], axis=-1).max(axis=1)
-        torque = np.abs(samples.joint_torque).max(axis=(1, 2))
-        return np.column_stack([samples.tracking_error, samples.midspan_deflection, samples.vibration, force, torque])
+    force = np.linalg.norm(samples.internal_force[..., :2], axis=-1).max(axis=1)
+    torque = np.abs(samples.joint_torque).max(axis=(1, 2))
+    return np.column_stack([samples.tracking_error, samples.midspan_deflection, samples.vibration, force, torque])
 
 
 class Summary:
@@ -68,7 +66,7 @@ class Summary:
     def __init__(self) -> None:
         self.count = 0
         self.time = 0.0
-        self._start, self._later = Magnitudes(), Magnitudes()
+        self._start, self._later = largest(), largest()
 
     def add(self, samples: Samples) -> None:
         """Take in the next block."""
@@ -85,7 +83,7 @@ class Summary:
         table.add_column("largest")
         table.add_column(f"0 to {min(START_SPAN, self.time):g} s", justify="right")
         table.add_column(f"{START_SPAN:g} to {self.time:g} s" if self.time > START_SPAN else "later", justify="right")
-        for column, *peaks in zip(Magnitudes.columns, self._start.compute(), self._later.compute(), strict=True):
+        for column, *peaks in zip(largest.columns, self._start.compute(), self._later.compute(), strict=True):
             texts = (value_text(column, column.scale * peak) for peak in peaks)
             table.add_row(f"{column.title}, {column.unit}", *texts)
         return table

@@ -206,8 +206,7 @@ Look = Callable[[Evidence], str | None]
 """Returns the sentence that the evidence supports, or None."""
 
 
-@dataclass(frozen=True)
-class Explanation:
+class Explanation(NamedTuple):
     """One kind of sentence."""
 
     name: str

@@ -4,9 +4,10 @@ import csv
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,8 +30,7 @@ LARGEST_FILE = 500_000_000
 """Largest file that is read, bytes; all of it is in memory."""
 
 
-@dataclass(frozen=True)
-class Measured:
+class Measured(NamedTuple):
     """Samples of a measurement."""
 
     time: np.ndarray
@@ -168,8 +168,7 @@ OUT_OF_RANGE = "the value that gives this ring lies outside the range of the fie
 NO_RING = "the first mode of this scenario's loop does not ring"
 
 
-@dataclass(frozen=True)
-class BeamParameters:
+class BeamParameters(NamedTuple):
     """The parameters of a scenario's beam that follow from a ring."""
 
     bending_stiffness: Estimate

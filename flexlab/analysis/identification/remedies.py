@@ -1,7 +1,7 @@
 """Remedies for a fitted ring: an input shaper and a vibration gain."""
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,8 +22,7 @@ SEEN = 0.01
 """Least share of a mode in the loads of a motion for which that motion can damp the mode."""
 
 
-@dataclass(frozen=True)
-class ShaperChoice:
+class ShaperChoice(NamedTuple):
     """One input shaper for a ring."""
 
     name: str
@@ -33,8 +32,7 @@ class ShaperChoice:
     """Largest relative error of the frequency, either way, with which less than 5 % of the vibration remains."""
 
 
-@dataclass(frozen=True)
-class Remedies:
+class Remedies(NamedTuple):
     """The remedies for a ring."""
 
     shapers: tuple[ShaperChoice, ...]
@@ -70,21 +68,14 @@ def remedies(fit: RingFit, scenario: Scenario) -> Remedies | None:
     zeta = float(np.clip(ratio.value, 0.0, 0.9)) if ratio.identifiable else 0.0
     uncertain = max(frequency.high - frequency.value, frequency.value - frequency.low) / frequency.value
     choices = tuple(_choice(name, omega, zeta) for name in SHAPERS)
-    fitting = [choice.name for choice in choices if choice.band >= uncertain]
+    suggested = next((choice.name for choice in choices if choice.band >= uncertain), SHAPERS[-1])
     beam = build_beam(scenario.payload)
     mode = int(np.argmin(np.abs(beam.modes.omega - omega)))
     h, g = (float(beam.modes.V[:, mode] @ load) for load in (beam.matrices.h, beam.matrices.g))
     lateral = h * h > SEEN * beam.kappa[0]
-    square = h * h if lateral else g * g
+    square, field = (h * h, "lateral_vibration_gain") if lateral else (g * g, "angular_vibration_gain")
     gain = max(0.0, 2 * (WANTED_RATIO - zeta) * omega / square) if square > 0 else math.nan
-    return Remedies(
-        choices,
-        fitting[0] if fitting else SHAPERS[-1],
-        frequency.value,
-        zeta,
-        "lateral_vibration_gain" if lateral else "angular_vibration_gain",
-        gain,
-    )
+    return Remedies(choices, suggested, frequency.value, zeta, field, gain)
 
 
 def _choice(name: str, omega: float, zeta: float) -> ShaperChoice:

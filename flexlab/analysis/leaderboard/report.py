@@ -6,10 +6,9 @@ one HTML file that opens without network.
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import exp, isnan, log, log2
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pyarrow.csv
@@ -38,8 +37,7 @@ OF_THE_BEST = "times the best law's score"
 SEVERAL = "for several scenarios their geometric mean"
 
 
-@dataclass(frozen=True)
-class Cell:
+class Cell(NamedTuple):
     """A cell of a table."""
 
     text: str
@@ -49,8 +47,7 @@ class Cell:
     """The text that appears when the pointer is on the cell."""
 
 
-@dataclass(frozen=True)
-class Grid:
+class Grid(NamedTuple):
     """A table with a line per law."""
 
     heads: tuple[str, ...]
@@ -58,8 +55,7 @@ class Grid:
     """(law, cells)."""
 
 
-@dataclass(frozen=True)
-class Section:
+class Section(NamedTuple):
     """The tables of one case."""
 
     case: Case

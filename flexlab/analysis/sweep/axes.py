@@ -5,7 +5,7 @@ import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -168,8 +168,7 @@ AROUND = 4.0
 """The range of a field without a slider extends from its value divided by this to its value times this."""
 
 
-@dataclass(frozen=True)
-class VariedField:
+class VariedField(NamedTuple):
     """A numeric field that a form offers."""
 
     path: str
@@ -207,8 +206,7 @@ class VariedField:
         return self.about.logarithmic and self.range[0] > 0
 
 
-@dataclass(frozen=True)
-class VariedChoice:
+class VariedChoice(NamedTuple):
     """A field with a few options."""
 
     path: str

@@ -43,9 +43,9 @@ def scenario_hash(scenario: Scenario) -> str:
     return short_hash(json.dumps(scenario.model_dump(mode="json", exclude={"title", "watch"}), sort_keys=True))
 
 
-def provenance(scenario: Scenario) -> dict[str, str]:
-    """The provenance of a table's row: "scenario", its hash, and "version", flexlab's."""
-    return {"scenario": scenario_hash(scenario), "version": __version__}
+def provenance(scenario: Scenario | None) -> dict[str, str | None]:
+    """The provenance of a table's row: "scenario", its hash, if there is one, and "version", flexlab's."""
+    return {"scenario": None if scenario is None else scenario_hash(scenario), "version": __version__}
 
 
 def number_column(table: Any, name: str) -> np.ndarray:

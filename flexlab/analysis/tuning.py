@@ -234,7 +234,7 @@ class Tuning(Result):
         try:
             return provenance(change_settings(self.scenario, candidate.changes))
         except FlexlabError:
-            return provenance(self.scenario) | {"scenario": None}
+            return provenance(None)
 
     def plot(self, first: str = "", second: str = "") -> "Figure":
         """The trade-off between two metrics among all candidates; by default the first two of the cost. Raises `StudyError`."""

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from flexlab.analysis.leaderboard.store import RowStore
     from flexlab.analysis.workers import Workers
 
-LONG_RUNS_ARE_LEFT_OUT = "B7 simulates ten minutes of each law, which takes some minutes: --long adds it."
-
 
 def command(
     law: Annotated[
@@ -71,7 +69,7 @@ def command(
         tell(*write_report(board, to))
     note(f"{counted(len(board.rows), 'row')}, {board.computed} of them computed now.")
     if not case and not long:
-        note(LONG_RUNS_ARE_LEFT_OUT)
+        note("B7 simulates ten minutes of each law, which takes some minutes: --long adds it.")
     return 0
 
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa
 
-from flexlab import __version__
 from flexlab.analysis.identification.beam_parameters import (
     BeamParameters,
     another_mode,
@@ -83,7 +82,7 @@ class Fit(Result):
     @cached_property
     def table(self) -> Any:
         """A row per estimate: name, value, low, high (NaN if not identifiable, and the reason), unit, and provenance."""
-        about = {"scenario": None, "version": __version__} if self.scenario is None else provenance(self.scenario)
+        about = provenance(self.scenario)
         rows = [{"name": name, **self._row(value), **about} for name, value in self.estimates.items()]
         return pa.Table.from_pylist(rows)
 

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlab.analysis.rest_point import LoopProbe, RestPoint
+from flexlab.physics.plant import has_axial_load
 
 
 def central(function: Callable[[np.ndarray], np.ndarray], direction: np.ndarray, size: float) -> np.ndarray:
@@ -131,7 +132,7 @@ def _plant(probe: LoopProbe, rest: RestPoint) -> Plant:
     # Forces are linear in the beam's coordinates and in all rates at rest: a unit step has no truncation error.
     stiffness = [-fourth_order(force, unit[k], POSE_STEP) for k in range(3)]
     # The force along the beam, however, multiplies the beam's coordinates.
-    size = POSE_STEP if probe.feels_axial_load else 1.0
+    size = POSE_STEP if has_axial_load(probe.system.plant.axial) else 1.0
     stiffness += [-central(force, unit[k], size) for k in range(3, n)]
     damping = [-central(force, unit[n + k], size) for k in range(n)]
     if np.isfinite(probe.rate_step):

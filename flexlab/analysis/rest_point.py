@@ -14,7 +14,7 @@ from flexlab.control.paths.sine import SineTrajectory
 from flexlab.errors import ScenarioError, StudyError
 from flexlab.physics.dynamics import set_momenta
 from flexlab.physics.mass_change import find_mass_at
-from flexlab.physics.plant import AXIAL, ETA, P, X, forget_rates, has_axial_load
+from flexlab.physics.plant import AXIAL, ETA, P, X, forget_rates
 from flexlab.scenario import Scenario
 from flexlab.scenario.settings import IDEAL, PERIOD
 from flexlab.sim.assembly import build_strains, build_system
@@ -133,11 +133,6 @@ class LoopProbe:
         """Largest step of the pose rate, m/s, rad/s, within which the joints' friction is linear."""
         friction = self.scenario.joints.friction
         return STRAIGHT * friction.smoothing_speed if friction.active else np.inf
-
-    @property
-    def feels_axial_load(self) -> bool:
-        """Whether the beam's stiffness depends on the force along it."""
-        return has_axial_load(self.system.plant.axial)
 
     def axial_stiffness(self, motion: Motion, torque: np.ndarray) -> np.ndarray:
         """K_G of a motion under held joint torques (arms · 3,), N·m, in modes, (n_m, n_m)."""

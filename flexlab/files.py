@@ -138,7 +138,15 @@ def write_text(path: Path, text: str) -> None:
 def make_folder(folder: Path, advice: str = "choose another folder") -> None:
     """Make a folder unless it exists. Raises `StudyError` with a sentence that ends in `advice`."""
     with writable(folder, advice):
+        begin_folder(folder)
+
+
+def begin_folder(folder: Path) -> None:
+    """Make a folder and those above it unless they exist. Raises OSError, in plain words if one of them is a file."""
+    try:
         folder.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError):
+        raise NotADirectoryError(errno.ENOTDIR, "it is not a folder") from None
 
 
 def lock(file: IO[bytes] | int, attempts: int = 1, shared: bool = False) -> None:

@@ -14,8 +14,10 @@ import numpy as np
 import pytest
 from recording_helpers import assert_same_bits, start_script, wait_until
 
+import flexlab
 from flexlab.analysis.replay import replay
-from flexlab.errors import RecordingError
+from flexlab.errors import RecordingError, StudyError
+from flexlab.files import make_folder
 from flexlab.presets import load_preset
 from flexlab.recording.file_sink import FileSink
 from flexlab.recording.headless import HeadlessRecording, write_run
@@ -54,6 +56,18 @@ def blocked(tmp_path: Path) -> Path:
 def test_a_folder_that_cannot_be_written_is_refused_before_the_lab_starts(blocked: Path) -> None:
     with pytest.raises(RecordingError, match=r"The logs folder .*logs cannot be written .*choose another with --logs"):
         check_folder(blocked)
+
+
+def test_a_file_in_place_of_a_folder_is_not_said_to_exist(tmp_path: Path) -> None:
+    """`File exists` was the reason, and permissions to be corrected the advice."""
+    file = tmp_path / "file"
+    file.write_text("in the way")
+    with pytest.raises(RecordingError, match=r"The logs folder .*file cannot be written \(it is not a folder\)"):
+        check_folder(file)
+    with pytest.raises(StudyError, match=r"file cannot be written \(it is not a folder\): choose another folder"):
+        make_folder(file)
+    with pytest.raises(StudyError, match=r"file cannot be written \(it is not a folder\)"):
+        flexlab.sweep("paper", {"gravity": [0.0, 1.0]}, 0.02, folder=file)
 
 
 def test_a_missing_folder_is_made(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ from flexlab.analysis.workers import Told, Workers
 from flexlab.arguments import whole_number
 from flexlab.compiled import engine
 from flexlab.errors import StudyError
-from flexlab.files import check_ordinary, read_json, replacing, writable
+from flexlab.files import begin_folder, check_ordinary, read_json, replacing, writable
 from flexlab.scenario import Scenario
 from flexlab.text import counted, html_table
 
@@ -122,7 +122,7 @@ def run_sweep(plan: Plan, folder: Path, workers: Workers, told: Told = lambda do
     same, byte for byte. Raises `StudyError`, also for a folder that cannot be written or holds another sweep.
     """
     with writable(folder, ADVICE):
-        folder.mkdir(parents=True, exist_ok=True)
+        begin_folder(folder)
         _check_plan(folder, plan)
         (folder / PARTS).mkdir(exist_ok=True)
     if not (folder / TABLE).exists():

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import IO, Any, Literal
 
 from flexlab.errors import RecordingError
-from flexlab.files import HAS_LOCKS, is_regular, lock, writable
+from flexlab.files import HAS_LOCKS, begin_folder, is_regular, lock, writable
 from flexlab.recording.rerun_internals.rrd_file import FAMILY, check_path, has_footer
 from flexlab.recording.store.notes import notes_path, read_notes
 from flexlab.text import visible
@@ -64,7 +64,7 @@ def check_folder(logs: Path) -> None:
     """Make the logs folder if it is not there. Raises `RecordingError` if recordings cannot be written into it."""
     check_path(logs)
     with writable(f"The logs folder {logs}", "choose another with --logs, or correct its permissions", RecordingError):
-        logs.mkdir(parents=True, exist_ok=True)
+        begin_folder(logs)
         probe = logs / f".probe-{os.getpid()}"
         probe.touch()
         probe.unlink()
@@ -73,11 +73,8 @@ def check_folder(logs: Path) -> None:
 def _make_folder(folder: Path) -> None:
     """Make a folder for recordings if it is not there. Raises `RecordingError`."""
     check_path(folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        reason = "it is not a folder" if isinstance(error, FileExistsError | NotADirectoryError) else error.strerror
-        raise RecordingError(f"{folder} cannot be written ({reason}): {NOT_RECORDED}.") from None
+    with writable(folder, NOT_RECORDED, RecordingError):
+        begin_folder(folder)
 
 
 def claim_named_file(path: Path) -> RunFile:

@@ -160,7 +160,7 @@ def import_run(path: Path) -> tuple[Run, dict[str, Any]]:
         raise RecordingError(f"There is no file {path}: check the name.") from None
     except Exception as error:
         # Archives fail in a dozen ways: locked, torn, packed unusually, too large by their own account.
-        raise RecordingError(f"{path} is not a run exported by flexlab ({_reason(error)}).") from None
+        raise RecordingError(f"{path} is not a run exported by flexlab ({reason_of(error)}).") from None
     return Run(**samples.signals(), scenario=scenario, status=status), metadata | {"left_out": left_out}
 
 
@@ -170,11 +170,14 @@ _REASONS: tuple[tuple[type[Exception], str], ...] = (
     (StopIteration, "it has no columns"),
     (UnicodeDecodeError, "it is not text in UTF-8"),
     (RecursionError, "its metadata are nested too deeply"),
+    (TypeError, "its metadata have another form"),
+    (AttributeError, "its metadata have another form"),
 )
 """Reasons for errors whose own words mean nothing to a reader of the file."""
 
 
-def _reason(error: Exception) -> str:
+def reason_of(error: Exception) -> str:
+    """Why a table cannot be imported, in words that mean something to a reader of the file."""
     known = next((reason for kind, reason in _REASONS if isinstance(error, kind)), "")
     said = getattr(error, "strerror", None) or visible(str(error).split("\n")[0], LONGEST_REASON)
     said = said.partition("; use `usecols`")[0]  # Advice for callers of NumPy.

@@ -14,7 +14,7 @@ import numpy as np
 
 from flexlab.errors import RecordingError
 from flexlab.recording.codec import event_from_values, state_from_values
-from flexlab.recording.export import FORMATS, LONGEST_REASON, import_run
+from flexlab.recording.export import FORMATS, import_run, reason_of
 from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.reader import read_recording
 from flexlab.recording.repair import finish
@@ -95,8 +95,7 @@ def _take_table(path: Path, logs: Path, notes: Mapping[str, str]) -> Path:
     try:
         info, events = _info(run, metadata), [event_from_values(values) for values in metadata.get("events", [])]
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
-        reason = visible(error, LONGEST_REASON)
-        raise RecordingError(f"{path.name} was not exported by this version of flexlab ({reason}).") from None
+        raise RecordingError(f"{path.name} was not exported by this version of flexlab ({reason_of(error)}).") from None
     check_period(path.name, info.sample_period)
     if said := " ".join(filter(None, (metadata["left_out"], _missing_text(run.time, info.sample_period)))):
         notes = {"note": said, **notes}

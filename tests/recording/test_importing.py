@@ -196,6 +196,10 @@ def test_rows_are_counted_over_all_blocks_of_a_file(original: Recording) -> None
         ({"format": 99}, "computed in format 99, and there are 1 to"),
         ({"started": "never"}, "was not exported by this version"),
         ({"start": {"tick": "x"}}, "was not exported by this version"),
+        ({"start": 1}, "its metadata have another form"),
+        ({"started": 1.5}, "its metadata have another form"),
+        ({"events": False}, "its metadata have another form"),
+        ({"status": 3}, "its metadata have another form"),
         *(({"computed_in": number}, "computed in format") for number in (-5, 0, 99, 10**30, 1.5, True, "x", None)),
     ],
 )

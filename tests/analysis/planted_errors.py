@@ -526,9 +526,9 @@ reading before the first one: physics/sensors.py
 noise of the turning moment's gauges: sim/sampled_control.py
     sampling.gauge_noise[1, j] * change
     sampling.gauge_noise[0, j] * change
-torque at its lower limit: sim/signals.py
-    if abs(tau[a]) >= most
-    if tau[a] >= most
+torque at its limit as the run tells it: sim/signals.py
+    row[SATURATED] = saturated
+    row[SATURATED] = 1 - saturated
 friction of the other arm: sim/signals.py
     row[first + k] = ws.joint_friction[k // 3, k % 3]
     row[first + k] = ws.joint_friction[count // 3 - 1 - k // 3, k % 3]

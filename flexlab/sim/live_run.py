@@ -161,8 +161,8 @@ class LiveRun:
 
     def play(self, playing: bool) -> None:
         """Play or pause. Raises `FlexlabError` for a run that has stopped."""
-        if playing and self.world.status.failed:
-            raise FlexlabError(f"This run has stopped: {self.world.status.text} Reset, or load another preset.")
+        if playing:
+            self._check_goes_on()
         self.steps_left = 0
         if self.pacing.playing or not playing:
             self.pacing.waiting = False  # Pressing play on a run that only waits releases it.
@@ -181,7 +181,8 @@ class LiveRun:
         self.pacing.restart(wall, time_now)
 
     def ask_for_steps(self, ticks: int) -> None:
-        """Pause, and request a number of single steps. Raises `FlexlabError` for too many."""
+        """Pause, and request a number of single steps. Raises `FlexlabError` for too many, or for a run that has stopped."""
+        self._check_goes_on()
         if not 1 <= ticks <= MOST_STEPS:
             raise FlexlabError(f"Steps = {ticks} is outside 1 to {MOST_STEPS}: choose within it.")
         self.pacing.playing = self.pacing.waiting = False
@@ -241,6 +242,7 @@ class LiveRun:
             scenario=world.scenario,
             status=world.status,
             playing=self.pacing.playing,
+            steps_left=self.steps_left,
             latest=latest,
             display=interpolate(self.previous, latest, min(max(fraction, 0.0), 1.0)),
             target_speed=self.pacing.speed,
@@ -256,6 +258,10 @@ class LiveRun:
             pace_warning=self._pace_warning,
             answered=answered,
         )
+
+    def _check_goes_on(self) -> None:
+        if self.world.status.failed:
+            raise FlexlabError(f"This run has stopped: {self.world.status.text} Reset, or load another preset.")
 
     def _fail(self) -> None:
         self.pacing.playing = False

@@ -49,6 +49,8 @@ class Snapshot:
     """f1 of the payload beam with its grips held, Hz."""
     events: tuple[Event, ...]
     """The newest events of this run, oldest first."""
+    steps_left: int = 0
+    """Single steps that a paused run still has to do, as fast as it can: on its way to a time that was asked for."""
     start_time: float = 0.0
     """Simulation time at which the run began, s: not 0 if it goes on from an earlier one."""
     waiting: bool = False

@@ -57,6 +57,9 @@ def test_a_reset_or_another_preset_plays_after_a_run_that_stopped_but_not_in_a_p
         assert not runner.snapshot.playing
         snapshot = replace(runner.snapshot, waiting=True)  # Nobody has drawn the new run yet.
         assert "Paused" in status_html(snapshot, lab.lab_state.view, (), "")
+        stepping = status_html(replace(runner.snapshot, steps_left=2500), lab.lab_state.view, (), "")
+        assert "Running" in stepping
+        assert "as fast as possible, to t = 2.5 s" in stepping
 
 
 def test_a_locked_lab_says_so_only_once_even_after_a_refused_request() -> None:

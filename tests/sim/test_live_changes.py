@@ -203,6 +203,7 @@ def test_many_ticks_asked_for_at_once_are_done_over_several_rounds(live):
     stage.runner._run.world.fill = slow
     snapshot = stage.frame(0.02, StepOnce(200))
     assert 0 < float(snapshot.latest.time[0]) < 0.06
+    assert snapshot.latest.time[0] + 0.001 * snapshot.steps_left == pytest.approx(0.2, abs=1e-12), "where it goes"
     for _ in range(30):
         snapshot = stage.frame(0.02)
     assert float(snapshot.latest.time[0]) == pytest.approx(0.2, abs=1e-12)

@@ -80,9 +80,10 @@ class Playback:
 
     def update(self, snapshot: Snapshot) -> None:
         """Label the play button with what it will do, and follow a speed that was set elsewhere."""
-        self._play.label = "Pause" if snapshot.playing else "Play"
-        self._play.icon = viser.Icon.PLAYER_PAUSE if snapshot.playing else viser.Icon.PLAYER_PLAY
-        stands = not snapshot.playing and not snapshot.status.failed
+        moves = snapshot.playing or snapshot.steps_left > 0
+        self._play.label = "Pause" if moves else "Play"
+        self._play.icon = viser.Icon.PLAYER_PAUSE if moves else viser.Icon.PLAYER_PLAY
+        stands = not moves and not snapshot.status.failed
         begins = stands and float(snapshot.latest.time[0]) == snapshot.start_time
         put(self._begin_mark, visible=begins)
         put(self._begin, visible=begins, label=f"Play from t = {number_text(snapshot.start_time, 5)} s")
@@ -101,7 +102,8 @@ class Playback:
             self._toggle()
 
     def _toggle(self) -> None:
-        self._lab_state.submit(Pause() if self._lab_state.playing else Play())
+        moves = self._lab_state.playing or self._lab_state.snapshot.steps_left
+        self._lab_state.submit(Pause() if moves else Play())
 
     def _held_step(self) -> None:
         self._held_at = time.monotonic()
@@ -119,8 +121,7 @@ class Playback:
             self._lab_state.submit(Play())
 
     def step(self) -> None:
-        """Pause, and advance by one sample; raises `LabError` for a run that has stopped."""
-        _check_goes_on(self._lab_state.snapshot)
+        """Pause, and advance by one sample."""
         self._lab_state.submit(Pause())
         self._lab_state.submit(StepOnce())
 
@@ -162,11 +163,6 @@ class Scrub:
         put(self._words, content=f'<div class="fl fl-scrub">{told}</div>')
 
 
-def _check_goes_on(snapshot: Snapshot) -> None:
-    if snapshot.status.failed:
-        raise LabError(f"This run has stopped: {snapshot.status.text} Reset, or load another preset.")
-
-
 class Events:
     """Event list and "run to", made in the open GUI container."""
 
@@ -185,8 +181,7 @@ class Events:
         self._list.content = events_html(snapshot)
 
     def run_to(self, goal: float) -> None:
-        """Run to a simulation time, s; raises `LabError` for one that has passed or is too far, or if the run has stopped."""
-        _check_goes_on(self._lab_state.snapshot)
+        """Run to a simulation time, s; raises `LabError` for one that has passed or is too far."""
         now = float(self._lab_state.snapshot.latest.time[0])
         ticks = (goal - now) / TICK  # It may be infinite: the box takes every number.
         wanted = f"t = {number_text(goal, 6)} s"

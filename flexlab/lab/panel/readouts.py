@@ -16,7 +16,7 @@ from flexlab.lab.widgets import put
 from flexlab.sim.commands import Pull
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Samples
-from flexlab.sim.snapshot import Event, Snapshot
+from flexlab.sim.snapshot import TICK, Event, Snapshot
 from flexlab.text import escaped, fixed_text, number_text, speed_text, with_units
 
 CLEARLY_SLOWER = 0.95
@@ -37,6 +37,9 @@ def status_html(snapshot: Snapshot, view: ViewSettings, scales: Sequence[tuple[s
     bending = 1e3 * float(sample.midspan_deflection[0])
     limit = ' <span class="fl-bad">at its limit</span>' if sample.saturated[0] else ""
     speed = f"{speed_text(snapshot.target_speed)} / {_measured(snapshot.actual_speed)}"
+    if snapshot.steps_left:
+        goal = float(sample.time[0]) + snapshot.steps_left * TICK
+        speed = f"as fast as possible, to t = {number_text(goal, 6)} s"
     rows = [
         ("simulation time t", f"{fixed_text(float(sample.time[0]), 3)} s"),
         ("speed, wanted / actual", f'<span class="fl-bad">too slow:</span> {speed}' if snapshot.too_slow else speed),
@@ -104,7 +107,7 @@ def _status(snapshot: Snapshot) -> tuple[str, str]:
         return "#e03131", "Stopped"
     if snapshot.playing and snapshot.waiting:
         return colors.css(colors.SKY), "Begins when the page is drawn"
-    if snapshot.playing:
+    if snapshot.playing or snapshot.steps_left:
         return colors.css(colors.GREEN), "Running"
     return colors.css(colors.ORANGE), "Paused"
 

@@ -10,7 +10,7 @@ from flexlab.control.law import laws
 from flexlab.errors import FlexlabError
 from flexlab.lab.lab_state import LabState
 from flexlab.own import hosts
-from flexlab.own.files import LAW_FILES, PATH_FILES, OwnFolder
+from flexlab.own.files import LAW_FILES, PATH_FILES, OwnFolder, files_in
 from flexlab.own.law import PythonLaw
 from flexlab.quantities import Part
 from flexlab.sim.commands import Play, Reset
@@ -47,7 +47,7 @@ class OwnFileWatch:
         self._thread.join()
 
     def _stamps(self) -> dict[Path, Stamp]:
-        found = self._known.union(*(folder.glob("*.py") for folder in self._folders))
+        found = self._known.union(*map(files_in, self._folders))
         stamps: dict[Path, Stamp] = {}
         for file in found:
             with contextlib.suppress(OSError):

@@ -136,6 +136,15 @@ def declares(text: str, base: str) -> bool:
     return re.search(rf"^class\s+\w+\s*\([^:]*\b{base}\b", text, re.MULTILINE) is not None
 
 
+ENDINGS = (".py", ".fmu")
+"""Ends of the names of a person's own files: texts in Python, and units."""
+
+
+def files_in(folder: Path) -> list[Path]:
+    """All such files of a folder."""
+    return sorted(path for ending in ENDINGS for path in folder.glob(f"*{ending}"))
+
+
 @dataclass(frozen=True)
 class OwnFolder(Generic[K]):
     """The files with laws, or with paths."""
@@ -165,7 +174,7 @@ class OwnFolder(Generic[K]):
         """All files, a person's own first; they replace flexlab's examples of the same name."""
         found: dict[str, Path] = {}
         for folder in (self.own, presets_folder() / self.folder):
-            for path in sorted([*folder.glob("*.py"), *folder.glob("*.fmu")]):
+            for path in files_in(folder):
                 if path.is_file():
                     found.setdefault(path.name, path)
         return list(found.values())
@@ -202,7 +211,7 @@ class OwnFolder(Generic[K]):
         if is_address(given) and base is OwnLaw:
             text = text_of_program(given)
             return self.kinds.add(text, address_in(text)).kind
-        if isinstance(given, Path) or (isinstance(given, str) and given.endswith((".py", ".fmu"))):
+        if isinstance(given, Path) or (isinstance(given, str) and given.endswith(ENDINGS)):
             kernel = self._kernel(Path(given))
             if not kernel and not self.holds(given):
                 needed = f"it needs a class Name({base.__name__}), or {self.kinds.registry.constant} = {word.capitalize()}(...)"

@@ -12,9 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 from own_law_text import forget_own_laws
+from waiting import wait_until
 
 import flexlab
 from flexlab.errors import ScenarioError, StudyError
+from flexlab.lab.session import Session
 from flexlab.own import hosts
 from flexlab.own.files import LAW_FILES, law_kind
 from flexlab.own.unit import unit_in
@@ -270,3 +272,18 @@ def test_a_unit_in_the_folder_of_laws_is_added_to_the_menu(
     assert LAW_FILES.add_all() == []
     assert "fmu-mine" in options("controller.kind")
     assert flexlab.simulate("paper", 0.01, law="fmu-mine").status == "finished"
+
+
+def test_a_unit_put_into_the_folder_of_laws_while_a_lab_runs_is_taken_up(
+    exported: Exported, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)
+    file = exported(load_preset("paper"))
+    with Session(load_preset("paper"), shadows=False) as lab:
+        LAW_FILES.own.mkdir(parents=True)
+        shutil.copy(file, LAW_FILES.own / "later.fmu")
+        said = "later.fmu was saved: the control law fmu-later is new."
+        wait_until(lambda: lab.lab_state.notice.text == said, "the lab says so")
+        lab.lab_state.change({"controller.kind": "fmu-later"})
+        wait_until(lambda: lab.runner.snapshot.scenario.controller.kind == "fmu-later", "it drives the arms")
+    forget_own_laws()

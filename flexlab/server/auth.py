@@ -27,8 +27,8 @@ from flexlab.server.visitors import (
 from flexlab.sockets import LOOPBACK, is_of_host, name_in
 from flexlab.text import limited
 
-LARGEST_BODY = 64 * 1024
-"""Largest form, bytes: no form carries more than the notes on a run."""
+LARGEST_BODY = 512 * 1024
+"""Largest form, bytes: a study's carries its scenario, of which a measured path of the most rows takes some 320 kB."""
 OPEN_TO_ALL = "/static/"
 """Style sheet and scripts need no token: they are not secret, and the sign-in page uses them."""
 WITH_A_PASS = "/pass/"

@@ -160,9 +160,9 @@ def test_no_file_outside_the_folders_is_served(front_server: FrontServer, path: 
 
 def test_an_oversized_form_is_refused(front_server: FrontServer, recorded: Path, caplog: pytest.LogCaptureFixture):
     path = f"/runs/{recorded.stem}/notes"
-    answer = ask(front_server.url, path, "POST", b"note=" + b"x" * 200_000, Content_Type=FORM)
+    answer = ask(front_server.url, path, "POST", b"note=" + b"x" * 600_000, Content_Type=FORM)
     assert answer.status == 413
-    assert "larger than 64\xa0kB" in answer.text
+    assert "larger than 512\xa0kB" in answer.text
     assert "Refused" in caplog.text
     assert "characters" in ask(front_server.url, path, "POST", b"note=" + b"x" * 3000, Content_Type=FORM).text
     assert ask(front_server.url, "/lab/", "POST", b"x").status == 405

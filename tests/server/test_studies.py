@@ -16,6 +16,7 @@ import flexlab
 from flexlab.analysis.sweep.axes import parse_axes, varied_fields
 from flexlab.analysis.sweep.plan import make_plan, run_part
 from flexlab.analysis.sweep.result import Sweep, join_parts, save_part
+from flexlab.control.paths.table import MOST_ROWS
 from flexlab.errors import FlexlabError, StudyError
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
@@ -193,7 +194,7 @@ def test_a_cell_leads_to_its_scenario_in_the_lab(server: FrontServer, swept: str
 
 
 def test_a_scenario_that_is_too_long_for_a_link_is_studied_and_opened(server: FrontServer):
-    rows = [(k / 30, 0.05 * math.sin(k / 30) ** 2, 0.0, 0.0) for k in range(400)]  # A measured path with every digit.
+    rows = [(k / 30, 0.05 * math.sin(k / 30) ** 2, 0.0, 0.0) for k in range(MOST_ROWS)]  # Measured, with every digit.
     scenario = Scenario().replace({"trajectory": {"kind": "table", "rows": rows}})
     assert len(encode_scenario(scenario)) > LONGEST_LINK
     form = SWEEP | {"scenario": encode_scenario(scenario), "field1": "", "count2": "2"}

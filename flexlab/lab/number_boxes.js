@@ -1,7 +1,7 @@
 // Makes number boxes accept 1.5e-3 and −3 as people write and copy them: viser's drop the letter and the sign, giving 1.53 and 3.
 // A box that is left without a number shows its last one again. A typed number takes effect when the typing pauses, or at once on
-// Enter, an arrow key, a shortcut or leaving the box: otherwise 600 would take effect as 6 and as 60 first. A pasted text that is
-// no number is refused in a sentence: viser would drop its letters and take 0x10 for 10.
+// Enter, an arrow key, a shortcut or leaving the box: otherwise 600 would take effect as 6 and as 60 first. A pasted or dropped
+// text that is no number is refused in a sentence: viser would drop its letters and take 0x10 for 10.
 (() => {
   const POWER = /^[+-]?(\d+[.,]?\d*|[.,]\d+)e([+-]?\d*)$/i;
   const NUMBER = /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i;
@@ -61,13 +61,14 @@
     hold(box);
   }
 
-  // In place of viser's box, which drops 2,5 and 1,234.5 without a word.
+  // In place of viser's box, which drops 2,5 and 1,234.5 without a word. A text that is dropped replaces the box's own.
   function paste(event) {
-    const box = event.target;
+    const box = event.target, dropped = event.dataTransfer;
     if (!isBox(box)) return;
     event.preventDefault();
     event.stopImmediatePropagation();
-    const text = event.clipboardData.getData("text").trim(), number = text.replace("−", "-").replace(",", ".");
+    if (dropped) box.select();
+    const text = (dropped ?? event.clipboardData).getData("text").trim(), number = text.replace("−", "-").replace(",", ".");
     const whole = box.value.slice(0, box.selectionStart) + number + box.value.slice(box.selectionEnd);
     if (NUMBER.test(whole) && Number.isFinite(Number(whole))) {
       show(box, /e/i.test(whole) ? Number(whole).toLocaleString("en-US", DIGITS) : whole);
@@ -118,6 +119,7 @@
   };
   addEventListener("beforeinput", write, true);
   addEventListener("paste", paste, true);
+  addEventListener("drop", paste, true);
   // viser's boxes note the caret at each key, and lose text that is written beyond the end of the text that they know.
   addEventListener("keydown", (event) => {
     const { key, ctrlKey, metaKey } = event;

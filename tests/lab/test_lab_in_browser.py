@@ -159,7 +159,14 @@ def test_a_box_takes_numbers_as_people_write_them(page: LabPage) -> None:
     expect(box).to_have_value("36", timeout=PATIENCE)  # Left empty, it shows its number again.
 
 
-def test_a_pasted_text_is_a_number_or_is_refused(page: LabPage) -> None:
+DROP = """(box, text) => {
+    const dataTransfer = new DataTransfer();
+    dataTransfer.setData("text/plain", text);
+    box.dispatchEvent(new DragEvent("drop", { dataTransfer, bubbles: true, cancelable: true }));
+}"""
+
+
+def test_a_pasted_or_dropped_text_is_a_number_or_is_refused(page: LabPage) -> None:
     """A pasted "5 kN" became 5, 0x10 became 10, and 1,234.5 did nothing."""
     page.page.context.grant_permissions(["clipboard-read", "clipboard-write"])
     box = page.box(EI)
@@ -177,6 +184,10 @@ def test_a_pasted_text_is_a_number_or_is_refused(page: LabPage) -> None:
         wait_until(
             lambda taken=taken: page.snapshot.scenario.payload.bending_stiffness == taken, f"{pasted!r} is {taken:g}"
         )
+    for dropped in ("5 kN", "45"):
+        box.evaluate(DROP, dropped)
+    page.wait_for_text("'5 kN' is not a number: write one such as 0.5 or 1e3.")
+    wait_until(lambda: page.snapshot.scenario.payload.bending_stiffness == 45, "it takes the place of 90")
 
 
 def test_a_typed_number_may_be_much_longer_than_the_present_one(page: LabPage) -> None:

@@ -140,3 +140,14 @@ def test_the_switch_of_the_animation_is_off_after_another_preset_is_opened(sessi
         lab_state.load(load_preset("gravity"), "gravity")
         wait_until(lambda: not switch.value, "the switch is off")
         assert lab_state.view.shown_mode is None
+
+
+def test_a_mode_that_a_coarser_mesh_lacks_is_said_to_be_missing(session: Session) -> None:
+    lab_state = session.lab_state
+    with RawBrowser(session) as browser:
+        browser.update(widget(session, "Mode"), {"value": "4"})
+        browser.update(widget(session, "Animate its shape"), {"value": True})
+        wait_until(lambda: lab_state.view.shown_mode == 3, "the mode is animated")
+        lab_state.change({"payload.element_count": 1})
+        said = "Mode 4 needs a finer mesh: this one has 2 modes. Give it more elements."
+        wait_until(lambda: any(said in text.content for text in html_texts(session)), "the panel says why it stands")

@@ -59,6 +59,8 @@ class ModePanel:
             if self._lab_state.view.shown_mode is None:
                 put(self._animate, value=False)
         result, problem = self._study.result, self._study.problem
+        if result is not None and (shown := self._lab_state.view.shown_mode) is not None:
+            problem = problem or _lacks(result, shown)  # The beam may have been changed since.
         pressed = snapshot.scenario.payload.axial_load != "none"
         waits = "" if problem else '<div class="fl">Computing …</div>'
         self._table.content = waits if result is None else modes_html(result, pressed)
@@ -69,9 +71,8 @@ class ModePanel:
         result, index = self._study.result, int(self._choice.value) - 1
         if result is None:
             raise LabError(self._study.problem or STILL_COMPUTED)
-        if index >= len(result.frequency):
-            has = counted(len(result.frequency), "mode")
-            raise LabError(f"Mode {index + 1} needs a finer mesh: this one has {has}. Give it more elements.")
+        if lacks := _lacks(result, index):
+            raise LabError(lacks)
         return index
 
     def _set_animation(self) -> None:
@@ -124,6 +125,14 @@ class ModePanel:
         self._lab_state.set_view(
             exaggeration=min(max(factor, 1.0), EXAGGERATION.high), follow_deflection=False, follow_speed=True
         )
+
+
+def _lacks(result: Modes, index: int) -> str:
+    """A sentence if the beam has no mode of this index, else empty."""
+    if index < len(result.frequency):
+        return ""
+    has = counted(len(result.frequency), "mode")
+    return f"Mode {index + 1} needs a finer mesh: this one has {has}. Give it more elements."
 
 
 def modes_html(result: Modes, pressed: bool = False) -> str:

@@ -195,7 +195,7 @@ def _serving_on(plug: socket.socket, admission: Admission, connection: Any, adde
 
     with _OPENING:
         original: Any = websockets.asyncio.server.serve
-        websockets.asyncio.server.serve = serve  # type: ignore[assignment, misc]  # A class there, a function here.
+        websockets.asyncio.server.serve = serve
         try:
             yield
         finally:

@@ -87,7 +87,7 @@ def _watch_exits(say: Say, file: str) -> None:
 
         return end
 
-    os._exit, os.abort = telling("_exit", os._exit), telling("abort", os.abort)  # type: ignore[assignment]  # They are typed as never returning.
+    os._exit, os.abort = telling("_exit", os._exit), telling("abort", os.abort)
 
 
 def _serve(load: Callable[[str, str], T], answer: Callable[[T, socket.socket, Say], None]) -> None:

@@ -195,7 +195,7 @@ class PythonPath(Path):
     declaration: PathDeclaration
 
     @property
-    def record(self) -> np.dtype:  # type: ignore[override]  # Computed for each path there, one for all here.
+    def record(self) -> np.dtype:
         """One type for all paths in Python, so that the kernel is compiled once."""
         return RECORD
 

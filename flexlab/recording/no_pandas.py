@@ -3,7 +3,7 @@
 import sys
 from typing import Any
 
-import pyarrow as pa  # type: ignore[import-untyped]  # It ships no types.
+import pyarrow as pa
 
 
 class _NoPandas:
@@ -24,6 +24,6 @@ def leave_pandas_out() -> None:
     finder = _NoPandas()
     sys.meta_path.insert(0, finder)
     try:
-        pa.array([True])  # type: ignore[reportUnknownMemberType]  # As above.
+        pa.array([True])
     finally:
         sys.meta_path.remove(finder)

@@ -184,7 +184,7 @@ class RunMetrics:
 @cache
 def _parts(name: str) -> Any:
     """The class of a tuple of a metric's numbers with named parts, as in `rms_error.y`."""
-    return namedtuple(name, [column.part for column in METRICS[name].columns])  # type: ignore[misc]  # Names known at run time only.
+    return namedtuple(name, [column.part for column in METRICS[name].columns])
 
 
 class MetricCollection:

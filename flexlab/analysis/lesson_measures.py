@@ -69,7 +69,7 @@ def coarse_note(scenario: Scenario, period: float, until: float, events: Sequenc
     enough = digits * math.floor(1 / (FEWEST * frequency) / digits)
     advice = f"Take samples every {number_text(1e3 * enough)} ms or more often."
     if enough < SHORTEST_PERIOD:
-        advice = f"Even samples {number_text(1e3 * SHORTEST_PERIOD)} ms apart, the closest that there are, are too few."
+        advice = f"Even the shortest sample period, {number_text(1e3 * SHORTEST_PERIOD)} ms, is too long for that."
     return (
         f"Samples are {number_text(1e3 * period)} ms apart, and the beam's first mode has a period of "
         f"{number_text(1e3 / frequency, 3)} ms: peaks, settling time and RMS of the vibration may be far off. {advice}"

@@ -61,7 +61,9 @@ def own_lessons(folder: Path = OWN_LESSONS) -> list[OwnLesson]:
     files = sorted(folder.glob("*.md"))
     found = [_read(file) for file in files[:MOST]]
     if len(files) > MOST:
-        told = f"this lesson and all after it in the order of names are left out, as {MOST} are the most: remove some."
+        told = (
+            f"the menu holds at most {MOST} lessons, and leaves out this one and those after it by name: remove some."
+        )
         found.append(_unread(files[MOST], told))
     return found
 

@@ -100,7 +100,7 @@ def test_no_closer_samples_are_advised_than_there_are() -> None:
     stiffest = load_preset("paper").replace({"payload.bending_stiffness": 1e12})
     note = run_metrics(simulate(stiffest, 0.01)).note
     assert "the beam's first mode has a period of 0.000224 ms" in note
-    assert note.endswith("Even samples 0.001 ms apart, the closest that there are, are too few.")
+    assert note.endswith("Even the shortest sample period, 0.001 ms, is too long for that.")
 
 
 def test_samples_too_far_apart_for_a_beam_that_is_made_stiffer_are_noted(tmp_path: Path) -> None:

@@ -133,7 +133,7 @@ def test_lessons_beyond_the_most_of_a_menu_are_not_left_out_silently(tmp_path: P
     *read, first_left = own_lessons(tmp_path)
     assert [own.problem for own in read] == [""] * MOST
     assert first_left.problem == (
-        f"lesson-{MOST}.md: this lesson and all after it in the order of names are left out, as {MOST} are the most: "
+        f"lesson-{MOST}.md: the menu holds at most {MOST} lessons, and leaves out this one and those after it by name: "
         "remove some."
     )
 

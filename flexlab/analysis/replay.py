@@ -244,8 +244,8 @@ class _Comparison:
             row = int(np.argmax(unlike.any(axis=1))) if unlike.any() else first
             if row < first:
                 column = int(np.argmax(unlike[row]))
-                values = float(one[row, column]), float(other[row, column])
-                first, found = row, Difference(float(recorded.time[row]), name, *values)
+                pair = float(one[row, column]), float(other[row, column])
+                first, found = row, Difference(float(recorded.time[row]), name, *pair)
         return found
 
     def _note(self, name: str, time: np.ndarray, one: np.ndarray, other: np.ndarray) -> None:

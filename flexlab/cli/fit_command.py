@@ -48,14 +48,15 @@ def command(
         if measured and not preset:
             raise StudyError("--save needs --preset: the scenario whose beam is fitted.")
         check_writing(save)
-    how = time, signal, start, end, find_scenario(preset)[1] if preset else None
+    scenario = find_scenario(preset)[1] if preset else None
+    how = time, signal, start, end, scenario
     fit = fit_file(path, *how) if measured else fit_run(source, logs, *how)
     for sentence in fit.notes:
         note(sentence)
     kept = None
     if measured:
         try:
-            kept = keep_measurement(fit, path, how[-1], preset, logs)
+            kept = keep_measurement(fit, path, scenario, preset, logs)
         except RecordingError as error:
             note(f"{path.name} is not kept as a run: {error}")
     if save is not None and fit.scenario is not None:

@@ -223,7 +223,8 @@ class RunStream:
         self._stream = new_stream(APPLICATION, info.run_id)
         self._encoded = self._stream.binary_stream() if file is None else None
         self._live = live
-        self._sent: tuple[np.ndarray | None, Any] = None, None
+        self._newest: tuple[np.ndarray, rr.TimeColumn] | None = None
+        """The newest instants, and their column."""
         # Active, not only the default: for the first pieces of a file without an index the viewer makes a layout of its own,
         # which it would keep.
         layout = measurement_blueprint(info.scenario)
@@ -261,9 +262,9 @@ class RunStream:
         """Send columns for the instants `time` (N,), s. Returns at once."""
         if self._live and entity == SAMPLES:
             return
-        if self._sent[0] is not time:  # All curves of a block share its instants.
-            self._sent = time, time_column(time)
-        send_columns(self._stream, entity, self._sent[1], columns)
+        if self._newest is None or self._newest[0] is not time:  # All curves of a block share its instants.
+            self._newest = time, time_column(time)
+        send_columns(self._stream, entity, self._newest[1], columns)
 
     def read(self) -> bytes:
         """Return the data sent since the last call as one piece of a rerun file, or b"". Raises `RecordingError`."""

@@ -55,7 +55,7 @@ class _BySource(_CacheLocator):
     """
 
     def __init__(self, function: Any, file: str):
-        self._folder = os.path.join(config.CACHE_DIR, function.__module__)  # type: ignore[attr-defined]
+        self._folder = os.path.join(config.CACHE_DIR, function.__module__)  # type: ignore[attr-defined]  # Set at import.
         self._line = function.__code__.co_firstlineno
         with open(file, "rb") as source:
             self._stamp = hashlib.sha256(source.read()).hexdigest()

@@ -3,10 +3,12 @@
 import threading
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
-from flexlab.errors import telling
+from flexlab.errors import FlexlabError, telling
+from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Origin
 
@@ -28,6 +30,15 @@ class Settings:
     name: str
     baseline: Scenario
     origin: Origin | None = None
+
+    @classmethod
+    def of_run(cls, scenario: Scenario, name: str, origin: Origin | None) -> Self:
+        """Settings of a new run. A run that continues an earlier one is compared with that run's preset."""
+        baseline = scenario
+        if origin is not None:
+            with suppress(FlexlabError):
+                baseline = load_preset(name)
+        return cls(scenario, name, baseline, origin)
 
 
 class Undo:

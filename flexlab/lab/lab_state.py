@@ -1,6 +1,5 @@
 """The state that all controls of one lab share: commands to the runner, requested scenario, undo, view settings, notices."""
 
-import contextlib
 import dataclasses
 import math
 import threading
@@ -10,7 +9,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from flexlab.errors import FlexlabError, LabError, ScenarioError
+from flexlab.errors import LabError, ScenarioError
 from flexlab.guide import LOCKED, ClassRules, LessonProgress
 from flexlab.lab.changes import Settings, SlowChanges, Undo
 from flexlab.lab.mode_computation import peak_deflection
@@ -18,7 +17,6 @@ from flexlab.lab.reference_run import Recorded, ReferenceRun
 from flexlab.lab.view_settings import ViewSettings, fitting_window, tamed_exaggeration
 from flexlab.own.path import needs_running, with_table
 from flexlab.physics.plant import ON_BEAM, Hand
-from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import changes_towards, differences
 from flexlab.sim.commands import ChangeScenario, Command, LoadScenario, Pause, Play, Pull, Reset, SetSpeed
@@ -74,7 +72,7 @@ class LabState:
         """Simulates the run that the lab shows."""
         self.lock = threading.RLock()
         """Held while settings change, and by code that reads them more than once."""
-        self._settings = _settings(snapshot.scenario, snapshot.name, origin)
+        self._settings = Settings.of_run(snapshot.scenario, snapshot.name, origin)
         self._run_name = snapshot.name
         self._run_number = snapshot.run_number
         self._undo = Undo()
@@ -129,9 +127,9 @@ class LabState:
 
     @property
     def playing(self) -> bool:
-        """Whether the run plays, or will as soon as the engine has answered the last request."""
+        """Whether the run moves, or will as soon as the engine has answered the last request."""
         (number, wanted), snapshot = self._asked_play, self.snapshot
-        return wanted if snapshot.answered < number else snapshot.playing
+        return wanted if snapshot.answered < number else snapshot.moves
 
     @property
     def target_speed(self) -> float:
@@ -197,7 +195,7 @@ class LabState:
         with self.lock:
             plays = self.has_failed
             self._undo.note(self._settings)
-            self._start(_settings(scenario, name, origin))
+            self._start(Settings.of_run(scenario, name, origin))
             if plays:
                 self.submit(Play())
 
@@ -347,12 +345,3 @@ class LabState:
 def _hand(state: WorldState) -> Hand:
     """The pull that is active in a state."""
     return Hand(*map(float, state.pull))
-
-
-def _settings(scenario: Scenario, name: str, origin: Origin | None) -> Settings:
-    """Settings of a new run. A run that continues an earlier one is compared with that run's preset."""
-    baseline = scenario
-    if origin is not None:
-        with contextlib.suppress(FlexlabError):
-            baseline = load_preset(name)
-    return Settings(scenario, name, baseline, origin)

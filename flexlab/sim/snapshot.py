@@ -50,7 +50,7 @@ class Snapshot:
     events: tuple[Event, ...]
     """The newest events of this run, oldest first."""
     steps_left: int = 0
-    """Single steps that a paused run still has to do, as fast as it can: on its way to a time that was asked for."""
+    """Single steps that were asked for and are not done yet; a paused run does them as fast as it can."""
     start_time: float = 0.0
     """Simulation time at which the run began, s: not 0 if it goes on from an earlier one."""
     waiting: bool = False
@@ -63,6 +63,11 @@ class Snapshot:
     """As `World.pace_warning`: what makes the run slower than real time, and what to change."""
     answered: int = 0
     """All commands up to this number, as `Runner.submit` returned it, have been carried out or refused."""
+
+    @property
+    def moves(self) -> bool:
+        """Whether it plays, or does single steps."""
+        return self.playing or self.steps_left > 0
 
 
 class Consumer(Protocol):

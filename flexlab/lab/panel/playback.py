@@ -80,10 +80,9 @@ class Playback:
 
     def update(self, snapshot: Snapshot) -> None:
         """Label the play button with what it will do, and follow a speed that was set elsewhere."""
-        moves = snapshot.playing or snapshot.steps_left > 0
-        self._play.label = "Pause" if moves else "Play"
-        self._play.icon = viser.Icon.PLAYER_PAUSE if moves else viser.Icon.PLAYER_PLAY
-        stands = not moves and not snapshot.status.failed
+        self._play.label = "Pause" if snapshot.moves else "Play"
+        self._play.icon = viser.Icon.PLAYER_PAUSE if snapshot.moves else viser.Icon.PLAYER_PLAY
+        stands = not snapshot.moves and not snapshot.status.failed
         begins = stands and float(snapshot.latest.time[0]) == snapshot.start_time
         put(self._begin_mark, visible=begins)
         put(self._begin, visible=begins, label=f"Play from t = {number_text(snapshot.start_time, 5)} s")
@@ -102,8 +101,7 @@ class Playback:
             self._toggle()
 
     def _toggle(self) -> None:
-        moves = self._lab_state.playing or self._lab_state.snapshot.steps_left
-        self._lab_state.submit(Pause() if moves else Play())
+        self._lab_state.submit(Pause() if self._lab_state.playing else Play())
 
     def _held_step(self) -> None:
         self._held_at = time.monotonic()

@@ -107,7 +107,7 @@ def _status(snapshot: Snapshot) -> tuple[str, str]:
         return "#e03131", "Stopped"
     if snapshot.playing and snapshot.waiting:
         return colors.css(colors.SKY), "Begins when the page is drawn"
-    if snapshot.playing or snapshot.steps_left:
+    if snapshot.moves:
         return colors.css(colors.GREEN), "Running"
     return colors.css(colors.ORANGE), "Paused"
 

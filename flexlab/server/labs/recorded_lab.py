@@ -213,9 +213,7 @@ class RecordedLab(Lab):
         snapshot, recorder = self._session.runner.snapshot, self._recorder
         if self._shown[0] is not snapshot.scenario:
             self._shown = snapshot.scenario, encode_scenario(snapshot.scenario)
-        state = (
-            "stopped" if snapshot.status.failed else "running" if snapshot.playing or snapshot.steps_left else "paused"
-        )
+        state = "stopped" if snapshot.status.failed else "running" if snapshot.moves else "paused"
         return LabStatus(
             name=snapshot.name,
             title=snapshot.scenario.title or snapshot.name,

@@ -203,6 +203,8 @@ def _compare(recorded: Samples, repeated: Iterable[Samples], so_far: "_Compariso
         # The recording may have gaps, from dropped samples or a full disk.
         rows = np.searchsorted(recorded.time, again.time)
         there = (rows < len(recorded)) & (recorded.time[np.minimum(rows, len(recorded) - 1)] == again.time)
+        if not there.any():
+            continue
         difference = so_far.first_difference(recorded.take(rows[there]), again.take(there))
         done += int(np.count_nonzero(there))
         if difference is not None:
@@ -233,7 +235,8 @@ class _Comparison:
             if name not in present or (name in TABLE and name not in self._compared):
                 continue
             if values.shape != present[name].shape:
-                return Difference(float(recorded.time[0]), name, np.nan, np.nan)
+                sizes = math.prod(values.shape[1:]), math.prod(present[name].shape[1:])
+                return Difference(float(recorded.time[0]), f"the number of values of {name}", *sizes)
             one, other = _rows(values), _rows(present[name])
             unlike = one.view(np.int64) != other.view(np.int64)
             if self._tolerant and len(one):

@@ -191,6 +191,22 @@ def test_a_gap_in_the_samples_is_left_out(recording: Recording) -> None:
     assert found.compared == len(keep)
 
 
+@pytest.mark.parametrize(
+    ("late", "says"),
+    [
+        (0.0, "differs first at t = 0 s in the number of values of beam_coordinates: recorded 1, now 4."),
+        (0.0005, "The replay stopped at t = 0.0005 s, before the recording's end."),
+    ],
+)
+def test_a_signal_of_another_size_is_a_difference(recording: Recording, late: float, says: str) -> None:
+    """The time of the difference was that of the first common sample, also where there is none (IndexError)."""
+    samples = recording.samples
+    fewer = samples.having(time=samples.time + late, beam_coordinates=samples.beam_coordinates[:, :1])
+    found = replay(having(recording, fewer))
+    assert not found.agrees
+    assert says in found.text
+
+
 @pytest.mark.parametrize("time", [0.0, 0.1, 0.25, 0.4])
 def test_continuing_from_any_time_gives_the_same_samples(recording: Recording, time: float) -> None:
     scenario, state = state_at(recording, time)

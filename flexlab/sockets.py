@@ -110,7 +110,7 @@ def free_ports(count: int) -> list[int]:
 def listen(host: str, port: int) -> socket.socket:
     """A listening socket on exactly this host and port (0: any free one). Raises `LabError` with the reason if it cannot."""
     if not 0 <= port <= 65535:
-        raise LabError(f"port = {port} is not a port number: choose 0 (any free one) to 65535.")
+        raise LabError(f"port = {port!r:.60} is not a port number: choose 0 (any free one) to 65535.")
     if host.startswith(UNIX):
         return _listen_on_file(host.removeprefix(UNIX))
     try:

@@ -105,7 +105,7 @@ class Settings:
         )
         for name, given, low, high, unit in ranges:
             if given is not None and not low <= given <= high:
-                raise LabError(f"{name} = {given:.9g}{unit} is outside {low:g} to {high:g}{unit}: choose within it.")
+                raise LabError(f"{name} = {given!r:.60}{unit} is outside {low:g} to {high:g}{unit}: choose within it.")
         limits = ("max-size", self.max_size, "GB"), ("max-age", self.max_age, "days"), ("quota", self.quota, "MB")
         for name, limit, unit in limits:
             if limit is not None and not 0 < limit < math.inf:

@@ -176,6 +176,8 @@ def test_a_failed_episode_terminates_and_costs_its_remaining_time():
         ({"delay": np.array([0.0, 2.5])}, "delay.1 = 2.5 needs a whole number"),
         ({"variants": 2.5}, "variants = 2.5 needs a whole number"),
         ({"threads": 1.5}, "threads = 1.5 needs a whole number"),
+        ({"scenario": float("nan")}, "float is not a scenario: give a Scenario"),
+        ({"scenario": (float("nan"), 1)}, "tuple is not a scenario: give a Scenario"),
     ],
 )
 def test_unusable_options_are_refused(options: dict, says: str):

@@ -18,9 +18,10 @@ from flexlab.server.settings import KEPT_FREE, LAB_MEMORY, Capacity, Settings
     ("field", "value", "says"),
     [
         ("idle_time", 0.5, "idle-time = 0.5 s is outside 1 to 604800 s: choose within it."),
-        ("idle_time", 1e9, "idle-time = 1e+09 s is outside 1 to 604800 s"),
+        ("idle_time", 1e9, "idle-time = 1000000000.0 s is outside 1 to 604800 s"),
         ("idle_time", float("nan"), "idle-time = nan s is outside"),
         ("max_sessions", 0, "max-sessions = 0 is outside 1 to 1000: choose within it."),
+        ("max_sessions", 10**400, "max-sessions = 1(0{59}) is outside 1 to 1000: choose within it."),
         ("token", "fifteen-letters", "--token has 15 characters, too few to keep anybody out: give at least 16."),
         ("teacher_token", "", "--teacher-token has 0 characters, too few"),
         ("teacher_token", "with spaces in the middle", "--teacher-token has ' ', which"),

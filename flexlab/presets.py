@@ -26,7 +26,7 @@ from flexlab.scenario import parse_scenario
 from flexlab.scenario.field_text import differences, told, value_text
 from flexlab.scenario.path_file import known_kind, path_choice
 from flexlab.scenario.scenario import FORMAT, FORMAT_FIELD, MENU_FIELD, SCHEMA_FIELD, Scenario
-from flexlab.text import visible, writable
+from flexlab.text import REPLACEMENT, visible, writable
 
 REFERENCE = "schema/scenario.json"
 """Path of the schema relative to the presets, as they give it."""
@@ -60,6 +60,8 @@ OWN_FOLDER = Path("presets")
 """A person's own presets, relative to the working directory."""
 LARGEST_FILE = 5_000_000
 """The most bytes of a scenario file: five times what the longest table of a path needs."""
+_NO_ADDRESS = re.compile(r"[\\\x00-\x1f\x7f]|\A\.+\Z")
+"""What the addresses of pages cannot hold of names: control characters, backslashes, and dots alone."""
 _NUMBER_LIST = re.compile(r"\[\s+([^\[\]{}\"]*?)\s+\]")
 
 
@@ -74,11 +76,18 @@ def preset_files(own: str | Path = OWN_FOLDER) -> dict[str, Path]:
     """
     own, ours = file_path("own", own), presets_folder()
     try:
-        # Pages, menus and recordings hold names as UTF-8, which those of old archives are not.
-        files = {writable(path.stem): path for folder in (own, ours) for path in folder.glob("*.json")}
+        files = {preset_name(path.stem): path for folder in (own, ours) for path in folder.glob("*.json")}
     except OSError as error:
         raise PresetError(f"own = {str(own)!r:.60} cannot be read ({error.strerror}): name another folder.") from None
     return dict(sorted(files.items(), key=lambda item: (item[1].parent != ours, _menu_order(item[1]), item[0])))
+
+
+def preset_name(stem: str) -> str:
+    """The name of the preset in a file: the file's, where pages, menus and recordings can hold it.
+
+    Those of old archives are not UTF-8, and a line break or "." has no address.
+    """
+    return _NO_ADDRESS.sub(REPLACEMENT, writable(stem))
 
 
 def preset_names(own: str | Path = OWN_FOLDER) -> list[str]:
@@ -112,10 +121,10 @@ def find_scenario(name_or_path: str) -> tuple[str, Scenario]:
 
     Raises `PresetError` or `ScenarioError`.
     """
-    if (name := writable(name_or_path)) in preset_files():
+    if (name := preset_name(name_or_path)) in preset_files():
         return name, load_preset(name)
     if name_or_path.endswith(".json") or "/" in name_or_path or "\\" in name_or_path:
-        return writable(Path(name_or_path).stem), load_scenario_file(name_or_path)
+        return preset_name(Path(name_or_path).stem), load_scenario_file(name_or_path)
     raise PresetError(_unknown(name_or_path, preset_names()))
 
 

@@ -21,7 +21,7 @@ def make_odd_folder(logs: Path, recorded: Path) -> None:
     (logs / "folder.rrd").mkdir()
     (logs / "text.rrd").write_bytes(SECRET)
     (logs / "empty.rrd").touch()
-    for name in (b"name-\xff.rrd", b"line\nbreak.rrd", b"esc\x1b[31m.rrd", b"a?b#c%20d.rrd", b"...rrd"):
+    for name in (b"name-\xff.rrd", b"line\nbreak.rrd", b"esc\x1b[31m.rrd", b"a?b#c%20d.rrd", b"a{b}.rrd", b"...rrd"):
         (logs / os.fsdecode(name)).write_bytes(recorded.read_bytes())
     notes = {
         "deep": "[" * 100_000,
@@ -41,5 +41,5 @@ def make_odd_folder(logs: Path, recorded: Path) -> None:
     os.mkfifo(logs / "piped.json")
 
 
-RUNS = 24
+RUNS = 25
 """Number of entries `*.rrd` in such a folder."""

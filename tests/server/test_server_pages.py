@@ -30,7 +30,14 @@ def test_the_start_page_names_every_preset_and_the_state_of_the_lab(front_server
 
 
 on_linux = pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such names")
-NAMES = [b"half? 50%25 #1.json", pytest.param(b"half a b\xfcrste.json", marks=on_linux)]
+NAMES = [
+    b"half? 50%25 #1.json",
+    b"half {a}; beam&c=d+e.json",
+    *(
+        pytest.param(name, marks=on_linux)
+        for name in (b"half a b\xfcrste.json", b"..json", b"...json", b"half\na beam.json", b"half\\a beam.json")
+    ),
+]
 
 
 @pytest.mark.parametrize("name", NAMES)

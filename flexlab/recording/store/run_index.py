@@ -39,7 +39,7 @@ MOST_METRICS = 100
 MOST_LESSONS = 100
 MEASURED_STATUS = "measured"
 """`sim.samples.MEASURED`, written again here so that listing runs does not load the engine."""
-_NO_ADDRESS = re.compile(r"[\\\t\n]|\A\.*\Z|\.rrd\Z")
+_NO_ADDRESS = re.compile(r"[\\\t\n{}]|\A\.*\Z|\.rrd\Z")
 """Found in names that an address cannot hold, or that would mean something else there."""
 _NAME = re.compile(r"(\d{4}-\d{2}-\d{2}T\d{2}-\d{2}-\d{2})-(.+)")
 LEAST_SHARE = 0.01

@@ -72,8 +72,8 @@ async def lab(request: web.Request) -> web.StreamResponse:
     return await proxy_page(request, await context.places.enter(visitor_of(request), None), "")
 
 
-@ROUTES.get("/lab/{preset}")
-@ROUTES.get("/lab/{preset}/")
+@ROUTES.get("/lab/{preset:[^/]+}")
+@ROUTES.get("/lab/{preset:[^/]+}/")
 async def preset_link(request: web.Request) -> web.StreamResponse:
     """`/lab/<preset>`: open that preset in the lab. Other names may be files of viser's page."""
     name, places = request.match_info["preset"], context_of(request).places

@@ -262,12 +262,15 @@ def test_runs_are_listed_without_reading_them(flexlab_command: Command, logs: Pa
         (["20"], "2 runs in logs begin with 20"),
         (["newest", "--note", "x" * 2001], "2001 characters: at most 2000"),
         (["--logs", "nowhere"], "no folder nowhere"),
+        (["--logs", "file"], "file cannot be read (Not a directory): choose a folder with --logs."),
+        (["--max-age", "3", "--logs", "file"], "file cannot be read (Not a directory): choose a folder with --logs."),
         (["newest", "--logs", "nowhere"], "no recording in nowhere"),
-        (["--logs", "x" * 300], "x… cannot be used (File name too long): choose another place."),
+        (["--logs", "x" * 300], "x… cannot be read (File name too long): choose a folder with --logs."),
     ],
 )
 def test_bad_input_is_one_sentence(flexlab_command: Command, made: Path, tmp_path: Path, words: list[str], says: str):
     (tmp_path / "logs").symlink_to(made)
+    (tmp_path / "file").touch()
     assert says in refused(flexlab_command("logs", *words))
 
 

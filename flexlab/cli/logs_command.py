@@ -55,6 +55,7 @@ def command(
     """
     limits, edits = max_size is not None or max_age is not None, note is not None or tags is not None or keep or unkeep
     _check(runs, edits=edits, delete=delete, limits=limits, both=keep and unkeep)
+    check_readable(logs)
     if not runs and not logs.is_dir():
         raise StudyError(f"There is no folder {logs}: start flexlab, or say where with --logs.")
     if measure:
@@ -80,7 +81,6 @@ def command(
     elif search:
         say(f"No run {'of these' if chosen else f'in {logs}'} has the words {search!r}.")
     else:
-        check_readable(logs)
         say(f"There is no run in {logs} yet.")
 
 

@@ -261,6 +261,17 @@ def test_a_run_s_page_names_changed_fields_by_their_titles(open_another: Callabl
     assert "<li>Bending stiffness EI (N·m²): 100 → 50</li>" in page
 
 
+def test_a_file_in_the_place_of_the_logs_folder_is_named_as_such(open_another: Callable[..., FrontServer]):
+    """The pages said that there was no run yet."""
+    front_server = open_another()
+    shutil.rmtree(front_server.settings.logs)
+    front_server.settings.logs.touch()
+    for address in ("/", "/runs"):
+        page = ask(front_server.url, address).text
+        assert "cannot be read (Not a directory): choose a folder with --logs." in page
+        assert "the lab records every run" not in page
+
+
 def test_a_run_with_gaps_says_how_much_is_missing(open_another: Callable[..., FrontServer], recorded: Path):
     """A lab on a busy machine had left out 37 % of the samples, and its run was "complete" without a word."""
     front_server = open_another()

@@ -223,8 +223,17 @@ def check_readable(logs: Path) -> None:
         pass
     except OSError as error:
         raise RecordingError(
-            f"{visible(logs)} cannot be read ({error.strerror}): choose a folder with --logs."
+            f"{visible(logs, 60)} cannot be read ({error.strerror}): choose a folder with --logs."
         ) from None
+
+
+def unreadable(logs: Path) -> str:
+    """Why the folder's recordings cannot be listed, as a sentence; "" if they can."""
+    try:
+        check_readable(logs)
+    except RecordingError as error:
+        return str(error)
+    return ""
 
 
 def find_run(run: str, logs: Path) -> Path:

@@ -16,7 +16,7 @@ from flexlab.errors import FlexlabError, RecordingError
 from flexlab.recording.importing import IMPORTED, check_format
 from flexlab.recording.overlay import MOST_RUNS
 from flexlab.recording.repair import finish
-from flexlab.recording.store.run_files import SUFFIX, file_word
+from flexlab.recording.store.run_files import SUFFIX, file_word, unreadable
 from flexlab.recording.store.run_index import RunRow, annotate_run, find_row, size_text
 from flexlab.recording.viewer import VIEWER_FILES, viewer_folder
 from flexlab.scenario.field_text import change_in_words
@@ -193,6 +193,7 @@ async def library(request: web.Request) -> web.Response:
         kind="wide" if rows else "text",
         missing=await asyncio.to_thread(context.measuring.look, rows) if rows else 0,
         folder=context.settings.logs,
+        unreadable="" if rows else await asyncio.to_thread(unreadable, context.settings.logs),
         little=await asyncio.to_thread(little_space, context.settings.logs),
         tables=TABLES,
         most=MOST_RUNS,

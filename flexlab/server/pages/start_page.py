@@ -7,6 +7,7 @@ from typing import Any
 from aiohttp import web
 
 from flexlab.assets import web_assets_folder
+from flexlab.recording.store.run_files import unreadable
 from flexlab.server.labs.lab_provider import Lab, state_of
 from flexlab.server.pages.runs_pages import table_values
 from flexlab.server.pages.templating import page
@@ -29,6 +30,7 @@ async def start_page(request: web.Request) -> web.Response:
     # With private labs, visitors give their names on the start page first.
     first = "/" if context.places.is_private else "/lab/"
     values: dict[str, Any] = table_values(rows, short=True) | {
+        "unreadable": "" if rows else await asyncio.to_thread(unreadable, context.settings.logs),
         "presets": presets,
         "pictures": pictures,
         "drawing": context.preset_cards.drawing,

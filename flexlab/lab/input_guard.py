@@ -124,6 +124,11 @@ class InputGuard:
             self._lab_state.warn(problem.told)
         return "hang up" if isinstance(problem, Unreadable) else "drop"
 
+    def silence(self, client: int) -> float:
+        """Time since the newest message of a browser, s; infinite once it has left."""
+        browser = self._browsers.get(client)
+        return math.inf if browser is None else time.monotonic() - browser.counted_at
+
     def _forget(self, client: int) -> None:
         browser = self._browsers.pop(client, None)
         if browser is not None and browser.refused:

@@ -96,7 +96,8 @@
   let seenRun = 0;
   let drawnRun = 0;
   let again = 0; // how often the shown preset was chosen again
-  let sent = "";
+  let sent = "", sentAt = -Infinity;
+  const SIGN = 1000; // ms between two reports while a mouse button is down
 
   function isComplete() {
     const node = window.__viserMutable?.nodeRefFromName;
@@ -357,8 +358,9 @@
     const report = JSON.stringify({ run: drawnRun, charts, dark: darkSystem.matches, width: innerWidth,
       covered: hidden, open: lastOpen, again,
       hears: document.querySelector(".fl-hear")?.getAttribute("aria-pressed") === "true" });
-    if (sent === way + report) return;
-    sent = way + report;
+    // The lab lets go of what a silent browser pulls; a mouse that is held still sends nothing by itself.
+    if (sent === way + report && !(held && performance.now() - sentAt > SIGN)) return;
+    [sent, sentAt] = [way + report, performance.now()];
     window.__viserMutable.sendMessage({ type: "GuiUpdateMessage", uuid: way, updates: { value: report } });
   }
 

@@ -3,6 +3,7 @@
 Both are commands, so the log and a replay contain them.
 """
 
+import asyncio
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -22,21 +23,29 @@ IMPULSE = Quantity("Tap impulse", unit="N·s", low=1e-4, high=100, slider=(1e-3,
 PLACE = Quantity("Tap place s/L", low=-0.5, high=0.5, slider=(-0.5, 0.5))
 STEEPEST = 0.05
 """Least vertical component of a line of sight (unit vector) that is intersected with the plane of motion."""
+LONGEST_SILENCE, LOOK = 5.0, 0.5
+"""Time without a message of the browser that pulls after which the pull ends, and time between two checks, s. The page sends one
+a second while a mouse button is down; a line that was cut may take minutes to be noticed."""
 
 
 class Held(NamedTuple):
-    """The point that is pulled: `position` and `link` as in `Pull`, `height` above the floor, m."""
+    """The point that is pulled: `position` and `link` as in `Pull`, `height` above the floor, m; `client`: who pulls."""
 
     position: float
     link: tuple[int, int] | None
     height: float
+    client: int
 
 
 class Picking:
-    """Turns drags and clicks on the drawn machine into commands. `stiffness` N/m, `impulse` N·s, `place` s/L."""
+    """Turns drags and clicks on the drawn machine into commands. `stiffness` N/m, `impulse` N·s, `place` s/L.
 
-    def __init__(self, widgets: Widgets):
-        self._lab_state, self._handler = widgets.lab_state, widgets.handler
+    There is one hand: who begins to drag takes over. It lets go when the browser that drags has left, or is silent.
+    """
+
+    def __init__(self, widgets: Widgets, silence: Callable[[int], float]):
+        """`silence(client)`: time since the newest message of a browser, s; infinite once it has left."""
+        self._lab_state, self._handler, self._silence = widgets.lab_state, widgets.handler, silence
         self._held: Held | None = None
         self.stiffness, self.impulse, self.place = 500.0, 0.15, 0.0
 
@@ -56,20 +65,36 @@ class Picking:
         self._lab_state.submit(Tap(s, (-self.impulse * float(np.sin(angle)), self.impulse * float(np.cos(angle)))))
 
     def _drag(self, event: Any, take: Callable[[Any], Held]) -> None:
-        if event.phase == "end":
-            self._held = None
-            self._lab_state.pull(None)
-            return
-        if event.phase == "start" or self._held is None:
-            self._held = take(event)
         held = self._held
+        if held is not None and held.client != event.client.client_id and event.phase != "start":
+            return
+        if event.phase == "end":
+            self._let_go()
+            return
+        if held is None or event.phase == "start":
+            held = self._held = take(event)
+            self._watch(held)
         # Follow the line of sight: viser moves the pointer in a plane that faces the camera, not in the machine's plane.
         eye = np.array(event.client.camera.position)
         target = _meet(eye, np.array(event.end_position) - eye, held.height)
         self._lab_state.pull(Pull(held.position, (float(target[0]), float(target[1])), self.stiffness, held.link))
 
+    def _let_go(self) -> None:
+        self._held = None
+        self._lab_state.pull(None)
+
+    def _watch(self, held: Held) -> None:
+        """Let go once the browser that pulls is gone."""
+        if held is not self._held:
+            return
+        if self._silence(held.client) > LONGEST_SILENCE:
+            self._let_go()
+        else:
+            asyncio.get_running_loop().call_later(LOOK, self._watch, held)
+
     def _take_beam(self, event: Any) -> Held:
-        return Held(self._on_beam(np.array(event.start_position[:2])), None, self._height(BEAM_HEIGHT))
+        place = self._on_beam(np.array(event.start_position[:2]))
+        return Held(place, None, self._height(BEAM_HEIGHT), event.client.client_id)
 
     def _take_link(self, event: Any) -> Held:
         snapshot = self._lab_state.snapshot
@@ -77,7 +102,8 @@ class Picking:
         inner, outer = arm_points(snapshot.scenario, snapshot.display)[0, arm, link : link + 2]
         length = snapshot.scenario.arms[arm].link_length[link]
         along = float((np.array(event.start_position[:2]) - inner) @ (outer - inner)) / length
-        return Held(min(max(along, 0.0), length), (arm + 1, link + 1), self._height(LINK_HEIGHTS[link]))
+        height = self._height(LINK_HEIGHTS[link])
+        return Held(min(max(along, 0.0), length), (arm + 1, link + 1), height, event.client.client_id)
 
     def _on_beam(self, place: np.ndarray) -> float:
         """The material coordinate s, m, of the beam's point nearest to a point (x, y), m, of the plane."""

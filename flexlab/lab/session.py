@@ -226,7 +226,7 @@ class Session:
         gui, runner, study = server.gui, self.runner, self._study
         widgets = Widgets(gui, lab_state)
         self._look_back = look_back = LookBack(lab_state)
-        touch = Picking(widgets)
+        touch = Picking(widgets, self.guard.silence)
         self._scene = Scene(server, self._scenario, study, touch, self._shadows)
         self._cameras = ClientCameras(server, runner)
         board, reading = gui.add_panel(), gui.add_panel()

@@ -17,11 +17,12 @@ from raw_browser import CAMERA, RawBrowser, widget
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
+from flexlab.lab import picking
 from flexlab.lab.input_guard import LARGEST_UPLOAD
 from flexlab.lab.session import Session
 from flexlab.lab.viser_internals import bound_transport
 from flexlab.presets import load_preset
-from flexlab.sim.commands import Play
+from flexlab.sim.commands import Play, Pull
 
 NESTED: Any = []
 for _ in range(600):
@@ -253,27 +254,56 @@ def test_messages_that_no_page_sends_are_counted_and_logged_once(
     assert not [record for record in caplog.records if record.exc_info]
 
 
-def test_only_a_valid_drag_of_something_in_the_scene_pulls(session: Session) -> None:
-    drag = {
-        "type": "SceneNodeDragMessage",
-        "phase": "start",
-        "name": "/grab",
-        "instance_index": None,
-        "start_position": [0.0, 0.5, 0.0],
-        "start_screen_pos": [0.5, 0.5],
-        "end_position": [0.0, 0.5, 0.0],
-        "end_screen_pos": [0.5, 0.5],
-        "button": "left",
-        "modifier": None,
-        "owner": "",
-    }
+DRAG = {
+    "type": "SceneNodeDragMessage",
+    "phase": "start",
+    "name": "/grab",
+    "instance_index": None,
+    "start_position": [0.0, 0.5, 0.0],
+    "start_screen_pos": [0.5, 0.5],
+    "end_position": [0.0, 0.5, 0.0],
+    "end_screen_pos": [0.5, 0.5],
+    "button": "left",
+    "modifier": None,
+    "owner": "",
+}
+
+
+def pull(session: Session) -> Pull | None:
+    """The pull in the engine; None while there is none."""
+    commands = [event.command for event in session.runner.snapshot.events]
+    newest = next((command for command in reversed(commands) if isinstance(command, Pull)), None)
+    return newest if newest is not None and newest.stiffness > 0 else None
+
+
+def test_only_a_valid_drag_of_something_in_the_scene_pulls_until_its_browser_leaves(session: Session) -> None:
     bad = ({"name": "/none"}, {"end_position": [math.inf, 0, 0]}, {"owner": "1"}, {"modifier": "fn"}, {"phase": "x"})
     with RawBrowser(session) as browser:
         for changes in bad:
-            browser.send(drag | changes)
+            browser.send(DRAG | changes)
         wait_until(lambda: session.guard.refused == len(bad), "all are refused", 20)
-        browser.send(drag)
-        wait_until(lambda: session.lab_state.pulled is not None, "a proper one pulls", 20)
+        browser.send(DRAG)
+        wait_until(lambda: pull(session), "a proper one pulls", 20)
+    wait_until(lambda: pull(session) is None, "the hand of one who has left lets go", 20)
+    assert session.lab_state.pulled is None
+
+
+def test_a_pull_ends_when_its_browser_falls_silent_and_only_then(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(picking, "LONGEST_SILENCE", 2.0)
+    with RawBrowser(session) as browser, RawBrowser(session) as other:
+        wait_until(lambda: len(session.server.get_clients()) == 2, "both are clients", 20)
+        browser.send(DRAG)
+        wait_until(lambda: pull(session), "somebody pulls", 20)
+        for _ in range(30):  # A mouse that is held still.
+            time.sleep(0.1)
+            browser.send(CAMERA)
+            other.send(DRAG | {"phase": "end"})
+        assert pull(session), "the pull of another is not ended, and a sign of life suffices"
+        other.send(DRAG | {"end_position": [0.0, 0.8, 0.0]})
+        wait_until(lambda: (now := pull(session)) and now.target[1] > 0.7, "who begins to drag takes over", 20)
+        wait_until(lambda: pull(session) is None, "a silent one lets go", 20)
 
 
 def test_limiting_the_buffer_of_a_connection_that_has_ended_raises_nothing() -> None:

@@ -2,6 +2,7 @@
 
 import json
 import math
+import time
 from pathlib import Path
 
 import numpy as np
@@ -155,6 +156,11 @@ def test_dragging_a_link_pulls_the_arm(page: LabPage) -> None:
 
     wait_until(lambda: page.label("/pull_force") == f"pull {spring_force():.1f} N", "the arrow says how hard")
     page.picture("pull-link")
+    (client,) = page.session.server.get_clients()
+    still = time.monotonic() + 2.0
+    heard = page.session.guard.silence
+    wait_until(lambda: time.monotonic() - heard(client) > still, "a page whose mouse is held still is heard of", 20)
+    assert held_now(page).link == (1, 2)
     error = float(np.abs(page.snapshot.latest.tracking_error[0]).max())
     page.key("Space")
     wait_until(lambda: np.abs(page.snapshot.latest.tracking_error[0]).max() > error + 1e-4, "the arm gives way", 20)

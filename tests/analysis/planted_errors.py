@@ -535,6 +535,24 @@ friction of the other arm: sim/signals.py
 time at which a vibration is gone: analysis/metrics/settling_time.py
     float(loud[-1] - self._first) if
     float(loud[-1]) if
+torque at its lower limit: sim/signals.py
+    if abs(tau[a]) >= most
+    if tau[a] >= most
+torque limit of a clocked law: sim/sampled_control.py
+    limit_torques(control.torque_limit, ws.tau)
+    limit_torques(2 * control.torque_limit, ws.tau)
+confidence of an interval: analysis/identification/ring.py
+    0.5 + CONFIDENCE / 2
+    CONFIDENCE
+interval of a damping ratio: analysis/identification/ring.py
+    omega**2]) / natural**3
+    omega**2]) / natural**2
+interval of a bending stiffness: analysis/identification/beam_parameters.py
+    ** (1 / power)
+    ** power
+interval of a damping coefficient: analysis/identification/beam_parameters.py
+    in (ratio.value, ratio.low, ratio.high)
+    in (ratio.value, ratio.value, ratio.high)
 """
 """Three lines per error: its name and file, the right code, the wrong code."""
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from flexlab.analysis.identification.beam_parameters import beam_parameters
-from flexlab.analysis.identification.ring import fit_ring
+from flexlab.analysis.identification.ring import Estimate, RingFit, fit_ring
 from flexlab.analysis.linearize import linearize
 from flexlab.analysis.metrics.metric import METRICS
 from flexlab.analysis.modes import modes
@@ -23,16 +23,21 @@ TRIED = 2j * np.pi * np.array([1.0, 20.0, 45.0, 190.0])
 INPUTS = ("arm_input", "joint_torque", "desired_pose", "desired_pose_rate")
 SOUGHT, RATIO = 70.0, 0.02
 """Bending stiffness, N·m², and damping ratio of a beam whose ring is identified."""
+NOISE, DRAWS = 0.01, 25
+"""Standard deviation of the noise of a ring, over its amplitude, and number of such rings."""
+T_95 = 1.966
+"""Student's t of a 95 % interval for the 393 degrees of freedom that 400 samples and 7 parameters leave."""
 SCALES = {"mm": 1e3, "mrad": 1e3, "%": 100.0}
 """Unit of a table → its number per SI unit; 1 for any other."""
 
 
 @subject("Linear models, margins and identified beams", 17)
 def linear_models(_: Runs) -> Iterator[Check]:
-    """Participation of modes, responses, margins, an identified beam, scales of tables."""
+    """Participation of modes, responses, margins, an identified beam and its intervals, scales of tables."""
     yield from _participation()
     yield from _pd()
     yield from _ring()
+    yield from _intervals()
     columns = [column for metric in METRICS.values() if not metric.own for column in metric.columns]
     wrong = [column.title for column in columns if column.scale != SCALES.get(column.unit, 1.0)]
     yield true("numbers of tables are in the units that stand beside them", not wrong, ", ".join(wrong))
@@ -98,3 +103,37 @@ def _ring() -> Iterator[Check]:
     yield close("identified: amplitude", 1e-3, found.first.amplitude, "m", 1e-6)
     yield close("identified: bending stiffness", SOUGHT, parameters.bending_stiffness.value, "N·m²", 1e-5)
     yield close("identified: damping ratio", RATIO, parameters.damping.value, "", 1e-5)
+
+
+def _intervals() -> Iterator[Check]:
+    """95 % intervals of noisy rings: Student's t times the bound of Cramér and Rao, and as wide as the estimates scatter."""
+    scenario = load_preset("paper").replace({"payload.damping": {"kind": "stiffness", "coefficient": 1e-4}})
+    t, omega = np.arange(400) * 2e-3, np.sqrt(MassPoints(scenario).softest() * SOUGHT / EI)
+    truth = np.array([omega / (2 * np.pi), RATIO])
+
+    def signal(p: np.ndarray) -> np.ndarray:
+        w, ratio, size, phase = 2 * np.pi * p[0], *p[1:4]
+        ring = size * np.exp(-ratio * w * t) * np.cos(w * np.sqrt(1 - ratio**2) * t + phase)
+        return ring + p[4] + p[5] * t + p[6] * t**2
+
+    exact, noise = np.array([*truth, 1.0, 0.4, 0.2, 0.1, 0.0]), np.random.default_rng(5)
+    J = slopes(signal, exact)
+    bound = NOISE * np.sqrt(np.diag(np.linalg.inv(J @ J.T)))[:2]
+    fits = [fit_ring(t, signal(exact) + NOISE * noise.standard_normal(len(t))) for _ in range(DRAWS)]
+    told = np.array([[(each.value, each.high - each.low) for each in _of_first(fit)] for fit in fits])
+    statement = "intervals of frequency and damping ratio: half their width by t times Cramér and Rao's bound"
+    yield below(f"{statement}: error", 0.03, told[:, :, 1].mean(axis=0) / (2 * T_95 * bound) - 1)
+    scatter = np.sqrt(np.mean(((told[:, :, 0] - truth) / bound) ** 2))
+    yield close("their estimates scatter by that bound, as a part", 1.0, scatter, absolute=0.3)
+    # EI grows as f², and β of C = βK_F is 2ζ/ω.
+    (f, wide), (_, high) = told[0]
+    beam = beam_parameters(fits[0], scenario, in_loop=False)
+    for name, found, expected in (
+        ("EI", beam.bending_stiffness, 2 * wide / f * beam.bending_stiffness.value),
+        ("β", beam.damping, high / (np.pi * f)),
+    ):
+        yield close(f"width of the interval of {name}, in SI units", expected, found.high - found.low, relative=1e-3)
+
+
+def _of_first(fit: RingFit) -> tuple[Estimate, Estimate]:
+    return fit.first.frequency, fit.first.damping_ratio

@@ -59,8 +59,9 @@ def tune(
 
     `change`: {"controller.feedback_gain": "50:500:log"}. `cost`: weights of metrics, {"rms_error.y": 1.0}; `limit`: largest
     allowed values, {"peak_torque": 600.0}; both in SI units. `robust`: scenarios of which the worst counts,
-    {"payload.bending_stiffness": [50, 200]}. `duration`: of each run, s. `candidates`: their approximate number, from 8 to
-    100000. `seed`: of the search. `law`, `path`: as in `simulate`; `workers`, `cluster`: as in `sweep`.
+    {"payload.bending_stiffness": [50, 200]}. `duration`: of each run, s. `candidates`: their number, from 8 to 100000, with
+    the scenario as it is; fewer if the search converges. `seed`: of the search. `law`, `path`: as in `simulate`; `workers`,
+    `cluster`: as in `sweep`.
     Raises `PresetError`, `ScenarioError` or `StudyError`.
     """
     _, valid = named_scenario(scenario, law, path)

@@ -115,6 +115,7 @@ def _numbers(what: str, given: Sequence[str] | Mapping[str, float], default: flo
         texts = [word.strip() for text in ([given] if isinstance(given, str) else given) for word in text.split(",")]
         pairs = [tuple(part.strip() for part in text.partition("=")[::2]) for text in texts if text]
     found: dict[str, float] = {}
+    names: dict[str, str] = {}  # Name of a metric → the one that it is given by.
     for word, value in pairs:
         try:
             metric = named(word)
@@ -127,9 +128,9 @@ def _numbers(what: str, given: Sequence[str] | Mapping[str, float], default: flo
             number = None
         if number is None or not math.isfinite(number) or number <= 0:
             raise StudyError(f"{what}: {name}={value!s:.60} is not usable: give a number above 0.")
-        if name in found:
-            raise StudyError(f"{what}: {name} is named twice.")
-        found[name] = number
+        if first := names.get(metric.name):
+            raise StudyError(f"{what}: {name} is named twice{'' if first == name else f', also as {first}'}.")
+        names[metric.name], found[name] = name, number
     return found
 
 
@@ -306,22 +307,24 @@ def tune(
     with one_blas_thread(), (workers or chosen_workers())() as run:
 
         def costs(_: object, generation: Iterable[np.ndarray]) -> list[float]:
-            """The costs of a generation, given as shares of the ranges."""
+            """The costs of a generation, given as shares of the ranges; of candidates too many, infinity."""
+            every = list(generation)
             changes = [
                 {axis.path: axis.at(min(float(share), BELOW_ONE)) for axis, share in zip(axes, shares, strict=True)}
-                for shares in generation
+                for shares in every[: candidates - len(tried)]
             ]
             first, found = len(tried), dict[int, Candidate]()
             for number, candidate in run(partial(_try, variants, cost, duration), changes):
                 found[number] = candidate
                 told(first + len(found), candidates)
             tried.extend(found[number] for number in range(len(changes)))
-            return [_energy(candidate, abs(tried[0].cost)) for candidate in tried[first:]]
+            energies = [_energy(candidate, abs(tried[0].cost)) for candidate in tried[first:]]
+            return energies + [math.inf] * (len(every) - len(changes))
 
         differential_evolution(
             lambda shares: costs(None, [shares])[0],
-            [(0.0, 1.0)] * len(axes), init=start.random((size, len(axes))),
-            maxiter=max(candidates // size - 1, 1), rng=start, updating="deferred", workers=costs, polish=False, tol=0, atol=1e-6,
+            [(0.0, 1.0)] * len(axes), init=start.random((size, len(axes))), maxiter=math.ceil((candidates - 1) / size) - 1,
+            rng=start, updating="deferred", workers=costs, polish=False, tol=0, atol=1e-6,
         )  # fmt: skip
     return Tuning(scenario, cost, (tried[0], *sorted(tried[1:], key=lambda item: (item.rank, str(item.changes)))))
 

@@ -26,7 +26,7 @@ def command(
         Several, option("Scenarios of which the worst counts, as in payload.bending_stiffness=50,200.", "PATH=VALUE,…")
     ] = (),
     duration: Annotated[float, option("Simulated time of a run, s.", "S", default=None)] = 3.0,
-    candidates: Annotated[int, option("Approximate number of candidates.", "N", default=None)] = 200,
+    candidates: Annotated[int, option("Number of candidates, with the scenario as it is.", "N", default=None)] = 200,
     search_seed: Annotated[int, option("Seed of the search.", "N", default=None)] = 0,
     workers: Threads = None,
     cluster: Cluster = None,

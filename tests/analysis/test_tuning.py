@@ -58,6 +58,7 @@ def test_a_cost_is_metrics_times_weights_and_limits_count_before_it(weight: floa
 def test_a_robust_cost_is_that_of_the_worst_scenario():
     heavy = parse_axes({"payload.linear_density": [8.0, 2.0]}, PAPER)
     found = tune(PAPER, GAIN, parse_cost("rms-y=2"), heavy, duration=0.2, candidates=8)
+    assert len(found.candidates) == 8, "with the scenario as it was"
     runs = [flexlab.simulate(PAPER.replace({"payload.linear_density": density}), 0.2) for density in (2.0, 8.0)]
     assert found.before.cost == max(2 * numbers_of(run.metrics)["rms-y"] for run in runs)
 
@@ -166,6 +167,7 @@ def test_a_field_of_several_numbers_is_tuned_if_it_accepts_one_number_for_all():
         (("--change", "gravity=0:1", "--cost", "rms"), "cost: 'rms' is not a metric: choose one of duration, rms_error.x"),
         (("--change", "gravity=0:1", "--cost", "rms-x=-1"), "give a number above 0"),
         (("--change", "gravity=0:1", "--cost", "rms-x,rms-x"), "is named twice"),
+        (("--change", "gravity=0:1", "--cost", "rms-x,rms_error.x=2"), "cost: rms_error.x is named twice, also as rms-x"),
         (("--change", "gravity=0:1", "--cost", ""), "names no metric"),
         (("--change", "gravity=0:1", "--limit", "torque"), "give a number above 0"),
         (("--change", "gravity=0:1", "--candidates", "3"), "candidates = 3 is not usable"),

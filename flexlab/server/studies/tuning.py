@@ -42,7 +42,7 @@ class TuningStudy(Study):
         Question("cost", "Metric to minimize", "rms-y", is_metric=True),
         Question("limited", "Metric to limit", is_metric=True, none="no limit"),
         Question("limit", "Limit"),
-        Question("candidates", "Candidates to try (about)", "100", range=(FEWEST_CANDIDATES, MOST_CANDIDATES)),
+        Question("candidates", "Candidates to try", "100", range=(FEWEST_CANDIDATES, MOST_CANDIDATES)),
     )
 
     scenario: Scenario
@@ -78,7 +78,7 @@ class TuningStudy(Study):
             self.cost,
             duration=self.duration,
             candidates=self.candidates,
-            told=lambda done, total: report(min(done / total, 1.0)),
+            told=lambda done, total: report(done / total),
             workers=workers(),
         )
         return Outcome(found)

@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 
 import flexlab
 from flexlab.analysis.identification.beam_parameters import beam_parameters, read_measured
-from flexlab.analysis.identification.evidence import clipped_until
+from flexlab.analysis.identification.evidence import clipped_until, ring_begins
 from flexlab.analysis.identification.fitting import fit_file
 from flexlab.analysis.identification.ring import fit_ring
 from flexlab.errors import StudyError
@@ -578,6 +578,24 @@ def test_a_log_that_begins_before_the_tap_rings_from_the_tap_on(seed: int, tmp_p
     said = fit_file(path, start=1.5).notes[-1]
     assert said.startswith("The ring begins at t = 2.0")
     assert "and the fit at 1.5 s: frequencies and damping ratios are wrong with what comes before the ring." in said
+
+
+@pytest.mark.parametrize(
+    ("noise", "frequency", "ratio", "begins"), [(0.3, 44.4, 0.01, 0.2), (0.4, 44.4, 0.01, 0.7), (0.4, 5.2, 0.02, 0.7)]
+)
+def test_a_ring_begins_where_it_does_in_loud_noise(noise: float, frequency: float, ratio: float, begins: float):
+    """From noise above a quarter of the ring, the fit began in the noise before it and gave three modes beside the only one."""
+    time, held = np.arange(0, 3, 2e-3), 0
+    late = np.maximum(time - begins, 0)
+    for seed in range(5):
+        signal = ring(late, frequency, ratio, phase=-np.pi / 2) * (time >= begins)
+        signal += noise * np.random.default_rng(seed).normal(size=len(time))
+        first = ring_begins(signal)
+        assert begins <= time[first] <= begins + 2 / frequency
+        fit = fit_ring(time[first:], signal[first:])
+        assert len(fit.modes) == 1
+        held += fit.first.frequency.low <= frequency <= fit.first.frequency.high
+    assert held >= 4
 
 
 @pytest.mark.parametrize("quiet", [1, 3, 4, 7, 10, 13, 40, 60])

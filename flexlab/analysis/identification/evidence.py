@@ -19,6 +19,8 @@ LOUD = 0.3
 """Least power at a ring's beginning over that of the loudest block."""
 FINER = 8
 """Points per line of the spectrum that gives a ring's period."""
+HALF = 0.5
+"""Height over the highest at which a jump lies that a filter has spread."""
 HIGH = 0.5
 """Least height of a ring's first peak over the highest of the first few."""
 WHITE = 0.01
@@ -63,7 +65,8 @@ def clipped_until(signal: np.ndarray) -> int | None:
 def ring_begins(signal: np.ndarray) -> int:
     """Index of a ring's first peak: after the last quiet part, or else in all samples; 0 if there are too few.
 
-    Even a few quiet samples before that peak would be fitted by strongly damped modes, which the ring does not have.
+    In loud noise, which hides that peak, it is half a period after the beginning. Even a few quiet samples before the peak would
+    be fitted by strongly damped modes, which the ring does not have.
     """
     from scipy.signal import detrend  # It is slow to load.
 
@@ -72,27 +75,51 @@ def ring_begins(signal: np.ndarray) -> int:
     if count < 2 + AFTER:
         return 0
     blocks = signal[: count * size].reshape(count, size)
-    power = np.mean(detrend(blocks) ** 2, axis=1)  # About each block's own straight line.
+    block = _jump(np.mean(detrend(blocks) ** 2, axis=1))  # About each block's own straight line.
+    if block is not None:
+        quiet = float(np.median(signal[: block * size]))
+        return block * size + int(np.argmax(np.abs(signal[block * size : (block + AFTER) * size] - quiet)))
+    line, period = _line(signal)
+    block = _jump(np.mean(np.abs(line[: count * size].reshape(count, size)) ** 2, axis=1))
+    if block is None:
+        return _first_peak(signal, 2 * size, period)
+    # A filter without delay spreads a jump to both sides: half its height is where it is. The loudest sample near it is no better
+    # a beginning: it is where noise adds to the ring, and the fit then misses the truth more often than its interval says.
+    seen = np.abs(line[(block - 1) * size :])
+    return (block - 1) * size + int(np.argmax(seen >= HALF * seen.max())) + period // 2
+
+
+def _jump(power: np.ndarray) -> int | None:
+    """The block, by its `power`, before which all is quiet and from which on a ring is loud; None if there is none."""
+    count = len(power)
     before = np.cumsum(power)[1:-AFTER] / np.arange(2, count - AFTER + 1)
     after = np.convolve(power, np.full(AFTER, 1 / AFTER), "valid")[2:]
     loud = (after >= LOUD * power.max()) & (after >= JUMP * before) & (after > 0)
     if not loud.any():
-        return _first_peak(signal, 2 * size)
+        return None
     gain = np.where(loud, after / np.maximum(before, after.max() * BEST_TOLD), 0.0)
-    block = 2 + int(np.argmax(gain))
-    quiet = float(np.median(signal[: block * size]))
-    peak = int(np.argmax(np.abs(signal[block * size : (block + AFTER) * size] - quiet)))
-    return block * size + peak
+    return 2 + int(np.argmax(gain))
 
 
-def _first_peak(signal: np.ndarray, quiet: int) -> int:
-    """Index of the first peak of a signal that rings from its beginning, or after at most `quiet` samples."""
+def _line(signal: np.ndarray) -> tuple[np.ndarray, int]:
+    """(analytic signal of the strongest line and what is near it, (N,); samples in a period of that line).
+
+    Most of a white noise is elsewhere in the spectrum, so that a ring begins visibly in it even if noise is nearly as loud.
+    """
     count = len(signal)
     place = np.linspace(-1, 1, count)
     rings = signal - np.polynomial.Polynomial.fit(place, signal, 2)(place)
-    spectrum = np.abs(np.fft.rfft(rings, FINER * count))
-    spectrum[:FINER] = 0.0
-    period = max(2, round(FINER * count / max(int(np.argmax(spectrum)), 1)))
+    spectrum = np.fft.fft(rings, FINER * count)
+    spectrum[:FINER] = spectrum[FINER * count // 2 :] = 0.0
+    strongest = max(int(np.argmax(np.abs(spectrum))), 1)
+    near = np.arange(len(spectrum)) / strongest
+    spectrum[(near < NEAR[0]) | (near > NEAR[1])] = 0.0
+    return 2 * np.fft.ifft(spectrum)[:count], max(2, round(FINER * count / strongest))
+
+
+def _first_peak(signal: np.ndarray, quiet: int, period: int) -> int:
+    """Index of the first peak of a signal that rings from its beginning, or after at most `quiet` samples."""
+    count = len(signal)
     # The distance from the mean over a period around each sample; at the ends, over the nearest whole period.
     first = np.clip(np.arange(count) - period // 2, 0, max(count - period, 0))
     last = np.minimum(first + period, count)

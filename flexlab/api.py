@@ -23,7 +23,6 @@ from flexlab.analysis.workers import chosen_workers, progress_bar
 from flexlab.analysis.workers import simulate_many as compute_many
 from flexlab.arguments import file_path, flag, whole_number
 from flexlab.errors import RecordingError, StudyError
-from flexlab.own.files import law_kind, path_kind
 from flexlab.presets import AnyLaw, AnyPath, AnyScenario, law_and_path, named_scenario
 from flexlab.recording.course import Course, course_of_commands
 from flexlab.recording.table_columns import table_columns, to_columns
@@ -275,7 +274,7 @@ def sweep(
     """
     name, valid = named_scenario(scenario, law, path)
     most = whole_number("most_cells", most_cells, 1)
-    plan = make_plan(valid, parse_axes(_by_kind(vary), valid), duration, sample_period, design, samples, seed, accuracy)
+    plan = make_plan(valid, parse_axes(vary, valid), duration, sample_period, design, samples, seed, accuracy)
     if plan.cell_count > most:
         raise StudyError(f"The sweep has {plan.cell_count} cells: say most_cells={plan.cell_count} if you mean it.")
     known = chosen_workers(workers, cluster)
@@ -318,19 +317,6 @@ def export_fmu(
     name, known = named_scenario(scenario)
     write_fmu(known, target, name, part, version, sample_period)
     return target
-
-
-def _by_kind(vary: Any) -> Any:
-    """`vary` with laws and paths given as files or classes replaced by their kinds. Raises `ScenarioError`."""
-    if not isinstance(vary, Mapping):
-        return vary
-    kinds = {"controller.kind": law_kind, "trajectory.kind": path_kind}
-    return {
-        field: [kinds[field](one) if isinstance(one, (Path, type)) else one for one in values]
-        if field in kinds and isinstance(values, (list, tuple))
-        else values
-        for field, values in vary.items()
-    }
 
 
 def _run(run: samples.Run, name: str, noted: Noted = None, course: Course | None = None) -> Run:

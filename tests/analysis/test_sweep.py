@@ -54,6 +54,10 @@ def test_ranges_and_lists_are_read():
         assert parse_axes({EI: column}, load_preset("paper"))[0].values == (1.0, 2.0)
     (two,) = parse_axes({"payload.element_count": [np.int64(2), np.float32(4)]}, load_preset("paper"))
     assert two.values == (2, 4)
+    for field, file, kind in (("controller", "laws/pid.py", "pid-control"), ("trajectory", "paths/heart.py", "heart")):
+        field, file = f"{field}.kind", Path(__file__).parents[2] / "presets" / file
+        for given in ([f"{field}={file}"], {field: [file]}, {field: [str(file)]}, {field: str(file)}):
+            assert parse_axes(given, load_preset("paper"))[0].values == (kind,)
     (three,) = parse_axes({"trajectory.center": [np.array([0.0, 0.7, 0.0])]}, load_preset("paper"))
     assert three.values == ((0.0, 0.7, 0.0),)
 

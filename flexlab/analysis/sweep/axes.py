@@ -5,11 +5,13 @@ import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from flexlab.errors import ScenarioError, StudyError
+from flexlab.own.files import law_kind, path_kind
 from flexlab.quantities import Quantity
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import TITLES, options
@@ -20,6 +22,8 @@ from flexlab.text import number_text, visible
 LINEAR, LOGARITHMIC = "lin", "log"
 ONE = "payload.bending_stiffness=1:1000:log:25"
 EXAMPLE = f"{ONE}, or controller.kind=pd,computed-torque"
+KINDS = {"controller.kind": law_kind, "trajectory.kind": path_kind}
+"""Fields whose values may also be files or classes."""
 DEFAULT_COUNT = 10
 """Number of values in a range without a count."""
 MOST_VALUES = 1_000_000
@@ -64,8 +68,8 @@ class Axis:
 def parse_axes(vary: Mapping[str, Any] | Sequence[str], scenario: Scenario, argument: str = "vary") -> tuple[Axis, ...]:
     """The axes from `path=range` texts, or from a mapping of paths to ranges (as text) or lists of values.
 
-    A range is `low:high`, optionally `lin` or `log`, and optionally a count: "1:1000:log:25". `argument`: the name of `vary` in
-    errors. Raises `StudyError` or `ScenarioError`.
+    A range is `low:high`, optionally `lin` or `log`, and optionally a count: "1:1000:log:25"; a law or path may be given by
+    its file or class. `argument`: the name of `vary` in errors. Raises `StudyError` or `ScenarioError`.
     """
     if isinstance(vary, Mapping):
         items = [(str(path), given) for path, given in vary.items()]
@@ -145,6 +149,8 @@ def _list(path: str, given: Any) -> tuple[Any, ...]:
         values = values.tolist()
     if not isinstance(values, Sequence) or isinstance(values, (str, bytes, bytearray)):
         values = [values]
+    if path in KINDS:
+        values = [KINDS[path](one) if isinstance(one, (str, Path, type)) else one for one in values]
     try:
         plain = json.loads(json.dumps(list(values), allow_nan=False, default=lambda one: one.tolist()))
         _ = [float(value) for value in plain if isinstance(value, int)]  # Fails for one that no float can hold.

@@ -229,7 +229,7 @@ def _rates(linear: Linearization, poles: np.ndarray) -> np.ndarray:
     low, high = (1.0, 1e3) if len(size) == 0 else (size.min() / 30, 10 * size.max())
     if period is not None:
         high = np.pi / period
-    swinging = poles[poles.imag > 0]
+    swinging = poles[(poles.imag > 0) & (np.abs(poles) > NEUTRAL)]  # Of neutral poles, all digits are rounding errors.
     near = (swinging.imag[:, None] + np.abs(swinging.real)[:, None] * AROUND).ravel()
     rates = np.concatenate([np.geomspace(min(low, high / 10), high, GRID), near])
     return np.unique(rates[(rates > 0) & (rates <= high)])

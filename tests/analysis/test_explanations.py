@@ -289,14 +289,6 @@ def test_a_run_at_exact_rest_is_explained_without_dividing_by_what_its_law_has_l
     assert flexlab.simulate(load_preset("paper").replace(changes), 1.6).explanations == ()
 
 
-def test_a_small_margin_of_a_memory_that_hardly_moves_is_not_reported():
-    scenario = load_preset("gravity").replace({"controller.kind": "regressor-adaptive"})
-    margin = background(scenario).modes.disk_margin
-    assert margin is not None
-    assert margin.alike.phase < 30
-    assert "small margin" not in sentences(scenario, simulate(scenario, 0.2))
-
-
 # What the sentences advise.
 
 

@@ -158,8 +158,6 @@ def spillover(seen: Evidence) -> str | None:
 
 SMALL = 30.0
 """Phase margin of all motors below which it counts as small, °, as in textbooks."""
-SLOWEST = 0.1
-"""Lowest frequency at which a small margin is reported, Hz; slower poles belong to a memory that hardly moves."""
 
 
 @register("α = 1/max ρ((S − T)/2), the disk margin of all motors alike", "Tracking error", 18)
@@ -173,8 +171,6 @@ def small_margin(seen: Evidence) -> str | None:
         return None
     low, high = margin.alike.gain
     frequency = margin.alike.frequency
-    if frequency < SLOWEST:
-        return None
     late = 1e3 * margin.alike.phase / 360 / frequency
     return (
         f"The loop is nearly unstable at {n(frequency)} Hz: it tolerates no more than a factor of {n(low)} to {n(high)} on all "

@@ -16,6 +16,7 @@ from urllib.parse import urlencode
 import pytest
 from http_client import FORM, ask, file_form, looking, upgrade, upload, wait_until
 from person import TEACHER, TOKEN, Person, open_server
+from waiting import PATIENCE
 
 from flexlab.errors import RecordingError
 from flexlab.presets import load_preset

@@ -18,6 +18,8 @@ from flexlab.sim.build import build_beam
 from flexlab.sim.termination import pose_fault
 from flexlab.text import aligned, counted, number_text
 
+SHOWN = 9
+"""Decimals of a rest point: the others are rounding errors."""
 MOST_ROWS = 16
 """Largest number of rows in a printed table, unless more poles grow: faster poles decay before anybody sees them."""
 
@@ -28,7 +30,7 @@ class PoleRow(NamedTuple):
     frequency: float
     """|pole|/2π of a pair, Hz; 0 of a real pole."""
     damping_ratio: float
-    """-Re/|pole|."""
+    """-Re/|pole|; NaN of a pole at 0."""
     rate: float
     """Real part, 1/s: negative decays."""
     origin: str
@@ -67,7 +69,7 @@ def _beam_lines(modes: "Modes") -> list[str]:
 
 
 def _pole_lines(modes: "Modes") -> list[str]:
-    loop, pose = "continuous loop", ", ".join(f"{value:.4g}" for value in modes.pose)
+    loop, pose = "continuous loop", ", ".join(f"{round(value, SHOWN) + 0.0:.4g}" for value in modes.pose)
     if modes.control_period is not None:
         loop = f"sampled loop, {sampling_text(modes.control_period, modes.input_delay)}"
     head = f"Poles of the {loop}, at rest at ({pose}) m, m, rad"
@@ -79,7 +81,8 @@ def _pole_lines(modes: "Modes") -> list[str]:
     for row in everything[:most]:
         frequency = f"{row.frequency:.2f}" if row.frequency else "–"
         verdict = row.verdict.upper() if row.verdict == "grows" else row.verdict
-        rows.append((frequency, f"{100 * row.damping_ratio:.3g}", f"{row.rate:+.4g}", verdict, row.origin))
+        ratio = f"{100 * row.damping_ratio:.3g}" if row.rate or row.frequency else "–"
+        rows.append((frequency, ratio, f"{row.rate:+.4g}" if row.rate else "0", verdict, row.origin))
     lines = [head, "", *aligned(rows, 3)]
     if len(everything) > most:
         lines.append(f"… and {len(everything) - most} more, none of which grows")
@@ -132,8 +135,9 @@ class Modes:
 
     @property
     def pole_damping_ratio(self) -> np.ndarray:
-        """-Re/|pole|: 1 for a decay without oscillation, negative for an unstable pole."""
-        return -self.poles.real / np.maximum(np.abs(self.poles), np.finfo(float).tiny)
+        """-Re/|pole|: 1 for a decay without oscillation, negative for an unstable pole; NaN of a pole at 0."""
+        with np.errstate(invalid="ignore"):
+            return -self.poles.real / np.abs(self.poles)
 
     @property
     def growth(self) -> float:
@@ -160,7 +164,7 @@ class Modes:
             if pole.imag >= 0:
                 size = abs(pole)
                 frequency = size / (2 * np.pi) if pole.imag > 0 else 0.0
-                rows.append(PoleRow(frequency, -pole.real / size if size else 1.0, pole.real, name))
+                rows.append(PoleRow(frequency, -pole.real / size if size else np.nan, pole.real, name))
         return sorted(rows, key=lambda row: -max(row.rate, NEUTRAL))[:most]
 
     def __str__(self) -> str:
@@ -261,7 +265,8 @@ def fastest_growth(found: Modes) -> PoleRow | None:
     worst = max(found.pole_rows(), key=lambda row: row.rate, default=None)
     if worst is None:
         return None
-    seen, rings = worst.frequency * float(np.sqrt(1 - worst.damping_ratio**2)), rings_of(found)
+    seen = worst.frequency * float(np.sqrt(1 - worst.damping_ratio**2)) if worst.frequency else 0.0
+    rings = rings_of(found)
     return worst._replace(frequency=rings[worst.mode].frequency if worst.mode in rings else seen)
 
 

@@ -21,6 +21,9 @@ from flexlab.lapack import complex_schur, eigenvectors
 
 DEADBEAT = 1e-5
 """|z| below which a pole is a rounding error: it belongs to torques without any effect."""
+AT_REST, ALIKE = 1e-6, 1e-6
+"""|p|, 1/s, below which a pole is 0, and |Im p|/|p| below which it is one of two equal real poles: rounding errors reach 1e-11
+and 1e-8, and differ from processor to processor."""
 NEUTRAL = 1e-3
 """Growth, 1/s, below which a pole counts as neutral: above all rounding, and less than 6 % in a minute."""
 
@@ -32,7 +35,7 @@ class Poles(NamedTuple):
     """Poles by magnitude."""
 
     value: np.ndarray
-    """1/s, complex, (poles,)."""
+    """1/s, complex, (poles,), without what rounding errors make of 0 and of equal real poles."""
     share: np.ndarray
     """Participation of pose, each beam mode, the law's memory, and torques on their way or late, in this order of columns;
     each row adds up to 1, (poles, n_m + 3)."""
@@ -158,6 +161,8 @@ def find_poles(linear: Linearization) -> Poles:
     if (period := linear.probe.original.controller.control_period) is not None:
         there = np.abs(value) > DEADBEAT
         value, groups = np.log(value[there].astype(complex)) / period, groups[there]
+    value = np.where(np.abs(value.imag) < ALIKE * np.abs(value), value.real, value)
+    value[np.abs(value) < AT_REST] = 0
     order = np.argsort(np.abs(value), kind="stable")
     return Poles(value[order], groups[order])
 
@@ -229,7 +234,7 @@ def _rates(linear: Linearization, poles: np.ndarray) -> np.ndarray:
     low, high = (1.0, 1e3) if len(size) == 0 else (size.min() / 30, 10 * size.max())
     if period is not None:
         high = np.pi / period
-    swinging = poles[(poles.imag > 0) & (np.abs(poles) > NEUTRAL)]  # Of neutral poles, all digits are rounding errors.
+    swinging = poles[(poles.imag > 0) & (np.abs(poles) > NEUTRAL)]
     near = (swinging.imag[:, None] + np.abs(swinging.real)[:, None] * AROUND).ravel()
     rates = np.concatenate([np.geomspace(min(low, high / 10), high, GRID), near])
     return np.unique(rates[(rates > 0) & (rates <= high)])

@@ -9,7 +9,7 @@ from reference.linear import open_loop_matrices
 
 import flexlab
 from flexlab.analysis.linearization import Linearization
-from flexlab.analysis.modes import Modes, modes
+from flexlab.analysis.modes import Modes, fastest_growth, modes
 from flexlab.analysis.stability import NEUTRAL, find_disk_margin, find_poles, loop_map
 from flexlab.errors import StudyError
 from flexlab.physics.plant import DISSIPATED, ETA, WORK
@@ -376,6 +376,9 @@ def test_free_arms_have_six_neutral_poles_and_the_largest_margin():
     assert np.sum(np.abs(found.poles) < NEUTRAL) == 6
     assert find_poles(linear_of(found)).value.shape == found.poles.shape
     assert not found.unstable
+    assert str(found).count("     –      –           0  stays   pose\n") == 6
+    assert "at rest at (0, 0.75, 0) m, m, rad" in str(found)
+    assert fastest_growth(found) == (0, pytest.approx(np.nan, nan_ok=True), 0, "pose")
     assert {row.verdict for row in found.pole_rows() if abs(row.rate) < NEUTRAL} == {"stays"}
     assert {row.verdict for row in found.pole_rows() if row.mode} == {"decays"}
     assert found.disk_margin is not None
@@ -389,6 +392,15 @@ def test_rounding_errors_of_neutral_poles_change_no_disk_margin():
     margin = find_disk_margin(linear_of(found), np.concatenate([found.poles, size + 1j * size, size - 1j * size]))
     assert margin == found.disk_margin
     assert margin.alike.phase == pytest.approx(70.23, abs=0.01)
+
+
+def test_equal_real_poles_do_not_oscillate():
+    """By rounding errors, some processors found a pair at 7.96 Hz with a damping ratio of 100 %."""
+    found = modes(load_preset("soft-beam").replace({"controller.kind": "computed-torque"}))
+    equal = found.poles[np.abs(found.poles + 50) < 1e-3]
+    assert len(equal) == 2
+    assert np.all(equal.imag == 0)
+    assert [row.frequency for row in found.pole_rows() if abs(row.rate + 50) < 1e-3] == [0, 0]
 
 
 def test_poles_of_compliant_grips_say_that_they_hold_for_rigid_grips():

@@ -117,6 +117,33 @@ def test_own_presets_are_listed_and_broken_ones_named(flexlab_command: Command, 
     assert done.returncode == 2
 
 
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ("run paper --law pd --law lqr", "--law is given twice: give it once, as only its last value would count."),
+        ("run paper --duration=1 --seed 1 --duration 2", "--duration is given twice"),
+        ("tune paper --search-seed 1 --search_seed 1", "--search-seed is given twice"),
+        ("lab --port 1 --port 2", "--port is given twice"),
+        ("--port 1 --port 2", "--port is given twice"),
+        ("logs --logs= --json", "--logs is empty: name a file or folder, or . for this folder."),
+        ("run paper --logs EMPTY --duration 1", "--logs is empty"),
+        ("tune paper --change gravity=0:1 --save EMPTY", "--save is empty"),
+        ("validate --to EMPTY", "--to is empty"),
+        ("lab --host EMPTY", "host is empty"),
+    ],
+)
+def test_an_option_that_is_given_twice_or_names_no_file_is_refused(flexlab_command: Command, words: str, says: str):
+    assert says in refused(flexlab_command(*("" if word == "EMPTY" else word for word in words.split())))
+
+
+def test_an_option_of_several_values_is_given_several_times(flexlab_command: Command):
+    done = flexlab_command(
+        "presets", "paper", "--set", "gravity=2", "--set", "payload.length=0.7", "--set=grips.model=rigid"
+    )
+    changed = json.loads(done.stdout)
+    assert (changed["gravity"], changed["payload"]["length"]) == (2.0, 0.7)
+
+
 def test_an_unknown_command_is_one_sentence(flexlab_process: Command, flexlab_command: Command):
     assert "did you mean presets?" in refused(flexlab_process("prests"))
     assert "leaderboard, logs" in refused(flexlab_command("zzz"))

@@ -95,7 +95,10 @@ def _dispatch(words: list[str]) -> int:
         raise FlexlabError(f"There is no command {name!r}: the commands are {', '.join(COMMANDS)}; {hint}")
     import tyro
 
+    from flexlab.cli.options import check_options
+
     command = importlib.import_module(f"flexlab.cli.{name}{ENDING}").command
+    check_options(command, rest)
     description = None if name != "lab" else f"{command.__doc__}\n\nOther commands:\n{_others()}"
     prog = "flexlab" if words[:1] != [name] else f"flexlab {name}"
 

@@ -1,8 +1,8 @@
 """Options that several commands share."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
 import tyro
 
@@ -66,6 +66,29 @@ Run = tyro.conf.Positional[Annotated[str, option(RUN_HELP, "[RUN]", default=None
 NoBrowser = Annotated[bool, option("Only serve the viewer; do not open a browser.")]
 ViewerPort = Annotated[int, option("The viewer's port; 0 takes any free one.", "PORT", default=None)]
 LOGS = Path("logs")
+
+
+def check_options(command: Callable[..., Any], words: Sequence[str]) -> None:
+    """Raise `StudyError` for an option that is given twice, unless it may be, or whose file or folder has no name."""
+    kinds: dict[str, tuple[Any, ...]] = {}
+    repeated = get_args(Several)[1]
+    for parameter, hint in get_type_hints(command, include_extras=True).items():
+        kind, *about = get_args(hint) or (hint,)
+        named = [each.name for each in about if getattr(each, "name", None)]
+        kinds["--" + (*named, parameter)[0].replace("_", "-")] = (kind, *about)
+    given: set[str] = set()
+    for place, word in enumerate(words):
+        if word == "--":
+            break
+        option, equals, value = word.partition("=")
+        kind, *about = kinds.get(name := option.replace("_", "-"), (bool,))
+        if kind is bool:  # Positional arguments, too.
+            continue
+        if name in given and repeated not in about:
+            raise StudyError(f"{name} is given twice: give it once, as only its last value would count.")
+        given.add(name)
+        if Path in (kind, *get_args(kind)) and "" in ([value] if equals else words[place + 1 : place + 2]):
+            raise StudyError(f"{name} is empty: name a file or folder, or . for this folder.")
 
 
 def chosen_scenarios(

@@ -96,6 +96,8 @@ class Settings:
             raise LabError(
                 f"base-url = {self.base_url!r:.80} is not a valid prefix of an address: write one like /user/ann/flexlab."
             )
+        if not self.host:  # It would mean all addresses of the machine.
+            raise LabError("host is empty: name an address, such as 127.0.0.1, or leave it out.")
         if self.host.startswith(UNIX) and self.private:
             raise LabError("A Unix socket serves one person behind a proxy: leave out --private.")
         ranges = (

@@ -25,7 +25,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError
 
-from flexlab.text import number_text
+from flexlab.text import range_text
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Quantity:
 
     def range_text(self) -> str:
         """The allowed range with its unit, as in "0.001 to 10⁹ N·m²"."""
-        return f"{number_text(self.low)} to {number_text(self.high)}{self.unit_text()}"
+        return range_text(self.low, self.high) + self.unit_text()
 
     def unit_text(self) -> str:
         """The unit with a space before it, as it follows a number; empty for pure numbers."""

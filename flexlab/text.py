@@ -9,7 +9,7 @@ import time
 import traceback
 import warnings
 from collections.abc import Iterable, Sequence
-from decimal import Decimal
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from html import escape
 from math import isfinite, nan
 from types import TracebackType
@@ -56,6 +56,15 @@ def number_text(value: float, digits: int = 4, signed: bool = False) -> str:
     exponent = size.adjusted()
     mantissa, power = plain(size.scaleb(-exponent)), f"10{str(exponent).translate(_RAISED)}"
     return sign + (power if mantissa == "1" else f"{mantissa} · {power}")
+
+
+def range_text(low: float, high: float, digits: int = 4) -> str:
+    """A range as in "0.001 to 1.234", whose limits are rounded inwards: the range 0 to 1.2347 does not hold 1.235."""
+    ends = [Decimal(str(end)) for end in (low, high)]
+    shown = [Context(digits, way).plus(end) for end, way in zip(ends, (ROUND_CEILING, ROUND_FLOOR), strict=True)]
+    if shown[0] > shown[1]:
+        return range_text(low, high, digits + 1)
+    return " to ".join(number_text(float(end), digits) for end in shown)
 
 
 def result_text(value: float, scale: float = 1.0) -> str:

@@ -15,10 +15,24 @@ from flexlab.text import (
     fixed_text,
     in_mathtext,
     number_text,
+    range_text,
     result_text,
     visible,
     with_subscripts,
 )
+
+
+def test_limits_are_rounded_inwards() -> None:
+    cases = {
+        (0.0, 1.2347): "0 to 1.234",
+        (-1.2347, 1.2341): "−1.234 to 1.234",
+        (1.2341, 2147483647): "1.235 to 2.147 · 10⁹",
+        (1.23456, 1.23457): "1.23456 to 1.23457",
+        (0.001, 1e9): "0.001 to 10⁹",
+        (0.1, 0.3): "0.1 to 0.3",
+    }
+    for limits, text in cases.items():
+        assert range_text(*limits) == text
 
 
 def test_numbers_have_no_letters_and_a_real_minus_sign() -> None:

@@ -6,7 +6,7 @@ from flexlab.cli.console import print_json
 from flexlab.cli.options import LOGS, Law, Logs, PathChoice, Presets, Seed, Settings, option
 from flexlab.cli.warmup import loading
 from flexlab.errors import StudyError
-from flexlab.text import number_text
+from flexlab.text import range_text
 
 LONGEST_DURATION = 1e6  # s
 
@@ -48,5 +48,4 @@ def command(
 
 def _check(option: str, value: float, low: float, high: float) -> None:
     if not low <= value <= high:
-        allowed = f"from {number_text(low)} to {number_text(high)}"
-        raise StudyError(f"--{option} {value:g} is not usable: give a number of seconds {allowed}.")
+        raise StudyError(f"--{option} {value:g} is not usable: give a number of seconds from {range_text(low, high)}.")

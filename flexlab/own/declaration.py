@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from flexlab.own.reading import DeclaredClass, called, is_finite, kind_of
-from flexlab.text import number_text
+from flexlab.text import range_text
 
 MOST_SETTINGS, MOST_SIGNALS, MOST_MEMORY = 64, 16, 256
 """The most settings, signals and numbers of memory that a text may declare."""
@@ -271,7 +271,7 @@ def _checked_setting(declared: DeclaredClass, name: str, gain: Setting, line: in
         raise declared.problem(line, f"{name}: low = {gain.low!r} and high = {gain.high!r} are not a range")
     numbers = gain.default if isinstance(gain.default, tuple) else (gain.default,)
     if len(numbers) not in (1, 3) or not all(is_finite(one) and gain.low <= one <= gain.high for one in numbers):
-        text = f"{name}: the default {gain.default!r} is outside {number_text(gain.low)} to {number_text(gain.high)} {gain.unit}"
+        text = f"{name}: the default {gain.default!r} is outside {range_text(gain.low, gain.high)} {gain.unit}"
         raise declared.problem(line, f"{text}, or not one or three numbers")
     texts = {what: getattr(gain, what) for what in ("unit", "title", "symbol")}
     if not all(isinstance(text, str) for text in texts.values()):
@@ -289,8 +289,7 @@ def _slider_problem(one: Setting) -> str:
     if one.slider is not None:
         ends = one.slider if isinstance(one.slider, tuple) else ()
         if len(ends) != 2 or not all(map(is_finite, ends)) or not one.low <= ends[0] < ends[1] <= one.high:
-            within = f"{number_text(one.low)} to {number_text(one.high)}"
-            return f"{about} is not a part of its range: give two numbers within {within}"
+            return f"{about} is not a part of its range: give two numbers within {range_text(one.low, one.high)}"
     if not isinstance(one.logarithmic, bool):
         return f"logarithmic = {one.logarithmic!r:.60} is not usable: give True or False"
     if one.logarithmic and (one.slider or (one.low,))[0] <= 0:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from flexlab.errors import ScenarioError
-from flexlab.text import number_text, syntax_tree, visible
+from flexlab.text import range_text, syntax_tree, visible
 
 LONGEST_SOURCE = 200_000
 """Characters of a text."""
@@ -156,7 +156,7 @@ class DeclaredClass:
         """A number within a range."""
         value = self.value(node)
         if not is_finite(value) or not low <= value <= high:
-            text = f"{name} = {value!r} is outside {number_text(low)} to {number_text(high)} {unit}: choose within it"
+            text = f"{name} = {value!r} is outside {range_text(low, high)} {unit}: choose within it"
             raise self.problem(node.lineno, text)
         return float(value)
 

@@ -28,7 +28,7 @@ from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Run, Samples, Status, WorldState, empty_samples, join_blocks
 from flexlab.sim.signals import TABLE, own_signals
 from flexlab.sim.snapshot import Event
-from flexlab.text import visible
+from flexlab.text import range_text, visible
 
 PLAIN = (str, int, float)
 """Types of properties."""
@@ -330,6 +330,5 @@ def within(blocks: Iterable[Samples], start: float | None, end: float | None) ->
         raise RecordingError("The run has no samples.")
     if not found:
         low, high = first if start is None else start, last if end is None else end
-        raise RecordingError(
-            f"From {low:g} to {high:g} s there is no sample: choose times within {first:g} to {last:g} s."
-        )
+        within = range_text(first, last, 10)
+        raise RecordingError(f"From {low:g} to {high:g} s there is no sample: choose times within {within} s.")

@@ -13,7 +13,7 @@ from flexlab.signal import ARM, COORDINATE, Axis, Signal
 from flexlab.sim.samples import Samples
 from flexlab.sim.signals import DERIVED, TABLE, known_signals, own_signals
 from flexlab.sim.snapshot import LONGEST_PERIOD, SHORTEST_PERIOD, Event
-from flexlab.text import number_text, visible
+from flexlab.text import range_text, visible
 
 LONGEST_SHOWN = 60
 """Largest length of a column's name in a sentence, characters."""
@@ -183,7 +183,7 @@ def check_period(name: str, period: object) -> float:
     """The sample period in s. Raises `RecordingError` for one that no run can have."""
     value = period if isinstance(period, (int, float)) and not isinstance(period, bool) else math.nan
     if not (1 - ROUNDING) * SHORTEST_PERIOD <= value <= (1 + ROUNDING) * LONGEST_PERIOD:
-        allowed = f"{number_text(SHORTEST_PERIOD)} to {number_text(LONGEST_PERIOD)} s"
+        allowed = f"{range_text(SHORTEST_PERIOD, LONGEST_PERIOD)} s"
         shown = visible(repr(period), 40)
         raise RecordingError(f"{name}: the sample period {shown} s is not usable: it must be {allowed}.")
     return float(value)

@@ -20,6 +20,7 @@ from flexlab.signal import ARM
 from flexlab.sim.build import build_beam
 from flexlab.sim.geometry import deflection_at
 from flexlab.sim.world import World
+from flexlab.text import number_text
 
 ELEMENTS = 10
 """Number of the beam's elements: its first frequency is 1e-5 off the continuous beam's with pinned ends, 1.6 % with clamped."""
@@ -199,7 +200,7 @@ def _ends(payload: Payload) -> np.ndarray:
 
 
 def _angles(payload: Payload, beam_coordinates: np.ndarray) -> np.ndarray:
-    """Angles of the pieces to the chord, rad, (ELEMENTS + 1,), for a bent beam."""
+    """Angles of the pieces to the chord, rad, (ELEMENTS + 1,), for a bent beam. Raises `ScenarioError` for a steep one."""
     left_end, right_end = payload.boundary.split("-")
     ends = _ends(payload)
     height = deflection_at(payload, beam_coordinates[None], ends)[0]
@@ -207,7 +208,12 @@ def _angles(payload: Payload, beam_coordinates: np.ndarray) -> np.ndarray:
         height[1] = 0.0
     if right_end == "clamped":
         height[-2] = 0.0
-    return np.arcsin(np.diff(height) / np.diff(ends))
+    slope = np.diff(height) / np.diff(ends)
+    if (steepest := float(np.abs(slope).max())) >= 1.0:
+        field = "initial.beam_coordinates"
+        text = f"{field}: a slope of {number_text(steepest)} to the chord is too steep for rigid pieces: choose less than 1."
+        raise ScenarioError([(field, text)])
+    return np.arcsin(slope)
 
 
 def _beam(payload: Payload, coordinates: np.ndarray, at: float) -> tuple[Body, ...]:

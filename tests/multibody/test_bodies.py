@@ -167,6 +167,15 @@ def test_a_scenario_that_cannot_start_is_refused_with_the_reason(changes: dict[s
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("ending", ["urdf", "xml"])
+def test_a_beam_that_is_too_steep_at_the_start_is_refused(ending: str, tmp_path: Path):
+    """The angles of its pieces were written as nan."""
+    steep = load_preset("paper").replace({"initial.beam_coordinates": [4.0, 0.0, 0.0, -4.0]})
+    with pytest.raises(ScenarioError, match=r"^initial.beam_coordinates: a slope of 3.24 to the chord is too steep"):
+        write_bodies(steep, tmp_path / f"a.{ending}")
+    assert not list(tmp_path.iterdir())
+
+
 def test_the_friction_of_the_joints_is_exported(tmp_path: Path):
     viscous, coulomb = (5.0, 4.0, 2.0), (8.0, 6.0, 3.0)
     friction = {"joints.friction.viscous": viscous, "joints.friction.coulomb": coulomb}

@@ -73,6 +73,15 @@ class Visit(web.RequestHandler):
         self.received += len(data)
         super().data_received(data)
 
+    def eof_received(self) -> bool:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """Whether to answer a visitor who sends no more: before an answer begins, as afterwards it means that they left."""
+        rests = not self._request_count or (self._waiter is not None and not self._waiter.done())
+        begun = self.request is not None and self.request.writer.output_size > 0
+        if rests or begun or self._upgraded:
+            return False
+        self.close()
+        return True
+
     def starts(self, request: web.BaseRequest) -> None:
         """Note that a request has been read up to its body."""
         self.busy, self.request, self.began, self.body_before = True, request, time.monotonic(), self.received

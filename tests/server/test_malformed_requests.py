@@ -17,10 +17,12 @@ from flexlab.server.front_server import FrontServer
 from flexlab.server.limits import MOST_PENDING
 
 
-def send(server: FrontServer, words: bytes) -> bytes:
-    """Send these bytes and return what comes back until the server closes the connection."""
+def send(server: FrontServer, words: bytes, ends: bool = False) -> bytes:
+    """Send these bytes and return what comes back until the server closes the connection. `ends`: say that no more follow."""
     with socket.create_connection(("127.0.0.1", server.port), timeout=30) as plug:
         plug.sendall(words)
+        if ends:
+            plug.shutdown(socket.SHUT_WR)
         with plug.makefile("rb") as answer:
             return answer.read()
 
@@ -58,6 +60,13 @@ def test_a_malformed_request_is_logged_in_one_line_that_quotes_nothing(
     assert "secret" not in "".join(lines).lower()
     assert not any(record.exc_info for record in caplog.records)
     assert b"secret" not in answer.lower()
+
+
+@pytest.mark.parametrize("path", ["/", "/runs", "/lab/", "/static/style.css"])
+def test_a_visitor_who_ends_their_sending_is_answered(front_server: FrontServer, path: str):
+    """Programs such as `nc -N` say by it that their request is whole. They got no answer."""
+    request = f"GET {path} HTTP/1.1\r\n".encode() + HEAD + b"\r\n"
+    assert send(front_server, request, ends=True).startswith(b"HTTP/1.1 200 OK")
 
 
 def test_many_malformed_requests_do_not_fill_the_log(guarded: FrontServer, caplog: pytest.LogCaptureFixture):

@@ -61,16 +61,15 @@ class OwnFileWatch:
             now = self._stamps()
             for file in sorted(now):
                 if now[file] == before.get(file) and now[file] != self._taken.get(file):
-                    is_first = file not in self._taken and file not in self._known
                     self._taken[file] = now[file]
-                    self._take(file, is_first)
+                    self._take(file)
             before = now
 
-    def _take(self, file: Path, is_first: bool) -> None:
+    def _take(self, file: Path) -> None:
         folder = PATH_FILES if file.parent == self._folders[1] or PATH_FILES.holds(file) else LAW_FILES
         if folder.holds(file):
             self._reload(file, folder)
-        elif is_first:
+        elif not folder.has_kernel(file):  # One that is known stays as it was loaded.
             try:
                 kind = folder.kind_of(file)
                 self._lab_state.say(f"{file.name} was saved: the {folder.kinds.registry.what} {kind} is new.")

@@ -188,6 +188,10 @@ class OwnFolder(Generic[K]):
         except ScenarioError:
             return False
 
+    def has_kernel(self, file: Path) -> bool:
+        """Whether a kernel of this file is known."""
+        return self._kernels.get(str(file.resolve())) in self.kinds.registry.all()
+
     def add(self, file: str | Path) -> K:
         """Make a file's law or path known and let it run. Raises `ScenarioError` with file and line."""
         place = str(Path(file).resolve())
@@ -255,7 +259,7 @@ class OwnFolder(Generic[K]):
         if not re.search(rf"^{self.kinds.registry.constant}\s*=", self.text(file), re.MULTILINE):
             return ""
         place = str(file.resolve())
-        if self._kernels.get(place) not in self.kinds.registry.all():
+        if not self.has_kernel(file):
             try:
                 self._kernels[place] = self.kinds.registry.add_file(file).kind
             except Exception as error:

@@ -118,6 +118,26 @@ def test_new_files_in_a_persons_folders_appear_in_the_menus(
         wait_until(lambda: lab.runner.snapshot.latest["push"][0] == 17.0, "the new text acts")
 
 
+@pytest.mark.parametrize("made_before", [False, True])
+def test_a_kernel_that_is_broken_at_first_is_taken_up_when_it_is_mended(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, made_before: bool
+):
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / "presets" / "laws" / "leaky.py"
+    file.parent.mkdir(parents=True)
+    text = (Path(__file__).parents[1] / "control" / "own_laws" / "leaky_integral.py").read_text()
+    if made_before:
+        file.write_text(text.replace("import Law, Memory", "import Laws, Memory"))
+    with Session(load_preset("paper"), shadows=False) as lab:
+        wait_until(lambda: lab.runner.snapshot.latest.time[0] > 0.1, "the lab runs")
+        for broken in (text[:-20], text.replace("import Law, Memory", "import Laws, Memory")):
+            file.write_text(broken)
+            wait_until(lambda: "leaky.py cannot be used" in lab.lab_state.notice.text, "the sentence about the text")
+            lab.lab_state.say("")
+        file.write_text(text)
+        wait_until(lambda: lab.lab_state.notice.text.endswith("leaky-integral is new."), "the law is known")
+
+
 def test_an_own_law_takes_over_in_motion(tmp_path: Path):
     file = tmp_path / "mine.py"
     file.write_text(PD)

@@ -9,6 +9,7 @@ from own_law_text import PD
 from own_path_text import ROUND
 from raw_browser import RawBrowser, widget
 
+from flexlab.control.law import forget_law
 from flexlab.lab.panel.sections import changes_for
 from flexlab.lab.session import Session
 from flexlab.own import hosts
@@ -136,6 +137,7 @@ def test_a_kernel_that_is_broken_at_first_is_taken_up_when_it_is_mended(
             lab.lab_state.say("")
         file.write_text(text)
         wait_until(lambda: lab.lab_state.notice.text.endswith("leaky-integral is new."), "the law is known")
+    forget_law("leaky-integral")
 
 
 def test_an_own_law_takes_over_in_motion(tmp_path: Path):

@@ -528,6 +528,7 @@ def test_a_measurement_of_noise_alone_is_no_ring(flexlab_command: Command, tmp_p
         path.write_text("t [ms],laser [mm]\n" + "\n".join(rows) + "\n")
         fit = fit_file(path, scenario=flexlab.load_preset("paper"))
         assert not fit.is_ring
+        assert fit.notes == ()  # "The ring begins at t = 0.006 s" stood beside "No ring".
         assert not fit.estimates["EI"].identifiable
         assert "No ring: no oscillation stands out from the noise." in str(fit)
         assert_has_no_numbers(fit, "no oscillation stands out from the noise")

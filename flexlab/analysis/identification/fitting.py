@@ -18,7 +18,7 @@ from flexlab.analysis.identification.beam_parameters import (
 )
 from flexlab.analysis.identification.evidence import ring_begins
 from flexlab.analysis.identification.free_ring import ring_of_run
-from flexlab.analysis.identification.ring import Estimate, RingFit, fit_ring
+from flexlab.analysis.identification.ring import NOISE_ALONE, Estimate, RingFit, fit_ring
 from flexlab.analysis.result import Result, provenance
 from flexlab.analysis.run_summary import note_metrics
 from flexlab.arguments import time_or_none
@@ -148,10 +148,12 @@ def fit_file(
     found = read_measured(path, time, signal)
     t, y = _window(found.time, found.signal, start, end)
     notes = found.notes
-    if start is None and (first := ring_begins(y)):
-        notes += (f"The ring begins at t = {t[first]:.6g} s, its first peak: what comes before is left out.",)
-        t, y = t[first:], y[first:]
-    return _fit(path.stem, t, y, found.unit, scenario, notes, start is not None)
+    first = 0 if start is not None else ring_begins(y)
+    fit = _fit(path.stem, t[first:], y[first:], found.unit, scenario, notes, start is not None)
+    if not first or fit.ring.problem == NOISE_ALONE:  # Noise has no beginning to tell of.
+        return fit
+    began = f"The ring begins at t = {t[first]:.6g} s, its first peak: what comes before is left out."
+    return replace(fit, notes=(*notes, began, *fit.notes[len(notes) :]))
 
 
 def fit_run(

@@ -31,6 +31,7 @@ from flexlab.own.declaration import (
 )
 from flexlab.own.endless_calls import CALLS, EndlessCall
 from flexlab.own.measurement import BELIEVED_SIZE, Believed, Measurement, finite_numbers, real_numbers
+from flexlab.own.modules import KeptModules
 from flexlab.own.reading import TextProblem, is_foreign
 from flexlab.physics.law_input import LAW_INPUT, MOST_ARMS
 from flexlab.text import counted
@@ -99,12 +100,9 @@ class RunningText:
 
     def __init__(self, source: str, file: str, declared: Declared):
         self._file, self._declared, name = file, declared, declared.name
-        folder = str(Path(file).resolve().parent)
-        if Path(file).exists() and folder not in sys.path:
-            sys.path.append(folder)
         for place, module in FORMER_PLACES.items():
             sys.modules.setdefault(place, module)
-        names: dict[str, Any] = {"__name__": f"own_text_{name}", "__file__": file}
+        names: dict[str, Any] = vars(KeptModules(source, file).empty(name, file))
         try:
             code: CodeType = compile(source, f"<{name}>" if is_foreign(file) else file, "exec")
             exec(code, names)

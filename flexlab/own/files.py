@@ -27,8 +27,9 @@ from flexlab.own.declaration import Declared, OwnLaw, OwnPath, read_declaration,
 from flexlab.own.kinds import OwnKinds, default_source
 from flexlab.own.law import OWN_LAWS
 from flexlab.own.link import address_in, text_of_program
+from flexlab.own.modules import with_modules
 from flexlab.own.path import OWN_PATHS
-from flexlab.own.reading import LONGEST_SOURCE, is_address, is_unit, with_data
+from flexlab.own.reading import LONGEST_SOURCE, is_address, is_unit
 from flexlab.own.unit import text_of_unit
 from flexlab.text import PARSER, syntax_tree
 
@@ -245,7 +246,7 @@ class OwnFolder(Generic[K]):
                 raise self._problem(
                     "source", f"{file} is larger than {LARGEST / 1e6:g} MB, too large for a {self.kinds.word}."
                 )
-            return with_data(file.read_text(encoding="utf-8-sig"), file.parent, f"{self.kinds.field}.source")
+            return with_modules(file.read_text(encoding="utf-8-sig"), file.parent, f"{self.kinds.field}.source")
         except FileNotFoundError:
             text = f"There is no file {file}: give the path of a Python file with {self.holding}."
             raise self._problem("source", text) from None
@@ -281,7 +282,7 @@ class OwnFolder(Generic[K]):
             raise self._problem("source", what)
         try:
             folder = Path(inspect.getsourcefile(given) or "").resolve().parent
-            return with_data(class_text(given), folder if folder.is_dir() else Path(), f"{self.kinds.field}.source")
+            return with_modules(class_text(given), folder if folder.is_dir() else Path(), f"{self.kinds.field}.source")
         except (OSError, TypeError, SyntaxError):
             what = (
                 f"The text of the class {given.__name__} cannot be found, which a recording needs: write it in a file."

@@ -104,3 +104,51 @@ def test_embedding_the_data_keeps_the_line_numbers_of_a_text(file: Path):
     assert emptied["left"] == b"", "an empty file is kept, too"
     with pytest.raises(ScenarioError, match="there is no such file in nowhere"):
         with_data(TEXT, Path("nowhere"), "controller.source")
+
+
+HELPED = TEXT.replace("P, D = np.load", "from scaling import scaled\n\nP, D = scaled(np.load").replace('"))', '")))')
+SCALING = """import numba
+from factors import FACTOR
+
+
+@numba.njit(cache=True)
+def scaled(gains):
+    return FACTOR * gains
+"""
+
+
+def test_its_recording_replays_without_the_modules_beside_it(file: Path, flexlab_process: Command):
+    """Machine code that numba kept was not found without the files, and could not be loaded with them."""
+    file.write_text(HELPED, encoding="utf-8")
+    beside = [file, *(file.with_name(name) for name in ("scaling.py", "factors.py", "gains.npy"))]
+    beside[1].write_text(SCALING, encoding="utf-8")
+    beside[2].write_text("FACTOR = 1.0\n", encoding="utf-8")
+    run = flexlab.simulate("paper", 0.05, law=file)
+    kept = run.save(file.parent / "kept.rrd")
+    for one in beside:
+        one.unlink()
+    done = flexlab_process("replay", str(kept), "--run-own-law")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "return FACTOR * gains" in flexlab_process("replay", str(kept)).stderr  # All is shown before it runs.
+
+
+def test_other_modules_make_another_law(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A sweep gave the numbers of the former module, and so did a law in another folder with a module of the same name.
+
+    So would machine code that numba keeps by the file of a function, as `FACTOR` is a constant in it.
+    """
+    monkeypatch.chdir(tmp_path)
+    found = []
+    for folder, factor in (("one", 1.0), ("one", 0.5), ("two", 0.25)):
+        place = tmp_path / folder
+        place.mkdir(exist_ok=True)
+        (place / "gains.npy").write_bytes((tmp_path / "gains.npy").read_bytes())
+        (place / "filed_gains.py").write_text(HELPED, encoding="utf-8")
+        (place / "scaling.py").write_text(SCALING, encoding="utf-8")
+        (place / "factors.py").write_text(f"FACTOR = {factor}\n", encoding="utf-8")
+        law = place / "filed_gains.py"
+        swept = flexlab.sweep("paper", {"gravity": [0.0]}, 0.05, accuracy=None, law=law)
+        error = swept.table["rms_error.x"][0].as_py()
+        assert error == flexlab.simulate("paper", 0.05, law=law).metrics["rms_error.x"]
+        assert error not in found
+        found.append(error)

@@ -1,0 +1,101 @@
+"""A person's own modules beside a law or path: they become a part of its text, as comments, and are imported from there.
+
+Recordings, clusters and the keys of kept results then have all of the law, and laws of two folders may each have a `helper.py`.
+"""
+
+import ast
+import builtins
+import hashlib
+import re
+import sys
+import sysconfig
+from importlib.machinery import PathFinder
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from flexlab.errors import ScenarioError
+from flexlab.own.machine_code import DIGEST, file_machine_code_by_text
+from flexlab.own.reading import with_data
+from flexlab.text import syntax_tree
+
+_KEPT = re.compile(r"^# (\w+)\.py beside it:\n((?:#\|.*\n)*)", re.MULTILINE)
+
+
+def with_modules(text: str, folder: Path, field: str) -> str:
+    """A text with the data files that it names, and with the modules in `folder` that it imports, at its end, and theirs.
+
+    `field`: the scenario's field that errors name. Raises `ScenarioError` for a file that cannot be kept.
+    """
+    text, found = with_data(text, folder, field), dict[str, str]()
+    waiting = [text]
+    while waiting:
+        for name in sorted(_imported(waiting.pop()) - set(found)):
+            file = folder / f"{name}.py"
+            if not file.is_file() or not _is_own(name):
+                continue
+            try:
+                found[name] = with_data(file.read_text(encoding="utf-8-sig"), folder, field)
+            except (OSError, UnicodeDecodeError):
+                raise ScenarioError([(field, f"{file}, which is imported, cannot be read as text in UTF-8.")]) from None
+            waiting.append(found[name])
+    kept = [f"# {name}.py beside it:\n" + "".join(f"#|{line}\n" for line in found[name].split("\n")) for name in found]
+    return text.rstrip("\n") + "\n\n\n" + "".join(kept) if kept else text
+
+
+def _imported(text: str) -> set[str]:
+    """The names of modules that a text imports, the first parts of dotted ones; none if it is not valid Python."""
+    try:
+        nodes = list(ast.walk(syntax_tree(text)))
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        return set()
+    whole = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
+    parts = [node.module or "" for node in nodes if isinstance(node, ast.ImportFrom) and not node.level]
+    return {name.partition(".")[0] for name in whole + parts}
+
+
+def _is_own(name: str) -> bool:
+    """Whether no module of Python, flexlab or an installed package has this name: those come first."""
+    installed = list(dict.fromkeys(map(sysconfig.get_path, ("purelib", "platlib"))))
+    return name not in {*sys.stdlib_module_names, "flexlab"} and PathFinder.find_spec(name, installed) is None
+
+
+class KeptModules:
+    """The modules of a text: itself, and those kept in it, which it imports before any others.
+
+    Others come from where Python finds them or, last of all, from beside `file`.
+    """
+
+    def __init__(self, text: str, file: str):
+        folder = Path(file).resolve().parent
+        if Path(file).exists() and str(folder) not in sys.path:
+            sys.path.append(str(folder))
+        kept = {name: "\n".join(row[2:] for row in rows.split("\n")[:-1]) for name, rows in _KEPT.findall(text)}
+        self._texts = {name: (own, str(folder / f"{name}.py")) for name, own in kept.items()}
+        self._made: dict[str, ModuleType] = {}
+        self._digest = hashlib.sha256(text.encode()).hexdigest()[:32]
+        if "numba" in text:
+            file_machine_code_by_text()
+
+    def empty(self, name: str, file: str) -> ModuleType:
+        """A module without content that imports kept modules from here."""
+        # Machine code from disk looks for its module among those that are loaded, by this name.
+        made = sys.modules[f"own_text_{name}"] = ModuleType(f"own_text_{name}")
+        vars(made).update({"__file__": file, DIGEST: self._digest})
+        if self._texts:
+            vars(made)["__builtins__"] = vars(builtins) | {"__import__": self}
+        return made
+
+    def __call__(self, name: str, *words: Any, **more: Any) -> Any:
+        """As `builtins.__import__`."""
+        if name not in self._texts:
+            return builtins.__import__(name, *words, **more)
+        if name not in self._made:
+            text, file = self._texts[name]
+            made = self._made[name] = self.empty(name, file)
+            try:
+                exec(compile(text, file, "exec"), vars(made))
+            except BaseException:
+                del self._made[name]
+                raise
+        return self._made[name]

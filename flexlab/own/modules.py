@@ -36,8 +36,9 @@ def with_modules(text: str, folder: Path, field: str) -> str:
                 continue
             try:
                 found[name] = with_data(file.read_text(encoding="utf-8-sig"), folder, field)
-            except (OSError, UnicodeDecodeError):
-                raise ScenarioError([(field, f"{file}, which is imported, cannot be read as text in UTF-8.")]) from None
+            except (OSError, UnicodeDecodeError) as error:
+                why = error.strerror if isinstance(error, OSError) else "it is not text in UTF-8"
+                raise ScenarioError([(field, f"{file} cannot be read: {why}.")]) from None
             waiting.append(found[name])
     kept = [f"# {name}.py beside it:\n" + "".join(f"#|{line}\n" for line in found[name].split("\n")) for name in found]
     return text.rstrip("\n") + "\n\n\n" + "".join(kept) if kept else text

@@ -152,3 +152,10 @@ def test_other_modules_make_another_law(file: Path, tmp_path: Path, monkeypatch:
         assert error == flexlab.simulate("paper", 0.05, law=law).metrics["rms_error.x"]
         assert error not in found
         found.append(error)
+
+
+def test_a_module_beside_it_that_is_no_text_is_refused(file: Path):
+    file.write_text(HELPED, encoding="utf-8")
+    file.with_name("scaling.py").write_bytes(b"\xff")
+    with pytest.raises(ScenarioError, match=r"scaling\.py cannot be read: it is not text in UTF-8\."):
+        flexlab.simulate("paper", 0.05, law=file)

@@ -180,12 +180,16 @@ def value_text(value: object) -> str:
 
 
 _DOTTED = re.compile(r"[a-z_0-9]+(\.[a-z_0-9]+)*")
+_SET = re.compile(r"(?<!\S)[a-z_0-9]+(\.[a-z_0-9]+)+(?= = )")
+"""The path in "path = value", which events have for a field of one kind of a part, such as a damping ratio."""
 
 
 def change_in_words(change: str) -> str:
-    """A change of the preset, "path: old → new" in the notes of a run, with the field's title for the path."""
+    """A change of the preset, "path: old → new" in the notes of a run, or an event, with fields' titles for their paths."""
     path, colon, values = change.partition(": ")
-    return f"{field_title(path)}: {values}" if colon and _DOTTED.fullmatch(path) else change
+    if colon and _DOTTED.fullmatch(path):
+        return f"{field_title(path)}: {values}"
+    return _SET.sub(lambda found: field_title(found[0]), change)
 
 
 def told(differences: Iterable[Difference]) -> list[Difference]:

@@ -13,6 +13,7 @@ from flexlab.lab.lab_state import Notice
 from flexlab.lab.look_back import LookBack
 from flexlab.lab.view_settings import ViewSettings
 from flexlab.lab.widgets import put
+from flexlab.scenario.field_text import change_in_words
 from flexlab.sim.commands import Pull
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Samples
@@ -142,10 +143,8 @@ def events_html(snapshot: Snapshot) -> str:
     lines = []
     for event in reversed(_without_drags(snapshot.events)[-SHOWN_EVENTS:]):
         bad = ' class="fl-bad"' if event.level != "info" else ""
-        time = f"{fixed_text(event.time, 3)} s"
-        lines.append(
-            f'<div><span class="fl-dim">{time}</span> <span{bad}>{escaped(with_units(event.text))}</span></div>'
-        )
+        time, told = f"{fixed_text(event.time, 3)} s", with_units(change_in_words(event.text))
+        lines.append(f'<div><span class="fl-dim">{time}</span> <span{bad}>{escaped(told)}</span></div>')
     shown = "".join(lines) or "Nothing yet. Changes, taps, pulls and warnings appear here."
     return f'<div class="fl fl-list" tabindex="0">{shown}</div>'
 

@@ -94,7 +94,7 @@ class Recorder:
     def begin_run(self, run_number: int, name: str, scenario: Scenario, start: WorldState) -> None:
         """Begin a new run."""
         self.dropped_rows = 0
-        info = RunInfo(name, scenario, TICK, start, begin_notes=self._circumstances())
+        info = RunInfo(name, scenario, TICK, start, begin_notes={"preset": name, **self._circumstances()})
         self._queue.put(lambda: self._begin(info))
 
     def take_samples(self, run_number: int, samples: Samples, actual_speed: float) -> int:

@@ -16,6 +16,7 @@ from flexlab.recording.recorder import Recorder
 from flexlab.recording.repair import unfinished_runs
 from flexlab.recording.store.notes import read_notes
 from flexlab.recording.store.run_files import list_runs, run_state
+from flexlab.recording.store.run_index import read_row
 from flexlab.sim.commands import ChangeScenario, LoadScenario, Pause, Pull, Reset, SetSpeed, Tap
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Status
@@ -170,6 +171,7 @@ def test_labs_that_start_in_the_same_folder_and_second_write_separate_files(tmp_
     paths = {recorder.path for recorder in recorders}
     assert len(paths) == 3
     assert {run_state(path) for path in paths if path} == {"in use"}
+    assert {read_row(path).preset for path in paths if path} == {"paper"}
     for recorder in recorders:
         recorder.close(finishing_time=60)
     for path in paths:

@@ -283,12 +283,14 @@ class ClassRules:
     @property
     def pace(self) -> str:
         """Where the class is, as a sentence; empty if each chooses."""
-        return f"{self._place}: open the Guide. The teacher moves on." if self.lesson else ""
+        return f"{self._place}: open the Guide. The teacher opens the next step." if self.lesson else ""
 
     @property
     def pace_on_play_screen(self) -> str:
         """Where the class is, as a sentence for the play screen, which has no guide."""
-        return f"{self._place}: press More, then open the Guide. The teacher moves on." if self.lesson else ""
+        return (
+            f"{self._place}: press More, then open the Guide. The teacher opens the next step." if self.lesson else ""
+        )
 
     @property
     def _place(self) -> str:

@@ -106,7 +106,8 @@ class OwnFileWatch:
             lab_state.say(f"{file.name} was saved: {told}")
         except FlexlabError as error:
             goes_on = "the path goes on as it was" if folder is PATH_FILES else "the law goes on as it was"
-            lab_state.warn(f"{file.name} was saved, but {goes_on}: {_briefly(error, file)}")
+            told = goes_on if folder.knows(file) else "cannot be used"
+            lab_state.warn(f"{file.name} was saved, but {told}: {_briefly(error, file)}")
 
     def _begun(self, stopped: bool) -> str:
         """Play the new run if the law or path had `stopped` the last one; returns the words for the notice."""

@@ -182,7 +182,7 @@ class OwnFolder(Generic[K]):
 
     def holds(self, file: str | Path) -> bool:
         """Whether a file has such a class, or was added before."""
-        if str(Path(file).resolve()) in self._added:
+        if self.knows(file):
             return True
         try:
             return declares(self.text(Path(file)), self.base.__name__)
@@ -192,6 +192,10 @@ class OwnFolder(Generic[K]):
     def has_kernel(self, file: Path) -> bool:
         """Whether a kernel of this file is known."""
         return self._kernels.get(str(file.resolve())) in self.kinds.registry.all()
+
+    def knows(self, file: str | Path) -> bool:
+        """Whether a file was added before."""
+        return str(Path(file).resolve()) in self._added
 
     def add(self, file: str | Path) -> K:
         """Make a file's law or path known and let it run. Raises `ScenarioError` with file and line."""

@@ -112,7 +112,8 @@ def test_new_files_in_a_persons_folders_appear_in_the_menus(
         wait_until(lambda: "own-pd" in widget(lab, "Control law").options, "the menu of laws has it")
         wait_until(lambda: "round-trip" in widget(lab, "Path").options, "the menu of paths has it")
         (tmp_path / "presets" / "laws" / "broken.py").write_text("class Mine(OwnLaw:\n")
-        wait_until(lambda: "broken.py, line 1" in lab.lab_state.notice.text, "the sentence about the text")
+        said = "broken.py was saved, but cannot be used: broken.py, line 1"
+        wait_until(lambda: said in lab.lab_state.notice.text, "the sentence about the text")
         lab.lab_state.change(changes_for("controller.kind", "own-pd"))
         wait_until(lambda: lab.runner.snapshot.scenario.controller.kind == "own-pd", "it takes over")
         (tmp_path / "presets" / "laws" / "mine.py").write_text(PD.replace("self.push = common[0]", "self.push = 17.0"))

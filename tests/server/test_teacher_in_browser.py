@@ -70,7 +70,7 @@ def test_the_teacher_sets_the_pace_locks_labs_and_sees_the_guesses(plain_chromiu
         page.goto(f"{url}/teacher")
         page.get_by_label("Pace").select_option("Lesson 1: Why does it ring?")
         page.get_by_label("up to step").select_option("1")
-        lab.get_by_text("The class is at step 1 of 3 (guess). The teacher moves on.").wait_for()
+        lab.get_by_text("The class is at step 1 of 3 (guess). The teacher opens the next step.").wait_for()
         over_the_scene = lab.get_by_text(
             "The class is at step 1 of 3 (guess) of “Lesson 1: Why does it ring?”: open the Guide"
         )

@@ -93,7 +93,7 @@ class Guide:
         self._lab_state.hold_exaggeration(None if lesson is None else _factor(lesson))
         for widget in (self._guess_question, self._guess.widget, self._steps, self._start, self._verdict):
             put(widget, visible=lesson is not None and self._last_step > 1)
-        why = f"The class is at {step_text(self._last_step)}. The teacher moves on."
+        why = f"The class is at {step_text(self._last_step)}. The teacher opens the next step."
         put(self._rest, visible=self._last_step < len(STEPS), content=f'<div class="fl fl-dim">{why}</div>')
         put(self._text, content=with_units(page.question if isinstance(page, Lesson) else page.text))
         if lesson is None:

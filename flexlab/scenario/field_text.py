@@ -62,12 +62,17 @@ def options(path: str) -> dict[str, Any]:
 
 def _places(path: str) -> Iterator[tuple[type[Part], str]]:
     """The parts, of any kind, that have a field at a dotted path, each with the field's name."""
-    *parents, name = path.split(".")
+    name = path.rpartition(".")[2]
+    return ((owner, name) for owner in _owners(path) if name in owner.model_fields)
+
+
+def _owners(path: str) -> list[type[Part]]:
+    """The parts, of any kind, that may hold the field at a dotted path."""
     owners: list[type[Part]] = [Scenario]
-    for parent in parents:
+    for parent in path.split(".")[:-1]:
         fields = [owner.model_fields[parent] for owner in owners if parent in owner.model_fields]
         owners = [part for field in fields for part in parts_of(field.annotation)]
-    return ((owner, name) for owner in owners if name in owner.model_fields)
+    return owners
 
 
 def word_of(value: Any) -> str:
@@ -199,5 +204,10 @@ def told(differences: Iterable[Difference]) -> list[Difference]:
     return [
         (path, old, new)
         for path, old, new in found
-        if not ((old is None or new is None) and any(path.startswith(kind) for kind in kinds))
+        if not ((old is None or new is None) and any(path.startswith(kind) for kind in kinds)) or _of_every_kind(path)
     ]
+
+
+def _of_every_kind(path: str) -> bool:
+    """Whether every kind of a part has this field: None is then a value of it, such as continuous control."""
+    return len(list(_places(path))) == len(_owners(path))

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
-from flexlab.scenario.field_text import change_in_words, changes_towards, differences, part_differences
+from flexlab.scenario.field_text import change_in_words, changes_towards, differences, part_differences, told
 
 names = st.sampled_from(preset_names())
 PAPER = Scenario()
@@ -43,6 +43,14 @@ def test_a_removed_arm_differs_in_each_field_and_texts_do_not_count():
 
 def test_changes_and_events_are_told_with_the_titles_of_fields():
     assert change_in_words("payload.damping.ratio: 0.01 → 0") == "Damping ratio ζ: 0.01 → 0"
-    told = change_in_words("t = 45.149 s: payload.damping.ratio = 0; Gravity along −y g = 9.81 m/s²")
-    assert told == "t = 45.149 s: Damping ratio ζ = 0; Gravity along −y g = 9.81 m/s²"
+    shown = change_in_words("t = 45.149 s: payload.damping.ratio = 0; Gravity along −y g = 9.81 m/s²")
+    assert shown == "t = 45.149 s: Damping ratio ζ = 0; Gravity along −y g = 9.81 m/s²"
     assert change_in_words("Load mine.json") == "Load mine.json"
+
+
+def test_sampling_is_told_beside_another_law_and_what_that_law_alone_has_is_not():
+    sampled = PAPER.replace({"controller.kind": "pd", "controller.control_period": 0.001})
+    assert {path for path, _, _ in told(differences(PAPER, sampled))} == {
+        "controller.kind",
+        "controller.control_period",
+    }

@@ -7,6 +7,7 @@ import pkgutil
 import sys
 import threading
 from collections.abc import Callable
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from types import ModuleType
 from typing import Generic, Protocol, TypeVar
@@ -24,12 +25,13 @@ def module_from_file(path: Path) -> ModuleType:
     # Every process must use the same name: machine code cached by an earlier one looks for its module by name.
     name = f"flexlab_file_{path.stem}_{hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:8]}"
     spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
+    if spec is None or not isinstance(spec.loader, SourceFileLoader):
         raise ImportError(f"{path} is not a Python file: give a file whose name ends in .py.")
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     try:
-        spec.loader.exec_module(module)
+        # Python's cached bytecode would hide a change within the same second to a text of the same length.
+        exec(spec.loader.source_to_code(path.read_bytes(), str(path)), module.__dict__)
     except BaseException:
         del sys.modules[name]
         raise

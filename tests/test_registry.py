@@ -1,8 +1,10 @@
-"""Registries of laws and paths when several threads change them."""
+"""Registries of laws and paths: files that change, and several threads that add and forget."""
 
+import os
 import threading
+from pathlib import Path
 
-from flexlab.registry import Registry
+from flexlab.registry import Registry, module_from_file
 
 
 class Named:
@@ -34,3 +36,13 @@ def test_adding_in_one_thread_does_not_restore_what_another_forgets():
     for thread in (adding, forgetting):
         thread.join(10)
     assert list(known.all()) == ["other"]
+
+
+def test_a_file_is_read_as_it_is_now(tmp_path: Path):
+    """Python takes its own cached bytecode for a text of the same length that was saved within the same second."""
+    file, read = tmp_path / "one.py", []
+    for value in (1, 2):
+        file.write_text(f"VALUE = {value}\n")
+        os.utime(file, (1e9, 1e9))
+        read.append(module_from_file(file).VALUE)
+    assert read == [1, 2]

@@ -13,7 +13,7 @@ from flexlab.physics.plant import AXIAL, ETA, NO_HAND, ON_BEAM, PULL, Hand, P, P
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim.build import Beam, payload_row
 from flexlab.sim.commands import Pull, Tap
-from flexlab.text import number_text
+from flexlab.text import number_text, range_text
 
 MAX_PULL_STIFFNESS = 1e5
 """Largest stiffness of a pull, N/m: a stiffer one would overpower the controller and need shorter steps."""
@@ -30,7 +30,7 @@ LINKS = (1, 2, 3)
 
 def _refuse(name: str, value: Any, unit: str, low: float, high: float) -> None:
     """Raise `ScenarioError` unless value lies in low..high."""
-    limits = f"{number_text(low)} to {number_text(high)} {unit}"
+    limits = f"{range_text(low, high)} {unit}"
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise ScenarioError([(name, f"{name} = {value!r:.60} is not a number: give one from {limits}.")])
     if not low <= value <= high:

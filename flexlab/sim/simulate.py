@@ -12,7 +12,7 @@ from flexlab.sim.commands import WorldCommand
 from flexlab.sim.samples import Run, Status, join_blocks
 from flexlab.sim.snapshot import LONGEST_PERIOD, SHORTEST_PERIOD
 from flexlab.sim.world import World
-from flexlab.text import number_text
+from flexlab.text import number_text, range_text
 
 LONGEST_RUN = 50_000_000
 """Largest number of samples of one run: more would fill the memory of an ordinary machine."""
@@ -98,11 +98,7 @@ def sample_count(duration: float, sample_period: float) -> int:
         ("sample_period", sample_period, period, SHORTEST_PERIOD, LONGEST_PERIOD),
     ):
         if not low <= number <= high:
-            limit = (
-                f"from {number_text(low)} to {number_text(high)}"
-                if math.isfinite(high)
-                else f"of at least {number_text(low)}"
-            )
+            limit = f"from {range_text(low, high)}" if math.isfinite(high) else f"of at least {number_text(low)}"
             raise StudyError(f"{name} = {value!r:.60} s is not usable: give a number of seconds {limit}.")
     count = span / period * (1 + RELATIVE_ROUNDING) + LEAST_ROUNDING
     if count > LONGEST_RUN:

@@ -1,15 +1,17 @@
 """Feedback on the sliding surface with a momentum observer that cancels disturbances of the rigid model.
 
     Σu_i = B ṙ + C̄ r + Ḡ - K s - d̂
-    d̂ = ℓ (p - p(0) - ∫ (Σu_i + C̄ᵀẋ - Ḡ + d̂) dt),   p = Bẋ
+    d̂ = ℓ (p - p(0) - ∫ (Σu_i + C̄ᵀẋ - Ḡ + (ṁ/m) Ā ẋ + d̂) dt),   p = Bẋ
 
-with e = x - x_d, r = ẋ_d - Λe, s = ẋ - r (3,), B = ΣM̄_i + Ā as the controller believes the payload. p in kg·m/s and
-kg·m²/s, d̂ in N, N, N·m. Memory: p(0) and the integral, (3,) each. De Luca and Mattone (ICRA 2005) for the observer.
+with e = x - x_d, r = ẋ_d - Λe, s = ẋ - r (3,), C̄ = ΣC̄_i, B = ΣM̄_i + Ā and Ḡ as the controller believes the payload, and ṁ/m,
+1/s, as it believes the payload to grow. p in kg·m/s and kg·m²/s, d̂ in N, N, N·m. Memory: p(0) and the integral, (3,) each.
+De Luca and Mattone (ICRA 2005) for the observer.
 Stability: the plant is B ẍ + C̄ẋ + Ḡ = Σu_i + d, so that dd̂/dt = ℓ (d - d̂): d̂ is d behind a first-order filter of the rate
 ℓ, whatever the motion. With ½ (d - d̂)² / ℓ added to ½ sᵀBs, V falls outside a ball whose radius goes as ‖dd/dt‖/(ℓ K): any
 K > 0, ℓ > 0 and a d of bounded rate. The beam's vibration is part of d; d̂ follows it with the lag atan(ω/ℓ), so that ℓ should
 stay well below the first mode of a weakly damped beam. Sampled, the filter needs ℓ T_c < 2.
-The observer assumes the torques that the law asks for; what a torque limit removes appears in d̂.
+The integral takes Σu_i of the first line: what a torque limit removes appears in d̂, and so does what the feed-forward of the
+bending and the compensation of friction add, which is meant to cancel a part of d.
 """
 
 from typing import Literal

@@ -5,10 +5,12 @@ Same scenario and same commands at the same ticks give the same bits, whatever t
 
 import math
 from collections.abc import Sequence
+from typing import NoReturn
 
 import numpy as np
 
 from flexlab.control.law import laws
+from flexlab.errors import StudyError
 from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import ETA
 from flexlab.scenario import Scenario, parse_scenario
@@ -42,6 +44,10 @@ class World:
         An unreachable trajectory or start pose raises nothing: `status` has failed then. `known` and `at_once` as for `apply`.
         """
         self._motion = begin_motion(build_assembly(parse_scenario(scenario.model_dump()), tick_period, known, at_once))
+
+    def __reduce__(self) -> NoReturn:
+        """Refuse copies and pickles: they would share memory with this world, or hold addresses of its process."""
+        raise StudyError("A world cannot be copied or pickled: build one of the same scenario, and restore its state.")
 
     @property
     def scenario(self) -> Scenario:

@@ -1,10 +1,14 @@
 """The same scenario with the same commands at the same ticks gives the same bits, in any blocks, live or headless."""
 
+import copy
+import pickle
+from collections.abc import Callable
 from dataclasses import fields
 
 import numpy as np
 import pytest
 
+from flexlab.errors import StudyError
 from flexlab.presets import load_preset
 from flexlab.sim.commands import ChangeScenario, Pull, Tap, WorldCommand
 from flexlab.sim.samples import Samples
@@ -148,3 +152,10 @@ def test_samples_are_read_only():
     for signal in fields(Samples):
         with pytest.raises(ValueError, match="read-only"):
             getattr(samples, signal.name)[...] = 0
+
+
+@pytest.mark.parametrize("duplicate", [copy.copy, copy.deepcopy, pickle.dumps])
+def test_a_world_refuses_to_be_copied(duplicate: Callable[[World], object]) -> None:
+    """A copy moved its original, or answered from memory that both shared."""
+    with pytest.raises(StudyError, match="cannot be copied or pickled: build one of the same scenario"):
+        duplicate(World(load_preset("paper")))

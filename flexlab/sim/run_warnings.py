@@ -8,7 +8,7 @@ from flexlab.compiled import compiled
 from flexlab.physics.axial_load import buckling_load
 from flexlab.physics.beam import free_coordinates
 from flexlab.scenario import Payload, Scenario
-from flexlab.sim.build import Beam
+from flexlab.sim.assembly import Assembly
 from flexlab.sim.signals import ARMS, INTERNAL, LOAD_SHARE, MIDSPAN, MOVING, PER_ARM, SPIN_SHARE, TIME, TORQUE
 from flexlab.text import number_text
 
@@ -129,25 +129,38 @@ STEP_COSTS = {
     "generalized-alpha": StepCost(2.6e-6, 8.5e-8, 1.4e-9),
 }
 
+JOINTS_COST, GRIPS_COST, AXIAL_COST, AXIAL_PRODUCT_COST = 3.5e-7, 9e-7, 3.5e-7, 2.9e-9
+"""What a step takes more with joints that are not ideal, with compliant grips and with the axial load, s, and that per number in
+the matrices of the axial load, s. A change of mass, torque limits and a control period change it by less than a tenth."""
+
 COARSER = "a coarser pose accuracy (simulation.accuracy)"
 
 COUPLED_MODES = 8
 """Number of modes coupled by damping from which on they, and not the arms, dominate the cost of a step."""
 
 
-def seconds_per_second(integrator: str, beam: Beam, step: float) -> float:
+def seconds_per_second(assembly: Assembly, step: float) -> float:
     """Estimated processor time per simulated time with steps of `step` s, 1."""
-    cost, sizes = STEP_COSTS[integrator], np.diff(beam.modes.block_start)
+    plant, cost = assembly.system.plant, STEP_COSTS[assembly.levels.integrator]
+    sizes = np.diff(plant.block_start)
     products = float(np.sum(sizes[sizes > 1] ** 2))
-    return (cost.fixed + cost.per_mode * float(np.sum(sizes)) + cost.per_product * products) / step
+    needed = cost.fixed + cost.per_mode * float(np.sum(sizes)) + cost.per_product * products
+    if plant.joints is not None:
+        needed += JOINTS_COST
+    if plant.grips is not None:
+        needed += GRIPS_COST
+    if assembly.beam.axial.size:
+        needed += AXIAL_COST + AXIAL_PRODUCT_COST * assembly.beam.axial[0].size
+    return needed / step
 
 
-def pace_warning(integrator: str, beam: Beam, step: float, bound: str, others: str = "") -> str:
+def pace_warning(assembly: Assembly, step: float, bound: str, others: str = "") -> str:
     """A sentence on why a run is estimated to be slower than real time, and what to change; empty if it is not.
 
     bound: what bounds the step, as `step_size.Choice.bound`; others: as of `step_size.other_integrators`.
     """
-    pace = seconds_per_second(integrator, beam, step)
+    integrator, modes = assembly.levels.integrator, assembly.beam.modes
+    pace = seconds_per_second(assembly, step)
     if pace < SLOWEST_PACE:
         return ""
     size = number_text(1e6 * step, 3)
@@ -175,11 +188,11 @@ def pace_warning(integrator: str, beam: Beam, step: float, bound: str, others: s
         "law": ["lower gains", COARSER],
         "period": ["a control period that is a multiple of the sample period"],
     }[bound]
-    cause, modes = causes[bound], len(beam.modes.omega)
-    if np.max(np.diff(beam.modes.block_start)) > COUPLED_MODES:
-        cause += f" and the damping couples its {modes} modes"
+    cause, count = causes[bound], len(modes.omega)
+    if np.max(np.diff(modes.block_start)) > COUPLED_MODES:
+        cause += f" and the damping couples its {count} modes"
         cures = ["damping of kind modal or stiffness, which couples none", *cures]
-    if modes > COUPLED_MODES:
+    if count > COUPLED_MODES:
         cures = [*cures, "fewer elements or modes (payload.mode_count)"]
     if others:
         cures = [*cures, others]

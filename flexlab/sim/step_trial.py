@@ -97,7 +97,7 @@ def halvings(assembly: Assembly, at_once: bool) -> int:
     """
     if isinstance(assembly.scenario.controller, OwnController):
         return 0  # A person's own code runs at the run's instants alone: it may count them.
-    pace = seconds_per_second(assembly.levels.integrator, assembly.beam, assembly.steps.step)
+    pace = seconds_per_second(assembly, assembly.steps.step)
     most, swift = (_times(assembly, slowest / pace) for slowest in (SLOWEST_TRIED, SLOWEST_PACE))
     needed = 0
     for tick in _instants(assembly) if most > 0 else ():

@@ -105,7 +105,7 @@ class World:
         bound = "law" if growing else assembly.bound
         level = self._motion.level if growing else 0
         others = other_integrators(self.scenario)
-        return pace_warning(self.integrator, assembly.beam, assembly.levels.step / 2**level, bound, others)
+        return pace_warning(assembly, assembly.levels.step / 2**level, bound, others)
 
     @property
     def integrator(self) -> str:

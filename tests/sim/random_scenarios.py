@@ -237,7 +237,7 @@ def judge(
     limited = scenario.controller.torque_limit is not None or any(scenario.joints.motor.stall_torque)
     limited = limited and scenario.controller.control_period is None
     step = min(world.step, LIMITED_STEP if limited else math.inf) / finer
-    pace = seconds_per_second(world.integrator, world.beam, max(step, SHORTEST_STEP))
+    pace = seconds_per_second(world.assembly, max(step, SHORTEST_STEP))
     ticks = max(20, int(min(DURATION, longest_reference / pace) / world.tick_period))
     run = world.run(ticks)
     took, warned = pace_after_the_start(world)

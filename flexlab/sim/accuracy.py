@@ -18,10 +18,12 @@ from flexlab.scenario import Scenario
 from flexlab.sim.assembly import Assembly
 from flexlab.sim.run_warnings import (
     COUNTED,
+    Largest,
     Peaks,
     amplified,
     bounds,
     inaccurate,
+    model_warning,
     saturated,
 )
 from flexlab.sim.signals import ARMS, INTERNAL, MOVING, PER_ARM, POSE, SATURATED
@@ -101,6 +103,8 @@ class Estimate(NamedTuple):
     """Largest force up to the check before, N or N·m."""
     warning: str = ""
     """A sentence that says since when and why results are no longer accurate; empty while they are."""
+    ended: tuple[str, str] = ("", "")
+    """The last warning of the model and the last `warning` that a change of the scenario has ended, or empty."""
     interval: int = INTERVAL
     """Largest number of ticks between two checks after `CHECKED_TICKS`."""
     torque_change: float = 0.0
@@ -130,6 +134,23 @@ def disturbed(estimate: Estimate, assembly: Assembly, tick: int) -> Estimate:
         # The modes are others, and their errors unknown. The peak remains that of the run.
         estimate = estimate._replace(accumulated=fresh.accumulated, newest=fresh.newest, checked=fresh.checked)
     return jumped(estimate, tick) if tick - estimate.disturbed > CHECKED_TICKS[-1] else estimate
+
+
+def changed(estimate: Estimate, before: Assembly, assembly: Assembly, tick: int) -> Estimate:
+    """The estimate after a change of the scenario at `tick`: warnings whose cause it removes end."""
+    old, new, said = before.scenario, assembly.scenario, estimate.warning
+    estimate, (of_model, of_results) = disturbed(estimate, assembly, tick), estimate.ended
+    if old.payload.axial_load != new.payload.axial_load:
+        of_model = model_warning(old.payload, estimate.peaks._replace(bending=Largest())).text or of_model
+        peaks = estimate.peaks._replace(load_share=Largest(), critical=0.0, spin_share=Largest())
+        estimate = estimate._replace(peaks=peaks)
+    rounded = said == amplified(old)
+    if rounded and assembly.amplifies:
+        estimate = estimate._replace(warning=amplified(new))
+    elif rounded or (said == COUNTED and not new.joints.encoders.active):
+        of_results = said
+        estimate = estimate._replace(warning="", pose=0.0, force=0.0)  # What is left of the errors is reported anew.
+    return estimate._replace(ended=(of_model, of_results))
 
 
 def jumped(estimate: Estimate, tick: int) -> Estimate:

@@ -106,7 +106,7 @@ def _transferred(motion: Motion, assembly: Assembly) -> Motion:
     torques = _present_torques(motion) if starts_sampling or starts_lag else motion.assembly.system.held_torque
     _keep_torques(motion, assembly, torques if starts_sampling else None)
     motion.assembly, motion.level, motion.move = assembly, 0, None
-    motion.estimate = accuracy.disturbed(motion.estimate, assembly, motion.tick)
+    motion.estimate = accuracy.changed(motion.estimate, old, assembly, motion.tick)
     kept: tuple[str, ...] = ()
     if another_beam or another_law or parts != parts_before:
         y = np.zeros(state_length(assembly.system))

@@ -205,9 +205,10 @@ class LiveRun:
             affordable = int(BLOCK_TIME * ticks / seconds) if seconds > 0 else LARGEST_BLOCK
             self._block = max(1, min(affordable, ticks * GROWTH, LARGEST_BLOCK))
         self._hand_out(rows, self.pacing.actual_speed())
-        if self.world.accuracy_warning != self._accuracy_warning:
-            self._accuracy_warning = self.world.accuracy_warning
-            self.say(self._accuracy_warning, "warning")
+        warning, before = self.world.accuracy_warning, self._accuracy_warning
+        if warning and warning != before:
+            self.say(warning, "warning")
+        self._accuracy_warning = warning
         beyond = self.world.model_warning
         if beyond.level > self._model_level:
             self.say(beyond.text, "warning")

@@ -248,7 +248,7 @@ class ModelWarning(NamedTuple):
 
 
 def model_warning(payload: Payload, seen: Peaks) -> ModelWarning:
-    """The warning for all samples so far. It says when each value was largest, as the beam may have been changed since.
+    """The warning for all samples with this model. It says when each value was largest, as the beam may have been changed since.
 
     Limits are `NOTABLE` and `WHOLE` for axial load and spin of the paper's beam, `WHOLE` else, `LARGE_DEFLECTION` for bending.
     """

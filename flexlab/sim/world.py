@@ -92,8 +92,8 @@ class World:
 
     @property
     def warnings(self) -> str:
-        """All warnings about the accuracy and validity of the results, as sentences; empty if there are none."""
-        return f"{self.accuracy_warning} {self.model_warning.text}".strip()
+        """All warnings about the accuracy and validity of the results so far, as sentences; empty if there are none."""
+        return " ".join(filter(None, (*self._motion.estimate.ended, self.accuracy_warning, self.model_warning.text)))
 
     @property
     def pace_warning(self) -> str:

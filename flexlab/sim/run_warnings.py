@@ -139,12 +139,16 @@ COUPLED_MODES = 8
 """Number of modes coupled by damping from which on they, and not the arms, dominate the cost of a step."""
 
 
+def paper_step_time(assembly: Assembly) -> float:
+    """Estimated processor time of a step of the paper's plant with this beam, s. The choice of a step rests on it."""
+    cost, sizes = STEP_COSTS[assembly.levels.integrator], np.diff(assembly.system.plant.block_start)
+    products = float(np.sum(sizes[sizes > 1] ** 2))
+    return cost.fixed + cost.per_mode * float(np.sum(sizes)) + cost.per_product * products
+
+
 def seconds_per_second(assembly: Assembly, step: float) -> float:
     """Estimated processor time per simulated time with steps of `step` s, 1."""
-    plant, cost = assembly.system.plant, STEP_COSTS[assembly.levels.integrator]
-    sizes = np.diff(plant.block_start)
-    products = float(np.sum(sizes[sizes > 1] ** 2))
-    needed = cost.fixed + cost.per_mode * float(np.sum(sizes)) + cost.per_product * products
+    plant, needed = assembly.system.plant, paper_step_time(assembly)
     if plant.joints is not None:
         needed += JOINTS_COST
     if plant.grips is not None:

@@ -24,7 +24,7 @@ from flexlab.sim.assembly import Assembly, Unprepared, derive_assembly
 from flexlab.sim.closed_loop import scratch_workspace
 from flexlab.sim.integrators.beam_flow import TICKS
 from flexlab.sim.motion import Motion, begin_motion
-from flexlab.sim.run_warnings import SLOWEST_PACE, bounds, seconds_per_second
+from flexlab.sim.run_warnings import SLOWEST_PACE, bounds, paper_step_time
 from flexlab.sim.signals import POSE, TIME
 from flexlab.sim.step_levels import DISTURBED_TICKS
 from flexlab.sim.step_rates import ring_decay
@@ -48,7 +48,7 @@ ALLOWED_SHARE = 0.3
 """Share of the bounds of pose and force in `accuracy` that a trial's errors may reach."""
 
 SLOWEST_TRIED = 8.0
-"""Processor seconds per simulated second up to which accuracy comes before real time, by the estimate of `seconds_per_second`;
+"""Processor seconds per simulated second up to which accuracy comes before real time, by the estimate of `paper_step_time`;
 where even that is not enough, the step is as short as real time allows."""
 
 RATE_DECAY = 20.0
@@ -97,7 +97,7 @@ def halvings(assembly: Assembly, at_once: bool) -> int:
     """
     if isinstance(assembly.scenario.controller, OwnController):
         return 0  # A person's own code runs at the run's instants alone: it may count them.
-    pace = seconds_per_second(assembly, assembly.steps.step)
+    pace = paper_step_time(assembly) / assembly.steps.step
     most, swift = (_times(assembly, slowest / pace) for slowest in (SLOWEST_TRIED, SLOWEST_PACE))
     needed = 0
     for tick in _instants(assembly) if most > 0 else ():

@@ -82,6 +82,8 @@ class Controller(Part):
     def _sampled(self) -> "Controller":
         if self.control_period is None and (self.input_delay or self.sensor_noise.active):
             raise PydanticCustomError(
-                "sampling", "input_delay and sensor_noise belong to sampled control: give control_period a value in s"
+                "sampling",
+                "the input delay and the noise of the sensors belong to sampled control: "
+                "give the control period (controller.control_period) a value in s",
             )
         return self

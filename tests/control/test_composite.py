@@ -68,7 +68,7 @@ def test_the_screen_has_the_sliders_of_its_parts():
     ("change", "sentence"),
     [
         ({**KALMAN, "controller.control_period": None, "controller.input_delay": 0, "controller.sensor_noise": {}},
-         "give control_period a value in s, or choose the observer measured"),
+         r"give the control period \(controller\.control_period\) a value in s, or choose the observer measured"),
         ({**KALMAN, "controller.observer.gauges": ()}, r"controller\.observer\.gauges = \(\) needs 1 to 8 numbers"),
         ({**KALMAN, "controller.observer.gauges": (0.7,)}, r"controller\.observer\.gauges .* outside the allowed range"),
     ],

@@ -62,7 +62,7 @@ def test_it_is_stable_on_sixteen_modes_of_which_it_knows_three(delay: int):
 
 
 def test_it_needs_a_control_period():
-    with pytest.raises(ScenarioError, match="the law lqr is one of control instants: give control_period a value in s"):
+    with pytest.raises(ScenarioError, match=r"the law lqr acts at control instants: give the control period \(controller\.control_period\) a value in s"):
         load_preset("paper").replace({"controller.kind": "lqr"})
 
 

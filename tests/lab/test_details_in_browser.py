@@ -51,7 +51,7 @@ def test_limits_sampling_and_arms_are_set_in_their_folders(page: LabPage) -> Non
     page.press("Pause")  # Nothing here needs motion, and a still page costs a quarter of the time.
     page.open_tab("Motors, sampling and sensors")
     page.enter("Input delay d (samples)", "3")
-    page.wait_for_text("give control_period a value in s")
+    page.wait_for_text("give the control period (controller.control_period) a value in s")
     assert page.snapshot.scenario.controller.input_delay == 0
     page.switch("Sampled control")
     wait_until(lambda: page.snapshot.scenario.controller.control_period == 0.001, "the control is sampled")

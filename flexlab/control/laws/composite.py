@@ -116,7 +116,7 @@ class Composite(Controller):
             raise PydanticCustomError(
                 "sampling",
                 "the observer kalman estimates from one control instant to the next: "
-                "give control_period a value in s, or choose the observer measured",
+                "give the control period (controller.control_period) a value in s, or choose the observer measured",
             )
         return self
 

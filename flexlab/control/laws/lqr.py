@@ -76,7 +76,9 @@ class LinearQuadratic(Controller):
     def _has_instants(self) -> "LinearQuadratic":
         if self.control_period is None:
             raise PydanticCustomError(
-                "sampling", "the law lqr is one of control instants: give control_period a value in s, such as 0.001"
+                "sampling",
+                "the law lqr acts at control instants: "
+                "give the control period (controller.control_period) a value in s, such as 0.001",
             )
         return self
 

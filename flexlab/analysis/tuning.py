@@ -115,7 +115,6 @@ def _numbers(what: str, given: Sequence[str] | Mapping[str, float], default: flo
         texts = [word.strip() for text in ([given] if isinstance(given, str) else given) for word in text.split(",")]
         pairs = [tuple(part.strip() for part in text.partition("=")[::2]) for text in texts if text]
     found: dict[str, float] = {}
-    names: dict[str, str] = {}  # Name of a metric → the one that it is given by.
     for word, value in pairs:
         try:
             metric = named(word)
@@ -128,9 +127,9 @@ def _numbers(what: str, given: Sequence[str] | Mapping[str, float], default: flo
             number = None
         if number is None or not math.isfinite(number) or number <= 0:
             raise StudyError(f"{what}: {name}={value!s:.60} is not usable: give a number above 0.")
-        if first := names.get(metric.name):
+        if first := next((one for one in found if named(one).name == metric.name), None):
             raise StudyError(f"{what}: {name} is named twice{'' if first == name else f', also as {first}'}.")
-        names[metric.name], found[name] = name, number
+        found[name] = number
     return found
 
 
@@ -318,8 +317,8 @@ def tune(
                 found[number] = candidate
                 told(first + len(found), candidates)
             tried.extend(found[number] for number in range(len(changes)))
-            energies = [_energy(candidate, abs(tried[0].cost)) for candidate in tried[first:]]
-            return energies + [math.inf] * (len(every) - len(changes))
+            beyond = [math.inf] * (len(every) - len(changes))
+            return [_energy(candidate, abs(tried[0].cost)) for candidate in tried[first:]] + beyond
 
         differential_evolution(
             lambda shares: costs(None, [shares])[0],

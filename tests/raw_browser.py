@@ -108,6 +108,11 @@ class RawBrowser:
         window = msgspec.msgpack.decode(_unpacked(self.receive(20.0)))
         return any(message.get("transfer_uuid") == transfer for message in _mappings(window))
 
+    def camera_positions(self) -> list[tuple[float, ...]]:
+        """Return the positions to which the next message from the lab moves the camera, m."""
+        window = msgspec.msgpack.decode(_unpacked(self.receive(20.0)))
+        return [tuple(each["position"]) for each in _mappings(window) if each.get("type") == "SetCameraPositionMessage"]
+
     def __enter__(self) -> "RawBrowser":
         return self
 

@@ -12,7 +12,7 @@ from flexlab.sockets import LOOPBACK, WILDCARDS, base_address, listen, usual_spe
 
 
 @pytest.mark.parametrize(
-    "host", ["0.0.0.0", "0", "0x0", "0.0", "00000", "*", "::ffff:0.0.0.0", "::", "[::]", "::0", "0:0:0:0:0:0:0:0", ""]
+    "host", ["0.0.0.0", "0", "0x0", "0.0", "00000", "*", "::ffff:0.0.0.0", "::", "[::]", "::0", "0:0:0:0:0:0:0:0"]
 )
 def test_the_wildcard_address_is_known_in_every_spelling(host: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("flexlab.server.settings.network_addresses", lambda: ["192.0.2.7", "2001:db8::7"])

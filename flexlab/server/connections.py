@@ -75,9 +75,8 @@ class Visit(web.RequestHandler):
 
     def eof_received(self) -> bool:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Whether to answer a visitor who sends no more: before an answer begins, as afterwards it means that they left."""
-        rests = not self._request_count or (self._waiter is not None and not self._waiter.done())
         begun = self.request is not None and self.request.writer.output_size > 0
-        if rests or begun or self._upgraded:  # pyright: ignore[reportUnknownMemberType]
+        if begun or not self.received:
             return False
         self.close()
         return True

@@ -203,3 +203,20 @@ def test_a_path_in_millimetres_fills_neither_floor_nor_memory(session: Session) 
         path, half, floor = preset.trajectory, 0.5 * preset.payload.length, floor_extent(preset)
         assert floor[0] <= path.middle[0] - path.reach[0] - half
         assert floor[3] >= path.middle[1] + path.reach[1] + half
+
+
+def test_a_chosen_view_is_sent_even_if_the_browser_seems_to_show_it(session: Session) -> None:
+    """A press came before the news of the turned camera: viser sent nothing, and the camera stayed as it was turned."""
+    cameras, heard = session._cameras, list[tuple[float, ...]]()
+
+    def is_moved_there() -> bool:
+        heard.extend(browser.camera_positions())
+        return bool(heard) and all(watch.put_at == pytest.approx(heard[-1]) for watch in cameras._watches.values())
+
+    with RawBrowser(session) as browser:
+        wait_until(is_moved_there, "the first view")
+        (client,) = session.server.get_clients().values()
+        for view in ("Payload", "Overview", "Overview"):
+            heard.clear()
+            cameras.choose(client, view)
+            wait_until(is_moved_there, f"the view {view}", 20)

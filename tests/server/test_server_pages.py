@@ -214,7 +214,7 @@ def test_runs_are_measured_when_somebody_opens_the_library(open_another: Callabl
     front_server = open_another()
     file = front_server.settings.logs / "2026-01-01T00-00-00-paper.rrd"
     shutil.copy(recorded, file)
-    assert "1 of them is being measured" in ask(front_server.url, "/runs").text
+    assert "1 run is being measured" in ask(front_server.url, "/runs").text
     notes = wait_until(lambda: "metrics" in read_notes(file) and read_notes(file), "the run is measured")
     value = notes["metrics"]["Peak vibration [mm]"]
     assert value > 1

@@ -194,6 +194,8 @@ LOWEST = 0.1
 STILL = 1e-3
 """A camera within this distance of its last shot counts as not moved by the person, m."""
 NO_WINDOW = Window(0.0)
+ASIDE = 0.01
+"""Distance from a shot to one that differs from it, over the distance that it looks from."""
 SAME_ASPECT = 0.02
 """Changes of width over height below this do not move the camera."""
 
@@ -232,7 +234,7 @@ class ClientCameras:
         watch = self._watches.get(client.client_id)
         if watch is not None:
             watch.view = view
-            self._aim(watch, self._runner.snapshot)
+            self._aim(watch, self._runner.snapshot, anew=True)
 
     def cover(self, client: viser.ClientHandle, above: float, below: float) -> None:
         """Keep the machine in the free part of one browser's picture; `above`, `below`: covered fractions of its height."""
@@ -281,12 +283,15 @@ class ClientCameras:
     async def _forget(self, client: viser.ClientHandle) -> None:
         self._watches.pop(client.client_id, None)
 
-    def _aim(self, watch: _Watch, snapshot: Snapshot) -> None:
+    def _aim(self, watch: _Watch, snapshot: Snapshot, anew: bool = False) -> None:
+        """Show the watch's view; `anew`: even if the browser seems to show it, as news of a turned camera may be on its way."""
         camera = watch.client.camera
         watch.put_for = Window(camera.aspect, *watch.covered)
         aim = shot(watch.view, snapshot.scenario, snapshot.display, watch.put_for)
         watch.put_at = aim.position
-        # Position first: viser moves the point that is looked at along with it.
+        # Position first: viser moves the point that is looked at along with it. It sends nothing that it holds for known.
+        sight = aim.look_at - aim.position
         with watch.client.atomic():
-            camera.position = aim.position
-            camera.look_at = aim.look_at
+            for aside in (ASIDE * sight, 0.0) if anew else (0.0,):
+                camera.position = aim.position + aside
+                camera.look_at = aim.look_at + 2 * aside

@@ -195,7 +195,11 @@ class TwoArmsVector(VectorEnv[np.ndarray, np.ndarray, np.ndarray], _Scaled):
         self.action_space = batch_space(self.one_action, self.num_envs)
 
     def reset(self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None) -> Any:
-        """Begin an episode in every world, or in those of `options["reset_mask"]` (num_envs,)."""
+        """Begin an episode in every world, or in those of `options["reset_mask"]` (num_envs,).
+
+        All worlds draw from one generator, in their order; of a list of seeds, the first is its seed. World k is not the single
+        environment of seed + k.
+        """
         if isinstance(seed, list) and len(seed) != self.num_envs:
             usable = f"give one number, or {self.num_envs}, of which the first counts"
             raise StudyError(f"seed has {len(seed)} numbers: {usable}.")

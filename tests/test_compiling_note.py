@@ -42,12 +42,15 @@ def test_only_machine_code_that_nobody_uses_is_removed(tmp_path: Path):
     unit = machine_code(tmp_path / f"unit-{32 * 'a'}", 1, 100)
     unused_unit = machine_code(tmp_path / f"unit-{32 * 'b'}", 31, 100)
     begun = machine_code(tmp_path / "unit-draft-x1", 31, 31)
+    text = machine_code(tmp_path / "own-texts" / f"{32 * 'a'}", 1, 100)
+    unused_text = machine_code(tmp_path / "own-texts" / f"{32 * 'b'}", 31, 100)
     others = machine_code(tmp_path / "kernels-of-mine", 100, 100)
     link = tmp_path / "kernels-00112233445566ee"
     link.symlink_to(others)
     remove_unused(own)
-    assert set(tmp_path.iterdir()) == {own, used, new, unit, others, link}
-    assert not any(folder.exists() for folder in (unused, unused_unit, begun))
+    assert set(tmp_path.iterdir()) == {own, used, new, unit, text.parent, others, link}
+    assert text.exists()
+    assert not any(folder.exists() for folder in (unused, unused_unit, begun, unused_text))
 
 
 def test_machine_code_that_finds_no_room_is_answered_in_a_sentence(tmp_path: Path):

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexlab.cli.console import note, notes
 from flexlab.interrupts import answering
+from flexlab.own.machine_code import OWN_TEXTS
 
 if TYPE_CHECKING:
     from flexlab.scenario import Scenario
@@ -86,10 +87,11 @@ def warm_up(scenario: "Scenario", meanwhile: AbstractContextManager[object] | No
 
 
 def remove_unused(kernels: Path) -> None:
-    """Remove machine code of other versions and of units, beside `kernels`, that nothing has read for `UNUSED`."""
+    """Remove machine code of other versions, units and own texts, beside `kernels`, that nothing has read for `UNUSED`."""
     digit, beside = "[0-9a-f]", kernels.parent
     versions = beside.glob(f"kernels-{len(kernels.name.partition('-')[2]) * digit}")
-    for folder in (*versions, *beside.glob(f"unit-{UNIT_DIGITS * digit}"), *beside.glob("unit-draft-*")):
+    units = *beside.glob(f"unit-{UNIT_DIGITS * digit}"), *beside.glob("unit-draft-*")
+    for folder in (*versions, *units, *(beside / OWN_TEXTS).glob("*")):
         with suppress(OSError):  # Another process may be removing it too.
             files = [file.stat() for file in folder.rglob("*") if file.is_file()]
             last = max((max(file.st_atime, file.st_mtime) for file in files), default=math.inf)

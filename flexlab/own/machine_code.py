@@ -8,6 +8,9 @@ from flexlab.assets import user_cache
 DIGEST = "__digest_of_text__"
 """Name of a module's variable with a digest of the text that it belongs to."""
 
+OWN_TEXTS = "own-texts"
+"""Folder of that machine code, with a folder for each text."""
+
 
 def file_machine_code_by_text() -> None:
     """Make numba keep it by a digest of the whole text.
@@ -39,7 +42,7 @@ def file_machine_code_by_text() -> None:
         def get_cache_path(self) -> str:
             """The folder of the text."""
             base = os.environ.get("NUMBA_CACHE_DIR") or str(user_cache())
-            return os.path.join(base, "flexlab", "own-texts", self._digest)
+            return os.path.join(base, "flexlab", OWN_TEXTS, self._digest)
 
         def get_source_stamp(self) -> str:
             """The digest of the text."""

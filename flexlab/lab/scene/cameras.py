@@ -289,7 +289,7 @@ class ClientCameras:
         watch.put_for = Window(camera.aspect, *watch.covered)
         aim = shot(watch.view, snapshot.scenario, snapshot.display, watch.put_for)
         watch.put_at = aim.position
-        # Position first: viser moves the point that is looked at along with it. It sends nothing that it holds for known.
+        # Position first: viser moves the point that is looked at along with it. It sends no camera that it believes to be there.
         sight = aim.look_at - aim.position
         with watch.client.atomic():
             for aside in (ASIDE * sight, 0.0) if anew else (0.0,):

@@ -3,6 +3,7 @@
 import contextlib
 import threading
 import time
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +23,8 @@ OF_A_LAW = ("kind", "source")
 OF_A_PATH = (*OF_A_LAW, "table", "table_of", "transition")
 """Fields that belong to one text, or to the transition to it; a new text has its own."""
 
-Stamp = tuple[int, int, int]
-"""Time of change, inode and size of a file."""
+Stamp = dict[Path, tuple[int, int, int]]
+"""Time of change, inode and size of a file, and of those that its text contains."""
 
 
 class OwnFileWatch:
@@ -34,6 +35,7 @@ class OwnFileWatch:
         self._stop = threading.Event()
         self._folders = [folder.own.resolve() for folder in (LAW_FILES, PATH_FILES)]
         self._known = {file for file in map(Path, set(hosts.allowed().values())) if file.is_file()}
+        self._seen: dict[Path, Stamp] = {}
         # Files saved between the start of flexlab and now are taken up too.
         self._taken = {
             file: stamp for file, stamp in self._stamps().items() if file not in self._known or not _is_new(file)
@@ -50,9 +52,11 @@ class OwnFileWatch:
         found = self._known.union(*map(files_in, self._folders))
         stamps: dict[Path, Stamp] = {}
         for file in found:
-            with contextlib.suppress(OSError):
-                about = file.stat()
-                stamps[file] = about.st_mtime_ns, about.st_ino, about.st_size
+            stamp = _stamp(self._seen.get(file, {file}))
+            if stamp != self._seen.get(file):  # It may contain other files now.
+                stamp = _stamp({file, *LAW_FILES.parts(file)})
+            if file in stamp:
+                self._seen[file] = stamps[file] = stamp
         return stamps
 
     def _follow(self) -> None:
@@ -61,15 +65,19 @@ class OwnFileWatch:
             now = self._stamps()
             for file in sorted(now):
                 if now[file] == before.get(file) and now[file] != self._taken.get(file):
-                    self._taken[file] = now[file]
-                    self._take(file)
+                    earlier, self._taken[file] = self._taken.get(file, {}), now[file]
+                    saved = [one for one in now[file] if one in earlier and now[file][one] != earlier[one]]
+                    self._take(file, file if file in saved or not saved else saved[0])
             before = now
 
-    def _take(self, file: Path) -> None:
+    def _take(self, file: Path, saved: Path) -> None:
+        """Take up a file, of which itself or another file that it contains was `saved`."""
         folder = PATH_FILES if file.parent == self._folders[1] or PATH_FILES.holds(file) else LAW_FILES
         if folder.holds(file):
-            self._reload(file, folder)
-        elif not folder.has_kernel(file):  # One that is known stays as it was loaded.
+            self._reload(file, saved, folder)
+        elif folder.has_kernel(file):
+            self._lab_state.warn(f"{saved.name} was saved: start flexlab again to use it, as kernels are loaded once.")
+        elif not folder.is_part(file):
             try:
                 kind = folder.kind_of(file)
                 self._lab_state.say(f"{file.name} was saved: the {folder.kinds.registry.what} {kind} is new.")
@@ -78,8 +86,8 @@ class OwnFileWatch:
         # This makes the menus update.
         self._lab_state.touched_at = time.monotonic()
 
-    def _reload(self, file: Path, folder: OwnFolder[Any]) -> None:
-        """Take up a file's new text; the run goes on with it if possible."""
+    def _reload(self, file: Path, saved: Path, folder: OwnFolder[Any]) -> None:
+        """Take up a file's new text, as `saved` was; the run goes on with it if possible."""
         lab_state, kinds = self._lab_state, folder.kinds
         present = lab_state.intended.get(kinds.field)
         try:
@@ -103,17 +111,26 @@ class OwnFileWatch:
                 if stopped:
                     lab_state.submit(Reset())
                 told = self._begun(stopped) if stopped else f"the {title} goes on with the new text."
-            lab_state.say(f"{file.name} was saved: {told}")
+            lab_state.say(f"{saved.name} was saved: {told}")
         except FlexlabError as error:
             goes_on = "the path goes on as it was" if folder is PATH_FILES else "the law goes on as it was"
             told = goes_on if folder.knows(file) else "cannot be used"
-            lab_state.warn(f"{file.name} was saved, but {told}: {_briefly(error, file)}")
+            lab_state.warn(f"{saved.name} was saved, but {told}: {_briefly(error, file)}")
 
     def _begun(self, stopped: bool) -> str:
         """Play the new run if the law or path had `stopped` the last one; returns the words for the notice."""
         if stopped:
             self._lab_state.submit(Play())
         return "the run restarts with it."
+
+
+def _stamp(files: Iterable[Path]) -> Stamp:
+    stamp: Stamp = {}
+    for file in files:
+        with contextlib.suppress(OSError):
+            about = file.stat()
+            stamp[file] = about.st_mtime_ns, about.st_ino, about.st_size
+    return stamp
 
 
 def _briefly(error: FlexlabError, file: Path) -> str:

@@ -27,7 +27,7 @@ from flexlab.own.declaration import Declared, OwnLaw, OwnPath, read_declaration,
 from flexlab.own.kinds import OwnKinds, default_source
 from flexlab.own.law import OWN_LAWS
 from flexlab.own.link import address_in, text_of_program
-from flexlab.own.modules import with_modules
+from flexlab.own.modules import kept_files, with_modules
 from flexlab.own.path import OWN_PATHS
 from flexlab.own.reading import LONGEST_SOURCE, is_address, is_unit
 from flexlab.own.unit import text_of_unit
@@ -211,8 +211,20 @@ class OwnFolder(Generic[K]):
             try:
                 self.kind_of(file)
             except ScenarioError as error:
-                problems.append(f"A {self.kinds.registry.what} is left out: {error}")
+                if not self.is_part(file):
+                    problems.append(f"A {self.kinds.registry.what} is left out: {error}")
         return problems
+
+    def parts(self, file: Path) -> frozenset[Path]:
+        """The modules and data files beside a file that its text contains; none if it cannot be read."""
+        try:
+            return frozenset(file.parent / name for name in kept_files(self.text(file)))
+        except ScenarioError:
+            return frozenset()
+
+    def is_part(self, file: Path) -> bool:
+        """Whether a file beside this one has it as a module, and it is nothing else."""
+        return not self.holds(file) and any(file in self.parts(one) for one in file.parent.glob("*.py"))
 
     def kind_of(self, given: Any) -> str:
         """The kind of a law or path given by name, as a file, a class or the address of a program. Raises `ScenarioError`."""

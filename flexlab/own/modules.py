@@ -16,7 +16,7 @@ from typing import Any
 
 from flexlab.errors import ScenarioError
 from flexlab.own.machine_code import DIGEST, file_machine_code_by_text
-from flexlab.own.reading import with_data
+from flexlab.own.reading import data_names, with_data
 from flexlab.text import syntax_tree
 
 _KEPT = re.compile(r"^# (\w+)\.py beside it:\n((?:#\|.*\n)*)", re.MULTILINE)
@@ -42,6 +42,11 @@ def with_modules(text: str, folder: Path, field: str) -> str:
             waiting.append(found[name])
     kept = [f"# {name}.py beside it:\n" + "".join(f"#|{line}\n" for line in found[name].split("\n")) for name in found]
     return text.rstrip("\n") + "\n\n\n" + "".join(kept) if kept else text
+
+
+def kept_files(text: str) -> set[str]:
+    """The names of the files whose contents a text of `with_modules` has."""
+    return {f"{name}.py" for name, _ in _KEPT.findall(text)}.union(data_names(text))
 
 
 def _imported(text: str) -> set[str]:

@@ -228,6 +228,11 @@ def with_data(text: str, folder: Path, field: str) -> str:
     return "\n".join(lines)
 
 
+def data_names(text: str) -> list[str]:
+    """The names of the data files that a text of `with_data` has."""
+    return [found[1].split('"')[1] for found in _KEPT.finditer(text)]
+
+
 def without_data(text: str) -> str:
     """A text for people, with the size of its data in place of the data."""
     return _KEPT.sub(lambda found: f'{found[1]}, "{len(base64.b64decode(found[2]))} bytes")', text)

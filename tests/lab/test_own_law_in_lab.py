@@ -13,7 +13,7 @@ from flexlab.control.law import forget_law
 from flexlab.lab.panel.sections import changes_for
 from flexlab.lab.session import Session
 from flexlab.own import hosts
-from flexlab.own.files import add_own_law_file
+from flexlab.own.files import LAW_FILES, add_own_law_file
 from flexlab.presets import load_preset
 from flexlab.sim.commands import Pause
 
@@ -71,6 +71,25 @@ def test_a_law_that_is_saved_again_while_it_loads_acts_at_once(tmp_path: Path):
         refused = [event.text for event in lab.runner.snapshot.events if event.level == "error"]
         assert len(refused) == 1
         assert "mine.py: it was saved anew while it was loading." in refused[0]
+
+
+def test_a_saved_module_or_data_file_of_a_law_acts_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "presets" / "laws"
+    folder.mkdir(parents=True)
+    (folder / "pushes.py").write_text("def push():\n    return 17.0\n")
+    (folder / "pushes.txt").write_text("1")
+    text = PD.replace("self.push = common[0]", "self.push = pushes.push() + MORE")
+    more = 'import pushes\nfrom flexlab import data_file\n\nMORE = float(data_file("pushes.txt").read())\n'
+    (folder / "mine.py").write_text(more + text)
+    assert LAW_FILES.add_all() == [], "the module is no law, and is not left out"
+    with Session(load_preset("paper").replace({"controller.kind": "own-pd"}), shadows=False) as lab:
+        wait_until(lambda: lab.runner.snapshot.latest["push"][0] == 18.0, "the law acts")
+        for name, change, then in (("pushes.py", ("17.0", "18.0"), 19.0), ("pushes.txt", ("1", "2"), 20.0)):
+            (folder / name).write_text((folder / name).read_text().replace(*change))
+            wait_until(lambda: lab.runner.snapshot.latest["push"][0] == then, "the new text acts")  # noqa: B023
+            wait_until(lambda: lab.lab_state.notice.text.startswith(f"{name} was saved: the"), "it says so")  # noqa: B023
+    forget_law("own-pd")
 
 
 def big(file: Path) -> None:
@@ -138,6 +157,8 @@ def test_a_kernel_that_is_broken_at_first_is_taken_up_when_it_is_mended(
             lab.lab_state.say("")
         file.write_text(text)
         wait_until(lambda: lab.lab_state.notice.text.endswith("leaky-integral is new."), "the law is known")
+        file.write_text(text + "# changed\n")
+        wait_until(lambda: "start flexlab again" in lab.lab_state.notice.text, "it says what to do")
     forget_law("leaky-integral")
 
 

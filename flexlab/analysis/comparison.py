@@ -116,11 +116,12 @@ class Comparison(Result):
         return [["", "run", "duration (s)", "scenario"], *rows]
 
     def metric_table(self) -> Table:
-        """Each metric of each run, and its difference from A's."""
+        """Each metric that any run has, of each run, and its difference from A's."""
         labels = self.labels
         rows = [
             [rows[0].label, *(row.short for row in rows), *(difference_text(rows[0], row) for row in rows[1:])]
             for rows in self.metrics
+            if any(row.applies for row in rows)
         ]
         return [["metric", *labels, *(f"{label} − A" for label in labels[1:])], *rows]
 

@@ -15,7 +15,7 @@ from flexlab.errors import FlexlabError, StudyError
 from flexlab.recording.store import run_index
 from flexlab.recording.store.run_files import check_readable, find_run, removable_runs
 from flexlab.recording.store.run_index import RunRow, duration_text, read_row, size_text, state_word
-from flexlab.text import MISSING, counted
+from flexlab.text import counted
 
 GIGABYTE = 1e9
 COLUMNS = {number.name: number.column for number in numbers()}
@@ -274,7 +274,7 @@ def print_runs(rows: Sequence[RunRow]) -> None:
                 "state",
                 ", ".join(dict.fromkeys(filter(None, (state_word(row), row.status, "kept" if row.kept else "")))),
             ),
-            *((title, text) for title, text in noted_texts(row.metrics, row.is_stopped).items() if text != MISSING),
+            *noted_texts(row.metrics, row.is_stopped).items(),
             ("problem", row.problem),
             ("tags", ", ".join(row.tags)),
             ("note", row.note),

@@ -87,7 +87,8 @@ def compare_runs(paths: tuple[Path, ...], folder: Path, report: Callable[[float]
     write_comparison(comparison.recordings, folder / OVERLAY, comparison.text(), seen)
     scenarios = [recording.scenario for recording in comparison.recordings]
     heads, *settings = comparison.setting_table()
-    settings = [heads, *([field_title(path, *scenarios), *values] for path, *values in settings)]
+    titles = {"sample_period": "Sample period", "commands": "Changes during the run"}
+    settings = [heads, *([titles.get(path) or field_title(path, *scenarios), *values] for path, *values in settings)]
     return Outcome(ComparisonTables(comparison.window_text, comparison.metric_table(), settings))
 
 

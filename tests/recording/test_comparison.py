@@ -73,6 +73,7 @@ def test_tables_say_what_differs(recording_file: Path, softer: Path) -> None:
     assert "## Metrics of the first 0.5 s of each run" in text
     assert "| Duration (s) | 0.5 | 0.5 | 0 |" in text
     assert "| `payload.bending_stiffness` | 100 | 60 |" in text
+    assert "Residual vibration" not in text, "no run of this path stops"
 
 
 def test_runs_of_different_length_are_compared_over_what_both_have(

@@ -92,7 +92,11 @@ def test_another_file_under_a_runs_name_is_measured_anew_but_a_mended_or_copied_
 
 def test_a_run_that_has_not_settled_is_noted_as_such(tmp_path: Path) -> None:
     short = simulate(load_preset("paper"), duration=0.2)
-    assert note_metrics(write_run(short, tmp_path, "paper"))["metrics"]["Vibration below 1 % after [s]"] is None
+    noted = note_metrics(write_run(short, tmp_path, "paper"))["metrics"]
+    assert noted["Vibration below 1 % after [s]"] is None
+    shown = noted_texts(noted)
+    assert shown["Vibration below 1 % after (s)"] == "not settled"
+    assert not any("Residual vibration" in label for label in shown), "its path has no stop"
 
 
 def test_a_run_that_stopped_before_its_end_has_no_metrics_but_its_duration(run: Run, tmp_path: Path) -> None:

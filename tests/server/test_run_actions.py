@@ -65,6 +65,7 @@ def test_two_runs_are_compared_in_tables_and_in_one_overlay(library: FrontServer
     assert "Metrics <small>of the first 0.3\xa0s of each run</small>" in page
     assert '<th scope="row">Duration (s)</th><td class="number" title="">0.3</td>\n' in page
     assert "not settled</td>" in page
+    assert "Residual vibration" not in page, "neither run stops"
     assert "Bending stiffness EI (N·m²)" in page
     address = page.split('data-recording="')[1].split('"')[0]
     overlay = ask(library.url, address)

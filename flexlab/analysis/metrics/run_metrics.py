@@ -69,6 +69,11 @@ class MetricRow:
         """The value for tables of several runs, in a word or two if it is missing."""
         return value_text(self.column, self.value) if self.finished or self.value == self.value else NOT_FINISHED
 
+    @property
+    def applies(self) -> bool:
+        """Whether the row tells anything: a path without a stop has no residual vibration after it."""
+        return self.short != MISSING
+
 
 def value_text(column: Column, value: Any) -> str:
     """A number with four digits; the column's word for NaN, and "–" for anything but a number."""
@@ -277,11 +282,12 @@ def noted_value(column: Column, noted: Mapping[str, Any], stopped: bool = False)
 
 
 def noted_texts(noted: Mapping[str, Any], stopped: bool = False) -> dict[str, str]:
-    """All noted metrics by title and unit as people see it, including those that this version does not know."""
+    """All noted metrics that have a value or a word, by title and unit as people see it, also those unknown to this version."""
     columns = {column.key: column for metric in METRICS.values() for column in metric.columns}
-    return {
+    texts = {
         label_of(str(key)): noted_text(columns[key], noted, stopped)
         if key in columns
         else value_text(Column("", "", "", ""), value)
         for key, value in noted.items()
     }
+    return {label: text for label, text in texts.items() if text != MISSING}

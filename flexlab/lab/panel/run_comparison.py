@@ -85,6 +85,8 @@ def comparison_html(kept: ReferenceRun, snapshot: Snapshot, runner: Runner) -> s
         return f'<div class="fl">{text}{settings}</div>'
     lines = []
     for old, new in rows[1:]:
+        if not (old.applies or new.applies):
+            continue
         shown = change_text(100 * (new.value / old.value - 1) if old.value else math.nan).replace(
             " ", "\N{NO-BREAK SPACE}"
         )

@@ -15,7 +15,7 @@ ROUTES = web.RouteTableDef()
 
 INCOMPARABLE = "These runs cannot be compared"
 
-LONGEST_VALUE = 60
+LONGEST_VALUE = 200
 """Most characters of a setting in the table; the cell's title has all of it."""
 
 

@@ -50,7 +50,26 @@
   const SHEET = 'div[style*="position: fixed"][style*="width: 20em"]'; // the panel of a page in one column
   // viser lays out a page in one column below 36em, but up to 60em there is no room for the scene beside a panel.
   const match = window.matchMedia.bind(window);
-  window.matchMedia = (query) => match(query === "(max-width: 36em)" ? "(max-width: 60em)" : query);
+  window.matchMedia = (query) => {
+    const list = match(query === "(max-width: 36em)" ? "(max-width: 60em)" : query);
+    if (query.includes("dppx")) resolution = list;
+    return list;
+  };
+
+  // Charts draw as many pixels as the screen has; in a presentation they are enlarged, which would blur them.
+  const ENLARGED = 1.75; // `zoom` in page.css
+  let resolution = null; // the charts' query, by which they learn of another resolution
+  let resolved = devicePixelRatio;
+
+  function sharpen() {
+    const wanted = devicePixelRatio * (document.querySelector(".fl-presentation") ? ENLARGED : 1);
+    if (wanted === resolved || !resolution) return;
+    resolved = wanted;
+    const own = Object.getOwnPropertyDescriptor(window, "devicePixelRatio");
+    Object.defineProperty(window, "devicePixelRatio", { ...own, get: () => wanted, set: undefined });
+    resolution.dispatchEvent(new Event("change"));
+    Object.defineProperty(window, "devicePixelRatio", own);
+  }
 
   // viser draws the scene's labels black on white boxes, even in dark mode: gray letters without a box suit both modes.
   const LABELS = [["vec4(1.0, 1.0, 1.0, 0.85 * vAlpha)", "vec4(0.0)"], ["vec4(0.0, 0.0, 0.0, a)", "vec4(0.46, 0.49, 0.53, a)"]];
@@ -349,6 +368,7 @@
     if (name && (!title || english(title) !== `${name} · flexlab`)) document.title = `${name} · flexlab`;
     watchRun();
     watchCamera();
+    sharpen();
     tellNewest();
     const way = document.querySelector(".fl-reports")?.dataset.way;
     if (way !== connection) someoneActed = false; // With a new connection the panels are folded.
@@ -393,6 +413,8 @@
     if (event.key !== "Escape") return;
     const buttons = [...document.querySelectorAll(".mantine-Modal-content button")];
     buttons.find((button) => english(button).trim() === "Close")?.click();
+    if (!document.querySelector(".fl-presentation") || document.querySelector(".mantine-Modal-content")) return;
+    document.body.dispatchEvent(new KeyboardEvent("keydown", { key: "b", code: "KeyB", bubbles: true, cancelable: true }));
   }, true);
   // A browser does not report that the same file was chosen again, unless it forgets the choice: the file may have changed.
   addEventListener("click", ({ target }) => { if (target.matches?.('input[type="file"]')) target.value = ""; }, true);

@@ -24,6 +24,7 @@ PAGE_SCRIPT, PAGE_SHEET = (
 """Script and style sheet that the lab adds to viser's page."""
 GUIDE, PLOTS = "guide", "plots"
 """Names of the foldable panels in a page's report."""
+PRESENTATION_ENDS = "B or Esc ends the presentation."
 LONGEST_SILENCE = 10.0
 """Time after which a browser that never reported counts as one that has drawn everything, s."""
 AGAIN_PERIOD = 1.0
@@ -75,7 +76,8 @@ class _Page:
     def show(self) -> None:
         kind = "fl-reports fl-presentation" if self.presents else "fl-reports"
         told = f'data-way="{html.escape(self.way)}" data-count="{self.said}" data-said="{escaped(self.sentence)}"'
-        put(self.mark, content=f'<i hidden class="{kind}" {told}></i>')
+        way_out = f'<p class="fl fl-way-out">{PRESENTATION_ENDS}</p>' if self.presents else ""
+        put(self.mark, content=f'<i hidden class="{kind}" {told}></i>{way_out}')
 
 
 class PageReports:

@@ -87,6 +87,12 @@ TAB_NAMES = """[...document.querySelectorAll('[role="tab"]')].filter((tab) => ta
   words.selectNodeContents(box);
   return [tab.textContent, words.getBoundingClientRect().width > box.getBoundingClientRect().width + 0.1]; })"""
 """The name of each tab in sight, and whether it is cut."""
+PIXELS = """() => Math.round(100 * Math.min(...[...document.querySelectorAll('.uplot canvas')]
+  .filter((part) => part.getClientRects().length).map((part) => part.width / part.getBoundingClientRect().width))) / 100"""
+"""Script for the pixels that a chart draws, per pixel of the screen."""
+ROUNDED = """() => [...new Set(Object.values(window.__viserTestpoints.uplots)
+  .flatMap(({ chart }) => chart.series.slice(1, -1).map((series) => series.pxAlign)))]"""
+"""Script for the pixels to which the points of curves are rounded."""
 WHOLE_PLOT = """() => {
   const box = document.querySelector('[data-floating-window]').getBoundingClientRect();
   const names = [...document.querySelectorAll('.u-legend .u-series')].map((part) => part.getBoundingClientRect());
@@ -190,6 +196,8 @@ def test_a_presentation_shows_the_scene_one_plot_and_one_number(newcomer: Page, 
     for width, height in ((1920, 1080), (1366, 768), (1024, 768)):
         page.set_viewport_size({"width": width, "height": height})
         wait_until(lambda: page.evaluate(WHOLE_PLOT), f"the plot is whole, with all three names, at {width} px", 30)
+    wait_until(lambda: page.evaluate(PIXELS) >= 1, "the enlarged plot has a pixel for each of the screen's", 30)
+    assert page.evaluate(ROUNDED) == [0], "else a slow curve has steps and kinks"
     page.set_viewport_size({"width": 390, "height": 844})
     page.get_by_text("largest vibration").wait_for()
     look_back = page.get_by_text("Look back", exact=True)
@@ -203,11 +211,13 @@ def test_a_presentation_shows_the_scene_one_plot_and_one_number(newcomer: Page, 
     page.get_by_text("Motion", exact=True).first.click()
     page.wait_for_function(PLOTS_OPEN)
     wait_until(lambda: "plots" in (page.evaluate(KEPT) or ""), "the page keeps it")
-    page.keyboard.press("b")
-    page.get_by_text("largest vibration").wait_for()
-    page.keyboard.press("b")
+    page.get_by_role("tab", name="View", exact=True).click()
+    page.get_by_role("button", name="Presentation", exact=True).click()
+    page.get_by_text("B or Esc ends the presentation.").wait_for()
+    page.keyboard.press("Escape")
     page.get_by_role("button", name="Reset").wait_for()
     page.wait_for_function(PLOTS_OPEN)
+    wait_until(lambda: page.evaluate(PIXELS) == 1, "the plots are as sharp as before, and no sharper")
     assert "plots" in page.evaluate(KEPT)
 
 

@@ -29,6 +29,7 @@ from flexlab.sim.snapshot import Event, Snapshot
 from flexlab.text import escaped
 
 NUMBER_KEYS = 9
+PRESENTATION = "The scene, one plot, one number, in this browser"
 MORE = (
     "Tab goes from one control to the next; arrows move a slider. "
     "Elsewhere arrows turn the camera, and A, D, W, S, Q, E move it. Ctrl+K opens the palette of commands, Esc closes."
@@ -38,7 +39,7 @@ MORE = (
 class ViewControls:
     """Controls of the view, made in the open GUI container."""
 
-    def __init__(self, widgets: Widgets, look: Look):
+    def __init__(self, widgets: Widgets, look: Look, present: Callable[[viser.ClientHandle], None]):
         self._lab_state = lab_state = widgets.lab_state
         self._exaggeration = NumberControl(
             widgets,
@@ -58,6 +59,7 @@ class ViewControls:
         for view in VIEWS:
             hint = "Camera view, in this browser"
             widgets.button(view, lambda event, view=view: look(event.client, view), hint=hint)
+        widgets.button("Presentation", lambda event: present(event.client), hint=PRESENTATION)
         self._switches = {
             setting: widgets.checkbox(label, getattr(lab_state.view, setting), partial(self._set, setting))
             for setting, label in SWITCHES.items()
@@ -133,7 +135,7 @@ class Panel:
             ]
             self._sections = [*sections.values(), *details]
         with tabs.add_tab("View"):
-            self._viewing = ViewControls(widgets, look)
+            self._viewing = ViewControls(widgets, look, present)
         with tabs.add_tab("Touch"):
             self._touching = touch_controls(widgets, touch)
             ring = RingPanel(widgets)
@@ -194,13 +196,7 @@ class Panel:
             Key("Redo", "Redo the last undone change", "Z", "cmd/ctrl+shift", lambda _: lab_state.redo()),
             Key("Redo", "Redo the last undone change", "Y", "cmd/ctrl", lambda _: lab_state.redo()),
             Key("Save as preset", "Under the name on the tab File", "S", None, lambda _: self._filing.save()),
-            Key(
-                "Presentation",
-                "The scene, one plot, one number, in this browser",
-                "B",
-                None,
-                lambda event: present(event.client),
-            ),
+            Key("Presentation", PRESENTATION, "B", None, lambda event: present(event.client)),
             Key("Tell", "Have a screen reader say what happens", "T", None, lambda event: say(event.client)),
             Key("Back to preset", "A new run without your changes", None, None, lambda _: lab_state.back_to_baseline()),
         ]

@@ -47,6 +47,8 @@ INCREMENTS = tuple(digit * 10.0**power for power in range(-3, 10) for digit in (
 """Distances of ticks, in plot units: the chart writes at most three decimals, so that 0.0025 would read 0.003."""
 DASHES = ((), (9, 4), (12, 3, 3, 3))
 """Dashes of the first, second and third curve, px, for people who cannot tell the colours apart; then they repeat."""
+SMOOTH = {"pxAlign": 0}
+"""Draws a series where it is: rounded to whole pixels, a curve that rises slowly has steps and kinks."""
 LARGEST = float(np.finfo(np.float32).max)
 """Largest number of a chart; runs that reach it have stopped."""
 
@@ -167,12 +169,13 @@ def units_of(labels: Sequence[str]) -> str:
 def signal_series(label: str, tone: colors.Color, place: int = 0) -> uplot.Series:
     """The style of a signal, by its place in its chart."""
     dash = DASHES[place % len(DASHES)]
-    return uplot.Series(label=label, stroke=colors.css(tone), width=1.25, spanGaps=False, auto=False, dash=dash)
+    style = {"label": label, "stroke": colors.css(tone), "width": 1.25, "spanGaps": False, "auto": False, "dash": dash}
+    return cast(uplot.Series, style | SMOOTH)
 
 
 def kept_series(tone: colors.Color) -> uplot.Series:
     """The style of a signal of the kept run: dotted, in the signal's colour, not in the legend."""
-    style = {"label": "kept", "class": UNNAMED, "auto": False}
+    style = {"label": "kept", "class": UNNAMED, "auto": False, **SMOOTH}
     style |= {"stroke": f"rgba{(*tone, 0.75)}", "width": 1.25, "dash": (2, 3)}
     return cast(uplot.Series, style)
 

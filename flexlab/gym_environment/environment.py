@@ -30,7 +30,7 @@ from flexlab.arguments import whole_number
 from flexlab.errors import StudyError
 from flexlab.gym_environment.kernels import OBSERVED
 from flexlab.gym_environment.worlds import WRENCH, Settings, WorldBatch
-from flexlab.lab import colors
+from flexlab.lab.scene.arms import ARM_COLORS
 from flexlab.lab.scene.beam import STATIONS
 from flexlab.lab.scene.cameras import floor_extent
 from flexlab.lab.scene.scene import PICTURES_PER_SECOND, Window
@@ -38,7 +38,7 @@ from flexlab.scenario import Scenario
 from flexlab.sim.geometry import arm_points, beam_points
 from flexlab.sim.samples import Samples
 from flexlab.text import number_text
-from flexlab.views import fitting_exaggeration
+from flexlab.views import GRAY, GREEN, css, fitting_exaggeration
 
 WIDTH, DPI = 640, 100
 """Width of a picture in dots, and dots per inch."""
@@ -56,12 +56,12 @@ class Drawing:
         axes = figure.add_axes((0, 0, 1, 1), xlim=(x_min, x_max), ylim=(y_min, y_max))
         axes.set_axis_off()
         text = f"deflection drawn × {number_text(self.exaggeration)}"
-        axes.text(0.01, 0.99, text, transform=axes.transAxes, ha="left", va="top", color=colors.css(colors.GRAY))
+        axes.text(0.01, 0.99, text, transform=axes.transAxes, ha="left", va="top", color=css(GRAY))
         self._arms = [
-            axes.plot([], [], "-o", color=colors.css(color), linewidth=5, markersize=9)[0]
-            for color in colors.ARMS[: len(scenario.arms)]
+            axes.plot([], [], "-o", color=css(color), linewidth=5, markersize=9)[0]
+            for color in ARM_COLORS[: len(scenario.arms)]
         ]
-        self._beam = axes.plot([], [], color=colors.css(colors.GREEN), linewidth=4)[0]
+        self._beam = axes.plot([], [], color=css(GREEN), linewidth=4)[0]
 
     def picture(self, sample: Samples) -> np.ndarray:
         """The picture of a sample (N = 1), (height, width, 3), 0 to 255."""

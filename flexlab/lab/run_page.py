@@ -15,7 +15,6 @@ from flexlab.analysis.result import result_hash
 from flexlab.errors import StudyError
 from flexlab.files import filled, write_text
 from flexlab.guide import LessonProgress
-from flexlab.lab.input_guard import InputGuard
 from flexlab.lab.scene.arms import Arms
 from flexlab.lab.scene.beam import Beam
 from flexlab.lab.scene.cameras import FIELD_OF_VIEW, Window, draw_stage, floor_extent, overview
@@ -23,7 +22,7 @@ from flexlab.lab.scene.forces import Forces
 from flexlab.lab.scene.overlays import Overlays
 from flexlab.lab.view_settings import ViewSettings
 from flexlab.lab.viser_internals import in_the_systems_colors
-from flexlab.lab.viser_server import open_server
+from flexlab.lab.viser_server import InputGuard, open_server
 from flexlab.presets import scenario_text
 from flexlab.sim.samples import MEASURED, Run
 from flexlab.sim.snapshot import Event

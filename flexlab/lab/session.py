@@ -8,7 +8,6 @@ from contextlib import ExitStack
 import viser
 
 from flexlab.errors import LabError, telling
-from flexlab.lab.input_guard import InputGuard
 from flexlab.lab.lab_state import LabState, Outside
 from flexlab.lab.look_back import LookBack
 from flexlab.lab.mode_computation import ModeStudy
@@ -23,7 +22,7 @@ from flexlab.lab.ring_sound import RingSound
 from flexlab.lab.scene.cameras import FIELD_OF_VIEW, ClientCameras, Window, payload_view
 from flexlab.lab.scene.scene import Scene
 from flexlab.lab.viser_internals import GuardedServer, fold_panel, set_panel_width
-from flexlab.lab.viser_server import open_server
+from flexlab.lab.viser_server import InputGuard, open_server
 from flexlab.lab.widgets import Widgets
 from flexlab.own import hosts
 from flexlab.scenario import Scenario

@@ -21,10 +21,10 @@ import flexlab.gym_environment as gym_environment
 from flexlab.errors import StudyError
 from flexlab.gym_environment.environment import OBSERVATION, TwoArms, TwoArmsVector
 from flexlab.gym_environment.worlds import RULES
-from flexlab.lab.colors import GREEN
 from flexlab.lab.scene.cameras import floor_extent
 from flexlab.presets import load_preset
 from flexlab.sim.world import World
+from flexlab.views import GREEN
 
 STILL = {"start_spread": (0.0, 0.0, 0.0), "duration": 0.2}
 """A short episode that begins on the path."""

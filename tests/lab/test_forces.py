@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexlab.lab import colors
-from flexlab.lab.scene.forces import AWAY, BentArrows, StraightArrows
+from flexlab.lab.scene.forces import AWAY, INTERNAL_FORCE, BentArrows, StraightArrows
 from flexlab.lab.session import Session
 from flexlab.lab.view_settings import ViewSettings
 from flexlab.presets import load_preset
@@ -17,7 +16,7 @@ from flexlab.sim.commands import Pull
 def test_arrows_of_two_grips_that_press_never_meet(lasting_session: Session, length: float):
     """Arrow heads that passed each other looked like a pull."""
     scenario = load_preset("paper").replace({"payload.length": length})
-    arrows = StraightArrows(lasting_session.server.scene, "/pressed", colors.INTERNAL_FORCE, scenario, 0.1)
+    arrows = StraightArrows(lasting_session.server.scene, "/pressed", INTERNAL_FORCE, scenario, 0.1)
     grips = np.array([[-length / 2, 0.5], [length / 2, 0.5]])
     for force in (0.5, 9.9, 40.0, 490.0):
         arrows.update(grips, np.array([[force, 0.0], [-force, 0.0]]), shown=True)
@@ -27,7 +26,7 @@ def test_arrows_of_two_grips_that_press_never_meet(lasting_session: Session, len
 
 def test_a_hidden_arrow_moves_with_its_force(lasting_session: Session):
     """A browser shows a hidden arrow at once and moves it a picture later, so it used to flash at its old place."""
-    arrows = StraightArrows(lasting_session.server.scene, "/fading", colors.INTERNAL_FORCE, load_preset("paper"), 0.1)
+    arrows = StraightArrows(lasting_session.server.scene, "/fading", INTERNAL_FORCE, load_preset("paper"), 0.1)
     there, elsewhere = np.array([[0.0, 0.0], [0.5, 0.0]]), np.array([[0.3, 0.2], [0.8, 0.2]])
     arrows.update(there, np.array([[1.0, 0.0], [-1.0, 0.0]]), shown=True)
     assert arrows._handle.visible
@@ -43,8 +42,8 @@ def test_arrows_that_are_switched_off_wait_out_of_sight(lasting_session: Session
         np.array([[9.0, 0.0], [-9.0, 0.0]]),
         np.array([3.0, 3.0]),
     )
-    straight = StraightArrows(scene, "/straight", colors.INTERNAL_FORCE, paper, 0.1)
-    bent = BentArrows(scene, "/bent", colors.INTERNAL_FORCE, 2, 1.0, 0.1)
+    straight = StraightArrows(scene, "/straight", INTERNAL_FORCE, paper, 0.1)
+    bent = BentArrows(scene, "/bent", INTERNAL_FORCE, 2, 1.0, 0.1)
     for arrows, load in ((straight, force), (bent, moment)):
         for shown in (False, True, False):
             arrows.update(places, load, shown=shown)

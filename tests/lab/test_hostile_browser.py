@@ -18,9 +18,9 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from flexlab.lab import picking
-from flexlab.lab.input_guard import LARGEST_UPLOAD
 from flexlab.lab.session import Session
 from flexlab.lab.viser_internals import bound_transport
+from flexlab.lab.viser_server import LARGEST_UPLOAD
 from flexlab.presets import load_preset
 from flexlab.sim.commands import Play, Pull
 

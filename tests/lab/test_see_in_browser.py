@@ -10,7 +10,8 @@ from lab_page import SAME_PLACE, LabPage, wait_until
 from PIL import Image
 from playwright.sync_api import Browser, FloatRect
 
-from flexlab.lab import colors
+from flexlab.lab.scene.arms import ARM_COLORS
+from flexlab.lab.scene.beam import BEAM_COLOR
 from flexlab.lab.session import Session
 from flexlab.lab.view_settings import PLOT_WINDOWS
 
@@ -73,14 +74,14 @@ def test_arms_and_beam_are_drawn_in_their_colours_at_their_places(chromium: Brow
         page.hold()
         page.catch_up()
         with page.drawn():
-            for arm, color in zip(page.snapshot.scenario.arms, colors.ARMS, strict=True):
+            for arm, color in zip(page.snapshot.scenario.arms, ARM_COLORS, strict=True):
                 assert pixels_of(page, page.pixel(*arm.base, 0.0), color) > MANY
         whole = page.camera()
         page.press("Payload")  # Clear of the panels and plots that lie over the picture.
         wait_until(lambda: math.dist(whole, page.camera()) > 0.05, "the payload fills the picture")
         page.catch_up()
         with page.drawn():
-            assert pixels_of(page, page.beam_pixel(), colors.BEAM) > MANY
+            assert pixels_of(page, page.beam_pixel(), BEAM_COLOR) > MANY
 
 
 def test_exaggeration_scales_the_drawing_and_nothing_else(page: LabPage) -> None:

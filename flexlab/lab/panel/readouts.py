@@ -8,7 +8,6 @@ import viser
 from flexlab.analysis.explanations.explanation import Explained, is_pulled
 from flexlab.control.conditions import Condition
 from flexlab.guide import LOCKED, ClassRules
-from flexlab.lab import colors
 from flexlab.lab.lab_state import Notice
 from flexlab.lab.look_back import LookBack
 from flexlab.lab.view_settings import ViewSettings
@@ -19,6 +18,7 @@ from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import TICK, Event, Snapshot
 from flexlab.text import escaped, fixed_text, number_text, speed_text, with_units
+from flexlab.views import GREEN, ORANGE, SKY, css
 
 CLEARLY_SLOWER = 0.95
 """Fraction of the wanted speed below which being too slow gets a sentence, not just a word."""
@@ -107,10 +107,10 @@ def _status(snapshot: Snapshot) -> tuple[str, str]:
     if snapshot.status.failed:
         return "#e03131", "Stopped"
     if snapshot.playing and snapshot.waiting:
-        return colors.css(colors.SKY), "Begins when the page is drawn"
+        return css(SKY), "Begins when the page is drawn"
     if snapshot.moves:
-        return colors.css(colors.GREEN), "Running"
-    return colors.css(colors.ORANGE), "Paused"
+        return css(GREEN), "Running"
+    return css(ORANGE), "Paused"
 
 
 def warnings(snapshot: Snapshot) -> list[str]:

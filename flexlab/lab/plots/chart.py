@@ -14,7 +14,6 @@ import numpy as np
 import viser
 from viser import uplot
 
-from flexlab.lab import colors
 from flexlab.lab.plots.plot_signals import Limit, Plot
 from flexlab.lab.ranges import Span
 from flexlab.lab.reference_run import ReferenceRun
@@ -23,6 +22,7 @@ from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import TICK
 from flexlab.text import escaped
+from flexlab.views import Color, css
 
 STRETCHES = 140
 """Stretches per window, or per zoomed part of it: one per two screen pixels of a plot."""
@@ -166,14 +166,14 @@ def units_of(labels: Sequence[str]) -> str:
     return ", ".join(dict.fromkeys(each[1] for each in found if each))
 
 
-def signal_series(label: str, tone: colors.Color, place: int = 0) -> uplot.Series:
+def signal_series(label: str, tone: Color, place: int = 0) -> uplot.Series:
     """The style of a signal, by its place in its chart."""
     dash = DASHES[place % len(DASHES)]
-    style = {"label": label, "stroke": colors.css(tone), "width": 1.25, "spanGaps": False, "auto": False, "dash": dash}
+    style = {"label": label, "stroke": css(tone), "width": 1.25, "spanGaps": False, "auto": False, "dash": dash}
     return cast(uplot.Series, style | SMOOTH)
 
 
-def kept_series(tone: colors.Color) -> uplot.Series:
+def kept_series(tone: Color) -> uplot.Series:
     """The style of a signal of the kept run: dotted, in the signal's colour, not in the legend."""
     style = {"label": "kept", "class": UNNAMED, "auto": False, **SMOOTH}
     style |= {"stroke": f"rgba{(*tone, 0.75)}", "width": 1.25, "dash": (2, 3)}
@@ -182,7 +182,7 @@ def kept_series(tone: colors.Color) -> uplot.Series:
 
 def limit_series(limit: Limit) -> list[uplot.Series]:
     """The two dashed lines of a limit, of which only the first is in the legend."""
-    style = {"stroke": colors.css(limit.tone), "width": 1, "dash": (3, 6), "points": {"show": False}, "auto": False}
+    style = {"stroke": css(limit.tone), "width": 1, "dash": (3, 6), "points": {"show": False}, "auto": False}
     second = {**style, "label": limit.label, "class": UNNAMED}
     return [cast(uplot.Series, {**style, "label": limit.label}), cast(uplot.Series, second)]
 

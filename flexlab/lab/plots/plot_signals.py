@@ -8,10 +8,9 @@ import numpy as np
 from flexlab import views
 from flexlab.analysis.lyapunov import tracking_energy
 from flexlab.control.law import BOUND_ESTIMATES, law_of
-from flexlab.lab import colors
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples
-from flexlab.views import MILLI, View
+from flexlab.views import GRAY, MILLI, VIOLET, Color, View
 
 
 @dataclass(frozen=True)
@@ -20,7 +19,7 @@ class Limit:
 
     label: str
     value: float
-    tone: colors.Color
+    tone: Color
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,7 @@ class Plot:
     values: Callable[[Scenario, Samples], np.ndarray]
     least: float
     """The smallest vertical range, in the plot's units."""
-    tones: tuple[colors.Color, ...]
+    tones: tuple[Color, ...]
     """A colour for each signal."""
     limits: tuple[Limit, ...] = ()
     note: str = ""
@@ -50,7 +49,7 @@ def _plot(view: View, *shown: int, title: str = "", limits: tuple[Limit, ...] = 
     )
 
 
-def _torque_limits(scenario: Scenario, tones: Sequence[colors.Color]) -> tuple[Limit, ...]:
+def _torque_limits(scenario: Scenario, tones: Sequence[Color]) -> tuple[Limit, ...]:
     """The torque limits of an arm's joints, in the colours of its curves."""
     levels = zip(scenario.controller.torque_limit or (), tones, strict=False)
     return tuple(Limit(f"limit {k} (N·m)", value, tone) for k, (value, tone) in enumerate(levels, 1))
@@ -59,7 +58,7 @@ def _torque_limits(scenario: Scenario, tones: Sequence[colors.Color]) -> tuple[L
 def _law_limits(scenario: Scenario, view: View) -> tuple[Limit, ...]:
     """The levels that the control law knows for a signal."""
     levels = law_of(scenario.controller).limits(scenario.controller).get(view.signals[0].name, {})
-    return tuple(Limit(label, value, colors.GRAY) for label, value in levels.items())
+    return tuple(Limit(label, value, GRAY) for label, value in levels.items())
 
 
 LYAPUNOV = Plot(
@@ -67,7 +66,7 @@ LYAPUNOV = Plot(
     ("V (mJ)",),
     lambda scenario, samples: MILLI * tracking_energy(scenario, samples)[None],
     0.1,
-    (colors.VIOLET,),
+    (VIOLET,),
     note="The proof's full function adds ½ Σ kⱼ (bⱼ − b̂ⱼ)²: what the estimates still lack. Nobody knows the true "
     "bounds bⱼ, so that part cannot be drawn.",
 )
@@ -87,7 +86,7 @@ def tabs(scenario: Scenario) -> dict[str, tuple[Plot, ...]]:
         for name, joints in zip(("left", "right")[: len(scenario.arms)], (range(3), range(3, 6)), strict=False)
     ]
     force = abs(scenario.controller.wanted_internal_force)
-    wanted = (Limit("wanted F_d (N)", force, colors.GRAY),) if force else ()
+    wanted = (Limit("wanted F_d (N)", force, GRAY),) if force else ()
     estimates = [_plot(views.ESTIMATES)] if BOUND_ESTIMATES in law_of(scenario.controller).memory else []
     own = [_plot(view, limits=_law_limits(scenario, view)) for view in views.own_views(scenario)]
     return {

@@ -13,7 +13,6 @@ from viser import uplot
 
 from flexlab.analysis.explanations.explanation import EXPLANATIONS, LONGEST_LOOK, Evidence, Explained, explain
 from flexlab.analysis.lesson_measures import amplitude_spectrum
-from flexlab.lab import colors
 from flexlab.lab.mode_computation import ModeStudy
 from flexlab.lab.plots.chart import HEIGHT, X_AXIS_SIZE, Chart, axis, compact, signal_series
 from flexlab.lab.plots.plot_signals import Plot, tabs
@@ -29,6 +28,7 @@ from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import TICK, Snapshot
 from flexlab.text import escaped, with_units
+from flexlab.views import GRAY, VIOLET, css
 
 MICRO = 1e6
 """m to µm."""
@@ -82,7 +82,7 @@ class Spectrum:
         self._mark_modes(scenario.payload)
         series = (
             uplot.Series(label="f (Hz)"),
-            signal_series("vibration (µm)", colors.VIOLET) | {"spanGaps": True},
+            signal_series("vibration (µm)", VIOLET) | {"spanGaps": True},
             _series_of_modes(scenario),
         )
         self._handle = gui.add_uplot(
@@ -149,7 +149,7 @@ def _series_of_modes(scenario: Scenario) -> uplot.Series:
     """How the marks of the modes are drawn: the peaks of a beam that is pressed or spun lie beside them."""
     label = "modes of the beam" if scenario.payload.axial_load == "none" else "modes without axial force"
     # Without dashes: the chart draws each mark twice, up and down, and the dashes of one way fill the gaps of the other.
-    return cast(uplot.Series, {"label": label, "class": "fl-mark", "stroke": colors.css(colors.GRAY), "width": 1.5})
+    return cast(uplot.Series, {"label": label, "class": "fl-mark", "stroke": css(GRAY), "width": 1.5})
 
 
 class Plots:

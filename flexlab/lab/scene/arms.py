@@ -3,17 +3,19 @@
 `web_assets/make/models.py` makes the parts. All lengths in m, for the paper's arm (0.7, 0.6, 0.2 m links).
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import viser
 
 from flexlab.assets import web_assets_folder
-from flexlab.lab import colors
 from flexlab.scenario import Scenario
 from flexlab.sim.geometry import arm_points
 from flexlab.sim.samples import Samples
+from flexlab.views import BLUE, VERMILION, Color
 
+ARM_COLORS = BLUE, VERMILION
 LINK_HEIGHTS = (0.085, 0.135, 0.185)
 """Heights of the links' centres above the floor: stacked, so that they pass over one another."""
 BEAM_HEIGHT = 0.185
@@ -57,6 +59,11 @@ def grab_bar() -> tuple[np.ndarray, np.ndarray]:
     vertices = half * [(x, y, z) for x in (0, 1) for y in (-1, 1) for z in (-1, 1)]
     sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     return vertices, np.array([corners for a, b, c, d in sides for corners in ((a, b, c), (a, c, d))])
+
+
+def for_instances(palette: Sequence[Color] | np.ndarray) -> np.ndarray:
+    """Colours (N, 3) for viser's batched meshes: viser shows their numbers as linear light, all others as sRGB."""
+    return np.round(255 * (np.asarray(palette) / 255) ** 2.2).astype(np.uint8)
 
 
 def load_model(name: str) -> bytes:
@@ -107,7 +114,7 @@ class Arms:
         self._links = batch("link", still, np.column_stack([bars.ravel(), widths, widths]))
         self._joints = batch("joint", still, joint_scales)
         self._grippers = batch("gripper", still[: self._count], np.full(self._count, self._size))
-        tones = np.repeat(colors.for_instances(colors.ARMS[: self._count]), JOINTS, axis=0)
+        tones = np.repeat(for_instances(ARM_COLORS[: self._count]), JOINTS, axis=0)
         self._rings = batch("rings", still, joint_scales, *accent_ring(), batched_colors=tones)
         # viser's page breaks if instances of GLB files react to the pointer; instances of plain meshes may.
         around = np.column_stack([lengths.ravel(), widths, widths])

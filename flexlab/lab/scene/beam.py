@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 import viser
 
-from flexlab.lab import colors
 from flexlab.lab.ranges import AFTER_PICTURES, Range
 from flexlab.lab.reference_run import ReferenceRun
-from flexlab.lab.scene import arms
-from flexlab.lab.scene.arms import scene_size, turn_about_z
+from flexlab.lab.scene.arms import BEAM_HEIGHT, for_instances, scene_size, turn_about_z
 from flexlab.lab.view_settings import ViewSettings
 from flexlab.physics.beam import shape_row
 from flexlab.scenario import Payload, Scenario
@@ -21,6 +19,7 @@ from flexlab.sim.geometry import beam_points
 from flexlab.sim.samples import Samples
 from flexlab.sim.signals import PLACES
 from flexlab.text import number_text
+from flexlab.views import BLUE, GRAY, VERMILION, css
 
 STATIONS = 33
 """Points along the beam: smooth up to its eighth mode, at 4 kB per picture."""
@@ -29,6 +28,8 @@ GRAB_RADIUS = 0.035
 """Radius of the invisible tube that can be dragged, for the paper's arms, m: wide enough for a finger on a phone."""
 GRAB_EVERY, GRAB_SIDES = 8, 6
 """Stations of the drawn tube per station of the invisible one, and the sides of that, which may be coarse."""
+BEAM_COLOR = (20, 232, 150)
+"""RGB: the brightest colour of the picture."""
 TUBE_RADIUS = 0.015
 """Drawn radius for the paper's arms, m; the model's beam has no thickness."""
 OPACITY = 0.45
@@ -43,7 +44,7 @@ MICRO = 1e6
 LEAST_STRAIN = 1.0
 """Least range of the colours, µm/m or N."""
 NEUTRAL = (225, 225, 225)
-NEGATIVE, POSITIVE = colors.BLUE, colors.VERMILION
+NEGATIVE, POSITIVE = BLUE, VERMILION
 COLORED = {
     "strain": ("strain, 1 mm off the axis", "µm/m"),
     "axial": ("force along the beam, compression to tension", "N"),
@@ -93,7 +94,7 @@ class Tube:
 
     def draw(self, line: np.ndarray) -> None:
         """Bend the tube along a line (count, 2) m."""
-        height = arms.BEAM_HEIGHT * self._size
+        height = BEAM_HEIGHT * self._size
         self.mesh.vertices = tube_vertices(line, self._radius * self._size, height, self._sides)
 
 
@@ -101,7 +102,7 @@ class Beam:
     """Draws the payload; `update` bends it. `grab`: a thicker, invisible tube around it, for dragging and clicking."""
 
     def __init__(self, scene: viser.SceneApi, scenario: Scenario):
-        self._tube = Tube(scene, scenario, "/beam", STATIONS, TUBE_RADIUS, color=colors.BEAM)
+        self._tube = Tube(scene, scenario, "/beam", STATIONS, TUBE_RADIUS, color=BEAM_COLOR)
         count = len(range(0, STATIONS, GRAB_EVERY))
         self._around = Tube(scene, scenario, "/grab", count, GRAB_RADIUS, GRAB_SIDES, opacity=0.0, cast_shadow=False)
         self.mesh, self.grab = self._tube.mesh, self._around.mesh
@@ -119,7 +120,7 @@ class ReferenceBeam:
     """The beam of the kept run, drawn while that run has a sample for the present time."""
 
     def __init__(self, scene: viser.SceneApi, scenario: Scenario):
-        look = {"color": colors.GRAY, "opacity": OPACITY, "cast_shadow": False, "visible": False}
+        look = {"color": GRAY, "opacity": OPACITY, "cast_shadow": False, "visible": False}
         self._tube = Tube(scene, scenario, "/kept", STATIONS, SHARE * TUBE_RADIUS, **look)
 
     def update(self, sample: Samples, view: ViewSettings, kept: ReferenceRun | None) -> None:
@@ -142,7 +143,7 @@ def strain_colors(share: np.ndarray) -> np.ndarray:
     share = np.clip(share, -1, 1)[:, None]
     end = np.where(share < 0, NEGATIVE, POSITIVE)
     mixed = NEUTRAL + np.abs(share) * (end - np.array(NEUTRAL))
-    return colors.for_instances(mixed)
+    return for_instances(mixed)
 
 
 def axial_loads(sample: Samples, count: int) -> np.ndarray:
@@ -187,7 +188,7 @@ class StrainBeam:
         if not self._shown:
             return []
         what, unit = COLORED[self._shown]
-        ends = ", ".join(map(colors.css, (NEGATIVE, NEUTRAL, POSITIVE)))
+        ends = ", ".join(map(css, (NEGATIVE, NEUTRAL, POSITIVE)))
         strip = f'<span class="fl-strip" style="background: linear-gradient(90deg, {ends})"></span>'
         limit = number_text(self._range.limit)
         return [(what, f"−{limit} {strip} +{limit} {unit}")]
@@ -210,7 +211,7 @@ class StrainBeam:
         self._range.fit(float(np.abs(strain).max()))
         line = beam_points(scenario, sample, PIECES + 1, view.exaggeration)[0]
         along = np.diff(line, axis=0)
-        middle = np.column_stack([(line[:-1] + line[1:]) / 2, np.full(PIECES, arms.BEAM_HEIGHT * self._size)])
+        middle = np.column_stack([(line[:-1] + line[1:]) / 2, np.full(PIECES, BEAM_HEIGHT * self._size)])
         length = OVERLAP * np.linalg.norm(along, axis=1)
         self._pieces.batched_positions = middle.astype(np.float32)
         self._pieces.batched_wxyzs = turn_about_z(np.arctan2(along[:, 1], along[:, 0])).astype(np.float32)

@@ -10,13 +10,13 @@ from typing import NamedTuple
 import numpy as np
 import viser
 
-from flexlab.lab import colors
 from flexlab.scenario import Scenario
 from flexlab.sim.geometry import link_points
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Snapshot
 from flexlab.text import limited
+from flexlab.views import GRAY
 
 CELL, SECTION = 0.1, 0.5
 """Grid spacing, m."""
@@ -102,10 +102,10 @@ def draw_stage(scene: viser.SceneApi, scenario: Scenario, shadows: bool) -> None
         height=y_max - y_min + 2 * BEYOND,
         position=((x_min + x_max) / 2, (y_min + y_max) / 2, 0.0),
         cell_size=CELL,
-        cell_color=colors.GRAY,
+        cell_color=GRAY,
         cell_thickness=0.3,
         section_size=SECTION,
-        section_color=colors.GRAY,
+        section_color=GRAY,
         section_thickness=0.7,
         plane_color=FLOOR_COLOR,
         plane_opacity=FLOOR_OPACITY,

@@ -6,16 +6,15 @@ from typing import Any
 import numpy as np
 import viser
 
-from flexlab.lab import colors
 from flexlab.lab.ranges import AFTER_PICTURES, Range
-from flexlab.lab.scene import arms
-from flexlab.lab.scene.arms import scene_size
+from flexlab.lab.scene.arms import BEAM_HEIGHT, LINK_HEIGHTS, scene_size
 from flexlab.lab.view_settings import ViewSettings
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import Pull
 from flexlab.sim.geometry import arm_points, deflection_at, link_points
 from flexlab.sim.samples import Samples
 from flexlab.text import fixed_text, number_text
+from flexlab.views import ORANGE, SKY, VERMILION, Color
 
 LONGEST_ARROW = 0.4
 """Length of an arrow at the limit of the force range, in beam lengths: the arrows of two pressing grips never meet."""
@@ -26,6 +25,7 @@ ARC_RADIUS = 0.09
 ARC_PIECES = 16
 LEAST_FORCE, LEAST_MOMENT = 1.0, 0.5
 """Least ranges, N and N·m: smaller loads need not be magnified."""
+INTERNAL_FORCE, MOVING_FORCE = ORANGE, SKY
 AWAY = np.array([0.0, 0.0, -1e3])
 """Place of hidden parts, m: a browser shows a part at once and moves it a picture later, so that a part that is shown again would
 flash at its last place."""
@@ -38,7 +38,7 @@ def _arrows_away(count: int) -> np.ndarray:
     return np.tile([AWAY, AWAY + [1.0, 0.0, 0.0]], (count, 1, 1)).astype(np.float32)
 
 
-def _hidden_arrows(scene: viser.SceneApi, name: str, color: colors.Color, count: int, sizes: Sequence[float]) -> Any:
+def _hidden_arrows(scene: viser.SceneApi, name: str, color: Color, count: int, sizes: Sequence[float]) -> Any:
     """Add hidden arrows. `sizes`: radii of shaft and head, and the head's length, m."""
     shaft, head, length = sizes
     look = {"shaft_radius": shaft, "head_radius": head, "head_length": length, "visible": False}
@@ -75,7 +75,7 @@ class Arrows:
 class StraightArrows(Arrows):
     """Arrows of forces."""
 
-    def __init__(self, scene: viser.SceneApi, name: str, color: colors.Color, scenario: Scenario, height: float):
+    def __init__(self, scene: viser.SceneApi, name: str, color: Color, scenario: Scenario, height: float):
         self._longest = LONGEST_ARROW * scenario.payload.length
         count, sizes = len(scenario.arms), [scene_size(scenario) * part for part in (0.006, 0.016, 0.04)]
         arrows = _hidden_arrows(scene, name, color, count, sizes)
@@ -93,7 +93,7 @@ class StraightArrows(Arrows):
 class BentArrows(Arrows):
     """Arrows of moments: arcs with heads."""
 
-    def __init__(self, scene: viser.SceneApi, name: str, color: colors.Color, count: int, size: float, height: float):
+    def __init__(self, scene: viser.SceneApi, name: str, color: Color, count: int, size: float, height: float):
         self._radius = ARC_RADIUS * size
         away = np.tile(AWAY, (count * (ARC_PIECES + 2), 2, 1)).astype(np.float32)
         lines = scene.add_line_segments(name, away, color, thickness=3.5, thickness_units="screen", visible=False)
@@ -123,10 +123,10 @@ class Forces:
 
     def __init__(self, scene: viser.SceneApi, scenario: Scenario):
         count, size = len(scenario.arms), scene_size(scenario)
-        height = (arms.BEAM_HEIGHT + 0.05) * size
-        self._internal = StraightArrows(scene, "/forces/internal", colors.INTERNAL_FORCE, scenario, height)
-        self._moving = StraightArrows(scene, "/forces/moving", colors.MOVING_FORCE, scenario, height + 0.01 * size)
-        self._moment = BentArrows(scene, "/forces/moment", colors.INTERNAL_FORCE, count, size, height)
+        height = (BEAM_HEIGHT + 0.05) * size
+        self._internal = StraightArrows(scene, "/forces/internal", INTERNAL_FORCE, scenario, height)
+        self._moving = StraightArrows(scene, "/forces/moving", MOVING_FORCE, scenario, height + 0.01 * size)
+        self._moment = BentArrows(scene, "/forces/moment", INTERNAL_FORCE, count, size, height)
 
     def update(self, scenario: Scenario, sample: Samples, view: ViewSettings) -> None:
         """Draw the forces of `sample` (N = 1) that `view` asks for."""
@@ -163,7 +163,7 @@ class PullArrow:
     def __init__(self, scene: viser.SceneApi, scenario: Scenario):
         self._size = scene_size(scenario)
         sizes = [self._size * part for part in (0.005, 0.014, 0.035)]
-        self._arrow = _hidden_arrows(scene, "/pull", colors.VERMILION, 1, sizes)
+        self._arrow = _hidden_arrows(scene, "/pull", VERMILION, 1, sizes)
         self._label = scene.add_label("/pull_force", "", anchor="bottom-left", visible=False)
 
     def update(self, scenario: Scenario, sample: Samples, view: ViewSettings, pull: Pull | None) -> None:
@@ -178,7 +178,7 @@ class PullArrow:
         force = pull.stiffness * float(np.linalg.norm(target - held_point(scenario, sample, pull)))
         drawn = held_point(scenario, sample, pull, view.exaggeration)
         # In the plane of the dragged point, so that the arrow's tip is under the pointer.
-        height = self._size * (arms.BEAM_HEIGHT if pull.link is None else arms.LINK_HEIGHTS[pull.link[1] - 1])
+        height = self._size * (BEAM_HEIGHT if pull.link is None else LINK_HEIGHTS[pull.link[1] - 1])
         ends = np.column_stack([[drawn, target], [height, height]])
         self._arrow.points = ends[None].astype(np.float32)
         self._label.text = f"pull {fixed_text(force, 1)} N"

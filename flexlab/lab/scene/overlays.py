@@ -10,16 +10,15 @@ import viser
 
 from flexlab.control.motion import poses
 from flexlab.control.path import build_motion
-from flexlab.lab import colors
-from flexlab.lab.scene import arms
-from flexlab.lab.scene.arms import scene_size
-from flexlab.lab.scene.beam import Tube
+from flexlab.lab.scene.arms import BEAM_HEIGHT, scene_size
+from flexlab.lab.scene.beam import BEAM_COLOR, Tube
 from flexlab.lab.scene.cameras import floor_extent
 from flexlab.lab.view_settings import ViewSettings
 from flexlab.scenario import Scenario
 from flexlab.sim.geometry import link_points
 from flexlab.sim.samples import Samples
 from flexlab.sim.termination import elbow_sine, wrist_reach
+from flexlab.views import GRAY, PURPLE, Color
 
 DASHES = 15
 """Pieces of the dashed virtual link."""
@@ -62,19 +61,17 @@ class Overlays:
 
     def __init__(self, scene: viser.SceneApi, scenario: Scenario):
         self._size = scene_size(scenario)
-        self._height = arms.BEAM_HEIGHT * self._size
+        self._height = BEAM_HEIGHT * self._size
         self._path_source: object = None
         self._trail_places: deque[np.ndarray] = deque(maxlen=TRAIL_POINTS)
-        look = {"color": colors.DESIRED, "opacity": GHOST_OPACITY, "cast_shadow": False}
+        look = {"color": PURPLE, "opacity": GHOST_OPACITY, "cast_shadow": False}
         self._ghost = Tube(scene, scenario, "/overlays/desired", 2, GHOST_RADIUS, **look)
-        self._path = self._line(scene, "path", PATH_POINTS - 1, colors.DESIRED, 2.0)
-        self._link = self._line(scene, "link", DASHES, colors.GRAY, 2.0)
-        self._trail = self._line(scene, "trail", TRAIL_POINTS - 1, colors.BEAM, 2.5)
+        self._path = self._line(scene, "path", PATH_POINTS - 1, PURPLE, 2.0)
+        self._link = self._line(scene, "link", DASHES, GRAY, 2.0)
+        self._trail = self._line(scene, "trail", TRAIL_POINTS - 1, BEAM_COLOR, 2.5)
 
     @staticmethod
-    def _line(
-        scene: viser.SceneApi, name: str, count: int, color: colors.Color, width: float
-    ) -> viser.LineSegmentsHandle:
+    def _line(scene: viser.SceneApi, name: str, count: int, color: Color, width: float) -> viser.LineSegmentsHandle:
         points = np.zeros((count, 2, 3))
         return scene.add_line_segments(f"/overlays/{name}", points, color, thickness=width, thickness_units="screen")
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from lab_process import PATIENCE, Command, refused
 
-from flexlab.cli.circumstances import refusal
+from flexlab.cli import refusal
 from flexlab.recording.reader import read_recording
 from flexlab.recording.store.run_index import read_row
 

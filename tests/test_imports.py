@@ -20,7 +20,6 @@ LAYERS = {
     "quantities": 0,
     "signal": 0,
     "text": 0,
-    "text_tables": 0,
     "arguments": 0,
     "boundaries": 0,
     "registry": 0,

@@ -10,18 +10,21 @@ import functools
 import importlib
 import io
 import os
+import re
 import shutil
 import sys
 from collections.abc import Sequence
 from contextlib import redirect_stderr
+from linecache import getline
 from pathlib import Path
 from pkgutil import iter_modules
+from traceback import walk_tb
+from types import FrameType
 from typing import Any
 
-from flexlab.cli.circumstances import refusal
 from flexlab.cli.console import EXIT_INTERRUPTED, complain, note, notes
 from flexlab.errors import FlexlabError
-from flexlab.text import aligned, tell_failures_plainly
+from flexlab.text import aligned, tell_failures_plainly, visible
 
 ENDING = "_command"
 COMMANDS = tuple(sorted(it.name.removesuffix(ENDING) for it in iter_modules(__path__) if it.name.endswith(ENDING)))
@@ -33,6 +36,18 @@ NARROWEST = 40
 """Least width, in columns, that texts are wrapped to: in fewer, tables lose words and tyro's help takes minutes."""
 LONGEST_NUMBER = 9
 """Most digits that COLUMNS and LINES may have: Python refuses to convert thousands of digits."""
+NO_HANDLES = (errno.EMFILE, errno.ENFILE)
+UNUSABLE = (errno.EACCES, errno.EPERM, errno.ENAMETOOLONG)
+"""Errors of a file or folder that may not be used, or whose name is too long."""
+OWN = "flexlab"
+NO_MEMORY = "failed to map segment"
+"""Part of the system's message if a library finds no room in memory."""
+UNWRITABLE = "no locator available"
+"""Part of Numba's message if it cannot store machine code."""
+NEAR = 10
+"""Lines before the failed one that are searched for the name of the environment variable at fault."""
+LONGEST_REASON, LONGEST_VALUE = 200, 60
+"""Most characters of a reason, and of a variable's value, in a sentence."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -50,9 +65,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
             if sys.stdout is not None:
                 sys.stdout.flush()  # A failed write is reported here, not by Python at exit.
         sys.exit(code)
-    except FlexlabError as error:
-        complain(str(error))
-        sys.exit(EXIT_BAD_INPUT)
     except KeyboardInterrupt:
         note("Interrupted.")
         sys.exit(EXIT_INTERRUPTED)
@@ -124,3 +136,60 @@ def _others() -> str:
     files = (Path(__path__[0], f"{name}{ENDING}.py") for name in COMMANDS if name != "lab")
     firsts = (file.read_text(encoding="utf-8").partition("\n")[0] for file in files)
     return "\n".join(f"  {line}" for line in aligned([first.strip('"`.').split("`: ") for first in firsts]))
+
+
+def refusal(error: Exception) -> str | None:
+    """The sentence that says what is wrong, what the machine lacks or which library fails to load; None for other errors."""
+    if isinstance(error, FlexlabError):
+        return str(error)
+    if isinstance(error, MemoryError) or NO_MEMORY in str(error):
+        return "No memory is left: close other programs, or allow more (ulimit -v)."
+    if isinstance(error, OSError) and error.errno in NO_HANDLES:
+        return f"{error.strerror}: close other programs, or allow more (ulimit -n)."
+    if isinstance(error, OSError) and error.errno in UNUSABLE and isinstance(error.filename, str):
+        return f"{visible(error.filename, LONGEST_REASON)} cannot be used ({error.strerror}): choose another place."
+    if isinstance(error, FileNotFoundError):
+        from flexlab.recording.store.run_files import vanished
+
+        if gone := vanished(error):
+            return gone
+    if UNWRITABLE in str(error):
+        from flexlab.assets import user_cache
+
+        place = os.environ.get("NUMBA_CACHE_DIR") or user_cache()
+        return f"Machine code cannot be kept in {place}: set NUMBA_CACHE_DIR to a folder that you may write to."
+    return _unloadable(error)
+
+
+def _unloadable(error: Exception) -> str | None:
+    """The sentence about the library whose import raised this error; None for any other error."""
+    frames = [frame for frame, _ in walk_tb(error.__traceback__)]
+    if not any(frame.f_code.co_name == "<module>" for frame in frames) or _is_interrupt(error):
+        return None
+    foreign = [each for each in walk_tb(error.__traceback__) if _library(each[0]) != OWN]
+    if foreign:
+        library = _library(foreign[-1][0])
+    elif isinstance(error, ModuleNotFoundError) and error.name:
+        library = error.name.partition(".")[0]
+    else:
+        return None
+    why = visible(" ".join(str(error).split()), LONGEST_REASON).rstrip(".") or type(error).__name__
+    variables = [said for frame, line in reversed(foreign) if (said := _variables(frame, line))]
+    mending = f"correct or unset {variables[0]}" if variables else f"install {library} again"
+    return f"{library} cannot be loaded ({why}): {mending}."
+
+
+def _is_interrupt(error: BaseException | None) -> bool:
+    """Whether Ctrl-C caused this error, even if a library has turned it into one of its own."""
+    return error is not None and (isinstance(error, KeyboardInterrupt) or _is_interrupt(error.__context__))
+
+
+def _library(frame: FrameType) -> str:
+    return frame.f_globals.get("__name__", OWN).partition(".")[0]
+
+
+def _variables(frame: FrameType, failed: int) -> str:
+    """The environment variables named in a failed line or shortly before it, with their values."""
+    text = "".join(getline(frame.f_code.co_filename, line) for line in range(max(1, failed - NEAR), failed + 1))
+    names = dict.fromkeys(re.findall(r"\b[A-Z][A-Z0-9_]+\b", text))
+    return " and ".join(f"{name} = {visible(os.environ[name], LONGEST_VALUE)}" for name in names if name in os.environ)

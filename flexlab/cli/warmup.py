@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 
 from flexlab.cli.console import note, notes
 from flexlab.interrupts import answering
-from flexlab.own.machine_code import OWN_TEXTS
 
 if TYPE_CHECKING:
     from flexlab.scenario import Scenario
@@ -88,6 +87,8 @@ def warm_up(scenario: "Scenario", meanwhile: AbstractContextManager[object] | No
 
 def remove_unused(kernels: Path) -> None:
     """Remove machine code of other versions, units and own texts, beside `kernels`, that nothing has read for `UNUSED`."""
+    from flexlab.own.modules import OWN_TEXTS
+
     digit, beside = "[0-9a-f]", kernels.parent
     versions = beside.glob(f"kernels-{len(kernels.name.partition('-')[2]) * digit}")
     units = *beside.glob(f"unit-{UNIT_DIGITS * digit}"), *beside.glob("unit-draft-*")

@@ -11,11 +11,10 @@ from flexlab.control.law import LAWS
 from flexlab.control.path import PATHS
 from flexlab.control.paths.table import MOST_ROWS
 from flexlab.errors import PresetError
-from flexlab.files import check_ordinary
+from flexlab.files import cells, check_ordinary, separator, table_lines
 from flexlab.own.files import path_kind
 from flexlab.scenario.scenario import Scenario, parse_scenario
 from flexlab.text import counted, typed_number, visible
-from flexlab.text_tables import cells, separator, table_lines
 
 COLUMNS = {"t": "time", "x": "length", "y": "length", "theta": "angle"}
 """Column → its quantity."""

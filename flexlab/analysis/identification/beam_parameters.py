@@ -14,10 +14,9 @@ import numpy as np
 from flexlab.analysis.identification.ring import Estimate, RingFit
 from flexlab.analysis.modes import modes
 from flexlab.errors import FlexlabError, StudyError
-from flexlab.files import check_ordinary
+from flexlab.files import cells, check_ordinary, separator, table_lines
 from flexlab.scenario import Scenario
 from flexlab.text import counted, visible
-from flexlab.text_tables import cells, separator, table_lines
 
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "min": 60.0}
 """Unit → s."""

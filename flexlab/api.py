@@ -311,7 +311,7 @@ def export_fmu(
     as input. `version`: of FMI, 3 or 2. Importers step by `sample_period` s or by multiples of it. A C compiler is needed.
     Raises `PresetError`, `ScenarioError` or `StudyError`.
     """
-    from flexlab.fmi.export import write_fmu
+    from flexlab.fmi import write_fmu
 
     target = file_path("file", file)
     name, known = named_scenario(scenario)

@@ -14,7 +14,7 @@ from pydantic import BaseModel
 from flexlab.errors import LabError
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
-from flexlab.server.pages.templating import catalogues, read_catalogue
+from flexlab.server.pages import catalogues, read_catalogue
 from flexlab.server.visitors import checked_name
 
 COMPLETE = ("de", "zh")

@@ -104,7 +104,7 @@ from dataclasses import dataclass
 
 from flexlab.analysis.modes import modes
 from flexlab.scenario.settings import change_settings
-from flexlab.server.study import Found, Question, Study, axes_of, whole_of
+from flexlab.server.studies import Found, Question, Study, axes_of, whole_of
 from flexlab.server.task_book import Outcome
 
 

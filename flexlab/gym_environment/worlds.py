@@ -40,7 +40,7 @@ class Rules:
     wrench_scale: tuple[float, float, float]
     """Wrench of an action of 1, N, N, N·m."""
     rooted: bool
-    """Whether the cost per second is √c instead of c, see `environment`."""
+    """Whether the cost per second is √c instead of c."""
     worst: float
     """Largest cost per second, which is also the cost of each second left of a failed episode."""
 
@@ -59,7 +59,7 @@ class Settings(Part):
     scenario: Any = "paper"
     """The scenario with arms, beam and path; its control law does not act."""
     action: Literal["wrench", "torques"] = WRENCH
-    """"wrench" (3 numbers) or "torques" (3 per arm), see `environment`."""
+    """"wrench" (3 numbers) or "torques" (3 per arm)."""
     control_period: Number = quantity(1e-3, title="Time between two actions", unit="s", low=1e-4, high=0.02)
     duration: Number = quantity(2.0, title="Length of an episode", unit="s", low=1e-4, high=1e4)
     stiffness: Pair | None = quantity(None, title="Bending stiffness", unit="N·m²", low=1e-3, high=1e12)

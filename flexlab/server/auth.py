@@ -13,7 +13,7 @@ from flexlab.recording.store.run_files import SUFFIX
 from flexlab.recording.store.run_index import NoSuchRun
 from flexlab.server.connections import Handler
 from flexlab.server.limits import BusyError, network_of
-from flexlab.server.pages.templating import ALL_RUNS, HAS_CLASS, button, message, part
+from flexlab.server.pages import ALL_RUNS, HAS_CLASS, button, message, part
 from flexlab.server.visitors import (
     Context,
     context_of,

@@ -28,12 +28,13 @@ from flexlab.scenario import Scenario
 from flexlab.server.auth import LARGEST_BODY, LIVE, add_headers, answer_in_sentences, check, recording_address
 from flexlab.server.base_url import put_before, take_off
 from flexlab.server.connections import Connections, watch_patience
+from flexlab.server.labs import Choice, LabProvider, Order
 from flexlab.server.labs.hub_labs import tell_class
-from flexlab.server.labs.lab_provider import Choice, LabProvider, Order
 from flexlab.server.labs.per_visitor import PrivateLabs
 from flexlab.server.labs.recorded_lab import SharedLab
 from flexlab.server.limits import Limit
 from flexlab.server.pages import (
+    catalogues,
     compare_page,
     lab_pages,
     leaderboard_page,
@@ -43,12 +44,11 @@ from flexlab.server.pages import (
     study_pages,
     teacher_page,
 )
-from flexlab.server.pages.templating import catalogues
 from flexlab.server.preset_cards import PresetCards
 from flexlab.server.proxy import inside_connector
 from flexlab.server.run_jobs import MOST_COMPARISONS, MOST_REPLAYS, Measuring
 from flexlab.server.settings import GIGABYTE, Settings, secret_word
-from flexlab.server.study import MOST_AT_ONCE, MOST_STUDIES
+from flexlab.server.studies import MOST_AT_ONCE, MOST_STUDIES
 from flexlab.server.task_book import TaskBook
 from flexlab.server.tasks import Tasks
 from flexlab.server.visitors import CONTEXT, Context, cookie_key, greet

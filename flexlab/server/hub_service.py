@@ -24,8 +24,7 @@ from flexlab.server.connections import Handler
 from flexlab.server.front_server import FrontServer, build_app
 from flexlab.server.labs.hub_labs import REPORTS, HubLabs
 from flexlab.server.limits import BusyError
-from flexlab.server.pages import teacher_page
-from flexlab.server.pages.templating import OF_HUB
+from flexlab.server.pages import OF_HUB, teacher_page
 from flexlab.server.settings import Settings, secret_word
 from flexlab.server.visitors import Context, context_of, scheme_of, set_cookie
 from flexlab.sockets import listen

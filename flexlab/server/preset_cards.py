@@ -16,7 +16,7 @@ from flexlab.errors import FlexlabError
 from flexlab.presets import load_scenario_file, preset_files
 from flexlab.scenario import Scenario
 from flexlab.server.limits import THE_SERVER
-from flexlab.server.pages.templating import part
+from flexlab.server.pages import part
 from flexlab.server.tasks import Tasks
 from flexlab.sim.geometry import arm_points, beam_points
 from flexlab.sim.target import build_trajectory

@@ -12,8 +12,8 @@ from markupsafe import Markup
 from flexlab.lab.browser_messages import LARGEST_MESSAGE
 from flexlab.lab.viser_internals import SEND_BUFFER, bound_transport
 from flexlab.lab.viser_server import SECRET_HEADER
-from flexlab.server.labs.lab_provider import Lab
-from flexlab.server.pages.templating import language_script
+from flexlab.server.labs import Lab
+from flexlab.server.pages import language_script
 from flexlab.server.visitors import context_of, visitor_of
 from flexlab.sockets import LOOPBACK, base_address
 from flexlab.text import limited

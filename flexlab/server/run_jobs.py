@@ -27,7 +27,7 @@ from flexlab.recording.store.notes import notes_path, read_notes
 from flexlab.recording.store.run_files import SUFFIX, remove_run
 from flexlab.recording.store.run_index import RunRow
 from flexlab.scenario.field_text import field_title
-from flexlab.server.labs.lab_provider import Choice
+from flexlab.server.labs import Choice
 from flexlab.server.limits import LOOK, LOOK_AGAIN, PER_SECOND, Quota, Visitor
 from flexlab.server.task_book import BAD, GOOD, Outcome, Task, TaskBook
 from flexlab.server.tasks import failures_told_plainly, job_processes, start, work_for_the_server

@@ -24,7 +24,7 @@ from flexlab.recording.store.people import told_apart
 from flexlab.recording.store.run_files import list_files
 from flexlab.recording.store.run_index import NoSuchRun, RunRow, find_row, read_rows
 from flexlab.server.connections import Handler
-from flexlab.server.labs.lab_provider import LabProvider
+from flexlab.server.labs import LabProvider
 from flexlab.server.limits import Guesses, Limit, Visitor, network_of
 from flexlab.server.preset_cards import PresetCards
 from flexlab.server.run_jobs import Measuring

@@ -13,7 +13,7 @@ import flexlab
 from flexlab.analysis.explanations.explanation import EXPLANATIONS, Background, Evidence, explain
 from flexlab.analysis.explanations.vibration import share_left
 from flexlab.analysis.modes import modes
-from flexlab.lab.plots.plot_signals import tabs
+from flexlab.lab.plots import tabs
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, Pull, Tap

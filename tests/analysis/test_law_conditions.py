@@ -10,7 +10,7 @@ from flexlab.analysis.modes import modes
 from flexlab.control.law import laws
 from flexlab.lab.mode_computation import ModeStudy
 from flexlab.lab.panel.readouts import conditions_html
-from flexlab.lab.plots.plot_signals import tabs
+from flexlab.lab.plots import tabs
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.simulate import simulate

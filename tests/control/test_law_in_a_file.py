@@ -14,7 +14,7 @@ from flexlab.analysis.replay import replay
 from flexlab.control.law import Law, add_law, add_law_file, forget_law
 from flexlab.errors import RecordingError, ScenarioError
 from flexlab.lab.panel.sections import entries
-from flexlab.lab.plots.plot_signals import tabs
+from flexlab.lab.plots import tabs
 from flexlab.own.files import law_kind
 from flexlab.presets import load_preset
 from flexlab.recording.export import import_run

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from flexlab.fmi.export import write_fmu
+from flexlab.fmi import write_fmu
 from flexlab.scenario import Scenario
 
 

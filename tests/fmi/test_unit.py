@@ -18,7 +18,7 @@ from units_in_fmpy import apart, get, instance, put
 
 import flexlab
 from flexlab.errors import StudyError
-from flexlab.fmi.export import write_fmu
+from flexlab.fmi import write_fmu
 from flexlab.fmi.parts import make_part
 from flexlab.own.law import add_own_law
 from flexlab.presets import load_preset, preset_names

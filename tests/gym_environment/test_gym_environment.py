@@ -19,7 +19,7 @@ from gymnasium.utils.env_checker import check_env
 import flexlab
 import flexlab.gym_environment as gym_environment
 from flexlab.errors import StudyError
-from flexlab.gym_environment.environment import OBSERVATION, TwoArms, TwoArmsVector
+from flexlab.gym_environment import OBSERVATION, TwoArms, TwoArmsVector
 from flexlab.gym_environment.worlds import RULES
 from flexlab.lab.scene.cameras import floor_extent
 from flexlab.presets import load_preset

@@ -8,7 +8,7 @@ import pytest
 from waiting import wait_until
 
 from flexlab.compiled import PLAIN_PYTHON
-from flexlab.gym_environment.environment import TwoArmsVector
+from flexlab.gym_environment import TwoArmsVector
 
 pytestmark = pytest.mark.skipif(PLAIN_PYTHON, reason="nothing is compiled")
 OPTIONS = {"stiffness": (20, 400), "variants": 3, "delay": (0, 2), "noise": 1.0, "duration": 0.02}

@@ -3,7 +3,7 @@
 import re
 
 from flexlab.guide import chapters
-from flexlab.lab.plots.plot_signals import tabs
+from flexlab.lab.plots import tabs
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset
 

@@ -15,8 +15,8 @@ from flexlab.analysis.modes import modes
 from flexlab.errors import LabError
 from flexlab.lab.panel.number_control import Scale
 from flexlab.lab.panel.sections import three_valued
+from flexlab.lab.plots import tabs
 from flexlab.lab.plots.chart import DASHES
-from flexlab.lab.plots.plot_signals import tabs
 from flexlab.lab.plots.plots import POINTS, thinned, unbroken
 from flexlab.lab.reference_run import ReferenceRun, common_metrics, whole_run
 from flexlab.lab.scene.beam import PIECES, axial_loads, curvature_functions, strain_colors

@@ -21,7 +21,7 @@ from flexlab.errors import RecordingError
 from flexlab.machine import cores
 from flexlab.server import connections
 from flexlab.server.front_server import FrontServer
-from flexlab.server.labs.lab_provider import FullError, Lab
+from flexlab.server.labs import FullError, Lab
 from flexlab.server.limits import FREE, MOST_HELD, MOST_PENDING, Guesses, Limit, Visitor, network_of
 from flexlab.server.pages.run_actions import KEPT_FREE, _check_room
 from flexlab.server.visitors import MOST_FILES, MOST_PAGES, MOST_VIEWERS
@@ -201,7 +201,7 @@ import asyncio, os, resource
 from pathlib import Path
 from flexlab.errors import LabError
 from flexlab.presets import load_preset
-from flexlab.server.labs.lab_provider import Choice, Order
+from flexlab.server.labs import Choice, Order
 from flexlab.server.labs.per_visitor import PrivateLabs
 from flexlab.server.limits import THE_SERVER, Visitor
 from flexlab.server.settings import Settings

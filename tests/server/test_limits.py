@@ -29,7 +29,7 @@ from flexlab.recording.store.notes import write_notes
 from flexlab.recording.store.run_files import has_footer, list_runs
 from flexlab.recording.store.run_index import list_rows, state_word
 from flexlab.server.front_server import FrontServer
-from flexlab.server.labs.lab_provider import MOST_OF_ADDRESS, FullError, WaitingLine
+from flexlab.server.labs import MOST_OF_ADDRESS, FullError, WaitingLine
 from flexlab.server.limits import (
     LOOK,
     LOOK_AGAIN,

@@ -12,7 +12,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, Request
 
 from flexlab.presets import load_preset
 from flexlab.server.front_server import FrontServer
-from flexlab.server.pages.templating import language_script
+from flexlab.server.pages import language_script
 from flexlab.server.scenario_links import encode_scenario
 
 SWEEP = {

@@ -21,7 +21,7 @@ from playwright.sync_api import Browser, Locator, Page, Response
 from flexlab.presets import load_preset
 from flexlab.recording.headless import write_run
 from flexlab.server.front_server import FrontServer
-from flexlab.server.labs.lab_provider import state_of
+from flexlab.server.labs import state_of
 from flexlab.sim.simulate import simulate
 from flexlab.views import OLIVE, VIOLET
 

@@ -16,7 +16,7 @@ from flexlab.presets import load_preset, preset_names
 from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.run_files import is_in_use
 from flexlab.server.front_server import FrontServer
-from flexlab.server.labs.lab_provider import state_of
+from flexlab.server.labs import state_of
 from flexlab.server.scenario_links import encode_scenario
 
 

@@ -23,8 +23,8 @@ from flexlab.scenario import Scenario
 from flexlab.server.front_server import FrontServer
 from flexlab.server.limits import THE_SERVER
 from flexlab.server.scenario_links import LONGEST_LINK, decode_scenario, encode_scenario
+from flexlab.server.studies import MOST_AT_ONCE, MOST_VALUES, number_of, read_study
 from flexlab.server.studies.sweep import SweepStudy, page_data
-from flexlab.server.study import MOST_AT_ONCE, MOST_VALUES, number_of, read_study
 from flexlab.server.task_book import Task
 from flexlab.text import number_text
 

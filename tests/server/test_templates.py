@@ -6,7 +6,7 @@ import pytest
 from jinja2 import UndefinedError
 from markupsafe import Markup
 
-from flexlab.server.pages.templating import TEMPLATES, button, render
+from flexlab.server.pages import TEMPLATES, button, render
 from flexlab.text import with_units
 
 HOSTILE = "<script>alert('x')</script>\"&\ud800"

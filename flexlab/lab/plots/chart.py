@@ -14,7 +14,7 @@ import numpy as np
 import viser
 from viser import uplot
 
-from flexlab.lab.plots.plot_signals import Limit, Plot
+from flexlab.lab.plots import Limit, Plot
 from flexlab.lab.ranges import Span
 from flexlab.lab.reference_run import ReferenceRun
 from flexlab.lab.viser_internals import send_plot_data, widget_uuid

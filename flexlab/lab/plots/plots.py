@@ -14,8 +14,8 @@ from viser import uplot
 from flexlab.analysis.explanations.explanation import EXPLANATIONS, LONGEST_LOOK, Evidence, Explained, explain
 from flexlab.analysis.lesson_measures import amplitude_spectrum
 from flexlab.lab.mode_computation import ModeStudy
+from flexlab.lab.plots import Plot, tabs
 from flexlab.lab.plots.chart import HEIGHT, X_AXIS_SIZE, Chart, axis, compact, signal_series
-from flexlab.lab.plots.plot_signals import Plot, tabs
 from flexlab.lab.ranges import Range
 from flexlab.lab.reference_run import ReferenceRun
 from flexlab.lab.view_settings import ViewSettings

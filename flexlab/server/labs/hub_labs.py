@@ -19,7 +19,7 @@ from aiohttp import WSMsgType, web
 
 from flexlab.errors import FlexlabError
 from flexlab.guide import ClassRules
-from flexlab.server.labs.lab_provider import Choice, Hold, Lab, LabProvider, LabStatus
+from flexlab.server.labs import Choice, Hold, Lab, LabProvider, LabStatus
 from flexlab.server.scenario_links import decode_scenario, encode_scenario
 
 REPORTS = "/labs"

@@ -16,7 +16,7 @@ from flexlab.errors import FlexlabError, LabError
 from flexlab.guide import ClassRules
 from flexlab.own import hosts
 from flexlab.recording.repair import finish, finish_abandoned
-from flexlab.server.labs.lab_provider import LOOK_AGAIN, Choice, FullError, Lab, LabProvider, Order, WaitingLine
+from flexlab.server.labs import LOOK_AGAIN, Choice, FullError, Lab, LabProvider, Order, WaitingLine
 from flexlab.server.labs.worker import STOP_TIME, PrivateLab
 from flexlab.server.limits import Visitor
 from flexlab.server.settings import Settings, secret_word

@@ -18,7 +18,7 @@ from flexlab.recording.live import LiveHub, Take
 from flexlab.recording.reader import read_range
 from flexlab.recording.recorder import Recorder
 from flexlab.scenario import Scenario
-from flexlab.server.labs.lab_provider import Choice, Hold, Lab, LabProvider, LabStatus, Order
+from flexlab.server.labs import Choice, Hold, Lab, LabProvider, LabStatus, Order
 from flexlab.server.limits import Quota, Visitor
 from flexlab.server.scenario_links import encode_scenario, scenario_path
 from flexlab.server.settings import GIGABYTE, MEGABYTE

@@ -13,7 +13,7 @@ from flexlab.errors import FlexlabError, LabError, RecordingError
 from flexlab.guide import ClassRules
 from flexlab.own.files import know_own_files
 from flexlab.recording.live import LiveHub, Take
-from flexlab.server.labs.lab_provider import Choice, Hold, Lab, LabStatus, Order
+from flexlab.server.labs import Choice, Hold, Lab, LabStatus, Order
 from flexlab.server.labs.recorded_lab import RecordedLab
 from flexlab.server.tasks import failures_told_plainly, job_processes, leave_interrupts_to_the_server, start
 

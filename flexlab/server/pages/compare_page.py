@@ -7,7 +7,7 @@ from flexlab.recording.overlay import MOST_RUNS, run_label
 from flexlab.recording.store.run_files import SUFFIX
 from flexlab.server import run_jobs
 from flexlab.server.auth import COMPARISON, WITH_A_PASS, has_pass, is_opened_by_person, recording_address, refuse
-from flexlab.server.pages.templating import ALL_RUNS, message, page
+from flexlab.server.pages import ALL_RUNS, message, page
 from flexlab.server.run_jobs import OVERLAY, ComparisonTables
 from flexlab.server.visitors import context_of, file_answer, is_teacher, run_for, told, visitor_of, with_names
 

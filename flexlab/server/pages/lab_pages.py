@@ -22,8 +22,8 @@ from flexlab.server.auth import (
     recording_address,
     refuse,
 )
-from flexlab.server.labs.lab_provider import LOOK_AGAIN, Choice, FullError, Lab
-from flexlab.server.pages.templating import button, message
+from flexlab.server.labs import LOOK_AGAIN, Choice, FullError, Lab
+from flexlab.server.pages import button, message
 from flexlab.server.proxy import proxy_page, proxy_websocket
 from flexlab.server.scenario_links import decode_scenario, scenario_path
 from flexlab.server.visitors import (

@@ -16,7 +16,7 @@ from flexlab.analysis.leaderboard.report import page_figure, page_values
 from flexlab.analysis.leaderboard.store import FOLDER, RowStore, engine, shipped_rows
 from flexlab.errors import FlexlabError
 from flexlab.files import short_hash
-from flexlab.server.pages.templating import page
+from flexlab.server.pages import page
 from flexlab.server.task_book import IDLE, Outcome
 from flexlab.server.visitors import Context, context_of, told, visitor_of
 

@@ -17,8 +17,8 @@ from flexlab.errors import FlexlabError, LabError, RecordingError
 from flexlab.guide import begun
 from flexlab.recording.store.run_index import LONGEST_TAGS, RunRow, annotate_run, check_removable, delete_run, size_text
 from flexlab.server.auth import is_opened_by_person, refuse
+from flexlab.server.pages import ALL_RUNS, message, page
 from flexlab.server.pages.lab_pages import enter_lab
-from flexlab.server.pages.templating import ALL_RUNS, message, page
 from flexlab.server.run_jobs import archive_into, begin_replay, choice_at, export_into, replay_of
 from flexlab.server.visitors import as_download, context_of, run_for, told, visitor_of, with_names
 from flexlab.text import limited, shown, typed_number

@@ -22,8 +22,8 @@ from flexlab.recording.viewer import VIEWER_FILES, viewer_folder
 from flexlab.scenario.field_text import change_in_words
 from flexlab.server.auth import WITH_A_PASS, has_pass, recording_address
 from flexlab.server.labs.recorded_lab import little_space
+from flexlab.server.pages import ALL_RUNS, message, page, part
 from flexlab.server.pages.run_actions import EXPORTS, TABLES, file_on_its_way, row_of
-from flexlab.server.pages.templating import ALL_RUNS, message, page, part
 from flexlab.server.run_jobs import replay_of, take_in
 from flexlab.server.task_book import IDLE
 from flexlab.server.visitors import (

@@ -8,9 +8,9 @@ from aiohttp import web
 
 from flexlab.assets import web_assets_folder
 from flexlab.recording.store.run_files import unreadable
-from flexlab.server.labs.lab_provider import Lab, state_of
+from flexlab.server.labs import Lab, state_of
+from flexlab.server.pages import page
 from flexlab.server.pages.runs_pages import table_values
-from flexlab.server.pages.templating import page
 from flexlab.server.settings import picture_code
 from flexlab.server.visitors import LONGEST_NAME, Context, context_of, runs_for, visitor_of
 from flexlab.text import with_units

@@ -12,12 +12,12 @@ from flexlab.analysis.sweep.axes import varied_choices, varied_fields
 from flexlab.errors import FlexlabError, LabError
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
-from flexlab.server.labs.lab_provider import Choice
+from flexlab.server.labs import Choice
+from flexlab.server.pages import button, message, page
 from flexlab.server.pages.lab_pages import LINKED, enter_by_link
-from flexlab.server.pages.templating import button, message, page
 from flexlab.server.scenario_links import decode_scenario, encode_scenario, scenario_path
 from flexlab.server.settings import secret_word
-from flexlab.server.study import MOST_VALUES, Found, Study, known_studies, metric_columns, read_study
+from flexlab.server.studies import MOST_VALUES, Found, Study, known_studies, metric_columns, read_study
 from flexlab.server.task_book import Task
 from flexlab.server.visitors import context_of, file_answer, fresh, keep_visitor, known_visitor_of, told, visitor_of
 from flexlab.text import visible

@@ -21,10 +21,10 @@ from flexlab.presets import load_preset, preset_names
 from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.people import names_told_apart
 from flexlab.server.auth import ask_for_token
-from flexlab.server.labs.lab_provider import Choice, Hold, Lab, state_of
+from flexlab.server.labs import Choice, Hold, Lab, state_of
 from flexlab.server.labs.recorded_lab import little_space
 from flexlab.server.limits import for_teacher
-from flexlab.server.pages.templating import page
+from flexlab.server.pages import page
 from flexlab.server.visitors import context_of, fresh, is_teacher, set_cookie
 from flexlab.text import counted
 

@@ -16,7 +16,7 @@ from flexlab.quantities import Quantity
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import TITLES
 from flexlab.scenario.settings import change_settings
-from flexlab.server.study import ELSEWHERE, LONGEST_RUN, MOST_VALUES, Form, Found, Study, axes_of, check_work, workers
+from flexlab.server.studies import ELSEWHERE, LONGEST_RUN, MOST_VALUES, Form, Found, Study, axes_of, check_work, workers
 from flexlab.server.task_book import Outcome, Task
 
 SAMPLE_PERIOD = 1e-3

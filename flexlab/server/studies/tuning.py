@@ -11,7 +11,7 @@ from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.tuning import Candidate, Cost, Tuning, parse_cost, tune
 from flexlab.errors import StudyError
 from flexlab.scenario import Scenario
-from flexlab.server.study import (
+from flexlab.server.studies import (
     ELSEWHERE,
     Form,
     Found,

@@ -1,13 +1,6 @@
 /* The functions of FMI 2.0, co-simulation (https://fmi-standard.org). */
 #include <stddef.h>
-#include <stdlib.h>
 #include "unit.h"
-
-#ifdef _WIN32
-#define EXPORT __declspec(dllexport)
-#else
-#define EXPORT __attribute__((visibility("default")))
-#endif
 
 typedef void (*Logger)(void *environment, const char *name, int status, const char *category, const char *message, ...);
 typedef struct {
@@ -67,16 +60,8 @@ EXPORT int fmi2SetReal(Unit *unit, const uint32_t references[], size_t count, co
 
 EXPORT int fmi2GetFMUstate(Unit *unit, void **state) { return unit_get_state(unit, state); }
 EXPORT int fmi2SetFMUstate(Unit *unit, void *state) { return unit_set_state(unit, state); }
-EXPORT int fmi2FreeFMUstate(Unit *unit, void **state) {
-    (void)unit;
-    if (state) free(*state), *state = NULL;
-    return DONE;
-}
-EXPORT int fmi2SerializedFMUstateSize(Unit *unit, void *state, size_t *size) {
-    (void)unit, (void)state;
-    *size = unit_state_bytes();
-    return DONE;
-}
+EXPORT int fmi2FreeFMUstate(Unit *unit, void **state) { return unit_free_state(unit, state); }
+EXPORT int fmi2SerializedFMUstateSize(Unit *unit, void *state, size_t *size) { return unit_state_size(unit, state, size); }
 EXPORT int fmi2SerializeFMUstate(Unit *unit, void *state, unsigned char bytes[], size_t size) {
     return unit_write_state(unit, state, bytes, size);
 }
@@ -84,8 +69,6 @@ EXPORT int fmi2DeSerializeFMUstate(Unit *unit, const unsigned char bytes[], size
     return unit_read_state(unit, bytes, size, state);
 }
 
-/* Functions that the standard requires in every library and that this unit does not need. */
-#define ABSENT(name) EXPORT int name(Unit *unit) { return unit_refuse(unit, "This unit does not offer " #name "."); }
 ABSENT(fmi2GetInteger) ABSENT(fmi2GetBoolean) ABSENT(fmi2GetString)
 ABSENT(fmi2SetInteger) ABSENT(fmi2SetBoolean) ABSENT(fmi2SetString)
 ABSENT(fmi2GetDirectionalDerivative) ABSENT(fmi2SetRealInputDerivatives) ABSENT(fmi2GetRealOutputDerivatives)

@@ -1,14 +1,7 @@
 /* The functions of FMI 3.0, co-simulation (https://fmi-standard.org). */
 #include <stdbool.h>
 #include <stddef.h>
-#include <stdlib.h>
 #include "unit.h"
-
-#ifdef _WIN32
-#define EXPORT __declspec(dllexport)
-#else
-#define EXPORT __attribute__((visibility("default")))
-#endif
 
 typedef void (*Logger)(void *environment, int status, const char *category, const char *message);
 
@@ -55,16 +48,8 @@ EXPORT int fmi3SetFloat64(Unit *unit, const uint32_t references[], size_t count,
 
 EXPORT int fmi3GetFMUState(Unit *unit, void **state) { return unit_get_state(unit, state); }
 EXPORT int fmi3SetFMUState(Unit *unit, void *state) { return unit_set_state(unit, state); }
-EXPORT int fmi3FreeFMUState(Unit *unit, void **state) {
-    (void)unit;
-    if (state) free(*state), *state = NULL;
-    return DONE;
-}
-EXPORT int fmi3SerializedFMUStateSize(Unit *unit, void *state, size_t *size) {
-    (void)unit, (void)state;
-    *size = unit_state_bytes();
-    return DONE;
-}
+EXPORT int fmi3FreeFMUState(Unit *unit, void **state) { return unit_free_state(unit, state); }
+EXPORT int fmi3SerializedFMUStateSize(Unit *unit, void *state, size_t *size) { return unit_state_size(unit, state, size); }
 EXPORT int fmi3SerializeFMUState(Unit *unit, void *state, unsigned char bytes[], size_t size) {
     return unit_write_state(unit, state, bytes, size);
 }
@@ -72,8 +57,6 @@ EXPORT int fmi3DeserializeFMUState(Unit *unit, const unsigned char bytes[], size
     return unit_read_state(unit, bytes, size, state);
 }
 
-/* Functions that the standard requires in every library and that this unit does not need. */
-#define ABSENT(name) EXPORT int name(Unit *unit) { return unit_refuse(unit, "This unit does not offer " #name "."); }
 ABSENT(fmi3EnterEventMode) ABSENT(fmi3EnterStepMode) ABSENT(fmi3EnterConfigurationMode) ABSENT(fmi3ExitConfigurationMode)
 ABSENT(fmi3EnterContinuousTimeMode) ABSENT(fmi3UpdateDiscreteStates) ABSENT(fmi3EvaluateDiscreteStates)
 ABSENT(fmi3GetFloat32) ABSENT(fmi3GetInt8) ABSENT(fmi3GetUInt8) ABSENT(fmi3GetInt16) ABSENT(fmi3GetUInt16)

@@ -210,12 +210,23 @@ static uint64_t checksum(const unsigned char *state) {
 }
 
 /* A serialized state begins with the unit's token and a checksum. */
-enum { AT_SUM = sizeof TOKEN, AT_STATE = AT_SUM + sizeof(uint64_t) };
-size_t unit_state_bytes(void) { return AT_STATE + STATE_SIZE; }
+enum { AT_SUM = sizeof TOKEN, AT_STATE = AT_SUM + sizeof(uint64_t), STATE_BYTES = AT_STATE + STATE_SIZE };
+
+int unit_free_state(Unit *unit, void **state) {
+    (void)unit;
+    if (state) free(*state), *state = NULL;
+    return DONE;
+}
+
+int unit_state_size(Unit *unit, const void *state, size_t *size) {
+    (void)unit, (void)state;
+    *size = STATE_BYTES;
+    return DONE;
+}
 
 int unit_read_state(Unit *unit, const unsigned char bytes[], size_t size, void **state) {
     uint64_t sum;
-    if (!bytes || size != unit_state_bytes() || memcmp(bytes, TOKEN, sizeof TOKEN) != 0)
+    if (!bytes || size != STATE_BYTES || memcmp(bytes, TOKEN, sizeof TOKEN) != 0)
         return unit_refuse(unit, "These bytes are no state of this unit.");
     memcpy(&sum, bytes + AT_SUM, sizeof sum);
     if (sum != checksum(bytes + AT_STATE)) return unit_refuse(unit, "The bytes of this state are damaged.");
@@ -223,7 +234,7 @@ int unit_read_state(Unit *unit, const unsigned char bytes[], size_t size, void *
 }
 
 int unit_write_state(Unit *unit, const void *state, unsigned char bytes[], size_t size) {
-    if (!state || size < unit_state_bytes()) return unit_refuse(unit, "There is no room for a state.");
+    if (!state || size < STATE_BYTES) return unit_refuse(unit, "There is no room for a state.");
     uint64_t sum = checksum(state);
     memcpy(bytes, TOKEN, sizeof TOKEN);
     memcpy(bytes + AT_SUM, &sum, sizeof sum);

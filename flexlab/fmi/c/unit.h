@@ -58,8 +58,17 @@ int unit_set(Unit *unit, const uint32_t references[], size_t count, const double
 int unit_refuse(Unit *unit, const char *sentence);
 int unit_get_state(Unit *unit, void **state);
 int unit_set_state(Unit *unit, const void *state);
-size_t unit_state_bytes(void);
+int unit_free_state(Unit *unit, void **state);
+int unit_state_size(Unit *unit, const void *state, size_t *size);
 int unit_read_state(Unit *unit, const unsigned char bytes[], size_t size, void **state);
 int unit_write_state(Unit *unit, const void *state, unsigned char bytes[], size_t size);
+
+#ifdef _WIN32
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT __attribute__((visibility("default")))
+#endif
+/* A function that the standard requires in every library and that this unit does not need. */
+#define ABSENT(name) EXPORT int name(Unit *unit) { return unit_refuse(unit, "This unit does not offer " #name "."); }
 
 #endif

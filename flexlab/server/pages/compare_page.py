@@ -1,5 +1,7 @@
 """`/compare?run=…&run=…`: runs compared side by side, in tables and as overlaid curves."""
 
+from typing import Any
+
 from aiohttp import web
 
 from flexlab.errors import FlexlabError, RecordingError
@@ -44,21 +46,20 @@ async def comparison(request: web.Request) -> web.Response:
         raise web.HTTPSeeOther(str(request.rel_url.with_query([*(("run", name) for name in names), ("of", task.key)])))
     rows = await with_names(request, rows)
     labels = [run_label(number) for number in range(len(rows))]
+    values: dict[str, Any] = {"here": "/runs", "task": task, "rows": rows, "labels": labels}
     if task.working:
-        return page("comparing.html", "Comparison", here="/runs", task=task, rows=rows, labels=labels)
+        return page("compare.html", "Comparison", **values)
     if task.result is None:
         return message(INCOMPARABLE, task.sentence, 422, ALL_RUNS)
     tables: ComparisonTables = task.result
     return page(
         "compare.html",
         "Comparison",
-        here="/runs",
         kind="compare",
-        rows=rows,
-        labels=labels,
         measured=[label for label, row in zip(labels, rows, strict=True) if row.is_measured],
         longest=LONGEST_VALUE,
         address=recording_address(context, COMPARISON + task.key),
+        **values,
         **tables._asdict(),
     )
 

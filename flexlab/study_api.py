@@ -25,6 +25,7 @@ from flexlab.analysis.workers import chosen_workers, progress_bar
 from flexlab.api import ARCHIVE, LOGS, PAGE, Run, export_fmu
 from flexlab.arguments import file_path, flag, text_or_none, time_or_none, whole_number
 from flexlab.errors import StudyError
+from flexlab.files import write_text
 from flexlab.presets import AnyLaw, AnyPath, AnyScenario, any_scenario, named_scenario
 from flexlab.recording.export import FORMATS as TABLES
 from flexlab.recording.export import export_recording
@@ -185,12 +186,12 @@ def _check_options(options: Mapping[str, Any], of_unit: bool, target: Path) -> N
 
 def write_page(row: RunRow, target: Path) -> None:
     """Write a recorded run as one page, with its notes, lessons and changes. Raises `StudyError`."""
-    from flexlab.lab.run_page import Noted, write_run_page
+    from flexlab.lab.run_page import Noted, run_page
 
     recording = read_recording(row.path)
     heading = told_apart([row], row.path.parent)[0].heading  # Two people of the same name hand in one sheet each.
     noted = Noted(heading, row.note, row.lessons, tuple(map(change_in_words, row.changes)))
-    write_run_page(recording.run, target, recording.name, noted, recording.events)
+    write_text(target, run_page(recording.run, recording.name, noted, recording.events))
 
 
 def _paths(runs: Sequence[AnyRun], logs: str | Path, stack: ExitStack) -> list[Path]:

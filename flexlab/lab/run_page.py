@@ -13,7 +13,7 @@ from flexlab.analysis.figures import draw_signals, page_svg
 from flexlab.analysis.metrics import run_metrics
 from flexlab.analysis.result import result_hash
 from flexlab.errors import StudyError
-from flexlab.files import filled, write_text
+from flexlab.files import filled
 from flexlab.guide import LessonProgress
 from flexlab.lab.scene.arms import Arms
 from flexlab.lab.scene.beam import Beam
@@ -98,10 +98,7 @@ def animation_html(run: Run) -> str:
 
 
 def run_page(run: Run, name: str, noted: Noted = NOTHING, events: Sequence[Event] = ()) -> str:
-    """The page of a run; with its notes (`noted`), a lab sheet. `events`: commands that took effect in it.
-
-    Raises `StudyError` for a run without samples, or without motion.
-    """
+    """The page of a run; with its notes, a lab sheet. Raises `StudyError` for a run without samples, or without motion."""
     if run.status == MEASURED:
         raise StudyError("This run was measured, which tells no motion to show: export it as a table, or compare it.")
     animation = animation_html(run)
@@ -128,8 +125,3 @@ def run_page(run: Run, name: str, noted: Noted = NOTHING, events: Sequence[Event
         scenario=scenario_text(run.scenario),
         subscripts=lambda text: Markup(with_subscripts(str(escape(with_units(text))))),
     )
-
-
-def write_run_page(run: Run, path: Path, name: str, noted: Noted = NOTHING, events: Sequence[Event] = ()) -> None:
-    """Write the page of a run as one file, atomically. Raises `StudyError`."""
-    write_text(path, run_page(run, name, noted, events))

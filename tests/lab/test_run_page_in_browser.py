@@ -9,8 +9,9 @@ from playwright.sync_api import Browser
 
 import flexlab
 from flexlab.errors import StudyError
+from flexlab.files import write_text
 from flexlab.guide import LessonProgress
-from flexlab.lab.run_page import MOST_FRAMES, Noted, frame_times, run_page, write_run_page
+from flexlab.lab.run_page import MOST_FRAMES, Noted, frame_times, run_page
 
 CURSOR = """() => {
   const [cursor, axes] = ["#cursor", "#axes_1 #patch_2 path"]
@@ -31,14 +32,14 @@ def test_a_page_of_ten_seconds_is_under_three_megabytes_and_escapes_names(tmp_pa
         run_page(flexlab.simulate_many([{"gravity": 99}], progress=False)[0], "none")
     (tmp_path / "file").write_text("")
     with pytest.raises(StudyError, match="cannot be written"):
-        write_run_page(flexlab.simulate("paper", 0.1), tmp_path / "file" / "a.html", "paper")
+        write_text(tmp_path / "file" / "a.html", page)
     assert MOST_FRAMES >= 3000
 
 
 def test_a_page_plays_from_disk_without_network(chromium: Browser, tmp_path: Path):
     question, guess = "How often does the beam swing in a second, if it is as stiff?", "twice as often as before"
     lesson = LessonProgress("Lesson 9: Stiffness", 2, question, (guess, "as often"), "as often", guess, "")
-    write_run_page(flexlab.simulate("paper", 3.0), tmp_path / "run.html", "paper", Noted(lessons=(lesson,)))
+    write_text(tmp_path / "run.html", run_page(flexlab.simulate("paper", 3.0), "paper", Noted(lessons=(lesson,))))
     context = chromium.new_context(offline=True, viewport={"width": 390, "height": 800}, color_scheme="dark")
     page = context.new_page()
     asked: list[str] = []
@@ -61,7 +62,7 @@ def test_a_page_plays_from_disk_without_network(chromium: Browser, tmp_path: Pat
 def test_the_picture_has_the_colour_scheme_of_its_page(
     chromium: Browser, tmp_path: Path, scheme: Literal["light", "dark"]
 ):
-    write_run_page(flexlab.simulate("paper", 0.1), tmp_path / "run.html", "paper")
+    write_text(tmp_path / "run.html", run_page(flexlab.simulate("paper", 0.1), "paper"))
     context = chromium.new_context(offline=True, viewport={"width": 390, "height": 800}, color_scheme=scheme)
     page = context.new_page()
     page.goto((tmp_path / "run.html").as_uri())

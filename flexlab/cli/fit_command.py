@@ -8,7 +8,7 @@ import tyro
 from flexlab.cli.console import note, print_json, tell, typed
 from flexlab.cli.options import LOGS, Logs, option
 from flexlab.cli.warmup import loading
-from flexlab.errors import StudyError
+from flexlab.errors import RecordingError, StudyError
 
 
 def command(
@@ -38,7 +38,6 @@ def command(
     """
     with loading():
         from flexlab.analysis.identification.fitting import fit_file, fit_run, is_measurement, keep_measurement
-        from flexlab.errors import RecordingError
         from flexlab.files import check_writing
         from flexlab.presets import find_scenario, save_scenario
 

@@ -59,8 +59,7 @@ def command(
         except FlexlabError as error:
             unreadable.append(str(error))
     if as_json:
-        data = [{"name": name, **scenario.model_dump(mode="json")} for name, scenario in scenarios.items()]
-        print_json(data)
+        print_json([{"name": name, **scenario.model_dump(mode="json")} for name, scenario in scenarios.items()])
     else:
         _print({name: (scenario.title, scenario.watch) for name, scenario in scenarios.items()})
     for sentence in unreadable:

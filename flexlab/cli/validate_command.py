@@ -32,9 +32,9 @@ def command(
     found = validate()
     took = time.perf_counter() - began
     write_report(found, to, took)
+    count, failed = len(found.checks), sum(not check.holds for check in found.checks)
     if as_json:
-        groups = {subject: [vars(check) for check in checks] for subject, checks in found.groups.items()}
-        print_json(groups)
+        print_json({subject: [vars(check) for check in checks] for subject, checks in found.groups.items()})
     else:
         for subject, checks in found.groups.items():
             table = new_table("statement", "expected", "here", "holds", title=subject, title_justify="left")
@@ -42,9 +42,6 @@ def command(
                 table.add_row(check.statement, check.expected, check.found, "yes" if check.holds else "NO")
             output().print(table)
             output().print()
-    failed = sum(not check.holds for check in found.checks)
-    count = len(found.checks)
-    if not as_json:
         tell(f"{count - failed} of {count} statements hold, in {took:.1f} s. Report: {to}")
     if failed:
         complain(f"{failed} of {count} statements do not hold: do not trust what this installation computes.")

@@ -20,6 +20,7 @@ from numba import types
 
 from flexlab.compiled import cache_folder
 from flexlab.errors import StudyError
+from flexlab.files import replacing
 from flexlab.physics.plant import Workspace
 from flexlab.sim.assembly import Assembly
 from flexlab.sim.integrators.scheme import Scheme
@@ -56,9 +57,8 @@ def write_object(result: Any, name: str, file: Path, by_words: bool = False) -> 
     kept = cache_folder() / f"{hashlib.sha256(bitcode + caller.encode()).hexdigest()[:24]}.o"
     if not kept.exists():
         kept.parent.mkdir(parents=True, exist_ok=True)
-        part = kept.with_name(f"{kept.name}.{file.parent.name}")
-        part.write_bytes(_emit(bitcode, caller, result.fndesc.llvm_func_name, name))
-        part.replace(kept)
+        with replacing(kept) as draft:
+            draft.write_bytes(_emit(bitcode, caller, result.fndesc.llvm_func_name, name))
     file.write_bytes(kept.read_bytes())
 
 

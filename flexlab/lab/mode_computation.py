@@ -37,10 +37,7 @@ def peak_deflection(payload: Payload, shape: np.ndarray) -> float:
 
 
 class ModeStudy:
-    """Holds the newest finished result. One computation runs at a time, and few while changes go on.
-
-    One thread calls `ask` repeatedly; any thread may read.
-    """
+    """Holds the newest finished result. One thread calls `ask` repeatedly; any thread may read."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
@@ -62,9 +59,7 @@ class ModeStudy:
         if self._wanted != key:
             self._wanted, self._wanted_since = key, now
         busy = self._thread is not None and self._thread.is_alive()
-        if busy or self._asked == key:
-            return
-        if now < self._not_before and now - self._wanted_since < REST:
+        if busy or self._asked == key or (now < self._not_before and now - self._wanted_since < REST):
             return
         self._asked = key
         self._thread = threading.Thread(target=self._compute, args=(scenario,), name="flexlab-modes", daemon=True)

@@ -5,6 +5,7 @@ Both are commands, so the log and a replay contain them.
 
 import asyncio
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -140,11 +141,5 @@ def touch_controls(widgets: Widgets, touch: Picking) -> list[NumberControl]:
 
 def _control(widgets: Widgets, about: Quantity, touch: Picking, name: str) -> NumberControl:
     usual = getattr(touch, name)
-    return NumberControl(
-        widgets,
-        about,
-        lambda: getattr(touch, name),
-        lambda value: setattr(touch, name, value),
-        lambda: usual,
-        hint=f"Allowed: {about.range_text()}.",
-    )
+    read, ask, hint = partial(getattr, touch, name), partial(setattr, touch, name), f"Allowed: {about.range_text()}."
+    return NumberControl(widgets, about, read, ask, lambda: usual, hint=hint)

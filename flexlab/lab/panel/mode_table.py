@@ -93,8 +93,7 @@ class ModePanel:
     def _slow_down(self, index: int) -> None:
         result = self._study.result
         assert result is not None
-        frequency = float(result.frequency[index])
-        self._slow_to(frequency)
+        self._slow_to(float(result.frequency[index]))
         vibration = np.abs(self._lab_state.runner.recent(LOOKED_BACK).vibration)
         size = float(vibration.max()) if len(vibration) else 0.0
         if size < LEAST_VIBRATION:
@@ -164,11 +163,9 @@ def _poles_html(result: Modes) -> str:
     kind, sampling = "continuous", "controller continuous"
     if result.control_period is not None:
         kind, sampling = "sampled", sampling_text(result.control_period, result.input_delay)
-    rows = result.pole_rows()
     # Growing poles, then oscillating ones: poles of the pose alone decay without being seen.
-    seen = [row for row in rows if row.verdict == "grows" or row.frequency > 0]
-    cells = map(_pole_cells, seen[:MOST_POLES])
-    table = table_html(cells, "f (Hz)", "ζ (%)", "rate (1/s)", "of", numbers=(0, 1, 2))
+    seen = [row for row in result.pole_rows() if row.verdict == "grows" or row.frequency > 0]
+    table = table_html(map(_pole_cells, seen[:MOST_POLES]), "f (Hz)", "ζ (%)", "rate (1/s)", "of", numbers=(0, 1, 2))
     alarm = ""
     if result.unstable:
         rate = number_text(result.growth, 3)

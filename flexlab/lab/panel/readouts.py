@@ -88,10 +88,7 @@ def _measured(speed: float) -> str:
 
 
 def notices_html(snapshot: Snapshot, notice: Notice, rules: ClassRules) -> str:
-    """Warnings and notices that float over the picture, so that nothing in the panel moves; empty if there are none.
-
-    Sentences about the teacher's `rules` stay as long as the rules hold.
-    """
+    """Warnings and notices that float over the picture, so that nothing in the panel moves; empty if there are none."""
     locked = LOCKED if rules.locked and notice.text != LOCKED else ""
     standing = {"fl-pace": rules.pace, "fl-pace-on-play": rules.pace_on_play_screen, "": locked}
     boxes = [_box(text, "info", kind) for kind, text in standing.items() if text]
@@ -115,8 +112,7 @@ def _status(snapshot: Snapshot) -> tuple[str, str]:
 
 def warnings(snapshot: Snapshot) -> list[str]:
     """The present warnings about the run, one sentence each."""
-    failed = snapshot.status.failed
-    found = [snapshot.status.text] if failed else []
+    found = [snapshot.status.text] if snapshot.status.failed else []
     found += _cautions(snapshot)
     if snapshot.pace_warning:
         found.append(snapshot.pace_warning)

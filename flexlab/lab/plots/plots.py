@@ -251,8 +251,7 @@ def _all(plots: Mapping[str, Sequence[Plot]]) -> list[Plot]:
 
 def _plotted(plots: Mapping[str, Sequence[Plot]], kept: ReferenceRun | None) -> list:
     """The key for which the charts are built: titles, names of limit lines, which may move, and the kept run."""
-    keys = [(plot.title, [(limit.label, limit.tone) for limit in plot.limits]) for plot in _all(plots)]
-    return [*keys, id(kept)]
+    return [id(kept), *((plot.title, [(limit.label, limit.tone) for limit in plot.limits]) for plot in _all(plots))]
 
 
 class CalmList:

@@ -94,8 +94,7 @@ class Tube:
 
     def draw(self, line: np.ndarray) -> None:
         """Bend the tube along a line (count, 2) m."""
-        height = BEAM_HEIGHT * self._size
-        self.mesh.vertices = tube_vertices(line, self._radius * self._size, height, self._sides)
+        self.mesh.vertices = tube_vertices(line, self._radius * self._size, BEAM_HEIGHT * self._size, self._sides)
 
 
 class Beam:

@@ -209,11 +209,9 @@ async def show(request: web.Request) -> web.Response:
     lab = context.places.of_visitor(visitor_of(request).id)
     if lab is None or lab.live is None:
         return message("No live data", NOT_SERVED, 404, button("/", "Start page"))
-    scheme = scheme_of(request)
     place = context.settings.base_url + recording_address(context, LIVE + live_name(lab))
-    source = f"{scheme}://{request.host}{place}"
-    viewer = urlencode({"url": source, "renderer": "webgl"}) + "&hide_welcome_screen"
-    raise web.HTTPSeeOther(f"/viewer/?{viewer}")
+    query = urlencode({"url": f"{scheme_of(request)}://{request.host}{place}", "renderer": "webgl"})
+    raise web.HTTPSeeOther(f"/viewer/?{query}&hide_welcome_screen")
 
 
 @ROUTES.get(f"/{LIVE}{{lab}}{SUFFIX}")

@@ -58,6 +58,7 @@ def test_ranges_and_lists_are_read():
         field, file = f"{field}.kind", Path(__file__).parents[2] / "presets" / file
         for given in ([f"{field}={file}"], {field: [file]}, {field: [str(file)]}, {field: str(file)}):
             assert parse_axes(given, load_preset("paper"))[0].values == (kind,)
+    assert axes("controller.kind=pd,tcp://localhost:9000")[0].values == ("pd", "tcp-localhost-9000")
     (three,) = parse_axes({"trajectory.center": [np.array([0.0, 0.7, 0.0])]}, load_preset("paper"))
     assert three.values == ((0.0, 0.7, 0.0),)
 

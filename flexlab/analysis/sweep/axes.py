@@ -23,7 +23,7 @@ LINEAR, LOGARITHMIC = "lin", "log"
 ONE = "payload.bending_stiffness=1:1000:log:25"
 EXAMPLE = f"{ONE}, or controller.kind=pd,computed-torque"
 KINDS = {"controller.kind": law_kind, "trajectory.kind": path_kind}
-"""Fields whose values may also be files or classes."""
+"""Fields whose values may also be files, classes or addresses."""
 DEFAULT_COUNT = 10
 """Number of values in a range without a count."""
 MOST_VALUES = 1_000_000
@@ -69,7 +69,7 @@ def parse_axes(vary: Mapping[str, Any] | Sequence[str], scenario: Scenario, argu
     """The axes from `path=range` texts, or from a mapping of paths to ranges (as text) or lists of values.
 
     A range is `low:high`, optionally `lin` or `log`, and optionally a count: "1:1000:log:25"; a law or path may be given by
-    its file or class. `argument`: the name of `vary` in errors. Raises `StudyError` or `ScenarioError`.
+    its file, class or address. `argument`: the name of `vary` in errors. Raises `StudyError` or `ScenarioError`.
     """
     if isinstance(vary, Mapping):
         items = [(str(path), given) for path, given in vary.items()]
@@ -101,7 +101,8 @@ def _axis(path: str, given: Any, scenario: Scenario) -> Axis:
         known = set(field_paths(Scenario))
         if path not in known:
             raise ScenarioError([(path, unknown_field(visible(path, LONGEST), known))]) from None
-    is_range = isinstance(given, str) and ":" in given and not given.lstrip().startswith(("{", "[", '"'))
+    words = not isinstance(given, str) or path in KINDS or given.lstrip().startswith(("{", "[", '"'))
+    is_range = not words and ":" in given
     axis = _range(path, given, whole) if is_range else Axis(path, _list(path, given))
     if about is not None and axis.numeric:
         for value in axis.values:

@@ -553,6 +553,15 @@ interval of a bending stiffness: analysis/identification/beam_parameters.py
 interval of a damping coefficient: analysis/identification/beam_parameters.py
     in (ratio.value, ratio.low, ratio.high)
     in (ratio.value, ratio.value, ratio.high)
+interval in noise that is not white: analysis/identification/ring.py
+    if exact else evidence.shifts(
+    if True else evidence.shifts(
+frequency that changes during a ring: analysis/identification/ring.py
+    _merged(_without_noise(found, tau, y), tau, y)
+    _without_noise(found, tau, y)
+half of a ring: analysis/identification/evidence.py
+    parts = (slice(0, middle), slice(middle, count))
+    parts = (slice(0, middle), slice(0, count))
 """
 """Three lines per error: its name and file, the right code, the wrong code."""
 

@@ -581,6 +581,17 @@ def test_a_log_that_begins_before_the_tap_rings_from_the_tap_on(seed: int, tmp_p
     assert "and the fit at 1.5 s: frequencies and damping ratios are wrong with what comes before the ring." in said
 
 
+def test_a_ring_that_begins_at_the_end_of_a_log_is_said_to_have_too_few_samples(tmp_path: Path):
+    """Of a file of 400 samples, "Too few samples to fit a vibration, 5" was said."""
+    t = np.arange(400) * 1e-3
+    late = np.where(t >= 0.395, np.cos(300 * (t - 0.395)), 0.0) + 1e-3 * np.random.default_rng(0).normal(size=len(t))
+    np.savetxt(tmp_path / "late.csv", np.column_stack([t, late]), delimiter=",", header="t [s],w [m]", comments="")
+    with pytest.raises(
+        StudyError, match=r"^The ring begins at t = 0\.39\d* s, and \d samples? from there on are too few: "
+    ):
+        flexlab.fit(tmp_path / "late.csv")
+
+
 @pytest.mark.parametrize(
     ("noise", "frequency", "ratio", "begins"), [(0.3, 44.4, 0.01, 0.2), (0.4, 44.4, 0.01, 0.7), (0.4, 5.2, 0.02, 0.7)]
 )

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.analysis.identification.ring import Estimate, RingFit
+from flexlab.analysis.identification.estimates import Estimate, RingFit
 from flexlab.analysis.modes import modes
 from flexlab.errors import FlexlabError, StudyError
 from flexlab.files import cells, check_ordinary, separator, table_lines

@@ -6,6 +6,8 @@ too narrow. The samples show this error in how much a mode changes with the part
 near modes beside it, which take up what another mode leaves (`shifts`).
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.special import chdtrc
 
@@ -206,19 +208,57 @@ def shifts(
     (N,): its residual; `tau` (N,): time from the first sample, s.
     """
     found = (
-        [*_halves(k, modes, jacobian, rest, tau), *_without_others(k, modes, jacobian, rest, linear)]
+        [half.change for half in halves(k, modes, jacobian, rest, tau)]
+        + _without_others(k, modes, jacobian, rest, linear)
         for k in range(len(modes))
     )
     return [np.array(changes).reshape(-1, 2) for changes in found]
 
 
-def _halves(k: int, modes: np.ndarray, jacobian: np.ndarray, rest: np.ndarray, tau: np.ndarray) -> list[np.ndarray]:
-    """Changes of one mode, with the others fixed, if only the first or only the second half of its power is fitted."""
+CHANGES = 1e-3
+"""Relative change of a frequency from the first to the second half of a ring, from which it is told."""
+SURELY = 4.0
+"""Difference of two frequencies, over its standard deviation, from which it is no chance."""
+
+
+class Half(NamedTuple):
+    """What half of a ring says of a mode."""
+
+    change: np.ndarray
+    """First-order changes of ω and σ if only this half is fitted, 1/s, (2,)."""
+    error: float
+    """Standard deviation of the change of ω that noise alone would make, 1/s."""
+
+
+def halves(k: int, modes: np.ndarray, jacobian: np.ndarray, rest: np.ndarray, tau: np.ndarray) -> list[Half]:
+    """The first and the second half of the energy of mode k, with the other modes fixed; those with enough samples."""
     own, count = jacobian[:, _columns(k, len(modes))], len(tau)
     power = np.cumsum(np.exp(-2 * modes[k, 1] * (tau - tau[-1] * (modes[k, 1] < 0))))
     middle = max(FEWEST_IN_HALF, int(np.searchsorted(power, power[-1] / 2)))
-    halves = (slice(0, middle), slice(middle, count))
-    return [_step(own[rows], rest[rows])[:2] for rows in halves if len(tau[rows]) >= FEWEST_IN_HALF]
+    parts = (slice(0, middle), slice(middle, count))
+    return [_half(own[rows], rest[rows], tau[rows], modes[k, 0]) for rows in parts if len(tau[rows]) >= FEWEST_IN_HALF]
+
+
+def _half(own: np.ndarray, rest: np.ndarray, tau: np.ndarray, omega: float) -> Half:
+    change = _step(own, rest)
+    left = rest - own @ change
+    step = (tau[-1] - tau[0]) / (len(tau) - 1)
+    density = max(1.0, local_density(left, step, omega / (2 * np.pi), 1.0)[0])
+    size = np.linalg.norm(own, axis=0)
+    spread = np.linalg.pinv((own / size).T @ (own / size))[0, 0] / size[0] ** 2
+    return Half(change[:2], float(np.sqrt(density * np.mean(left**2) * spread)))
+
+
+def unlike_halves(
+    k: int, modes: np.ndarray, jacobian: np.ndarray, rest: np.ndarray, tau: np.ndarray
+) -> tuple[float, float] | None:
+    """The frequencies of mode k in the `halves` of its energy, Hz, if they differ by more than noise makes them; else None."""
+    found = halves(k, modes, jacobian, rest, tau)
+    if len(found) < 2:
+        return None
+    first, second = (float(np.hypot(*(modes[k] + half.change))) / (2 * np.pi) for half in found)
+    by_noise = SURELY * float(np.hypot(found[0].error, found[1].error)) / (2 * np.pi)
+    return (first, second) if abs(second - first) > max(CHANGES * (first + second) / 2, by_noise) else None
 
 
 def _without_others(

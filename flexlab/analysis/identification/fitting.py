@@ -16,9 +16,10 @@ from flexlab.analysis.identification.beam_parameters import (
     mesh_note,
     read_measured,
 )
+from flexlab.analysis.identification.estimates import Estimate, RingFit
 from flexlab.analysis.identification.evidence import ring_begins
 from flexlab.analysis.identification.free_ring import ring_of_run
-from flexlab.analysis.identification.ring import NOISE_ALONE, Estimate, RingFit, fit_ring
+from flexlab.analysis.identification.ring import FEWEST_SAMPLES, NOISE_ALONE, fit_ring
 from flexlab.analysis.result import Result, provenance
 from flexlab.analysis.run_summary import note_metrics
 from flexlab.arguments import time_or_none
@@ -30,7 +31,7 @@ from flexlab.recording.reader import read_recording
 from flexlab.recording.store.run_files import SUFFIX, find_run
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import MEASURED
-from flexlab.text import visible
+from flexlab.text import counted, visible
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -101,7 +102,8 @@ class Fit(Result):
         """The estimates as plain data with all digits; NaN if not identifiable."""
         rows = {name: self._row(value) for name, value in self.estimates.items()}
         rows = {name: row | {"identifiable": not row["reason"]} for name, row in rows.items()}
-        return {"ring": self.is_ring, "samples": self.ring.samples, "noise": self.ring.noise, **rows}
+        about = {"samples": self.ring.samples, "noise": self.ring.noise, "change": self.ring.change}
+        return {"ring": self.is_ring, **about, **rows}
 
     def __repr__(self) -> str:
         found = "; ".join(f"{name} = {value.text}" for name, value in self.estimates.items() if value.identifiable)
@@ -111,8 +113,10 @@ class Fit(Result):
         ring = self.ring
         span = f"t = {ring.start:.6g} s to {ring.end:.6g} s"
         lines = [f"{ring.samples} samples from {span}, noise {ring.noise:.3g} {self.unit}"]
-        lines += [f"  {name:<4} {value}" for name, value in self.estimates.items()] if self.is_ring else []
-        return "\n".join(lines if self.is_ring else [*lines, f"No ring: {ring.problem}."])
+        if not self.is_ring:
+            return "\n".join([*lines, f"No ring: {ring.problem}."])
+        lines += [f"  {name:<4} {value}" for name, value in self.estimates.items()]
+        return "\n".join(lines + [ring.change] * bool(ring.change))
 
 
 TABLES = (".csv", ".tsv", ".txt", ".dat")
@@ -149,6 +153,11 @@ def fit_file(
     t, y = _window(found.time, found.signal, start, end)
     notes = found.notes
     first = 0 if start is not None else ring_begins(y)
+    if first and len(y) - first < FEWEST_SAMPLES:
+        after = f"The ring begins at t = {t[first]:.6g} s, and {counted(len(y) - first, 'sample')} from there on are too few"
+        raise StudyError(
+            f"{after}: measure for longer, or say with start where the ring begins; {FEWEST_SAMPLES} are needed."
+        )
     fit = _fit(path.stem, t[first:], y[first:], found.unit, scenario, notes, start is not None)
     if not first or fit.ring.problem == NOISE_ALONE:  # Noise has no beginning to tell of.
         return fit

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlab.analysis.identification.ring import RingFit
+from flexlab.analysis.identification.estimates import RingFit
 from flexlab.control.motion import impulses, residual
 from flexlab.scenario import Scenario
 from flexlab.sim.build import build_beam

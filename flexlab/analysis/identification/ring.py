@@ -5,17 +5,18 @@ The signal is a sum of decaying oscillations, a slow background and white noise,
     y(t) = Σ_k exp(-σ_k t) (a_k cos ω_k t + b_k sin ω_k t) + polynomial(t) + noise,
 
 fitted by least squares over (ω_k, σ_k) with the linear parts solved exactly (variable projection: Golub and Pereyra, SIAM J.
-Numer. Anal. 10 (1973) 413). Modes are added while Schwarz's criterion improves. Intervals are those of the linearised fit,
-widened by the error of this model where the residual is not white noise (`evidence.shifts`).
+Numer. Anal. 10 (1973) 413). Modes are added while Schwarz's criterion improves. Modes too close together make up for one whose
+frequency changes during the ring; it takes their place. Intervals are those of the linearised fit, widened by the error of this
+model where the residual is not white noise (`evidence.shifts`).
 """
 
-from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
 from scipy.special import stdtrit
 
 from flexlab.analysis.identification import evidence
+from flexlab.analysis.identification.estimates import Estimate, RingFit, RingMode
 from flexlab.errors import StudyError
 from flexlab.lapack import one_blas_thread
 
@@ -31,75 +32,13 @@ START_RATIOS = (0.002, 0.01, 0.05, 0.2)
 LARGEST_RATIO = 0.9
 NOISE_ALONE = "no oscillation stands out from the noise"
 NOT_ONE = "the samples hold something else as well, such as a second tap; say where one free ring begins and ends"
-SHADOW = 0.5
-"""Amplitude over that of a louder mode close by, up to which a mode counts as part of the louder one and is not listed."""
+TOO_CLOSE = 1.5
+"""Difference of two frequencies, over the resolution of the samples, up to which a fit does not tell two modes apart."""
+SLOW, KNOWN, PARTLY = 5.0, 0.03, 1 / 3
+"""Periods within the samples below which a mode may be a drift of the signal: always beside a louder mode, and else unless its
+damping ratio is known this closely, or to this part of itself."""
 FITTED = 1e-9
 """Relative change at which a search ends; far smaller than any interval."""
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A number with its 95 % interval; `reason` says why it is not identifiable, and is empty if it is."""
-
-    value: float
-    low: float
-    high: float
-    unit: str
-    reason: str = ""
-
-    @property
-    def identifiable(self) -> bool:
-        """Whether the samples determine the number."""
-        return not self.reason
-
-    @property
-    def text(self) -> str:
-        """The number with its unit."""
-        return f"{self.value:.5g} {self.unit}".rstrip()
-
-    def __str__(self) -> str:
-        if self.reason:
-            return f"not identifiable: {self.reason}"
-        return f"{self.text}, 95 % within {self.low:.5g} to {self.high:.5g} {self.unit}".rstrip()
-
-
-@dataclass(frozen=True)
-class RingMode:
-    """One decaying oscillation."""
-
-    frequency: Estimate
-    """Undamped, √(ω² + σ²)/2π, Hz."""
-    damping_ratio: Estimate
-    """ζ = σ/√(ω² + σ²)."""
-    amplitude: float
-    """Amplitude at the first sample, in the signal's unit."""
-
-
-@dataclass(frozen=True)
-class RingFit:
-    """The modes of a signal, by frequency; modes without an identifiable frequency are left out, except the loudest."""
-
-    modes: tuple[RingMode, ...]
-    noise: float
-    """Standard deviation of the residual, in the signal's unit."""
-    start: float
-    end: float
-    """First and last instant, s."""
-    samples: int
-    background: np.ndarray = field(compare=False, repr=False)
-    """The background about which the signal rings, in its unit, (N,)."""
-    problem: str = ""
-    """Why this is no ring; empty if it is one."""
-
-    @property
-    def is_ring(self) -> bool:
-        """Whether the samples hold one free ring and nothing else."""
-        return not self.problem
-
-    @property
-    def first(self) -> RingMode:
-        """The loudest mode."""
-        return max(self.modes, key=lambda mode: mode.amplitude)
 
 
 @one_blas_thread()  # Threads slow small systems down.
@@ -127,16 +66,38 @@ def fit_ring(time: np.ndarray, signal: np.ndarray, most_modes: int = MOST_MODES)
         problem = (
             f"the signal is clipped until t = {time[last]:.6g} s; measure in a wider range, or begin the fit after that"
         )
-    return _described(_without_noise(found, tau, y), tau, y, scale, time, problem)
+    return _described(_merged(_without_noise(found, tau, y), tau, y), tau, y, scale, time, problem)
 
 
 def _without_noise(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Leave out modes that do not stand out from a residual that is not white noise: they only fit its humps."""
-    rest = _rest(modes, tau, y)
-    if len(modes) == 1 or evidence.is_white(rest):
+    """Leave out modes that do not stand out from the residual: they fit its humps, or came before another was right."""
+    if len(modes) == 1:
         return modes
-    kept = [evidence.stands_out(_rest(np.delete(modes, k, axis=0), tau, y), rest, 1) for k in range(len(modes))]
+    rest = _rest(modes, tau, y)
+    is_white = evidence.is_white(rest)
+
+    def stands_out(k: int) -> bool:
+        others = np.delete(modes, k, axis=0)
+        if is_white:
+            return _criterion(others, tau, y) - _criterion(modes, tau, y) > GAIN
+        return evidence.stands_out(_rest(others, tau, y), rest, 1)
+
+    kept = [stands_out(k) for k in range(len(modes))]
     return modes if all(kept) or not any(kept) else _refined(modes[kept], tau, y)
+
+
+def _merged(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The modes, with one in place of modes that are too close together: a beam has no such modes.
+
+    They make up for a frequency that changes during the ring, as when the arms move the beam, and none of them is the beam's.
+    """
+    kept, resolution = list[int](), 2 * np.pi / tau[-1]
+    for k in np.argsort(-np.linalg.norm(_parts(modes, tau, y), axis=0)):
+        near = (max(evidence.BESIDE * modes[one, 1], TOO_CLOSE * resolution) for one in kept)
+        apart = (abs(modes[k, 0] - modes[one, 0]) > least for one, least in zip(kept, near, strict=True))
+        if modes[k, 0] < SLOW * resolution or all(apart):  # Slow ones may follow a drift of the signal together.
+            kept.append(k)
+    return modes if len(kept) == len(modes) else _refined(modes[sorted(kept)], tau, y)
 
 
 def _basis(modes: np.ndarray, tau: np.ndarray) -> np.ndarray:
@@ -214,31 +175,36 @@ def _described(
     near = [max(1.0, density) for density, _ in _near(modes, tau, y)]
     exact = evidence.is_white(rest)
     moved = [np.zeros((1, 2))] * len(modes) if exact else evidence.shifts(modes, J, rest, linear, tau)
-    found = []
+    found: list[RingMode] = []
     for k, (omega, sigma) in enumerate(modes):
         own = near[k] * covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2]
         amplitude = float(np.hypot(linear[2 * k], linear[2 * k + 1])) * scale
         found.append(_mode(omega, sigma, own, factor, moved[k], amplitude, tau, problem))
-    found = [one for one in found if not any(_shadows(one, other) for other in found)]
     # A slow change of the background looks like part of a period; the first samples after a tap look like a fast mode.
-    seen = [mode for mode in found if FEWEST_PERIODS <= mode.frequency.value * tau[-1] <= (len(tau) - 1) / 2]
+    seen = [mode for mode in found if _is_seen(mode, tau)]
     loudest = max(seen or found, key=lambda mode: mode.amplitude)
-    found = [mode for mode in seen if mode.frequency.identifiable or mode is loudest] or [loudest]
-    found.sort(key=lambda mode: mode.frequency.value)
-    background = basis[:, 2 * len(modes) :] @ linear[2 * len(modes) :] * scale
+    clear = [mode for mode in seen if mode.frequency.identifiable and mode.frequency.value * tau[-1] >= SLOW]
+    told = clear if loudest in clear else [*clear, loudest]
+    told.sort(key=lambda mode: mode.frequency.value)
+    place = found.index(loudest)
+    slow = [k for k, mode in enumerate(found) if mode not in told and mode.frequency.value < loudest.frequency.value]
+    columns = [*(2 * k + part for k in slow for part in (0, 1)), *range(2 * len(modes), basis.shape[1])]
+    background = basis[:, columns] @ linear[columns] * scale
     noise = float(np.sqrt(variance)) * scale
-    return RingFit(tuple(found), noise, float(time[0]), float(time[-1]), len(time), background, problem)
+    halves = None if exact else evidence.unlike_halves(place, modes, J, rest, tau)
+    return RingFit(tuple(told), noise, float(time[0]), float(time[-1]), len(time), background, problem, halves)
 
 
-def _shadows(one: RingMode, louder: RingMode) -> bool:
-    """Whether a mode is much weaker than another one close beside it.
+def _is_seen(mode: RingMode, tau: np.ndarray) -> bool:
+    """Whether a mode is neither a drift of the signal nor beyond what its samples show."""
+    periods, zeta = mode.frequency.value * tau[-1], mode.damping_ratio
+    return FEWEST_PERIODS <= periods <= (len(tau) - 1) / 2 and not _may_drift(
+        periods, zeta.value, zeta.high - zeta.value
+    )
 
-    Such a mode makes up for a frequency that changes during the ring, as when the arms move the beam. A beam has no two modes
-    so close together.
-    """
-    f, other = one.frequency.value, louder.frequency.value
-    beside = evidence.BESIDE * louder.damping_ratio.value * other
-    return one.amplitude < SHADOW * louder.amplitude and abs(f - other) < beside
+
+def _may_drift(periods: float, zeta: float, half: float) -> bool:
+    return periods < SLOW and half >= max(KNOWN, PARTLY * zeta)
 
 
 def _near(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> list[tuple[float, float]]:
@@ -246,15 +212,16 @@ def _near(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> list[tuple[float
     rest = _rest(modes, tau, y)
     if evidence.is_white(rest):
         return [(1.0, 0.0)] * len(modes)
-    even = np.linspace(0, tau[-1], len(tau))
-    left, rings = np.interp(even, tau, rest), _rings(modes, tau, y)
+    even, rings = np.linspace(0, tau[-1], len(tau)), _parts(modes, tau, y).sum(axis=1)
+    left = np.interp(even, tau, rest)
     return [evidence.local_density(left, even[1], omega / (2 * np.pi), float(rings @ rings)) for omega in modes[:, 0]]
 
 
-def _rings(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """The modes' part of the best linear combination, (N,)."""
-    basis = _basis(modes, tau)[:, : 2 * len(modes)]
-    return basis @ np.linalg.lstsq(_basis(modes, tau), y, rcond=None)[0][: 2 * len(modes)]
+def _parts(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Each mode's part of the best linear combination, (N, m)."""
+    basis = _basis(modes, tau)
+    scaled = basis * np.linalg.lstsq(basis, y, rcond=None)[0]
+    return scaled[:, : 2 * len(modes)].reshape(len(y), -1, 2).sum(axis=2)
 
 
 def _reason(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> str:
@@ -264,7 +231,7 @@ def _reason(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> str:
         return ""
     if not evidence.stands_out(_rest(np.empty((0, 2)), tau, y), rest, len(modes)):
         return NOISE_ALONE
-    uneven = evidence.unevenness(rest, _rings(modes, tau, y))
+    uneven = evidence.unevenness(rest, _parts(modes, tau, y).sum(axis=1))
     if uneven > evidence.SEEN:
         return NOT_ONE
     density, excess = map(max, zip(*_near(modes, tau, y), strict=True))
@@ -291,8 +258,10 @@ def _mode(
     )
     f, zeta = natural / (2 * np.pi), float(sigma) / natural
     periods, rate = f * tau[-1], (len(tau) - 1) / tau[-1]
+    held = f"the samples hold {min(periods, 1.9) if periods < FEWEST_PERIODS else periods:.1f} of its periods"
     reasons = (
-        (periods < FEWEST_PERIODS, f"the samples hold {periods:.1f} of its periods; {FEWEST_PERIODS:g} are needed"),
+        (periods < FEWEST_PERIODS, f"{held}; {FEWEST_PERIODS:g} are needed"),
+        (_may_drift(periods, zeta, half_z), f"it may be a drift: {held}"),
         (f > rate / 2, f"it lies beyond half the sample rate, {rate / 2:.4g} Hz"),
         (half_f > 0.5 * f, "the noise hides it"),
         (zeta > LARGEST_RATIO, "it is hardly an oscillation"),

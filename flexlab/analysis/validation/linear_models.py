@@ -1,16 +1,17 @@
 """Linear models, margins, identified beams, and units of tables, each against an independent answer."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from flexlab.analysis.identification.beam_parameters import beam_parameters
-from flexlab.analysis.identification.ring import Estimate, RingFit, fit_ring
+from flexlab.analysis.identification.estimates import Estimate, RingFit
+from flexlab.analysis.identification.ring import fit_ring
 from flexlab.analysis.linearize import linearize
 from flexlab.analysis.metrics.metric import METRICS
 from flexlab.analysis.modes import modes
 from flexlab.analysis.validation.beam import EI, LENGTH, RHO
-from flexlab.analysis.validation.check import DAMPING, UNEQUAL, Check, Runs, alike, below, close, subject, true
+from flexlab.analysis.validation.check import DAMPING, UNEQUAL, Check, Runs, above, alike, below, close, subject, true
 from flexlab.analysis.validation.mass_points import MassPoints, slopes
 from flexlab.presets import load_preset
 
@@ -25,6 +26,10 @@ SOUGHT, RATIO = 70.0, 0.02
 """Bending stiffness, N·m², and damping ratio of a beam whose ring is identified."""
 NOISE, DRAWS = 0.01, 25
 """Standard deviation of the noise of a ring, over its amplitude, and number of such rings."""
+MEMORY, FEWER = 0.8, 8
+"""Part of a noise that lasts to the next sample, and number of rings in it, whose fits take longer."""
+RISE = 0.5
+"""Rate of a frequency that rises during a ring, Hz/s."""
 T_95 = 1.966
 """Student's t of a 95 % interval for the 393 degrees of freedom that 400 samples and 7 parameters leave."""
 SCALES = {"mm": 1e3, "mrad": 1e3, "%": 100.0}
@@ -106,33 +111,78 @@ def _ring() -> Iterator[Check]:
 
 
 def _intervals() -> Iterator[Check]:
-    """95 % intervals of noisy rings: Student's t times the bound of Cramér and Rao, and as wide as the estimates scatter."""
+    """95 % intervals of noisy rings: Student's t times the bound of Cramér and Rao, and as wide as the estimates scatter.
+
+    Noise with a memory or a frequency that changes widens them.
+    """
     scenario = load_preset("paper").replace({"payload.damping": {"kind": "stiffness", "coefficient": 1e-4}})
     t, omega = np.arange(400) * 2e-3, np.sqrt(MassPoints(scenario).softest() * SOUGHT / EI)
-    truth = np.array([omega / (2 * np.pi), RATIO])
 
     def signal(p: np.ndarray) -> np.ndarray:
         w, ratio, size, phase = 2 * np.pi * p[0], *p[1:4]
         ring = size * np.exp(-ratio * w * t) * np.cos(w * np.sqrt(1 - ratio**2) * t + phase)
         return ring + p[4] + p[5] * t + p[6] * t**2
 
-    exact, noise = np.array([*truth, 1.0, 0.4, 0.2, 0.1, 0.0]), np.random.default_rng(5)
-    J = slopes(signal, exact)
-    bound = NOISE * np.sqrt(np.diag(np.linalg.inv(J @ J.T)))[:2]
-    fits = [fit_ring(t, signal(exact) + NOISE * noise.standard_normal(len(t))) for _ in range(DRAWS)]
-    told = np.array([[(each.value, each.high - each.low) for each in _of_first(fit)] for fit in fits])
+    exact = np.array([omega / (2 * np.pi), RATIO, 1.0, 0.4, 0.2, 0.1, 0.0])
+    white = _Noisy(t, signal, exact, 0.0, DRAWS)
     statement = "intervals of frequency and damping ratio: half their width by t times Cramér and Rao's bound"
-    yield below(f"{statement}: error", 0.03, told[:, :, 1].mean(axis=0) / (2 * T_95 * bound) - 1)
-    scatter = np.sqrt(np.mean(((told[:, :, 0] - truth) / bound) ** 2))
-    yield close("their estimates scatter by that bound, as a part", 1.0, scatter, absolute=0.3)
+    yield below(f"{statement}: error", 0.03, white.width - 1)
+    yield close("their estimates scatter by that bound, as a part", 1.0, white.scatter, absolute=0.3)
     # EI grows as f², and β of C = βK_F is 2ζ/ω.
-    (f, wide), (_, high) = told[0]
-    beam = beam_parameters(fits[0], scenario, in_loop=False)
+    (f, wide), (_, high) = white.told[0]
+    beam = beam_parameters(white.fits[0], scenario, in_loop=False)
     for name, found, expected in (
         ("EI", beam.bending_stiffness, 2 * wide / f * beam.bending_stiffness.value),
         ("β", beam.damping, high / (np.pi * f)),
     ):
         yield close(f"width of the interval of {name}, in SI units", expected, found.high - found.low, relative=1e-3)
+    coloured = _Noisy(t, signal, exact, MEMORY, FEWER)
+    yield close("in noise with a memory estimates scatter by its bound, as a part", 1.0, coloured.scatter, absolute=0.3)
+    yield above(
+        "half the width of their intervals by t times it, as the ring's halves differ", 1.2, coloured.width.min()
+    )
+    yield below("and at most", 5.0, coloured.width.max())
+    yield from _changing(t, omega / (2 * np.pi))
+
+
+class _Noisy:
+    """Fits of a ring `signal(exact)` at `t`, s, in noise of which each value keeps the part `memory` of the one before."""
+
+    def __init__(
+        self, t: np.ndarray, signal: Callable[[np.ndarray], np.ndarray], exact: np.ndarray, memory: float, draws: int
+    ):
+        covariance = NOISE**2 * memory ** np.abs(np.subtract.outer(np.arange(len(t)), np.arange(len(t))))
+        J, root, noise = slopes(signal, exact), np.linalg.cholesky(covariance), np.random.default_rng(5)
+        bound = np.sqrt(np.diag(np.linalg.inv(J @ np.linalg.solve(covariance, J.T))))[:2]
+        self.fits = [fit_ring(t, signal(exact) + root @ noise.standard_normal(len(t))) for _ in range(draws)]
+        self.told = np.array([[(each.value, each.high - each.low) for each in _of_first(fit)] for fit in self.fits])
+        """Value and width of frequency, Hz, and damping ratio, (draws, 2, 2)."""
+        self.width = self.told[:, :, 1].mean(axis=0) / (2 * T_95 * bound)
+        self.scatter = float(np.sqrt(np.mean(((self.told[:, :, 0] - exact[:2]) / bound) ** 2)))
+
+
+def _changing(t: np.ndarray, f: float) -> Iterator[Check]:
+    """The ring of a frequency that rises evenly: its phase in either half of its energy gives that half's frequency."""
+    phase = 2 * np.pi * (f * t + RISE / 2 * t**2)
+    size = np.exp(-RATIO * 2 * np.pi * f * t)
+    middle = int(np.searchsorted(np.cumsum(size**2), np.sum(size**2) / 2))
+    first, second = (
+        np.polyfit(t[part], phase[part], 1, w=size[part])[0] / (2 * np.pi)
+        for part in (slice(middle), slice(middle, None))
+    )
+    found = fit_ring(t, size * np.cos(phase + 0.4))
+    told, (low, high) = found.first.frequency, found.halves or (np.nan, np.nan)
+    yield close(
+        "a frequency that rises is told: difference of the ring's halves",
+        second - first,
+        high - low,
+        "Hz",
+        relative=0.1,
+    )
+    yield true(
+        "one mode rings, and its interval holds both halves",
+        told.low < first < second < told.high and len(found.modes) == 1,
+    )
 
 
 def _of_first(fit: RingFit) -> tuple[Estimate, Estimate]:

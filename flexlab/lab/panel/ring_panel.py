@@ -9,9 +9,10 @@ from functools import partial
 
 import viser
 
+from flexlab.analysis.identification.estimates import RingFit
 from flexlab.analysis.identification.free_ring import recent_ring
 from flexlab.analysis.identification.remedies import SHAPERS, WANTED_RATIO, Remedies, remedies
-from flexlab.analysis.identification.ring import RingFit, fit_ring
+from flexlab.analysis.identification.ring import fit_ring
 from flexlab.errors import LabError, telling
 from flexlab.lab.widgets import Widgets, put, table_html
 from flexlab.sim.snapshot import Snapshot
@@ -115,6 +116,8 @@ def ring_html(found: FittedRing, has_gain: bool) -> str:
     span = 1e3 * (fit.end - fit.start)
     head = f"Since {found.since}: {fit.samples} samples, {span:.0f} ms, noise {number_text(1e3 * fit.noise, 2)} mm"
     parts = [f'<div class="fl-dim">{escaped(head)}</div>{table_html(rows, numbers=(1,))}']
+    if fit.change:
+        parts.append(f'<div class="fl-line">{escaped(fit.change)}</div>')
     if found.remedies is not None:
         parts += [f'<div class="fl-line">{escaped(sentence)}</div>' for sentence in sentences(found.remedies, has_gain)]
     return f'<div class="fl">{"".join(parts)}</div>'

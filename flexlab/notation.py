@@ -109,10 +109,3 @@ def lookup(name: str) -> Symbol:
     if not found:
         raise KeyError(f"{name} is not in the symbol table")
     return found[0]
-
-
-def markdown_table() -> str:
-    """The table as markdown, for the guide."""
-    lines = ["| symbol | in code | word | unit | shape | equation |", "|---|---|---|---|---|---|"]
-    lines += [f"| {s.symbol} | `{s.code}` | {s.word} | {s.unit} | {s.shape} | {s.equation} |" for s in SYMBOLS]
-    return "\n".join(lines)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from flexlab.notation import NOT_FORMED, SYMBOLS, lookup, markdown_table
+from flexlab.notation import NOT_FORMED, SYMBOLS, lookup
 
 PAPER = (
     "x x_d e s r Λ K ε b̂ k_i A B M_q K_F h g w̄ M̄_i C̄_i Ḡ_i 𝒥_i J_i u_i τ_i f f_i F_i q q̇ L ρ EI m I θ θ_i p Ψ w N ẋ ẍ"
@@ -88,7 +88,3 @@ def test_lookup_by_code_and_word():
     assert lookup("Lambda") is lookup("Λ") is lookup("sliding slope")
     with pytest.raises(KeyError, match="nonsense"):
         lookup("nonsense")
-
-
-def test_markdown_has_a_line_for_each_symbol():
-    assert len(markdown_table().splitlines()) == 2 + len(SYMBOLS)

@@ -75,7 +75,8 @@ def generated() -> dict[str, str]:
     """Markdown of each page, by its name."""
     found = {page: (HOME / file).read_text(encoding="utf-8") for page, file in KEPT_ELSEWHERE.items()}
     found |= {f"guide/{chapter.id}": f"# {chapter.title}\n\n{chapter.text}" for chapter in chapters()}
-    symbols = f"# Symbols\n\n{inspect.getdoc(notation)}\n\n{notation.markdown_table()}"
+    rows = [(one.symbol, f"`{one.code}`", *one[2:]) for one in notation.SYMBOLS]
+    symbols = _table(("symbol", "in code", "word", "unit", "shape", "equation"), rows)
     return found | {
         "laws": "# Control laws\n\n" + "\n\n".join(_of_a_kind(law, Controller) for law in laws().values()),
         "paths": "# Paths and shapers\n\n"
@@ -86,7 +87,7 @@ def generated() -> dict[str, str]:
         "fields": f"# Fields of a scenario\n\n{_fields()}",
         "signals": f"# Signals\n\nOf `Samples`, in recordings and in tables. N: samples.\n\n{_signals()}",
         "metrics": f"# Metrics\n\nOf a run, in SI units.\n\n{_metrics()}",
-        "symbols": symbols,
+        "symbols": f"# Symbols\n\n{inspect.getdoc(notation)}\n\n{symbols}",
     }
 
 

@@ -82,18 +82,18 @@ class DeclaredClass:
         """`field`: the scenario's field that errors name. Raises `ScenarioError` with file and line."""
         self._file, self._field = file, field
         if len(source) > LONGEST_SOURCE:
-            raise self.problem(1, f"has {len(source)} characters: keep it under {LONGEST_SOURCE}")
+            raise self.problem(1, f"the file has {len(source)} characters: keep it under {LONGEST_SOURCE}")
         try:
             tree = syntax_tree(source)
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
             line = getattr(error, "lineno", None) or 1
             reason = getattr(error, "msg", None) or str(error) or "it is nested too deeply"
-            raise self.problem(line, f"is not valid Python ({reason})") from None
+            raise self.problem(line, f"this is not valid Python ({reason})") from None
         found = [node for node in tree.body if isinstance(node, ast.ClassDef) and base in map(called, node.bases)]
         if len(found) != 1:
             what = "no class that inherits from" if not found else f"{len(found)} classes that inherit from"
             line = found[1].lineno if found else 1
-            raise self.problem(line, f"has {what} {base}: write one class Name({base}): in a file")
+            raise self.problem(line, f"the file has {what} {base}: write one class Name({base}): in a file")
         self.node = found[0]
         self.mistake = ""
         """The first reason, with its line, why a person's file is refused although recordings with such a text open."""

@@ -138,7 +138,7 @@ def test_a_very_long_class_name_is_refused_in_a_short_sentence():
 
 @pytest.mark.parametrize("text", ["-" * 90_000 + "1", "(" * 90_000])
 def test_very_deep_nesting_is_refused_with_the_reason(text: str):
-    with pytest.raises(ScenarioError, match=r"odd.py, line 1: is not valid Python \(.+\)"):
+    with pytest.raises(ScenarioError, match=r"odd.py, line 1: this is not valid Python \(.+\)"):
         add_own_law(text, "odd.py")
 
 

@@ -265,7 +265,7 @@ ACT = "    def act(self, at): ...\n"
 @pytest.mark.parametrize(
     ("source", "said"),
     [
-        ("x = (", r"own.py, line 1: is not valid Python"),
+        ("x = (", r"own.py, line 1: this is not valid Python"),
         ("x = 1\n", "has no class that inherit"),
         ("class A(OwnLaw):\n    pass\n", r"line 1: A has no method act"),
         (

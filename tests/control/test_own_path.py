@@ -221,7 +221,7 @@ POSITION = "    def position(self, t): ...\n"
 @pytest.mark.parametrize(
     ("source", "said"),
     [
-        ("x = (", r"own.py, line 1: is not valid Python"),
+        ("x = (", r"own.py, line 1: this is not valid Python"),
         ("x = 1\n", "has no class that inherits from OwnPath"),
         ("class A(OwnPath):\n    duration = 1\n", r"line 1: A has no method position"),
         ("class A(OwnPath):\n" + POSITION, "line 1: A says neither duration nor period"),

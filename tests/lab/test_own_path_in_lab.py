@@ -38,7 +38,7 @@ def test_an_own_path_follows_its_options_and_its_file_and_a_broken_file_changes_
             file.write_text(ROUND.replace("turn = 2 *", f"{wrong}\n        turn = 2 *"))
             wait_until(lambda said=said: said in state.notice.text, said)
         file.write_text("class RoundTrip(OwnPath:\n")
-        wait_until(lambda: "line 1: is not valid Python" in state.notice.text, "the sentence about the text")
+        wait_until(lambda: "line 1: this is not valid Python" in state.notice.text, "the sentence about the text")
         assert runner.snapshot.scenario.trajectory == good
         file.write_text(ROUND.replace("high=2, symbol", "high=1, symbol"))  # changes the declaration
         wait_until(lambda: runner.snapshot.scenario.trajectory.source != good.source, "the mended text")

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from flexlab.analysis.metrics import MetricCollection, RunMetrics
-from flexlab.analysis.metrics.run_metrics import measured
+from flexlab.analysis.metrics.run_metrics import measured, results
 from flexlab.errors import FlexlabError, RecordingError
 from flexlab.presets import load_preset, preset_names
 from flexlab.recording.reader import read_recording
@@ -58,12 +58,16 @@ class MetricNotes:
         return self._known or self._metrics.compute(not status.failed)
 
     def result(self, status: Status) -> dict[str, Any]:
-        """Metrics, differences from the preset, first instant and duration, s."""
+        """Metrics, differences from the preset, first instant and duration, s.
+
+        A run that never left its first instant, as in a lab that nobody watched, has only a duration.
+        """
         metrics = self.metrics(status)
         values = {row.key: float(f"{row.value:.{DIGITS}g}") for row in metrics.rows}
+        # None for NaN, which JSON lacks.
+        values = {key: value if isfinite(value) else None for key, value in values.items()}
         return {
-            # None for NaN, which JSON lacks.
-            "metrics": {key: value if isfinite(value) else None for key, value in values.items()},
+            "metrics": results(values, stopped=not metrics.duration > 0),
             **({"own_metrics": metrics.own} if metrics.own else {}),
             "changes": self._changes,
             "begins": self._begins if isfinite(self._begins) else 0.0,

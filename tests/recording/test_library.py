@@ -99,6 +99,13 @@ def test_a_run_that_has_not_settled_is_noted_as_such(tmp_path: Path) -> None:
     assert not any("Residual vibration" in label for label in shown), "its path has no stop"
 
 
+def test_a_run_that_never_left_its_first_instant_has_no_metrics(tmp_path: Path) -> None:
+    """Runs sent to a lab that nobody watched were listed with the errors and torques of t = 0."""
+    noted = note_metrics(write_run(simulate(load_preset("paper"), duration=0.0), tmp_path, "paper"))["metrics"]
+    assert noted.pop("Duration [s]") == 0.0
+    assert set(noted.values()) == {None}
+
+
 def test_a_run_that_stopped_before_its_end_has_no_metrics_but_its_duration(run: Run, tmp_path: Path) -> None:
     """This holds even if an earlier version noted numbers, and in a comparison too."""
     with HeadlessRecording(tmp_path, RunInfo("paper", run.scenario), MetricNotes("paper", run.scenario)) as recording:

@@ -36,6 +36,24 @@
   });
 }
 
+// A typed name counts even if its writer goes on by a preset's card or another link instead of the form's buttons.
+{
+  const field = document.querySelector('form[action$="/name"] [name="name"]');
+  let sent = null; // while the name is on its way
+  field?.addEventListener("change", () => {
+    const body = new URLSearchParams({ name: field.value });
+    sent = fetch(field.form.action, { method: "POST", body, keepalive: true, redirect: "manual" })
+      .then((answer) => answer.type === "opaqueredirect", () => true);
+  });
+  if (field) addEventListener("click", async (event) => {
+    const link = event.target.closest?.("a[href]");
+    if (!sent || !link || event.ctrlKey || event.metaKey || event.shiftKey) return;
+    event.preventDefault();
+    if (await sent) location.assign(link.href);
+    else field.form.requestSubmit(); // The server says what is wrong with the name.
+  });
+}
+
 // Tasks under way: shows their progress and reloads the page when they end, unless the page is to stay.
 {
   const LOOK = 600; // ms between two requests

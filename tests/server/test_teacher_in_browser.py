@@ -61,7 +61,9 @@ def test_the_teacher_sets_the_pace_locks_labs_and_sees_the_guesses(plain_chromiu
         page.set_default_timeout(PATIENCE)
         lab.goto(f"{url}/?token={TOKEN}")
         lab.get_by_label("Your name").fill("Anna")
-        lab.get_by_role("link", name="paper", exact=False).first.click()  # A name counts without the form's buttons, too.
+        lab.get_by_role(
+            "link", name="paper", exact=False
+        ).first.click()  # A name counts without the form's buttons, too.
         lab.wait_for_url("**/s/**")
         ben = Person(server)
         ben.post("/name", ("name", "Ben"), ("enter", "yes"))

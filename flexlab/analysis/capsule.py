@@ -23,7 +23,7 @@ from flexlab.presets import scenario_text
 from flexlab.recording.codec import command_values
 from flexlab.recording.export import export_recording
 from flexlab.recording.reader import Recording, read_recording
-from flexlab.recording.run_info import these_versions
+from flexlab.recording.run_info import PACKAGES, these_versions
 from flexlab.recording.store.run_files import find_run
 from flexlab.recording.store.run_index import size_text
 
@@ -68,7 +68,9 @@ def _fill(folder: Path, source: Path, recording: Recording) -> None:
         for event in recording.events
         if event.command is not None
     ]
-    recorded = {name: recording.properties[name] for name in these_versions() if name in recording.properties}
+    recorded = {
+        name: recording.properties[name] for name in (*these_versions(), PACKAGES) if name in recording.properties
+    }
     metrics = run_metrics(recording.samples, finished=not recording.status.failed).as_data()
     documents = {
         "scenario.json": json.loads(scenario_text(recording.scenario)),

@@ -4,9 +4,10 @@ Every bit has to be the same. A tolerance applies only where rounding may differ
 and for control laws in Python, whose rounding depends on the machine.
 """
 
+import json
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -22,23 +23,26 @@ from flexlab.own import hosts
 from flexlab.own.files import LAW_FILES
 from flexlab.own.law import OwnController
 from flexlab.own.link import address_in
+from flexlab.own.modules import packages_of
 from flexlab.own.path import OwnTrajectory
 from flexlab.own.reading import without_data
 from flexlab.own.unit import unit_in
 from flexlab.recording.reader import Recording
-from flexlab.recording.run_info import these_versions
+from flexlab.recording.run_info import PACKAGES, these_versions
 from flexlab.recording.store.formats import ARITHMETIC, FORMAT
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Samples
 from flexlab.sim.signals import TABLE, known_signals
 from flexlab.sim.world import World
-from flexlab.text import number_text
+from flexlab.text import number_text, visible
 
 TOLERANCE = 3e-7
 """Largest difference attributed to rounding, relative to the signal's largest value in the run. Other BLAS kernels and C
 libraries cause 1e-11 within a second under most laws, and 2e-7 under those that solve a Riccati equation; a relative change of a
 gain by 1e-6 causes 4e-7 or more in at least one signal."""
+LONGEST, MOST = 40, 8
+"""Characters of a package's name or version, and number of packages, in a sentence."""
 AT_REST = 1e-6
 """Lower bound of a signal's largest value, in SI units and relative to the largest value of all signals with the same units: a
 difference of two numbers has their rounding errors."""
@@ -98,6 +102,11 @@ def replay(recording: Recording, seen: Callable[[float], None] = lambda time: No
     Of a recording in an older format, only signals whose meaning has not changed are compared. `seen` is called with the time, s,
     up to which the two agree so far. Raises `StudyError` if the recording's commands cannot be carried out again.
     """
+    found = _repeated(recording, seen)
+    return replace(found, text=found.text + _other_packages(recording))
+
+
+def _repeated(recording: Recording, seen: Callable[[float], None]) -> Replay:
     result = partial(Replay, scenario=recording.scenario)
     repetition, done, why = Repetition(recording), 0, _why_rounded_otherwise(recording)
     comparison = _Comparison(recording.compared, tolerant=bool(why))
@@ -290,6 +299,23 @@ def _difference_text(recording: Recording, difference: Difference, why: str) -> 
         f"The replay differs first at t = {difference.time:g} s in {difference.signal}{tolerance}: recorded "
         f"{difference.recorded!r}, now {difference.replayed!r}. {_makers(recording)}"
     )
+
+
+def _other_packages(recording: Recording) -> str:
+    """A further sentence on packages of the control law whose versions are others here, or ""."""
+    law = recording.scenario.controller
+    try:
+        recorded = json.loads(recording.properties.get(PACKAGES, "{}"))
+        others = [(str(name), str(version)) for name, version in recorded.items()]
+    except (TypeError, ValueError, AttributeError):  # A recording may hold anything.
+        return ""
+    here = packages_of(law.source) if isinstance(law, OwnController) else {}
+    unlike = [
+        f"{visible(name, LONGEST)} {visible(version, LONGEST)} then, {here.get(name, 'none')} now"
+        for name, version in others
+        if here.get(name) != version
+    ]
+    return f" The control law imports packages of other versions: {'; '.join(unlike[:MOST])}." if unlike else ""
 
 
 def _why_stopped(world: World) -> str:

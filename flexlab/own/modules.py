@@ -11,6 +11,9 @@ import os
 import re
 import sys
 import sysconfig
+from contextlib import suppress
+from functools import cache
+from importlib import metadata
 from importlib.machinery import PathFinder
 from pathlib import Path
 from types import ModuleType
@@ -50,9 +53,34 @@ def with_modules(text: str, folder: Path, field: str) -> str:
     return text.rstrip("\n") + "\n\n\n" + "".join(kept) if kept else text
 
 
+def _kept(text: str) -> dict[str, str]:
+    """Name → text of the modules that a text of `with_modules` has."""
+    return {name: "\n".join(row[2:] for row in rows.split("\n")[:-1]) for name, rows in _KEPT.findall(text)}
+
+
 def kept_files(text: str) -> set[str]:
     """The names of the files whose contents a text of `with_modules` has."""
-    return {f"{name}.py" for name, _ in _KEPT.findall(text)}.union(data_names(text))
+    return {f"{name}.py" for name in _kept(text)}.union(data_names(text))
+
+
+def packages_of(text: str) -> dict[str, str]:
+    """Name → version of the installed packages that a text of `with_modules` imports, also through its modules."""
+    kept = _kept(text)
+    names = set[str]().union(*map(_imported, (text, *kept.values()))) - {*kept, *sys.stdlib_module_names, "flexlab"}
+    return {package: version for name in sorted(names) for package, version in _installed(name)}
+
+
+_distributions = cache(metadata.packages_distributions)
+"""Module → packages of all that is installed; slow to make."""
+
+
+def _installed(name: str) -> list[tuple[str, str]]:
+    """(Name, version) of the packages that a module comes from; none if it is not installed."""
+    with suppress(metadata.PackageNotFoundError):
+        return [(name, metadata.version(name))]
+    if PathFinder.find_spec(name) is None:
+        return []
+    return [(found, metadata.version(found)) for found in _distributions().get(name, ())]
 
 
 def _imported(text: str) -> set[str]:
@@ -82,8 +110,7 @@ class KeptModules:
         folder = Path(file).resolve().parent
         if Path(file).exists() and str(folder) not in sys.path:
             sys.path.append(str(folder))
-        kept = {name: "\n".join(row[2:] for row in rows.split("\n")[:-1]) for name, rows in _KEPT.findall(text)}
-        self._texts = {name: (own, str(folder / f"{name}.py")) for name, own in kept.items()}
+        self._texts = {name: (own, str(folder / f"{name}.py")) for name, own in _kept(text).items()}
         self._made: dict[str, ModuleType] = {}
         self._digest = hashlib.sha256(text.encode()).hexdigest()[:32]
         if "numba" in text:

@@ -15,6 +15,7 @@ import numpy as np
 import rerun as rr
 
 from flexlab import __version__
+from flexlab.own.modules import packages_of
 from flexlab.recording.checksums import checked
 from flexlab.recording.store.formats import ARITHMETIC, FORMAT, OLDEST_READER
 from flexlab.scenario import Scenario
@@ -128,13 +129,19 @@ def run_properties(info: RunInfo) -> rr.AnyValues:
         "scenario": info.scenario.model_dump_json(),
         "has_start": int(info.start is not None),
         "rerun_version": rr.__version__,
-        **(info.recorded_by or these_versions()),
+        **(info.recorded_by or these_versions(info.scenario)),
     }
     return rr.AnyValues(**checked(values))
 
 
-def these_versions() -> dict[str, str]:
-    """Versions and machine that compute samples here."""
+PACKAGES = "packages"
+"""Property of a run under a control law in Python: name → version of the packages that the law imports, as JSON."""
+
+
+def these_versions(scenario: Scenario | None = None) -> dict[str, str]:
+    """Versions and machine that compute samples here; of a `scenario`, also the packages that its control law imports."""
+    source = getattr(scenario and scenario.controller, "source", "")
+    found = packages_of(source) if source else {}
     return {
         "arithmetic": ARITHMETIC,
         "flexlab_version": __version__,
@@ -144,10 +151,13 @@ def these_versions() -> dict[str, str]:
         "python_version": platform.python_version(),
         "machine": f"{platform.system()} {platform.machine()}",
         "processor": llvmlite.binding.get_host_cpu_name(),
+        **({PACKAGES: json.dumps(found)} if found else {}),
     }
 
 
 def makers(known: Mapping[str, Any], computed_in: int) -> dict[str, str | int]:
     """Versions and machine of a run from its `known` properties, for `RunInfo.recorded_by`; `computed_in`: its format."""
     found: dict[str, str | int] = {name: str(known.get(name) or "unknown") for name in these_versions()}
+    if known.get(PACKAGES):
+        found[PACKAGES] = str(known[PACKAGES])
     return found if computed_in == FORMAT else found | {"computed_in": computed_in}

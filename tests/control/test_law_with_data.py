@@ -1,6 +1,7 @@
 """A law that reads a data file: its recordings contain the data, and a file that cannot be kept is refused."""
 
 import importlib.util
+import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,8 @@ from lab_process import Command
 import flexlab
 from flexlab.errors import FlexlabError, ScenarioError
 from flexlab.own.reading import MOST_DATA, with_data, without_data
+from flexlab.recording.importing import import_into
+from flexlab.recording.reader import read_recording
 
 TEXT = '''"""Gains from a file."""
 
@@ -159,3 +162,29 @@ def test_a_module_beside_it_that_is_no_text_is_refused(file: Path):
     file.with_name("scaling.py").write_bytes(b"\xff")
     with pytest.raises(ScenarioError, match=r"scaling\.py cannot be read: it is not text in UTF-8\."):
         flexlab.simulate("paper", 0.05, law=file)
+
+
+def test_a_recording_holds_the_versions_of_packages_that_the_law_imports(
+    file: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    """Also of those that its modules import, and a replay with other versions says so, although its samples are the same."""
+    site = tmp_path / "site"
+    (about := site / "gainbook-1.0.dist-info").mkdir(parents=True)
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: gainbook\nVersion: 1.0\n")
+    (site / "gainbook.py").write_text("FACTOR = 1.0\n")
+    monkeypatch.syspath_prepend(site)
+    (tmp_path / "scaling.py").write_text("import json\nimport gainbook\nFACTOR = gainbook.FACTOR\n")
+    file.write_text(TEXT.replace("P, D =", "from scaling import FACTOR\n\nP, D =").replace("-P *", "-P * FACTOR *"))
+    kept = flexlab.simulate("paper", 0.05, law=file).save(tmp_path / "kept.rrd")
+    packages = json.loads(read_recording(kept).properties["packages"])
+    assert packages == {"numpy": np.__version__, "gainbook": "1.0"}
+    again = flexlab.replay(kept)
+    assert again.agrees
+    assert "imports" not in again.text
+    archive = flexlab.export(kept, tmp_path / "kept.zip")
+    table = import_into(flexlab.export(kept, tmp_path / "kept.csv"), tmp_path / "logs")
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: gainbook\nVersion: 2.0\n")
+    for source in (kept, archive, table):
+        again = flexlab.replay(source)
+        assert again.agrees
+        assert again.text.endswith(" The control law imports packages of other versions: gainbook 1.0 then, 2.0 now.")

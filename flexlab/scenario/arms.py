@@ -91,7 +91,11 @@ class JointEncoders(Part):
         high=1e9,
         slider=(0, 1e6),
     )
-    """For an encoder on the motor's side of a gear, multiply by the gear's ratio."""
+    """For an encoder on the motor's side of a gear, multiply by the gear's ratio.
+
+    The rate is the difference of two readings over the control period T_c, half a period late whatever the counts: a law
+    with the gains K and D errs by about (D/K)(T_c/2)ẍ more than one without encoders.
+    """
 
     @property
     def active(self) -> bool:

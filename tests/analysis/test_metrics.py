@@ -161,6 +161,14 @@ def test_a_run_without_samples_has_no_metrics_and_no_error(run: Run) -> None:
     assert found.duration == 0
 
 
+def test_a_run_of_one_instant_has_a_duration_alone(run: Run) -> None:
+    """Its errors of 0 mm, settled after 0 s, were the best of all runs."""
+    found = run_metrics(run, window=(0.5, 0.5))
+    assert found.window == (0.5, 0.5)
+    assert found.duration == 0.0
+    assert all(np.isnan(row.value) for row in found.rows if row.title != "Duration")
+
+
 def test_an_unknown_metric_is_refused_with_the_list_of_metrics(run: Run) -> None:
     found = run_metrics(run)
     assert found["rms-x"] == found["RMS error x [mm]"] == 1e3 * found["rms_error.x"] > 0

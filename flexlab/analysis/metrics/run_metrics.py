@@ -216,6 +216,9 @@ class MetricCollection:
         found = ((name, metric.compute()) for name, metric in self._metrics.items())
         # A user's metric may be infinite, which neither JSON nor a search for the least can use.
         values = {name: tuple(number if isfinite(number) else nan for number in numbers) for name, numbers in found}
+        if self._span is not None and self._span[0] == self._span[1]:  # Numbers of one instant are none of a run.
+            lasting = (name for name in values if name != DURATION and not METRICS[name].own)
+            values |= {name: (nan,) * len(values[name]) for name in lasting}
         reasons = {name: metric.reason() for name, metric in self._metrics.items()}
         return RunMetrics(self._span, values, finished, reasons, noted, note)
 

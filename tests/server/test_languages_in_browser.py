@@ -22,7 +22,7 @@ CALM = 1200
 STAYS = (
     r"\S+\.rrd|https?://\S+|x\d+_\d+ .*",  # files, addresses, machines
     r"(Edit props for )?/?(WorldAxes|\w+)",  # viser's tree of the scene, and single code names
-    r"\d+ [A-Z][a-z]{2}( \d+)? [\d:]+|alpha [\d:]+|0 [MGk]B in .*|Lesson 0",  # dates, folders, what is typed here
+    r"\d+ [A-Z][a-z]{2}( \d+)? [\d:]+|alpha [\d:]+|Lesson 0",  # dates, folders, what is typed here
     r".*[√∑‖].*",  # formulas
     r"[a-z]+(-[a-z]+)+",  # code names
 )

@@ -20,7 +20,8 @@
   const SENTENCE = new RegExp(`(?<=[.!?✓]) (?=\\d|${NEXT})`, "u");
   const WITHIN = `((?:(?![.!?] ${NEXT})[^\`*])+?)`; // the value of a placeholder: part of one sentence
   const NUMERAL = "([+−-]?\\d(?:[\\d.e+−-]*\\d)?(?:(?: · 10)?[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)?)";
-  const KINDS = { n: NUMERAL, m: NUMERAL, code: "([a-z\\d](?:\\S*[^\\s.])?)", symbol: "([A-Za-z]?[^\\sa-z]\\S*|[A-Za-z])" }; // else any part
+  const KINDS = { n: NUMERAL, m: NUMERAL, code: "([a-z\\d](?:\\S*[^\\s.])?)", folder: "(\\S.*?)",
+    symbol: "([A-Za-z]?[^\\sa-z]\\S*|[A-Za-z])" }; // else any part
 
   const SYMBOL = /(?<![\p{L}\p{Nd}_.\\-])(\p{L}\p{M}*)_([\p{L}\p{Nd}]{1,4})(?![\p{L}\p{Nd}_]|\.\p{L})/u;
   const PATH = "(?:controller|grips|initial|joints|left_arm|payload|right_arm|simulation|trajectory)(?:\\.\\w+)+";

@@ -3,7 +3,6 @@
 from flexlab.analysis.comparison import Comparison as Comparison
 from flexlab.analysis.explanations.explanation import Explained as Explained
 from flexlab.analysis.identification.fitting import Fit as Fit
-from flexlab.analysis.internal_force import internal_force_eq_26 as internal_force_eq_26
 from flexlab.analysis.leaderboard.board import Leaderboard as Leaderboard
 from flexlab.analysis.linear_model import LinearModel as LinearModel
 from flexlab.analysis.linearize import linearize as linearize
@@ -11,6 +10,7 @@ from flexlab.analysis.metrics import RunMetrics as RunMetrics
 from flexlab.analysis.metrics.own import metric as metric
 from flexlab.analysis.modes import Modes as Modes
 from flexlab.analysis.modes import modes as modes
+from flexlab.analysis.paper_equations import internal_force_eq_26 as internal_force_eq_26
 from flexlab.analysis.replay import Replay as Replay
 from flexlab.analysis.result import Result as Result
 from flexlab.analysis.sweep.result import Sweep as Sweep

@@ -30,9 +30,8 @@ from flexlab.presets import AnyLaw, AnyPath, AnyScenario, any_scenario, named_sc
 from flexlab.recording.export import FORMATS as TABLES
 from flexlab.recording.export import export_recording
 from flexlab.recording.reader import read_recording
-from flexlab.recording.store.people import told_apart
 from flexlab.recording.store.run_files import find_run
-from flexlab.recording.store.run_index import RunRow, read_row
+from flexlab.recording.store.run_index import RunRow, read_row, told_apart
 from flexlab.scenario.field_text import change_in_words
 
 AnyRun = Run | str | Path

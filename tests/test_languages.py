@@ -136,11 +136,10 @@ def test_a_refused_name_is_refused_in_the_visitors_language(code: str, name: str
 
 SHOWN = """lab server scenario own guide.py presets.py analysis/explanations analysis/identification/free_ring.py
 analysis/identification/estimates.py analysis/identification/ring.py analysis/lesson_checks.py
-analysis/lesson_expressions.py analysis/metrics/metric.py
-analysis/own_lessons.py analysis/replay.py analysis/rest_point.py analysis/resume.py control recording/codec.py
-recording/file_sink.py recording/importing.py recording/overlay.py recording/reader.py recording/recorder.py
-recording/repair.py recording/store/run_index.py recording/table_columns.py sim/commands.py sim/run_warnings.py
-sim/runner.py sim/samples.py sim/step_size.py sim/target.py sim/termination.py""".split()
+analysis/lesson_expressions.py analysis/metrics/metric.py analysis/replay.py analysis/rest_point.py analysis/resume.py
+control recording/codec.py recording/file_sink.py recording/importing.py recording/overlay.py recording/reader.py
+recording/recorder.py recording/repair.py recording/store/run_index.py recording/table_columns.py sim/commands.py
+sim/run_warnings.py sim/runner.py sim/samples.py sim/step_size.py sim/target.py sim/termination.py""".split()
 """Sources of sentences that a page may show."""
 UNSEEN = {
     "in the terminal, as the server starts": """server/settings.py; server/front_server.py; ◦ is not set: a JupyterHub;

@@ -160,7 +160,7 @@ NEW = {
 """Files that are added."""
 SIGNALS = "flexlab/sim/signals.py"
 INSERTED = (
-    ("flexlab/scenario/damping.py", "Damping = Annotated[Any,", DAMPING),
+    ("flexlab/scenario/payload.py", "Damping = Annotated[Any,", DAMPING),
     (SIGNALS, "    @derived(", DERIVED),
     # Simulated: a row, and its line in the kernel; once for the payload, once for each arm.
     (SIGNALS, "    tracking_error: np.ndarray = row(", '    speed_squared: np.ndarray = row("v²", "m²/s²", "squared speed")\n'),

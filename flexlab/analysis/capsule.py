@@ -1,7 +1,4 @@
-"""Archives of a run that another machine can verify: data, scenario, commands, versions, figures and RO-Crate metadata.
-
-RO-Crate 1.1 (https://w3id.org/ro/crate/1.1): `ro-crate-metadata.json` describes every file of the archive with its SHA-256.
-"""
+"""Archives (RO-Crate 1.1) that another machine can verify: a run's data, commands, versions, figures, and all files' SHA-256."""
 
 import hashlib
 import json
@@ -32,7 +29,6 @@ SPECIFICATION = "https://w3id.org/ro/crate/1.1"
 LICENSE = "https://spdx.org/licenses/MIT"
 LARGEST_METADATA, LARGEST_ARCHIVE = 10_000_000, 50_000_000_000
 """Largest unpacked sizes of an archive's metadata and of all its files, bytes."""
-
 KINDS = {
     RUN: ("application/octet-stream", "The recording: every sample, bit for bit"),
     "samples.parquet": ("application/vnd.apache.parquet", "Every signal as a table, units in the columns' names"),
@@ -131,10 +127,7 @@ def _file(folder: Path, name: str) -> dict[str, Any]:
 
 
 def unpack_capsule(archive_path: Path, folder: Path) -> Path:
-    """Verify every file of an archive against its metadata, and unpack the recording. Raises `RecordingError`.
-
-    Nothing in the archive is executed.
-    """
+    """Verify an archive's files by its metadata, and unpack the recording; executes nothing. Raises `RecordingError`."""
     try:
         check_ordinary(archive_path)
         with zipfile.ZipFile(archive_path) as archive:

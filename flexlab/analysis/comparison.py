@@ -52,8 +52,7 @@ class Comparison(Result):
     metrics: tuple[tuple[MetricRow, ...], ...]
     """One tuple per metric, one row per run."""
     settings: tuple[tuple[str, tuple[str, ...]], ...]
-    """(dotted path, value of each run) of every scenario field in which any run differs from A; then the sample period and the
-    commands, if they differ."""
+    """(path, value of each run) of every field in which any run differs from A, of the sample period and the commands."""
 
     @cached_property
     def table(self) -> Any:
@@ -150,10 +149,7 @@ class Comparison(Result):
 
 
 def compare(paths: Sequence[Path], seen: Callable[[int], None] = lambda samples: None) -> Comparison:
-    """Read recordings and compare them; `seen` is called with the number of samples in each block that was read.
-
-    Raises `RecordingError`.
-    """
+    """Compare recordings; `seen` gets the number of samples in each block that was read. Raises `RecordingError`."""
     recordings = tuple(map(read_recording, paths))
     whole = [_metrics(recording, seen) for recording in recordings]
     durations = tuple(metrics.duration for metrics in whole)
@@ -177,10 +173,7 @@ def compare(paths: Sequence[Path], seen: Callable[[int], None] = lambda samples:
 
 
 def compare_into(paths: Sequence[Path], target: Path) -> Comparison:
-    """Compare recordings and write their curves and tables as the rerun file `target`.
-
-    Raises `RecordingError` if a run cannot be read, there are too few or too many, or `target` cannot be written.
-    """
+    """Compare recordings, and write curves and tables as the rerun file `target`. Raises `RecordingError`."""
     comparison = compare(paths)
     write_comparison(comparison.recordings, target, comparison.text())
     return comparison

@@ -1,8 +1,4 @@
-"""Figures 2 to 5 of the paper for any run, as files or as elements of pages, and figures of signals and of other studies.
-
-Figure 2: trajectory of the payload. 3: vibration. 4: error of the trajectory. 5: internal force. The same run gives the
-same bytes of SVG, so that a figure can be kept under version control.
-"""
+"""Figures 2 to 5 of the paper, of signals and of studies; the same run gives the same bytes of SVG."""
 
 import io
 import os
@@ -41,7 +37,6 @@ POINTS = 4000
 """Largest number of points of a curve; a longer signal is drawn by the minimum and maximum of each interval."""
 LARGEST = 1e100
 """Largest magnitude that is drawn: a longer axis has no ticks."""
-
 BLUE, VERMILION, GREEN, GRAY, PURPLE = map(
     css, (palette.BLUE, palette.VERMILION, palette.GREEN, palette.GRAY, palette.PURPLE)
 )
@@ -52,7 +47,6 @@ LONGEST_EPOCH = 60
 """Most characters of an environment variable's value in a sentence."""
 MILLI = 1e3
 AXES = ("x", "y", "θ")
-
 STYLE: Any = {
     "font.size": 9,
     "axes.spines.top": False,
@@ -71,10 +65,7 @@ _PAGE_STYLE = (
 
 
 def style(salt: str = STYLE["svg.hashsalt"]) -> "AbstractContextManager[None]":
-    """The context in which figures are made and written; `salt` as for `svg_text`.
-
-    Raises `StudyError` for a SOURCE_DATE_EPOCH that matplotlib cannot read: it does so whenever it lays out an SVG.
-    """
+    """The context for making and writing figures, `salt` as for `svg_text`. Raises `StudyError` for a bad SOURCE_DATE_EPOCH."""
     import matplotlib as mpl  # Loading takes half a second, which a lab without figures saves.
 
     built = os.environ.get("SOURCE_DATE_EPOCH") or "0"
@@ -112,10 +103,7 @@ def page_svg(figure: "Figure", salt: str = STYLE["svg.hashsalt"]) -> str:
 
 
 def paper_figures(run: Samples, folder: Path, formats: Sequence[str] = FORMATS, name: str = "run") -> list[Path]:
-    """Write Figures 2-5 of a run as `folder/<name>-figure-<number>.<format>` and return those paths.
-
-    Raises `StudyError` for an unknown format or a folder that cannot be written, `RecordingError` for a run without samples.
-    """
+    """Write a run's Figures 2-5 as `folder/<name>-figure-<number>.<format>`. Raises `StudyError` and `RecordingError`."""
     unknown = [kind for kind in formats if kind not in FORMATS]
     if unknown:
         raise StudyError(f"format = {unknown[0]} is not a format of figures: choose {' or '.join(FORMATS)}.")
@@ -246,11 +234,7 @@ MOST_CURVES = 12
 
 
 def draw_signals(run: Run, names: Sequence[str] = ()) -> "Figure":
-    """Plot each named signal over time, in SI units; a signal whose entries have different units gets a plot for each unit.
-
-    Without names, draw the lab's first views in its units and colours. Raises `StudyError` for an unknown signal or a run
-    without samples.
-    """
+    """Plot named signals over time, SI, with a plot for each unit; without names, the lab's first views. Raises `StudyError`."""
     known = {**known_signals(), **DERIVED}
     for name in names:
         if not isinstance(name, str) or name not in known or (name in run.absent and name not in DERIVED):

@@ -25,7 +25,6 @@ LONGEST = 400
 """Largest length of an expression, characters."""
 ROOTS = ("scenario", "usual")
 """Owners of fields: the run's scenario, and the default scenario, that of the preset paper."""
-
 FUNCTIONS: dict[str, Callable[[np.ndarray], float]] = {
     "largest": lambda values: float(np.nanmax(np.abs(values))),
     "rms": lambda values: float(np.sqrt(np.nanmean(np.square(values)))),
@@ -71,11 +70,7 @@ Value = Callable[[Look], Any]
 
 
 def expression(text: str, known: Collection[str] = (), truth: bool = False) -> Value:
-    """Compile an expression. Raises `ExpressionError` for one that has no value in any run.
-
-    `known`: names that a lesson defines. `truth`: whether the expression must be true or false; a comparison with NaN, a
-    missing value, is false.
-    """
+    """Compile an expression with the names `known`; `truth`: it must be true or false. Raises `ExpressionError`."""
     if len(text) > LONGEST:
         raise ExpressionError(f"the check has {len(text)} characters, over {LONGEST}: shorten it.")
     try:

@@ -12,7 +12,7 @@ import numpy as np
 
 from flexlab.analysis.metrics import RunMetrics, run_metrics
 from flexlab.analysis.metrics.run_metrics import between
-from flexlab.analysis.metrics.settling_time import settling_time
+from flexlab.analysis.metrics.vibration import settling_time
 from flexlab.analysis.modes import PoleRow, fastest_growth, modes
 from flexlab.physics.axial_load import buckling_load
 from flexlab.physics.mass_change import FACTOR, find_mass
@@ -246,7 +246,6 @@ VALUES: dict[str, Callable[[Look], Any]] = {
     "other_frequency": lambda look: look.other_span.frequency,
 }
 """Measures by name, SI; a span is a part of the run without a change or touch."""
-
 OF_A_PART: dict[str, Callable[[Look, Samples], float]] = {
     "ring_frequency": lambda _, part: ring_frequency(part),
     "settled": lambda _, part: settling_time(part.time, part.vibration),  # at one per cent of its peak; NaN: not yet

@@ -1,7 +1,4 @@
-"""Results of all studies: a table with its provenance, also as a data frame, and the hash of a run.
-
-Two runs with the same `result_hash` are the same, bit for bit, wherever they were computed.
-"""
+"""Results of all studies: a table with provenance, also as a data frame; and the hash, which is the same for the same bits."""
 
 import hashlib
 import json

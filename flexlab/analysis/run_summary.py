@@ -76,10 +76,7 @@ class MetricNotes:
 
 
 def note_metrics(path: Path) -> dict[str, Any]:
-    """Write the notes of a recording that has none, and return them; empty for a run that is being recorded.
-
-    Raises `RecordingError` if the run cannot be read.
-    """
+    """Write and return the notes of a recording; none while it is being written. Raises `RecordingError`."""
     if run_state(path) == "in use":
         return {}
     recording = read_recording(path)

@@ -1,8 +1,4 @@
-"""Parallel computation of runs and studies, on threads of this machine or on the workers of a Dask cluster.
-
-The results are the same on both: workers with another engine are refused, and other workers repeat the work of one that died.
-Laws and paths in Python are sent along.
-"""
+"""Runs and studies in parallel, on threads here or on a Dask cluster of the same engine, with the same results."""
 
 import ctypes
 import threading
@@ -45,15 +41,14 @@ def simulate_many(
     """
     sample_count(duration, sample_period)
     known = chosen_workers(workers, cluster)
-    chosen = [_chosen(scenario, choose) for scenario in scenarios]
-    valid = [number for number, scenario in enumerate(chosen) if isinstance(scenario, Scenario)]
-    found = {number: run for number, run in enumerate(chosen) if isinstance(run, Run)}
+    found: list[Any] = [_chosen(scenario, choose) for scenario in scenarios]
+    valid = [number for number, scenario in enumerate(found) if isinstance(scenario, Scenario)]
     with progress_bar(progress, "runs") as told, known() as run:
-        simulated = run(partial(_simulated, duration, sample_period), (chosen[k] for k in valid))
+        simulated = run(partial(_simulated, duration, sample_period), [found[number] for number in valid])
         for done, (number, one) in enumerate(simulated, 1):
             found[valid[number]] = one
             told(done, len(valid))
-    return [found[number] for number in range(len(chosen))]
+    return found
 
 
 def _chosen(scenario: Scenario | Mapping[str, Any], choose: Callable[[Scenario], Scenario]) -> Scenario | Run:

@@ -12,8 +12,7 @@ from flexlab.benchmarks import report
 from flexlab.benchmarks.fresh_process import measure_memory, start_times
 from flexlab.benchmarks.live_costs import change_costs, measure_round_trip
 from flexlab.benchmarks.many_worlds import measure_environment, worker_scaling
-from flexlab.benchmarks.measure import this_machine
-from flexlab.benchmarks.precision import mesh_precision, mesh_scaling, paper_costs
+from flexlab.benchmarks.precision import mesh_precision, mesh_scaling, paper_costs, this_machine
 from flexlab.benchmarks.report import plain
 from flexlab.presets import load_preset
 from flexlab.sim.world import World
@@ -48,11 +47,7 @@ QUICK = Plan(meshes=(2, 8), duration=0.3, repeats=3, rounds=2, cold=False)
 
 
 def run_bench(as_json: bool, quick: bool = False, peers: ModuleType | None = None) -> None:
-    """Measure and print, as tables or as one JSON object. Raises `StudyError` if a measurement cannot be done.
-
-    `quick`: fewer and shorter measurements, no cold start. `peers`: the module that compares with MuJoCo and Exudyn
-    (`tests/peers`), as far as they are installed.
-    """
+    """Measure and print tables, or JSON; `peers`: the module `tests/peers` for other engines. Raises `StudyError`."""
     show = None if as_json else console()
     found = measure(QUICK if quick else FULL, peers, show)
     if as_json:
@@ -60,10 +55,7 @@ def run_bench(as_json: bool, quick: bool = False, peers: ModuleType | None = Non
 
 
 def measure(plan: Plan, peers: ModuleType | None, show: "Console | None") -> dict[str, Any]:
-    """Measure everything, by name; None where a library or system lacks what it needs.
-
-    `show`: a console that gets each table as soon as it is complete.
-    """
+    """Measure everything, by name (None: this machine lacks something), and `show` each table once it is complete."""
     World(load_preset("paper")).run(1)  # Compiles everything before the first measurement.
     length, repeats, part = plan.duration, plan.repeats, partial(_part, show)
     found: dict[str, Any] = {

@@ -1,7 +1,4 @@
-"""Measurements in a fresh interpreter: times of a cold and a warm start, and memory of a run and of the live engine.
-
-A run should take little more memory than its samples, and the live engine must not grow.
-"""
+"""Measurements in a fresh interpreter: times of a cold and a warm start, and memory of a run and of the live engine."""
 
 import json
 import os
@@ -25,7 +22,6 @@ ready = time.perf_counter()
 print(json.dumps([imported - start, ready - imported, time.process_time()]))
 """
 """The program that starts the engine up to the first sample, for a fresh interpreter."""
-
 EVERYTHING = """
 import json, os, time
 start = time.perf_counter()
@@ -36,7 +32,6 @@ compile_everything(cores())
 print(json.dumps([imported - start, time.perf_counter() - imported, sum(os.times()[:4])]))
 """
 """The program that compiles what a cold start leaves for later, on all cores; the processor time is that of all processes."""
-
 LONGEST_START = 1500
 """Longest start, s of wall time: nearly ten times the compilation of everything."""
 

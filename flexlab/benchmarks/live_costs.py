@@ -22,7 +22,6 @@ from flexlab.sim.world import World
 MESHES = (2, 8, 64)  # elements
 LIGHT_GOAL, BEAM_GOAL, FRAME_GOAL = 0.3, 2.0, 50.0
 """Goals, ms: gains, path and gravity on the paper's mesh; its beam; any change on the finest mesh."""
-
 CHANGES: dict[str, tuple[Any, Any]] = {
     "controller.feedback_gain": (200.0, 201.0),
     "trajectory.amplitude": ((0.2, 0.2, 0.2), (0.2, 0.2, 0.19)),
@@ -33,7 +32,6 @@ CHANGES: dict[str, tuple[Any, Any]] = {
     "payload.damping.coefficient": (0.1, 0.12),
 }
 """A field of each kind, with two values between which it changes."""
-
 BEAM = "payload."
 
 

@@ -46,24 +46,18 @@ class ThreadWatch:
 
     @property
     def undisturbed(self) -> float | None:
-        """Wall time that the slowest thread would have needed with a core of its own, s; None if it is not known.
-
-        A thread that was seen only once does not count. One that waits for a lock whose owner waits for a core counts as waiting
-        for the lock.
-        """
+        """Wall time of the slowest thread with a core of its own, s; None if unknown. A wait for another thread's lock counts."""
         return max((last - first for first, last in self._lives.values() if last > first), default=None)
 
     def _watch(self) -> None:
         while not self._ended.wait(LOOK_EVERY):
             for thread in threading.enumerate():
-                if thread.name.startswith(self._prefix) and thread.native_id is not None:
-                    self._look(thread.native_id)
-
-    def _look(self, thread: int) -> None:
-        now, waited = time.perf_counter(), time_in_queue(thread)
-        if waited is not None:
-            first, _ = self._lives.get(thread, (now - waited, 0.0))
-            self._lives[thread] = first, now - waited
+                if not thread.name.startswith(self._prefix) or thread.native_id is None:
+                    continue
+                now, waited = time.perf_counter(), time_in_queue(thread.native_id)
+                if waited is not None:
+                    first, _ = self._lives.get(thread.native_id, (now - waited, 0.0))
+                    self._lives[thread.native_id] = first, now - waited
 
 
 def time_in_queue(thread: int) -> float | None:

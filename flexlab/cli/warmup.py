@@ -54,7 +54,7 @@ def loading() -> Generator[None, None, None]:
         gc.enable()
         sys.meta_path.remove(later)
     if "pyarrow" in sys.modules:
-        from flexlab.recording.no_pandas import leave_pandas_out
+        from flexlab.recording import leave_pandas_out
 
         leave_pandas_out()
 

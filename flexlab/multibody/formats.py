@@ -45,7 +45,9 @@ def mjcf_text(bodies: Bodies, name: str) -> str:
     motors = _add(root, "actuator")
     for joint in joints:
         if joint.driven:
-            _add(motors, "motor", name=motor_name(joint), joint=joint.name, **_torque_range(joint))
+            motor, limit = _add(motors, "motor", name=motor_name(joint), joint=joint.name), joint.torque_limit
+            if limit is not None:
+                motor.attrib |= {"ctrllimited": "true", "ctrlrange": f"{-limit!r} {limit!r}"}
     state = {"qpos": (joint.angle for joint in joints), "qvel": (joint.rate for joint in joints)}
     numbers = {name: " ".join(repr(each) for each in values) for name, values in state.items()}
     _add(_add(root, "keyframe"), "key", name="start", **numbers)
@@ -61,11 +63,6 @@ def motor_name(joint: Joint) -> str:
 
 def _add(parent: Any, tag: str, **attributes: str) -> Any:
     return ElementTree.SubElement(parent, tag, attributes)
-
-
-def _torque_range(joint: Joint) -> dict[str, str]:
-    limit = joint.torque_limit
-    return {} if limit is None else {"ctrllimited": "true", "ctrlrange": f"{-limit!r} {limit!r}"}
 
 
 def _add_body(parent: Any, body: Body) -> None:

@@ -12,11 +12,10 @@ import numpy as np
 import rerun as rr
 
 from flexlab.errors import RecordingError
-from flexlab.recording.checksums import GAPS, checked
 from flexlab.recording.rerun_internals.chunks import PROPERTIES, Column
 from flexlab.recording.rerun_internals.rrd_file import Pipe, Refusal, RefusedError, RrdFile, allow
 from flexlab.recording.run_encoder import EVENTS, PATH, RECORDS, SAMPLES, RunStream
-from flexlab.recording.run_info import RunInfo
+from flexlab.recording.run_info import GAPS, RunInfo, checked
 from flexlab.recording.store.notes import write_notes
 from flexlab.recording.store.run_files import BREAKS_OFF, RunFile, claim_run_file
 

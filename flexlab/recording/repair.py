@@ -1,7 +1,7 @@
-"""Finishes recordings after their writer has closed them or died: adds footer and index, and cuts off a torn tail.
+"""Torn recordings: finished after their writer has closed them or died, and read up to the tear, from a mended copy.
 
-Rerun's own tool does the work in a process of its own. A finished file opens faster; a file whose last message is torn, which
-every reader refuses, becomes readable up to the tear.
+Rerun's own tool adds footer and index and cuts off a torn tail, in a process of its own. A finished file opens faster; a file
+whose last message is torn is refused by every reader.
 """
 
 import contextlib
@@ -10,25 +10,28 @@ import os
 import queue
 import shutil
 import threading
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from itertools import islice
 from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
 
 from flexlab.errors import RecordingError
 from flexlab.files import remove_left_drafts, replacing
-from flexlab.recording.rerun_internals.chunks import has_recording
+from flexlab.recording.rerun_internals.chunks import Row, Unreadable, entity_times, has_recording, stream_rows
 from flexlab.recording.rerun_internals.rrd_file import check_path, has_footer
 from flexlab.recording.rerun_internals.tool import Mending
 from flexlab.recording.store.notes import read_notes, write_notes
-from flexlab.recording.store.run_files import claim, list_runs, run_state
+from flexlab.recording.store.run_files import check_recording, claim, list_runs, run_state
 
 GROWTH = 1.3
 """Free space needed for the finished file, in sizes of the unfinished one."""
 
 
 def finish(path: Path, mending: Mending | None = None, join: bool = True) -> None:
-    """Give a recording its footer and index, in place; `join` also joins small pieces. The file keeps its date.
-
-    Does nothing if it has a footer, or if it is being written. Raises `RecordingError` if it cannot be read.
-    """
+    """Give a recording that has none, and is not written, its footer and index; `join`: small pieces. Raises `RecordingError`."""
     mending = mending or Mending()
     check_path(path)
     try:
@@ -100,10 +103,7 @@ def _finish_if_possible(path: Path, mending: Mending) -> None:
 
 
 def finish_abandoned(logs: Path, mending: Mending | None = None) -> None:
-    """Finish the files that dead writers left in the folder, and remove their empty ones and drafts.
-
-    A file that cannot be finished stays as it is, and `run_state` says so.
-    """
+    """Finish the files that dead writers left in the folder, as far as possible, and remove empty ones and drafts."""
     mending = mending or Mending()
     with contextlib.suppress(OSError):
         sweep_empty(logs)
@@ -141,3 +141,74 @@ class Finisher:
         finish_abandoned(logs, self._mending)
         while (path := self._queue.get()) is not None:
             _finish_if_possible(path, self._mending)
+
+
+Rows = dict[str, list[Row]]
+"""Entity → its rows in the order of time."""
+
+
+def read_rows(path: Path, content: list[str]) -> Rows:
+    """The rows of the entities that match, from a mended copy if the file is torn. Raises `RecordingError`."""
+    check_recording(path)
+    try:
+        return _rows_by_entity(path, content)
+    except Unreadable:
+        with _mended(path) as copy:
+            return _rows_by_entity(copy, content)
+
+
+def rows_in_order(path: Path, entity: str) -> Iterator[Row]:
+    """The rows of an entity in time order, few at once, of a mended copy if the file is torn. Raises `RecordingError`."""
+    check_recording(path)
+    given = 0
+    try:
+        for row in _in_order(path, entity):
+            yield row
+            given += 1
+    except Unreadable:
+        with _mended(path) as copy:
+            yield from islice(_in_order(copy, entity), given, None)
+
+
+def _in_order(path: Path, entity: str) -> Iterator[Row]:
+    # An indexed file may hold rows out of order: early ones wait.
+    turns = np.argsort(np.argsort(entity_times(path, entity), kind="stable"), kind="stable")
+    waiting: dict[int, Row] = {}
+    following = 0
+    # A run that is being recorded has grown meanwhile: later rows are left out.
+    for turn, (_, row) in zip(turns.tolist(), stream_rows(path, [entity]), strict=False):
+        waiting[turn] = row
+        while following in waiting:
+            yield waiting.pop(following)
+            following += 1
+
+
+@contextmanager
+def _mended(path: Path) -> Iterator[Path]:
+    """A whole copy of the file up to the tear. Raises `RecordingError` if nothing of the run can be read."""
+    with ExitStack() as closing:
+        try:
+            folder = closing.enter_context(TemporaryDirectory(prefix="flexlab-"))
+            copy = Path(folder) / path.name
+            found = Mending().rewrite(path, copy)
+        except OSError as error:
+            raise RecordingError(
+                f"{path} is torn, and a mended copy of it cannot be put among the temporary files ({error.strerror}): "
+                "make room there, or set TMPDIR to another folder."
+            ) from None
+        try:
+            if found:
+                yield copy
+                return
+        except Unreadable:
+            pass
+    raise RecordingError(f"{path} is damaged beyond repair: nothing of its run can be read.")
+
+
+def _rows_by_entity(path: Path, content: list[str]) -> Rows:
+    rows: Rows = {}
+    for entity, row in stream_rows(path, content):
+        rows.setdefault(entity, []).append(row)
+    for entity in rows.values():
+        entity.sort(key=lambda row: row[0])
+    return rows

@@ -9,7 +9,6 @@ import numpy as np
 import rerun as rr
 
 from flexlab.errors import RecordingError, ScenarioError
-from flexlab.recording.checksums import checked
 from flexlab.recording.codec import encode_block, event_values, state_json
 from flexlab.recording.rerun_internals.chunks import (
     PROPERTIES,
@@ -22,7 +21,7 @@ from flexlab.recording.rerun_internals.chunks import (
     single,
     time_column,
 )
-from flexlab.recording.run_info import RunInfo, RunNotes, parameters_text, run_properties, signals_text
+from flexlab.recording.run_info import RunInfo, RunNotes, checked, parameters_text, run_properties, signals_text
 from flexlab.recording.scene_and_plots import (
     FRAMES_PER_SECOND,
     desired_path,

@@ -1,7 +1,11 @@
-"""What a recording says about its run: texts for people, properties for programs."""
+"""What a recording says about its run, texts for people and properties for programs, each with a checksum beside it.
+
+Rerun's files have none: a scenario in which a disk changed a digit would pass for another. Blocks of samples have their own.
+"""
 
 import json
 import platform
+import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -16,7 +20,6 @@ import rerun as rr
 
 from flexlab import __version__
 from flexlab.own.modules import packages_of
-from flexlab.recording.checksums import checked
 from flexlab.recording.store.formats import ARITHMETIC, FORMAT, OLDEST_READER
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples, Status, WorldState
@@ -24,6 +27,32 @@ from flexlab.sim.signals import TABLE, own_signals
 from flexlab.sim.snapshot import TICK, Event
 from flexlab.text import number_text
 from flexlab.views import REAL_TIME_FACTOR, fitting_exaggeration, views
+
+CHECK = "check"
+"""The component beside a text, or beside values, that holds the checksum."""
+GAPS = "gaps"
+"""Property of a recording that lacks a part of its run: its disk was full, or its file was begun late."""
+
+
+def checked(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values in JSON's types with their checksum; without empty texts, as rerun keeps none."""
+    kept = {name: value for name, value in values.items() if value != ""}
+    return {**kept, CHECK: _checksum_of(kept)}
+
+
+def unchecked(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values without their checksum, which older recordings lack. Raises ValueError if it is wrong."""
+    rest = {name: value for name, value in values.items() if name != CHECK}
+    # The first recordings with checksums included an empty title, which rerun kept or not.
+    known = {_checksum_of(rest), _checksum_of({"title": "", **rest})}
+    if CHECK in values and values[CHECK] not in known:
+        raise ValueError(f"the checksum of {', '.join(rest)} is wrong")
+    return rest
+
+
+def _checksum_of(values: Mapping[str, Any]) -> str:
+    # Damaged values may be of any type.
+    return str(zlib.crc32(json.dumps(values, sort_keys=True, default=repr).encode()))
 
 
 def local_time() -> datetime:

@@ -13,8 +13,7 @@ from flexlab.control.laws.proportional_derivative import ProportionalDerivative
 from flexlab.control.laws.vibration_damping import VibrationDamping
 from flexlab.control.paths.sine import SineTrajectory
 from flexlab.scenario.arms import Arm
-from flexlab.scenario.damping import ModalDamping, NodalDamping, StiffnessDamping
-from flexlab.scenario.payload import FIXED_COORDINATES, Boundary, Payload
+from flexlab.scenario.payload import FIXED_COORDINATES, Boundary, ModalDamping, NodalDamping, Payload, StiffnessDamping
 from flexlab.scenario.scenario import Initial, Scenario, Simulation, parse_scenario
 
 __all__ = [

@@ -14,7 +14,6 @@ from flexlab.scenario.payload import Payload
 RETIRED = "bending_stiffness_factor"
 ONLY_PATH = "sine"
 """The kind of a path that names none: there was only this one."""
-
 log = logging.getLogger(__name__)
 
 

@@ -28,8 +28,6 @@ TITLES = {
     "grips.measured_at": "Where the controller measures the pose",
 }
 """Path → title of the field."""
-
-
 WORDS = {
     "zv": "ZV shaper",
     "zvd": "ZVD shaper",
@@ -82,10 +80,8 @@ def word_of(value: Any) -> str:
 
 ENGINE = "trajectory.transition"
 """A field that only the engine sets: the transition after a change of the path in motion."""
-
 FOLLOW = ("trajectory.table", "trajectory.table_of")
 """Fields that follow from the text of a person's own path and its options."""
-
 Difference = tuple[str, Any, Any]
 """(dotted path, value in one, value in the other)."""
 

@@ -38,8 +38,6 @@ if not TYPE_CHECKING:
 
 SMALLEST_STEP = 1e-7
 """Shortest integration step, s: below it rounding outweighs truncation for every integrator here."""
-
-
 SCHEMA_FIELD, FORMAT_FIELD, MENU_FIELD = "$schema", "format", "menu_order"
 FILE_FIELDS: dict[str, type] = {SCHEMA_FIELD: str, FORMAT_FIELD: int, MENU_FIELD: int}
 """Metadata of a file, not fields of the scenario: its schema for editors, its format, its place in menus."""
@@ -192,10 +190,7 @@ class Scenario(Part):
         return changed or parse_scenario(data)
 
     def _with_parts(self, data: Mapping[str, Any]) -> "Scenario | None":
-        """As `parse_scenario`, but validate only the parts that have changed, as a slider sends many changes.
-
-        None if one of them is not valid, has another kind or holds a person's own code: the whole then has to be parsed.
-        """
+        """As `parse_scenario`, but fast: validates changed parts only; None if that is impossible, or one is not valid."""
         parts: dict[str, Part] = {}
         try:
             for name, old in vars(self).items():

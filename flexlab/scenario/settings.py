@@ -12,10 +12,8 @@ from flexlab.text import visible
 
 LAW, SEED = "controller.kind", "controller.sensor_noise.seed"
 """The fields behind `--law` and `--seed`."""
-
 PERIOD, USUAL_PERIOD = "controller.control_period", 0.001
 """The field, and the period, s, that sampled laws get when they are chosen for a continuous loop."""
-
 IDEAL: dict[str, Any] = {
     "controller.input_delay": 0,
     "controller.sensor_noise": {},
@@ -28,10 +26,7 @@ IDEAL: dict[str, Any] = {
 
 
 def parse_setting(text: str) -> tuple[str, Any]:
-    """(dotted path, value) of `PATH=VALUE`: the value as JSON, or else as text (`kind=pd`).
-
-    Raises `ScenarioError` for a text without a path or an equals sign.
-    """
+    """(dotted path, value) of `PATH=VALUE`, the value as JSON, or else as text (`kind=pd`). Raises `ScenarioError`."""
     path, equals, value = (part.strip() for part in text.partition("="))
     if not equals or not path:
         raise ScenarioError(
@@ -65,10 +60,7 @@ def settings_from(texts: Sequence[str] = (), law: str | None = None, seed: int |
 
 
 def change_settings(scenario: Scenario, changes: Mapping[str, Any]) -> Scenario:
-    """A copy with fields changed by path, kinds first and outer ones before inner, so that they may be named in any order.
-
-    Raises `ScenarioError`.
-    """
+    """A copy with fields changed by path in any order: kinds first, and outer before inner. Raises `ScenarioError`."""
     ordered = sorted(changes.items(), key=lambda item: (not item[0].endswith(".kind"), item[0].count(".")))
     return scenario.replace(dict(ordered))
 

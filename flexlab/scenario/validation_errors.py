@@ -13,7 +13,6 @@ MOST_HINTS = 3
 """The most names in a sentence."""
 ALIKE, ALIKE_LAST = 0.75, 0.8
 """Least similarity, 0 to 1, of a path, or its last name, to one that it may misspell."""
-
 NEARLY_AS_GOOD = 0.1
 """Names that are less similar than the best by no more than this are suggested too."""
 
@@ -73,10 +72,7 @@ LONGEST = 60
 
 
 def locate(model: type[Part], location: Sequence[Any]) -> tuple[str, Quantity | None, list[type[Part]]]:
-    """Dotted path and description of the place that pydantic names, without the kinds that it inserts for unions.
-
-    Also the parts that may be there: none for a value or an unknown place.
-    """
+    """Dotted path and description of a place that pydantic names, without the kinds in unions, and the parts that fit there."""
     owners, about = [model], None
     names: list[str] = []
     for item in map(str, location):
@@ -171,10 +167,7 @@ class _Brief(reprlib.Repr):
 
 def brief(value: Any) -> str:
     """A value of any type and size in at most `LONGEST` characters."""
-    text = _number(value) if isinstance(value, float) else visible(_Brief().repr(value))
+    text = f"{value:g}" if isinstance(value, float) else visible(_Brief().repr(value))
+    if isinstance(value, float) and "e" in text:
+        text = number_text(value)
     return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
-
-
-def _number(value: float) -> str:
-    text = f"{value:g}"
-    return number_text(value) if "e" in text else text

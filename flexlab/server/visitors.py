@@ -20,9 +20,8 @@ from aiohttp import hdrs, web
 
 from flexlab.errors import LabError
 from flexlab.files import is_regular
-from flexlab.recording.store.people import told_apart
 from flexlab.recording.store.run_files import list_files
-from flexlab.recording.store.run_index import NoSuchRun, RunRow, find_row, read_rows
+from flexlab.recording.store.run_index import NoSuchRun, RunRow, find_row, read_rows, told_apart
 from flexlab.server.connections import Handler
 from flexlab.server.labs import LabProvider
 from flexlab.server.limits import Guesses, Limit, Visitor, network_of

@@ -64,7 +64,7 @@ boundary: boundaries.py
 stiffness of the beam: physics/beam.py
     - 4), 6 - 12 * xi
     - 4), 6 + 12 * xi
-damping of the beam: scenario/damping.py
+damping of the beam: scenario/payload.py
     self.coefficient * product(V.T
     -self.coefficient * product(V.T
 joint rates: physics/arm.py
@@ -205,10 +205,10 @@ regulator's weight of the beam: control/laws/lqr.py
 regulator's gain: control/laws/lqr.py
     total = -feedback[r]
     total = -0.5 * feedback[r]
-stiffness damping: scenario/damping.py
+stiffness damping: scenario/payload.py
     self.coefficient * (omega * omega)
     self.coefficient * omega
-modal damping: scenario/damping.py
+modal damping: scenario/payload.py
     2 * self.ratio * omega
     self.ratio * omega
 viscous friction: physics/joints.py
@@ -262,7 +262,7 @@ torque of a late motor that turns the links: physics/joints.py
 no-load speed: physics/joints.py
     stall / np.array(motor
     0.9 * stall / np.array(motor
-reach of the arms in the function that falls: analysis/lyapunov.py
+reach of the arms in the function that falls: analysis/paper_equations.py
     grip_rate - l3 * turn_rate
     grip_rate + l3 * turn_rate
 mid-span of a beam whose mesh changes: sim/bumpless_transfer.py
@@ -532,7 +532,7 @@ torque at its limit as the run tells it: sim/signals.py
 friction of the other arm: sim/signals.py
     row[first + k] = ws.joint_friction[k // 3, k % 3]
     row[first + k] = ws.joint_friction[count // 3 - 1 - k // 3, k % 3]
-time at which a vibration is gone: analysis/metrics/settling_time.py
+time at which a vibration is gone: analysis/metrics/vibration.py
     float(loud[-1] - self._first) if
     float(loud[-1]) if
 torque at its lower limit: sim/signals.py

@@ -12,9 +12,8 @@ from flexlab.analysis.identification.free_ring import recent_ring
 from flexlab.analysis.lesson_checks import check_lesson
 from flexlab.analysis.metrics import METRICS, Column, MetricCollection, register, run_metrics
 from flexlab.analysis.metrics.metric import Peak
-from flexlab.analysis.metrics.residual_vibration import ResidualVibration
 from flexlab.analysis.metrics.run_metrics import noted_text, noted_value
-from flexlab.analysis.metrics.settling_time import SettlingTime, settling_time
+from flexlab.analysis.metrics.vibration import ResidualVibration, SettlingTime, settling_time
 from flexlab.errors import StudyError
 from flexlab.presets import load_preset
 from flexlab.sim.commands import ChangeScenario, Tap

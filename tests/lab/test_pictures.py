@@ -10,8 +10,8 @@ from lab_page import wait_until
 from raw_browser import RawBrowser
 
 from flexlab.analysis.lesson_measures import amplitude_spectrum
-from flexlab.analysis.lyapunov import tracking_energy
 from flexlab.analysis.modes import modes
+from flexlab.analysis.paper_equations import tracking_energy
 from flexlab.errors import LabError
 from flexlab.lab.panel.number_control import Scale
 from flexlab.lab.panel.sections import three_valued

@@ -18,7 +18,7 @@ from flexlab.control.motion import desired_motion
 from flexlab.physics.arm import arm_velocity_terms, joint_torques
 from flexlab.physics.dynamics import configure_arms
 from flexlab.scenario import Scenario
-from flexlab.scenario.damping import NodalDamping
+from flexlab.scenario.payload import NodalDamping
 from flexlab.sim.build import build_beam
 
 COUPLED = 1e-9

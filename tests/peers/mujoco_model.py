@@ -24,7 +24,7 @@ import numpy as np
 from flexlab.errors import StudyError
 from flexlab.physics.plant import make_workspace
 from flexlab.scenario import Scenario
-from flexlab.scenario.damping import NodalDamping, StiffnessDamping
+from flexlab.scenario.payload import NodalDamping, StiffnessDamping
 from flexlab.sim.world import World
 from peers.bodies import Bodies, Body, Motion, bare_carrier, joint_torque_law, make_bodies
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexlab.scenario import Payload
-from flexlab.scenario.damping import ModalDamping, NodalDamping, StiffnessDamping
+from flexlab.scenario.payload import ModalDamping, NodalDamping, StiffnessDamping
 from flexlab.sim.build import build_beam, nodal_damping_matrix
 
 

@@ -16,13 +16,12 @@ from rerun import any_batch_value
 from flexlab.analysis.replay import replay
 from flexlab.errors import FlexlabError, RecordingError
 from flexlab.recording import codec, run_encoder, run_info
-from flexlab.recording.checksums import checked
 from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.importing import import_into
 from flexlab.recording.reader import read_recording, read_scenario
 from flexlab.recording.rerun_internals.chunks import Column, new_stream, scalars, send_columns, stream_rows, time_column
 from flexlab.recording.run_encoder import RunEncoder
-from flexlab.recording.run_info import RunInfo
+from flexlab.recording.run_info import RunInfo, checked
 from flexlab.sim.samples import Run, Samples
 from flexlab.sim.world import World
 

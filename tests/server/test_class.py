@@ -14,7 +14,7 @@ from http_client import ask, looking, wait_until
 from person import TEACHER, TOKEN, Person, open_server
 
 from flexlab.recording.store.notes import read_notes, write_notes
-from flexlab.recording.store.people import names_told_apart
+from flexlab.recording.store.run_index import names_told_apart
 from flexlab.server.front_server import FrontServer
 from flexlab.server.visitors import checked_name
 

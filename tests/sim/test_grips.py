@@ -8,7 +8,7 @@ from going_on import check_live, whole_run_as_in_blocks
 from grip_equations import Machine
 from scipy.linalg import expm
 
-from flexlab.analysis.internal_force import internal_force_eq_26
+from flexlab.analysis.paper_equations import internal_force_eq_26
 from flexlab.analysis.replay import replay
 from flexlab.analysis.validation.mass_points import MassPoints
 from flexlab.errors import ScenarioError, StudyError

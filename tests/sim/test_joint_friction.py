@@ -6,7 +6,7 @@ from going_on import whole_run_as_in_blocks
 from scipy.integrate import solve_ivp
 
 import flexlab
-from flexlab.analysis.internal_force import internal_force_eq_26
+from flexlab.analysis.paper_equations import internal_force_eq_26
 from flexlab.errors import ScenarioError
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario

@@ -5,7 +5,7 @@ import pytest
 from going_on import check_live, whole_run_as_in_blocks
 
 import flexlab
-from flexlab.analysis.internal_force import internal_force_eq_26
+from flexlab.analysis.paper_equations import internal_force_eq_26
 from flexlab.analysis.replay import replay
 from flexlab.control.laws.proportional_derivative import ProportionalDerivative
 from flexlab.errors import ScenarioError, StudyError
@@ -13,7 +13,7 @@ from flexlab.multibody.bodies import make_bodies
 from flexlab.presets import load_preset
 from flexlab.recording.headless import write_run
 from flexlab.recording.reader import read_recording
-from flexlab.scenario.damping import NodalDamping
+from flexlab.scenario.payload import NodalDamping
 from flexlab.sim.commands import ChangeScenario, Pull, Tap
 from flexlab.sim.samples import Samples
 from flexlab.sim.simulate import simulate

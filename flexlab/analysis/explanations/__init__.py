@@ -1,7 +1,4 @@
-"""Explanations of a run: sentences computed from its numbers.
-
-To add one, add a file here that registers it; `explanation.py` says how.
-"""
+"""Explanations of a run: sentences computed from its numbers, each registered by a file here (see `explanation.py`)."""
 
 from flexlab.registry import modules_in
 

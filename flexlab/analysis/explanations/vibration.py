@@ -4,9 +4,8 @@ import numpy as np
 
 from flexlab.analysis.explanations.explanation import Evidence, n, register
 from flexlab.analysis.lesson_measures import largest, length, newest, ring_frequency
-from flexlab.analysis.metrics.residual_vibration import ResidualVibration
 from flexlab.analysis.metrics.run_metrics import between
-from flexlab.analysis.metrics.settling_time import FOLLOWS
+from flexlab.analysis.metrics.vibration import FOLLOWS, ResidualVibration
 from flexlab.analysis.modes import Ring
 from flexlab.control.motion import TOLERATED
 from flexlab.sim.samples import Samples

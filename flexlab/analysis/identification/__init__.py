@@ -2,5 +2,5 @@
 
 `ring.py`: frequencies and damping ratios with intervals; `evidence.py`: whether there is a ring, and what the modes
 leave out; `beam_parameters.py`: the stiffness and damping that give a scenario the same ring, and CSV files; `fitting.py`: the
-whole fit; `remedies.py`: remedies.
+whole fit; `free_ring.py`: where a run rings, and remedies.
 """

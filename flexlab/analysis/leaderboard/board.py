@@ -1,6 +1,6 @@
 """The leaderboard: all laws in all cases, computed on all cores and stored row by row; and the check of stored rows."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -75,13 +75,9 @@ class Leaderboard(Result):
             raise StudyError(f"{case!r:.40} is not a case here: choose one of {', '.join(known)}.")
         found = known[case] if case else self.cases[0]
         laws = [law for law in self.laws if any(row.law == law and row.case == found.name for row in self.rows)]
-        values = [[self._shown(found, variant, law) for variant in found.variants] for law in laws]
-        return draw_case(found, laws, np.array(values))
-
-    def _shown(self, case: Case, variant: Variant, law: str) -> float:
-        """A law's main score in the shown unit; NaN if it has none."""
-        value = self.value(case, variant, law, case.main)
-        return np.nan if value is None else case.main.column.scale * max(value, case.main.floor)
+        values = [[self.value(found, variant, law, found.main) for variant in found.variants] for law in laws]
+        shown = np.array(values, float)  # None becomes NaN, and stays it.
+        return draw_case(found, laws, found.main.column.scale * np.maximum(shown, found.main.floor))
 
     def __repr__(self) -> str:
         cases = ", ".join(case.name for case in self.cases)
@@ -145,10 +141,7 @@ def compute_rows(tasks: Sequence[Task], workers: Workers | None) -> Iterator[Row
 def run_board(
     tasks: Sequence[Task], store: RowStore, workers: Workers | None = None, told: Told = lambda done, total: None
 ) -> Leaderboard:
-    """The leaderboard of all tasks: rows from the store, and the others, computed and stored. Raises `StudyError`.
-
-    The computation may be interrupted: the same call then computes the remaining rows. `workers` None: a thread per core.
-    """
+    """The leaderboard of all tasks, which may be interrupted: missing rows are computed and stored. Raises `StudyError`."""
     store.prepare()
     known = {task.row.key: row for task in tasks if (row := store.get(task.row.key)) is not None}
     # Long tasks come first, so that no core waits for one at the end.
@@ -184,19 +177,15 @@ def verify(
 
 
 def _difference(kept: Row, found: Row) -> str:
-    ours, theirs = found.as_data(), kept.as_data()
-    for name in COMPARED:
-        if ours[name] != theirs[name]:
-            return f"{_words(name, theirs[name], ours[name])}{_reason(kept, found)}"
-    return ""
-
-
-def _words(name: str, kept: object, found: object) -> str:
-    if name == "scores" and isinstance(kept, Mapping) and isinstance(found, Mapping):
-        odd = next(key for key in {**kept, **found} if kept.get(key) != found.get(key))
-        ours, theirs = ("none" if values.get(odd) is None else repr(values[odd]) for values in (found, kept))
-        return f"the score {odd} is {theirs}, and {ours} here"
-    return f"{name.replace('_', ' ')} is {kept!s:.200}, and {found!s:.200} here"
+    name = next((name for name in COMPARED if getattr(kept, name) != getattr(found, name)), "")
+    if not name:
+        return ""
+    said, theirs, ours = name.replace("_", " "), getattr(kept, name), getattr(found, name)
+    if name == "scores":
+        odd = next(key for key in {**theirs, **ours} if theirs.get(key) != ours.get(key))
+        said = f"the score {odd}"
+        theirs, ours = ("none" if values.get(odd) is None else repr(values[odd]) for values in (theirs, ours))
+    return f"{said} is {theirs!s:.200}, and {ours!s:.200} here{_reason(kept, found)}"
 
 
 def _reason(kept: Row, found: Row) -> str:

@@ -15,9 +15,8 @@ import numpy as np
 from flexlab.analysis.metrics import Column, Metric
 from flexlab.analysis.metrics import magnitudes as metrics
 from flexlab.analysis.metrics.metric import Number, Peak, RootMeanSquare, of_signal
-from flexlab.analysis.metrics.residual_vibration import LATER, ResidualVibration
 from flexlab.analysis.metrics.run_metrics import Window, value_text
-from flexlab.analysis.metrics.settling_time import SettlingTime
+from flexlab.analysis.metrics.vibration import LATER, ResidualVibration, SettlingTime
 from flexlab.errors import StudyError
 from flexlab.presets import load_preset
 from flexlab.registry import modules_in

@@ -1,7 +1,4 @@
-"""A sweep's table on disk, one row per cell, saved in parts while it is computed; and the finished sweep.
-
-Each part is written whole or not at all. The plan's key tells whether a folder holds the same sweep.
-"""
+"""A sweep's table on disk, saved in whole parts while it is computed, beside the plan's key; and the finished sweep."""
 
 import json
 import shutil
@@ -48,10 +45,7 @@ def sweep_folder(name: str, plan: Plan) -> Path:
 
 
 def schema(plan: Plan) -> pa.Schema:
-    """Columns: number of the cell, each axis by its path, status, sentence, each metric by its name, and the provenance.
-
-    Metrics are in SI units; the columns' metadata hold titles and units. "scenario" is the hash of the cell's scenario.
-    """
+    """Columns: cell, varied fields by path, status, sentence, metrics by name (SI; metadata: titles, units), and provenance."""
     axes = [(axis.path, pa.float64() if axis.numeric else pa.string()) for axis in plan.axes]
     shown = ((each.name, {"title": each.column.title, "unit": each.column.si_unit}) for each in numbers())
     metrics = [pa.field(name, pa.float64(), metadata=title_and_unit) for name, title_and_unit in shown]
@@ -195,10 +189,7 @@ class Sweep(Result):
 
     @cached_property
     def table(self) -> Any:
-        """A row per cell: number, varied fields, status, sentence, metrics (SI), hash of the scenario, key and version.
-
-        Raises `StudyError` if its file is damaged.
-        """
+        """A row per cell: values, status, sentence, metrics (SI), hashes and version. Raises `StudyError` if it is damaged."""
         file = self.folder / TABLE
         try:
             return _rows(file, self._layout, range(len(self)))
@@ -254,11 +245,8 @@ class Sweep(Result):
         return f"<Sweep of {counted(len(self), 'cell')} over {fields}{failed}, in {self.folder}>"
 
     def _repr_html_(self) -> str:
-        rows = ([_text(value) for value in row.values()] for row in self.table.slice(0, HTML_ROWS).to_pylist())
+        def shown(value: Any) -> str:
+            return f"{value:.4g}" if isinstance(value, float) else "–" if value is None else str(value)
+
+        rows = (map(shown, row.values()) for row in self.table.slice(0, HTML_ROWS).to_pylist())
         return f"<p>{escape(repr(self))}</p>{html_table(rows, self.table.column_names)}"
-
-
-def _text(value: Any) -> str:
-    if value is None:
-        return "–"
-    return f"{value:.4g}" if isinstance(value, float) else str(value)

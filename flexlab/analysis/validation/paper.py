@@ -5,10 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from flexlab.analysis.internal_force import internal_force_eq_26
 from flexlab.analysis.lesson_measures import bound_terms
-from flexlab.analysis.lyapunov import tracking_energy
-from flexlab.analysis.metrics.settling_time import settling_time
+from flexlab.analysis.metrics.vibration import settling_time
+from flexlab.analysis.paper_equations import internal_force_eq_26, tracking_energy
 from flexlab.analysis.validation.check import FINE, PERIOD, Check, Runs, above, alike, below, close, subject
 from flexlab.analysis.validation.mass_points import MassPoints, christoffel, time_derivative
 from flexlab.sim.samples import Run

@@ -35,7 +35,6 @@ RESIDUALS: dict[str, Callable[[float], float]] = {
     "ei-shaper": lambda c: (1 + VIBRATION) * c * c - VIBRATION,
 }
 """Shaper → residual vibration of an undamped mode, as a function of cos(π/2 · frequency of mode / of shaper)."""
-
 OWN: dict[str, dict[str, Any]] = {
     "sine": {"phase": (0.3, 0.0, -1.0), "frequency": (1.0, 0.7, 2.0), "amplitude": (0.1, 0.05, 0.2)},
     "rest-to-rest": {"start": 0.2, "duration": 0.9, "to": (0.1, 0.85, 0.3)},

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlab import views
-from flexlab.analysis.lyapunov import tracking_energy
+from flexlab.analysis.paper_equations import tracking_energy
 from flexlab.control.law import BOUND_ESTIMATES, law_of
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples

@@ -31,7 +31,6 @@ LONGEST = 600.0
 """Longest time for mending one file, s."""
 OS_ERROR = re.compile(r"([^:\n]*) \(os error (\d+)\)")
 """The tool's message about an error of the operating system."""
-
 WARNINGS = "warn,re_analytics=off"
 """What the tool reports: its warnings, but not that it cannot keep its settings in a home folder that cannot be written."""
 
@@ -67,10 +66,7 @@ class Mending:
                 process.terminate()
 
     def rewrite(self, source: Path, target: Path, join: bool = True) -> bool:
-        """Write what is readable of `source` to `target`, with a footer, and return whether anything is. `join`: small pieces.
-
-        Raises OSError if the disk refuses; `target` is then useless, even if it can be read.
-        """
+        """Write what is readable of `source`, with a footer; returns whether any is. After an OSError `target` is useless."""
         ways = ("optimize", "filter") if join and source.stat().st_size <= LARGE_FILE else ("filter",)
         return any(not self.stopped and self._run(way, source, target) for way in ways)
 
@@ -174,10 +170,7 @@ DATASET = "runs"
 
 @contextlib.contextmanager
 def serving(path: Path) -> Iterator[str]:
-    """Serve a recording; yields the address that a viewer opens.
-
-    Raises `RecordingError`, RuntimeError, ValueError, OSError or LookupError.
-    """
+    """Serve a recording; yields its address. Raises `RecordingError`, RuntimeError, ValueError, OSError or LookupError."""
     place = os.environ.get("TMPDIR", "")
     if place and not os.access(place, os.W_OK | os.X_OK):
         raise RecordingError(

@@ -12,8 +12,6 @@ from flexlab.files import lock, read_json, replacing
 
 LARGEST_NOTES = 10_000_000
 """Largest size of a file of notes that is read, bytes: an hour of dragging sliders makes one."""
-
-
 MEASURED = "measured_file"
 """Key in the notes: size, bytes, and modification time, s, of the file that the metrics belong to."""
 SAME_TIME = 2.0
@@ -28,10 +26,7 @@ def notes_path(path: Path) -> Path:
 
 
 def read_notes(path: Path) -> dict[str, Any]:
-    """The notes beside a recording; empty if there are none or they cannot be read.
-
-    Only those `OF_PEOPLE` if another file has taken its name since the metrics were written.
-    """
+    """The notes beside a recording, if any; only those `OF_PEOPLE` if another file has taken its name since."""
     try:
         notes = read_json(notes_path(path), LARGEST_NOTES)
     except (OSError, ValueError):
@@ -42,10 +37,7 @@ def read_notes(path: Path) -> dict[str, Any]:
 
 
 def _is_another(path: Path, notes: dict[str, Any]) -> bool:
-    """Whether a recording has neither the size nor the time of the file that the metrics belong to.
-
-    A copy has its size, and a mended one its time.
-    """
+    """Whether size and time differ from the measured file's: a copy has its size, and a mended file its time."""
     try:
         size, time = notes[MEASURED]
         now = path.stat()

@@ -5,9 +5,11 @@ import logging
 import math
 import os
 import re
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -195,6 +197,7 @@ def read_row(path: Path) -> RunRow:
     except RecordingError as error:
         problem = str(error) if state != "in use" else f"{run_id(path)} has only just begun: look again in a moment."
     visitor, owner = _whose(notes)
+    metrics = notes["metrics"] if isinstance(notes.get("metrics"), dict) else {}
     status = visible(notes.get("status", ""), LONGEST_NAME)
     named = _NAME.fullmatch(path.stem)
     started = _time(notes.get("started")) or (named and _time(named[1])) or _time(stat.st_mtime)
@@ -208,7 +211,7 @@ def read_row(path: Path) -> RunRow:
         size=stat.st_size,
         state=state,
         status="" if status == BREAKING_OFF else status,
-        metrics=_metrics(notes.get("metrics")),
+        metrics={visible(name, LONGEST_NAME): _number(metrics[name]) for name in list(metrics)[:MOST_METRICS]},
         changes=_texts(notes.get("changes"), LONGEST_CHANGE, MOST_CHANGES),
         note=visible(notes.get("note", ""), LONGEST_NOTE),
         tags=_texts(notes.get("tags"), LONGEST_TAGS, LONGEST_TAGS),
@@ -223,12 +226,8 @@ def read_row(path: Path) -> RunRow:
     )
 
 
-def whose(path: Path) -> tuple[str, str]:
-    """(name, mark) of the visitor who made a recording; empty for nobody in particular."""
-    return _whose(read_notes(path))
-
-
 def _whose(notes: dict[str, Any]) -> tuple[str, str]:
+    """(name, mark) of the visitor who made a recording; empty for nobody in particular."""
     return visible(notes.get("visitor", ""), LONGEST_NAME), visible(notes.get("owner", ""), LONGEST_NAME)
 
 
@@ -247,12 +246,6 @@ def _number(value: Any) -> float | None:
     except OverflowError:
         return None
     return number if math.isfinite(number) else None
-
-
-def _metrics(values: Any) -> dict[str, float | None]:
-    if not isinstance(values, dict):
-        return {}
-    return {visible(name, LONGEST_NAME): _number(value) for name, value in list(values.items())[:MOST_METRICS]}
 
 
 def _gaps(notes: dict[str, Any]) -> str:
@@ -304,3 +297,33 @@ def duration_text(duration: float | None) -> str:
         return f"{number_text(duration)} s"
     minutes, seconds = divmod(round(duration), 60)
     return f"{minutes} min {seconds:02d} s"
+
+
+JOINERS = {0x200C: None, 0x200D: None}
+"""Characters within a name that nobody sees, or only by the shape of their neighbours."""
+MARK = 4
+"""Length of the owner's mark behind a name that several have, characters."""
+
+
+def names_told_apart(people: Iterable[tuple[str, str]], logs: Path) -> dict[tuple[str, str], str]:
+    """(name, mark) → the name, with the beginning of the mark if others here, or in the folder's notes, have it too."""
+    known = _recorded(logs, logs.stat().st_mtime_ns if logs.exists() else 0).union(people)
+    count = Counter(name.translate(JOINERS) for name, _ in known)
+    return {
+        (name, owner): f"{name} ({owner[:MARK]})" if name and owner and count[name.translate(JOINERS)] > 1 else name
+        for name, owner in known
+    }
+
+
+def told_apart(rows: Sequence[RunRow], logs: Path) -> list[RunRow]:
+    """Runs with their visitors' names told apart from all other names in the notes of a folder."""
+    if not any(row.visitor and row.owner for row in rows):
+        return list(rows)
+    names = names_told_apart(((row.visitor, row.owner) for row in rows), logs)
+    return [replace(row, visitor=names[row.visitor, row.owner]) for row in rows]
+
+
+@lru_cache(maxsize=1)  # The teacher's page asks every 0.4 s.
+def _recorded(logs: Path, changed: int) -> frozenset[tuple[str, str]]:
+    """All people in the notes of a folder, whose time stamp is `changed`: new notes replace the file of the old ones."""
+    return frozenset(_whose(read_notes(path)) for path in list_files(logs))

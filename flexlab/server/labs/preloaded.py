@@ -8,7 +8,7 @@ from importlib import import_module
 
 from flexlab.errors import FlexlabError
 from flexlab.presets import load_preset
-from flexlab.recording.no_pandas import leave_pandas_out
+from flexlab.recording import leave_pandas_out
 from flexlab.server.labs import worker
 from flexlab.server.tasks import leave_interrupts_to_the_server
 from flexlab.sim.world import World

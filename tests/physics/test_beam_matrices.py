@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexlab.physics.beam import beam_matrices, shape_row
-from flexlab.scenario import FIXED_COORDINATES, Payload
+from flexlab.scenario.payload import FIXED_COORDINATES, Payload
 from flexlab.sim.build import build_beam
 
 LENGTH, RHO, EI = 0.6, 1.7, 42.0

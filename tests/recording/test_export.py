@@ -17,7 +17,8 @@ from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.reader import read_recording
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.table_columns import table_columns
-from flexlab.scenario import FIXED_COORDINATES, Scenario
+from flexlab.scenario import Scenario
+from flexlab.scenario.payload import FIXED_COORDINATES
 from flexlab.sim.commands import Tap
 from flexlab.sim.samples import Run
 from flexlab.sim.simulate import simulate

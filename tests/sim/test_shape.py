@@ -7,7 +7,8 @@ import pytest
 
 from flexlab.boundaries import HELD_COORDINATES, held_coordinates
 from flexlab.errors import ScenarioError
-from flexlab.scenario import FIXED_COORDINATES, Payload, Scenario
+from flexlab.scenario import Payload, Scenario
+from flexlab.scenario.payload import FIXED_COORDINATES
 from flexlab.sim.geometry import (
     arm_points,
     beam_points,

@@ -110,7 +110,7 @@ def chatter(seen: Evidence) -> str | None:
 
 
 AT_LIMIT, AT_MOST = 1 - 1e-6, 0.99
-"""Least shares of the controller's limit, and of what a motor, which lags, can give at its speed, at which a torque is limited"""
+"""Least shares of the controller's limit, and of what a motor, which lags, can give at its speed, of a limited torque."""
 LEAST_SHARE = 0.005
 """Least share of the newest second at a limit."""
 NAMES = ("left", "right")

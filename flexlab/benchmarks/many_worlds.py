@@ -52,12 +52,14 @@ class ThreadWatch:
     def _watch(self) -> None:
         while not self._ended.wait(LOOK_EVERY):
             for thread in threading.enumerate():
-                if not thread.name.startswith(self._prefix) or thread.native_id is None:
-                    continue
-                now, waited = time.perf_counter(), time_in_queue(thread.native_id)
-                if waited is not None:
-                    first, _ = self._lives.get(thread.native_id, (now - waited, 0.0))
-                    self._lives[thread.native_id] = first, now - waited
+                if thread.name.startswith(self._prefix) and thread.native_id is not None:
+                    self._look(thread.native_id)
+
+    def _look(self, thread: int) -> None:
+        now, waited = time.perf_counter(), time_in_queue(thread)
+        if waited is not None:
+            first, _ = self._lives.get(thread, (now - waited, 0.0))
+            self._lives[thread] = first, now - waited
 
 
 def time_in_queue(thread: int) -> float | None:

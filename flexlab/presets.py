@@ -76,9 +76,17 @@ def preset_files(own: str | Path = OWN_FOLDER) -> dict[str, Path]:
     """
     own, ours = file_path("own", own), presets_folder()
     try:
-        files = {preset_name(path.stem): path for folder in (own, ours) for path in folder.glob("*.json")}
+        found = [path for folder in (own, ours) for path in sorted(folder.glob("*.json"))]
     except OSError as error:
         raise PresetError(f"own = {str(own)!r:.60} cannot be read ({error.strerror}): name another folder.") from None
+    files: dict[str, Path] = {}
+    for path in found:
+        name = preset_name(path.stem)
+        while (
+            name in files and files[name].parent == path.parent
+        ):  # Names that differ in characters that were replaced.
+            name += REPLACEMENT
+        files[name] = path
     return dict(sorted(files.items(), key=lambda item: (item[1].parent != ours, _menu_order(item[1]), item[0])))
 
 

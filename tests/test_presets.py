@@ -59,6 +59,9 @@ def test_a_preset_whose_file_name_is_not_utf_8_has_a_name_that_is(tmp_path: Path
     file.write_text('{"title": "A brush"}')
     name = "b\N{REPLACEMENT CHARACTER}rste"
     assert preset_names(tmp_path)[-1] == name
+    for byte in (b"\xfc", b"\xfd"):  # Two such names once hid one another.
+        (tmp_path / os.fsdecode(b"m" + byte + b"ll.json")).write_text("{}")
+    assert sum(one.startswith("m\N{REPLACEMENT CHARACTER}ll") for one in preset_names(tmp_path)) == 2
     assert load_preset(name, tmp_path).title == "A brush"
     assert find_scenario(str(file)) == (name, load_scenario_file(file))
 

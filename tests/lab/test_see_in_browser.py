@@ -196,7 +196,7 @@ def test_slow_motion_for_a_mode_needs_no_restart(page: LabPage) -> None:
 def test_the_plots_of_every_tab_have_their_curves_and_legible_numbers(page: LabPage) -> None:
     # There is enough of the run to explain, below the charts, which stay where they are.
     page.wait_for_text("What the plots show")
-    page.wait_for_text("Tracking error. The error of 0.71 mm is the beam's reaction over the feedback")
+    page.wait_for_text("Tracking error. The error of 0.71 mm is the beam's reaction divided by the feedback")
     for tab, texts in {
         "Torques": ("Joint torques, left arm", "Joint torques, right arm", "τ1 (N·m)"),
         "Control": ("Sliding variable s", "boundary layer ε (m/s)", "b̂2 (N·s²/m²)"),

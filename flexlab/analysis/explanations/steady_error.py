@@ -156,7 +156,8 @@ def error_within_the_layer(seen: Evidence) -> str | None:
         cures += f" Torques that come {n(1e3 * lateness(seen.background))} ms late add to it."
     return (
         f"The error of {length(error)} is {share}the beam's reaction divided by the feedback: "
-        f"‖Ψ‖ = {n(around.largest_reaction)} N divided by {n(stiffness)} N·s/m and Λ = {n(slope)} 1/s give {length(predicted)} {limit}."
+        f"‖Ψ‖ = {n(around.largest_reaction)} N divided by {n(stiffness)} N·s/m and Λ = {n(slope)} 1/s "
+        f"give {length(predicted)} {limit}."
         f"{cures}"
     )
 

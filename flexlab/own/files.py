@@ -1,20 +1,11 @@
-"""Where laws and paths come from: a person's folder, flexlab's examples, a given file, or a class.
+"""Where laws and paths come from: a person's folder, flexlab's examples, a given file, or a class."""
 
-The text of a class is collected with everything that it uses, so that a recording can hold it.
-"""
-
-import ast
 import contextlib
-import dis
 import inspect
-import math
 import re
-import sys
-import textwrap
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import CodeType, ModuleType
 from typing import Any, Generic, TypeVar
 
 from flexlab.assets import presets_folder
@@ -23,6 +14,7 @@ from flexlab.control.path import Path as DesiredPath
 from flexlab.errors import ScenarioError
 from flexlab.files import check_ordinary
 from flexlab.own import hosts
+from flexlab.own.class_text import class_text
 from flexlab.own.declaration import Declared, OwnLaw, OwnPath, read_declaration, read_path_declaration
 from flexlab.own.kinds import OwnKinds, default_source
 from flexlab.own.law import OWN_LAWS
@@ -31,18 +23,7 @@ from flexlab.own.modules import kept_files, with_modules
 from flexlab.own.path import OWN_PATHS
 from flexlab.own.reading import LONGEST_SOURCE, is_address, is_unit
 from flexlab.own.unit import text_of_unit
-from flexlab.text import PARSER, syntax_tree
 
-HEADER = (
-    "import math",
-    "import flexlab",
-    "import numpy as np",
-    "from flexlab import OwnLaw, OwnPath, data_file, gain, memory, option, readout",
-)
-"""Imports at the head of a class's text."""
-FUTURE = "__future__"
-LOADS = ("LOAD_NAME", "LOAD_GLOBAL", "LOAD_FROM_DICT_OR_GLOBALS")
-"""Python's instructions that look a name up in the file; the last from Python 3.12 on."""
 LARGEST = 4 * LONGEST_SOURCE
 """The most bytes of a file: a character has four at most."""
 RENAMED = {
@@ -51,85 +32,6 @@ RENAMED = {
 }  # fmt: skip
 """Names in kernels of version 0.2.0, as Python's error quotes them, and the present names."""
 K = TypeVar("K", bound=Law | DesiredPath)
-
-
-def class_text(given: type) -> str:
-    """A class's text with the imports, constants, functions and classes of its file that it uses; lines keep their numbers.
-
-    Names that the file or the notebook's cell does not define are looked up in the class's module: modules, what can be
-    imported, and numbers. Raises `OSError`, `TypeError` or `SyntaxError` if the text cannot be found.
-    """
-    with PARSER:
-        own, first = inspect.getsourcelines(given)
-        lines = inspect.findsource(given)[0]
-    text = textwrap.dedent("".join(own))
-    needed, kept, found = _used(_compiled(syntax_tree(text).body)), {}, set()
-    nodes = [node for node in syntax_tree("".join(lines)).body if not _is_main(node)]
-    while new := [
-        node for node in nodes if node.lineno not in kept and _bound(node) & needed and not _holds(node, first)
-    ]:
-        for node in new:
-            kept[node.lineno] = node
-            needed |= _used(_compiled([node]))
-            found |= _bound(node)
-    rows = [""] * len(lines)
-    for node in kept.values():
-        begin = min([node.lineno, *(one.lineno for one in getattr(node, "decorator_list", ()))]) - 1
-        rows[begin : node.end_lineno] = [line.rstrip("\n") for line in lines[begin : node.end_lineno]]
-    rows[first - 1 : first - 1 + len(own)] = text.rstrip("\n").split("\n")
-    head = [f"from {FUTURE} import annotations"] * any(_is_future(node) for node in nodes)
-    module = vars(sys.modules.get(given.__module__, ModuleType("")))
-    head += [*HEADER, *(_definition(name, module[name]) for name in sorted(needed - found) if name in module)]
-    # The head goes into the first line, so that lines keep their numbers, unless that line begins a class or function.
-    joint = "; " if 1 in kept and isinstance(kept[1], (ast.Import, ast.ImportFrom, ast.Assign)) else "\n"
-    above = "; ".join(part for part in head if part)
-    return (above + (joint + rows[0] if rows[0] else "") + "\n" + "\n".join(rows[1:])).rstrip("\n") + "\n"
-
-
-def _compiled(statements: list[ast.stmt]) -> CodeType:
-    return compile(ast.Module(statements, []), "", "exec", ast.PyCF_ALLOW_TOP_LEVEL_AWAIT, dont_inherit=True)
-
-
-def _used(code: CodeType) -> set[str]:
-    """Names that a piece of code takes from its file: not those of variables in its functions."""
-    inner = [one for one in code.co_consts if isinstance(one, CodeType)]
-    return {step.argval for step in dis.get_instructions(code) if step.opname in LOADS}.union(*map(_used, inner))
-
-
-def _bound(node: ast.stmt) -> set[str]:
-    """Names that a statement defines."""
-    if _is_future(node):
-        return set()
-    return {step.argval for step in dis.get_instructions(_compiled([node])) if step.opname == "STORE_NAME"}
-
-
-def _is_future(node: ast.stmt) -> bool:
-    return isinstance(node, ast.ImportFrom) and node.module == FUTURE
-
-
-def _is_main(node: ast.stmt) -> bool:
-    """Whether a statement runs only when the file is run by itself."""
-    return isinstance(node, ast.If) and "__name__" in (getattr(part, "id", "") for part in ast.walk(node.test))
-
-
-def _holds(node: ast.stmt, line: int) -> bool:
-    """Whether a statement is the class itself, or encloses it."""
-    return isinstance(node, (ast.ClassDef, ast.FunctionDef)) and node.lineno <= line <= (node.end_lineno or 0)
-
-
-def _definition(name: str, value: Any) -> str:
-    """A statement that defines a name from another cell or an enclosing function; empty if there is none."""
-    if isinstance(value, ModuleType):
-        return f"import {value.__name__} as {name}"
-    if isinstance(value, (int, float)):
-        number = int(value) if isinstance(value, int) else float(value)
-        return f"{name} = {number!r}" if abs(number) < math.inf else f"{name} = float('{number}')"
-    origin, known = getattr(value, "__module__", None), getattr(value, "__qualname__", "")
-    if origin in (None, "__main__", "builtins") or getattr(sys.modules.get(origin), known, None) is not value:
-        return ""
-    if origin == OwnLaw.__module__:
-        origin = "flexlab"  # Recordings outlive the modules in which public names stand.
-    return f"from {origin} import {known} as {name}"
 
 
 def declares(text: str, base: str) -> bool:

@@ -19,7 +19,7 @@ import flexlab
 from flexlab.analysis.replay import replay
 from flexlab.errors import ScenarioError
 from flexlab.own import hosts
-from flexlab.own.files import class_text
+from flexlab.own.class_text import class_text
 from flexlab.own.law import add_own_law
 from flexlab.own.path import add_own_path
 from flexlab.presets import load_preset
@@ -113,6 +113,54 @@ def test_a_variable_in_a_method_does_not_run_the_scripts_line_of_that_name(tmp_p
     module = module_of(f"{TWO_OF_EACH}\nrun, other = numpy.ones(3) / STIFFNESS, None\n", tmp_path / "script.py")
     assert "other" not in class_text(module.One)
     assert flexlab.simulate("paper", 0.01, law=module.One).status == "finished"
+
+
+COMPUTED = """import numpy as np
+from flexlab import OwnLaw, load_preset, simulate
+
+try:
+    scale = 1 / 0
+except ZeroDivisionError as error:
+    print(error)
+    scale = 0.5
+P = np.zeros(3)
+for axis in range(3):
+    P[axis] = scale * 40000.0
+D = {"rates": [], "none": None, "far": (float("inf"),)}
+D["rates"].append(800.0)
+
+
+class Computed(OwnLaw):
+    def act(self, at):
+        error, error_rate = at.pose - at.desired_pose, at.pose_rate - at.desired_rate
+        return at.weights - at.shared(P * error + min(D["rates"][0], D["far"][0]) * error_rate)
+
+
+def run():
+    return simulate("paper", 0.05, law=Computed).pose
+
+
+try:
+    first = run()
+    P = P / 2
+    second = simulate("paper", 0.05, law=Computed).pose
+    P[0] = 0.0
+    third = simulate("paper", 0.05, law=Computed).pose
+except ValueError as error:
+    print(error)
+"""
+
+
+def test_values_that_a_script_computes_are_those_of_the_moment(tmp_path: Path):
+    """The text had the first value of P, zeros, and the last of a name that the script had bound again: errors of 77 mm."""
+    module = module_of(COMPUTED, tmp_path / "computing.py")
+    held = load_preset("paper").replace({"controller": {"kind": "pd", "control_period": 0.001}})
+    for found, gains in ((module.first, [2e4] * 3), (module.second, [1e4] * 3), (module.third, [0.0, 1e4, 1e4])):
+        settings = {"controller.position_gain": gains, "controller.velocity_gain": [800.0] * 3}
+        np.testing.assert_allclose(found, simulate(held.replace(settings), 0.05).pose, rtol=0, atol=1e-9)
+    text = class_text(module.Computed)
+    assert "simulate(" not in text
+    assert "1 / 0" not in text
 
 
 def test_an_error_in_a_class_is_reported_with_the_line_of_its_file(tmp_path: Path):

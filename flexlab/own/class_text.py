@@ -1,0 +1,167 @@
+"""The text of a law or path that is given as a class, with everything that it uses, so that a recording can hold it."""
+
+import ast
+import cmath
+import dis
+import inspect
+import sys
+import textwrap
+from collections import Counter
+from types import CodeType, ModuleType
+from typing import Any
+
+import numpy as np
+
+from flexlab.own.declaration import OwnLaw
+from flexlab.text import PARSER, syntax_tree
+
+HEADER = (
+    "import math",
+    "import flexlab",
+    "import numpy as np",
+    "from flexlab import OwnLaw, OwnPath, data_file, gain, memory, option, readout",
+)
+"""Imports at the head of a class's text."""
+FUTURE = "__future__"
+LOADS = ("LOAD_NAME", "LOAD_GLOBAL", "LOAD_FROM_DICT_OR_GLOBALS")
+"""Python's instructions that look a name up in the file; the last from Python 3.12 on."""
+
+
+NUMBERS = "biufc"
+"""Kinds of numpy's types that are numbers."""
+LONGEST_INTEGER = 1000
+"""Bits of a number that is written out."""
+MOST_ITEMS = 2000
+"""The most numbers and texts of a value that is written out; longer ones are computed again by the file's own statements."""
+
+
+def class_text(given: type) -> str:
+    """A class's text with the imports, constants, functions and classes of its file that it uses; lines keep their numbers.
+
+    Numbers, texts, arrays and lists of these have their present values, however the file or another notebook's cell computed
+    them; so are modules and what can be imported from elsewhere. Raises `OSError`, `TypeError` or `SyntaxError` if the text
+    cannot be found.
+    """
+    with PARSER:
+        own, first = inspect.getsourcelines(given)
+        lines = inspect.findsource(given)[0]
+    text = textwrap.dedent("".join(own))
+    needed, kept, found = _used(_compiled(syntax_tree(text).body)), {}, set()
+    nodes = [node for node in syntax_tree("".join(lines)).body if not (_is_main(node) or _runs(node, given.__name__))]
+    module = vars(sys.modules.get(given.__module__, ModuleType("")))
+    values, written = dict[str, str](), _written(nodes, module)
+    while True:
+        values |= {name: _expression(module[name]) for name in (needed & set(module)) - written - set(values)}
+        open_names = {name for name in needed if not values.get(name)}
+        new = [
+            node for node in nodes if node.lineno not in kept and _bound(node) & open_names and not _holds(node, first)
+        ]
+        if not new:
+            break
+        for node in new:
+            kept[node.lineno] = node
+            needed |= _used(_compiled([node]))
+            found |= _bound(node)
+    rows = [""] * len(lines)
+    for node in kept.values():
+        begin = min([node.lineno, *(one.lineno for one in getattr(node, "decorator_list", ()))]) - 1
+        rows[begin : node.end_lineno] = [line.rstrip("\n") for line in lines[begin : node.end_lineno]]
+    rows[first - 1 : first - 1 + len(own)] = text.rstrip("\n").split("\n")
+    head = [f"from {FUTURE} import annotations"] * any(_is_future(node) for node in nodes)
+    head += [*HEADER, *(f"{name} = {values[name]}" for name in sorted(values) if values[name])]
+    head += [_definition(name, module[name]) for name in sorted(open_names - found) if name in module]
+    # The head goes into the first line, so that lines keep their numbers, unless that line begins a class or function.
+    joint = "; " if 1 in kept and isinstance(kept[1], (ast.Import, ast.ImportFrom, ast.Assign)) else "\n"
+    above = "; ".join(part for part in head if part)
+    return (above + (joint + rows[0] if rows[0] else "") + "\n" + "\n".join(rows[1:])).rstrip("\n") + "\n"
+
+
+def _written(nodes: list[ast.stmt], module: dict[str, Any]) -> set[str]:
+    """The names whose present values one statement of constants alone gives, as it stands in the file."""
+    bound = Counter(name for node in nodes for name in _bound(node))
+    names: dict[str, Any] = {}
+    for node in nodes:
+        if isinstance(node, ast.Assign) and not _used(_compiled([node])):
+            exec(compile(ast.Module([node], []), "", "exec"), {}, names)
+    return {name for name in names if bound[name] == 1 and _expression(module.get(name)) == _expression(names[name])}
+
+
+def _expression(value: Any, room: list[int] | None = None) -> str:
+    """Plain data as an expression; empty for anything else, and for more than `MOST_ITEMS`, of which `room` counts the rest."""
+    room = [MOST_ITEMS + 1] if room is None else room
+    room[0] -= 1
+    size = (
+        value.size
+        if isinstance(value, np.ndarray)
+        else len(value)
+        if isinstance(value, (str, list, tuple, dict))
+        else 0
+    )
+    if size > room[0] or (type(value) is int and value.bit_length() > LONGEST_INTEGER):
+        return ""
+    if isinstance(value, np.generic) and value.dtype.kind in NUMBERS:
+        return _expression(value.item())
+    if type(value) is np.ndarray and value.dtype.kind in NUMBERS and size:
+        room[0] -= size
+        return f"np.array({_expression(value.tolist(), [4 * MOST_ITEMS])}, dtype={value.dtype.str!r})"
+    if type(value) in (float, complex):
+        return repr(value) if cmath.isfinite(value) else f"{type(value).__name__}('{value}')"
+    if type(value) in (list, tuple, dict):
+        parts = [_expression(part, room) for part in list(value)]
+        if type(value) is dict:
+            pairs = zip(parts, [_expression(part, room) for part in value.values()], strict=True)
+            parts = [f"{key}: {part}" if key and part else "" for key, part in pairs]
+        if "" in parts:
+            return ""
+        text = ", ".join(parts) + "," * (type(value) is tuple and len(value) == 1)
+        return {list: "[{}]", tuple: "({})", dict: "{{{}}}"}[type(value)].format(text)
+    return repr(value) if value is None or type(value) in (bool, int, str) else ""
+
+
+def _runs(node: ast.stmt, name: str) -> bool:
+    """Whether a statement uses the class itself, as one that simulates with it does, and is no definition."""
+    defines = isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef))
+    return not defines and name in _used(_compiled([node]))
+
+
+def _compiled(statements: list[ast.stmt]) -> CodeType:
+    return compile(ast.Module(statements, []), "", "exec", ast.PyCF_ALLOW_TOP_LEVEL_AWAIT, dont_inherit=True)
+
+
+def _used(code: CodeType) -> set[str]:
+    """Names that a piece of code takes from its file: not those of variables in its functions."""
+    inner = [one for one in code.co_consts if isinstance(one, CodeType)]
+    return {step.argval for step in dis.get_instructions(code) if step.opname in LOADS}.union(*map(_used, inner))
+
+
+def _bound(node: ast.stmt) -> set[str]:
+    """Names that a statement defines."""
+    if _is_future(node):
+        return set()
+    return {step.argval for step in dis.get_instructions(_compiled([node])) if step.opname == "STORE_NAME"}
+
+
+def _is_future(node: ast.stmt) -> bool:
+    return isinstance(node, ast.ImportFrom) and node.module == FUTURE
+
+
+def _is_main(node: ast.stmt) -> bool:
+    """Whether a statement runs only when the file is run by itself."""
+    return isinstance(node, ast.If) and "__name__" in (getattr(part, "id", "") for part in ast.walk(node.test))
+
+
+def _holds(node: ast.stmt, line: int) -> bool:
+    """Whether a statement is the class itself, or encloses it."""
+    return isinstance(node, (ast.ClassDef, ast.FunctionDef)) and node.lineno <= line <= (node.end_lineno or 0)
+
+
+def _definition(name: str, value: Any) -> str:
+    """A statement that defines a name from another cell or an enclosing function; empty if there is none."""
+    if isinstance(value, ModuleType):
+        return f"import {value.__name__} as {name}"
+    origin, known = getattr(value, "__module__", None), getattr(value, "__qualname__", "")
+    if origin in (None, "__main__", "builtins") or getattr(sys.modules.get(origin), known, None) is not value:
+        return ""
+    if origin == OwnLaw.__module__:
+        origin = "flexlab"  # Recordings outlive the modules in which public names stand.
+    return f"from {origin} import {known} as {name}"

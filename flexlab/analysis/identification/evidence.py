@@ -201,6 +201,8 @@ CHANGES = 1e-3
 """Relative change of a frequency from the first to the second half of a ring, from which it is told."""
 SURELY = 4.0
 """Difference of two frequencies, over its standard deviation, from which it is no chance."""
+WHOLE = 2.0
+"""Fewest periods in half a ring with which its frequency is told."""
 
 
 class Half(NamedTuple):
@@ -210,6 +212,8 @@ class Half(NamedTuple):
     """First-order changes of ω and σ if only this half is fitted, 1/s, (2,)."""
     error: float
     """Standard deviation of the change of ω that noise alone would make, 1/s."""
+    span: float
+    """Its length, s."""
 
 
 def halves(k: int, modes: np.ndarray, jacobian: np.ndarray, rest: np.ndarray, tau: np.ndarray) -> list[Half]:
@@ -228,15 +232,18 @@ def _half(own: np.ndarray, rest: np.ndarray, tau: np.ndarray, omega: float) -> H
     density = max(1.0, local_density(left, step, omega / (2 * np.pi), 1.0)[0])
     size = np.linalg.norm(own, axis=0)
     spread = np.linalg.pinv((own / size).T @ (own / size))[0, 0] / size[0] ** 2
-    return Half(change[:2], float(np.sqrt(density * np.mean(left**2) * spread)))
+    return Half(change[:2], float(np.sqrt(density * np.mean(left**2) * spread)), float(tau[-1] - tau[0]))
 
 
 def unlike_halves(
     k: int, modes: np.ndarray, jacobian: np.ndarray, rest: np.ndarray, tau: np.ndarray
 ) -> tuple[float, float] | None:
-    """The frequencies of mode k in the `halves` of its energy, Hz, if they differ by more than noise makes them; else None."""
+    """The frequencies of mode k in the `halves` of its energy, Hz, if they differ by more than noise makes them; else None.
+
+    None also for a strongly damped mode, of which half rings for less than `WHOLE` periods.
+    """
     found = halves(k, modes, jacobian, rest, tau)
-    if len(found) < 2:
+    if len(found) < 2 or min(half.span for half in found) * modes[k, 0] / (2 * np.pi) < WHOLE:
         return None
     first, second = (float(np.hypot(*(modes[k] + half.change))) / (2 * np.pi) for half in found)
     by_noise = SURELY * float(np.hypot(found[0].error, found[1].error)) / (2 * np.pi)

@@ -35,8 +35,8 @@ NOT_ONE = "the samples hold something else as well, such as a second tap; say wh
 TOO_CLOSE = 1.5
 """Difference of two frequencies, over the resolution of the samples, up to which a fit does not tell two modes apart."""
 SLOW, KNOWN, PARTLY = 5.0, 0.03, 1 / 3
-"""Periods within the samples below which a mode may be a drift of the signal: always beside a louder mode, and else unless its
-damping ratio is known this closely, or to this part of itself."""
+"""Periods within the samples below which a mode beside a faster one may be a drift of the signal: always if it is the weaker one,
+and else unless its damping ratio is known this closely, or to this part of itself."""
 FITTED = 1e-9
 """Relative change at which a search ends; far smaller than any interval."""
 
@@ -181,9 +181,10 @@ def _described(
         amplitude = float(np.hypot(linear[2 * k], linear[2 * k + 1])) * scale
         found.append(_mode(omega, sigma, own, factor, moved[k], amplitude, tau, problem))
     # A slow change of the background looks like part of a period; the first samples after a tap look like a fast mode.
-    seen = [mode for mode in found if _is_seen(mode, tau)]
-    loudest = max(seen or found, key=lambda mode: mode.amplitude)
+    seen = [mode for mode in found if FEWEST_PERIODS <= mode.frequency.value * tau[-1] <= (len(tau) - 1) / 2]
     clear = [mode for mode in seen if mode.frequency.identifiable and mode.frequency.value * tau[-1] >= SLOW]
+    usable = [mode for mode in seen if mode in clear or not clear or _is_known(mode.damping_ratio)]
+    loudest = max(usable or found, key=lambda mode: mode.amplitude)
     told = clear if loudest in clear else [*clear, loudest]
     told.sort(key=lambda mode: mode.frequency.value)
     place = found.index(loudest)
@@ -195,16 +196,8 @@ def _described(
     return RingFit(tuple(told), noise, float(time[0]), float(time[-1]), len(time), background, problem, halves)
 
 
-def _is_seen(mode: RingMode, tau: np.ndarray) -> bool:
-    """Whether a mode is neither a drift of the signal nor beyond what its samples show."""
-    periods, zeta = mode.frequency.value * tau[-1], mode.damping_ratio
-    return FEWEST_PERIODS <= periods <= (len(tau) - 1) / 2 and not _may_drift(
-        periods, zeta.value, zeta.high - zeta.value
-    )
-
-
-def _may_drift(periods: float, zeta: float, half: float) -> bool:
-    return periods < SLOW and half >= max(KNOWN, PARTLY * zeta)
+def _is_known(ratio: Estimate) -> bool:
+    return ratio.high - ratio.value < max(KNOWN, PARTLY * ratio.value)
 
 
 def _near(modes: np.ndarray, tau: np.ndarray, y: np.ndarray) -> list[tuple[float, float]]:
@@ -258,10 +251,9 @@ def _mode(
     )
     f, zeta = natural / (2 * np.pi), float(sigma) / natural
     periods, rate = f * tau[-1], (len(tau) - 1) / tau[-1]
-    held = f"the samples hold {min(periods, 1.9) if periods < FEWEST_PERIODS else periods:.1f} of its periods"
+    held = f"the samples hold {min(periods, FEWEST_PERIODS - 0.1):.1f} of its periods"
     reasons = (
         (periods < FEWEST_PERIODS, f"{held}; {FEWEST_PERIODS:g} are needed"),
-        (_may_drift(periods, zeta, half_z), f"it may be a drift: {held}"),
         (f > rate / 2, f"it lies beyond half the sample rate, {rate / 2:.4g} Hz"),
         (half_f > 0.5 * f, "the noise hides it"),
         (zeta > LARGEST_RATIO, "it is hardly an oscillation"),

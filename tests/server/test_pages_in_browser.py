@@ -11,6 +11,7 @@ from person import open_server
 from playwright.sync_api import Browser, BrowserContext, Page, Request
 
 from flexlab.presets import load_preset
+from flexlab.recording.store.notes import write_notes
 from flexlab.server.front_server import FrontServer
 from flexlab.server.pages import language_script
 from flexlab.server.scenario_links import encode_scenario
@@ -104,6 +105,19 @@ def test_a_panel_of_the_runs_lies_within_the_window(window: BrowserContext, serv
             assert box["x"] >= 0
             assert box["x"] + box["width"] <= width
             page.keyboard.press("Escape")  # On a phone, an open panel covers the next button.
+
+
+@pytest.mark.parametrize("width", [1024, 720])
+def test_a_run_of_many_changes_does_not_fill_the_list(window: BrowserContext, server: FrontServer, width: int):
+    """Its notes, out of sight beside six words for a run that stopped, made its row 270 px high."""
+    run = server.settings.logs / f"{RUN}.rrd"
+    write_notes(run, changes=["t = 28.390 s: Control law = adaptive-sliding-mode"] * 3, status="diverged")
+    page = window.new_page()
+    page.set_viewport_size({"width": width, "height": 800})
+    page.goto(f"{server.url}runs")
+    box = page.locator("#runs tr").filter(has_text="adaptive-sliding-mode").bounding_box()
+    assert box is not None
+    assert box["height"] < 150
 
 
 def test_a_map_is_drawn_without_storage(window: BrowserContext, server: FrontServer):

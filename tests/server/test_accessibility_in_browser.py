@@ -120,6 +120,9 @@ def test_play_screen_and_lab_have_no_grave_findings_and_work_by_keyboard(page: P
     wait_until(lambda: slider.get_attribute("aria-valuetext") == "70.79 N·m²", "it says its value in its unit")
     assert page.locator(".mantine-Slider-label:visible").count() == 0, "no place on the slider is shown as a value"
     assert page.get_by_role("button", name="Pause").count() == 1, "an arrow on a slider is not a step of the run"
+    page.keyboard.press("Shift+Tab")
+    outline = "() => getComputedStyle(document.activeElement).outline"
+    assert "2px" in page.evaluate(outline), "the focus in a field is as visible as on a button"
     page.get_by_role("button", name="Bending stiffness EI: back to its usual value").focus()
     page.keyboard.press("Enter")
     wait_until(lambda: slider.get_attribute("aria-valuetext") == "100 N·m²", "and goes back")

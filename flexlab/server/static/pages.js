@@ -181,7 +181,11 @@ if (library) {
     heading.tabIndex = heading.dataset.sort && heading.textContent.trim() ? 0 : -1;
     if (heading.tabIndex < 0) continue;
     heading.addEventListener("click", () => sort(heading));
-    heading.addEventListener("keydown", (event) => event.key === "Enter" && sort(heading));
+    heading.addEventListener("keydown", (event) => {
+      if (!["Enter", " "].includes(event.key)) return;
+      event.preventDefault(); // Space would scroll.
+      sort(heading);
+    });
   }
   find();
 }

@@ -8,7 +8,10 @@ PATIENCE = 180
 
 
 def lab_server() -> dict[str, Any]:
-    """How jupyter-server-proxy starts a person's lab: on a socket that only they can open, with runs in their home."""
+    """How jupyter-server-proxy starts a person's lab: on a socket that only they can open, under their own address.
+
+    Runs go to the folder flexlab/logs in their home.
+    """
     icon = Path(__file__).with_name("server") / "static" / "icon.svg"
     logs = Path.home() / "flexlab" / "logs"
     return {

@@ -125,7 +125,10 @@ def read_scenario(content: bytes, name: str | Path) -> Scenario:
 
 
 def find_scenario(name_or_path: str) -> tuple[str, Scenario]:
-    """(short name, scenario) of a preset or a file, as people type it. Raises `PresetError` or `ScenarioError`."""
+    """(short name, scenario) of a preset or a scenario file, given by name or path as people type it.
+
+    Raises `PresetError` or `ScenarioError`.
+    """
     if (name := preset_name(name_or_path)) in preset_files():
         return name, load_preset(name)
     if name_or_path.endswith(".json") or "/" in name_or_path or "\\" in name_or_path:

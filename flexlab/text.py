@@ -166,7 +166,10 @@ def with_units(text: str) -> str:
 
 
 def visible(text: object, longest: int | None = None) -> str:
-    """`text` with control characters but line breaks and tabs as pictures, fit for UTF-8; cut with "…" to `longest`."""
+    """`text` with control characters as pictures, fit for UTF-8; cut with "…" to `longest` characters if given.
+
+    Line breaks and tabs stay.
+    """
     words = str(text)
     if longest is not None and len(words) > longest:
         words = words[: longest - 1] + "…"
@@ -176,7 +179,10 @@ def visible(text: object, longest: int | None = None) -> str:
 
 
 def visible_json(text: str, ascii_only: bool = False) -> str:
-    """The same JSON with escapes for the control characters that `json.dumps` leaves, or for all that ASCII lacks."""
+    """The same JSON with the control characters that `json.dumps` does not escape written as escapes.
+
+    `ascii_only`: all characters that ASCII lacks, too.
+    """
 
     def escape(found: re.Match[str]) -> str:
         units = found[0].encode("utf-16-be", "surrogatepass")

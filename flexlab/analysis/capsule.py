@@ -1,4 +1,7 @@
-"""Archives (RO-Crate 1.1) that another machine can verify: a run's data, commands, versions, figures, and all files' SHA-256."""
+"""Archives of a run that another machine can verify: data, scenario, commands, versions, figures and RO-Crate metadata.
+
+RO-Crate 1.1 (https://w3id.org/ro/crate/1.1): `ro-crate-metadata.json` describes every file of the archive with its SHA-256.
+"""
 
 import hashlib
 import json
@@ -127,7 +130,10 @@ def _file(folder: Path, name: str) -> dict[str, Any]:
 
 
 def unpack_capsule(archive_path: Path, folder: Path) -> Path:
-    """Verify an archive's files by its metadata, and unpack the recording; executes nothing. Raises `RecordingError`."""
+    """Verify every file of an archive against its metadata, and unpack the recording. Raises `RecordingError`.
+
+    Nothing in the archive is executed.
+    """
     try:
         check_ordinary(archive_path)
         with zipfile.ZipFile(archive_path) as archive:

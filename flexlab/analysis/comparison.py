@@ -52,7 +52,8 @@ class Comparison(Result):
     metrics: tuple[tuple[MetricRow, ...], ...]
     """One tuple per metric, one row per run."""
     settings: tuple[tuple[str, tuple[str, ...]], ...]
-    """(path, value of each run) of every field in which any run differs from A, of the sample period and the commands."""
+    """(dotted path, value of each run) of every scenario field in which any run differs from A; then the sample period and the
+    commands, if they differ."""
 
     @cached_property
     def table(self) -> Any:
@@ -149,7 +150,10 @@ class Comparison(Result):
 
 
 def compare(paths: Sequence[Path], seen: Callable[[int], None] = lambda samples: None) -> Comparison:
-    """Compare recordings; `seen` gets the number of samples in each block that was read. Raises `RecordingError`."""
+    """Read recordings and compare them; `seen` is called with the number of samples in each block that was read.
+
+    Raises `RecordingError`.
+    """
     recordings = tuple(map(read_recording, paths))
     whole = [_metrics(recording, seen) for recording in recordings]
     durations = tuple(metrics.duration for metrics in whole)
@@ -173,7 +177,10 @@ def compare(paths: Sequence[Path], seen: Callable[[int], None] = lambda samples:
 
 
 def compare_into(paths: Sequence[Path], target: Path) -> Comparison:
-    """Compare recordings, and write curves and tables as the rerun file `target`. Raises `RecordingError`."""
+    """Compare recordings and write their curves and tables as the rerun file `target`.
+
+    Raises `RecordingError` if a run cannot be read, there are too few or too many, or `target` cannot be written.
+    """
     comparison = compare(paths)
     write_comparison(comparison.recordings, target, comparison.text())
     return comparison

@@ -1,4 +1,8 @@
-"""Figures 2 to 5 of the paper, of signals and of studies; the same run gives the same bytes of SVG."""
+"""Figures 2 to 5 of the paper for any run, as files or as elements of pages, and figures of signals and of other studies.
+
+Figure 2: trajectory of the payload. 3: vibration. 4: error of the trajectory. 5: internal force. The same run gives the
+same bytes of SVG, so that a figure can be kept under version control.
+"""
 
 import io
 import os
@@ -65,7 +69,10 @@ _PAGE_STYLE = (
 
 
 def style(salt: str = STYLE["svg.hashsalt"]) -> "AbstractContextManager[None]":
-    """The context for making and writing figures, `salt` as for `svg_text`. Raises `StudyError` for a bad SOURCE_DATE_EPOCH."""
+    """The context in which figures are made and written; `salt` as for `svg_text`.
+
+    Raises `StudyError` for a SOURCE_DATE_EPOCH that matplotlib cannot read: it does so whenever it lays out an SVG.
+    """
     import matplotlib as mpl  # Loading takes half a second, which a lab without figures saves.
 
     built = os.environ.get("SOURCE_DATE_EPOCH") or "0"
@@ -103,7 +110,10 @@ def page_svg(figure: "Figure", salt: str = STYLE["svg.hashsalt"]) -> str:
 
 
 def paper_figures(run: Samples, folder: Path, formats: Sequence[str] = FORMATS, name: str = "run") -> list[Path]:
-    """Write a run's Figures 2-5 as `folder/<name>-figure-<number>.<format>`. Raises `StudyError` and `RecordingError`."""
+    """Write Figures 2-5 of a run as `folder/<name>-figure-<number>.<format>` and return those paths.
+
+    Raises `StudyError` for an unknown format or a folder that cannot be written, `RecordingError` for a run without samples.
+    """
     unknown = [kind for kind in formats if kind not in FORMATS]
     if unknown:
         raise StudyError(f"format = {unknown[0]} is not a format of figures: choose {' or '.join(FORMATS)}.")
@@ -234,7 +244,11 @@ MOST_CURVES = 12
 
 
 def draw_signals(run: Run, names: Sequence[str] = ()) -> "Figure":
-    """Plot named signals over time, SI, with a plot for each unit; without names, the lab's first views. Raises `StudyError`."""
+    """Plot each named signal over time, in SI units; a signal whose entries have different units gets a plot for each unit.
+
+    Without names, draw the lab's first views in its units and colours. Raises `StudyError` for an unknown signal or a run
+    without samples.
+    """
     known = {**known_signals(), **DERIVED}
     for name in names:
         if not isinstance(name, str) or name not in known or (name in run.absent and name not in DERIVED):

@@ -70,7 +70,11 @@ Value = Callable[[Look], Any]
 
 
 def expression(text: str, known: Collection[str] = (), truth: bool = False) -> Value:
-    """Compile an expression with the names `known`; `truth`: it must be true or false. Raises `ExpressionError`."""
+    """Compile an expression. Raises `ExpressionError` for one that has no value in any run.
+
+    `known`: names that a lesson defines. `truth`: whether the expression must be true or false; a comparison with NaN, a
+    missing value, is false.
+    """
     if len(text) > LONGEST:
         raise ExpressionError(f"the check has {len(text)} characters, over {LONGEST}: shorten it.")
     try:

@@ -95,7 +95,10 @@ class LinearModel(StateSpace):
         return tuple(np.asarray(part) for part in (self.A, self.B, self.C, self.D))
 
     def response(self, points: complex | np.ndarray) -> np.ndarray:
-        """C (s - A)⁻¹ B + D at `points` (…), s = iω or z = exp(iωT_c), (…, outputs, inputs). Raises `StudyError`."""
+        """C (s - A)⁻¹ B + D at complex `points` (…): s = iω in 1/s, or z = exp(iωT_c); (…, outputs, inputs).
+
+        Raises `StudyError` at a pole, and for what is not a finite number.
+        """
         s, (A, B, C, D) = np.asarray(points), self._matrices
         if s.dtype.kind not in "iufc" or not np.isfinite(s).all():
             raise StudyError(f"points = {points!r:.60} is not usable: give finite numbers s in 1/s, as in [2j, 20j].")

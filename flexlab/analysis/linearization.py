@@ -63,7 +63,8 @@ class Law(NamedTuple):
     desired: np.ndarray
     """With respect to (x_d, ẋ_d, ẍ_d), (rows, 9)."""
     line: np.ndarray
-    """With respect to the torques held and on their way, (rows, (delay + 1) · arms · 3), or (rows, 0) if it uses none."""
+    """With respect to the torques held until now and on their way, (rows, (delay + 1) · arms · 3); (rows, 0) for a law without
+    this input."""
 
 
 class Linearization(NamedTuple):
@@ -94,7 +95,10 @@ def linearize_loop(probe: LoopProbe, rest: RestPoint) -> Linearization:
 
 
 def _differencing(law: Law, period: float, rest: RestPoint) -> tuple[Law, RestPoint]:
-    """The law with the pose rate as a difference over the period, s, without rounding; its memory has the last pose."""
+    """The law with the pose rate taken as a difference over the control period, s; the last pose joins its memory.
+
+    The encoders' rounding is left out.
+    """
     n, torques, count = law.motion.shape[1] // 2, len(rest.torque), len(rest.memory)
     by_rate = law.motion[:, n : n + 3] / period
     motion, keeps = law.motion.copy(), np.eye(3, 2 * n)

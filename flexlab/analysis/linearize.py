@@ -1,4 +1,7 @@
-"""`flexlab.linearize`: a linear model about a rest point, from named inputs to outputs, which may be any recorded signals."""
+"""`flexlab.linearize`: a linear model of plant, or plant and law, about a rest point, from named inputs to named outputs.
+
+Any recorded signal can be an output: its derivatives at the rest point are differences of the engine's own samples.
+"""
 
 import difflib
 from collections.abc import Mapping, Sequence

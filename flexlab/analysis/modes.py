@@ -238,7 +238,10 @@ class Ring(NamedTuple):
 
 
 def rings_of(found: Modes) -> dict[int, Ring]:
-    """Mode number → its oscillation, at the frequency nearest to the mode's own of those that sampling folds together."""
+    """Mode number → its oscillation, for each mode that oscillates.
+
+    Sampling folds frequencies: among those that fold to the same one, the nearest to the mode's own frequency is taken.
+    """
     rings: dict[int, Ring] = {}
     for pole, name in zip(found.poles, found.pole_origin, strict=True):
         number, seen = mode_number(name), float(pole.imag) / (2 * np.pi)
@@ -255,7 +258,10 @@ def rings_of(found: Modes) -> dict[int, Ring]:
 
 
 def fastest_growth(found: Modes) -> PoleRow | None:
-    """The fastest growing or least decaying pole, with its oscillation's unfolded frequency; None without poles."""
+    """The fastest growing pole, or the one that decays least; None without poles.
+
+    Its frequency is that of its oscillation; for a beam mode, without the folding by sampling.
+    """
     worst = max(found.pole_rows(), key=lambda row: row.rate, default=None)
     if worst is None:
         return None

@@ -1,4 +1,8 @@
-"""Replay: a second simulation of a recorded run, compared bit by bit, with a tolerance only where rounding may differ."""
+"""Replay: a second simulation of a recorded run from its start and its commands, and the comparison of the two.
+
+Every bit has to be the same. A tolerance applies only where rounding may differ: for recordings made with an earlier arithmetic,
+and for control laws in Python, whose rounding depends on the machine.
+"""
 
 import json
 import math
@@ -40,7 +44,8 @@ gain by 1e-6 causes 4e-7 or more in at least one signal."""
 LONGEST, MOST = 40, 8
 """Characters of a package's name or version, and number of packages, in a sentence."""
 AT_REST = 1e-6
-"""Lower bound of a signal's largest value, SI, and relative to the largest of all signals with the same units."""
+"""Lower bound of a signal's largest value, in SI units and relative to the largest value of all signals with the same units: a
+difference of two numbers has their rounding errors."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +97,11 @@ class Replay(Result):
 
 
 def replay(recording: Recording, seen: Callable[[float], None] = lambda time: None) -> Replay:
-    """Simulate a run again and compare all signals of unchanged meaning; `seen` gets the time, s. Raises `StudyError`."""
+    """Simulate the run again and compare every signal of every recorded sample.
+
+    Of a recording in an older format, only signals whose meaning has not changed are compared. `seen` is called with the time, s,
+    up to which the two agree so far. Raises `StudyError` if the recording's commands cannot be carried out again.
+    """
     found = _repeated(recording, seen)
     return replace(found, text=found.text + _other_packages(recording))
 
@@ -158,7 +167,10 @@ def own_texts(recording: Recording, part: str) -> dict[str, str]:
 
 
 def allow_own_laws(recording: Recording, agrees: Callable[[str, str, str], bool]) -> None:
-    """Let a recording's laws run if `agrees`, given kind, question and code, says so. Raises `StudyError` if not."""
+    """Allow the control laws that came with a recording to run. Raises `StudyError` for one that is refused or missing.
+
+    `agrees` takes the law's kind, a question, and the code in question, "" if there is none that a person could read.
+    """
     for source, kind in own_texts(recording, "controller").items():
         if hosts.is_allowed(source):
             continue
@@ -213,7 +225,10 @@ class _Comparison:
     """The comparison of a run with its repetition, block by block."""
 
     def __init__(self, compared: frozenset[str], tolerant: bool):
-        """`compared`: signals of the table to compare, besides the law's; `tolerant`: whether rounding is only noted."""
+        """`compared`: the signals of the table to compare; a law's own signals are all compared.
+
+        `tolerant`: whether differences of finite numbers are only noted, as rounding.
+        """
         self._compared, self._tolerant = compared, tolerant
         self.same_bits = True
         """Whether nothing has been noted."""

@@ -1,4 +1,7 @@
-"""The rest point of a closed loop, by Newton's method, and the engine as the functions that linearisations differentiate."""
+"""The rest point of a closed loop, found by Newton's method on the engine's forces, and the engine as plain functions.
+
+Every linearisation differentiates these functions.
+"""
 
 from typing import NamedTuple
 
@@ -246,7 +249,10 @@ def find_rest(probe: LoopProbe, target: np.ndarray) -> RestPoint:
         return probe.at_rest(pose)._replace(eta=eta), torque, memory
 
     def balance(z: np.ndarray) -> np.ndarray:
-        """Residuals: forces on the pose, the memory's change, forces on the bend, torques asked for less those in force."""
+        """Residuals: forces on the pose, the memory's change, forces on the bend, and torques asked for minus those in force.
+
+        They are coupled: a law may use the torques in force, these load the beam, and its bend changes the force along it.
+        """
         motion, torque, memory = parts(z)
         force = probe.forces(motion, torque)
         size = 1 + np.abs(probe.forces(motion, no_torque)[:3]).max()  # The forces that hold the arms.
@@ -283,7 +289,10 @@ def _rests(unbalance: np.ndarray) -> bool:
 
 
 def _newton(balance, start: np.ndarray, free: np.ndarray, bent: np.ndarray) -> np.ndarray | None:
-    """The zero of the equations numbered as the unknowns, or None: those in `bent` follow from `free`, which change least."""
+    """Return the zero of the equations numbered `free` and `bent` in the unknowns of the same numbers, or None.
+
+    Redundant unknowns in `free` change least; those in `bent` follow from `free`.
+    """
     z, unknowns = start.copy(), np.concatenate([free, bent])
     for _ in range(MOST_STEPS):
         try:

@@ -1,4 +1,7 @@
-"""Results of all studies: a table with provenance, also as a data frame; and the hash, which is the same for the same bits."""
+"""Results of all studies: a table with its provenance, also as a data frame, and the hash of a run.
+
+Two runs with the same `result_hash` are the same, bit for bit, wherever they were computed.
+"""
 
 import hashlib
 import json

@@ -20,7 +20,10 @@ BLOCK_TICKS = 1000
 
 
 def resume(recording: Recording, time: float | None = None) -> tuple[Scenario, Origin]:
-    """Scenario and origin with which a lab continues a run at `time`, s; None: at its end. Raises `StudyError`."""
+    """Scenario and origin with which a lab continues a run at simulation time `time`, s; None: at its end.
+
+    Raises `StudyError` for a time that was not recorded, or that is not a sample instant of a lab.
+    """
     scenario, state = state_at(recording, recording.span[1] if time is None else time)
     # The sample period of a headless run may differ from a lab's.
     exact = state.tick * recording.sample_period
@@ -33,7 +36,10 @@ def resume(recording: Recording, time: float | None = None) -> tuple[Scenario, O
 
 
 def state_at(recording: Recording, time: float) -> tuple[Scenario, WorldState]:
-    """Scenario and state at the sample nearest to `time`, s, after that instant's commands. Raises `StudyError`."""
+    """Scenario and state of the run at the sample nearest to simulation time `time`, s, after the commands of that instant.
+
+    Raises `StudyError` for a time that was not recorded.
+    """
     first, last = recording.span
     # Half a sample of tolerance, as a typed time has fewer digits than a computed one.
     if not first - recording.sample_period / 2 <= time <= last + recording.sample_period / 2:

@@ -76,7 +76,10 @@ class MetricNotes:
 
 
 def note_metrics(path: Path) -> dict[str, Any]:
-    """Write and return the notes of a recording; none while it is being written. Raises `RecordingError`."""
+    """Write the notes of a recording that has none, and return them; empty for a run that is being recorded.
+
+    Raises `RecordingError` if the run cannot be read.
+    """
     if run_state(path) == "in use":
         return {}
     recording = read_recording(path)

@@ -36,7 +36,8 @@ class Poles(NamedTuple):
     value: np.ndarray
     """1/s, complex, (poles,), without what rounding errors make of 0 and of equal real poles."""
     share: np.ndarray
-    """Participation of pose, each beam mode, memory, and torques on their way or late; rows add up to 1, (poles, n_m + 3)."""
+    """Participation of pose, each beam mode, the law's memory, and torques on their way or late, in this order of columns;
+    each row adds up to 1, (poles, n_m + 3)."""
 
 
 def beam_scale(linear: Linearization) -> np.ndarray:
@@ -60,7 +61,10 @@ def acting(linear: Linearization) -> tuple[np.ndarray, np.ndarray]:
 
 
 def held_plant(linear: Linearization, period: float | None) -> tuple[np.ndarray, np.ndarray]:
-    """A and B for the inputs of `acting`, of dz/dt or over a period of held torques; z: (x, Ωη, ẋ, η̇, late motors')."""
+    """A and B of the scaled state for the inputs of `acting`: of dz/dt, or over a period of held torques.
+
+    The outputs of lagging motors are part of the state, after (x, Ωη, ẋ, η̇).
+    """
     A, _ = first_order(linear.plant)
     forces, _ = acting(linear)
     force = np.vstack([np.zeros_like(forces), np.linalg.solve(linear.plant.mass, forces)])
@@ -93,7 +97,10 @@ def late_count(linear: Linearization) -> int:
 
 
 def kept_memory(linear: Linearization) -> np.ndarray:
-    """Indices of memory states that change to first order and may rest; b̂ does not, as ‖s‖ has no slope at s = 0."""
+    """Indices of memory states that change to first order, without those that never rest.
+
+    b̂, for example, is left out with its neutral poles: at rest s = 0, ‖s‖ has no slope, and b̂ is constant.
+    """
     torques = linear.torque_count
     rows = np.hstack([linear.law.motion, linear.law.memory])[torques:]
     return np.flatnonzero(np.any(rows != 0, axis=1) & ~linear.rest.moving)

@@ -205,7 +205,10 @@ class Tuning(Result):
 
     @cached_property
     def table(self) -> Any:
-        """A row per candidate, the scenario as it was, then from the best: changes, cost, excess (null if it fails), metrics."""
+        """A row per candidate, first the scenario as it was, then from the best: changes, cost, excess, metrics by name, SI.
+
+        The excess is as in `Candidate`; cost and excess of a candidate that fails are null.
+        """
         paths = dict.fromkeys(path for candidate in self.candidates for path in candidate.changes)
         known = dict.fromkeys(name for each in self.candidates if each.metrics for name in each.metrics.by_name())
         names, rows = [name for name in known if name not in ("cost", "excess")], []
@@ -275,7 +278,10 @@ def tune(
     told: Told = lambda done, total: None,
     workers: Workers | None = None,
 ) -> Tuning:
-    """Search ranges for the least `cost`, the worst over all of `robust`; `workers` None: all cores. Raises `StudyError`."""
+    """Search the ranges `axes` for the least `cost`, the worst over all combinations of `robust`. Raises `StudyError`.
+
+    `workers`: None for one thread per core.
+    """
     from scipy.optimize import differential_evolution  # It is slow to load.
 
     sample_count(duration, TICK)

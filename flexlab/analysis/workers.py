@@ -1,4 +1,8 @@
-"""Runs and studies in parallel, on threads here or on a Dask cluster of the same engine, with the same results."""
+"""Parallel computation of runs and studies, on threads of this machine or on the workers of a Dask cluster.
+
+The results are the same on both: workers with another engine are refused, and other workers repeat the work of one that died.
+Laws and paths in Python are sent along.
+"""
 
 import ctypes
 import threading

@@ -47,7 +47,11 @@ QUICK = Plan(meshes=(2, 8), duration=0.3, repeats=3, rounds=2, cold=False)
 
 
 def run_bench(as_json: bool, quick: bool = False, peers: ModuleType | None = None) -> None:
-    """Measure and print tables, or JSON; `peers`: the module `tests/peers` for other engines. Raises `StudyError`."""
+    """Measure and print, as tables or as one JSON object. Raises `StudyError` if a measurement cannot be done.
+
+    `quick`: fewer and shorter measurements, no cold start. `peers`: the module that compares with MuJoCo and Exudyn
+    (`tests/peers`), as far as they are installed.
+    """
     show = None if as_json else console()
     found = measure(QUICK if quick else FULL, peers, show)
     if as_json:
@@ -55,7 +59,10 @@ def run_bench(as_json: bool, quick: bool = False, peers: ModuleType | None = Non
 
 
 def measure(plan: Plan, peers: ModuleType | None, show: "Console | None") -> dict[str, Any]:
-    """Measure everything, by name (None: this machine lacks something), and `show` each table once it is complete."""
+    """Measure everything, by name; None where a library or system lacks what it needs.
+
+    `show`: a console that gets each table as soon as it is complete.
+    """
     World(load_preset("paper")).run(1)  # Compiles everything before the first measurement.
     length, repeats, part = plan.duration, plan.repeats, partial(_part, show)
     found: dict[str, Any] = {

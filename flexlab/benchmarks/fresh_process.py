@@ -1,4 +1,7 @@
-"""Measurements in a fresh interpreter: times of a cold and a warm start, and memory of a run and of the live engine."""
+"""Measurements in a fresh interpreter: times of a cold and a warm start, and memory of a run and of the live engine.
+
+A run should take little more memory than its samples, and the live engine must not grow.
+"""
 
 import json
 import os

@@ -46,7 +46,11 @@ class ThreadWatch:
 
     @property
     def undisturbed(self) -> float | None:
-        """Wall time of the slowest thread with a core of its own, s; None if unknown. A wait for another thread's lock counts."""
+        """Wall time that the slowest thread would have needed with a core of its own, s; None if it is not known.
+
+        A thread that was seen only once does not count. One that waits for a lock whose owner waits for a core counts as waiting
+        for the lock.
+        """
         return max((last - first for first, last in self._lives.values() if last > first), default=None)
 
     def _watch(self) -> None:

@@ -60,7 +60,11 @@ class Trial:
 def try_out(
     scenario: Scenario, duration: float, repeats: int = 3, sample_period: float = SAMPLE_PERIOD, least_time: float = 0.0
 ) -> Trial:
-    """Simulate in new worlds, `repeats` times or for `least_time` s; the shortest time counts. Raises `ScenarioError`."""
+    """Simulate `scenario` for `duration` s in new worlds, and take the shortest time, without that of building the worlds.
+
+    The run is repeated at least `repeats` times, and until all runs add up to `least_time` s of processor time. Raises
+    `ScenarioError` for an invalid scenario.
+    """
     ticks = round(duration / sample_period)
     times: list[float] = []
     while len(times) < repeats or sum(times) < least_time:

@@ -16,7 +16,10 @@ Several = tyro.conf.UseAppendAction[tuple[str, ...]]
 
 
 def option(help: str, metavar: str | None = None, name: str | None = None, default: str | None = "") -> object:
-    """An option's help, form of its value, and name if not Python's. `default`: words on the default; None for its value."""
+    """An option's help, the form of its value, and its name if Python's differs.
+
+    `default`: the help's words on the default; None for the value itself.
+    """
     return tyro.conf.arg(name=name, metavar=metavar, help=help, help_behavior_hint=default)
 
 

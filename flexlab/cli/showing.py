@@ -31,7 +31,10 @@ def open_browser(url: str) -> None:
 
 @contextmanager
 def ending() -> Generator[threading.Event, None, None]:
-    """An event that the signals set, so that recordings are closed before the end; a second Ctrl-C ends at once."""
+    """An event that the signals set, so that recordings are closed before the end; a second Ctrl-C ends at once.
+
+    A closed terminal does not end what was started with nohup.
+    """
     ended = threading.Event()
 
     def answer(number: int, _: object) -> None:

@@ -84,7 +84,10 @@ class StandingThreads:
     """Runs a kernel's parts in parallel: the first on the caller's thread, each other on a thread of its own."""
 
     def __init__(self, kernel: Any, parts: Sequence[tuple[Any, ...]], variant: Hashable = None):
-        """`kernel`: a `pluggable` one that returns a whole number; `parts`: its arguments; `variant`: as in `whole_address`."""
+        """`kernel`: a `pluggable` one that returns a whole number; `parts`: its arguments, the same at every `run`.
+
+        `variant`: as in `whole_address`.
+        """
         address = whole_address(kernel, lambda: parts[0], variant)
         self._orders, self._answers = np.zeros(1, np.int64), np.zeros(APART * (len(parts) - 1), np.int64)
         self._order, self._asleep, self._closing = 0, 0, False

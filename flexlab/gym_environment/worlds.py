@@ -187,7 +187,10 @@ class WorldBatch:
         begin_worlds(self._system.plant, self._variants, state, self._start, self._desired, self._parts[0][2])
 
     def step(self, actions: np.ndarray) -> None:
-        """Move the worlds that do not pause under actions (count, action_size). Raises `StudyError` if one has no episode."""
+        """Move the worlds that do not pause under actions (count, action_size), on all threads; then end all pauses.
+
+        Raises `StudyError` if a world has no episode.
+        """
         if not self._begun.all():
             raise StudyError("A world has no episode yet: call reset before step.")
         self._actions[:] = actions

@@ -37,7 +37,10 @@ def peak_deflection(payload: Payload, shape: np.ndarray) -> float:
 
 
 class ModeStudy:
-    """Holds the newest finished result. One thread calls `ask` repeatedly; any thread may read."""
+    """Holds the newest finished result. One computation runs at a time, and few while changes go on.
+
+    One thread calls `ask` repeatedly; any thread may read.
+    """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock

@@ -71,7 +71,10 @@ def whole_run(newest: ReferenceRun, start: float, recorded: Recorded) -> Referen
 def common_metrics(
     kept: ReferenceRun, samples: Samples
 ) -> tuple[list[tuple[MetricRow, MetricRow]], tuple[float, float]]:
-    """Metric rows of the kept run and of `samples` over the span that both have, and that span, s; empty if they share none."""
+    """Metric rows of the kept run and of `samples` over the span of simulation time that both have, and that span, s.
+
+    Empty if they share none.
+    """
     first = max(kept.span[0], float(samples.time[0])) if len(samples) else np.inf
     last = min(kept.span[1], float(samples.time[-1])) if len(samples) else -np.inf
     if last - first < TICK:

@@ -12,6 +12,9 @@ WRITERS = {".urdf": urdf_text, ".xml": mjcf_text, ".mjcf": mjcf_text}
 
 
 def write_bodies(scenario: Scenario, file: Path, name: str = "scenario") -> Path:
-    """Write arms and beam as .urdf, .xml or .mjcf; returns the file. Raises `ScenarioError` and `StudyError`."""
+    """Write a scenario's arms and beam as .urdf, or for MuJoCo as .xml or .mjcf, and return the file.
+
+    Raises `ScenarioError` for a scenario that cannot start, and `StudyError`.
+    """
     write_text(file, WRITERS[file.suffix.lower()](make_bodies(scenario), name))
     return file

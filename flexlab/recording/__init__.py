@@ -20,7 +20,10 @@ class _NoPandas:
 
 
 def leave_pandas_out() -> None:
-    """Hide pandas from pyarrow, which looks for it at its first list: half a second and 40 MB of the lab's processes."""
+    """Hide pandas from pyarrow, which then treats a pandas series as a list; other imports of pandas still work.
+
+    Only for processes of the command line and of the lab. pyarrow looks for pandas when it converts its first list.
+    """
     if "pandas" in sys.modules:
         return
     import pyarrow as pa

@@ -149,7 +149,11 @@ def _each_signal(kernel: Callable[..., Any], signals: Iterable[np.ndarray], plan
 
 
 def decode_block(data: bytes) -> tuple[Samples, int]:
-    """The samples given to `encode_block`, read-only, and their recording's format. Raises `RecordingError` for other bytes."""
+    """The samples given to `encode_block`, read-only, and their recording's format, on which their meaning depends.
+
+    A signal that the block lacks is absent; a signal that this version does not know is kept. Raises `RecordingError` for other
+    bytes.
+    """
     try:
         return _decode(data)
     except UNREADABLE as error:

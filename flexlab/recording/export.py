@@ -101,7 +101,10 @@ Columns = dict[str, np.ndarray]
 
 
 def export_recording(recording: Recording, path: Path, start: float | None = None, end: float | None = None) -> Path:
-    """Write a recording from `start` to `end`, s, to `path` (.csv, .parquet or .npz). Raises `RecordingError`."""
+    """Write a recording to `path` (.csv, .parquet or .npz), from `start` to `end` s of simulation time.
+
+    Raises `RecordingError` for another suffix, an empty range or a file that cannot be written.
+    """
     write, _ = _format(path)
     scenario, status = recording.scenario, recording.status
     metadata = {
@@ -132,7 +135,10 @@ def _batches(pieces: Iterable[Samples], scenario: Scenario, later: Iterable[Scen
 
 
 def import_run(path: Path) -> tuple[Run, dict[str, Any]]:
-    """(run, metadata) of an exported file; "left_out" names columns of no signal. Raises `RecordingError`."""
+    """(run, metadata) of an exported file; the metadata's "left_out" names columns that are not signals.
+
+    Raises `RecordingError` for any other file.
+    """
     _, read = _format(path)
     try:
         check_ordinary(path)

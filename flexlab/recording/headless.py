@@ -26,10 +26,16 @@ LARGE_ROWS = 2000
 
 
 class HeadlessRecording:
-    """The recording of a run on the caller's own thread, as a context manager. All methods raise `RecordingError`."""
+    """The recording of one run, written on the caller's own thread, as a context manager.
+
+    All methods raise `RecordingError` if the folder cannot be written or its disk is full.
+    """
 
     def __init__(self, logs: Path, info: RunInfo, notes: RunNotes | None = None, in_one_piece: bool = False):
-        """Create `logs/<time>-<name>.rrd`, or `logs` itself if it is called `….rrd`; others as for encoder and writer."""
+        """Create `logs/<time>-<name>.rrd`, or `logs` itself if it is called `….rrd`.
+
+        `notes` as for `RunEncoder`, `in_one_piece` as for `RunWriter`.
+        """
         is_named = logs.suffix == SUFFIX and not logs.is_dir()
         file = claim_named_file(logs) if is_named else claim_run_file(logs, info.name, info.started)
         self.path: Path = file.path
@@ -124,7 +130,10 @@ class HeadlessRecording:
 
 
 def write_run(run: Run, logs: Path, name: str, notes: RunNotes | None = None, course: Course | None = None) -> Path:
-    """Record a finished `Run`, and return its path; `course` None: from its start, without commands. Raises `RecordingError`."""
+    """Record a finished `Run` and return its path; `logs` and `notes` as for `HeadlessRecording`.
+
+    `course`: None for a run from its scenario's start without any command. Raises `RecordingError`.
+    """
     if course is None:
         course = Course(float(run.time[1] - run.time[0]) if len(run) > 1 else TICK)
     measured = run.status.text if run.status == MEASURED else ""

@@ -48,7 +48,11 @@ def check_format(name: str) -> None:
 
 
 def import_into(path: Path, logs: Path, **notes: str) -> Path:
-    """Import a recording or exported run into `logs`, whole or not at all; `notes` go beside it. Raises `RecordingError`."""
+    """Import a recording or an exported run into `logs`, and return the new recording. The file itself is not changed.
+
+    `notes` are written beside the run; its "note" lists columns that were left out. Raises `RecordingError`, and leaves nothing
+    in `logs`, for a file without a run or if `logs` cannot be written.
+    """
     check_format(path.name or str(path))
     return _take_recording(path, logs, notes) if path.suffix.lower() == SUFFIX else _take_table(path, logs, notes)
 
@@ -99,7 +103,10 @@ def _take_table(path: Path, logs: Path, notes: Mapping[str, str]) -> Path:
 
 
 def take_run(run: Run, info: RunInfo, source: str, logs: Path, events: Sequence[Event] = (), **notes: str) -> Path:
-    """Write a run of the file `source` into `logs`, whole or not at all; returns the recording. Raises `RecordingError`."""
+    """Write a run that came from the file `source` into `logs`, whole or not at all, and return the recording.
+
+    Raises `RecordingError`.
+    """
     check_period(source, info.sample_period)
     recording = HeadlessRecording(logs, info, in_one_piece=True)
     try:

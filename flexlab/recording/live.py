@@ -1,4 +1,8 @@
-"""The newest minutes of all runs in memory, for viewers that join at any time, to whom the front server passes them on."""
+"""The newest minutes of all runs in memory, for rerun viewers that join at any time.
+
+No port is opened here. The front server passes the bytes on to visitors with access; a port of rerun's own would answer
+everybody on this machine.
+"""
 
 import threading
 from collections.abc import Callable

@@ -39,7 +39,11 @@ BLOCK_ROWS = 4000
 def write_comparison(
     recordings: Sequence[Recording], target: Path, text: str = "", seen: Callable[[int], None] = lambda samples: None
 ) -> None:
-    """Write 2 to `MOST_RUNS` runs, overlaid, and markdown into `target`; `seen` counts samples. Raises `RecordingError`."""
+    """Write 2 to `MOST_RUNS` runs into the rerun file `target`, with a layout that overlays them.
+
+    `text`: markdown shown beside the plots, such as a table of differences. `seen` is called with the number of samples in
+    each piece that was written. Raises `RecordingError`.
+    """
     if not 2 <= len(recordings) <= MOST_RUNS:
         raise RecordingError(f"Choose 2 to {MOST_RUNS} runs to compare, not {len(recordings)}.")
     stream = new_stream(APPLICATION)

@@ -77,7 +77,10 @@ class Recording:
 
     @cached_property
     def samples(self) -> Samples:
-        """All samples with today's meaning (see `compared`), SI, read on the first access. Raises `RecordingError`."""
+        """All samples, in SI units, bit for bit; those of an older format have today's meaning (see `compared`).
+
+        They are read on the first access. Raises `RecordingError`.
+        """
         found = list(self._decoded(read_rows(self.path, [SAMPLES]).get(SAMPLES, [])))
         nothing = len(self.scenario.arms), self.scenario.payload.coordinate_count, own_signals(self.scenario)
         return join_blocks(found) if found else empty_samples(*nothing)
@@ -130,7 +133,10 @@ def read_recording(path: Path | str) -> Recording:
 
 
 def read_range(path: Path | str, start: float | None = None, end: float | None = None) -> Samples:
-    """The samples from `start` to `end`, s; no others are kept in memory. Raises `RecordingError`, also if there are none."""
+    """The samples from `start` to `end` s of simulation time; the others are not kept in memory.
+
+    Raises `RecordingError` if there are none, or as `read_recording` does.
+    """
     return join_blocks(list(within(read_recording(path).blocks(), start, end)))
 
 
@@ -260,7 +266,10 @@ def _hidden_by_laws(scenario: Scenario, events: Iterable[Event]) -> tuple[frozen
 
 
 def _told_apart(samples: Samples, hidden: frozenset[str], one_law: bool) -> Samples:
-    """Samples whose readouts in a signal's place (`hidden`; of several laws, those of another shape) have their `signal_name`."""
+    """Samples in which readouts that took the place of a signal of the table, as they did once, have their `signal_name`.
+
+    `hidden`: the names of such readouts. Where a run had several laws, a readout is told by its shape.
+    """
     signals = samples.signals()
     own = {
         name: signal_name(name)
@@ -302,7 +311,10 @@ def _finite(value: Any) -> float:
 
 
 def within(blocks: Iterable[Samples], start: float | None, end: float | None) -> Iterator[Samples]:
-    """Samples with start <= time <= end, s (None: no limit), in blocks of N >= 1. Raises `RecordingError` if there are none."""
+    """The samples with start <= time <= end (s; None: no limit), in blocks of N >= 1. `blocks`: in the order of time.
+
+    Reads no further than needed. Raises `RecordingError` if there are none.
+    """
     low, high = -np.inf if start is None else start, np.inf if end is None else end
     first = last = None
     found = False

@@ -31,7 +31,10 @@ GROWTH = 1.3
 
 
 def finish(path: Path, mending: Mending | None = None, join: bool = True) -> None:
-    """Give a recording that has none, and is not written, its footer and index; `join`: small pieces. Raises `RecordingError`."""
+    """Give a recording its footer and index, in place; `join` also joins small pieces. The file keeps its date.
+
+    Does nothing if it has a footer, or if it is being written. Raises `RecordingError` if it cannot be read.
+    """
     mending = mending or Mending()
     check_path(path)
     try:
@@ -103,7 +106,10 @@ def _finish_if_possible(path: Path, mending: Mending) -> None:
 
 
 def finish_abandoned(logs: Path, mending: Mending | None = None) -> None:
-    """Finish the files that dead writers left in the folder, as far as possible, and remove empty ones and drafts."""
+    """Finish the files that dead writers left in the folder, and remove their empty ones and drafts.
+
+    A file that cannot be finished stays as it is, and `run_state` says so.
+    """
     mending = mending or Mending()
     with contextlib.suppress(OSError):
         sweep_empty(logs)
@@ -158,7 +164,10 @@ def read_rows(path: Path, content: list[str]) -> Rows:
 
 
 def rows_in_order(path: Path, entity: str) -> Iterator[Row]:
-    """The rows of an entity in time order, few at once, of a mended copy if the file is torn. Raises `RecordingError`."""
+    """The rows of one entity in the order of time, few of them in memory at once.
+
+    A file that is torn, or to which a piece is just being written, is read from a mended copy. Raises `RecordingError`.
+    """
     check_recording(path)
     given = 0
     try:

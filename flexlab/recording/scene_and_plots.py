@@ -1,4 +1,7 @@
-"""What rerun's viewer shows of a run: arms and beam as shapes in the plane z = 0, and the plots around them."""
+"""What rerun's viewer shows of a run: arms and beam as moving shapes in space, and the views and plots around them.
+
+The plane of the arms is z = 0, seen from above.
+"""
 
 from collections.abc import Iterator, Sequence
 
@@ -115,7 +118,10 @@ MEASURED_PLOT = "vibration"
 
 
 def run_blueprint(scenario: Scenario, factor: float, title: str, follow: bool = False) -> rrb.Blueprint:
-    """The layout of a run with a deflection drawn `factor` times; `follow`: whether to show the newest instant."""
+    """The layout of one run. `factor`: exaggeration of the drawn deflection, which the view's name states.
+
+    `follow`: whether to show the newest instant as it comes.
+    """
     signals = views(scenario)
     left = rrb.Vertical(
         scene_view(f"{title}: deflection drawn × {number_text(factor)}", scenario),

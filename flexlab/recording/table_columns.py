@@ -39,7 +39,10 @@ class Column:
 
 
 def table_columns(scenario: Scenario, later: Iterable[Scenario] = (), derived: bool = False) -> tuple[Column, ...]:
-    """All columns of a run; `later`: scenarios after changes, whose laws may have other signals; `derived`: those, too."""
+    """All columns of a run of `scenario`: those of the table of signals, of the law's own, and, if `derived`, of derived ones.
+
+    `later`: the scenarios after changes, whose laws may have other signals of their own.
+    """
     own = {signal.name: signal for each in (scenario, *later) for signal in own_signals(each)}
     signals = (*TABLE.values(), *own.values(), *(DERIVED.values() if derived else ()))
     return tuple(column for signal in signals for column in _columns(signal, scenario))
@@ -155,7 +158,10 @@ def checked_blocks(name: str, blocks: Iterable[Samples]) -> Iterator[Samples]:
 
 
 def check_times(name: str, time: np.ndarray, before: int = 0, last: float = -math.inf) -> None:
-    """Raise `RecordingError` for times, s, not finite or not rising by `CLOSEST` after `last`, that of row number `before`."""
+    """Refuse times, s, that are not finite or not rising by `CLOSEST`. Raises `RecordingError`, which counts rows from 1.
+
+    `before`: number of rows before them, the last of which has the time `last`.
+    """
     usable = np.abs(time) <= LAST_TIME  # False for NaN too.
     with np.errstate(invalid="ignore"):  # `usable` tells the difference of two infinities.
         rising = np.diff(time, prepend=last) >= CLOSEST if len(time) else usable

@@ -28,7 +28,11 @@ SECURITY_POLICY = (
 
 @contextlib.contextmanager
 def serving_viewer(port: int = 0, source: str = "") -> Iterator[str]:
-    """Serve the viewer on a port of this machine, 0 for any, for recordings of `source`; yields it. Raises `RecordingError`."""
+    """Serve the web viewer on one port of this machine, 0 for a free one; yields its address.
+
+    `source`: the server that recordings may come from, besides this one. Raises `RecordingError` if the port is in use or the
+    viewer is missing.
+    """
     folder = viewer_folder()
 
     class Handler(_Handler):
@@ -83,7 +87,11 @@ class _Handler(http.server.BaseHTTPRequestHandler):
 
 @contextlib.contextmanager
 def review(path: Path, port: int = 0) -> Iterator[str]:
-    """Serve a recording, mended if need be, or a comparison to this machine's browser; yields a page. Raises `RecordingError`."""
+    """Serve a recording, or a comparison of some, to this machine's browser; yields the address to open.
+
+    A recording that its writer left without an end is mended first. `port` of the viewer, 0 for a free one. Raises
+    `RecordingError` if there is nothing that can be read.
+    """
     check_recording(path)
     finish(path)
     with contextlib.ExitStack() as closing:

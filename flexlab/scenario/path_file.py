@@ -32,7 +32,10 @@ LONGEST_FILE = 5_000_000
 
 
 def with_path(scenario: Scenario, path: Any) -> Scenario:
-    """The scenario on a path: kind, CSV file, Python file or class of `OwnPath`. Raises `PresetError` or `ScenarioError`."""
+    """The scenario on a path given by its kind, by a CSV file, by the Python file that defines it, or as a class of `OwnPath`.
+
+    Raises `PresetError` or `ScenarioError`.
+    """
     return path_choice(path)(scenario)
 
 

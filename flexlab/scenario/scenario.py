@@ -190,7 +190,10 @@ class Scenario(Part):
         return changed or parse_scenario(data)
 
     def _with_parts(self, data: Mapping[str, Any]) -> "Scenario | None":
-        """As `parse_scenario`, but fast: validates changed parts only; None if that is impossible, or one is not valid."""
+        """As `parse_scenario`, but validate only the parts that have changed, as a slider sends many changes.
+
+        None if one of them is not valid, has another kind or holds a person's own code: the whole then has to be parsed.
+        """
         parts: dict[str, Part] = {}
         try:
             for name, old in vars(self).items():

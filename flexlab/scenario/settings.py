@@ -26,7 +26,10 @@ IDEAL: dict[str, Any] = {
 
 
 def parse_setting(text: str) -> tuple[str, Any]:
-    """(dotted path, value) of `PATH=VALUE`, the value as JSON, or else as text (`kind=pd`). Raises `ScenarioError`."""
+    """(dotted path, value) of `PATH=VALUE`: the value as JSON, or else as text (`kind=pd`).
+
+    Raises `ScenarioError` for a text without a path or an equals sign.
+    """
     path, equals, value = (part.strip() for part in text.partition("="))
     if not equals or not path:
         raise ScenarioError(
@@ -60,7 +63,10 @@ def settings_from(texts: Sequence[str] = (), law: str | None = None, seed: int |
 
 
 def change_settings(scenario: Scenario, changes: Mapping[str, Any]) -> Scenario:
-    """A copy with fields changed by path in any order: kinds first, and outer before inner. Raises `ScenarioError`."""
+    """A copy with fields changed by path, kinds first and outer ones before inner, so that they may be named in any order.
+
+    Raises `ScenarioError`.
+    """
     ordered = sorted(changes.items(), key=lambda item: (not item[0].endswith(".kind"), item[0].count(".")))
     return scenario.replace(dict(ordered))
 

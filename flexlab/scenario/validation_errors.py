@@ -72,7 +72,10 @@ LONGEST = 60
 
 
 def locate(model: type[Part], location: Sequence[Any]) -> tuple[str, Quantity | None, list[type[Part]]]:
-    """Dotted path and description of a place that pydantic names, without the kinds in unions, and the parts that fit there."""
+    """Dotted path and description of the place that pydantic names, without the kinds that it inserts for unions.
+
+    Also the parts that may be there: none for a value or an unknown place.
+    """
     owners, about = [model], None
     names: list[str] = []
     for item in map(str, location):

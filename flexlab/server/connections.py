@@ -113,7 +113,10 @@ class Visit(web.RequestHandler):
         return answer
 
     def log_exception(self, *words: Any, **more: Any) -> None:
-        """Log one line, and none for a visitor who leaves: aiohttp treats all that visitors do wrong as defects."""
+        """Log one line if a visitor stops reading a file or sends a malformed body; log nothing if they leave.
+
+        aiohttp treats all three as defects.
+        """
         reason = more.get("exc_info")
         if isinstance(reason, TimeoutError):
             log.warning("Cut off %s, who read nothing of what was sent for %g s.", self.address, STALLED_TIME)

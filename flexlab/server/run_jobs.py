@@ -65,7 +65,10 @@ class ComparisonTables(NamedTuple):
 
 
 def compare_runs(paths: tuple[Path, ...], folder: Path, report: Callable[[float], None]) -> Outcome:
-    """Compare runs; the result is `ComparisonTables`, and their overlay is written into `folder`."""
+    """Compare runs; the result is `ComparisonTables`, and their overlay is written into `folder`.
+
+    `report` takes progress, 0 to 1.
+    """
     for path in paths:
         check_size(path)
     lengths = [_noted_rows(path) or path.stat().st_size / BYTES_OF_SAMPLE for path in paths]

@@ -1,4 +1,7 @@
-"""Explanations of a run: sentences computed from its numbers, each registered by a file here (see `explanation.py`)."""
+"""Explanations of a run: sentences computed from its numbers.
+
+To add one, add a file here that registers it; `explanation.py` says how.
+"""
 
 from flexlab.registry import modules_in
 

@@ -91,7 +91,11 @@ class Background(NamedTuple):
 
 
 def filled(scenario: Scenario) -> Scenario | None:
-    """The scenario after its payload's mass has changed; None if there is none, or if an observer stays at the first mass."""
+    """The scenario of a payload after its mass has changed (`physics.mass_change`).
+
+    None if the mass does not change, for a law whose observer is for the mass at the start while the law follows the change,
+    and for a mass that no scenario may have.
+    """
     payload, model = scenario.payload, scenario.controller.model
     factor, part = payload.mass_change.factor, model.mass_change_factor
     if not payload.mass_change.active or (part and hasattr(scenario.controller, "observer")):
@@ -270,7 +274,11 @@ def explain(evidence: Evidence) -> tuple[Explained, ...]:
 def explain_run(
     run: Samples, scenario: Scenario, start: float | None = None, events: Sequence[Event] = ()
 ) -> tuple[Explained, ...]:
-    """The explanations of a run's newest seconds since its last change, for the scenario at its start; none without modes."""
+    """The explanations of a run's newest `LONGEST_LOOK` s since its last change or touch, under the scenario that it then has.
+
+    `scenario`: the scenario at the run's start; `start` as for `Evidence.of_run`. Empty if the scenario has no modes, as when an
+    arm cannot reach its pose; the run's status says why.
+    """
     try:
         background = Background.of(changed_scenario(scenario, events))
     except FlexlabError:

@@ -35,7 +35,8 @@ PARTS, FEWEST_IN_PART = 8, 25
 UNEVEN = 3.0
 """Residual power in the loudest part over that in the median part, from which the residual is no noise floor."""
 SEEN, SEEN_NEAR, DENSE = 0.05, 0.01, 5.0
-"""Residual over modal power in the loudest part that rules out a ring: always, or if the residual is DENSE near a mode."""
+"""Residual power over the modes' power in the loudest part, from which there is no free ring: SEEN always, SEEN_NEAR if the
+residual's spectrum near a mode is more than DENSE times its average."""
 LEFT = 0.1
 """Excess energy of the residual near a mode over the energy of all modes, from which there is no free ring."""
 BEST_TOLD = 1e-12
@@ -47,7 +48,10 @@ FEWEST_CLIPPED, MORE = 3, 5
 
 
 def clipped_until(signal: np.ndarray) -> int | None:
-    """Index of the last clipped sample; None if peaks are not clipped. Rounding also makes the next smaller value frequent."""
+    """Index of the last clipped sample of a signal; None if its peaks are not clipped.
+
+    Peaks of a ring also share a value if samples are rounded, but the next smaller value is then nearly as frequent.
+    """
     last = []
     for side in (signal, -signal):
         counts = np.unique(side, return_counts=True)[1]
@@ -99,7 +103,10 @@ def _jump(power: np.ndarray) -> int | None:
 
 
 def _line(signal: np.ndarray) -> tuple[np.ndarray, int]:
-    """(analytic signal of the strongest line and what is near it, (N,), which noise hardly hides; samples in its period)."""
+    """(analytic signal of the strongest line and what is near it, (N,); samples in a period of that line).
+
+    Most of a white noise is elsewhere in the spectrum, so that a ring begins visibly in it even if noise is nearly as loud.
+    """
     count = len(signal)
     place = np.linspace(-1, 1, count)
     rings = signal - np.polynomial.Polynomial.fit(place, signal, 2)(place)
@@ -125,7 +132,11 @@ def _first_peak(signal: np.ndarray, quiet: int, period: int) -> int:
 
 
 def stands_out(signal: np.ndarray, rest: np.ndarray, modes: int) -> bool:
-    """Whether modes that leave `rest` exceed autoregressive noise (drifts, hums, bands) by Schwarz's criterion."""
+    """Whether modes that leave the residual `rest` of `signal` exceed noise by Schwarz's criterion.
+
+    With and without the modes, noise is autoregressive of second order, like a structure under random impacts; that covers
+    drifts, wandering hums and bands of noise.
+    """
     before, left = (max(_unforeseen(each), BEST_TOLD**2) for each in (signal, rest))
     return bool(len(rest) * np.log(before / left) - 4 * modes * np.log(len(rest)) >= STANDS_OUT)
 
@@ -149,7 +160,10 @@ def is_white(rest: np.ndarray) -> bool:
 
 
 def unevenness(rest: np.ndarray, rings: np.ndarray) -> float:
-    """Residual over modal power where the residual is loudest; 0 for a noise floor, which is equally strong everywhere."""
+    """Residual power over the power of `rings`, the modes' part, where the residual is loudest; 0 for a noise floor.
+
+    A noise floor is equally strong everywhere; the residual of a second tap or of a burst of noise is not.
+    """
     count = min(PARTS, len(rest) // FEWEST_IN_PART)
     if count < 3:
         return 0.0
@@ -159,7 +173,10 @@ def unevenness(rest: np.ndarray, rings: np.ndarray) -> float:
 
 
 def local_density(rest: np.ndarray, step: float, frequency: float, own: float) -> tuple[float, float]:
-    """(residual's spectral density near `frequency` over its mean, its excess energy there over the modes' energy `own`)."""
+    """(spectral density of the residual near `frequency` over its mean, excess energy there as a share of `own`).
+
+    `step`: s between samples; `own`: energy of the modes. The excess is the energy that the density elsewhere does not explain.
+    """
     power = np.abs(np.fft.rfft(rest)[1:]) ** 2 * 2 / len(rest)
     f = np.fft.rfftfreq(len(rest), step)[1:]
     wide = max(0.25 * frequency, 3 * f[0])

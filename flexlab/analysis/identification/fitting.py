@@ -144,7 +144,10 @@ def fit_file(
     end: float | None = None,
     scenario: Scenario | None = None,
 ) -> Fit:
-    """The fit of two columns (`read_measured`) of a beam in a vice; `start` None: where the ring begins. Raises `StudyError`."""
+    """The fit of two columns of a CSV file (see `read_measured`) from `start` (None: where the ring begins) to `end`, s.
+
+    `scenario`: the known parameters of the beam; a vice holds its grips. Raises `StudyError`.
+    """
     start, end = time_or_none("start", start), time_or_none("end", end)
     found = read_measured(path, time, signal)
     t, y = _window(found.time, found.signal, start, end)
@@ -194,7 +197,10 @@ def _fit(
     is_chosen: bool,
     simulated: tuple[np.ndarray, Scenario] | None = None,
 ) -> Fit:
-    """`is_chosen`: whether a person chose the start; `simulated`: desired poses at `t`, (N, 3), and scenario of a run."""
+    """`is_chosen`: whether a person chose the start, and not where the ring begins.
+
+    `simulated`: the desired poses of a run at `t`, (N, 3), and its scenario; None: the samples are a measurement.
+    """
     ring, poses, other = fit_ring(t, y), [], ""
     if simulated is not None:
         poses = _poses(simulated[0], y - ring.background)

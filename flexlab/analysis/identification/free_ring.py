@@ -29,7 +29,10 @@ GONE = 0.005
 def ring_of_run(
     recording: Recording, name: str = "vibration", start: float | None = None, end: float | None = None
 ) -> tuple[np.ndarray, np.ndarray, str]:
-    """(time s, signal, unit) of a run's free ring; `start` None: after its last tap, or where it rings. Raises `StudyError`."""
+    """(time s, signal, unit) of a free ring up to `end`, s (None: of the run, or where it has faded). Raises `StudyError`.
+
+    `start`, s; None: after the last tap before the end, or from the ring's beginning.
+    """
     about = {**TABLE, **DERIVED}.get(name)
     if about is None or about.axes:
         usable = [other for other, signal in {**TABLE, **DERIVED}.items() if not signal.axes and other != "time"]

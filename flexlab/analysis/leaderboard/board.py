@@ -141,7 +141,10 @@ def compute_rows(tasks: Sequence[Task], workers: Workers | None) -> Iterator[Row
 def run_board(
     tasks: Sequence[Task], store: RowStore, workers: Workers | None = None, told: Told = lambda done, total: None
 ) -> Leaderboard:
-    """The leaderboard of all tasks, which may be interrupted: missing rows are computed and stored. Raises `StudyError`."""
+    """The leaderboard of all tasks: rows from the store, and the others, computed and stored. Raises `StudyError`.
+
+    The computation may be interrupted: the same call then computes the remaining rows. `workers` None: a thread per core.
+    """
     store.prepare()
     known = {task.row.key: row for task in tasks if (row := store.get(task.row.key)) is not None}
     # Long tasks come first, so that no core waits for one at the end.

@@ -54,7 +54,10 @@ class Entrant:
         return ", ".join(f"{path.removeprefix('controller.')} = {value}" for path, value in own.items())
 
     def scenario(self, plain: Scenario, law_fields: Mapping[str, Any]) -> tuple[Scenario, str] | None:
-        """(a case's scenario with this law, a note on what it needs); None without all these fields. Raises `ScenarioError`."""
+        """(a case's scenario with this law, a note on what had to be set for it); None if the law lacks one of the fields.
+
+        Raises `ScenarioError` if the scenario is not valid.
+        """
         changes = with_period_if_needed(plain, self.changes)
         found = change_settings(plain, changes)
         period = found.controller.control_period

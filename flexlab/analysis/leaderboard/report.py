@@ -1,4 +1,8 @@
-"""The tables of a leaderboard (overview, section per case) for terminal, page and HTML report, and the cases' figures."""
+"""The tables of a leaderboard for terminal, report and page (an overview, then a section per case), and the cases' figures.
+
+A figure shows the score that ranks the laws: a dot per law and scenario, or a map if there are many scenarios. The report is
+one HTML file that opens without network.
+"""
 
 import re
 from collections.abc import Sequence

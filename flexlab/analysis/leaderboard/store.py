@@ -48,7 +48,11 @@ def engine() -> str:
 
 
 def law_source(scenario: Scenario) -> str:
-    """A digest of a scenario's law and the laws that it uses; for a law at an address, of this process only, as it may change."""
+    """A digest of the source files of a scenario's law, and of the laws that it uses.
+
+    The source of a law in Python is part of the scenario. The digest of a law at an address holds for this process only, as
+    another program may answer there later.
+    """
     controller: Any = scenario.controller
     slow = getattr(controller, "slow", None)
     kinds = [controller.kind] + ([slow.kind] if slow is not None else [])

@@ -99,7 +99,10 @@ MetricClass = TypeVar("MetricClass", bound=type[Metric])
 
 
 def register(metric: MetricClass, again: bool = False) -> MetricClass:
-    """Class decorator: adds a metric, which with `again` replaces one. Raises ValueError for a name or title that is taken."""
+    """Class decorator: adds a metric to `METRICS`. Raises ValueError for a name, field or title that is taken.
+
+    `again`: whether it may replace the metric of its name.
+    """
     others = [other for other in METRICS.values() if not (again and other.name == metric.name)]
     taken = {word for other in others for column in other.columns for word in (other.name, column.field, column.key)}
     for word in (metric.name, *(word for column in metric.columns for word in (column.field, column.key))):

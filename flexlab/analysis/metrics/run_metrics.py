@@ -1,4 +1,7 @@
-"""All metrics of a run, or of a window of it: gathered from pieces, shown, and noted beside recordings by title and unit."""
+"""All metrics of a run, or of a window of it: gathered from pieces, shown, and noted.
+
+Notes on a recording hold metrics as numbers by title and unit, None for those without a value.
+"""
 
 from collections import namedtuple
 from collections.abc import Iterable, Mapping
@@ -223,7 +226,10 @@ class MetricCollection:
 def run_metrics(
     samples: "Samples", window: Window = (-inf, inf), finished: bool = True, own: bool = True, noted: Noted = None
 ) -> RunMetrics:
-    """The metrics of a run within a window, s; `own` as for `MetricCollection`, `finished` and `noted` as for `RunMetrics`."""
+    """The metrics of a run within a window, s; `finished`: whether the run came to its end.
+
+    `own` as for `MetricCollection`, `noted` as for `RunMetrics`.
+    """
     collection = MetricCollection(window, own)
     collection.update(samples)
     # Imported here so that the help of commands that name metrics does not wait for the engine.
@@ -259,7 +265,10 @@ def results(noted: Mapping[str, Any], stopped: bool) -> dict[str, Any]:
 
 
 def noted_text(column: Column, noted: Mapping[str, Any], stopped: bool = False) -> str:
-    """A number as a table shows it, or why there is none; `stopped`: whether the run stopped before its end."""
+    """A number as a table shows it: "not settled" for a missing value, "–" for a metric that was never measured.
+
+    `stopped`: whether the run stopped before its end.
+    """
     if column.key not in noted:
         return MISSING
     value = results(noted, stopped)[column.key]

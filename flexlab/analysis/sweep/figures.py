@@ -31,7 +31,10 @@ NOT_SETTLED = "#d0d0d0"
 def write_figures(
     plan: Plan, table: Any, folder: Path, shown: Sequence[str] = (), pareto: Sequence[str] = DEFAULT_PARETO
 ) -> list[Path]:
-    """Write a figure of each metric in `shown` (empty: the listed ones) and of `pareto` to a folder. Raises `StudyError`."""
+    """Write a figure of each metric in `shown` (empty: those in lists of runs), and one of the two in `pareto`, to a folder.
+
+    Returns the paths. Raises `StudyError` for an unknown metric, or a folder that cannot be written.
+    """
     listed = [number.name for number in numbers() if number.column.listed]
     figures = {name: draw_metric(plan, table, name) for name in shown or listed}
     figures["pareto"] = draw_pareto(table, *pareto)

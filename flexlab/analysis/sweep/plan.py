@@ -1,4 +1,7 @@
-"""The plan of a sweep, whose key says what it is, and its cells: simulated scenarios that become rows of the table."""
+"""The plan of a sweep (base scenario, axes and design), its cells, and the computation of a cell.
+
+The same plan has the same key. A cell is one simulated scenario, and one row of the table.
+"""
 
 import json
 import threading
@@ -157,7 +160,8 @@ def make_plan(
 BLOCK = 5000
 """Most samples of a run in memory at once."""
 MOST_KEPT = 1024
-"""Largest Σ n_q² of the beams whose matrices a thread keeps: 64 beams of two elements, or 4 of eight."""
+"""Largest sum of the squared numbers of coordinates of the beams whose derived matrices a thread keeps: 64 beams of two
+elements, or 4 of eight."""
 
 
 class Cell(NamedTuple):

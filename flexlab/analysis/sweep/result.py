@@ -1,4 +1,7 @@
-"""A sweep's table on disk, saved in whole parts while it is computed, beside the plan's key; and the finished sweep."""
+"""A sweep's table on disk, one row per cell, saved in parts while it is computed; and the finished sweep.
+
+Each part is written whole or not at all. The plan's key tells whether a folder holds the same sweep.
+"""
 
 import json
 import shutil
@@ -45,7 +48,10 @@ def sweep_folder(name: str, plan: Plan) -> Path:
 
 
 def schema(plan: Plan) -> pa.Schema:
-    """Columns: cell, varied fields by path, status, sentence, metrics by name (SI; metadata: titles, units), and provenance."""
+    """Columns: number of the cell, each axis by its path, status, sentence, each metric by its name, and the provenance.
+
+    Metrics are in SI units; the columns' metadata hold titles and units. "scenario" is the hash of the cell's scenario.
+    """
     axes = [(axis.path, pa.float64() if axis.numeric else pa.string()) for axis in plan.axes]
     shown = ((each.name, {"title": each.column.title, "unit": each.column.si_unit}) for each in numbers())
     metrics = [pa.field(name, pa.float64(), metadata=title_and_unit) for name, title_and_unit in shown]
@@ -189,7 +195,10 @@ class Sweep(Result):
 
     @cached_property
     def table(self) -> Any:
-        """A row per cell: values, status, sentence, metrics (SI), hashes and version. Raises `StudyError` if it is damaged."""
+        """A row per cell: number, varied fields, status, sentence, metrics (SI), hash of the scenario, key and version.
+
+        Raises `StudyError` if its file is damaged.
+        """
         file = self.folder / TABLE
         try:
             return _rows(file, self._layout, range(len(self)))

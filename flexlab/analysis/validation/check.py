@@ -90,7 +90,10 @@ class Runs:
 
 
 def general(name: str, changes: dict[str, Any], commands: Sequence[tuple[float, WorldCommand]] = ()) -> Run:
-    """3 ms of a bent beam in fast `UNEQUAL` arms, sampled finely. Raises `StudyError` if the run fails."""
+    """3 ms with weight and `UNEQUAL` arms, moving fast with a bent beam, sampled finely enough to take derivatives.
+
+    Raises `StudyError` if the run fails.
+    """
     return run_of(name, MOVING | UNEQUAL | {"simulation.step": FINE} | changes, 0.003, FINE, commands)
 
 
@@ -168,7 +171,11 @@ class Validation(Result):
 
 
 def validate() -> Validation:
-    """Compare what this installation computes with paper and mechanics: see `.holds` and `.table`; a failed run is told there."""
+    """Compare what this installation computes with the paper and with mechanics: see `.holds` and `.table`.
+
+    The statements are the checks of every `subject` in this folder. A subject whose run fails gets one more check, which
+    does not hold and says why.
+    """
     modules_in("flexlab.analysis.validation")
     runs = Runs()
     ordered = sorted(_subjects.items(), key=lambda item: item[1][0])

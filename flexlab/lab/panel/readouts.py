@@ -88,7 +88,10 @@ def _measured(speed: float) -> str:
 
 
 def notices_html(snapshot: Snapshot, notice: Notice, rules: ClassRules) -> str:
-    """Warnings and notices that float over the picture, so that nothing in the panel moves; empty if there are none."""
+    """Warnings and notices that float over the picture, so that nothing in the panel moves; empty if there are none.
+
+    Sentences about the teacher's `rules` stay as long as the rules hold.
+    """
     locked = LOCKED if rules.locked and notice.text != LOCKED else ""
     standing = {"fl-pace": rules.pace, "fl-pace-on-play": rules.pace_on_play_screen, "": locked}
     boxes = [_box(text, "info", kind) for kind, text in standing.items() if text]

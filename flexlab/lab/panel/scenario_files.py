@@ -34,7 +34,10 @@ TOO_LONG = "This scenario is too long for a link: download it as a file."
 
 
 def save_preset(scenario: Scenario, name: str, folder: Path = OWN_FOLDER) -> Path:
-    """Write a scenario as a person's own preset, in a file of that `usable_stem`; raises `PresetError`."""
+    """Write a scenario as a person's own preset; raises `PresetError` for an unusable name.
+
+    The file gets the name in small letters, digits and hyphens.
+    """
     name = usable_stem(name)
     if (presets_folder() / f"{name}.json").exists():
         raise PresetError(f"{name} is a preset of flexlab itself and stays as it is: choose another name.")

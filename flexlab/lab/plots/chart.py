@@ -54,7 +54,10 @@ LARGEST = float(np.finfo(np.float32).max)
 
 
 class Curve:
-    """The newest samples of `signals` signals in a window of `seconds` s; `keep_all`: also those that leave the window."""
+    """The newest samples of `signals` signals in a window of `seconds` s; `append` adds them in time order.
+
+    `keep_all`: keep the samples that leave the window.
+    """
 
     def __init__(self, signals: int, seconds: float, keep_all: bool = False):
         self._signals, self._keep_all = signals, keep_all

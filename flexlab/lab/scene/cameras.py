@@ -88,7 +88,10 @@ def _lengths(axis: str, places: np.ndarray) -> list[tuple[float, str]]:
 
 
 def draw_stage(scene: viser.SceneApi, scenario: Scenario, shadows: bool) -> None:
-    """Draw the grid below the arms with lengths along its edges, and light that suits both colour modes."""
+    """Draw the grid below the arms with lengths along its edges, and light from above and the side.
+
+    The light is bright enough for both colour modes, without washing out the colours.
+    """
     scene.configure_environment_map(None)
     scene.configure_default_lights(enabled=True, cast_shadow=shadows)
     scene.add_light_hemisphere("/sky", sky_color=(255, 255, 255), ground_color=(170, 178, 190), intensity=SKY_INTENSITY)

@@ -66,7 +66,10 @@ class Mending:
                 process.terminate()
 
     def rewrite(self, source: Path, target: Path, join: bool = True) -> bool:
-        """Write what is readable of `source`, with a footer; returns whether any is. After an OSError `target` is useless."""
+        """Write what is readable of `source` to `target`, with a footer, and return whether anything is. `join`: small pieces.
+
+        Raises OSError if the disk refuses; `target` is then useless, even if it can be read.
+        """
         ways = ("optimize", "filter") if join and source.stat().st_size <= LARGE_FILE else ("filter",)
         return any(not self.stopped and self._run(way, source, target) for way in ways)
 
@@ -170,7 +173,10 @@ DATASET = "runs"
 
 @contextlib.contextmanager
 def serving(path: Path) -> Iterator[str]:
-    """Serve a recording; yields its address. Raises `RecordingError`, RuntimeError, ValueError, OSError or LookupError."""
+    """Serve a recording; yields the address that a viewer opens.
+
+    Raises `RecordingError`, RuntimeError, ValueError, OSError or LookupError.
+    """
     place = os.environ.get("TMPDIR", "")
     if place and not os.access(place, os.W_OK | os.X_OK):
         raise RecordingError(

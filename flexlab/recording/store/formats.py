@@ -26,7 +26,8 @@ FORMAT = 3
 OLDEST_READER = 3
 """Oldest format whose reader understands recordings that are written now: see `readable`."""
 ARITHMETIC = "1"
-"""Name of the arithmetic of samples: recordings with this one are reproduced bit for bit on any machine, others are not."""
+"""Name of the arithmetic by which samples are computed now. A recording that names the same one is reproduced bit for bit on any
+machine; a recording that names another, or none, was computed with other rounding errors."""
 OLD_QUASI_STATIC = "quasi_static_deflection_of_format_1"
 """The quasi-static deflection of format 1: that of the actual acceleration, which jumps."""
 

@@ -26,7 +26,10 @@ def notes_path(path: Path) -> Path:
 
 
 def read_notes(path: Path) -> dict[str, Any]:
-    """The notes beside a recording, if any; only those `OF_PEOPLE` if another file has taken its name since."""
+    """The notes beside a recording; empty if there are none or they cannot be read.
+
+    Only those `OF_PEOPLE` if another file has taken its name since the metrics were written.
+    """
     try:
         notes = read_json(notes_path(path), LARGEST_NOTES)
     except (OSError, ValueError):
@@ -37,7 +40,10 @@ def read_notes(path: Path) -> dict[str, Any]:
 
 
 def _is_another(path: Path, notes: dict[str, Any]) -> bool:
-    """Whether size and time differ from the measured file's: a copy has its size, and a mended file its time."""
+    """Whether a recording has neither the size nor the time of the file that the metrics belong to.
+
+    A copy has its size, and a mended one its time.
+    """
     try:
         size, time = notes[MEASURED]
         now = path.stat()

@@ -1,4 +1,8 @@
-"""Names, claims and states of recordings; a claim is a lock that dies with its process, which tells abandoned files."""
+"""Names, claims and states of recordings in a logs folder.
+
+A recording that is being written is claimed by a lock that dies with its process, so a second lab, or the next start, can
+tell an abandoned file from one in use.
+"""
 
 import contextlib
 import os
@@ -233,7 +237,10 @@ def unreadable(logs: Path) -> str:
 
 
 def find_run(run: str, logs: Path) -> Path:
-    """The path of a run named by a person: file, (beginning of a) name in `logs`, or "newest". Raises `RecordingError`."""
+    """The recording named by a person: a file, a name in `logs` or the beginning of one, or "newest".
+
+    Raises `RecordingError` if there is none, or more than one. It does not check that the file is a recording.
+    """
     if run == NEWEST:
         return newest_run(logs)
     runs = list_files(logs)

@@ -306,7 +306,10 @@ MARK = 4
 
 
 def names_told_apart(people: Iterable[tuple[str, str]], logs: Path) -> dict[tuple[str, str], str]:
-    """(name, mark) → the name, with the beginning of the mark if others here, or in the folder's notes, have it too."""
+    """(name, mark of their runs) → the name, with the beginning of the mark if others have the same name.
+
+    Others are among these people or in the notes of a folder.
+    """
     known = _recorded(logs, logs.stat().st_mtime_ns if logs.exists() else 0).union(people)
     count = Counter(name.translate(JOINERS) for name, _ in known)
     return {

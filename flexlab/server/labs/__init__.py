@@ -196,7 +196,10 @@ class WaitingLine:
         return len(self._seen)
 
     def place(self, visitor: str, free: int, address: str = "") -> int:
-        """0 if it is the visitor's turn for one of `free` labs, else their place, from 1. Raises `FullError` if there is none."""
+        """Return 0 if it is the visitor's turn for one of `free` labs, else their place in the line, from 1.
+
+        Raises `FullError` if the line is full.
+        """
         self._forget_who_left()
         if visitor not in self._seen and len(self._seen) >= free:
             same = sum(other == address for _, other in self._seen.values())

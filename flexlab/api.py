@@ -185,12 +185,13 @@ def simulate(
     """Simulate a scenario for `duration` s, with a sample at exactly every k · `sample_period` s, t = 0 included.
 
     `scenario`: a `Scenario`, the name of a preset, the path of a scenario file, or plain data. `commands`: (time in s, command)
-    pairs, as a person in the live lab would give them; each takes effect at the first sample at or after its time. `law`:
-    another control law, by its name, the path of a Python file or unit (.fmu) that holds one, the address of a program
-    (tcp://HOST:PORT), or a subclass of `OwnLaw`; `path`: another path, by its name, a CSV file, a Python file, or a subclass of
-    `OwnPath`. A run that cannot start or go on ends early: `run.status` says why, and the good samples are kept. Raises
-    `PresetError` or `ScenarioError` for an invalid scenario or command, and `StudyError` for an invalid duration or period, a
-    command that changes the beam's mesh or restarts the run, and, with `check`, a run that did not finish.
+    pairs, as a person in the live lab would give them, with a `Tap`, `Pull` or `ChangeScenario` of `flexlab.sim.commands`; each
+    takes effect at the first sample at or after its time. `law`: another control law, by its name, the path of a Python file or
+    unit (.fmu) that holds one, the address of a program (tcp://HOST:PORT), or a subclass of `OwnLaw`; `path`: another path, by
+    its name, a CSV file, a Python file, or a subclass of `OwnPath`. A run that cannot start or go on ends early: `run.status`
+    says why, and the good samples are kept. Raises `PresetError` or `ScenarioError` for an invalid scenario or command, and
+    `StudyError` for an invalid duration or period, a command that changes the beam's mesh or restarts the run, and, with
+    `check`, a run that did not finish.
     """
     must_finish = flag("check", check)
     name, valid = named_scenario(scenario, law, path)

@@ -30,6 +30,8 @@ SAME_LENGTH = 1e-9
 """Difference of durations, s, below which two runs count as equally long."""
 MOST_COMMANDS = 3
 """Largest number of a run's commands that are listed."""
+BETWEEN = "; "
+"""What separates them."""
 STARTS = {
     "initial.pose": "on the path",
     "initial.pose_rate": "that of the path",
@@ -217,9 +219,9 @@ def _commands(recording: Recording) -> str:
     """The first commands of a run with their times, in words."""
     kinds = get_args(WorldCommand)
     done = [event for event in recording.events if isinstance(event.command, kinds) and event.level != "error"]
-    told = [f"{event.text} at t = {number_text(event.time)} s" for event in done[:MOST_COMMANDS]]
+    told = [f"t = {number_text(event.time)} s: {event.text}" for event in done[:MOST_COMMANDS]]
     more = len(done) - len(told)
-    return "; ".join([*told, *([f"and {more} more"] if more else [])]) or "–"
+    return BETWEEN.join([*told, *([f"{more} more"] if more else [])]) or "–"
 
 
 def _markdown(table: Table) -> str:

@@ -4,6 +4,7 @@ from typing import Any
 
 from aiohttp import web
 
+from flexlab.analysis.comparison import BETWEEN
 from flexlab.errors import FlexlabError, RecordingError
 from flexlab.recording.overlay import MOST_RUNS, run_label
 from flexlab.recording.store.run_files import SUFFIX
@@ -58,6 +59,7 @@ async def comparison(request: web.Request) -> web.Response:
         kind="compare",
         measured=[label for label, row in zip(labels, rows, strict=True) if row.is_measured],
         longest=LONGEST_VALUE,
+        between=BETWEEN,
         address=recording_address(context, COMPARISON + task.key),
         **values,
         **tables._asdict(),

@@ -7,12 +7,13 @@ import inspect
 import sys
 import textwrap
 from collections import Counter
+from contextlib import suppress
 from types import CodeType, ModuleType
 from typing import Any
 
 import numpy as np
 
-from flexlab.own.declaration import OwnLaw
+from flexlab.own.declaration import LASTING, OwnLaw
 from flexlab.text import PARSER, syntax_tree
 
 HEADER = (
@@ -29,6 +30,8 @@ LOADS = ("LOAD_NAME", "LOAD_GLOBAL", "LOAD_FROM_DICT_OR_GLOBALS")
 
 NUMBERS = "biufc"
 """Kinds of numpy's types that are numbers."""
+DECLARED = (*LASTING, "on_save")
+"""Attributes of a class that are read from its text."""
 LONGEST_INTEGER = 1000
 """Bits of a number that is written out."""
 MOST_ITEMS = 2000
@@ -40,7 +43,7 @@ def class_text(given: type) -> str:
 
     Numbers, texts, arrays and lists of these have their present values, however the file or another notebook's cell computed
     them; so are modules and what can be imported from elsewhere. Raises `OSError`, `TypeError` or `SyntaxError` if the text
-    cannot be found.
+    cannot be found, and `ValueError` with a sentence for a changed attribute that the text cannot have.
     """
     with PARSER:
         own, first = inspect.getsourcelines(given)
@@ -48,7 +51,7 @@ def class_text(given: type) -> str:
     text = textwrap.dedent("".join(own))
     needed, kept, found = _used(_compiled(syntax_tree(text).body)), {}, set()
     nodes = [node for node in syntax_tree("".join(lines)).body if not (_is_main(node) or _runs(node, given.__name__))]
-    module = vars(sys.modules.get(given.__module__, ModuleType("")))
+    module = vars(sys.modules.get(given.__module__, ModuleType(""))) | _enclosed(given)
     values, written = dict[str, str](), _written(nodes, module)
     while True:
         values |= {name: _expression(module[name]) for name in (needed & set(module)) - written - set(values)}
@@ -73,7 +76,42 @@ def class_text(given: type) -> str:
     # The head goes into the first line, so that lines keep their numbers, unless that line begins a class or function.
     joint = "; " if 1 in kept and isinstance(kept[1], (ast.Import, ast.ImportFrom, ast.Assign)) else "\n"
     above = "; ".join(part for part in head if part)
-    return (above + (joint + rows[0] if rows[0] else "") + "\n" + "\n".join(rows[1:])).rstrip("\n") + "\n"
+    whole = (above + (joint + rows[0] if rows[0] else "") + "\n" + "\n".join(rows[1:])).rstrip("\n") + "\n"
+    return whole + "".join(f"{given.__name__}.{name} = {value}\n" for name, value in _changed(given, text).items())
+
+
+def _enclosed(given: type) -> dict[str, Any]:
+    """The variables of the function in which a class was made that its methods use."""
+    found: dict[str, Any] = {}
+    for method in vars(given).values():
+        code, cells = getattr(method, "__code__", None), getattr(method, "__closure__", None)
+        for name, cell in zip(code.co_freevars, cells, strict=True) if code and cells else ():
+            with suppress(ValueError):  # It has no value yet.
+                found[name] = cell.cell_contents
+    found.pop("__class__", None)
+    return found
+
+
+def _changed(given: type, text: str) -> dict[str, str]:
+    """Name → present value of the plain attributes of a class that its text does not write out, or that were changed since."""
+    body = next(node.body for node in syntax_tree(text).body if isinstance(node, ast.ClassDef))
+    literal: dict[str, str] = {}
+    for node in body:
+        target = (
+            node.targets[0]
+            if isinstance(node, ast.Assign)
+            else node.target
+            if isinstance(node, ast.AnnAssign)
+            else None
+        )
+        if isinstance(target, ast.Name) and isinstance(node, (ast.Assign, ast.AnnAssign)) and node.value is not None:
+            with suppress(ValueError):
+                literal[target.id] = _expression(ast.literal_eval(node.value))
+    present = {name: _expression(value) for name, value in vars(given).items() if not name.startswith("__")}
+    changed = {name: value for name, value in present.items() if value and literal.get(name) != value}
+    if lost := sorted(changed.keys() & literal.keys() & set(DECLARED)):
+        raise ValueError(f"{given.__name__}.{lost[0]} was changed after the class was made: write it into the class.")
+    return changed
 
 
 def _written(nodes: list[ast.stmt], module: dict[str, Any]) -> set[str]:

@@ -201,6 +201,8 @@ class OwnFolder(Generic[K]):
         try:
             folder = Path(inspect.getsourcefile(given) or "").resolve().parent
             return with_modules(class_text(given), folder if folder.is_dir() else Path(), f"{self.kinds.field}.source")
+        except ValueError as error:
+            raise self._problem("source", str(error)) from None
         except (OSError, TypeError, SyntaxError):
             what = (
                 f"The text of the class {given.__name__} cannot be found, which a recording needs: write it in a file."

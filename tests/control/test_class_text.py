@@ -163,6 +163,41 @@ def test_values_that_a_script_computes_are_those_of_the_moment(tmp_path: Path):
     assert "1 / 0" not in text
 
 
+MADE = """from flexlab import OwnLaw
+
+K = 0.0
+
+
+def make(K):
+    class Made(OwnLaw):
+        velocity_gain = 800.0
+        doubled = 2 * 0.5
+        period = 0.001
+
+        def act(self, at):
+            error, error_rate = at.pose - at.desired_pose, at.pose_rate - at.desired_rate
+            return at.weights - at.shared(self.doubled * K * error + self.velocity_gain * error_rate)
+
+    return Made
+"""
+
+
+def test_a_class_has_the_variables_of_the_function_that_made_it_and_its_present_attributes(tmp_path: Path):
+    """K of the file was taken for the function's, and a changed attribute had its first value."""
+    made = [module_of(MADE, tmp_path / "making.py").make(K) for K in (1e4, 2e4)]
+    held = load_preset("paper").replace({"controller": {"kind": "pd", "control_period": 0.001}})
+    made[1].velocity_gain = 400.0
+    for law, gains in zip(made, ((1e4, 800.0), (2e4, 400.0)), strict=True):
+        settings = {"controller.position_gain": [gains[0]] * 3, "controller.velocity_gain": [gains[1]] * 3}
+        expected = simulate(held.replace(settings), 0.05).pose
+        np.testing.assert_allclose(flexlab.simulate("paper", 0.05, law=law).pose, expected, rtol=0, atol=1e-9)
+    made[0].period = 0.002
+    with pytest.raises(
+        ScenarioError, match=r"Made\.period was changed after the class was made: write it into the class\."
+    ):
+        flexlab.simulate("paper", 0.05, law=made[0])
+
+
 def test_an_error_in_a_class_is_reported_with_the_line_of_its_file(tmp_path: Path):
     module = module_of(TWO_OF_EACH, tmp_path / "lines_of_file.py")
     run = flexlab.simulate("paper", 0.1, law=module.Other)

@@ -83,6 +83,12 @@ def test_a_run_becomes_an_arrow_table_a_data_frame_and_a_figure():
     assert [(part.get_ylabel(), len(part.lines)) for part in run.plot("joint_torque", "tracking_error").axes] == [
         (r"τ$_{\mathrm{i}}$ (N·m)", 6), ("e (m)", 2), ("e (rad)", 1),
     ]  # fmt: skip
+    legends = [part.get_legend() for part in run.plot("pose", "midspan_deflection").axes]
+    assert [each and [text.get_text() for text in each.get_texts()] for each in legends] == [
+        ["x", "y"],
+        ["theta"],
+        None,
+    ]
     assert [part.get_ylabel() for part in run.plot().axes] == ["mm", "mrad", "mm", "N", "N·m"]
     np.testing.assert_allclose(run.plot().axes[1].lines[0].get_ydata(), 1e3 * run.tracking_error[:, 2])
     with pytest.raises(StudyError, match="'torque' is not a signal of this run: choose from time, pose"):

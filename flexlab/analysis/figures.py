@@ -261,7 +261,7 @@ def draw_signals(run: Run, names: Sequence[str] = ()) -> "Figure":
     with style():
         figure, parts = _stacked(run.time, plots)
         for part, plot in zip(parts, plots, strict=True):
-            if 1 < len(plot.curves) <= MOST_CURVES:
+            if any(curve.name for curve in plot.curves) and len(plot.curves) <= MOST_CURVES:
                 part.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
     return figure
 

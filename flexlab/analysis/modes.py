@@ -100,7 +100,7 @@ class Modes:
     """Modes in ascending frequency; n_m modes, n_q nodal coordinates, arrays read-only. `print` shows a table."""
 
     frequency: np.ndarray
-    """Undamped frequencies of the beam with its grips held, Hz, (n_m,)."""
+    """Undamped frequencies of the beam with its grips held and without a force along it, Hz, (n_m,)."""
     damping_ratio: np.ndarray
     """ζ of each mode alone, D_kk/(2ω_k), (n_m,); nodal damping also couples modes, see `poles`."""
     shape: np.ndarray
@@ -125,6 +125,8 @@ class Modes:
     """Delay of the torques in samples."""
     note: str
     """A remark on the poles, or the reason why there are none; empty: no remark."""
+    is_loaded: bool
+    """Whether the beam feels the force along it, which changes its frequencies in the loop, see `poles`."""
     linearization: Linearization | None = field(repr=False, compare=False)
     """The linearised loop; None without a rest point."""
 
@@ -167,8 +169,13 @@ class Modes:
                 rows.append(PoleRow(frequency, -pole.real / size if size else np.nan, pole.real, name))
         return sorted(rows, key=lambda row: -max(row.rate, NEUTRAL))[:most]
 
+    @property
+    def beam_title(self) -> str:
+        """What the beam's own modes are of."""
+        return f"Beam with its grips held{', no axial force' if self.is_loaded else ''}"
+
     def __str__(self) -> str:
-        lines = ["Beam with its grips held", "", *_beam_lines(self), "", *_pole_lines(self)]
+        lines = [self.beam_title, "", *_beam_lines(self), "", *_pole_lines(self)]
         return "\n".join(lines + (["", self.note] if self.note else []))
 
     def _repr_html_(self) -> str:
@@ -211,7 +218,7 @@ def modes(scenario: AnyScenario, pose: tuple[float, float, float] | None = None)
         lateral_participation=h**2 / beam.matrices.m, angular_participation=g**2 / beam.matrices.I,
         pose=at if linear is None else linear.rest.motion.x.copy(), poles=poles, pole_origin=origin,
         control_period=scenario.controller.control_period, input_delay=scenario.controller.input_delay, note=note,
-        linearization=linear,
+        is_loaded=scenario.payload.axial_load != "none", linearization=linear,
     )  # fmt: skip
     for array in vars(result).values():
         if isinstance(array, np.ndarray):

@@ -61,9 +61,8 @@ class ModePanel:
         result, problem = self._study.result, self._study.problem
         if result is not None and (shown := self._lab_state.view.shown_mode) is not None:
             problem = problem or _lacks(result, shown)  # The beam may have been changed since.
-        pressed = snapshot.scenario.payload.axial_load != "none"
         waits = "" if problem else '<div class="fl">Computing …</div>'
-        self._table.content = waits if result is None else modes_html(result, pressed)
+        self._table.content = waits if result is None else modes_html(result)
         self._problem.content = f'<div class="fl fl-bad">{escaped(problem)}</div>' if problem else ""
 
     def _chosen(self) -> int:
@@ -134,12 +133,12 @@ def _lacks(result: Modes, index: int) -> str:
     return f"Mode {index + 1} needs a finer mesh: this one has {has}. Give it more elements."
 
 
-def modes_html(result: Modes, pressed: bool = False) -> str:
-    """The beam's modes, the closed loop's poles and its margins, as tables; `pressed`: the beam feels the force along it."""
-    return f'<div class="fl">{_beam_html(result, pressed)}{_poles_html(result)}{_margin_html(result.disk_margin)}</div>'
+def modes_html(result: Modes) -> str:
+    """The beam's modes, the closed loop's poles and its margins, as tables."""
+    return f'<div class="fl">{_beam_html(result)}{_poles_html(result)}{_margin_html(result.disk_margin)}</div>'
 
 
-def _beam_html(result: Modes, pressed: bool) -> str:
+def _beam_html(result: Modes) -> str:
     rows = []
     for k in range(min(len(result.frequency), MOST_MODES)):
         sideways, turning = 100 * result.lateral_participation[k], 100 * result.angular_participation[k]
@@ -152,8 +151,7 @@ def _beam_html(result: Modes, pressed: bool) -> str:
         ratio = number_text(100 * float(result.damping_ratio[k]), 2)
         rows.append((f"{k + 1}", f"{result.frequency[k]:.2f}", ratio, moved))
     table = table_html(rows, "mode", "f (Hz)", "ζ (%)", "excited by moving grips", numbers=(1, 2))
-    title = "Beam with its grips held, no axial force" if pressed else "Beam with its grips held"
-    return f'<h2 class="fl-title">{title}</h2>{table}'
+    return f'<h2 class="fl-title">{result.beam_title}</h2>{table}'
 
 
 def _poles_html(result: Modes) -> str:

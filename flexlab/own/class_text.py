@@ -51,11 +51,11 @@ def class_text(given: type) -> str:
     text = textwrap.dedent("".join(own))
     needed, kept, found = _used(_compiled(syntax_tree(text).body)), {}, set()
     nodes = [node for node in syntax_tree("".join(lines)).body if not (_is_main(node) or _runs(node, given.__name__))]
-    module = vars(sys.modules.get(given.__module__, ModuleType(""))) | _enclosed(given)
+    module, enclosed = vars(sys.modules.get(given.__module__, ModuleType(""))), _enclosed(given)
     values, written = dict[str, str](), _written(nodes, module)
     while True:
         values |= {name: _expression(module[name]) for name in (needed & set(module)) - written - set(values)}
-        open_names = {name for name in needed if not values.get(name)}
+        open_names = {name for name in needed - set(enclosed) if not values.get(name)}
         new = [
             node for node in nodes if node.lineno not in kept and _bound(node) & open_names and not _holds(node, first)
         ]
@@ -71,7 +71,8 @@ def class_text(given: type) -> str:
         rows[begin : node.end_lineno] = [line.rstrip("\n") for line in lines[begin : node.end_lineno]]
     rows[first - 1 : first - 1 + len(own)] = text.rstrip("\n").split("\n")
     head = [f"from {FUTURE} import annotations"] * any(_is_future(node) for node in nodes)
-    head += [*HEADER, *(f"{name} = {values[name]}" for name in sorted(values) if values[name])]
+    head += [*HEADER, *(f"{name} = {values[name]}" for name in sorted(set(values) - set(enclosed)) if values[name])]
+    head += enclosed.values()
     head += [_definition(name, module[name]) for name in sorted(open_names - found) if name in module]
     # The head goes into the first line, so that lines keep their numbers, unless that line begins a class or function.
     joint = "; " if 1 in kept and isinstance(kept[1], (ast.Import, ast.ImportFrom, ast.Assign)) else "\n"
@@ -80,15 +81,23 @@ def class_text(given: type) -> str:
     return whole + "".join(f"{given.__name__}.{name} = {value}\n" for name, value in _changed(given, text).items())
 
 
-def _enclosed(given: type) -> dict[str, Any]:
-    """The variables of the function in which a class was made that its methods use."""
-    found: dict[str, Any] = {}
+def _enclosed(given: type) -> dict[str, str]:
+    """Name → definition of the variables, of the function in which a class was made, that its methods use.
+
+    Raises `ValueError` for one that cannot be written.
+    """
+    found: dict[str, str] = {}
     for method in vars(given).values():
         code, cells = getattr(method, "__code__", None), getattr(method, "__closure__", None)
         for name, cell in zip(code.co_freevars, cells, strict=True) if code and cells else ():
             with suppress(ValueError):  # It has no value yet.
-                found[name] = cell.cell_contents
+                value = cell.cell_contents
+                expression = _expression(value)
+                found[name] = f"{name} = {expression}" if expression else _definition(name, value)
     found.pop("__class__", None)
+    if lost := [name for name, definition in found.items() if not definition]:
+        variable = f"{given.__name__} uses {lost[0]}, a variable of the function that made it"
+        raise ValueError(f"{variable}, of which a recording cannot keep the value: define it in the file itself.")
     return found
 
 

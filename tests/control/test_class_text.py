@@ -191,11 +191,20 @@ def test_a_class_has_the_variables_of_the_function_that_made_it_and_its_present_
         settings = {"controller.position_gain": [gains[0]] * 3, "controller.velocity_gain": [gains[1]] * 3}
         expected = simulate(held.replace(settings), 0.05).pose
         np.testing.assert_allclose(flexlab.simulate("paper", 0.05, law=law).pose, expected, rtol=0, atol=1e-9)
-    made[0].period = 0.002
+    made = module_of(MADE, tmp_path / "making_again.py").make(lambda: 1e4)
+    with pytest.raises(
+        ScenarioError, match=r"Made uses K, a variable of the function that made it, of which a recording cannot"
+    ):
+        flexlab.simulate("paper", 0.05, law=made)
+
+
+def test_a_period_that_was_changed_after_the_class_was_made_is_refused(tmp_path: Path):
+    made = module_of(MADE, tmp_path / "changing.py").make(1e4)
+    made.period = 0.002
     with pytest.raises(
         ScenarioError, match=r"Made\.period was changed after the class was made: write it into the class\."
     ):
-        flexlab.simulate("paper", 0.05, law=made[0])
+        flexlab.simulate("paper", 0.05, law=made)
 
 
 def test_an_error_in_a_class_is_reported_with_the_line_of_its_file(tmp_path: Path):

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -161,7 +162,7 @@ def test_wrong_options_are_explained(flexlab_command: Command, words: list[str])
 @pytest.mark.parametrize("errors", ["", "2>&-"])
 def test_a_closed_pipe_is_no_error(root: Path, errors: str):
     done = subprocess.run(
-        ["bash", "-c", f"set -o pipefail; {sys.executable} -m flexlab --help {errors} | head -1"],
+        ["bash", "-c", f"set -o pipefail; {shlex.quote(sys.executable)} -m flexlab --help {errors} | head -1"],
         capture_output=True,
         text=True,
         check=True,

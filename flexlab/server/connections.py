@@ -76,7 +76,7 @@ class Visit(web.RequestHandler):
     def eof_received(self) -> bool:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Whether to answer a visitor who sends no more: before an answer begins, as afterwards it means that they left."""
         begun = self.request is not None and self.request.writer.output_size > 0
-        if begun or not self.received:
+        if begun or not (self.received or self.request):
             return False
         self.close()
         return True
@@ -86,9 +86,18 @@ class Visit(web.RequestHandler):
         self.busy, self.request, self.began, self.body_before = True, request, time.monotonic(), self.received
 
     def ends(self, is_known: bool) -> None:
-        """Note that the request is answered. `is_known`: its sender was let in."""
-        self.busy, self.request, self.began, self.received = False, None, time.monotonic(), 0
+        """Note that the request's answer is known, and only has to be sent. `is_known`: its sender was let in."""
+        self.busy, self.began, self.received = False, time.monotonic(), 0
         self.known = self.known or is_known
+
+    async def finish_response(
+        self, request: web.BaseRequest, resp: web.StreamResponse, start_time: float | None
+    ) -> tuple[web.StreamResponse, bool]:
+        """Send an answer; a file is opened only now."""
+        try:
+            return await super().finish_response(request, resp, start_time)
+        finally:
+            self.request = None
 
     def is_too_slow(self, now: float) -> bool:
         """Whether the request has used up its time."""

@@ -1,11 +1,13 @@
 """How tests visit a server: HTTP requests that are sent exactly as given, and websockets as viser's page opens them."""
 
+import asyncio
 import contextlib
 import http.client
 import json
 import re
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Coroutine, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from email.message import Message
 from http.cookies import SimpleCookie
@@ -25,6 +27,12 @@ FORM = "application/x-www-form-urlencoded"
 PROTOCOL = f"viser-v{viser.__version__}"
 WAY, RUN = re.compile(r'class="fl-reports" data-way="([^"]+)"'), re.compile(r'class="fl-run" data-run="(\d+)"')
 """Id of the widget to which a page reports what it has drawn, and number of the run that it was sent."""
+
+
+def run_apart(work: Coroutine[Any, Any, Any]) -> Any:
+    """The result of a coroutine, run on a thread of its own: a browser of earlier tests keeps its loop on this one."""
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(asyncio.run, work).result()
 
 
 @dataclass(frozen=True)

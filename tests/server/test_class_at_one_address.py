@@ -7,7 +7,6 @@ import signal
 import socket
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -15,7 +14,7 @@ from multiprocessing import forkserver
 from pathlib import Path
 
 import pytest
-from http_client import ask, upload, wait_until
+from http_client import ask, run_apart, upload, wait_until
 
 from flexlab.errors import RecordingError
 from flexlab.machine import cores
@@ -159,9 +158,7 @@ def test_many_addresses_that_guess_tokens_lock_nobody_else_out():
         await guesses.slow_down(ADDRESS)
         assert time.monotonic() - began < 1.0, "a first mistake costs nothing"
 
-    thread = threading.Thread(target=asyncio.run, args=(play(),))
-    thread.start()
-    thread.join()
+    run_apart(play())
 
 
 def test_files_in_transfer_claim_disk_space_together(tmp_path: Path):

@@ -14,7 +14,7 @@ from urllib.parse import parse_qs, urlencode, urlsplit
 import pytest
 from aiohttp import web
 from aiohttp.test_utils import TestServer
-from http_client import PATIENCE, Answer, ask, post, wait_until
+from http_client import PATIENCE, Answer, ask, post, run_apart, wait_until
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
@@ -200,7 +200,7 @@ def test_a_lab_whose_line_broke_reports_again(monkeypatch: pytest.MonkeyPatch):
             again.set()
         return came
 
-    assert asyncio.run(reports())[:2] == ["a lab", "a lab"]
+    assert run_apart(reports())[:2] == ["a lab", "a lab"]
 
 
 def test_a_hub_that_does_not_answer_is_said_not_to(caplog: pytest.LogCaptureFixture):

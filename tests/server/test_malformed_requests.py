@@ -66,7 +66,8 @@ def test_a_malformed_request_is_logged_in_one_line_that_quotes_nothing(
 def test_a_visitor_who_ends_their_sending_is_answered(front_server: FrontServer, path: str):
     """Programs such as `nc -N` say by it that their request is whole. They got no answer."""
     request = f"GET {path} HTTP/1.1\r\n".encode() + HEAD + b"\r\n"
-    assert send(front_server, request, ends=True).startswith(b"HTTP/1.1 200 OK")
+    for _ in range(5):  # A file is opened by another thread, before or after the visitor's end is seen.
+        assert send(front_server, request, ends=True).startswith(b"HTTP/1.1 200 OK")
 
 
 def test_many_malformed_requests_do_not_fill_the_log(guarded: FrontServer, caplog: pytest.LogCaptureFixture):

@@ -1,6 +1,5 @@
 """What can be done with recorded runs, requested without a browser: compare, replay, continue, export, import."""
 
-import asyncio
 import io
 import json
 import re
@@ -13,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from aiohttp.multipart import content_disposition_filename, parse_content_disposition
-from http_client import ask, compared, looking, over, post, upload, wait_until
+from http_client import ask, compared, looking, over, post, run_apart, upload, wait_until
 from rerun.chunk import RrdReader
 
 from flexlab.analysis.replay import replay
@@ -374,7 +373,7 @@ def test_a_run_deleted_before_a_task_reads_it_is_one_sentence(
     jobs = (compare_runs, (row.path, row.path), tmp_path), (archive_into, (row,), "rrd", tmp_path)
     for work, *arguments in jobs:
         with pytest.raises(LabError, match=f"{recorded.stem} is not there any more: somebody has deleted or moved it"):
-            asyncio.run(Tasks().run(THE_SERVER, work, *arguments))
+            run_apart(Tasks().run(THE_SERVER, work, *arguments))
     assert capfd.readouterr().err == ""
 
 

@@ -102,6 +102,7 @@ def test_a_run_that_has_not_settled_is_noted_as_such(tmp_path: Path) -> None:
 def test_a_run_that_never_left_its_first_instant_has_no_metrics(tmp_path: Path) -> None:
     """Runs sent to a lab that nobody watched were listed with the errors and torques of t = 0."""
     noted = note_metrics(write_run(simulate(load_preset("paper"), duration=0.0), tmp_path, "paper"))["metrics"]
+    assert noted_texts(noted) == {"Duration (s)": "0"}
     assert noted.pop("Duration [s]") == 0.0
     assert set(noted.values()) == {None}
 

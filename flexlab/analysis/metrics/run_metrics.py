@@ -267,9 +267,11 @@ def results(noted: Mapping[str, Any], stopped: bool) -> dict[str, Any]:
 def noted_text(column: Column, noted: Mapping[str, Any], stopped: bool = False) -> str:
     """A number as a table shows it: "not settled" for a missing value, "–" for a metric that was never measured.
 
-    `stopped`: whether the run stopped before its end.
+    A run of one instant has nothing to measure. `stopped`: whether the run stopped before its end.
     """
     if column.key not in noted:
+        return MISSING
+    if noted[column.key] is None and not stopped and noted.get(METRICS[DURATION].columns[0].key) == 0:
         return MISSING
     value = results(noted, stopped)[column.key]
     if value is None and stopped:

@@ -3,7 +3,7 @@
 import contextlib
 import inspect
 import re
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -150,6 +150,21 @@ class OwnFolder(Generic[K]):
                 if self._declares(file, given):
                     return self.add(file).kind
         return given
+
+    def kinds_of(self, given: Sequence[Any]) -> list[Any]:
+        """The kinds of several files or classes that are to be compared; anything else as it is.
+
+        Raises `ScenarioError`, also if two that differ have the same name: only the last would be known by it.
+        """
+        found, texts = list[Any](), dict[str, Any]()
+        for one in given:
+            kind = self.kind_of(one) if isinstance(one, (str, Path, type)) else one
+            own = self.kinds.registry.all().get(kind) if isinstance(kind, str) else None
+            if isinstance(own, self.kinds.sort) and texts.setdefault(kind, default_source(own)) != default_source(own):
+                what = self.kinds.registry.what
+                raise self._problem("kind", f"Two {what}s are called {kind}: give one of the classes another name.")
+            found.append(kind)
+        return found
 
     def _problem(self, name: str, text: str) -> ScenarioError:
         return ScenarioError([(f"{self.kinds.field}.{name}", text)])

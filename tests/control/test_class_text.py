@@ -17,6 +17,7 @@ from own_path_text import ROUND, forget_own_paths
 
 import flexlab
 from flexlab.analysis.replay import replay
+from flexlab.analysis.sweep.axes import parse_axes
 from flexlab.errors import ScenarioError
 from flexlab.own import hosts
 from flexlab.own.class_text import class_text
@@ -196,6 +197,20 @@ def test_a_class_has_the_variables_of_the_function_that_made_it_and_its_present_
         ScenarioError, match=r"Made uses K, a variable of the function that made it, of which a recording cannot"
     ):
         flexlab.simulate("paper", 0.05, law=made)
+
+
+def test_two_laws_of_one_name_are_not_compared(tmp_path: Path):
+    """Both cells of the sweep had the second law, and the leaderboard left the first one out."""
+    made = [module_of(MADE, tmp_path / "comparing.py").make(K) for K in (1e4, 2e4)]
+    for compare in (
+        lambda: flexlab.sweep("paper", {"controller.kind": ["pd", *made]}, duration=0.05),
+        lambda: flexlab.leaderboard(["pd", made[0]], ["B3"], more_laws=made[1:]),
+    ):
+        with pytest.raises(
+            ScenarioError, match=r"Two control laws are called made: give one of the classes another name\."
+        ):
+            compare()
+    assert parse_axes({"controller.kind": [made[0], made[0]]}, load_preset("paper"))[0].values == ("made", "made")
 
 
 def test_a_period_that_was_changed_after_the_class_was_made_is_refused(tmp_path: Path):

@@ -18,7 +18,7 @@ from flexlab.analysis.result import ResultHash
 from flexlab.control.law import laws
 from flexlab.errors import FlexlabError, StudyError
 from flexlab.lapack import one_blas_thread
-from flexlab.own.files import law_kind
+from flexlab.own.files import LAW_FILES, law_kind
 from flexlab.scenario import Scenario
 from flexlab.scenario.settings import PERIOD, change_settings, with_period_if_needed
 from flexlab.sim.samples import Samples
@@ -89,6 +89,7 @@ def chosen_entrants(wanted: Sequence[AnyEntrant] | None, more: Sequence[AnyEntra
     for name, given in (("laws", wanted), ("more_laws", more)):
         if isinstance(given, str) or not (given is None or isinstance(given, Sequence)):
             raise StudyError(f"{name} = {given!r:.60} is not a list: give names or files, as in ['pd', 'my_law.py'].")
+    LAW_FILES.kinds_of([law for law in [*(wanted or ()), *(more or ())] if not (isinstance(law, str) and law in known)])
     first = list(known.values()) if wanted is None else [_entrant(law, known) for law in wanted]
     found = {entrant.name: entrant for entrant in [*first, *(_entrant(law, known) for law in more or ())]}
     if not found:

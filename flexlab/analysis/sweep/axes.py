@@ -5,13 +5,12 @@ import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from flexlab.errors import ScenarioError, StudyError
-from flexlab.own.files import law_kind, path_kind
+from flexlab.own.files import LAW_FILES, PATH_FILES
 from flexlab.quantities import Quantity
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import TITLES, options
@@ -22,7 +21,7 @@ from flexlab.text import number_text, visible
 LINEAR, LOGARITHMIC = "lin", "log"
 ONE = "payload.bending_stiffness=1:1000:log:25"
 EXAMPLE = f"{ONE}, or controller.kind=pd,computed-torque"
-KINDS = {"controller.kind": law_kind, "trajectory.kind": path_kind}
+KINDS = {"controller.kind": LAW_FILES, "trajectory.kind": PATH_FILES}
 """Fields whose values may also be files, classes or addresses."""
 DEFAULT_COUNT = 10
 """Number of values in a range without a count."""
@@ -151,7 +150,7 @@ def _list(path: str, given: Any) -> tuple[Any, ...]:
     if not isinstance(values, Sequence) or isinstance(values, (str, bytes, bytearray)):
         values = [values]
     if path in KINDS:
-        values = [KINDS[path](one) if isinstance(one, (str, Path, type)) else one for one in values]
+        values = KINDS[path].kinds_of(values)
     try:
         plain = json.loads(json.dumps(list(values), allow_nan=False, default=lambda one: one.tolist()))
         _ = [float(value) for value in plain if isinstance(value, int)]  # Fails for one that no float can hold.

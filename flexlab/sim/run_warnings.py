@@ -262,36 +262,36 @@ def model_warning(payload: Payload, seen: Peaks) -> ModelWarning:
     said = []
     if share >= WHOLE:
         end = (
-            "so it buckles, and where it bends far the model ends."
+            "it buckles. How far a buckled beam bends, this linear model does not tell."
             if felt
             else f"a real beam would have buckled. {CURE}"
         )
         said.append(
-            f"At t = {pressed:.3f} s the beam was pressed with {force}, more than its buckling load of "
+            f"The beam was pressed with up to {force}, at t = {pressed:.3f} s, more than its buckling load of "
             f"{number_text(critical, 3)} N: {end}"
         )
     elif not felt and share >= NOTABLE:
         said.append(
-            f"At t = {pressed:.3f} s the beam was pressed with {force}, {100 * share:.0f} % of its buckling load: the paper's "
-            f"model leaves out what that does. {CURE}"
+            f"The beam was pressed with up to {force}, at t = {pressed:.3f} s, {100 * share:.0f} % of its buckling load: the "
+            f"paper's model leaves out what that does. {CURE}"
         )
     if not felt and spin >= WHOLE:
         said.append(
-            f"At t = {spun:.3f} s the link spun faster than the beam's first mode rings: the paper's model has no stiffness "
-            f"left, where a real beam gets stiffer. {CURE}"
+            f"At its fastest, at t = {spun:.3f} s, the link spun faster than the beam's first mode rings: the paper's model has "
+            f"no stiffness left, where a real beam gets stiffer. {CURE}"
         )
     elif not felt and spin >= NOTABLE:
         said.append(
-            f"At t = {spun:.3f} s the spin took {100 * spin:.0f} % of the beam's stiffness in the paper's model, where a real "
-            f"beam gets stiffer. {CURE}"
+            f"The spin took up to {100 * spin:.0f} % of the beam's stiffness in the paper's model, at t = {spun:.3f} s, where a "
+            f"real beam gets stiffer. {CURE}"
         )
     limits = (WHOLE,) if felt else (NOTABLE, WHOLE)
     passed = [share >= limit for limit in limits] + ([] if felt else [spin >= limit for limit in limits])
     too_far = bending > LARGE_DEFLECTION
     if too_far:
         said.append(
-            f"Large deflection at t = {bent:.3f} s: |w|/L = {number_text(100 * bending, 2)} %, above "
-            f"{number_text(100 * LARGE_DEFLECTION)} %. The beam model is linear and no longer exact here."
+            f"Large deflection: |w|/L was up to {number_text(100 * bending, 2)} %, at t = {bent:.3f} s, above "
+            f"{number_text(100 * LARGE_DEFLECTION)} %. The beam model is linear and not exact there."
         )
     return ModelWarning(sum(passed) + too_far, " ".join(said))
 
@@ -313,8 +313,8 @@ def amplified(scenario: Scenario) -> str:
 def saturated(time: float, cure: str) -> str:
     """The warning for errors that grow because torques are at their limits."""
     return (
-        f"Results are no longer accurate since about t = {time:.3f} s: a torque is at its limit, so that nothing leads errors of "
-        f"the steps back, and they grow. Reset with {cure}, lower gains or a slower path."
+        f"Results are less accurate than wanted from about t = {time:.3f} s on: a torque is at its limit, so that nothing leads "
+        f"errors of the steps back, and they grow. Reset with {cure}, lower gains or a slower path."
     )
 
 
@@ -344,6 +344,6 @@ def inaccurate(scenario: Scenario, time: float, coming: Sizes, found: Sizes, pea
     if scenario.simulation.step is not None:
         cure, smaller = "a shorter step (simulation.step) or null", ""
     return (
-        f"Results are no longer accurate since about t = {time:.3f} s: {' and '.join(said)}, as {cause}. "
+        f"Results are less accurate than wanted from about t = {time:.3f} s on: {' and '.join(said)}, as {cause}. "
         f"Reset with {cure}{smaller}."
     )

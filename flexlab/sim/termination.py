@@ -125,9 +125,7 @@ def runtime_fault(assembly: Assembly, code: int, y: np.ndarray, pose_rate: np.nd
     own_problem = laws()[law.kind].problem(law)
     if own_problem:
         mend = "See to that program" if address_in(getattr(law, "source", "")) else "Mend the file"
-        text = (
-            f"The control law {law.kind} stopped just after t = {time:.3f} s. {own_problem} {kept} {mend}, then reset."
-        )
+        text = f"The control law {law.kind} stopped just after t = {time:.3f} s. {own_problem} {kept} {mend} and start again."
         return Status("law failed", text, time)
     sampled = law.control_period is not None and law.kind != "none"
     if sampled and code in OUT_OF_REACH:

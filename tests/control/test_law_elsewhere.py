@@ -228,7 +228,7 @@ def test_a_program_that_leaves_ends_the_run_and_may_serve_the_next_one(program: 
     assert len(world.advance(20)) < 20
     assert world.status.text.startswith(f"The control law {scenario.controller.kind} stopped just after t = 0.00")
     assert f"s. {one.address}: it closed the connection. The last good state" in world.status.text
-    assert world.status.text.endswith("is kept. See to that program, then reset.")
+    assert world.status.text.endswith("is kept. See to that program and start again.")
     while len(one.asked) <= 20:
         one.asked.append({})
     assert len(World(scenario).advance(20)) == 20

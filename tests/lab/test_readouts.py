@@ -78,7 +78,9 @@ def bent_at_its_free_end(share: float) -> Scenario:
 
 def test_a_free_end_that_bends_too_far_is_flagged():
     """6.3 % of L at the end are 1.6 % at mid-span."""
-    assert "Large deflection at t = 0.000\xa0s: |w|/L = 6.3\xa0%, above 5\xa0%" in notices(bent_at_its_free_end(0.063))
+    assert "Large deflection: |w|/L was up to 6.3\xa0%, at t = 0.000\xa0s, above 5\xa0%" in notices(
+        bent_at_its_free_end(0.063)
+    )
     assert "Large deflection" not in notices(bent_at_its_free_end(0.045))
 
 
@@ -100,7 +102,7 @@ def test_the_text_for_screen_readers_tells_run_warnings_and_explanations():
         f"{runner.snapshot.scenario.title}: One arm holds a flexible beam. Paused at t = 0.00 s, speed 1 ×. "
     )
     assert "first beam frequency" in told
-    assert "Large deflection at t = 0.000 s: |w|/L = 6.3 %" in told
+    assert "Large deflection: |w|/L was up to 6.3 %, at t = 0.000 s" in told
     assert told.endswith(" Deflection: The beam rings.")
 
 
@@ -144,7 +146,7 @@ def test_a_warning_that_goes_on_is_shown_only_once():
             told = [html.content for html in html_texts(session) if 'class="fl fl-float"' in html.content]
             return told[0] if told else ""
 
-        wait_until(lambda: any("the beam was pressed" in event.text for event in session.runner.snapshot.events), "it")
-        wait_until(lambda: "the beam was pressed" in boxes(), "the warning is shown")
+        wait_until(lambda: any("The beam was pressed" in event.text for event in session.runner.snapshot.events), "it")
+        wait_until(lambda: "The beam was pressed" in boxes(), "the warning is shown")
         assert session.lab_state.notice.text == ""
         assert boxes().count("fl-caution") == boxes().count("fl-box") == 1

@@ -33,6 +33,6 @@ def test_a_law_with_a_kink_at_its_boundary_layer_is_followed_across_it():
 
 @pytest.mark.parametrize("size", [3e-9, 1e-6, 2e-4, 0.3, 7.0, 2e8])
 def test_a_stated_error_is_read_as_it_was_written(size: float):
-    warning = f"Results are no longer accurate: the pose may be off by {number_text(size, 1)} m or rad, as"
+    warning = f"Results are less accurate than wanted: the pose may be off by {number_text(size, 1)} m or rad, as"
     assert stated_size("pose", warning) == pytest.approx(size, rel=1e-12)
     assert stated_size("force", warning) == math.inf

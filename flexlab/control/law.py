@@ -55,8 +55,6 @@ class Start(NamedTuple):
 
 BOUND_ESTIMATES = Memory("bound_estimates")
 """b̂ of Eq. (23). Laws that learn nothing keep it unchanged for a later law that does."""
-
-
 USUAL_GAUGES = tuple(float(place) for place in gauge_places(1.0)[0])
 
 

@@ -22,10 +22,8 @@ from flexlab.numerics.elementary import exp
 
 Shaper = Literal["none", "zv", "zvd", "ei-shaper"]
 """No shaper, zero vibration, zero vibration and derivative, extra-insensitive."""
-
 TOLERATED = 0.05
 """V: share of the unshaped vibration that the extra-insensitive shaper leaves at ω, for a band twice as wide."""
-
 _AMPLITUDES: dict[str, Callable[[float], list[float]]] = {
     "none": lambda k: [],
     "zv": lambda k: [1.0, k],

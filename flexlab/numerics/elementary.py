@@ -17,7 +17,6 @@ ROUND = 1.5 * 2.0**52
 """Adding it to a number below 2⁵¹ and subtracting it again leaves the nearest whole number."""
 SPLIT = 2.0**27 + 1
 """Splits a number into halves of 26 bits (Dekker, Numer. Math. 18 (1971) 224)."""
-
 TURNED = 0.6366197723675814
 """2/π."""
 QUARTER = (1.5707963267341256, 6.077094383272197e-11, 6.12323399409214e-17, 1.6446256936324258e-26)
@@ -27,7 +26,6 @@ STRAIGHT_AHEAD = 0.785
 """Angle, rad, a little below π/4, up to which no multiple of π/2 is subtracted."""
 NEAR = 2.0**20
 """Largest angle, rad, for which the parts of `QUARTER` suffice."""
-
 DIGIT, MASK = 26, 2**26 - 1
 """Bits of one digit of 2/π, and their mask: products of two digits fit into an integer."""
 LEADING = 2 * DIGIT
@@ -40,7 +38,6 @@ _BITS = int(
 )
 DIGITS = np.array([_BITS >> DIGIT * (49 - k) & MASK for k in range(50)])
 """2/π after `LEADING` zero bits, with enough digits for the largest number."""
-
 ANGLE_HALF, ANGLE_HALF_REST = 0.4636476090008061, 2.2698777452961687e-17
 ANGLE_ONE, ANGLE_ONE_REST = 0.7853981633974483, 3.061616997868383e-17
 """atan ½ and atan 1, and their rounding errors."""
@@ -51,7 +48,6 @@ SMALL, LARGE, RESCALE = 2.0**-900, 2.0**900, 2.0**600
 """Between the first two, nothing in `direction_angle` under- or overflows; the third scales numbers into that range."""
 SAME = 1e-8
 """Ratio up to which an angle equals its tangent."""
-
 LN2, LN2_REST = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 PER_LN2 = 1.4426950408889634
 LARGEST_EXPONENT, SMALLEST_EXPONENT = 709.782712893384, -745.1332191019412

@@ -16,7 +16,6 @@ NEWTON_STEPS = 2
 """Newton steps after the doublings; each squares the remaining error."""
 CONVERGED = 1e-15
 """Relative change of a solution in one doubling at which it counts as converged."""
-
 Functions = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 

@@ -35,10 +35,8 @@ ARM = np.dtype(
 )
 """Constants of one arm: base, m; link lengths, m; elbow side; `reach`: from the payload's origin to the wrist along e1, m;
 `tip`: +1 if the last link points along e1, else -1; mu: inertias, kg·m²; gamma: first moments, kg·m; mass, kg."""
-
 SINGULAR_SINE = 0.02
 """|sin(α2 - α1)| below which an arm counts as stretched or folded: joint rates are then over 50 times the wrist's."""
-
 OK, UNREACHABLE, SINGULAR, NOT_A_NUMBER = 0, 1, 2, 3
 """Outcomes of `arm_configuration`."""
 

@@ -40,14 +40,11 @@ from flexlab.physics.plant import (
 
 FOLLOWED = 3000.0
 """Fastest mode that N follows, 1/s. Faster ones ring or decay within a step, so that N takes their mean."""
-
 AXIAL_MODES = 32
 """Number of lowest modes to which the axial force is applied. It changes the squared frequency of mode k by a share of P/(P_cr
 k²), so that the others keep their stiffness to a thousandth, and fine meshes cost a fraction."""
-
 STIFF_MODE = 3e5
 """Frequency, rad/s, above which modes keep their stiffness, too: a force of 1000 N changes it by less than a thousandth."""
-
 BUCKLING = {
     "pinned-pinned": 1.0,
     "clamped-clamped": 4.0,
@@ -56,10 +53,8 @@ BUCKLING = {
     "clamped-free": 0.25,
 }
 """c in the buckling load c π²EI/L², by boundary (Timoshenko & Gere, Theory of Elastic Stability, 2.1)."""
-
 N_LEFT, ALONG, SPIN, HAND = range(4)
 """Indices of N_L, a₁, ω² and F₁ in `Workspace.axial`, and of their factors G0, G1, G2, -G_F in `Plant.axial`."""
-
 NOW, START, END, SCRATCH, GATHERED = range(5)
 """Rows of `Workspace.axial_force`: K_G η now, at the first and at the last stage of a step of etdrk4, and scratch."""
 
@@ -108,11 +103,7 @@ def geometric_stiffness(
 
 def geometric_matrices(length: float, rho: float, element_count: int, boundary: str) -> np.ndarray:
     """G0 = ∫N'ᵀN', G1 = ρ∫(s + L/2)N'ᵀN', G2 = ½ρ∫(L²/4 - s²)N'ᵀN' ds, (3, n_q, n_q)."""
-    forces = (
-        lambda _: 1.0,
-        lambda s: rho * (s + length / 2),
-        lambda s: rho / 2 * (length * length / 4 - s * s),
-    )
+    forces = (lambda _: 1.0, lambda s: rho * (s + length / 2), lambda s: rho / 2 * (length * length / 4 - s * s))
     return np.array([geometric_stiffness(length, element_count, boundary, force) for force in forces])
 
 

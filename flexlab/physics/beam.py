@@ -32,10 +32,8 @@ def quasi_static_deflection(compliance, gravity, desired):
 
 GAUSS_POINTS = 4
 """Gauss points per element: exact for polynomials up to degree 7; the mass integrand has degree 6."""
-
 KNOWN_MESHES = 8
 """Number of meshes whose integrals and modes are kept: stiffness, density and length only scale them."""
-
 COUPLING_TOLERANCE = 1e-9
 """Modal damping couplings below this fraction of their diagonal are rounding of the eigenvectors, not physics."""
 

@@ -7,14 +7,7 @@ from flexlab.compiled import compiled, disjoint, inlined
 from flexlab.numerics.elementary import sin_cos
 from flexlab.numerics.linear_algebra import solve_symmetric
 from flexlab.physics.arm import arm_configuration
-from flexlab.physics.grips import (
-    add_grip_loads,
-    begin_powers,
-    carried_arms,
-    move_arms,
-    place_each,
-    pull_arm,
-)
+from flexlab.physics.grips import add_grip_loads, begin_powers, carried_arms, move_arms, place_each, pull_arm
 from flexlab.physics.hand import hand_load, pull_force, pull_on_link
 from flexlab.physics.mass_change import FACTOR, RATE, mass_factor
 from flexlab.physics.plant import (

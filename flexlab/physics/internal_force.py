@@ -73,12 +73,7 @@ def internal_force_by_eq_26(
 
 
 def payload_matrices(
-    beam: BeamMatrices,
-    pose: np.ndarray,
-    pose_rate: np.ndarray,
-    q: np.ndarray,
-    q_dot: np.ndarray,
-    gravity: float = 0.0,
+    beam: BeamMatrices, pose: np.ndarray, pose_rate: np.ndarray, q: np.ndarray, q_dot: np.ndarray, gravity: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A, the Christoffel matrix B and the weight of the payload (Eqs. (8) to (10)) in p = (x0, y0, θ, q).
 

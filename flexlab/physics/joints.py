@@ -32,7 +32,6 @@ VISCOUS, COULOMB, STATIC, STRIBECK, SMOOTHING, BELIEVED, STALL, FALL = range(8)
 """Rows of `Joints.numbers`, by joint: B, N·m·s/rad; C, N·m; (σ - 1)C, N·m; 1/v_s², s²/rad²; v_0², rad²/s²; believed τ_f over
 the true one; τ_s, N·m, infinite where any torque is given; τ_s/ω_0, N·m·s/rad."""
 ROWS = 8
-
 LOSS = 0
 """Index of ∫Στ_f θ̇ dt, J, among the joints' states; others follow in the order of `joint_parts`."""
 

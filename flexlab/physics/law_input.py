@@ -10,7 +10,6 @@ MOST_GAUGES = 8
 """Most strain gauges that a law may read."""
 MOST_DELAY = 64
 """Longest input delay, samples: the most torques under way."""
-
 LAW_INPUT = np.dtype(
     [
         ("arm_count", "i8"),

@@ -93,7 +93,6 @@ H, G, DH, DG, OMEGA2, MID, BEND, PULL, AXIAL, FOLLOWED_H, FOLLOWED_G, FOLLOWED_D
 """Rows of `Plant.modal`: Vᵀh, Vᵀg, DVᵀh, DVᵀg, ω², shape at mid-span N(0)V, shape where the beam bends
 most (mid-span or the free end), shape at the pulled point N(s)V, whether the mode is part of `Plant.axial`, and the first four
 again, zero for modes that the axial load does not follow (`axial_load`)."""
-
 ON_BEAM = -1.0
 """`Hand.arm` of a hand that holds the beam."""
 

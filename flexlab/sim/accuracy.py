@@ -16,48 +16,31 @@ from flexlab.numerics.linear_algebra import product
 from flexlab.physics.plant import ETA, G, H
 from flexlab.scenario import Scenario
 from flexlab.sim.assembly import Assembly
-from flexlab.sim.run_warnings import (
-    COUNTED,
-    Largest,
-    Peaks,
-    amplified,
-    bounds,
-    inaccurate,
-    model_warning,
-    saturated,
-)
+from flexlab.sim.run_warnings import COUNTED, Largest, Peaks, amplified, bounds, inaccurate, model_warning, saturated
 from flexlab.sim.signals import ARMS, INTERNAL, MOVING, PER_ARM, POSE, SATURATED
 from flexlab.sim.step_rates import ring_decay
 
 CHECKED_TICKS = (0, 1, 2, 5, 8, 17, 32, 65)
 """Ticks after a disturbance that are checked: even and odd ones, as control instants may lie on either. Fast modes ring for a
 few ticks only."""
-
 INTERVAL = 1021
 """Ticks between later checks: at 128, the copies would cost as much as the motion of a small beam. It is prime, so that
 checks fall on all phases of path and control."""
-
 SHORT_INTERVAL, SHORTEST_INTERVAL = 67, 13
 """Ticks between checks if errors as large as the newest would exceed their bounds within `INTERVAL`, and `SHORT_INTERVAL`: most
 decay before. The shortest also applies while a torque is at its limit: nothing corrects errors then, and a law that reaches
 and leaves its limit many times in a tick makes errors that no earlier check has shown. Both are prime."""
-
 FIRST_VERDICT, STEADY = 8, 1.1
 """Ticks after a disturbance in which nothing is judged; and the factor by which the largest force may grow between two of the
 `CHECKED_TICKS` of a run that is judged: the peak of a run that starts at rest is still to come."""
-
 FINER = 2
 """Levels by which a repetition is finer than its tick: for modes faster than the step, half the step tells little."""
-
 GROWN = 2.0
 """Factor by which errors must exceed the reported ones to be reported again."""
-
 AMPLIFIED = 1e-12
 """Smallest error of the pose, m or rad, with which a loop that amplifies errors is reported."""
-
 RINGING_SHARE = 0.5
 """Largest share of a mode's force on both grips that is internal: half of the difference between the grips."""
-
 LOOP_DECAY = 5.0
 """Rate at which a law corrects pose errors, 1/s: about the slowest with the documented gains."""
 
@@ -133,7 +116,7 @@ def disturbed(estimate: Estimate, assembly: Assembly, tick: int) -> Estimate:
     if len(fresh.accumulated) != len(estimate.accumulated):
         # The modes are others, and their errors unknown. The peak remains that of the run.
         estimate = estimate._replace(accumulated=fresh.accumulated, newest=fresh.newest, checked=fresh.checked)
-    return jumped(estimate, tick) if tick - estimate.disturbed > CHECKED_TICKS[-1] else estimate
+    return estimate._replace(disturbed=tick) if tick - estimate.disturbed > CHECKED_TICKS[-1] else estimate
 
 
 def changed(estimate: Estimate, before: Assembly, assembly: Assembly, tick: int) -> Estimate:
@@ -151,11 +134,6 @@ def changed(estimate: Estimate, before: Assembly, assembly: Assembly, tick: int)
         of_results = said
         estimate = estimate._replace(warning="", pose=0.0, force=0.0)  # What is left of the errors is reported anew.
     return estimate._replace(ended=(of_model, of_results))
-
-
-def jumped(estimate: Estimate, tick: int) -> Estimate:
-    """The estimate before the tick from number `tick` on, in which a torque jumps: checks start over."""
-    return estimate._replace(disturbed=tick)
 
 
 def ticks_until_check(estimate: Estimate, tick: int) -> int:

@@ -19,13 +19,10 @@ from flexlab.sim.step_levels import wanted_level
 
 DIVERGED, BENT = NOT_A_NUMBER, 4
 """Fault codes of the loop besides those of `physics.arm`: a state diverged; the deflection is as large as the beam."""
-
 INTERRUPTED = 5
 """Not a fault: the loop returned early, somewhere within a tick, because `Workspace.interrupt` was set."""
-
 OTHER_STEP = 100
 """Not a fault: the next tick wants the step of level code - OTHER_STEP."""
-
 RUNAWAY = 1e9
 """A state beyond this, in its SI unit, has diverged."""
 

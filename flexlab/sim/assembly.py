@@ -5,6 +5,7 @@ no more than the gain, and live, headless and replayed runs have the same bits w
 """
 
 from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -29,17 +30,11 @@ from flexlab.sim.target import build_system, build_trajectory, same_target
 
 LIGHT_ELEMENTS = 8
 """Largest number of elements whose modes and matrix functions are derived in a millisecond or two."""
-
-
 FORCED = 0.4
 """Ratio of the step taken to the step chosen below which the sample and control periods are said to bound it: dividing a tick
 into whole steps alone leaves more than half."""
-
-
 MUCH_SHORTER = 1.25
 """Ratio of the step asked for to the step taken above which parametric resonance is said to bound the step."""
-
-
 AMPLIFYING = 1.5
 """`Assembly.instability` above which differences in the last digit become visible: of 60 random loops, those above it diverge or
 depend on rounding, and none below it does."""
@@ -90,10 +85,7 @@ class Assembly(NamedTuple):
 def derive_assembly(
     scenario: Scenario, tick_period: float, known: Sequence[Assembly] = (), at_once: bool = False
 ) -> Assembly:
-    """Derive everything from a scenario without a trial of its step; raises `ScenarioError`.
-
-    `known` and `at_once` as for `step_trial.build_assembly`.
-    """
+    """As `step_trial.build_assembly`, but without a trial of the step. Raises `ScenarioError`."""
     check_signal_names(scenario)
     law = scenario.controller
     if at_once and not (laws()[law.kind].is_ready(law) and knows_kernels(scenario)):
@@ -111,7 +103,8 @@ def derive_assembly(
         alike = [old.steps for old in same_beam if _grows_alike(old, scenario, asked)]
         if at_once and not alike:
             raise Unprepared(scenario)
-        steps = alike[0] if alike else _steady_steps(scenario, system, beam, rates, tick_period, asked)
+        middle, counted = np.array(scenario.trajectory.middle), partial(steps_per_tick, scenario, tick_period)
+        steps = alike[0] if alike else steadiest(system, beam, rates, middle, asked, counted)
         if steps.step < asked.step / MUCH_SHORTER:
             bound = "resonance"
     dt = steps.step
@@ -132,14 +125,6 @@ def derive_assembly(
         _loaded.add((integrator, loop_variant(system.plant)))
     unstable = instability(system, rates.poses, sampling.period, sampling.delay)
     return Assembly(scenario, tick_period, beam, system, rates, sampling, levels, watch, steps, asked, bound, unstable)
-
-
-def _steady_steps(
-    scenario: Scenario, system: System, beam: Beam, rates: Rates, tick_period: float, asked: Count
-) -> Count:
-    """As `parametric_resonance.steadiest`, at the middle of the path."""
-    pose = np.array(scenario.trajectory.middle)
-    return steadiest(system, beam, rates, pose, asked, lambda most: steps_per_tick(scenario, tick_period, most))
 
 
 def _grows_alike(old: Assembly, scenario: Scenario, asked: Count) -> bool:

@@ -11,14 +11,7 @@ from flexlab.control.law_kernels import BelievedPayload, Control
 from flexlab.control.observers.believed_plant import arm_records
 from flexlab.numerics.linear_algebra import product, solve
 from flexlab.physics.axial_load import axial_modes, buckling_load, followed_loads, geometric_matrices, in_axial_modes
-from flexlab.physics.beam import (
-    BeamMatrices,
-    BeamModes,
-    beam_matrices,
-    beam_modes,
-    shape_row,
-    undamped_modes,
-)
+from flexlab.physics.beam import BeamMatrices, BeamModes, beam_matrices, beam_modes, shape_row, undamped_modes
 from flexlab.physics.grips import build_grips
 from flexlab.physics.joints import build_joints
 from flexlab.physics.law_input import MOST_ARMS

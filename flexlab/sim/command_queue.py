@@ -33,10 +33,8 @@ from flexlab.sim.step_trial import build_assembly
 
 MOST_WAITING = 256
 """Largest number of waiting commands: more than a scenario has fields, so that only a flood of taps or odd names reaches it."""
-
 MOST_STEPS = 100_000
 """Largest number of ticks of one `StepOnce` (100 s)."""
-
 ON_A_RUN = (ChangeScenario, Pull, Tap, Reset, StepOnce)
 """Commands that a new run makes pointless, or includes."""
 
@@ -218,27 +216,23 @@ class Preparation:
     def __init__(self, executor: Executor | None = None):
         """`executor` runs the derivations; without one, a thread of its own does."""
         self._executor = executor or ThreadPoolExecutor(1, thread_name_prefix="flexlab-preparation")
-        self._current: Prepared | None = None
+        self.current: Prepared | None = None
+        """What is being derived, or waits to be applied."""
         self._stopped = False
         self.later: list[ChangeScenario] = []
         """Changes that wait for the present derivation; one derivation for all of them follows."""
 
-    @property
-    def current(self) -> Prepared | None:
-        """What is being derived, or waits to be applied."""
-        return self._current
-
     def must_wait(self, command: Command) -> bool:
         """Whether a command must follow the present derivation: any command after a new run, a new run after a change."""
-        if self._current is None or isinstance(command, LoadScenario):
+        if self.current is None or isinstance(command, LoadScenario):
             return False
-        return begins_run(command) or not self._current.is_change
+        return begins_run(command) or not self.current.is_change
 
     def touches(self, changes: Sequence[ChangeScenario]) -> bool:
         """Whether changes set something that a change in preparation, or one that waits for it, sets as well."""
-        if self._current is None:
+        if self.current is None:
             return False
-        before = [old for old in (*self._current.group, *self.later) if isinstance(old, ChangeScenario)]
+        before = [old for old in (*self.current.group, *self.later) if isinstance(old, ChangeScenario)]
         paths = [path for old in before for path in old.changes]
         return any(overlap(path, other) for new in changes for path in new.changes for other in paths)
 
@@ -250,18 +244,18 @@ class Preparation:
             if self._stopped:  # It may stop at any instant.
                 return
             raise
-        self._current = Prepared(group, future, attempt)
+        self.current = Prepared(group, future, attempt)
 
     def take(self) -> Prepared | None:
         """Take the finished derivation, if there is one."""
-        if self._current is None or not self._current.future.done():
+        if self.current is None or not self.current.future.done():
             return None
-        done, self._current = self._current, None
+        done, self.current = self.current, None
         return done
 
     def drop(self) -> None:
         """Drop everything, as another run begins."""
-        self._current, self.later = None, []
+        self.current, self.later = None, []
 
     def stop(self) -> None:
         """Begin nothing more; a running derivation ends by itself within a second."""

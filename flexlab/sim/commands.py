@@ -105,8 +105,6 @@ class SetSpeed:
 WorldCommand = ChangeScenario | Pull | Tap
 RunnerCommand = LoadScenario | Reset | Play | Pause | StepOnce | SetSpeed
 Command = WorldCommand | RunnerCommand
-
-
 TEXTS = {"controller.source": "Text of the control law", "trajectory.source": "Text of the path"}
 """Fields that hold a person's own code."""
 OF_A_TABLE = ("trajectory.source", *FOLLOW)
@@ -130,7 +128,8 @@ def command_text(command: Command) -> str:
         x, y = command.impulse
         return f"Tap the beam at s = {fixed_text(command.beam_position, 3)} m with ({number_text(x, 3)}, {number_text(y, 3)}) N·s"
     if isinstance(command, LoadScenario):
-        return f"Load {command.name}" if command.origin is None else _resume_text(command.origin)
+        origin = command.origin
+        return f"Load {command.name}" if origin is None else f"Go on from {origin.run} at t = {origin.time:.3f} s"
     if isinstance(command, SetSpeed):
         return f"Speed {number_text(command.speed)} × real time"
     if isinstance(command, StepOnce):
@@ -143,10 +142,6 @@ def _held(command: Pull) -> str:
         return "the beam"
     arm, link = command.link
     return f"link {link} of the {'left' if arm == 1 else 'right'} arm"
-
-
-def _resume_text(origin: Origin) -> str:
-    return f"Go on from {origin.run} at t = {origin.time:.3f} s"
 
 
 def _change_text(path: str, value: Any) -> str:

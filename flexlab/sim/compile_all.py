@@ -25,19 +25,15 @@ from flexlab.sim.world import World
 
 DONE = "everything"
 """Name of the file in the cache folder that says that everything is compiled."""
-
 WHILE_OPEN = "--while-open"
 """Argument of a process that must end when its standard input ends, finished or not."""
-
 JOINTS = {"joints.friction.viscous": (1.0, 1.0, 1.0)}
 AXIAL = {"payload.axial_load": "first-order"}
 SHAPED = {"trajectory.shaper": "zvd"}
 """A shaped path needs the rates by themselves for its first mode, as does the rest point that every lab looks for."""
 FURTHER = {"payload.mass_change.factor": 2.0}, {"grips.model": "compliant"}, JOINTS
 """Extensions of the paper's plant: the loop is compiled for each combination of them, always with the axial load."""
-
 CHANGE = ChangeScenario({"controller.feedback_gain": 201.0})
-
 PATIENCE = 15
 """Niceness of the process: everything else on the machine takes precedence (`nice`)."""
 
@@ -48,22 +44,15 @@ def is_everything_compiled() -> bool:
 
 
 def compile_everything(processes: int = 1) -> None:
-    """Compile what is not yet on disk, in the order in which it is likely to be needed, or in several processes at once.
-
-    Numba compiles one kernel at a time in a process. Raises what compiling raises.
-    """
+    """Compile what is not yet on disk, in likely order, or in several processes at once, as numba compiles one by one."""
     if processes == 1:
         for part in PARTS:
             part()
     else:
         with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
-            for _ in pool.map(_compile_part, range(len(PARTS))):
-                pass
+            for compiled in [pool.submit(part) for part in PARTS]:
+                compiled.result()
     (cache_folder() / DONE).touch()
-
-
-def _compile_part(number: int) -> None:
-    PARTS[number]()
 
 
 def _compile_paper() -> None:

@@ -17,13 +17,10 @@ from flexlab.text import number_text, range_text
 
 MAX_PULL_STIFFNESS = 1e5
 """Largest stiffness of a pull, N/m: a stiffer one would overpower the controller and need shorter steps."""
-
 MAX_DISTANCE = 100.0
 """Largest coordinate of a target, m: one farther away is a mistake."""
-
 MAX_IMPULSE = 100.0
 """Largest impulse of a tap, N·s: a hammer blow; a larger one only destroys the run."""
-
 LINKS = (1, 2, 3)
 """Numbers of an arm's links, from its base."""
 
@@ -99,10 +96,7 @@ def beyond(payload: Payload, beam: Beam, s: float) -> np.ndarray:
 
 
 def apply_tap(payload: Payload, beam: Beam, y: np.ndarray, command: Tap, factor: float = 1.0) -> None:
-    """Add an impulse to the momenta of state y, in place: (P, s π) += (∂R/∂p)ᵀ impulse. Raises `ScenarioError`.
-
-    `factor`: s of `mass_change`, 1.
-    """
+    """Add an impulse to the momenta of y: (P, s π) += (∂R/∂p)ᵀ impulse; `factor`: s of `mass_change`. Raises `ScenarioError`."""
     _check_point(payload, command.beam_position)
     for axis, value in _axes("tap", command.impulse):
         _refuse(f"tap {axis}", value, "N·s", -MAX_IMPULSE, MAX_IMPULSE)

@@ -24,7 +24,6 @@ ASKED = tuple(
 )  # fmt: skip
 JOINT_SIGNALS = (*FRICTION, FRICTION_LOSS, *ASKED)
 """Signals of joints that are not ideal; in rows they follow the law's own."""
-
 MATERIAL_SIGNALS = (
     Signal("payload_mass", "s m", ("kg",), "mass of the payload"),
     Signal(
@@ -35,7 +34,6 @@ MATERIAL_SIGNALS = (
     ),
 )
 """Signals of a payload whose mass changes; in rows they precede the law's own."""
-
 GRIP = Axis("3", ("along", "across", "turn"))
 """Directions of a compliant grip."""
 GIVEN_WAY = tuple(

@@ -23,14 +23,11 @@ from flexlab.text import number_text
 
 EVENTS_KEPT = 200
 """Number of newest events in a snapshot."""
-
 FRAME_BUDGET = 0.03
 """Wall seconds after which a frame publishes what there is and leaves the rest to the next: a picture every 50 ms."""
-
 BLOCK_TIME, LARGEST_BLOCK, GROWTH = 0.01, 64, 4
 """Wall seconds that a block of ticks may take, so that commands wait no longer; its largest number of ticks; and the factor by
 which it may exceed the block before it: the cost of a tick is unknown before one is done."""
-
 DRAG_PAUSE = 0.5
 """Wall seconds within which a second change that begins a run counts as the next value of a dragged slider: its run does not wait
 to be released."""

@@ -45,14 +45,11 @@ def _hermite(
 
 SLOWEST, FASTEST = 1 / 256, 4.0
 """Allowed simulated seconds per wall second."""
-
 BACKLOG_LIMIT = 0.15
 """Wall seconds that the simulation may lag behind its target before the backlog is dropped: a lag that a person notices."""
-
 RUNS_AT_ONCE, RUN_PERIOD = 60, 1.0
 """New runs that may begin one right after another, and wall seconds after which one more may: enough for three seconds of
 dragging the number of elements, too few to fill a folder."""
-
 SPEED_WINDOW = 1.0
 """Wall seconds over which the actual speed is measured."""
 

@@ -22,20 +22,15 @@ from flexlab.sim.step_size import Count
 
 STEADY_GROWTH = 0.1
 """Growth rate that counts as none, 1/s: in a minute, errors of 1e-10 stay below 1e-7."""
-
 SPAN = 32.0
 """Time over which growth is measured, s: beats between modes then count for no more than 0.02 1/s."""
-
 RESOLVING = 2.0
 """Step times the fastest rate of the beam below which no two modes can resonate."""
-
 UNRESOLVED, BARELY_DAMPED = 1.0, 100.0
 """A mode may grow if step times frequency exceeds the first number and its decay rate, 1/s, is below the second: resonances
 grow at a few hundred 1/s at most, and need both modes of a pair."""
-
 SHORTER = (1.0, 1.03, 1.06, 1.09, 1.13, 1.16, 1.5, 2.0, 3.0)
 """Factors by which the steps that are tried are shorter than the one asked for."""
-
 MANY_MODES, FEW_TRIES = 64, 2
 """Number of modes from which on one growth rate takes tens of milliseconds, and how many steps are then tried: somebody who drags
 a slider waits for them."""

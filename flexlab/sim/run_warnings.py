@@ -128,13 +128,10 @@ STEP_COSTS = {
     "rk4": StepCost(1.2e-6, 3.5e-8, 4e-10),
     "generalized-alpha": StepCost(2.6e-6, 8.5e-8, 1.4e-9),
 }
-
 JOINTS_COST, GRIPS_COST, AXIAL_COST, AXIAL_PRODUCT_COST = 3.5e-7, 9e-7, 3.5e-7, 2.9e-9
 """What a step takes more with joints that are not ideal, with compliant grips and with the axial load, s, and that per number in
 the matrices of the axial load, s. A change of mass, torque limits and a control period change it by less than a tenth."""
-
 COARSER = "a coarser pose accuracy (simulation.accuracy)"
-
 COUPLED_MODES = 8
 """Number of modes coupled by damping from which on they, and not the arms, dominate the cost of a step."""
 
@@ -215,29 +212,21 @@ def _either(choices: list[str]) -> str:
 
 POSE_BOUND = 1e-8
 """Estimated error of the pose, m or rad, up to which a run counts as accurate, unless a coarser accuracy was asked for."""
-
 FORCE_BOUND = 1e-4
 """Largest error of the internal force, over its peak so far, of an accurate run; for a single arm, of the moving force."""
-
 LEAST_PEAK = 0.5
 """Smallest peak against which errors of the force are judged, N or N·m: errors of tiny forces do not matter."""
-
 Sizes = tuple[float, float]
 """Errors of the pose, m or rad, and of the force, N or N·m."""
-
 COUNTED = (
     "Results are certain up to one count of the encoders: where a joint angle is next to the edge between two counts, errors of "
     "the steps, however small, decide which of them is read."
 )
 """The warning for a run with encoders."""
-
 NOTABLE, WHOLE = 0.1, 1.0
 """Share of the buckling load, or of the stiffness, from which on the paper's model neglects too much, and at which a beam
 buckles or the linear beam has no stiffness left."""
-
 CURE = "Set the force along the beam (payload.axial_load) to first-order."
-
-
 LARGE_DEFLECTION = 0.05
 """Deflection over length from which on the linear beam is no longer exact."""
 

@@ -33,14 +33,11 @@ from flexlab.sim.world import World
 
 FRAME = 1 / 60
 """Wall seconds per frame of the runner: the rate of common screens."""
-
 IDLE_PERIOD = 0.25
 """Wall seconds between two frames while nothing happens: an idle lab costs next to nothing."""
-
 SWITCH_INTERVAL = 1e-3
 """Seconds after which Python takes its global lock from a thread that holds it. The simulation may wait that long after every
 block of ticks, and only three of Python's usual 5 ms fit into a frame."""
-
 STOP_PERIOD = 0.02
 """Wall seconds between two reminders that the thread is to stop."""
 
@@ -58,6 +55,9 @@ def _new_world(
 
 class Runner:
     """The owner of the world and its thread. `submit` may be called from any thread; nobody else touches the world."""
+
+    snapshot: Snapshot
+    """The newest published snapshot."""
 
     def __init__(
         self,
@@ -125,11 +125,6 @@ class Runner:
         """Start the run of this number if it waits at its first instant. Any thread."""
         self._released = run_number
         self._news.set()
-
-    @property
-    def snapshot(self) -> Snapshot:
-        """The newest published snapshot."""
-        return self._snapshot
 
     def recent(self, seconds: float, ago: float = 0.0) -> Samples:
         """The last `seconds` of the current run at full rate, as they were `ago` s earlier. A copy, any thread.
@@ -298,4 +293,4 @@ class Runner:
         come = self._commands.count
         if self._commands.is_empty and self._preparation.current is None:
             self._answered = come
-        self._snapshot = self._run.snapshot(wall, self._answered)
+        self.snapshot = self._run.snapshot(wall, self._answered)

@@ -35,8 +35,6 @@ class LoopVariant(NamedTuple):
 
 BEAM_CHANNEL, GAUGE_CHANNEL = 6, 8
 """First channels of random numbers for hᵀq̇, gᵀq̇ and for the strain gauges; earlier ones are for pose and pose rate."""
-
-
 NEVER_ACTS = 1 << 40
 """`Sampling.steps` of a law that does not act, as torques come from outside."""
 

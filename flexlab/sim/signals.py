@@ -9,6 +9,7 @@ A row of samples holds the signals of fixed size, then those of each arm, those 
 
 from collections.abc import Mapping
 from dataclasses import fields
+from itertools import accumulate
 
 import numpy as np
 
@@ -121,7 +122,6 @@ class Signals:
 
 TABLE: Mapping[str, Signal] = {f.name: f.metadata["signal"](f.name) for f in fields(Signals)}
 """The signals that are simulated and recorded, by name, in the order of rows and files."""
-
 DERIVED: Mapping[str, Signal] = {name: part.signal for name, part in vars(Signals).items() if isinstance(part, derived)}
 """The signals that follow from those, by name."""
 
@@ -140,20 +140,15 @@ def known_signals() -> Mapping[str, Signal]:
 
 
 def _offsets(signals: list[Signal]) -> dict[str, int]:
-    offsets, size = {}, 0
-    for signal in signals:
-        offsets[signal.name] = size
-        size += signal.fixed_size
-    return offsets
+    firsts = accumulate((signal.fixed_size for signal in signals), initial=0)
+    return {signal.name: first for signal, first in zip(signals, firsts, strict=False)}
 
 
 PER_SAMPLE = [signal for signal in TABLE.values() if not {ARM, COORDINATE} & set(signal.axes)]
 OF_EACH_ARM = [signal for signal in TABLE.values() if ARM in signal.axes]
 OF_THE_BEAM = [signal for signal in TABLE.values() if COORDINATE in signal.axes]
-
 COLUMN: Mapping[str, int] = _offsets(PER_SAMPLE) | _offsets(OF_EACH_ARM)
 """First column of a signal in the row, or for signals of each arm in the arm's part of it."""
-
 ARMS = sum(signal.fixed_size for signal in PER_SAMPLE)
 """First column of the arms."""
 PER_ARM = sum(signal.fixed_size for signal in OF_EACH_ARM)
@@ -171,15 +166,8 @@ KINETIC, ELASTIC, GRAVITY = COLUMN["kinetic_energy"], COLUMN["elastic_energy"], 
 INPUT_WORK, DISSIPATION = COLUMN["input_work"], COLUMN["dissipated_energy"]
 WORK_ALONG, LOAD = COLUMN["axial_work"], COLUMN["axial_load"]
 LOAD_SHARE, SPIN_SHARE = COLUMN["axial_load_share"], COLUMN["spin_share"]
-
-PLACES = (
-    -0.25 * (1 + 3**-0.5),
-    -0.25 * (1 - 3**-0.5),
-    0.25 * (1 - 3**-0.5),
-    0.25 * (1 + 3**-0.5),
-)
+PLACES = (-0.25 * (1 + 3**-0.5), -0.25 * (1 - 3**-0.5), 0.25 * (1 - 3**-0.5), 0.25 * (1 + 3**-0.5))
 """s/L at which the axial load is given: `sensors.gauge_places`, to the last bit on every machine."""
-
 AT_LIMIT = 1e-9
 """Relative distance from its limit at which a torque counts as saturated: the rounding error of turning τ into u and back."""
 

@@ -16,7 +16,6 @@ from flexlab.text import number_text, range_text
 
 LONGEST_RUN = 50_000_000
 """Largest number of samples of one run: more would fill the memory of an ordinary machine."""
-
 RELATIVE_ROUNDING, LEAST_ROUNDING = 1e-12, 1e-9
 """What rounding adds to a time over the sample period at most, as a share of it and in sample periods."""
 

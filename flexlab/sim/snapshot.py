@@ -8,7 +8,6 @@ from flexlab.sim.samples import Samples, Status, WorldState
 
 TICK = 0.001
 """Sample period of the live engine, s: fine enough for the 44 Hz ring of the paper's beam and for a 1 kHz recording."""
-
 SHORTEST_PERIOD, LONGEST_PERIOD = 1e-6, 1.0
 """Allowed sample periods of runs and imported files, s."""
 

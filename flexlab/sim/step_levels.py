@@ -24,14 +24,11 @@ from flexlab.sim.step_size import CONTROLLED_STEP, SHORTEST_CHOSEN, build_scheme
 DISTURBED_LEVELS, DISTURBED_TICKS = 4, 6
 """If damping is notable, the first steps after a start, a tap or a change are finer by the first number of levels, and each of
 these levels lasts for the second number of ticks."""
-
 NOTABLE_DAMPING = 0.3
 """Step times D of the most damped mode from which on ticks after a disturbance get finer steps."""
-
 LIMITED_STEP, NEAR_LIMIT = 1.5e-5, 0.6
 """Longest step, s, while a torque that a continuous law asks for is beyond this share of its limit: a step in which it reaches or
 leaves the limit is of second order with every method."""
-
 SLACK = 1.25
 """A step that is too long by less than this factor is kept: halving it would cost more than it gains."""
 

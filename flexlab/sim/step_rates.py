@@ -24,14 +24,11 @@ from flexlab.sim.closed_loop import System, scratch_workspace
 
 POSES_TRIED = 16
 """Instants of the first period at which the rates are evaluated."""
-
 FADED = 2.5e-4
 """Decay time of a mode, s, that counts exp(-1) times as much as one that rings for ever."""
-
 STABLE_CREEP = 1.0
 """Largest number that the grips may add to the inverse mass of modes that are damped faster than the step. Such a mode follows at
 once the grips' motion in the stage before, so that above about 1.3 each stage amplifies the last one."""
-
 STEPS_TRIED = np.outer(2e-3 * np.ldexp(1.0, -np.arange(16)), [1.0, math.sqrt(0.5)]).ravel()
 """Steps that are tried for `STABLE_CREEP`, from the longest to less than the shortest in use, s."""
 
@@ -194,10 +191,7 @@ def fastest_rate_at(plant, control, desired, memory, ws):
 
 
 def held_beam_rate(beam: Beam, factor: float) -> float:
-    """Fastest rate of the beam with its grips held, 1/s: the largest |eigenvalue| of (η, π) → (π, -Ω²η - Dπ).
-
-    `factor`: its mass over the mass for which the modes were computed, 1.
-    """
+    """Fastest rate with grips held, 1/s: max |λ| of (η, π) → (π, -Ω²η - Dπ); `factor`: mass over that of the modes."""
     omega, D, starts = beam.modes.omega / math.sqrt(factor), beam.modes.D / factor, beam.modes.block_start
     alone = D.diagonal() / 2
     creeping = np.sqrt(np.maximum(alone * alone - omega * omega, 0.0))

@@ -25,53 +25,38 @@ from flexlab.text import number_text
 REFERENCE_STEP = 1e-3
 REFERENCE_ERROR = {"rk4": 6e-8, "etdrk4": 3e-8, "generalized-alpha": 6e-6}
 """Largest pose error of the paper's run with `REFERENCE_STEP` (s) over all meshes, m (`flexlab bench`)."""
-
 SHORTEST_STEP = 1e-5
 """Shortest automatic step for accuracy, s: a second-order method that needs a shorter one would never finish."""
-
 LONGEST_STEP = 2e-3
 """Longest automatic step, s: with a longer one, the 1 kHz samples of the live lab would lie within steps."""
-
 DEFAULT_ACCURACY = 1e-10
 """Pose accuracy, m, for which the limits below are given."""
-
 CONTROL_LIMIT, COARSEST_CONTROL_LIMIT = 0.2, 0.4
 """Largest step times fastest closed-loop rate: for the default accuracy, so that start-up transients are exact to a few 1e-6; and
 for any accuracy, well inside the methods' stability (2.8)."""
-
 CONTROLLED_STEP = 2e-5
 """Step, s, below which only stability counts: no arm follows what a law does in less time."""
-
 COUPLING_LIMIT, COUPLED_STEP = 0.1, 1e-5
 """Largest step times `Rates.coupling`, of the part of the beam that etdrk4 does not propagate exactly, for the default accuracy;
 a step below the second number, s, is never asked for: only the highest modes would gain."""
-
 FADING_LIMIT = 0.3
 """`COUPLING_LIMIT` for modes that decay within `step_rates.FADED`: in a smooth motion they show their quasi-static bending alone,
 and steps after a start or a change are shorter (`step_levels`)."""
-
 STABLE_COUPLING = 1.0
 """Largest step times `Rates.coupling` with which etdrk4 is stable, with a margin of two."""
-
 SHORTEST_CHOSEN = SMALLEST_STEP
 """Shortest step that is taken, at the start or in a run, s."""
-
 RINGING_LIMIT, RINGING_DECAY = 0.01, 1.0
 """`COUPLING_LIMIT` where errors of the modes add up, as no mode decays faster than the second number, 1/s."""
-
 RESOLVED, RESOLVED_MODES, RESOLVED_ANGLE = 0.5, 3, 0.05
 """Share of its stability limit, number of a mode, and step times its frequency, that bound automatic steps of rk4. rk4 takes
 (ωΔt)⁶/72 of a mode's energy per step: with these bounds, the modes that a motion excites keep theirs to 1e-6 over 10 s."""
-
 SOFT_BEAM = 0.03
 """Step times the beam's fastest rate below which rk4's error in its stiffest mode is under 1e-9 of its amplitude a step."""
-
 GRIPPED_ANGLE = 0.1
 """Largest step of rk4 times frequency of the grips' springs with a rigid beam: rk4 then takes 1e-8 of a vibration per step."""
-
 SHORTENED = Context(prec=3, rounding=ROUND_DOWN)
 """Makes the text of a longest step no longer than that step."""
-
 TOLD = 12
 """Digits of a refused period: with fewer it would look like one that is allowed."""
 SMALLEST_COMMON_STEP = 1e-6
@@ -90,10 +75,7 @@ class Choice(NamedTuple):
 
 
 def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) -> Choice:
-    """Integrator and longest step for accuracy, stability and the scenario's settings.
-
-    Raises `ScenarioError` for a given step that is unstable.
-    """
+    """Integrator and longest step for accuracy, stability and settings. Raises `ScenarioError` for a given, unstable one."""
     simulation, beam_speed, grips = scenario.simulation, rates.beam, grip_rates(system, rates.poses)
     integrator, others = simulation.integrator, other_integrators(scenario)
     speeds = {

@@ -34,29 +34,21 @@ from flexlab.sim.stepping import move_on
 TRIED, TRIED_LONGER = 12, 80
 """Ticks of the short and of the long trial, after the ticks with shorter steps that follow a start. Some errors come from path
 and from slow modes and add up from tick to tick, so that only the long trial shows them."""
-
 CLEAR = 0.1
 """Share of the allowed errors below which the short trial needs no long one after it."""
-
 APART = 6
 """Smallest number of ticks between two tried instants."""
-
 HORIZON = 1.0
 """Time after which modes that ring on must still be accurate, s."""
-
 ALLOWED_SHARE = 0.3
 """Share of the bounds of pose and force in `accuracy` that a trial's errors may reach."""
-
 SLOWEST_TRIED = 8.0
 """Processor seconds per simulated second up to which accuracy comes before real time, by the estimate of `paper_step_time`;
 where even that is not enough, the step is as short as real time allows."""
-
 RATE_DECAY = 20.0
 """Approximate rate at which a law corrects errors of the pose rate, 1/s; until then they move the pose."""
-
 MOST_ORDER = 4.5
 """Highest order of an error: a halving leaves at least 2 to the minus this of it."""
-
 DISCONTINUITIES_TRIED = 2
 """Discontinuities of the path that are tried besides the start."""
 

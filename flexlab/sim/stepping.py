@@ -100,7 +100,7 @@ def fill(motion: Motion, rows: np.ndarray) -> int:
             motion.estimate.peaks, motion.scenario, part[:ticks], motion.estimate.torque_change
         )
         if jump >= 0 and not checked:  # The tick with the jump has to be checked, and so have those after it.
-            _go_back(motion, start, accuracy.jumped(motion.estimate, motion.tick + jump))
+            _go_back(motion, start, motion.estimate._replace(disturbed=motion.tick + jump))
             code = 0
             continue
         motion.tick, done = motion.tick + ticks, done + ticks

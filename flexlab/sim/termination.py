@@ -25,18 +25,12 @@ from flexlab.text import counted, fixed_text, number_text
 DEFLECTION_LIMIT = 1.0
 """Deflection at mid-span, or of a free end, over length at which a run stops: the linear beam model has lost all meaning
 long before."""
-
-
 FASTEST_WRIST = 100.0
 """Speed of a wrist, m/s, ten times what the fastest robot arms reach: beyond it the computation has diverged."""
-
 UNSTABLE_COUPLING = 2 * STABLE_COUPLING
 """Approximate step times `Rates.coupling` above which etdrk4 is unstable."""
-
 LOUDER = 10.0
 """Growth rate times time from which on growing errors explain a divergence: 1e-10 of the motion has become 1e-6 of it."""
-
-
 OUT_OF_REACH = {UNREACHABLE: "unreachable", SINGULAR: "singular"}
 """Fault code of a pose that an arm cannot take → its status."""
 
@@ -163,11 +157,17 @@ def runtime_fault(assembly: Assembly, code: int, y: np.ndarray, pose_rate: np.nd
             time,
         )
     if code in OUT_OF_REACH and near:
+        cure = "Reset, then use a smaller amplitude or higher gains."
+        if law.kind == "none":
+            cure = (
+                "The motors are off (controller.kind = none): reset with a controller that holds the arms, or start at rest "
+                "without gravity."
+            )
         return Status(
             OUT_OF_REACH[code],
             f"The {arm_name(scenario, index)} left its workspace just after t = {time:.3f} s, near {_pose_text(pose)}: "
             f"its wrist is {distance:.3f} m from its base, {margin:.3f} m from "
-            f"the limit of what it spans (up to {longest:.3f} m). {kept} {_cure(law.kind)}",
+            f"the limit of what it spans (up to {longest:.3f} m). {kept} {cure}",
             time,
         )
     if code == BENT:
@@ -218,16 +218,6 @@ def _what_grew(assembly: Assembly, time: float) -> tuple[str, str]:
         "a state is no longer a finite number",
         "lower gains or a shorter step (simulation.step)" if given else "lower gains",
     )
-
-
-def _cure(kind: str) -> str:
-    """Advice that keeps an arm within its workspace."""
-    if kind == "none":
-        return (
-            "The motors are off (controller.kind = none): reset with a controller that holds the arms, or start at rest "
-            "without gravity."
-        )
-    return "Reset, then use a smaller amplitude or higher gains."
 
 
 SURE = 1.01

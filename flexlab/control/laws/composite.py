@@ -66,7 +66,6 @@ def _own_part(model: type[Controller]) -> Any:
 
 
 _slow_parts: dict[type[Controller], type[Part]] = {}
-
 AnySlow = Any
 AnyObserver = Any
 if not TYPE_CHECKING:

@@ -70,14 +70,7 @@ def arm_records(arms: Sequence[Any], payload_length: float) -> np.ndarray:
     for i, arm in enumerate(arms):
         side = -1 if i == 0 else 1
         records[i] = arm_constants(
-            arm.base,
-            arm.link_mass,
-            arm.link_length,
-            arm.link_center,
-            arm.inertia,
-            arm.elbow,
-            side,
-            payload_length,
+            arm.base, arm.link_mass, arm.link_length, arm.link_center, arm.inertia, arm.elbow, side, payload_length
         )
     return records
 

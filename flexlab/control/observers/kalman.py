@@ -62,12 +62,7 @@ class KalmanObserver(Part):
         0.1, title="Unknown modal force", symbol="σ_η", unit="N/kg^½", low=1e-9, high=1e6
     )
     horizon: Number | None = quantity(
-        None,
-        title="Prediction (null: delay + ½)",
-        symbol="N_p",
-        unit="control periods",
-        low=0,
-        high=MOST_DELAY + 1,
+        None, title="Prediction (null: delay + ½)", symbol="N_p", unit="control periods", low=0, high=MOST_DELAY + 1
     )
 
     @field_validator("gauges")
@@ -107,10 +102,7 @@ def padded(value: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def observer_constants(
-    scenario: Any,
-    observer: KalmanObserver,
-    rows_of: Callable[[BelievedPlant], np.ndarray],
-    horizon: float,
+    scenario: Any, observer: KalmanObserver, rows_of: Callable[[BelievedPlant], np.ndarray], horizon: float
 ) -> dict[str, Any]:
     """The `observer_shapes` fields of a scenario, to predict rows_of(plant) ẑ, (rows, 2 (3 + n_o)), `horizon` periods ahead.
 

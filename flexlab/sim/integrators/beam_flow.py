@@ -41,8 +41,6 @@ from flexlab.physics.plant import DG, DH, DISSIPATED, ETA, OMEGA2, G, H
 
 FEWEST_COUPLED = 16
 """Smallest number of coupled modes for which this pays: with fewer, dense matrices are as fast."""
-
-
 COMMON = 3
 """Fixed forces: lateral and angular velocity of the grips, and their lift ω v1 + gravity cos θ."""
 
@@ -137,13 +135,10 @@ ROWS = 19
 DAMPED, BEGUN, BEGUN_FORCE, MET, MET_FORCE, FAST = 8, 10, 12, 14, 16, 18
 """Further rows, two each: DΩ⁻²h and DΩ⁻²g; for fast modes only, η̇ at the step's end for the parabola of mean 0 that begins at
 1 and ends at 0, and D times that; the same for the one that begins at 0 and ends at 1. Last: 1 for a fast mode, else 0."""
-
 FAST_DAMPING = 3.0
 """Step times D of a mode from which on the flow gives a better η̇ than the integrator, although of lower order."""
-
 TICKS = 2
 """Index behind η and π of the number of ticks since a start, a tap or a change set the state; NaN before the first."""
-
 SAVED = 9
 """Row of `Workspace.stage` that keeps η, η̇ and f of a step's beginning; its last entries keep the grips' motion."""
 START, MIDDLE = -6, -3

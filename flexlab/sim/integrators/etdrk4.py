@@ -39,12 +39,9 @@ from flexlab.sim.integrators.scheme import STATE, Etdrk4
 
 HALF_PHI1, HALF_PHI2, PHI2, PHI3, HALF_EXP = range(5)
 """½h φ1(½hL), h φ2(½hL), h φ2(hL), h φ3(hL), e^{hL/2}: rows of `Etdrk4.operators`, or all but the last of `Etdrk4.forced`."""
-
 FREE = 7
 """Row of `Workspace.stage` that holds e^{hL} y + h φ1(hL) N1 after a step: the beam with N constant."""
-
 NEXT = np.uint64(1)
-
 HALVINGS_KEPT = 8
 """Number of steps h, h/2, … whose matrix functions are kept: more than the levels after a disturbance."""
 

@@ -17,12 +17,10 @@ from flexlab.sim.integrators.scheme import STATE
 
 RHO = 0.8
 """Spectral radius at infinite frequency: unresolved modes lose a fifth of their amplitude per step."""
-
 ALPHA_M = (2 * RHO - 1) / (RHO + 1)
 ALPHA_F = RHO / (RHO + 1)
 GAMMA = 0.5 - ALPHA_M + ALPHA_F
 BETA = 0.25 * (1 - ALPHA_M + ALPHA_F) * (1 - ALPHA_M + ALPHA_F)
-
 CORRECTIONS = 3
 """Rounds per step. Each contracts the controller's terms by about Δt times its rate, so that three keep the order."""
 

@@ -10,7 +10,6 @@ import numpy as np
 
 ORDER = {"rk4": 4, "etdrk4": 4, "generalized-alpha": 2}
 """Declared order of accuracy of each integrator."""
-
 STATE = 5
 """Row of `Workspace.stage` with the state at which stages after the first need the rates."""
 

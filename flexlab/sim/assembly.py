@@ -85,7 +85,10 @@ class Assembly(NamedTuple):
 def derive_assembly(
     scenario: Scenario, tick_period: float, known: Sequence[Assembly] = (), at_once: bool = False
 ) -> Assembly:
-    """As `step_trial.build_assembly`, but without a trial of the step. Raises `ScenarioError`."""
+    """Derive everything from a scenario without a trial of its step; raises `ScenarioError`.
+
+    `known` and `at_once` as for `step_trial.build_assembly`.
+    """
     check_signal_names(scenario)
     law = scenario.controller
     if at_once and not (laws()[law.kind].is_ready(law) and knows_kernels(scenario)):

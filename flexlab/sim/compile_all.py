@@ -44,7 +44,10 @@ def is_everything_compiled() -> bool:
 
 
 def compile_everything(processes: int = 1) -> None:
-    """Compile what is not yet on disk, in likely order, or in several processes at once, as numba compiles one by one."""
+    """Compile what is not yet on disk, in the order in which it is likely to be needed, or in several processes at once.
+
+    Numba compiles one kernel at a time in a process. Raises what compiling raises.
+    """
     if processes == 1:
         for part in PARTS:
             part()

@@ -96,7 +96,10 @@ def beyond(payload: Payload, beam: Beam, s: float) -> np.ndarray:
 
 
 def apply_tap(payload: Payload, beam: Beam, y: np.ndarray, command: Tap, factor: float = 1.0) -> None:
-    """Add an impulse to the momenta of y: (P, s π) += (∂R/∂p)ᵀ impulse; `factor`: s of `mass_change`. Raises `ScenarioError`."""
+    """Add an impulse to the momenta of state y, in place: (P, s π) += (∂R/∂p)ᵀ impulse. Raises `ScenarioError`.
+
+    `factor`: s of `mass_change`, 1.
+    """
     _check_point(payload, command.beam_position)
     for axis, value in _axes("tap", command.impulse):
         _refuse(f"tap {axis}", value, "N·s", -MAX_IMPULSE, MAX_IMPULSE)

@@ -191,7 +191,10 @@ def fastest_rate_at(plant, control, desired, memory, ws):
 
 
 def held_beam_rate(beam: Beam, factor: float) -> float:
-    """Fastest rate with grips held, 1/s: max |λ| of (η, π) → (π, -Ω²η - Dπ); `factor`: mass over that of the modes."""
+    """Fastest rate of the beam with its grips held, 1/s: the largest |eigenvalue| of (η, π) → (π, -Ω²η - Dπ).
+
+    `factor`: its mass over the mass for which the modes were computed, 1.
+    """
     omega, D, starts = beam.modes.omega / math.sqrt(factor), beam.modes.D / factor, beam.modes.block_start
     alone = D.diagonal() / 2
     creeping = np.sqrt(np.maximum(alone * alone - omega * omega, 0.0))

@@ -75,7 +75,10 @@ class Choice(NamedTuple):
 
 
 def choose_step(scenario: Scenario, system: System, beam: Beam, rates: Rates) -> Choice:
-    """Integrator and longest step for accuracy, stability and settings. Raises `ScenarioError` for a given, unstable one."""
+    """Integrator and longest step for accuracy, stability and the scenario's settings.
+
+    Raises `ScenarioError` for a given step that is unstable.
+    """
     simulation, beam_speed, grips = scenario.simulation, rates.beam, grip_rates(system, rates.poses)
     integrator, others = simulation.integrator, other_integrators(scenario)
     speeds = {

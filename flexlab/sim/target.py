@@ -1,4 +1,7 @@
-"""The desired motion of a scenario: path, smooth start, shaper (for the loop's first mode) and transition after a change."""
+"""The desired motion of a scenario: its path with smooth start, shaper and transition, and what a live change makes of it.
+
+An input shaper is made for the first mode of the beam in the closed loop, unless another is given.
+"""
 
 import contextlib
 import math

@@ -43,7 +43,7 @@ def test_errors_of_fast_modes_that_the_start_excites_are_noticed_before_they_fad
     fine.advance(20)
     assert not fine.accuracy_warning
     world.advance(20)
-    assert "since about t = 0.009 s: the internal force may be off by" in world.accuracy_warning
+    assert "from about t = 0.009 s on: the internal force may be off by" in world.accuracy_warning
     assert "the start or a change excites modes that are faster than the steps" in world.accuracy_warning
 
 
@@ -53,7 +53,7 @@ def test_errors_after_a_tap_are_noticed_like_those_after_a_start():
     assert not world.accuracy_warning, "nothing moves"
     world.apply(Tap(0.1, (0.0, 0.2)))
     world.advance(20)
-    assert "since about t = 0.109 s" in world.accuracy_warning
+    assert "from about t = 0.109 s on" in world.accuracy_warning
     assert "the internal force may be off by" in world.accuracy_warning
 
 

@@ -77,6 +77,12 @@ FIRST_ROW = """() => {
     .map((part) => part.getBoundingClientRect()).filter((part) => part.height)
     .every((part) => part.bottom <= box.bottom && part.right <= box.right); }"""
 """Whether the first row of charts is in sight down to its legends."""
+LEGENDS_ON_A_LINE = """() => {
+  const legends = [...document.querySelectorAll(".u-legend")];
+  const heights = legends.map((legend) => legend.getBoundingClientRect().height);
+  return /x \\(mm\\)\\s*−?\\d\\.\\d{4}/.test(legends[0].innerText) && Math.max(...heights) < 1.5 * Math.min(...heights);
+}"""
+"""Whether the legends of the plots have one line each, the first with all digits of its numbers."""
 FEWEST_TICKS = """() => Math.min(...Object.values(window.__viserTestpoints.uplots).map(({ chart }) => chart)
   .filter((chart) => chart.root.offsetParent !== null).map(({ axes: [, axis], scales: { y: { min, max } } }) =>
     (axis._splits ?? []).filter((value) => value !== null && min <= value && value <= max).length))"""
@@ -161,6 +167,7 @@ def test_plots_are_one_click_away_and_a_browser_remembers_that_they_are_open(
     lefts = "() => [...document.querySelectorAll('.uplot')].map((part) => part.getBoundingClientRect().left)"
     wait_until(lambda: len({round(left) for left in page.evaluate(lefts)}) > 1, "two plots stand side by side")
     wait_until(lambda: page.evaluate(FEWEST_TICKS) >= 3, "the numbers at each vertical axis tell its scale")
+    wait_until(lambda: page.evaluate(LEGENDS_ON_A_LINE), "the legend of each plot takes one line")
     wait_until(lambda: "plots" in (page.evaluate(KEPT) or ""), "the page keeps it")
     page.goto("about:blank")  # A page that nobody looks at draws nothing.
     again = opened(page.context.new_page(), address(shared_session))

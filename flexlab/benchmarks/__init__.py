@@ -12,7 +12,8 @@ from flexlab.benchmarks import report
 from flexlab.benchmarks.fresh_process import measure_memory, start_times
 from flexlab.benchmarks.live_costs import change_costs, measure_round_trip
 from flexlab.benchmarks.many_worlds import measure_environment, worker_scaling
-from flexlab.benchmarks.precision import mesh_precision, mesh_scaling, paper_costs, this_machine
+from flexlab.benchmarks.measure import this_machine
+from flexlab.benchmarks.precision import mesh_precision, mesh_scaling, paper_costs
 from flexlab.benchmarks.report import plain
 from flexlab.presets import load_preset
 from flexlab.sim.world import World

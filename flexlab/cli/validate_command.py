@@ -21,7 +21,7 @@ def command(
     """
     with loading():
         from flexlab.analysis.validation import validate
-        from flexlab.analysis.validation.check import write_report
+        from flexlab.analysis.validation.report import write_report
         from flexlab.files import check_writing, make_folder
         from flexlab.presets import load_preset
 

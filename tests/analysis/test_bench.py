@@ -24,19 +24,16 @@ from flexlab.benchmarks.many_worlds import (
     time_in_queue,
     worker_scaling,
 )
+from flexlab.benchmarks.measure import largest_difference, this_machine, try_out, version_of
 from flexlab.benchmarks.precision import (
     ASKED_ERROR,
     GOALS,
     MESHES,
     WorkPoint,
     fitted_exponent,
-    largest_difference,
     mesh_precision,
     paper_costs,
-    this_machine,
-    try_out,
     variant,
-    version_of,
 )
 from flexlab.benchmarks.report import Goal, memory_table, plain, precision_table
 from flexlab.cli import bench_command

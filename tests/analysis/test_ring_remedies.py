@@ -7,7 +7,8 @@ import pytest
 
 import flexlab
 from flexlab.analysis.identification.estimates import Estimate
-from flexlab.analysis.identification.free_ring import recent_ring, remedies
+from flexlab.analysis.identification.free_ring import recent_ring
+from flexlab.analysis.identification.remedies import remedies
 from flexlab.analysis.identification.ring import fit_ring
 from flexlab.analysis.modes import modes
 from flexlab.errors import StudyError

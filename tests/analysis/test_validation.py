@@ -15,9 +15,10 @@ from planted_errors import PLANTED, PlantedError, planted_text
 
 from flexlab.analysis.validation import Validation, validate
 from flexlab.analysis.validation.beam import closed_form
-from flexlab.analysis.validation.check import Group, Runs, above, below, close, write_report
+from flexlab.analysis.validation.check import Group, Runs, above, below, close
 from flexlab.analysis.validation.mass_points import time_derivative
 from flexlab.analysis.validation.mechanics import mass_points
+from flexlab.analysis.validation.report import write_report
 from flexlab.control.law import laws
 from flexlab.control.motion import Shaper
 from flexlab.control.path import paths

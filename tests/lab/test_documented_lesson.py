@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from flexlab.analysis.lesson_checks import own_lessons
+from flexlab.analysis.own_lessons import own_lessons
 
 
 def test_the_lesson_in_the_documentation_is_valid(tmp_path: Path) -> None:

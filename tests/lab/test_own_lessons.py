@@ -8,19 +8,11 @@ from pathlib import Path
 import pytest
 from lab_page import wait_until
 
-from flexlab.analysis import lesson_checks as own_lesson_files
-from flexlab.analysis.lesson_checks import (
-    MOST,
-    OwnLesson,
-    Verdict,
-    lesson_menu,
-    lesson_mistakes,
-    own_lessons,
-    read_check,
-    short_name,
-)
+from flexlab.analysis import own_lessons as own_lesson_files
+from flexlab.analysis.lesson_checks import Verdict, read_check
 from flexlab.analysis.lesson_expressions import ExpressionError, expression
 from flexlab.analysis.lesson_measures import Look
+from flexlab.analysis.own_lessons import MOST, OwnLesson, lesson_menu, lesson_mistakes, own_lessons, short_name
 from flexlab.lab.panel.guide_panel import Guide
 from flexlab.lab.session import Session
 from flexlab.lab.widgets import Widgets

@@ -164,7 +164,7 @@ def _paper(step: float) -> Scenario:
 
 def _simulate_own(world: World, ticks: int) -> Motion:
     """Run the engine itself in a new world; it computes all its samples, not only pose and deflection."""
-    from flexlab.benchmarks.precision import try_out
+    from flexlab.benchmarks.measure import try_out
 
     trial = try_out(world.scenario, ticks * world.tick_period)
     return Motion(trial.samples.pose, trial.samples.midspan_deflection, trial.cpu)

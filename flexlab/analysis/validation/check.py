@@ -1,27 +1,20 @@
-"""Checks, the function that makes all of them, the runs that several of them share, and the report, one HTML file."""
+"""Checks, the function that makes all of them, and the runs that several of them share, each simulated once."""
 
-import platform
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from datetime import datetime
 from functools import cached_property
 from math import isfinite
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
-from markupsafe import Markup
 from numpy.typing import ArrayLike
 
 from flexlab import __version__
-from flexlab.analysis.figures import FIGURES, draw_figure, svg_text
 from flexlab.analysis.paper_equations import internal_force_eq_26
 from flexlab.analysis.result import Result
 from flexlab.errors import FlexlabError, StudyError
-from flexlab.files import filled, make_folder, write_text
 from flexlab.presets import load_preset
-from flexlab.recording.run_info import these_versions
 from flexlab.registry import modules_in
 from flexlab.sim.commands import WorldCommand
 from flexlab.sim.samples import Run
@@ -153,6 +146,8 @@ class Validation(Result):
 
     def plot(self, number: int = 3) -> "Figure":
         """The paper's Figure 2, 3, 4 or 5, drawn from the run of Section IV."""
+        from flexlab.analysis.figures import draw_figure
+
         return draw_figure(number, self.runs.paper)
 
     def __repr__(self) -> str:
@@ -236,38 +231,3 @@ def balanced(statement: str, run: Run, whole: float | None = None) -> Check:
 def same_internal_force(statement: str, run: Run) -> Check:
     """Eq. (26) must give the recorded internal force of Eqs. (13)-(15), within 1e-9 of its largest value."""
     return alike(statement, 1e-9, internal_force_eq_26(run), run.internal_force)
-
-
-TITLES = {2: "Trajectory of the payload", 3: "Vibration", 4: "Error of the trajectory", 5: "Internal force"}
-SHOWN = 3.0
-"""Time that the figures show, as in the paper, s."""
-
-
-def write_report(validation: Validation, path: Path, seconds: float) -> None:
-    """Write the report; `seconds`: duration of the validation. Raises `StudyError`."""
-    text = filled(
-        Path(__file__).with_name("report.html"),
-        groups=validation.groups,
-        failed=[check for check in validation.checks if not check.holds],
-        count=len(validation.checks),
-        figures=_figures(validation),
-        versions=these_versions(),
-        machine=f"{platform.machine()}, {platform.system()}",
-        made=f"{datetime.now():%Y-%m-%d %H:%M}",
-        seconds=seconds,
-    )
-    make_folder(path.parent, "choose another file")
-    write_text(path, text)
-
-
-def _figures(validation: Validation) -> list[tuple[int, str, Markup]]:
-    """(number, title, SVG) of the paper's figures; none if the run fails."""
-    try:
-        run = validation.runs.paper
-    except FlexlabError:
-        return []
-    samples = run.take(run.time <= SHOWN)
-    return [
-        (number, TITLES[number], Markup(svg_text(draw_figure(number, samples), f"flexlab-{number}")))
-        for number in FIGURES
-    ]

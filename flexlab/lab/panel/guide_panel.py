@@ -1,7 +1,8 @@
 """The guide in the lab: chapters, and lessons with a guess, steps, a check and the answer."""
 
-from flexlab.analysis.lesson_checks import OWN, lesson_files, lesson_menu, own_lessons, read_check
+from flexlab.analysis.lesson_checks import read_check
 from flexlab.analysis.lesson_measures import SECONDS
+from flexlab.analysis.own_lessons import OWN, lesson_files, lesson_menu, own_lessons
 from flexlab.errors import LabError
 from flexlab.guide import STEPS, Chapter, Lesson, LessonProgress, chapters, step_text, without_html
 from flexlab.lab.widgets import Menu, Widgets, put

@@ -10,7 +10,8 @@ from functools import partial
 import viser
 
 from flexlab.analysis.identification.estimates import RingFit
-from flexlab.analysis.identification.free_ring import SHAPERS, WANTED_RATIO, Remedies, recent_ring, remedies
+from flexlab.analysis.identification.free_ring import recent_ring
+from flexlab.analysis.identification.remedies import SHAPERS, WANTED_RATIO, Remedies, remedies
 from flexlab.analysis.identification.ring import fit_ring
 from flexlab.errors import LabError, telling
 from flexlab.lab.widgets import Widgets, put, table_html

@@ -14,7 +14,7 @@ from urllib.parse import urlencode
 from aiohttp import hdrs, web
 from pydantic import TypeAdapter, ValidationError
 
-from flexlab.analysis.lesson_checks import lesson_menu, lesson_mistakes, own_lessons, short_name
+from flexlab.analysis.own_lessons import lesson_menu, lesson_mistakes, own_lessons, short_name
 from flexlab.errors import LabError
 from flexlab.guide import STEPS, ClassRules, step_text
 from flexlab.presets import load_preset, preset_names

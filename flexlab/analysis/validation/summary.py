@@ -1,0 +1,76 @@
+"""The metrics of a run, computed from its samples by their definitions, and what a change during a run preserves."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from flexlab.analysis.metrics.run_metrics import run_metrics
+from flexlab.analysis.metrics.vibration import LATER, settling_time
+from flexlab.analysis.validation.check import PERIOD, Check, Runs, alike, close, run_of, subject
+from flexlab.analysis.validation.mass_points import GAUSS_POINTS, MassPoints
+from flexlab.presets import load_preset
+from flexlab.sim.commands import ChangeScenario
+from flexlab.sim.world import World
+
+STOP = 0.2
+"""Duration of a motion of 0.2 m after which a soft beam rings, s."""
+BEFORE = 0.02
+"""Time of a change, s, at which the beam still rings."""
+
+
+@subject("Numbers that sum up a run", 16)
+def summary(runs: Runs) -> Iterator[Check]:
+    """Metrics of the paper's run and of one that stops; a change to a finer mesh during a run."""
+    run = runs.paper
+    found, e = run_metrics(run, own=False), run.tracking_error
+    force, moment = run.internal_force[:, 0, :2], run.internal_force[:, 0, 2]
+    wanted = {
+        "duration": [run.time[-1] - run.time[0]],
+        "rms_error": np.sqrt((e**2).mean(axis=0)),
+        "peak_error": np.abs(e).max(axis=0),
+        "peak_vibration": [np.abs(run.midspan_deflection - run.quasi_static_deflection).max()],
+        "peak_torque": [np.abs(run.joint_torque).max()],
+        "peak_axial_load": [np.max(run.axial_load_share)],
+        "rms_internal_force": [np.sqrt((force**2).sum(axis=1).mean())],
+        "rms_internal_moment": [np.sqrt((moment**2).mean())],
+    }
+    for name, exact in wanted.items():
+        yield alike(f"{name.replace('_', ' ')}, from all samples: relative error", 1e-12, getattr(found, name), exact)
+    t = 0.5 + np.arange(4000) * PERIOD
+    ring = np.exp(-3 * t) * np.cos(50 * t)
+    gone = t[np.flatnonzero(np.abs(ring) > 0.01 * np.abs(ring).max())[-1]] - t[0]
+    yield close("settling time of a decaying cosine", gone, settling_time(t, ring), "s", absolute=1e-12)
+    path = {"kind": "rest-to-rest", "duration": STOP}
+    stopped = run_of("the run that stops", {"trajectory": path, "payload.bending_stiffness": 5.0}, 0.6, PERIOD)
+    left = [np.abs(stopped.vibration[stopped.time > t - PERIOD / 2]).max() for t in (STOP, STOP + LATER)]
+    told = run_metrics(stopped, own=False).residual_vibration
+    yield alike("residual vibration after the stop: relative error", 1e-12, told, left)
+    # Two elements become eight: a cubic on an element is a cubic on each of its parts, so the motion must not change.
+    world = World(load_preset("paper"), PERIOD)
+    world.run(round(BEFORE / PERIOD))
+    coarse = world.observe()
+    world.apply(ChangeScenario({"payload.element_count": 8}))
+    fine = world.observe()
+    for name in ("pose_rate", "midspan_deflection", "elastic_energy", "kinetic_energy"):
+        statement = f"four elements instead of one keep the {name.replace('_', ' ')}: relative change"
+        yield alike(statement, 1e-9, fine[name], coarse[name])
+    # Three elements cannot take the shape that eight have.
+    points, before = MassPoints(world.scenario), world.observe()
+    world.apply(ChangeScenario({"payload.element_count": 3}))
+    after, fewer = world.observe(), MassPoints(world.scenario)
+    for name in ("beam_coordinates", "beam_rates"):
+        exact = _closest(points, fewer, before[name][0])
+        statement = f"three elements get the closest {name.replace('_', ' ')} with the same mid-span: relative error"
+        yield alike(statement, 1e-9, after[name][0], exact)
+
+
+def _closest(old: MassPoints, new: MassPoints, q: np.ndarray) -> np.ndarray:
+    """Coordinates on a new mesh that minimise ∫(w' - w)²ds, at the same mid-span deflection, by a Lagrange multiplier."""
+    edges = np.union1d(old.shapes.x, new.shapes.x)
+    x, weight = np.polynomial.legendre.leggauss(GAUSS_POINTS)
+    middle, half = (edges[1:] + edges[:-1]) / 2, np.diff(edges)[:, None] / 2
+    s, weight = (middle[:, None] + half * x).ravel(), (half * weight).ravel()
+    N, fixed = new.shapes(s), new.shapes(0.0)[None, :]
+    whole = np.block([[N.T @ (weight[:, None] * N), fixed.T], [fixed, np.zeros((1, 1))]])
+    wanted = np.concatenate([N.T @ (weight * (old.shapes(s) @ q)), [old.shapes(0.0) @ q]])
+    return np.linalg.solve(whole, wanted)[:-1]

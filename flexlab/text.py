@@ -131,6 +131,7 @@ _OBEYED = re.compile(f"\x7f|{_WITHOUT_PICTURE.pattern}")
 _BEYOND_ASCII = re.compile("[^\x00-\x7e]")
 _BEFORE_UNIT = re.compile(
     r"(?<=[\d⁰¹²³⁴⁵⁶⁷⁸⁹]) (?=(?:[kmµ]?m|[km]?s|1/s|k?Hz|[km]?N|N·m|m?J|mrad|rad|kg|micrometres|[kMG]B|%)\b|%)"
+    r"|(?<=[=≈≤≥×]) (?=[+−-]?\d)| (?=[=≈≤≥×] [+−-]?\d)"
 )
 PARSER = threading.RLock()
 """Held while Python parses a text: in 3.11, two threads at once fail with a SystemError (python/cpython#106905).
@@ -161,7 +162,7 @@ def aligned(rows: Sequence[Sequence[str]], right: int = 0) -> list[str]:
 
 
 def with_units(text: str) -> str:
-    """`text` in which no line breaks between a number and its unit."""
+    """`text` in which no line breaks between a number and its unit, nor around the sign before a number, as in t = 1 s."""
     return _BEFORE_UNIT.sub("\N{NO-BREAK SPACE}", text)
 
 

@@ -135,7 +135,7 @@ def test_every_preset_has_a_picture_that_exaggerates_as_the_lab_does():
         file = web_assets_folder() / "pictures" / f"{preset}.svg"
         assert file.is_file(), f"run web_assets/make/pictures.py for {preset}"
         words = "".join(ET.fromstring(file.read_text(encoding="utf-8")).itertext())
-        assert f"bending × {number_text(factor)}" in words, preset
+        assert f"deflection drawn × {number_text(factor)}" in words, preset
 
 
 @pytest.mark.parametrize("name", ["equations", "leaderboard", "models", "notebooks", "pictures"])

@@ -114,8 +114,8 @@ def test_switches_of_the_view_show_their_parts_and_scales(page: LabPage) -> None
     page.open_tab("View")
     for label, node, words in (
         ("Strain colours", "/strain", "strain, 1 mm off the axis"),
-        ("Moving force", "/forces/moving", "moving force, 10 cm ="),
-        ("Internal moment", "/forces/moment", "internal moment, ¼ turn ="),
+        ("Moving force", "/forces/moving", "scale of the moving force"),
+        ("Internal moment", "/forces/moment", "scale of the internal moment"),
         ("Trail of the payload", "/overlays/trail", ""),
         ("Reach and singular poses", "/reach", ""),
     ):

@@ -18,7 +18,7 @@ from flexlab.recording.recorder import Recorder
 from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.run_files import list_runs, removable_runs, remove_run, run_state
-from flexlab.recording.store.run_index import read_row
+from flexlab.recording.store.run_index import read_row, state_word
 from flexlab.sim.commands import ChangeScenario, LoadScenario
 from flexlab.sim.samples import Origin, Run, Status
 from flexlab.sim.simulate import simulate
@@ -119,6 +119,7 @@ def test_a_run_that_stopped_before_its_end_has_no_metrics_but_its_duration(run: 
     for noted in (written, note_metrics(whole)["metrics"]):
         write_notes(recording.path, metrics=noted)
         row = read_row(recording.path)
+        assert state_word(row) == "stopped"
         texts = noted_texts(row.metrics, row.is_stopped)
         assert texts.pop("Duration (s)") not in ("did not finish", "–")
         assert set(texts.values()) == {"did not finish"}

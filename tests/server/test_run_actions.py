@@ -243,8 +243,8 @@ def test_a_run_that_is_being_recorded_is_replayed_as_far_as_it_goes(library: Fro
 @pytest.mark.parametrize(
     ("time", "says"),
     [
-        ("0.6", "t = 0.6\xa0s was not recorded: choose 0 to 0.5\xa0s."),
-        ("-1", "t = −1\xa0s was not recorded"),
+        ("0.6", "t\xa0=\xa00.6\xa0s was not recorded: choose 0 to 0.5\xa0s."),
+        ("-1", "t\xa0=\xa0−1\xa0s was not recorded"),
         ("soon", "time = &#x27;soon&#x27; is not a time: give a number of seconds"),
         ("nan", "is not a time"),
     ],

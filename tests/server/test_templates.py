@@ -28,11 +28,12 @@ def test_a_button_escapes_its_address_and_its_words():
 def test_no_line_breaks_between_a_number_and_its_unit():
     said = (
         "2 arms ring at 45.5 Hz by 0.44 s, to 1 % of 3 micrometres, at 1.78 m/s, 50 1/s, 2 mJ and 10¹² N·m², "
-        "at 2 MB/min or 1 GB in 3 places"
+        "at 2 MB/min or 1 GB in 3 places, from t = 1 s on, with |w| ≈ −2 mm drawn × 50, if a = b"
     )
     assert with_units(said).split(" ") == (
         "2 arms ring at 45.5\xa0Hz by 0.44\xa0s, to 1\xa0% of 3\xa0micrometres, "
-        "at 1.78\xa0m/s, 50\xa01/s, 2\xa0mJ and 10¹²\xa0N·m², at 2\xa0MB/min or 1\xa0GB in 3 places"
+        "at 1.78\xa0m/s, 50\xa01/s, 2\xa0mJ and 10¹²\xa0N·m², at 2\xa0MB/min or 1\xa0GB in 3 places, "
+        "from t\xa0=\xa01\xa0s on, with |w|\xa0≈\xa0−2\xa0mm drawn\xa0×\xa050, if a = b"
     ).split(" ")
 
 

@@ -2,8 +2,8 @@
 
     .venv/bin/python web_assets/make/pictures.py
 
-The colours are Okabe and Ito's, distinct with any colour vision; the greys are of medium brightness, so that the pictures
-stand out from white and from black.
+The colours are Okabe and Ito's, distinct with any colour vision; the grey is of medium brightness, so that it stands out from
+white and from black.
 """
 
 import math
@@ -27,10 +27,14 @@ from flexlab.views import fitting_exaggeration
 
 ASSETS = Path(__file__).resolve().parent.parent
 ARM_COLORS, BEAM, DESIRED, GRAY = ("#0072b2", "#d55e00"), "#009e73", "#cc79a7", "#808890"
+INK = "#5b6675"
+"""Colour of words: the start page inverts brightness in dark mode."""
 LINK_WIDTHS = (7.0, 6.0, 4.0)
 """Stroke widths, px."""
 OVERVIEW_FACTOR = 100
 """Factor on the deflection in the guide's picture, which draws it 70 mm large."""
+GUIDE_TEXT = 14
+"""Size of its words, px: the guide draws it in four fifths of its size."""
 COLUMNS = 117
 """Number of columns of the curve at the foot, each drawn by its lowest and highest value."""
 BLUR = 6
@@ -77,7 +81,7 @@ class Canvas:
         """A filled circle."""
         self.parts.append(f'<circle cx="{pixel[0]:.1f}" cy="{pixel[1]:.1f}" r="{radius:g}" fill="{color}"/>')
 
-    def text(self, x: float, y: float, words: str, color: str = GRAY, anchor: str = "start", size: float = 10) -> None:
+    def text(self, x: float, y: float, words: str, color: str = INK, anchor: str = "start", size: float = 11) -> None:
         """Words with their baseline at px (x, y)."""
         font = f'font-family="system-ui,sans-serif" font-size="{size:g}" text-anchor="{anchor}" fill="{color}"'
         self.parts.append(f'<text x="{x:.0f}" y="{y:.0f}" {font}>{words}</text>')
@@ -153,7 +157,7 @@ def draw_preset(name: str) -> str:
     draw_path(canvas, run)
     draw_arms(canvas, scenario, run.slice(row, row + 1))
     draw_beam(canvas, run, row, factor)
-    canvas.text(canvas.width - 6, 12, f"bending × {number_text(factor)}", anchor="end")
+    canvas.text(canvas.width - 6, 12, f"deflection drawn × {number_text(factor)}", anchor="end")
     if scenario.gravity:
         canvas.line(np.array([[12.0, 8], [12, 34], [8, 28], [12, 34], [16, 28]]), GRAY, 2)
         canvas.text(20, 26, "g")
@@ -180,17 +184,17 @@ def draw_overview() -> str:
     arms = canvas.at(arm_points(scenario, now)[0])
 
     def note(words: str, word: tuple[float, float], point: np.ndarray, color: str = "currentColor") -> None:
-        """Words around px `word`, with a thin line from them to `point`."""
-        canvas.text(*word, words, color, "middle", 11)
+        """Words around px `word`, with a thin line of `color` from them to `point`."""
+        canvas.text(*word, words, "currentColor", "middle", GUIDE_TEXT)
         away = 4 if point[1] > word[1] else -12
         canvas.line(np.array([[word[0], word[1] + away], point]), color, 0.7)
 
     for base, words in zip(arms[:, 0], ("left arm", "right arm"), strict=True):
-        canvas.text(base[0], base[1] + 22, words, "currentColor", "middle", 11)
+        canvas.text(base[0], base[1] + 22, words, "currentColor", "middle", GUIDE_TEXT)
     note("grip", (link[0, 0] - 22, link[0, 1] - 26), link[0])
     note("desired pose", (ghost[1, 0] + 20, ghost[1, 1] - 26), ghost[0] + 0.85 * (ghost[1] - ghost[0]), DESIRED)
     note("virtual link", (link[1, 0] - 4, link[1, 1] + 48), link[0] + 0.8 * (link[1] - link[0]))
-    note(f"beam, bending × {OVERVIEW_FACTOR}", (136, link[1, 1] + 72), beam[12], BEAM)
+    note(f"beam, deflection × {OVERVIEW_FACTOR}", (136, link[1, 1] + 72), beam[12], BEAM)
     return canvas.svg("Two arms carry a beam")
 
 

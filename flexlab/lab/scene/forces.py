@@ -139,9 +139,9 @@ class Forces:
     def scales(self, view: ViewSettings) -> list[tuple[str, str]]:
         """(label, value) of the scale of every kind of arrow that is shown."""
         rows = (
-            (view.forces, "internal force, 10 cm =", 0.1 * self._internal.per_meter, "N"),
-            (view.moving_force, "moving force, 10 cm =", 0.1 * self._moving.per_meter, "N"),
-            (view.moments, "internal moment, ¼ turn =", self._moment.per_quarter_turn, "N·m"),
+            (view.forces, "scale of the internal force", 0.1 * self._internal.per_meter, "N per 10 cm"),
+            (view.moving_force, "scale of the moving force", 0.1 * self._moving.per_meter, "N per 10 cm"),
+            (view.moments, "scale of the internal moment", self._moment.per_quarter_turn, "N·m per ¼ turn"),
         )
         return [(what, f"{number_text(amount)} {unit}") for shown, what, amount, unit in rows if shown]
 

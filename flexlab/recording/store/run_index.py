@@ -277,7 +277,9 @@ def state_word(row: RunRow) -> str:
         return "recording"
     if row.breaks_off and row.state == "recovered":
         return "breaks off"
-    return "measured" if row.is_measured and row.state == "complete" else row.state
+    if row.state == "complete":
+        return "measured" if row.is_measured else "stopped" if row.is_stopped else "complete"
+    return row.state
 
 
 def size_text(size: float) -> str:

@@ -15,7 +15,7 @@
   const ALONE = "script, noscript, style, textarea, pre, [translate=no]"; // Never translated.
   const PICTURE = 'img[src*="/assets/pictures/"], img.figure';
   const WORD = /\p{L}{3}/u, UNITS = /\b(m?rad|kHz|min|max|RMS|[Nn]a[Nn]|flexlab|[a-z]\w*([._]\w+)+)\b|(?<!\w)'[^']*'(?!\w)/g, NUMBER = /\d[\d.e+−-]*/g;
-  const BEFORE_UNIT = /(?<=[\d}⁰¹²³⁴⁵⁶⁷⁸⁹]) (?=(?:[kmµ]?m|[km]?s|1\/s|k?Hz|[km]?N|N·m|m?J|m?rad|kg|[kMG]B|%)(?!\p{L}))/gu; // no breaks
+  const BEFORE_UNIT = /(?<=[\d}⁰¹²³⁴⁵⁶⁷⁸⁹]) (?=(?:[kmµ]?m|[km]?s|1\/s|k?Hz|[km]?N|N·m|m?J|m?rad|kg|[kMG]B|%)(?!\p{L}))|(?<=[=≈≤≥×]) (?=[+−-]?[\d{])| (?=[=≈≤≥×] [+−-]?[\d{])/gu; // no breaks
   const NEXT = "(?:\\p{Lu}|[a-z]\\w*[.:]\\S|line \\d)"; // how a sentence begins: a capital, the path of a field, a file, a line of it
   const SENTENCE = new RegExp(`(?<=[.!?✓]) (?=\\d|${NEXT})`, "u");
   const WITHIN = `((?:(?![.!?] ${NEXT})[^\`*])+?)`; // the value of a placeholder: part of one sentence

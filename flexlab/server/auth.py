@@ -38,6 +38,8 @@ COMPARISON, LIVE = "comparison/", "live/"
 UPLOAD = "/runs/import"
 """The only address that takes files."""
 SAFE_METHODS = ("GET", "HEAD")
+FORM = "application/x-www-form-urlencoded"
+"""How pages send forms."""
 CHARSETS = ("utf-8", "utf8", "us-ascii", "ascii")
 """Names of the encodings that the server reads as UTF-8."""
 
@@ -181,8 +183,9 @@ def _malformed(request: web.Request) -> tuple[int, str] | None:
     if request.method not in SAFE_METHODS:
         if request.headers.get(hdrs.CONTENT_ENCODING, "identity").lower() != "identity":
             return 400, "The server takes no compressed requests: send it uncompressed."
-        if request.content_type.startswith("multipart/") and request.path != UPLOAD:
-            return 400, "Only a file is sent in parts; this is a form."
+        # What is read as a form without fields would empty a note.
+        if request.body_exists and request.content_type != FORM and request.path != UPLOAD:
+            return 400, "This was not sent as a form: nothing was done."
         if (request.charset or "utf-8").lower() not in CHARSETS:
             return 400, "The server takes text in UTF-8 only."
     return None

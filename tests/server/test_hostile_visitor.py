@@ -140,6 +140,8 @@ def test_a_foreign_link_asks_before_it_ends_the_run(front_server: FrontServer):
 
 def test_a_malformed_request_is_answered_400_with_a_sentence(front_server: FrontServer, recorded: Path):
     notes = f"/runs/{recorded.stem}/notes"
+    ask(front_server.url, notes, "POST", b"note=kept&tags=kept&keep=1", Content_Type=FORM)
+    ask(front_server.url, notes, "POST", b"", Content_Type=FORM)
     bad: list[Answer] = [
         ask(front_server.url, "/?x=%0d%0a"),
         ask(front_server.url, "/lab?x=%0d%0aSet-Cookie:a=b"),
@@ -147,10 +149,14 @@ def test_a_malformed_request_is_answered_400_with_a_sentence(front_server: Front
         ask(front_server.url, notes, "POST", b"note=x", Content_Type=f"{FORM}; charset=utf-16"),
         ask(front_server.url, notes, "POST", b"\x1f\x8b\x08", Content_Type=FORM, Content_Encoding="gzip"),
         ask(front_server.url, notes, "POST", b"note=\xff\xfe", Content_Type=FORM),
+        *(ask(front_server.url, notes, "POST", b'{"note": "x"}', Content_Type=f"{kind}/{kind}") for kind in ("a", "multipart")),
         *(ask(front_server.url, "/", Host=host) for host in ("[::::]", "[1]", "[", "[:]:80", "a b")),
     ]
     for answer in bad:
         assert (answer.status, "failed" in answer.text) == (400, False), answer.text
+    row = find_row(front_server.settings.logs, recorded.stem)
+    assert (row.note, row.tags, row.kept) == ("kept", ("kept",), True)
+    annotate_run(row, "", "", kept=False)
     file = b'--x\r\nContent-Disposition: form-data; name="file"; filename="a\x00b.csv"\r\n\r\n1\r\n--x--\r\n'
     answer = ask(front_server.url, "/runs/import", "POST", file, Content_Type="multipart/form-data; boundary=x")
     assert answer.status in (400, 422), answer.text

@@ -272,9 +272,9 @@ async def save_notes(request: web.Request) -> web.Response:
     row, form = await row_of(request), await request.post()
 
     def changed(name: str) -> str | None:
-        """What was typed; None for what the page showed, which somebody may have changed meanwhile."""
+        """What was typed; None for what the page showed, which somebody may have changed meanwhile, or if nothing is sent."""
         typed, before = (str(form.get(key, "")).replace("\r\n", "\n") for key in (name, f"shown-{name}"))
-        return None if f"shown-{name}" in form and typed == before else typed
+        return None if typed == before and (f"shown-{name}" in form or name not in form) else typed
 
     kept = changed("keep")
     await asyncio.to_thread(annotate_run, row, changed("note"), changed("tags"), None if kept is None else bool(kept))

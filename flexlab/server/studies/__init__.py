@@ -43,7 +43,7 @@ LONGEST_SHOWN = 30
 """Most characters of an input quoted in a message."""
 
 Form = Mapping[str, Any]
-_PATH = re.compile(r"'?\b([a-z]\w*(?:\.\w+)+)\b'?(?:=([^\s:]+):([^\s:]+)\S*)?")
+_PATH = re.compile(r"'?\b([a-z]\w*(?:\.\w+)+)\b'?(?:='?([^\s:']+):([^\s:']+)\S*)?")
 """A field as the command line's sentences name it, perhaps with a range, LOW:HIGH:COUNT."""
 
 _DECIMAL_COMMA = re.compile(r"^(?![+-]?[1-9]\d{0,2},\d{3}\Z)([^,.]*),([^,.]*)\Z")
@@ -216,9 +216,9 @@ def axes_of(form: Form, scenario: Scenario, counted: bool) -> tuple[Axis, ...]:
                 f"{path} has equal ratios and begins at {number_text(low)}: begin above 0, or untick equal ratios."
             )
         count = whole_of(form, f"count{end}", f"Values of {path}") if counted else 2
-        if count > MOST_VALUES:
+        if not 2 <= count <= MOST_VALUES:
             shown = number_text(count, LONGEST_NUMBER)
-            raise StudyError(f"{shown} values of {path} are too many: choose {MOST_VALUES} at most.")
+            raise StudyError(f"{shown} values of {path} are outside 2 to {MOST_VALUES}: choose within it.")
         spacing = ":log" if form.get(f"log{end}") else ""
         # `parse_axes` reads the numbers again, so they keep every digit.
         texts.append(f"{path}={low!r}:{high!r}{spacing}:{count}")

@@ -7,7 +7,7 @@ import os
 import re
 import secrets
 import unicodedata
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from email.message import Message
 from itertools import islice
@@ -21,7 +21,7 @@ from aiohttp import hdrs, web
 from flexlab.errors import LabError
 from flexlab.files import is_regular
 from flexlab.recording.store.run_files import list_files
-from flexlab.recording.store.run_index import NoSuchRun, RunRow, find_row, read_rows, told_apart
+from flexlab.recording.store.run_index import NoSuchRun, RunRow, find_rows, read_rows, told_apart
 from flexlab.server.connections import Handler
 from flexlab.server.labs import LabProvider
 from flexlab.server.limits import Guesses, Limit, Visitor, network_of
@@ -291,9 +291,10 @@ async def with_names(request: web.Request, rows: Sequence[RunRow]) -> list[RunRo
     return await asyncio.to_thread(told_apart, rows, context_of(request).settings.logs)
 
 
-async def run_for(request: web.Request, run: str) -> RunRow:
-    """Return a run that the visitor may see. Raises `NoSuchRun` for another's run just as for none."""
-    row = await asyncio.to_thread(find_row, context_of(request).settings.logs, run)
-    if not may_touch(request, row):
-        raise NoSuchRun(run)
-    return row
+async def runs_named(request: web.Request, names: Iterable[str]) -> list[RunRow]:
+    """Return runs that the visitor may see. Raises `NoSuchRun` for another's run just as for none."""
+    rows = await asyncio.to_thread(find_rows, context_of(request).settings.logs, names)
+    for row in rows:
+        if not may_touch(request, row):
+            raise NoSuchRun(row.id)
+    return rows

@@ -149,7 +149,10 @@ def test_a_malformed_request_is_answered_400_with_a_sentence(front_server: Front
         ask(front_server.url, notes, "POST", b"note=x", Content_Type=f"{FORM}; charset=utf-16"),
         ask(front_server.url, notes, "POST", b"\x1f\x8b\x08", Content_Type=FORM, Content_Encoding="gzip"),
         ask(front_server.url, notes, "POST", b"note=\xff\xfe", Content_Type=FORM),
-        *(ask(front_server.url, notes, "POST", b'{"note": "x"}', Content_Type=f"{kind}/{kind}") for kind in ("a", "multipart")),
+        *(
+            ask(front_server.url, notes, "POST", b'{"note": "x"}', Content_Type=f"{kind}/{kind}")
+            for kind in ("a", "multipart")
+        ),
         *(ask(front_server.url, "/", Host=host) for host in ("[::::]", "[1]", "[", "[:]:80", "a b")),
     ]
     for answer in bad:

@@ -125,14 +125,20 @@ def read_rows(paths: Iterable[Path]) -> Iterator[RunRow]:
 
 def find_row(logs: Path, run: str) -> RunRow:
     """The row of a run by its `id`. Raises `NoSuchRun`."""
+    return find_rows(logs, [run])[0]
+
+
+def find_rows(logs: Path, runs: Iterable[str]) -> list[RunRow]:
+    """The rows of runs by their `id`s, in one pass over the folder. Raises `NoSuchRun`."""
     # Found among the files of the folder: a name from an address never becomes a path.
-    for path in list_files(logs):
-        if run_id(path) == run:
-            try:
-                return read_row(path)
-            except OSError:
-                break
-    raise NoSuchRun(run)
+    files = {run_id(path): path for path in list_files(logs)}
+    rows: list[RunRow] = []
+    for run in runs:
+        try:
+            rows.append(read_row(files[run]))
+        except (KeyError, OSError):
+            raise NoSuchRun(run) from None
+    return rows
 
 
 class NoSuchRun(RecordingError):

@@ -12,7 +12,7 @@ from flexlab.server import run_jobs
 from flexlab.server.auth import COMPARISON, WITH_A_PASS, has_pass, is_opened_by_person, recording_address, refuse
 from flexlab.server.pages import ALL_RUNS, message, page
 from flexlab.server.run_jobs import OVERLAY, ComparisonTables
-from flexlab.server.visitors import context_of, file_answer, is_teacher, run_for, told, visitor_of, with_names
+from flexlab.server.visitors import context_of, file_answer, is_teacher, runs_named, told, visitor_of, with_names
 
 ROUTES = web.RouteTableDef()
 
@@ -35,7 +35,7 @@ async def comparison(request: web.Request) -> web.Response:
     if not 2 <= len(names) <= MOST_RUNS:
         said = f"Choose 2 to {MOST_RUNS} runs to compare: this address names {len(names)}."
         return message("Nothing to compare", said, 400, ALL_RUNS)
-    rows = [await run_for(request, name) for name in names]
+    rows = await runs_named(request, names)
     task = context.comparisons.get(request.query.get("of", ""))
     if task is None or task.about != tuple(row.id for row in rows):
         try:
@@ -72,8 +72,7 @@ async def state(request: web.Request) -> web.Response:
     task = context_of(request).comparisons.get(request.match_info["key"])
     if task is None:
         raise web.HTTPNotFound
-    for run in task.about:
-        await run_for(request, run)
+    await runs_named(request, task.about)
     return told(task)
 
 

@@ -20,7 +20,7 @@ from flexlab.server.auth import is_opened_by_person, refuse
 from flexlab.server.pages import ALL_RUNS, message, page
 from flexlab.server.pages.lab_pages import enter_lab
 from flexlab.server.run_jobs import archive_into, begin_replay, choice_at, export_into, replay_of
-from flexlab.server.visitors import as_download, context_of, run_for, told, visitor_of, with_names
+from flexlab.server.visitors import as_download, context_of, runs_named, told, visitor_of, with_names
 from flexlab.text import limited, shown, typed_number
 
 ROUTES = web.RouteTableDef()
@@ -56,7 +56,8 @@ FORMATS = (RECORDINGS, *TABLES)
 
 async def row_of(request: web.Request) -> RunRow:
     """The run that the address names, or the row of an unreadable file in its place. Raises `NoSuchRun`."""
-    return await run_for(request, request.match_info["run"])
+    [row] = await runs_named(request, [request.match_info["run"]])
+    return row
 
 
 async def recorded_row_of(request: web.Request) -> RunRow:
@@ -215,7 +216,7 @@ async def _chosen(request: web.Request) -> list[RunRow]:
     names = list(dict.fromkeys(map(str, given)))
     if not 1 <= len(names) <= MOST_RUNS:
         raise RecordingError(f"{len(names)} runs were chosen: choose 1 to {MOST_RUNS} in the table.")
-    return [await run_for(request, name) for name in names]
+    return await runs_named(request, names)
 
 
 @ROUTES.post("/runs/tag")

@@ -5,18 +5,23 @@ import os
 import re
 import shutil
 import sys
+import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from html import unescape
 from pathlib import Path
+from typing import Any
 
 import pytest
-from http_client import ask, post, wait_until
+from aiohttp import web
+from http_client import PATIENCE, ask, post, wait_until
 
 from flexlab.presets import load_preset, preset_names
 from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.run_files import is_in_use
 from flexlab.server.front_server import FrontServer
 from flexlab.server.labs import state_of
+from flexlab.server.pages import page, runs_pages
 from flexlab.server.scenario_links import encode_scenario
 
 
@@ -242,6 +247,24 @@ def test_many_runs_are_listed(open_another: Callable[..., FrontServer], recorded
         shutil.copy(recorded.with_suffix(".json"), file.with_suffix(".json"))
     page = ask(front_server.url, "/runs").text
     assert len(re.findall(r'href="/runs/2026-01-01T', page)) >= 200
+
+
+def test_a_long_list_of_runs_delays_nobody_else(front_server: FrontServer, monkeypatch: pytest.MonkeyPatch):
+    """With 10,000 runs, every page and every lab's connection stood still for five seconds."""
+    begun, served = threading.Event(), threading.Event()
+
+    def long_page(*words: str, **values: Any) -> web.Response:
+        begun.set()
+        assert served.wait(PATIENCE)
+        return page(*words, **values)
+
+    monkeypatch.setattr(runs_pages, "page", long_page)
+    with ThreadPoolExecutor(1) as thread:
+        library = thread.submit(ask, front_server.url, "/runs")
+        assert begun.wait(PATIENCE)
+        assert ask(front_server.url, "/static/style.css").status == 200
+        served.set()
+        assert library.result().status == 200
 
 
 def test_the_viewer_is_served_with_a_policy_that_names_this_address_only(front_server: FrontServer):

@@ -186,7 +186,8 @@ async def library(request: web.Request) -> web.Response:
     """The table of all runs."""
     context = context_of(request)
     rows = await runs_for(request)
-    return page(
+    return await asyncio.to_thread(  # Thousands of runs take seconds, in which the others are served.
+        page,
         "library.html",
         "Runs",
         here="/runs",

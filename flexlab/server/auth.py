@@ -11,7 +11,7 @@ from aiohttp.http_exceptions import HttpProcessingError
 from flexlab.errors import FlexlabError
 from flexlab.recording.store.run_files import SUFFIX
 from flexlab.recording.store.run_index import NoSuchRun
-from flexlab.server.connections import Handler
+from flexlab.server.connections import MALFORMED, Handler
 from flexlab.server.limits import BusyError, network_of
 from flexlab.server.pages import ALL_RUNS, HAS_CLASS, button, message, part
 from flexlab.server.visitors import (
@@ -60,6 +60,7 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 log = limited(__name__)
 TOO_MANY = "Too many wrong tokens came from your address: wait a few seconds, then try again."
 SENTENCES = {
+    400: MALFORMED,
     403: "This is not for visitors.",
     404: "There is no such page. The start page shows what there is.",
     405: "This address does not accept what was sent to it.",
@@ -96,7 +97,7 @@ async def answer_in_sentences(request: web.Request, handler: Handler) -> web.Str
         sentence = SENTENCES.get(error.status, f"{error.reason}.")
         return message("That did not work", sentence, error.status)
     except HttpProcessingError:
-        return refuse(request, 400, "This request is malformed: send it again.")
+        return refuse(request, 400, MALFORMED)
     except UnicodeDecodeError:
         return refuse(request, 400, "This is not text in UTF-8: nothing was done.")
     except BusyError as error:

@@ -1,6 +1,7 @@
 """Passes a lab's page and its websocket on to visitors. The lab itself is reachable from this machine only."""
 
 import asyncio
+import re
 import socket
 from collections.abc import Coroutine
 from typing import Any
@@ -18,6 +19,8 @@ from flexlab.server.visitors import context_of, visitor_of
 from flexlab.sockets import LOOPBACK, base_address
 from flexlab.text import limited
 
+VISER = re.compile(r"viser-v[\w.+-]{1,40}", re.ASCII)
+"""The protocol that viser's page offers, with its version."""
 HEARTBEAT = 60.0
 """Seconds between two pings to a visitor; one who does not answer within half of it counts as gone."""
 HTTP_PATIENCE = aiohttp.ClientTimeout(total=30.0)
@@ -92,7 +95,9 @@ async def proxy_websocket(request: web.Request, place: Lab) -> web.StreamRespons
 
 
 async def _relay(request: web.Request, place: Lab) -> web.StreamResponse:
-    offered = [word.strip() for word in request.headers.get(hdrs.SEC_WEBSOCKET_PROTOCOL, "").split(",") if word.strip()]
+    offered = request.headers.getall(hdrs.SEC_WEBSOCKET_PROTOCOL, [])
+    if not all(map(VISER.fullmatch, offered)) or len(offered) > 1:  # The lab and aiohttp would log others raw.
+        raise web.HTTPBadRequest
     inside = context_of(request).inside
     try:
         # No limit on what the lab sends, and no compression: its data hardly compress and must not wait.

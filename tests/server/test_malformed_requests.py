@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from http_client import ask, wait_until
+from http_client import PROTOCOL, ask, upgrade, wait_until
 from person import TOKEN
 
 from flexlab.server.front_server import FrontServer
@@ -68,6 +68,17 @@ def test_a_visitor_who_ends_their_sending_is_answered(front_server: FrontServer,
     request = f"GET {path} HTTP/1.1\r\n".encode() + HEAD + b"\r\n"
     for _ in range(5):  # A file is opened by another thread, before or after the visitor's end is seen.
         assert send(front_server, request, ends=True).startswith(b"HTTP/1.1 200 OK")
+
+
+@pytest.mark.parametrize("offered", ["\xff", "secret" * 500, f"{PROTOCOL}, secret", f"{PROTOCOL}x{'secret' * 10}", "a b"])
+def test_an_odd_protocol_of_a_websocket_is_refused_and_not_logged(
+    front_server: FrontServer, offered: str, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+):
+    """A byte that is no text was a traceback, and any word a line of up to 8 kB."""
+    answer = ask(front_server.url, "/lab/", **upgrade(Sec_WebSocket_Protocol=offered))
+    assert (answer.status, "This request is malformed: send it again." in answer.text) == (400, True)
+    assert "secret" not in caplog.text + capfd.readouterr().err
+    assert "Traceback" not in caplog.text
 
 
 def test_many_malformed_requests_do_not_fill_the_log(guarded: FrontServer, caplog: pytest.LogCaptureFixture):

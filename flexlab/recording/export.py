@@ -238,12 +238,13 @@ def _write_parquet(path: Path, batches: Iterable[Columns], metadata: str) -> Non
             if writer is None:
                 # Splitting doubles into their bytes packs smooth signals a third smaller.
                 packing: Any = {"compression": "zstd", "use_dictionary": False, "use_byte_stream_split": True}
-                writer = closing.enter_context(parquet.ParquetWriter(file, table.schema, **packing))
+                writing = parquet.ParquetWriter(file, table.schema, write_page_checksum=True, **packing)
+                writer = closing.enter_context(writing)
             writer.write_table(table)
 
 
 def _read_parquet(path: Path) -> tuple[Columns, str]:
-    with parquet.ParquetFile(path) as file:
+    with parquet.ParquetFile(path, page_checksum_verification=True) as file:
         _check_room(file.metadata.num_rows * file.metadata.num_columns * np.dtype(float).itemsize)
         # Texts are left out unread: a dictionary makes gigabytes of a megabyte, which no declared size tells.
         plain = unique_fields([(field.name, _is_plain(field.type)) for field in file.schema_arrow])

@@ -6,10 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from exported import export_run
+from pyarrow import parquet
 
 from flexlab.errors import RecordingError
 from flexlab.recording.course import Course
 from flexlab.recording.headless import write_run
+from flexlab.recording.importing import import_into
 from flexlab.recording.reader import Recording, read_recording
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Run
@@ -86,3 +89,18 @@ def test_lost_events_and_samples_of_older_recordings_are_noticed(number: int, pl
     copy.write_bytes(data)
     with pytest.raises(RecordingError, match="damaged"):
         assert read_recording(copy).samples is None
+
+
+def test_a_parquet_table_with_a_flipped_bit_is_refused(run: Run, tmp_path: Path) -> None:
+    """The other tables have checksums anyway, or are text that people may edit. Its bits were imported as another run."""
+    table = export_run(
+        Run(**run.slice(0, 40).signals(), scenario=run.scenario, status=run.status), tmp_path / "a.parquet"
+    )
+    group = parquet.ParquetFile(table).metadata.row_group(0)
+    for column in map(group.column, range(0, group.num_columns, 10)):
+        data = bytearray(table.read_bytes())
+        data[column.data_page_offset + column.total_compressed_size - 1] ^= 1
+        copy = tmp_path / "flipped.parquet"
+        copy.write_bytes(data)
+        with pytest.raises(RecordingError, match="could not verify page integrity"):
+            import_into(copy, tmp_path / "logs")

@@ -70,7 +70,9 @@ def test_a_visitor_who_ends_their_sending_is_answered(front_server: FrontServer,
         assert send(front_server, request, ends=True).startswith(b"HTTP/1.1 200 OK")
 
 
-@pytest.mark.parametrize("offered", ["\xff", "secret" * 500, f"{PROTOCOL}, secret", f"{PROTOCOL}x{'secret' * 10}", "a b"])
+@pytest.mark.parametrize(
+    "offered", ["\xff", "secret" * 500, f"{PROTOCOL}, secret", f"{PROTOCOL}x{'secret' * 10}", "a b"]
+)
 def test_an_odd_protocol_of_a_websocket_is_refused_and_not_logged(
     front_server: FrontServer, offered: str, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ):

@@ -21,13 +21,14 @@ from flexlab.files import make_folder, writing
 from flexlab.signal import COORDINATE, Signal
 from flexlab.sim.samples import Run, Samples
 from flexlab.sim.signals import DERIVED, known_signals
-from flexlab.text import in_mathtext, visible
+from flexlab.text import in_mathtext, number_text, visible
 from flexlab.views import DEFLECTION, ERROR, View, css, views
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 FORMATS = ("png", "svg")
@@ -91,6 +92,20 @@ def empty_figure(width: float, height: float) -> "Figure":
     from matplotlib.figure import Figure  # As in `style`.
 
     return Figure(figsize=(width, height), layout="constrained")
+
+
+def number_plainly(*axes: "Axis") -> None:
+    """Let those axes that are logarithmic say 0.1 and 0.2 where matplotlib would say 10⁻¹ and 2 × 10⁻¹."""
+    from matplotlib.ticker import LogFormatter  # As in `style`.
+
+    class Plain(LogFormatter):
+        def __call__(self, x: float, pos: int | None = None) -> str:
+            return super().__call__(x, pos) and number_text(x)
+
+    for axis in axes:
+        if axis.get_scale() == "log":
+            axis.set_major_formatter(Plain())
+            axis.set_minor_formatter(Plain())
 
 
 def svg_text(figure: "Figure", salt: str = STYLE["svg.hashsalt"]) -> str:

@@ -76,7 +76,8 @@ def _take_recording(path: Path, logs: Path, notes: Mapping[str, str]) -> Path:
         write_notes(
             file.path, ended=recording.state == "complete", preset=recording.name,
             started=recording.started.isoformat(timespec="seconds"), status=str(recording.status), begins=begin,
-            duration=end - begin, rows=sum(rows for *_, rows in times), imported=path.name, **notes,
+            duration=end - begin, rows=sum(rows for *_, rows in times), imported=path.name,
+            **({"why_stopped": recording.status.text} if recording.status.failed else {}), **notes,
         )  # fmt: skip
     except OSError as error:
         file.release()

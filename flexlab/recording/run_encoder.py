@@ -184,6 +184,7 @@ class RunEncoder:
             "preset": self.info.name,
             "started": self.info.started.isoformat(timespec="seconds"),
             "status": str(status),
+            **({"why_stopped": status.text} if status.failed else {}),
             "begins": self._first_time or 0.0,
             "duration": self.last_time - (self._first_time or 0.0),
             "rows": self.rows,

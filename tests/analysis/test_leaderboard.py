@@ -308,6 +308,12 @@ def test_a_chart_without_any_score_has_no_numbers_on_its_axis():
     assert [text.get_text() for text in axes.texts] == ["no score"]
 
 
+def test_a_logarithmic_axis_has_plain_numbers():
+    """It said 10⁻¹, 2 × 10⁻¹ and 3 × 10⁻¹ seconds."""
+    figure = draw_case(cases()["B1"], ["pd", "lqr"], np.array([[0.439], [0.086]]))
+    assert re.findall(r">(0\.\d+)<", svg_text(figure)) == ["0.1", "0.2", "0.3", "0.4"]
+
+
 def test_a_score_too_large_for_an_axis_is_drawn_as_no_score():
     figure = draw_case(cases()["B1"], ["pd", "lqr"], np.array([[1e308], [0.1]]))
     assert len(svg_text(figure)) < 1e6

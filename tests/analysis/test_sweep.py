@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -385,6 +386,7 @@ def test_figures_state_units_and_mark_failed_cells(tmp_path: Path):
     drawn = paths[0].read_text(encoding="utf-8")
     for words in ("RMS error y (mm)", "Bending stiffness, EI (N·m²)", "failed"):
         assert words in drawn
+    assert re.findall(r">(10+)<", drawn)[:3] == ["10", "100", "1000"], "not 10¹, 10² and 10³"
     assert "of 12 cells are Pareto-optimal" in paths[2].read_text(encoding="utf-8"), "without those that failed"
     for vary in ([f"{EI}=10,1,3"], ["controller.kind=pd,none"], ["gravity=9.81"]):
         curve = flexlab.sweep("paper", vary, 0.1, folder=tmp_path / vary[0][:9])

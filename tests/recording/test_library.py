@@ -119,7 +119,7 @@ def test_a_run_that_stopped_before_its_end_has_no_metrics_but_its_duration(run: 
     for noted in (written, note_metrics(whole)["metrics"]):
         write_notes(recording.path, metrics=noted)
         row = read_row(recording.path)
-        assert state_word(row) == "stopped"
+        assert (state_word(row), row.why_stopped) == ("stopped", "The run diverged.")
         texts = noted_texts(row.metrics, row.is_stopped)
         assert texts.pop("Duration (s)") not in ("did not finish", "–")
         assert set(texts.values()) == {"did not finish"}

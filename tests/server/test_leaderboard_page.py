@@ -26,7 +26,7 @@ def test_the_page_shows_the_newest_table_with_its_figures(open_another: Callable
     page = ask(server.url, "/leaderboard").text
     assert "This table came with flexlab." not in page
     assert "B2: From rest to rest" in page
-    assert "<code>lqr</code>: <span>sampled, Control period T_c (s) = 0.001</span>" in page
+    assert "<code>lqr</code>: <span>sampled, Control period T_c (s)\xa0=\xa00.001</span>" in page
     assert "max √(e_x² + e_y²)" in page
     address = page.split('class="figure" src="')[1].split('"')[0]
     drawing = ask(server.url, address)

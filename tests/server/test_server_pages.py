@@ -30,7 +30,7 @@ def test_the_start_page_names_every_preset_and_the_state_of_the_lab(front_server
     for name in preset_names():
         assert f'href="/lab/{name}"' in page
     (lab,) = front_server.places.running()
-    assert f"is {state_of(lab)} (t = " in page
+    assert f"is {state_of(lab)} (t\xa0=\xa0" in page
     assert ask(front_server.url, "/static/style.css").headers["Content-Type"].startswith("text/css")
 
 
@@ -300,8 +300,10 @@ def test_a_run_with_gaps_says_how_much_is_missing(open_another: Callable[..., Fr
     front_server = open_another()
     path = front_server.settings.logs / "2026-01-01T12-00-00-busy.rrd"
     shutil.copy(recorded, path)
-    write_notes(path, rows=63, dropped=37)
+    write_notes(path, rows=63, dropped=37, status="diverged", why_stopped="The payload left its path.")
     for address in ("/runs", f"/runs/{path.stem}"):
-        assert "37\N{NO-BREAK SPACE}% of the samples are missing" in ask(front_server.url, address).text
+        shown = ask(front_server.url, address).text
+        assert "37\N{NO-BREAK SPACE}% of the samples are missing" in shown
+        assert "The payload left its path." in shown
     write_notes(path, dropped=0)
     assert "are missing" not in ask(front_server.url, f"/runs/{path.stem}").text

@@ -15,7 +15,17 @@ import pyarrow.csv
 import pyarrow.parquet
 from markupsafe import Markup
 
-from flexlab.analysis.figures import BLUE, GREEN, VERMILION, drawable, empty_figure, page_svg, style, svg_text
+from flexlab.analysis.figures import (
+    BLUE,
+    GREEN,
+    VERMILION,
+    drawable,
+    empty_figure,
+    number_plainly,
+    page_svg,
+    style,
+    svg_text,
+)
 from flexlab.analysis.leaderboard.board import Leaderboard
 from flexlab.analysis.leaderboard.case import Case, Score, Variant
 from flexlab.files import filled, make_folder, write_text, writing
@@ -34,7 +44,7 @@ DIGITS = 4
 AS_GOOD = 1.05
 """A score up to this many times the best one counts as the best, too."""
 OF_THE_BEST = "times the best law's score"
-SEVERAL = "for several scenarios their geometric mean"
+SEVERAL = "over several scenarios, the geometric mean of these ratios"
 
 
 class Cell(NamedTuple):
@@ -240,6 +250,7 @@ def _draw_dots(axes: "Axes", case: Case, values: np.ndarray) -> None:
         axes.annotate("no score", (0.99, line), **place, fontsize="small")
     if np.isfinite(values).any():
         axes.set_xscale("log")
+        number_plainly(axes.xaxis)
     else:
         axes.set_xticks([])
     axes.grid(axis="x", which="both", alpha=0.2)
@@ -261,7 +272,7 @@ def _draw_map(figure: "Figure", axes: "Axes", case: Case, values: np.ndarray) ->
         if np.isfinite(value):
             text, color = number_text(value, 2), "white" if np.greater(drawn.norm(value), 1 - DARK) else INK
         axes.text(place, line, text, ha="center", va="center", fontsize="x-small", color=color)
-    figure.colorbar(drawn, ax=axes, label=case.main.column.label)
+    number_plainly(figure.colorbar(drawn, ax=axes, label=case.main.column.label).ax.yaxis)
 
 
 def page_figure(board: Leaderboard, case: Case) -> str:

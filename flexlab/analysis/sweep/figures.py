@@ -6,7 +6,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexlab.analysis.figures import BLUE, GRAY, VERMILION, drawable, empty_figure, panels, save_figure, style
+from flexlab.analysis.figures import (
+    BLUE,
+    GRAY,
+    VERMILION,
+    drawable,
+    empty_figure,
+    number_plainly,
+    panels,
+    save_figure,
+    style,
+)
 from flexlab.analysis.metrics.metric import named, numbers
 from flexlab.analysis.result import number_column
 from flexlab.analysis.sweep.axes import Axis
@@ -68,7 +78,7 @@ def draw_metric(plan: Plan, table: Any, name: str) -> "Figure":
                 part.set_ylabel(_label(plan, numeric[1]))
                 drawn = _draw_map(part, numeric, table.take(rows), values[rows], plan.samples is None, scale)
         if drawn is not None:
-            figure.colorbar(drawn, ax=parts, label=column.label)
+            number_plainly(figure.colorbar(drawn, ax=parts, label=column.label).ax.yaxis)
     return figure
 
 
@@ -83,6 +93,7 @@ def draw_pareto(table: Any, first: str, second: str) -> "Figure":
         best = pareto_front(x, y)
         axes.step(x[best], y[best], "o-", where="post", color=VERMILION, markersize=4, label="Pareto front")
         axes.set(xscale=_scale(x), yscale=_scale(y))
+        number_plainly(axes.xaxis, axes.yaxis)
         axes.set_xlabel(one.label)
         axes.set_ylabel(other.label)
         axes.set_title(
@@ -136,6 +147,7 @@ def _draw_curve(part: "Axes", axis: Axis, table: Any, rows: np.ndarray, values: 
         part.axvline(bad, color=GRAY, linestyle=":", linewidth=0.8)
     if axis.logarithmic:
         part.set_xscale("log")
+        number_plainly(part.xaxis)
 
 
 def _draw_map(
@@ -148,6 +160,7 @@ def _draw_map(
     part.grid(False)
     part.set_xscale("log" if across.logarithmic else "linear")
     part.set_yscale("log" if up.logarithmic else "linear")
+    number_plainly(part.xaxis, part.yaxis)
     if grid and len(across.values) * len(up.values) == len(cells):
         columns, lines = np.unique(x), np.unique(y)
         placed = np.full((len(lines), len(columns)), np.nan)

@@ -83,6 +83,8 @@ class RunRow:
     """Guesses made and lessons passed in the lab that recorded it."""
     own_metrics: tuple[str, ...] = ()
     """Names of the metrics that a person declared for their own studies."""
+    why_stopped: str = ""
+    """Why the run stopped before its end, as a sentence; "" if it did not, or if the reason was not noted."""
     breaks_off: str = ""
     """Why the end of the run is not recorded, as a sentence; "" if it is, or if the reason was not noted."""
     gaps: str = ""
@@ -226,6 +228,7 @@ def read_row(path: Path) -> RunRow:
         visitor=visitor,
         lessons=_lessons(notes.get("lessons")),
         own_metrics=_texts(notes.get("own_metrics"), LONGEST_NAME, MOST_METRICS),
+        why_stopped=visible(notes.get("why_stopped", ""), LONGEST_CHANGE),
         breaks_off=visible(notes.get(BREAKS_OFF, ""), LONGEST_CHANGE),
         gaps=_gaps(notes),
         problem=problem,

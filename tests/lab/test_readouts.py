@@ -60,6 +60,9 @@ def test_a_reset_or_another_preset_plays_after_a_run_that_stopped_but_not_in_a_p
         stepping = status_html(replace(runner.snapshot, steps_left=2500), lab.lab_state.view, (), "")
         assert "Running" in stepping
         assert "as fast as possible, to t = 2.5 s" in stepping
+        for reached, late in ((0.998, False), (0.97, True)):  # "too slow: 1 × / 1.00 ×" contradicted itself.
+            slow = replace(runner.snapshot, too_slow=True, target_speed=1.0, actual_speed=reached)
+            assert ("too slow" in status_html(slow, lab.lab_state.view, (), "")) is late
 
 
 def test_a_locked_lab_says_so_only_once_even_after_a_refused_request() -> None:

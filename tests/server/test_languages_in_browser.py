@@ -174,7 +174,7 @@ def test_every_page_speaks_german_chinese_and_english(page: Page) -> None:
     page.locator("img.figure[src^='data:']").first.wait_for(state="attached")
     assert {"w_qs", "e_x"} <= set(page.evaluate(INDEXED)), "symbols have real subscripts"
     shown = told_of_fields(page)
-    assert shown[0] == "Beobachter = Kalman-Filter · kalman", "a law's setting on the leaderboard"
+    assert shown[0] == "Beobachter\xa0=\xa0Kalman-Filter · kalman", "a law's setting on the leaderboard"
     assert "Genauigkeit" in shown[1], "titles in words, without the names that they have in code"
     assert not re.search(r"[a-z]\.[a-z]", " ".join(shown[:-2])), shown
     assert shown[-2:] == ["(see example.com)", "(simulation.accuracy)"], "what a person or a program wrote stays"
@@ -200,6 +200,11 @@ def test_every_page_speaks_german_chinese_and_english(page: Page) -> None:
         page.locator(f"{GUIDE} [data-fl-shown]").first.get_attribute("data-fl-shown") == "Lektion 1: Warum schwingt er?"
     )
     tabs = page.locator(f"{PANEL} [role=tab]")
+    page.set_viewport_size({"width": 1024, "height": 768})
+    page.wait_for_timeout(CALM / 2)
+    cut = "names => names.filter((name) => name.scrollWidth > name.clientWidth).map((name) => name.textContent)"
+    assert tabs.locator("span").evaluate_all(cut) == [], "the narrow panel shows the whole names of its tabs"
+    page.set_viewport_size({"width": 1440, "height": 900})
     for number in range(tabs.count()):
         tabs.nth(number).press("Enter")
         for _ in range(2):  # Folders may hold folders.

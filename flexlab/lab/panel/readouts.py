@@ -37,13 +37,15 @@ def status_html(snapshot: Snapshot, view: ViewSettings, scales: Sequence[tuple[s
     tone, word = _status(snapshot)
     bending = 1e3 * float(sample.midspan_deflection[0])
     limit = ' <span class="fl-bad">at its limit</span>' if sample.saturated[0] else ""
-    speed = f"{speed_text(snapshot.target_speed)} / {_measured(snapshot.actual_speed)}"
+    wanted, measured = snapshot.target_speed, snapshot.actual_speed
+    speed = f"{speed_text(wanted)} / {_measured(measured)}"
+    too_slow = snapshot.too_slow and _measured(measured) != _measured(wanted)
     if snapshot.steps_left:
         goal = float(sample.time[0]) + snapshot.steps_left * TICK
         speed = f"as fast as possible, to t = {number_text(goal, 6)} s"
     rows = [
         ("simulation time t", f"{fixed_text(float(sample.time[0]), 3)} s"),
-        ("speed, wanted / actual", f'<span class="fl-bad">too slow:</span> {speed}' if snapshot.too_slow else speed),
+        ("speed, wanted / actual", f'<span class="fl-bad">too slow:</span> {speed}' if too_slow else speed),
         (
             f"first beam frequency f<sub>1</sub>, {UNPRESSED if _feels_axial_force(snapshot) else HELD}",
             f"{fixed_text(snapshot.first_frequency, 2)} Hz",

@@ -140,7 +140,8 @@ PARSER = threading.RLock()
 
 def syntax_tree(source: str, mode: Literal["exec", "eval"] = "exec") -> Any:
     """The syntax tree of Python source, as `ast.parse` returns and raises; safe from any thread."""
-    with PARSER:
+    with PARSER, warnings.catch_warnings():
+        warnings.simplefilter("ignore", SyntaxWarning)  # It would name no file. Whatever runs the source warns again.
         return ast.parse(source, mode=mode)
 
 

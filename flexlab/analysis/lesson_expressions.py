@@ -80,7 +80,8 @@ def expression(text: str, known: Collection[str] = (), truth: bool = False) -> V
     try:
         tree = syntax_tree(text.strip(), "eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        raise ExpressionError(f"the check {text[:60]!r} cannot be read ({error}).") from None
+        reason = error.msg if isinstance(error, SyntaxError) else error  # Without "<unknown>, line 1".
+        raise ExpressionError(f"the check {text[:60]!r} cannot be read ({reason}).") from None
     value = _compiled(tree, known)
     is_truth = isinstance(tree, (ast.Compare, ast.BoolOp)) or isinstance(getattr(tree, "op", None), ast.Not)
     if truth and not is_truth and not (isinstance(tree, ast.Name) and tree.id in (*known, *TRUTHS)):

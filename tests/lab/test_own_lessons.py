@@ -78,13 +78,15 @@ def test_html_in_a_lesson_is_escaped(tmp_path: Path) -> None:
         ("## Observe", "## Look", "there is no line ## Observe"),
         ("- [x]", "- [ ]", "one line - [x] with what is right"),
         ("bending_stiffness > 500 and t > 1", "bending_stiffness > 500 and zeit > 1", "line 4: zeit is not a metric"),
-        ("scenario.payload.bending_stiffness > 500 and t > 1", "t +", "line 4: the check 't +' cannot be read"),
+        ("scenario.payload.bending_stiffness > 500 and t > 1", "t +", "line 4: the check 't +' cannot be read (invalid syntax)"),
+        ("bending_stiffness > 500 and t > 1", "bending_stiffness > 500and zeit > 1", "line 4: zeit is not a metric"),
         ("scenario.payload.bending_stiffness > 500 and t > 1", "ring", "line 4: ring is not a metric"),
         ("scenario.payload.bending_stiffness > 500 and t > 1", "largest(vibration)", "is not a comparison"),
         ("scenario.payload.bending_stiffness > 500 and t > 1", "vibration < 1", "use largest, rms"),
         ("scenario.payload.bending_stiffness > 500 and t > 1", "largest(sound) < 1", "sound is not a signal"),
     ],
 )
+@pytest.mark.filterwarnings("error::SyntaxWarning")
 def test_for_a_bad_lesson_line_and_reason_are_given(tmp_path: Path, old: str, new: str, said: str) -> None:
     assert old in EXAMPLE
     own = write(tmp_path, EXAMPLE.replace(old, new))

@@ -60,6 +60,18 @@ def test_flexlabs_own_presets_cannot_be_overwritten(tmp_path: Path) -> None:
         save_preset(Scenario(), "paper", tmp_path)
 
 
+def test_a_preset_that_somebody_else_saved_is_not_overwritten(tmp_path: Path) -> None:
+    """A class shares the folder, and every lab suggests the same name: only the last student's preset was left."""
+    first, second, third = (Scenario().replace({"gravity": gravity}) for gravity in (1.0, 2.0, 3.0))
+    save_preset(first, "My beam", tmp_path, baseline=Scenario())
+    with pytest.raises(PresetError, match="There is another preset my-beam already: choose another name"):
+        save_preset(second, "my-beam", tmp_path, baseline=Scenario())
+    save_preset(second, "my-beam", tmp_path, baseline=first)
+    with pytest.raises(PresetError, match="another preset"):
+        save_preset(third, "my-beam", tmp_path, baseline=first)
+    assert load_preset("my-beam", tmp_path) == second
+
+
 def test_a_folder_that_cannot_be_made_is_an_error_in_a_sentence(tmp_path: Path) -> None:
     (tmp_path / "presets").write_text("a file")
     with pytest.raises(PresetError, match="cannot be"):

@@ -78,7 +78,11 @@ def test_html_in_a_lesson_is_escaped(tmp_path: Path) -> None:
         ("## Observe", "## Look", "there is no line ## Observe"),
         ("- [x]", "- [ ]", "one line - [x] with what is right"),
         ("bending_stiffness > 500 and t > 1", "bending_stiffness > 500 and zeit > 1", "line 4: zeit is not a metric"),
-        ("scenario.payload.bending_stiffness > 500 and t > 1", "t +", "line 4: the check 't +' cannot be read (invalid syntax)"),
+        (
+            "scenario.payload.bending_stiffness > 500 and t > 1",
+            "t +",
+            "line 4: the check 't +' cannot be read (invalid syntax)",
+        ),
         ("bending_stiffness > 500 and t > 1", "bending_stiffness > 500and zeit > 1", "line 4: zeit is not a metric"),
         ("scenario.payload.bending_stiffness > 500 and t > 1", "ring", "line 4: ring is not a metric"),
         ("scenario.payload.bending_stiffness > 500 and t > 1", "largest(vibration)", "is not a comparison"),

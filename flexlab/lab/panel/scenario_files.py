@@ -13,7 +13,15 @@ from flexlab.assets import presets_folder
 from flexlab.errors import PresetError
 from flexlab.lab.panel.run_comparison import changes_table, told_html
 from flexlab.lab.widgets import Menu, Widgets, put
-from flexlab.presets import OWN_FOLDER, load_preset, preset_names, read_scenario, save_scenario, scenario_text
+from flexlab.presets import (
+    OWN_FOLDER,
+    load_preset,
+    load_scenario_file,
+    preset_names,
+    read_scenario,
+    save_scenario,
+    scenario_text,
+)
 from flexlab.scenario import Scenario
 from flexlab.scenario.field_text import differences, field_title, told, value_text
 from flexlab.scenario.path_file import decoded_path
@@ -33,10 +41,10 @@ LONGEST_FILE_NAME = 60
 TOO_LONG = "This scenario is too long for a link: download it as a file."
 
 
-def save_preset(scenario: Scenario, name: str, folder: Path = OWN_FOLDER) -> Path:
-    """Write a scenario as a person's own preset; raises `PresetError` for an unusable name.
+def save_preset(scenario: Scenario, name: str, folder: Path = OWN_FOLDER, baseline: Scenario | None = None) -> Path:
+    """Write a scenario as a person's own preset; raises `PresetError` for an unusable name, or one that others use.
 
-    The file gets the name in small letters, digits and hyphens.
+    The file gets the name in small letters, digits and hyphens. `baseline`: the preset that may be replaced.
     """
     name = usable_stem(name)
     if (presets_folder() / f"{name}.json").exists():
@@ -49,6 +57,10 @@ def save_preset(scenario: Scenario, name: str, folder: Path = OWN_FOLDER) -> Pat
     if not path.exists() and sum(1 for _ in folder.glob("*.json")) >= MOST_PRESETS:
         raise PresetError(
             f"There are {MOST_PRESETS} presets in {folder} already: delete some, or save under one's name."
+        )
+    if path.exists() and load_scenario_file(path) not in (scenario, baseline):
+        raise PresetError(
+            f"There is another preset {name} already: choose another name, or open that one before you change it."
         )
     save_scenario(scenario, path)
     return path
@@ -185,7 +197,7 @@ class ScenarioFiles:
                 scenario = scenario.replace({"watch": f"From {self._lab_state.name}: {changes}."[:LONGEST_WORDS]})
         if words:
             scenario = scenario.replace({"watch": words})
-        path = save_preset(scenario, name)
+        path = save_preset(scenario, name, baseline=self._lab_state.baseline)
         self._lab_state.saved(scenario, path.stem)
         self._on_saved()
         self._lab_state.say(f"Saved as {path}.")

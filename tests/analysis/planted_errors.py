@@ -562,6 +562,93 @@ frequency that changes during a ring: analysis/identification/ring.py
 half of a ring: analysis/identification/evidence.py
     parts = (slice(0, middle), slice(middle, count))
     parts = (slice(0, middle), slice(0, count))
+one coordinate's acceleration for all: control/sliding_surface.py
+    desired[2, a] - Lambda[a] *
+    desired[2, 0] - Lambda[a] *
+one number's size for all channels of noise: sim/sampled_control.py
+    first = mix(key + np.uint64(2 * channel + 1)
+    first = mix(key + np.uint64(1)
+noise of gauges that is the pose's: sim/sampled_control.py
+    channel = GAUGE_CHANNEL + j
+    channel = j
+torques that come within an observer's horizon: control/observers/kalman.py
+    u[a] = now.u[i, a]
+    u[a] = 0.0
+payload's pose that a law measures: sim/closed_loop.py
+    find_grip_forces(plant.grips, plant, y[0:3]
+    find_grip_forces(plant.grips, plant, y[1:4]
+hand on the left arm in the acceleration: physics/hand.py
+    if hand.stiffness != 0 and hand.arm >= 0:
+    if hand.stiffness != 0 and hand.arm >= 1:
+hand that has let go of an arm: physics/hand.py
+    ws.hand[i, a] = 0.0
+    ws.hand[0, a] = 0.0
+hand that has let go between grips: physics/grips.py
+    ws.hand[i, a] = 0.0
+    ws.hand[i, 0] = 0.0
+states of the grips beside those of the material: sim/closed_loop.py
+    end + 1)}, end + 1
+    end + 1)}, end
+last column of a held beam's many modes: sim/integrators/beam_flow.py
+    other = min(j + 1, moved - 1)
+    other = min(j + 1, moved)
+modes that feel the force along a fine mesh: physics/axial_load.py
+    eta[i] = y[ETA + k]
+    eta[i] = y[ETA + i + 1]
+rate of θ on a circle: control/paths/circle.py
+    desired[1, 0], desired[1, 1], desired[1, 2] = -rate
+    desired[1, 0], desired[1, 1], desired[0, 2] = -rate
+beginning of a table: control/paths/table.py
+    t - path.start, desired
+    t + path.start, desired
+angle that a path keeps: control/phase.py
+    (old - new) * time
+    (new - old) * time
+pose from which a straight line begins: control/straight_line.py
+    [time, time + 0.25
+    [0.0, time + 0.25
+excitation that ends a pause: analysis/metrics/vibration.py
+    + near].max()
+    + near].min()
+first sample of a window: analysis/metrics/run_metrics.py
+    [first - ROUNDING
+    [first + ROUNDING
+vibration in pieces: analysis/metrics/vibration.py
+    np.hstack([self._extremes, [signal, -signal]])
+    np.hstack([self._extremes, [signal, signal]])
+fastest rate of damping the turn: control/laws/vibration_damping.py
+    gains.angular_vibration_gain * kappa[2]
+    gains.angular_vibration_gain * kappa[1]
+fastest rate in the joints: control/laws/joint_pd.py
+    else outer - inner
+    else outer + inner
+fastest rate of the regulator: control/laws/lqr.py
+    singular_vectors(damping)[0][-1]
+    singular_vectors(damping)[0][0]
+slope of friction at rest: physics/joints.py
+    static = numbers[COULOMB, joint] + numbers
+    static = numbers[COULOMB, joint] - numbers
+verdict on super-twisting: control/laws/super_twisting.py
+    enough = k2 > rate
+    enough = k1 > rate
+eigenvalue of an inertia: control/rates.py
+    half += B[0, 2] *
+    half += B[0, 1] *
+last term of exp: numerics/elementary.py
+    z * 4.13813679705723846039e-08
+    z * -4.13813679705723846039e-08
+second digit of a large angle: numerics/elementary.py
+    second * 2.0**-102
+    second * 2.0**-101
+eigenvalue after an exceptional shift: numerics/eigenvalues.py
+    x + shift, 0.0
+    x, 0.0
+φ3 of a doubled matrix: numerics/matrix_functions.py
+    third + phi1 / 2
+    third + phi1
+angle of a drawn beam: sim/geometry.py
+    samples.pose[:, 2:3]
+    samples.pose[:, 1:2]
 """
 """Three lines per error: its name and file, the right code, the wrong code."""
 

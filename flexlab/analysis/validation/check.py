@@ -47,6 +47,12 @@ UNEQUAL = {
     "right_arm.link_inertia": (0.2, 0.3, 0.02),
 }
 """Arms that differ in all their numbers, so that none can stand for another."""
+SWINGING = {
+    "trajectory.amplitude": (0.2, 0.15, 0.1),
+    "trajectory.frequency": (1.0, 0.8, 1.3),
+    "trajectory.phase": (0.0, 0.4, -0.3),
+}
+"""A path whose coordinates differ in all their numbers."""
 DAMPING = 0.1
 """The paper's damping coefficient of q̇."""
 
@@ -87,7 +93,7 @@ def general(name: str, changes: dict[str, Any], commands: Sequence[tuple[float, 
 
     Raises `StudyError` if the run fails.
     """
-    return run_of(name, MOVING | UNEQUAL | {"simulation.step": FINE} | changes, 0.003, FINE, commands)
+    return run_of(name, MOVING | UNEQUAL | SWINGING | {"simulation.step": FINE} | changes, 0.003, FINE, commands)
 
 
 def run_of(

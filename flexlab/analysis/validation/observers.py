@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import expm, solve_discrete_are, solve_discrete_lyapunov
 
-from flexlab.analysis.law_conditions import law_conditions
+from flexlab.analysis.law_conditions import circumstances, law_conditions
 from flexlab.analysis.modes import modes
 from flexlab.analysis.validation.beam import GAUGES
 from flexlab.analysis.validation.check import DAMPING, STILL, Check, Runs, alike, below, close, run_of, subject
@@ -22,6 +22,9 @@ from flexlab.sim.samples import Run
 
 BENT = (0.001, 0.00016, 0.0, -0.001)
 """Initial beam coordinates, half a sine of 0.16 mm, for which the linear model holds."""
+SHAKING = {"kind": "sine", "center": CENTER, "amplitude": 1e-3, "frequency": 15.0}
+"""A small motion that bends the beam, whose torques change from instant to instant."""
+COMPUTED = {"kind": "computed-torque", "position_gain": 900.0, "velocity_gain": 60.0}
 LATE = 3
 """Input delay of the regulator on a path, control periods."""
 BEGUN, CHANGED, ENDED = 6, 16, 24
@@ -38,6 +41,9 @@ def observers(_: Runs) -> Iterator[Check]:
     yield below(f"{statement}: relative error", 0.02, _observed("the observed run", {}, {}))
     statement = "one that trusts its model more than its gauges predicts the ring of a beam whose arms sink"
     yield below(f"{statement}: relative error", 0.02, _observed("the run of sinking arms", trusting, sinking))
+    driven = {"trajectory": SHAKING, "initial.beam_coordinates": None, "initial.pose_rate": None}
+    statement = "one beside computed torque, whose new torques act within its horizon, on a path that shakes the beam"
+    yield below(f"{statement}: relative error", 0.02, _observed("the shaken run", {}, driven, COMPUTED))
     yield from _regulator()
     yield from _observer_noise()
     yield from _believed_load()
@@ -56,10 +62,12 @@ def _held(name: str, law: dict[str, Any], **changes: Any) -> Run:
     return run_of(name, bent, 0.06, PERIOD / FINER)
 
 
-def _observed(name: str, observer: dict[str, Any], changes: dict[str, Any]) -> float:
-    """Largest error of the predicted hᵀq̇ over its largest value."""
-    gain = 1.0
-    law = {"kind": "composite", "slow": {"kind": "none"}, "lateral_vibration_gain": gain}
+def _observed(
+    name: str, observer: dict[str, Any], changes: dict[str, Any], slow: dict[str, Any] | None = None
+) -> float:
+    """Largest error of the predicted hᵀq̇ over its largest value; `slow`: computed torque beside it, or None."""
+    gain = 20.0
+    law = {"kind": "composite", "slow": slow or {"kind": "none"}, "lateral_vibration_gain": gain}
     law["observer"] = {"kind": "kalman", "observer_modes": 4, **observer}
     run = _held(name, law, **changes)
     points = MassPoints(run.scenario)
@@ -68,8 +76,21 @@ def _observed(name: str, observer: dict[str, Any], changes: dict[str, Any]) -> f
     rate = run.beam_rates @ h
     # Torques of instant k are held from instant k + 1 on.
     acting = np.arange(30, 58) * FINER + FINER // 2
-    told = np.linalg.solve(inertia, run.arm_input.sum(axis=1)[acting].T)[1] / gain
+    asked = run.arm_input.sum(axis=1)[acting]
+    if slow is not None:
+        asked = asked - [_computed_torque(points, run, k, slow) for k in acting - FINER - FINER // 2]
+    told = np.linalg.solve(inertia, asked.T)[1] / gain
     return float(np.abs(told - rate[acting]).max() / np.abs(rate[acting]).max())
+
+
+def _computed_torque(points: MassPoints, run: Run, k: int, law: dict[str, Any]) -> np.ndarray:
+    """Σu_i (3,) of computed torque on the path `SHAKING` at sample k."""
+    x, v = run.pose[k], run.pose_rate[k]
+    target, rate, acceleration = _sine(run.time[k], SHAKING)
+    terms = [points.arm_terms(x, v, arm) for arm in range(2)]
+    inertia = sum((M for M, _, _ in terms), points.rigid_inertia(x))
+    wanted = acceleration - law["velocity_gain"] * (v - rate) - law["position_gain"] * (x - target)
+    return inertia @ wanted + sum(C for _, C, _ in terms) @ v
 
 
 def _linear_model(points: MassPoints) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -119,6 +140,13 @@ def _regulator() -> Iterator[Check]:
     said = " ".join(condition.sentence for condition in law_conditions(run.scenario))
     told = float(re.findall(r"decays with ([\d.]+) 1/s", said)[0])
     yield close("and its condition tells how fast the loop decays", decay, told, "1/s", 0.01)
+    M, n = (
+        MassPoints(run.scenario).inertia(np.array([*CENTER, *np.zeros(gain.shape[1] // 2 - 3)]))[:3, :3],
+        gain.shape[1] // 2,
+    )
+    fading, ringing = (np.linalg.norm(np.linalg.solve(M, gain[:, at : at + 3]), 2) for at in (n, 0))
+    told = circumstances(run.scenario).fastest_rate
+    yield close("lqr: fastest rate of its loop", fading + np.sqrt(ringing), told, "1/s", 1e-3)
     path = {"kind": "sine", "center": CENTER, "amplitude": 0.005, "frequency": 3.0}
     late = {**law, "control_period": PERIOD, "input_delay": LATE}
     run = run_of("the regulated run on a path", {"trajectory": path, "controller": late}, 0.06, PERIOD / FINER)

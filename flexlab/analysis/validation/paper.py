@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -88,17 +89,17 @@ GAIN, SLOPE, LAYER, ADAPTATION = 200.0, 50.0, 0.1, 10.0
 """K, Λ, ε and k_j of Section IV."""
 
 
-def desired(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """x_d, ẋ_d, ẍ_d of Section IV, (N, 3) each."""
-    phase, w = 2 * np.pi * t, 2 * np.pi
-    sine, cosine = np.sin(phase)[:, None] * 0.2 * np.ones(3), np.cos(phase)[:, None] * 0.2 * np.ones(3)
-    return sine + np.array([0.0, 0.75, 0.0]), w * cosine, -(w**2) * sine
+def desired(t: np.ndarray, path: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """x_d, ẋ_d, ẍ_d of a sine such as that of Section IV, (N, 3) each."""
+    w, size = 2 * np.pi * np.array(path.frequency), np.array(path.amplitude)
+    angle = np.multiply.outer(t, w) + path.phase
+    return np.array(path.center) + size * np.sin(angle), size * w * np.cos(angle), -size * w**2 * np.sin(angle)
 
 
 def paper_law(points: MassPoints, run: Run, k: int, b_hat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """u_i (2, 3) and the rate of b̂ (3,) of Eqs. (23), (25) at sample k."""
     x, v, payload = run.pose[k], run.pose_rate[k], run.scenario.payload
-    goal, rate, acceleration = (part[0] for part in desired(run.time[k : k + 1]))
+    goal, rate, acceleration = (part[0] for part in desired(run.time[k : k + 1], run.scenario.trajectory))
     r, r_dot = rate - SLOPE * (x - goal), acceleration - SLOPE * (v - rate)
     s = v - r
     size, growth = np.linalg.norm(s), bound_terms(x, v)
@@ -119,10 +120,10 @@ def control_law(runs: Runs) -> Iterator[Check]:
 def _of(run: Run) -> Iterator[Check]:
     """Error, sliding variable, adaptation, inputs arm by arm, and the internal force by both routes."""
     points = MassPoints(run.scenario)
-    goal, goal_rate, _ = desired(run.time)
+    goal, goal_rate, _ = desired(run.time, run.scenario.trajectory)
     e, e_dot = run.pose - goal, run.pose_rate - goal_rate
     s = e_dot + SLOPE * e
-    yield below("e = x - x_d with the path of Section IV: largest error", 1e-12, run.tracking_error - e, "m")
+    yield below("e = x - x_d: largest error", 1e-12, run.tracking_error - e, "m")
     yield below("s = ẋ - r, r = ẋ_d - Λe: largest error", 1e-10, run.sliding_variable - s, "m/s")
     rates, size = time_derivative(run.bound_estimates, FINE), np.linalg.norm(s, axis=1)
     wanted = (size[:, None] * bound_terms(run.pose, run.pose_rate) / ADAPTATION)[2:-2]

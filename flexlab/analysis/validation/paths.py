@@ -9,12 +9,12 @@ from scipy.interpolate import BPoly, make_interp_spline
 from flexlab.analysis.modes import modes, rings_of
 from flexlab.analysis.validation.check import Check, Runs, alike, below, close, run_of, subject
 from flexlab.analysis.validation.mass_points import MassPoints
-from flexlab.control.motion import poses
+from flexlab.control.motion import DesiredMotion, desired_motions
 from flexlab.control.path import paths
 from flexlab.control.paths.table import spline
 from flexlab.presets import load_preset
 from flexlab.sim.commands import ChangeScenario
-from flexlab.sim.target import build_trajectory
+from flexlab.sim.target import build_trajectory, change_path
 from flexlab.sim.world import World
 
 WINDOW = 1.6
@@ -25,6 +25,8 @@ CLEAR = 4 * STEP
 """Time before and after jumps of acceleration or jerk in which no differences are taken, s."""
 CHANGED_AT = 370
 """Tick at which a path is changed in motion."""
+BEGIN = 0.25
+"""Time at which some paths begin, s."""
 FREQUENCY, RATIO = 9.0, 0.06
 """Frequency, Hz, and ζ of the mode for which shapers are designed."""
 VIBRATION = 0.05
@@ -35,12 +37,15 @@ RESIDUALS: dict[str, Callable[[float], float]] = {
     "ei-shaper": lambda c: (1 + VIBRATION) * c * c - VIBRATION,
 }
 """Shaper → residual vibration of an undamped mode, as a function of cos(π/2 · frequency of mode / of shaper)."""
+TURNING = [(0.2 + 0.15 * k, 0.02 * (-1) ** k, 0.7 + 0.02 * k, 0.1 - 0.01 * k * k) for k in range(7)]
+"""Rows of a table that begins after its t = 0 and moves at both ends."""
 OWN: dict[str, dict[str, Any]] = {
     "sine": {"phase": (0.3, 0.0, -1.0), "frequency": (1.0, 0.7, 2.0), "amplitude": (0.1, 0.05, 0.2)},
     "rest-to-rest": {"start": 0.2, "duration": 0.9, "to": (0.1, 0.85, 0.3)},
     "bang-bang": {"start": 0.2, "duration": 0.9, "to": (0.1, 0.85, 0.3)},
     "circle": {"phase": 0.4},
     "figure-eight": {"phase": 0.4, "amplitude": (0.15, 0.1, 0.2)},
+    "table": {"start": 0.1, "ends": "free", "rows": TURNING},
 }
 """Path → fields that differ from their defaults."""
 
@@ -97,6 +102,14 @@ def paths_and_shapers(_: Runs) -> Iterator[Check]:
     yield from _shapers(times)
     yield from _fed_forward()
     yield from _changed()
+    yield from _kept()
+
+
+def poses(motion: DesiredMotion, times: Any) -> np.ndarray:
+    """x_d, ẋ_d, ẍ_d at times (N,), (N, 3, 3); what the path does not fill is NaN."""
+    found = np.full((len(times), 3, 3), np.nan)
+    desired_motions(motion, np.asarray(times, float), found)
+    return found
 
 
 def _motion(kind: str, **changes: Any) -> tuple[Any, Any]:
@@ -152,6 +165,39 @@ def _changed() -> Iterator[Check]:
     yield alike(statement, 1e-12, left, exact)
 
 
+def _kept() -> Iterator[Check]:
+    """What a change in motion makes of a path: a periodic one keeps its angle, any other begins now, at the target."""
+    now, begin, sine = 0.3702, 0.37, _motion("sine")[0]
+    here, there = POSES["sine"](sine, np.array([now, now + 0.25 / min(sine.frequency)])).tolist()
+    points, slower = np.array(_motion("waypoints")[0].points), (0.8, 0.7, 1.1)
+    by_frequency = np.array(sine.phase) + 2 * np.pi * now * np.subtract(sine.frequency, slower)
+    moved = points + sine.center - (points.max(axis=0) + points.min(axis=0)) / 2
+    for kind, changes, wanted in (
+        ("sine", {"frequency": slower}, {"frequency": slower, "phase": by_frequency.tolist()}),
+        ("circle", {"frequency": 1.6}, {"frequency": 1.6, "phase": 0.4 - 2 * np.pi * 0.6 * now}),
+        ("waypoints", {"velocity_limit": 0.5}, {"velocity_limit": 0.5, "start": begin}),
+        ("waypoints", {"smooth_start": 0.3}, {"smooth_start": 0.3}),
+        ("table", {"rows": TURNING}, {"rows": TURNING, "start": begin}),
+        ("sine", {"kind": "rest-to-rest"}, {"kind": "rest-to-rest", "from": here, "to": there, "start": begin}),
+        ("sine", {"kind": "hold"}, {"kind": "hold", "pose": here}),
+        ("sine", {"kind": "circle"}, {"kind": "circle", "center": sine.center}),
+        ("sine", {"kind": "waypoints"}, {"kind": "waypoints", "points": moved.tolist(), "start": begin}),
+        ("sine", {"kind": "table", "rows": TURNING}, {"kind": "table", "rows": TURNING, "start": begin}),
+    ):
+        old = load_preset("paper").replace({"trajectory": {"kind": kind, **OWN.get(kind, {})}})
+        new = change_path(old, {f"trajectory.{name}": value for name, value in changes.items()}, now)
+        kept = {} if "kind" in changes else {"kind": kind, **OWN.get(kind, {})}
+        exact = build_trajectory(load_preset("paper").replace({"trajectory": {**kept, **wanted}}))
+        later = now + np.linspace(0.0, WINDOW, 50)
+        words = (
+            f"becomes {changes['kind']}"
+            if "kind" in changes
+            else f"gets another {next(iter(changes)).replace('_', ' ')}"
+        )
+        statement = f"{kind} that {words} in motion: how x_d goes on: largest error, m, rad"
+        yield below(statement, 1e-12, (poses(build_trajectory(new), later) - poses(exact, later))[:, 0])
+
+
 def _waypoints() -> Iterator[Check]:
     path, motion = _motion("waypoints", velocity_limit=0.4, acceleration_limit=3.0, jerk_limit=40.0)
     t = np.arange(0.0, float(path.end), 1e-3)
@@ -188,10 +234,10 @@ WAY = 0.3
 def _legs() -> Iterator[Check]:
     for words, (*limits, duration) in LEGS.items():
         along = dict(zip(("velocity_limit", "acceleration_limit", "jerk_limit"), limits, strict=True))
-        path, motion = _motion("waypoints", points=((0.0, 0.75, 0.0), (WAY, 0.75, 0.0)), **along)
+        path, motion = _motion("waypoints", points=((0.0, 0.75, 0.0), (WAY, 0.75, 0.0)), start=BEGIN, **along)
         shortest = duration(WAY, *limits)
         yield close(
-            f"waypoints: duration of a leg that reaches {words}", shortest, float(path.end), "s", relative=1e-12
+            f"waypoints: duration of a leg that reaches {words}", shortest, float(path.end) - BEGIN, "s", relative=1e-12
         )
         last = poses(motion, [float(path.end) - 1e-9])[0, 0, 0]
         yield close("and its end, a nanosecond before", WAY, last, "m", absolute=1e-12)
@@ -205,15 +251,15 @@ def _table() -> Iterator[Check]:
     between = np.linspace(0.0, 1.5, 211)
     at_rest = [[(order, np.zeros(3)) for order in (1, 2)]] * 2
     for ends, condition in (("at rest", at_rest), ("free", "not-a-knot")):
-        _, motion = _motion("table", rows=given.tolist(), ends=ends)
+        _, motion = _motion("table", rows=given.tolist(), ends=ends, start=BEGIN)
         exact = make_interp_spline(t, given[:, 1:], k=5, bc_type=condition)(between)
         yield below(
             f"table, {ends}: x_d is a quintic spline: largest error, m, rad",
             1e-12,
-            poses(motion, between)[:, 0] - exact,
+            poses(motion, BEGIN + between)[:, 0] - exact,
         )
         if ends == "at rest":
-            still = poses(motion, [0.0, 1.5])[:, 1:]
+            still = poses(motion, [BEGIN, BEGIN + 1.5])[:, 1:]
             yield below("table: is at rest at both ends: largest rate and acceleration", 1e-9, still)
     given[-1, 1:] = given[0, 1:]
     exact = make_interp_spline(t, given[:, 1:], k=5, bc_type="periodic")(between)

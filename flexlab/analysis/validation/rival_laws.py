@@ -4,20 +4,15 @@ The controller has a wrong model of the payload and of how it is filled, shares 
 of these effects counts.
 """
 
-import re
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import eigh
 
-from flexlab.analysis.law_conditions import law_conditions
 from flexlab.analysis.lesson_measures import bound_terms
-from flexlab.analysis.validation.check import EVERY, FINE, Check, Runs, alike, below, close, general, subject
+from flexlab.analysis.validation.check import EVERY, FINE, Check, Runs, alike, below, general, subject
 from flexlab.analysis.validation.mass_points import MassPoints, mass_ratio, slopes, time_derivative
-from flexlab.analysis.validation.paper import GAIN, SLOPE, desired
-from flexlab.analysis.validation.sampled_loop import GROWTH
-from flexlab.presets import load_preset
+from flexlab.analysis.validation.paper import desired
 from flexlab.sim.samples import Run
 
 FILLING = {"factor": 2.0, "begin": 0.0, "duration": 0.01}
@@ -205,49 +200,6 @@ def rival_laws(_: Runs) -> Iterator[Check]:
             yield below(f"{kind}: how its memory moves: relative error", 1e-5, error.max())
             begun = float(np.abs(memory[0] - _first_memory(run, kind)).max())
             yield below(f"{kind}: what its memory begins with: largest error, in SI units", 1e-12, begun)
-    yield from _conditions()
-
-
-def _told(law: dict[str, Any], pattern: str, **changes: Any) -> float:
-    """The number that a condition of a law tells of the paper's path; `pattern`: words with that number as a group."""
-    said = law_conditions(load_preset("paper").replace({"controller": law, **changes}))
-    return float(re.findall(pattern, " ".join(condition.sentence for condition in said))[0])
-
-
-def _conditions() -> Iterator[Check]:
-    """The numbers in the laws' conditions, with three digits, from mass points along the paper's path."""
-    points, n = MassPoints(load_preset("paper")), 4
-    instants = np.arange(32) / 32
-
-    def reaction(t: float) -> np.ndarray:
-        goal, _, change = (part[0] for part in desired(np.array([t])))
-        whole = points.payload_inertia(np.concatenate([goal, np.zeros(n)]))[:3, :3]
-        return (whole - points.rigid_inertia(goal)) @ change
-
-    force = max(np.linalg.norm(reaction(t)) for t in instants)
-    told = _told({"kind": "adaptive-sliding-mode"}, r"reaction on this path, ([\d.]+) N")
-    yield close("conditions: the beam's reaction on the paper's path is (A12 A22⁻¹A21) ẍ_d", force, told, "N", 0.006)
-    twisting = {"kind": "super-twisting"}
-    rate = max(np.linalg.norm(slopes(lambda at: reaction(at[0]), np.array([t]))) for t in instants)
-    told = _told(twisting, r"against ([\d.]+) N/s")
-    yield close("super-twisting: by how much it changes", rate, told, "N/s", 0.012)
-    path = desired(instants)[0]
-    inertia = [sum((points.arm_inertia(x, arm) for arm in range(2)), points.rigid_inertia(x)) for x in path]
-    most = max(np.linalg.eigvalsh(B)[-1] for B in inertia)
-    yield close("super-twisting: its largest inertia", most, _told(twisting, r"b = ([\d.]+) kg"), "kg", 0.006)
-    needed = np.sqrt(4 * most * rate * (200 + rate) / (200 - rate))
-    told = _told(twisting, r"against ([\d.]+), b")
-    yield close("super-twisting: Levant's k1 = √(4bδ(k2 + δ)/(k2 - δ))", needed, told, relative=0.02)
-    late = {"control_period": 1e-3, "input_delay": 1}
-    told = _told({"kind": "adaptive-sliding-mode", **late}, r"control period is ([\d.]+)")
-    fastest = max(SLOPE + eigh(GAIN * np.eye(3), B, eigvals_only=True)[-1] for B in inertia)
-    yield close(
-        "the loop's fastest rate is Λ + max λ(B⁻¹K), over the control period", 1e-3 * fastest, told, relative=0.01
-    )
-    damping = {"kind": "vibration-damping", **late}
-    fine = {"payload.element_count": 8, "payload.damping.coefficient": 0.0}
-    told = _told(damping, r"Hz grows at ([\d.]+) 1/s", **fine)
-    yield close("late rate feedback feeds the 400 Hz mode, to first order: rate", GROWTH, told, "1/s", 0.1)
 
 
 def _first_memory(run: Run, kind: str) -> np.ndarray:
@@ -295,7 +247,7 @@ def instant(run: Run, k: int) -> Instant:
     x, v, law = run.pose[k], run.pose_rate[k], scenario.controller
     terms = [points.arm_terms(x, v, arm) for arm in range(2)]
     M, C, G = (np.array(part) for part in zip(*terms, strict=True))
-    goal, goal_rate, acceleration = (part[0] for part in desired(run.time[k : k + 1]))
+    goal, goal_rate, acceleration = (part[0] for part in desired(run.time[k : k + 1], scenario.trajectory))
     loads = points.payload_inertia(np.concatenate([[0.0, 0.0, 0.0], np.zeros(run.beam_rates.shape[1])]))[1:3, 3:]
     along = np.array([np.cos(x[2]), np.sin(x[2]), 0.0]) * law.wanted_internal_force
     return Instant(

@@ -37,8 +37,10 @@ def sampled_loop(runs: Runs) -> Iterator[Check]:
     """The clock, torque limits, noise, gauges, the delay that a loop allows, sampled poles."""
     yield from _clock()
     yield from _limits()
-    yield from _noise()
-    yield from _strain_noise()
+    told: dict[str, np.ndarray] = {}
+    yield from _noise(told)
+    yield from _strain_noise(told)
+    yield from _independent(told)
     yield from _gauges()
     for delay in (0, 1, 3):
         loop = np.zeros(delay + 2)
@@ -98,7 +100,8 @@ def _limits() -> Iterator[Check]:
         yield true("which the run says at each instant", np.array_equal(run.saturated, clipped))
 
 
-def _noise() -> Iterator[Check]:
+def _noise(told: dict[str, np.ndarray]) -> Iterator[Check]:
+    """Noise of pose and pose rate; fills `told` with the readings of seed 1, by sensor."""
     for words, sensor, gain in (("pose", "pose", "position_gain"), ("pose rate", "pose_rate", "velocity_gain")):
         readings = {}
         for seed in (1, 2):
@@ -106,7 +109,7 @@ def _noise() -> Iterator[Check]:
             law = {"kind": "pd", **gains, "control_period": PERIOD, "sensor_noise": {sensor: SIGMA, "seed": seed}}
             run = run_of("the noisy run", {**STILL, "controller": law}, MEASURED * PERIOD, PERIOD)
             readings[seed] = -run.arm_input.sum(axis=1)[1:]
-        noise = readings[1]
+        told[sensor] = noise = readings[1]
         for name, sigma, found in zip("xyθ", SIGMA, noise.std(axis=0), strict=True):
             statement = f"noise of {words}, {name}: deviation as a part of what is asked for"
             yield close(statement, 1.0, found / sigma, absolute=0.06)
@@ -115,27 +118,38 @@ def _noise() -> Iterator[Check]:
         unit = noise / noise.std(axis=0)
         yield below(f"noise of {words}: correlation from instant to instant", 0.1, (unit[1:] * unit[:-1]).mean(axis=0))
         other = np.stack([np.roll(unit, 1, axis=1), readings[2] / readings[2].std(axis=0)])
-        statement = f"noise of {words}: correlation between coordinates and between seeds"
-        yield below(statement, 0.1, (unit * other).mean(axis=1))
+        statement = f"noise of {words}: correlation between coordinates and between seeds, of values and of squares"
+        yield below(statement, 0.1, [(unit * other).mean(axis=1), ((unit**2 - 1) * (other**2 - 1)).mean(axis=1) / 2])
 
 
-def _strain_noise() -> Iterator[Check]:
+def _strain_noise(told: dict[str, np.ndarray]) -> Iterator[Check]:
     """Noise of hᵀq̇ from gauges: √2 σ W_j / T_c each, W_j = (2/t) M(s_j) · weight of s_j, M the moment of ρ or ρs."""
-    told = told_rates({"moment_rate": MOMENT_RATE})
-    for name, sigma, found in zip(("hᵀq̇", "gᵀq̇"), MOMENT_RATE, told.std(axis=0), strict=True):
+    payload, told["moment_rate"] = load_preset("paper").payload, told_rates({"moment_rate": MOMENT_RATE, "seed": 1})
+    for name, sigma, found in zip(("hᵀq̇", "gᵀq̇"), MOMENT_RATE, told["moment_rate"].std(axis=0), strict=True):
         statement = f"noise of {name}: deviation as a part of what is asked for"
         yield close(statement, 1.0, found / sigma, absolute=0.06)
-    told, payload = told_rates({"strain": STRAIN}), load_preset("paper").payload
+    told["strain"] = by_gauges = told_rates({"strain": STRAIN, "seed": 1})
     places = payload.length * np.array(GAUGES)
     moment = payload.linear_density / 2 * (payload.length**2 / 4 - places**2)
-    for name, loaded, rates in (("hᵀq̇", moment, told[:, 0]), ("gᵀq̇", places / 3 * moment, told[:, 1])):
+    for name, loaded, rates in (("hᵀq̇", moment, by_gauges[:, 0]), ("gᵀq̇", places / 3 * moment, by_gauges[:, 1])):
         weights = 2 / payload.thickness * loaded * payload.length / 4
         wanted = np.sqrt(2) * STRAIN * np.linalg.norm(weights) / PERIOD
         yield close(f"noise of {name} from gauges: deviation, SI", wanted, rates.std(), relative=0.06)
-    rates = told[:, 0]
+    rates = by_gauges[:, 0]
     unit = rates / rates.std()
     alternating = (unit[1:] * unit[:-1]).mean()
     yield close("and each reading enters twice, with both signs: correlation", -0.5, alternating, absolute=0.06)
+
+
+def _independent(told: dict[str, np.ndarray]) -> Iterator[Check]:
+    """Correlations between the noises of several sensors with one seed; those from gauges are differences of two instants."""
+    white = np.hstack([told[sensor] for sensor in ("pose", "pose_rate", "moment_rate")])
+    white, strain = white / white.std(axis=0), told["strain"] / told["strain"].std(axis=0)
+    found = [white.T @ white / len(white) - np.eye(8)]
+    found += [np.diff(white, axis=0).T @ part / len(white) / np.sqrt(2) for part in (strain[1:], strain[:-1])]
+    yield below(
+        "noise of several sensors: correlation between them", 0.1, np.vstack([part.reshape(-1, 2) for part in found])
+    )
 
 
 def told_rates(noise: dict[str, Any], observer: dict[str, Any] | None = None) -> np.ndarray:

@@ -121,7 +121,7 @@ def _creeping() -> Iterator[Check]:
         "joints.friction.coulomb": HELD,
         "joints.friction.smoothing_speed": CREEP,
     }
-    run = simulate(load_preset("single-arm").replace(changes), 1.2, 0.01)
+    run = simulate(load_preset("single-arm").replace(changes), 1.1, 0.01)
     near = run.joint_angle[-20:, 0]
     rate = (near[-1] - near[0]) / (run.time[-1] - run.time[-20])
     share = _weight(run.scenario.left_arm, run.scenario.payload, near.mean(axis=0)) / np.array(HELD)

@@ -159,8 +159,9 @@ class Recorder:
 
     def _begin(self, info: RunInfo) -> None:
         self._end(Status("finished", "A new run began."), self.dropped_rows)
-        self._stumble, self._live = None, self._open_live(info)
-        self._file = FileSink(self._logs, info, self._tell, self._refusal)
+        self._live = self._open_live(info)
+        file = FileSink(self._logs, info, self._tell, self._refusal)
+        self._file, self._stumble = file, None
         sinks = [self._file] if self._live is None else [self._file, self._live]
         notes = None if self._start_notes is None else self._start_notes(info.name, info.scenario)
         self._run = RunEncoder(info, sinks, notes)
@@ -225,6 +226,7 @@ class Recorder:
             if live is not None:
                 self._push_live()
                 live.close()
+            self._stumble = self.problem  # Until the next run has a file, or none.
             self._run = self._file = self._live = None
             if path is not None:
                 self._finisher.add(path)

@@ -38,6 +38,7 @@ from flexlab.recording.store.run_files import (
     run_state,
 )
 from flexlab.recording.store.run_index import read_row
+from flexlab.sim.commands import Reset
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Run
 from flexlab.sim.world import World
@@ -456,6 +457,26 @@ def test_a_headless_recording_on_a_full_disk_says_how_far_it_got(small_disk: Pat
     (path,) = list_runs(small_disk)
     saved = read_recording(path).samples.time[-1]
     assert str(caught.value).endswith(f"the run is recorded up to t = {saved:g} s.")
+
+
+def test_a_lasting_problem_is_told_throughout_a_new_run(tmp_path: Path) -> None:
+    """The teacher's page showed no problem for an instant at each new run."""
+    told: list[str | None] = []
+
+    def refuse(_: int = 0) -> str:
+        told.append(recorder.problem)
+        return "There is no room."
+
+    recorder = Recorder(tmp_path, refusal=refuse)
+    runner = Runner(load_preset("paper"), "paper", [recorder])
+    runner.start()
+    wait_until(lambda: recorder.problem, "the first run is refused")
+    first = len(told)
+    runner.submit(Reset())
+    wait_until(lambda: len(told) > first, "the second run is refused")
+    runner.stop()
+    recorder.close()
+    assert all(told[1:]), told
 
 
 def test_a_full_disk_is_called_full_and_nothing_is_lost_once_there_is_room(small_disk: Path) -> None:

@@ -211,6 +211,7 @@ def test_a_tuning_shows_before_and_after_and_leads_to_the_lab(server: FrontServe
     page = ask(server.url, address).text
     assert "Open the result in the lab" in page
     assert "Peak joint torque" in page
+    assert ">Feedback gain K (N·s/m, N·m·s/rad)<" in page, "with its symbol, as everywhere"
     found = json.loads(ask(server.url, f"{address}/data").text)
     assert len(found["points"]) >= 16
     assert found["after"][0] < found["before"][0]

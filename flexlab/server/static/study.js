@@ -117,10 +117,13 @@ function colorBar(drawing, scale, box, narrow) {
   }
 }
 
+const MARGIN = 0.03; // free share at each end of an axis: marks at the ends are clear of the frame
+const inset = (scale) => ({ ...scale, share: (value) => MARGIN + (1 - 2 * MARGIN) * scale.share(value) });
+
 function drawCurve(drawing, found, metric, box) {
   const axis = found.axes[0];
   const logarithmic = axis.logarithmic;
-  const sides = [scaleOf(axis.values), scaleOf(metric.values)];
+  const sides = [scaleOf(axis.values), inset(scaleOf(metric.values))];
   const ends = [axis.values[0], axis.values.at(-1)].map((value) => (logarithmic ? Math.log(value) : value));
   const share = (value) => ((logarithmic ? Math.log(value) : value) - ends[0]) / (ends[1] - ends[0] || 1);
   const at = (cell) => [box.left + share(axis.values[cell]) * box.width,
@@ -150,7 +153,7 @@ function drawWords(drawing, found, metric, box) {
 
 function drawTradeOff(drawing, found, box) {
   const marks = [...found.points, found.before, found.after].filter(Boolean);
-  const sides = [0, 1].map((k) => scaleOf(marks.map((mark) => mark[k])));
+  const sides = [0, 1].map((k) => inset(scaleOf(marks.map((mark) => mark[k]))));
   const ticks = sides.map((side, k) => labelled(side, [box.width / 70, box.height / 40][k]));
   frame(drawing, box, ticks[0], ticks[1], found.titles);
   const dot = (mark, name, r) => mark && drawing.append(svg("circle", { cx: box.left + sides[0].share(mark[0]) * box.width,

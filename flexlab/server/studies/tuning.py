@@ -11,6 +11,7 @@ from flexlab.analysis.sweep.axes import Axis
 from flexlab.analysis.tuning import Candidate, Cost, Tuning, parse_cost, tune
 from flexlab.errors import StudyError
 from flexlab.scenario import Scenario
+from flexlab.scenario.field_text import field_title
 from flexlab.server.studies import (
     ELSEWHERE,
     Form,
@@ -106,9 +107,7 @@ class TuningStudy(Study):
         tuned: Tuning = task.result
         lines: list[tuple[str, str, str]] = []
         for path, value in tuned.best.changes.items():
-            about = self.scenario.about(path)
-            unit = f" ({about.unit})" if about.unit not in ("", "1") else ""
-            lines.append((f"{about.title}{unit}", number_text(self.scenario.get(path)), number_text(value)))
+            lines.append((field_title(path, self.scenario), number_text(self.scenario.get(path)), number_text(value)))
         for name in self.cost.names:
             column = named(name).column
             before, after = (

@@ -162,9 +162,9 @@ def archive_into(rows: tuple[RunRow, ...], kind: str, folder: Path) -> Path:
                 archive.write(table, table.name)
                 table.unlink()
                 continue
-            archive.write(row.path, row.path.name)
+            archive.write(row.path, row.id + SUFFIX)  # An archive holds no name that is not text.
             if is_regular(notes_path(row.path)):
-                archive.write(notes_path(row.path), notes_path(row.path).name)
+                archive.write(notes_path(row.path), f"{row.id}.json")
     return target
 
 

@@ -1,7 +1,9 @@
 """Odd files in the logs folder of a real server: each is listed by itself, none harms the others or leads outside."""
 
+import io
 import json
 import re
+import zipfile
 from collections.abc import Callable
 from html import unescape
 from pathlib import Path
@@ -60,6 +62,14 @@ def test_runs_are_compared_and_exported_whatever_their_notes_say(odd: FrontServe
         _, page = compared(odd.url, "good", name)
         assert page.status == 200, page.text
         assert ask(odd.url, f"/runs/{name}/export?format=zip").status == 200
+
+
+def test_recordings_of_any_name_come_in_one_archive(odd: FrontServer) -> None:
+    """A name that is no text was a traceback on the terminal."""
+    runs = sorted(("name-%FF%2Errd", "line%0Abreak%2Errd", "good", "escapes"))
+    archive = post(odd.url, "/runs/export", [("format", "rrd"), *(("run", run) for run in runs)])
+    names = zipfile.ZipFile(io.BytesIO(archive.body)).namelist()
+    assert sorted(names) == sorted([*(f"{run}.rrd" for run in runs), "escapes.json"])
 
 
 def test_an_odd_file_can_be_deleted_and_nothing_else_goes(odd: FrontServer, recorded: Path) -> None:

@@ -107,7 +107,13 @@ class TaskBook:
             work = partial(work, folder=folder)
         job = asyncio.create_task(self._carry_out(word, task, work, arguments))
         self._jobs[key] = job
-        job.add_done_callback(lambda _: (held.close(), self._jobs.pop(key, None)))
+
+        def ended(_: object) -> None:
+            held.close()
+            if self._jobs.get(key) is job:  # A task of this key may have been started anew while this one was put away.
+                del self._jobs[key]
+
+        job.add_done_callback(ended)
         return task
 
     async def finished(

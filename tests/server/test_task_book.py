@@ -76,6 +76,12 @@ def test_a_finished_task_is_not_repeated_and_a_failed_one_is(tmp_path: Path):
         failed = book.get("b")
         assert failed is not None
         assert (failed.working, failed.kind, first.kind) == (False, BAD, GOOD)
+        book.start("Refusing", "c", ANNA, refuse)
+        while book.get("c").working:  # type: ignore[union-attr]
+            await asyncio.sleep(0)
+        book.start("Writing", "c", ANNA, write, 10)  # At once, while the failed one is put away.
+        await asyncio.sleep(0.2)
+        assert (await book.finished("Writing", "c", ANNA, write, 10)).result == 10
 
     with_book(tmp_path, use)
 

@@ -11,6 +11,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from urllib.parse import parse_qs, urlencode, urlsplit
 
+import msgspec
 import pytest
 from aiohttp import web
 from aiohttp.test_utils import TestServer
@@ -24,7 +25,7 @@ from flexlab.presets import load_preset
 from flexlab.server import connections
 from flexlab.server.front_server import FrontServer
 from flexlab.server.hub_service import SESSION, STATE, main, open_hub_service
-from flexlab.server.labs import hub_labs
+from flexlab.server.labs import LabStatus, hub_labs
 from flexlab.server.labs.hub_labs import HubLabs
 from flexlab.sockets import free_ports
 
@@ -170,6 +171,17 @@ def test_a_lab_that_sends_an_invalid_report_is_disconnected(
             lab.recv(timeout=30)
     wait_until(lambda: not service.places.running(), "it is no longer listed")
     assert not [record for record in caplog.records if record.exc_info]
+
+
+def test_a_lab_that_reports_impossible_numbers_does_not_blank_the_teacher_s_page(service: FrontServer):
+    mine = {SESSION: sign_in(service, "teacher").cookies[SESSION]}
+    address = f"ws://127.0.0.1:{service.port}{PREFIX}/labs"
+    status = LabStatus("paper", "Paper", 1e308, "running", "", None, "", error=1e308)
+    with connect(address, additional_headers={"Authorization": "token ann"}) as lab:
+        lab.send(msgspec.json.encode(hub_labs.Report(status, 1)).decode())
+        wait_until(lambda: [place.status() for place in service.places.running()] == [status], "it has reported")
+        told = ask(service.url, f"{PREFIX}/teacher/labs", cookies=mine).text
+    assert json.loads(told, parse_constant=pytest.fail)["labs"][0]["error"] is None, "Infinity is not JSON"
 
 
 def test_a_lab_whose_line_broke_reports_again(monkeypatch: pytest.MonkeyPatch):

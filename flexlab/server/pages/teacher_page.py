@@ -4,6 +4,7 @@ The teacher's rules for the class are kept beside the runs, so that a restarted 
 """
 
 import asyncio
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, replace
@@ -102,6 +103,7 @@ async def labs(request: web.Request) -> web.Response:
 
 def _told(place: Lab, name: str, rules: ClassRules) -> dict[str, Any]:
     status = place.status()
+    error = 1000 * status.error
     guesses = [f"{short_name(progress.lesson)}: {progress.guess}" for progress in status.lessons if progress.guess]
     return {
         "lab": place.path,
@@ -111,7 +113,8 @@ def _told(place: Lab, name: str, rules: ClassRules) -> dict[str, Any]:
         "lesson": status.lesson,
         "guesses": f"Guessed: {'; '.join(guesses)}" if guesses else "",
         "time": round(status.time, 1),
-        "error": round(1000 * status.error, 3),
+        # JSON has no infinite number: one lab would blank the page for all.
+        "error": round(error, 3) if math.isfinite(error) else None,
         "state": state_of(place),
         "watching": place.visitors,
         "problem": for_teacher(status.problem),

@@ -10,7 +10,7 @@ from raw_browser import RawBrowser, html_texts, page_report, widget
 from flexlab.lab.page_reports import PageReports
 from flexlab.lab.session import Attendance, Session
 from flexlab.presets import load_preset
-from flexlab.sim.commands import Reset
+from flexlab.sim.commands import Pause, Reset
 
 
 def way(session: Session) -> object:
@@ -91,6 +91,25 @@ def test_charts_that_nobody_sees_are_not_sent(session: Session) -> None:
         wait_until(lambda: first._handle.data[1] is not shown, "the open chart goes on", 20)
         wait_until(lambda: time_of(session) > 1, "time passes", 20)
         assert [len(chart._handle.data[0]) for chart in others] == before
+
+
+def test_a_chart_that_is_opened_again_has_the_range_of_what_it_shows(session: Session) -> None:
+    """Opened while the run was paused, the torques' axis had room for the jerk of the start."""
+    plots = session._plots
+    session.lab_state.set_view(plot_window=0.5, follow_speed=False)
+    (torque,) = (chart for chart in plots._charts if chart._plot.title == "Joint torques, left arm")
+    with RawBrowser(session) as browser:
+        report(browser, session, 1, **{torque.uuid: (0.0, 1.0)})
+        session.runner.submit(Reset())
+        wait_until(lambda: torque._span.ends[0] < -500, "the jerk of the start is drawn", 20)
+        report(browser, session, 2)
+        wait_until(lambda: plots._opened == {}, "the chart is closed", 20)
+        wait_until(lambda: time_of(session) > 2, "the start is out of the window", 20)
+        session.runner.submit(Pause())
+        wait_until(lambda: not session.runner.snapshot.playing, "it stands", 20)
+        assert torque._span.ends[0] < -500
+        report(browser, session, 2, **{torque.uuid: (0.0, 1.0)})
+        wait_until(lambda: torque._span.ends[0] > -200, "its axis fits the present torques", 20)
 
 
 def test_a_lab_that_nobody_watches_pauses_until_somebody_comes(session: Session) -> None:

@@ -255,6 +255,10 @@ class Chart:
         self._handle.remove()
         self._note.remove()
 
+    def forget_range(self) -> None:
+        """Let the next picture choose the vertical range anew: nobody has seen the present one."""
+        self._span = Span(self._plot.least)
+
     def show(self, seen: Sequence[float] = WHOLE) -> None:
         """Send the present data; `seen`: the part of the window that is zoomed into, as fractions of it."""
         self._seen = seen

@@ -204,22 +204,29 @@ class Plots:
             for chart in self._charts:
                 chart.append(scenario, samples)
         if missing > 0 or any(moved) or opened != self._opened:
-            just_opened = self._spectrum_is_open(opened) and not self._spectrum_is_open(self._opened)
-            self._opened = opened
-            self._show(recent, snapshot, window, just_opened)
+            before, self._opened = self._opened, opened
+            self._show(recent, snapshot, window, before)
 
     def _spectrum_is_open(self, opened: Mapping[str, tuple[float, float]] | None) -> bool:
         return opened is None or self._spectrum.uuid in opened
 
-    def _show(self, recent: Recent, snapshot: Snapshot, window: float, spectrum: bool) -> None:
-        """Send only the charts that are on a screen: hidden ones would be most of the page's traffic."""
+    def _show(
+        self, recent: Recent, snapshot: Snapshot, window: float, before: Mapping[str, tuple[float, float]] | None
+    ) -> None:
+        """Send only the charts that are on a screen: hidden ones would be most of the page's traffic.
+
+        `before`: the charts that were on a screen at the last update.
+        """
         self._count += 1
         for chart in self._charts:
             if self._opened is None:
                 chart.show()
             elif chart.uuid in self._opened:
+                if before is not None and chart.uuid not in before:
+                    chart.forget_range()
                 chart.show(self._opened[chart.uuid])
-        if spectrum or (self._count % SPECTRUM_EVERY == 0 and self._spectrum_is_open(self._opened)):
+        just_opened = self._spectrum_is_open(self._opened) and not self._spectrum_is_open(before)
+        if just_opened or (self._count % SPECTRUM_EVERY == 0 and self._spectrum_is_open(self._opened)):
             self._spectrum.update(snapshot, recent(window))
 
     def _build(self, plots: Mapping[str, Sequence[Plot]], kept: ReferenceRun | None) -> None:

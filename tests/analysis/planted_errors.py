@@ -589,9 +589,6 @@ hand that has let go between grips: physics/grips.py
 states of the grips beside those of the material: sim/closed_loop.py
     end + 1)}, end + 1
     end + 1)}, end
-last column of a held beam's many modes: sim/integrators/beam_flow.py
-    other = min(j + 1, moved - 1)
-    other = min(j + 1, moved)
 modes that feel the force along a fine mesh: physics/axial_load.py
     eta[i] = y[ETA + k]
     eta[i] = y[ETA + i + 1]
@@ -649,6 +646,30 @@ eigenvalue after an exceptional shift: numerics/eigenvalues.py
 angle of a drawn beam: sim/geometry.py
     samples.pose[:, 2:3]
     samples.pose[:, 1:2]
+modes that do not follow the force along the beam: physics/axial_load.py
+    S[2, 1] + c * hg
+    S[2, 1] - c * hg
+deflection under a hand in the acceleration: physics/hand.py
+    pull_turn = hand.position * f2 - deflection * f1
+    pull_turn = hand.position * f2 + deflection * f1
+loop that a delay allows: control/conditions.py
+    return 2 * each(sin,
+    return 0 * each(sin,
+growth of modes that a late turn feeds: control/conditions.py
+    + gains[1] * around.loads[1]
+    + gains[0] * around.loads[1]
+vibration that a shaper leaves: control/motion.py
+    np.exp(1j * omega * shaped
+    np.exp(2j * omega * shaped
+turn in the friction that a sampled law makes up for: sim/sampled_control.py
+    ws.measured_arm, v[0], v[1], v[2], now.u
+    ws.measured_arm, v[0], v[1], v[1], now.u
+lift in the loss of a step: sim/integrators/beam_flow.py
+    (dt * dt) + (lift - lift_0) / dt
+    (dt * dt) - (lift - lift_0) / dt
+tilt in what fast modes put on the grips: sim/integrators/beam_flow.py
+    across[0], across[1], across[2] = -s, c, 0.0
+    across[0], across[1], across[2] = s, c, 0.0
 """
 """Three lines per error: its name and file, the right code, the wrong code."""
 

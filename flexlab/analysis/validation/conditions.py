@@ -10,6 +10,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 from flexlab.analysis.law_conditions import circumstances, law_conditions
+from flexlab.analysis.validation.beam import LENGTH, RHO
 from flexlab.analysis.validation.check import UNEQUAL, Check, Runs, close, subject, true
 from flexlab.analysis.validation.mass_points import MassPoints, slopes
 from flexlab.analysis.validation.paper import GAIN, SLOPE, desired
@@ -77,6 +78,12 @@ def conditions(_: Runs) -> Iterator[Check]:
     fine = {"payload.element_count": 8, "payload.damping.coefficient": 0.0}
     told = _told(damping, r"Hz grows at ([\d.]+) 1/s", **fine)
     yield close("late rate feedback feeds the 400 Hz mode, to first order: rate", GROWTH, told, "1/s", 0.1)
+    # The second mode moves 24/(2π)² of the inertia ρL³/12; held torques reach it with sinc(ωT_c/2) cos(1.5 ωT_c).
+    turning, omega = {"lateral_vibration_gain": 0.0, "angular_vibration_gain": 3000.0}, 2 * np.pi * 177.715
+    strength = 3000.0 * 24 / (2 * np.pi) ** 2 * RHO * LENGTH**3 / 12
+    exact = -strength / 2 * np.sinc(omega * 1e-3 / (2 * np.pi)) * np.cos(1.5e-3 * omega)
+    told = _told(damping | turning, r"Hz grows at ([\d.]+) 1/s", **fine)
+    yield close("and that of the turn the second one", exact, told, "1/s", 0.01)
 
 
 class _AtRest:

@@ -118,6 +118,8 @@ def _held_motion() -> Iterator[Check]:
     error = residual_force(run, lambda k: (heavy[k].inertia, heavy[k].potential), force)
     statement = "a beam that is filled, held at its side and feels the force along it: Lagrange's equations"
     yield below(f"{statement}: relative residual", 1e-6, error.max())
+    changed, told = time_derivative(run.pose_rate, FINE), run.pose_acceleration
+    yield alike("the sampled ẍ is the change of ẋ: relative error", 1e-6, changed, told[2:-2], told)
     places = np.array([*half * 2 * np.array(GAUGES), -half, HELD.position, HELD.position + 1e-12, half])
     along = np.array([heavy[k].axial_force(run, k, run.pose_acceleration[k], places) for k in rows])
     yield alike("N(s) at the gauges, with a step at the hand: relative error", 1e-9, run.axial_load[rows], along[:, :4])

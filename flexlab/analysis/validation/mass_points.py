@@ -14,7 +14,7 @@ from scipy.linalg import eigh
 from flexlab.analysis.validation.check import EVERY, FINE
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import Pull
-from flexlab.sim.samples import Run
+from flexlab.sim.samples import Run, Samples
 
 COMPLEX_STEP = 1e-30
 """Step with which derivatives of positions are exact."""
@@ -78,7 +78,7 @@ class MassPoints:
         A = self.payload_inertia(np.concatenate([x, np.zeros(self._N.shape[1])]))
         return A[:3, :3] - A[:3, 3:] @ np.linalg.solve(A[3:, 3:], A[3:, :3])
 
-    def axial_force(self, run: Run, k: int, change: np.ndarray, s: np.ndarray) -> np.ndarray:
+    def axial_force(self, run: Samples, k: int, change: np.ndarray, s: np.ndarray) -> np.ndarray:
         """N(s), N, of the straight link at sample k, if its pose changed with ẍ = `change`: tension is positive."""
         x, v, length = run.pose[k], run.pose_rate[k], self._payload.length
         M, C, G = self.arm_terms(x, v, 0)
@@ -91,16 +91,22 @@ class MassPoints:
         held = self._hand.target - self.beam_point(np.concatenate([x, run.beam_coordinates[k]]), self._hand.position)
         return force - np.where(s > self._hand.position, self._hand.stiffness * along @ held, 0.0)
 
-    def axial_stiffness(self, run: Run, k: int) -> np.ndarray:
-        """K_G at sample k, with N(s) of the ẍ that the payload would have without it."""
-        q = run.beam_coordinates[k]
-        give = np.linalg.inv(self.inertia(np.concatenate([run.pose[k], q])))[:3, 3:]
+    def axial_stiffness(self, run: Samples, k: int, onto: np.ndarray | None = None) -> np.ndarray:
+        """K_G at sample k, with N(s) of the ẍ that the payload would have without it.
+
+        `onto`: directions, in columns, in which it moves as freely as it does; it is held in all others. None: all directions.
+        """
+        p, rate, _ = coordinates(run)
+        inertia, q = self.inertia(p[k]), p[k, 3:]
+        onto = np.eye(len(inertia)) if onto is None else onto
+        gained = (onto @ np.linalg.solve(onto.T @ inertia @ onto, onto.T))[:3]
+        change, give = gained @ inertia @ time_derivative(rate[k - 2 : k + 3], FINE)[0], gained[:, 3:]
         # N(s) is linear in ẍ, and K_G in N(s).
         still, *further = (
             self.axial_force(run, k, change, self.places) for change in np.vstack([np.zeros(3), np.eye(3)])
         )
         slope = np.stack([give @ self.geometric_stiffness(line - still) @ q for line in further], axis=1)
-        first = run.pose_acceleration[k] + give @ self.geometric_stiffness(still) @ q
+        first = change + give @ self.geometric_stiffness(still) @ q
         change = np.linalg.solve(np.eye(3) - slope, first)
         return self.geometric_stiffness(self.axial_force(run, k, change, self.places))
 

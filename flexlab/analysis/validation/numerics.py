@@ -47,6 +47,10 @@ def _elementary() -> Iterator[Check]:
     y, x = size * np.sin(np.resize(near, 2 * COUNT)), size * np.cos(np.resize(near, 2 * COUNT))
     told = np.array([atan2(*place) for place in zip(y.tolist(), x.tolist(), strict=True)])
     yield _last_places("atan2", told, [math.atan2(*place) for place in zip(y, x, strict=True)])
+    edges = [(0.0, 0.0), (-0.0, -0.0), (0.0, -1.0), (np.inf, 1.0), (-1.0, -np.inf), (np.inf, -np.inf), (3e-310, 2e-310)]
+    yield true(
+        "atan2 at zero and infinity", [atan2(*place) for place in edges] == [math.atan2(*place) for place in edges]
+    )
     powers = np.concatenate([near, random.uniform(-700, 700, COUNT)])
     yield _last_places("exp", each(exp, powers), [math.exp(x) for x in powers])
     beyond = bool(np.array_equal(each(exp, [710.0, -746.0]), [np.inf, 0.0]))
@@ -67,16 +71,16 @@ def _positive(random: np.random.Generator, n: int) -> np.ndarray:
 
 
 def _eigenvalues(random: np.random.Generator) -> Iterator[Check]:
-    """Eigenvalues that a matrix is made of, in rows of very different size, and those of a cyclic permutation."""
+    """Eigenvalues that a matrix is made of, in rows of very different size, and those of a permutation, which need a shift."""
     blocks = [[[w.real, w.imag], [-w.imag, w.real]] for w in WAVES]
     V, own = random.normal(size=(14, 14)), np.array(block_diag(*blocks, np.diag(DECAYS)))
     size = 10.0 ** random.uniform(-4, 4, 14)
     A = size[:, None] * (V @ own @ np.linalg.inv(V)) / size
     made_of = np.concatenate([WAVES, WAVES.conj(), DECAYS])
-    turning = np.roll(np.eye(7), 1, axis=0)
+    turning = np.roll(np.eye(7), 1, axis=0) + 0.3 * np.eye(7)
     for words, matrix, exact in (
         ("a matrix made of them", A, made_of),
-        ("a cyclic permutation", turning, np.exp(2j * np.pi * np.arange(7) / 7)),
+        ("a cyclic permutation + 0.3", turning, 0.3 + np.exp(2j * np.pi * np.arange(7) / 7)),
     ):
         apart = np.abs(eigenvalues(matrix)[:, None] - exact)
         missed = max(apart.min(axis=0).max(), apart.min(axis=1).max()) / np.abs(exact).max()

@@ -9,7 +9,7 @@ from scipy.interpolate import BPoly, make_interp_spline
 from flexlab.analysis.modes import modes, rings_of
 from flexlab.analysis.validation.check import Check, Runs, alike, below, close, run_of, subject
 from flexlab.analysis.validation.mass_points import MassPoints
-from flexlab.control.motion import DesiredMotion, desired_motions
+from flexlab.control.motion import DesiredMotion, desired_motions, residual
 from flexlab.control.path import paths
 from flexlab.control.paths.table import spline
 from flexlab.presets import load_preset
@@ -310,8 +310,7 @@ def _shapers(times: np.ndarray) -> Iterator[Check]:
 def _left(shaper: str, ratio: float) -> float:
     """The residual vibration of an undamped mode with `ratio` times the shaper's frequency, as a share of the unshaped."""
     _, motion = _motion("circle", shaper=shaper, shaper_frequency=FREQUENCY, shaper_damping=0.0)
-    size, at = motion.impulses.T
-    return float(abs(np.sum(size * np.exp(2j * np.pi * FREQUENCY * ratio * at))))
+    return residual(motion.impulses, 2 * np.pi * FREQUENCY * ratio)
 
 
 def _fed_forward() -> Iterator[Check]:

@@ -9,6 +9,8 @@ from flexlab.sim.termination import arm_name, elbow_sine, wrist_reach
 
 UNEXPLAINED = 0.5
 """Largest share of the internal force, RMS, that may remain unexplained."""
+LEAST_FORCE = 0.1
+"""Least internal force, RMS, that is explained, N."""
 
 
 @register("F_1 = (α − ½) f + what the postures differ by, Eqs. (14), (15)", "Internal force", 26)
@@ -21,7 +23,7 @@ def load_share(seen: Evidence) -> str | None:
     predicted = (share - 0.5) * 2 * span.moving_force[:, :2]
     parts = force, force - predicted, predicted
     size, rest, made = (float(np.sqrt((part**2).sum(axis=1).mean())) for part in parts)
-    if rest > UNEXPLAINED * size:
+    if size < LEAST_FORCE or rest > UNEXPLAINED * size:
         return None
     free = seen.scenario.payload.axial_load == "none" and not seen.scenario.grips.active
     changes = " and changes no motion" if free else ""
@@ -71,7 +73,7 @@ BENDING_AGREES = 0.1
 
 @register("w(0) = −5 ρ g L⁴ cos θ / (384 EI), pinned grips", "Mid-span deflection", 25)
 def bending_by_weight(seen: Evidence) -> str | None:
-    """The mean quasi-static deflection is that of a beam on two pins under its weight."""
+    """The mean quasi-static deflection is that of a beam on two pins under its weight, and larger than the vibration."""
     beam, gravity = seen.scenario.payload, seen.scenario.gravity
     if seen.steady is None or gravity == 0 or beam.boundary != "pinned-pinned":
         return None
@@ -88,6 +90,8 @@ def bending_by_weight(seen: Evidence) -> str | None:
         along = "The force along the beam adds " if more * held < 0 else "The force along the beam takes away "
         along += f"{length(abs(more))}. "
         rest = rest - more
+    if largest(rest) > abs(held):  # The weight is not what bends this beam.
+        return None
     return (
         f"The weight bends the beam by {length(abs(held))}, at rest and in motion, out of "
         f"{length(largest(span.midspan_deflection))} in all; only {length(largest(rest))} of that is vibration. "

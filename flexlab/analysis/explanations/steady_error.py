@@ -194,6 +194,8 @@ def wrong_payload(seen: Evidence) -> str | None:
     if kind == "disturbance-observer":
         cure = "A law that learns the masses (regressor-adaptive) makes up for it."
     model, error = law.model, largest(span.tracking_error[:, :2])
+    if error < WORTH:
+        return None
     wrong = [f"{n(model.linear_density_factor)} times as heavy"] if model.linear_density_factor != 1 else []
     wrong += [f"{n(model.length_factor)} times as long"] if model.length_factor != 1 else []
     return (

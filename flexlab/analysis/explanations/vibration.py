@@ -211,9 +211,14 @@ MISSED = TOLERATED + 0.01
 
 
 def share_left(shaper: np.ndarray, ring: Ring) -> float:
-    """Vibration of a mode after a shaper's impulses (k, 2), over that after a single impulse at the time of the first."""
+    """Vibration of a mode right after a shaper's impulses (k, 2), over that right after a single impulse (Singer & Seering)."""
+    return float(abs(np.sum(_excited(shaper, ring))))
+
+
+def _excited(shaper: np.ndarray, ring: Ring) -> np.ndarray:
+    """The vibrations that a shaper's impulses excite, at the instant of the last one, complex, (k,)."""
     pole, (amplitude, time) = complex(ring.rate, 2 * np.pi * ring.frequency), shaper.T
-    return float(abs(np.sum(amplitude * np.exp(-pole * time))))
+    return amplitude * np.exp(pole * (time[-1] - time))
 
 
 def _left(seen: Evidence) -> tuple[float, Samples]:
@@ -231,13 +236,13 @@ FREE = 0.1
 
 
 def _no_ring(after: Samples, ring: Ring) -> float:
-    """The largest part of a vibration that is no free ring of a mode, over the vibration."""
+    """The largest part of a vibration that is no free ring of a mode, over the vibration, 1 at most."""
     time = after.time - after.time[0]
     few = time <= RUNG / ring.frequency
     time, size = time[few], after.vibration[few]
     waves = np.exp((ring.rate + 2j * np.pi * ring.frequency) * time)
     parts = np.column_stack([waves.real, waves.imag])
-    return largest(size - parts @ np.linalg.lstsq(parts, size)[0]) / largest(size)
+    return min(1.0, largest(size - parts @ np.linalg.lstsq(parts, size)[0]) / largest(size))
 
 
 @register("η(t) = Σ of the free answers to each jump of ẍ_d", "Mid-span deflection", 11)
@@ -271,8 +276,8 @@ def left_after_a_shaped_stop(seen: Evidence) -> str | None:
     (left, _), ring, shaper = _left(seen), seen.background.rings.get(1), seen.background.shaper
     if not np.isfinite(left) or ring is None or not len(shaper) or seen.peak_vibration < RESIDUAL_WORTH:
         return None
-    share = share_left(shaper, ring)
-    if share > MISSED or left > 0.2 * seen.peak_vibration:
+    excited = np.abs(_excited(shaper, ring)).sum()
+    if share_left(shaper, ring) > MISSED * excited or left > 0.2 * seen.peak_vibration:
         return None
     return (
         f"The shaper {seen.scenario.trajectory.shaper} ends the motion {n(1e3 * float(shaper[-1, 1]))} ms later; of a vibration "

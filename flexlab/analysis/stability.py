@@ -170,6 +170,8 @@ GRID = 300
 """Number of frequencies of the search for the worst case, besides those around the poles."""
 AROUND = np.array([-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0])
 """Further frequencies around a pole's, in units of its half-width |Re|."""
+FINER, BETWEEN = 2, 17
+"""Rounds of the search around the worst of these frequencies, and number of frequencies in each."""
 SCALINGS = 12
 """Rounds of balancing the scaled matrix, each of which at least halves the imbalance."""
 LARGEST = 2.0
@@ -212,12 +214,26 @@ def find_disk_margin(linear: Linearization, poles: np.ndarray) -> DiskMargin:
         lost = Margin(0.0, np.nan)
         return DiskMargin(lost, lost)
     rates = _rates(linear, poles)
+    size = _deviations(linear, rates)
+    for _ in range(FINER):
+        rates = np.unique(np.concatenate([_around(rates, int(worst)) for worst in size.argmax(axis=1)]))
+        size = _deviations(linear, rates)
+    return DiskMargin(*(_margin(row, rates) for row in size))
+
+
+def _deviations(linear: Linearization, rates: np.ndarray) -> np.ndarray:
+    """μ((S - T)/2) if all motors have one factor, and its upper bound if each has its own, (2, rates)."""
     loop = _torque_loop(linear, rates)
     identity = np.eye(linear.torque_count)
     # With H from torques in force to torques asked for, L = -H: S = (1 - H)⁻¹ and S - T = S (1 + H).
     deviation = np.linalg.solve(identity - loop, identity + loop) / 2
-    alike = np.abs(np.linalg.eigvals(deviation)).max(axis=1)
-    return DiskMargin(_margin(alike, rates), _margin(_structured_norm(deviation), rates))
+    return np.stack([np.abs(np.linalg.eigvals(deviation)).max(axis=1), _structured_norm(deviation)])
+
+
+def _around(rates: np.ndarray, place: int) -> np.ndarray:
+    """Angular frequencies from the one before a place to the one after it, 1/s."""
+    low, high = rates[max(place - 1, 0)], rates[min(place + 1, len(rates) - 1)]
+    return np.append(np.linspace(low, high, BETWEEN), rates[place])
 
 
 def _margin(size: np.ndarray, rates: np.ndarray) -> Margin:
@@ -226,7 +242,7 @@ def _margin(size: np.ndarray, rates: np.ndarray) -> Margin:
 
 
 def _rates(linear: Linearization, poles: np.ndarray) -> np.ndarray:
-    """Angular frequencies that resolve every peak, 1/s."""
+    """Angular frequencies that find every peak, 1/s."""
     period = linear.probe.original.controller.control_period
     size = np.abs(poles)
     size = size[size > NEUTRAL]

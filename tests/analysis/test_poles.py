@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -340,9 +341,21 @@ def test_poses_out_of_reach_are_refused_in_a_sentence(pose):
         modes(load_preset("paper"), pose)
 
 
-def test_motors_within_the_disk_margin_keep_the_loop_stable():
-    """Each motor's gain at either end of its range; one complex factor for all motors up to the margin, but not beyond."""
-    found = modes(load_preset("paper").replace({"controller.control_period": 2e-3, "controller.input_delay": 1}))
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"controller.control_period": 2e-3, "controller.input_delay": 1},
+        {"payload.bending_stiffness": 500.0, "payload.element_count": 3, "payload.damping": {"kind": "modal", "ratio": 0.02},
+         "controller.kind": "vibration-damping", "controller.control_period": 1e-3, "controller.input_delay": 1,
+         "controller.lateral_vibration_gain": 60.0, "controller.angular_vibration_gain": 30.0},
+    ],
+)  # fmt: skip
+def test_motors_within_the_disk_margin_keep_the_loop_stable(changes: dict[str, Any]):
+    """Each motor's gain at either end of its range; one complex factor for all motors up to the margin, but not beyond.
+
+    The second loop's worst frequency lies between those of a coarse grid, which gave a margin that is 0.5 % too large.
+    """
+    found = modes(load_preset("paper").replace(changes))
     linear, margin = linear_of(found), found.disk_margin
     assert margin is not None
 
@@ -358,8 +371,8 @@ def test_motors_within_the_disk_margin_keep_the_loop_stable():
     low, high = margin.each.gain
     assert all(worst(rng.choice([low, high], linear.torque_count)) < 1 for _ in range(40))
     sizes = []
-    for share in (0.99, 1.02):
-        turns = share * margin.alike.alpha * np.exp(1j * np.linspace(0, 2 * np.pi, 90))
+    for share in (0.9995, 1.0005):
+        turns = share * margin.alike.alpha * np.exp(1j * np.linspace(0, np.pi, 500))
         sizes.append(max(worst(np.full(linear.torque_count, (1 + d / 2) / (1 - d / 2))) for d in turns))
     assert sizes[0] < 1 < sizes[1]
 

@@ -437,6 +437,16 @@ def test_a_cause_without_an_effect_is_not_named(name: str, preset: str, changes:
     assert sentence(name, scenario, simulate(scenario, 4.0)) == ""
 
 
+def test_an_elbow_on_soft_grips_is_as_near_to_straight_as_its_joint():
+    """It was taken from the payload's pose, as if the grips did not give way: 14.2° instead of 11.6°."""
+    soft = {"grips.model": "compliant", "grips.stiffness": (2e3, 2e3, 2e2), "controller.wanted_internal_force": -150.0}
+    scenario = load_preset("paper").replace({**HELD, **soft, "trajectory.center": (0.0, 1.287, 0.0)})
+    run = simulate(scenario, 0.4)
+    nearest = np.degrees(np.arcsin(np.abs(np.sin(run.joint_angle[:, :, 1])).min()))
+    text = sentence("nearly singular arm", scenario, run)
+    assert advised(r"comes within ([\d.]+)° of stretched", text) == pytest.approx(nearest, rel=5e-3)
+
+
 def test_no_more_than_all_of_a_vibration_is_called_no_ring():
     """Slow motors and a soft law let the payload go on after the stop: 103 % of its vibration was "no free ring"."""
     slow = load_preset("paper").replace(

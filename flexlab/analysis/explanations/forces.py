@@ -5,7 +5,7 @@ import numpy as np
 from flexlab.analysis.explanations.explanation import Evidence, n, register
 from flexlab.analysis.lesson_measures import largest, length, newest
 from flexlab.sim.run_warnings import Largest, Peaks, model_warning
-from flexlab.sim.termination import arm_name, elbow_sine, wrist_reach
+from flexlab.sim.termination import arm_name
 
 UNEXPLAINED = 0.5
 """Largest share of the internal force, RMS, that may remain unexplained."""
@@ -106,15 +106,13 @@ NEAR = 0.3
 @register("det J_i = l_1 l_2 sin θ_2, Eq. (12)", "Joint torques", 12)
 def nearly_singular_arm(seen: Evidence) -> str | None:
     """The arm whose elbow came closest to straight in the newest second."""
-    arms = seen.scenario.arms
-    reaches = [wrist_reach(seen.scenario, index, seen.last_second.pose)[0] for index in range(len(arms))]
-    sines = [float(np.min(elbow_sine(reach, *arm.link_length[:2]))) for reach, arm in zip(reaches, arms, strict=True)]
-    index = int(np.argmin(sines))
-    sine, reach = sines[index], reaches[index]
+    elbow = seen.last_second.joint_angle[:, :, 1]
+    instant, index = map(int, np.unravel_index(int(np.argmin(np.abs(np.sin(elbow)))), elbow.shape))
+    angle = float(elbow[instant, index])
+    sine = abs(np.sin(angle))
     if sine >= NEAR:
         return None
-    l1, l2, _ = arms[index].link_length
-    posture = "stretched" if float(np.max(reach)) > np.hypot(l1, l2) else "folded"
+    posture = "stretched" if np.cos(angle) > 0 else "folded"
     torque = largest(seen.last_second.joint_torque[:, index])
     # Where motors are off, the path does not matter.
     helps = "" if seen.background.around is None else " A smaller path, or one nearer to the bases' middle, helps."

@@ -131,10 +131,14 @@ def torque_at_its_limit(seen: Evidence) -> str | None:
     if by_motor:
         held = f"gives all that a motor with τ_s = {n(motor.stall_torque[joint])} N·m can give at its speed"
         helps = "A slower path, a smooth start or a stronger motor helps." if seen.moving else "A stronger motor helps."
+    if (
+        seen.background.modes.unstable or seen.scenario.grips.active
+    ):  # A limit may be all that keeps this loop from running away.
+        helps = ""
     return (
         f"Joint {joint + 1} of the {NAMES[arm]} arm {held} for "
         f"{n(100 * share)} % of the last {n(min(seen.length, 1.0))} s: the law can do no more there, and the "
-        f"error reaches {length(largest(span.tracking_error[:, :2]))}. {helps}"
+        f"error reaches {length(largest(span.tracking_error[:, :2]))}. {helps}".rstrip()
     )
 
 

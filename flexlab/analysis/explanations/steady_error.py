@@ -5,10 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from flexlab.analysis.explanations.explanation import Evidence, n, register
+from flexlab.analysis.explanations.explanation import STEADY, Evidence, n, register
 from flexlab.analysis.explanations.growth import lateness
 from flexlab.analysis.law_conditions import circumstances
 from flexlab.analysis.lesson_measures import bound_terms, largest, length
+from flexlab.analysis.modes import POSE
 from flexlab.control.conditions import Circumstances, stability_limit
 from flexlab.control.controller import Controller
 from flexlab.control.law import laws
@@ -60,7 +61,7 @@ def outside_the_boundary_layer(seen: Evidence) -> str | None:
     return (
         f"‖s‖ is outside its boundary layer of {n(layer)} m/s for {n(100 * share)} % of the last second, up to "
         f"{n(float(size.max()))} m/s: the beam asks for ‖Ψ‖ = {n(force)} N, and K = {n(gain)} N·s/m "
-        f"{held}. {_back_inside(seen, force / layer)}"
+        f"{held}.{_back_inside(seen, force / layer)}"
     )
 
 
@@ -76,8 +77,15 @@ def _share_of_limit(rate: float, law: Controller) -> float:
 
 
 def _back_inside(seen: Evidence, needed: float) -> str:
-    """What brings s back inside its layer, `needed`: the K for it, N·s/m; or why nothing does."""
-    law, also = seen.scenario.controller, ""
+    """A sentence after a space: what brings s back inside its layer, `needed`: the K for it, N·s/m; or why nothing does.
+
+    "" if more than the beam's reaction may keep it outside: friction that the law does not know, grips that give way, or limits.
+    """
+    law, joints = seen.scenario.controller, seen.scenario.joints
+    unknown = joints.friction.active and law.model.friction_factor != 1
+    if unknown or seen.scenario.grips.active or joints.motor.active or law.torque_limit is not None:
+        return ""
+    also = ""
     if seen.field("adaptation") is not None:
         also = " or faster adaptation"
     elif seen.field("bound") is not None:
@@ -86,15 +94,15 @@ def _back_inside(seen: Evidence, needed: float) -> str:
     try:
         raised: Any = seen.scenario.replace({f"{part}.feedback_gain": needed})  # Any: pydantic makes it hashable.
     except ScenarioError:
-        return f"That would take K = {n(needed)} N·s/m, more than K may be: the path has to ask for less."
+        return f" That would take K = {n(needed)} N·s/m, more than K may be: the path has to ask for less."
     share = _share_of_limit(_fastest_rate(raised), law)
     if share > TOO_SWIFT:
         return (
-            f"K above {n(needed)} N·s/m would bring it back inside, but torques that come so late make a loop that fast "
+            f" K above {n(needed)} N·s/m would bring it back inside, but torques that come so late make a loop that fast "
             f"overshoot or diverge: the control period of {n(1e3 * law.control_period)} ms has to be shorter first."
         )
     end = "brings it back inside most of the time" if share > SWIFT else "brings it back inside"
-    return f"K above {n(needed)} N·s/m{also} {end}."
+    return f" K above {n(needed)} N·s/m{also} {end}."
 
 
 def _late_force(seen: Evidence, around: Circumstances) -> float:
@@ -124,13 +132,22 @@ LATE, MOST_LATE = 0.3, 0.7
 """Force of late torques over the beam's reaction from which it counts beside it, and up to which the reaction is the cause."""
 ALONE = 0.8
 """Least share of K in the feedback at which twice the K nearly halves the error."""
+FADED = 3.0
+"""Least decay of the slowest motion of the pose before the steady second, as the exponent of e."""
+
+
+def _has_settled(seen: Evidence) -> bool:
+    """Whether what the start or a change left of the pose's own motion has faded before the steady second."""
+    modes = seen.background.modes
+    rates = [-pole.real for pole, origin in zip(modes.poles, modes.pole_origin, strict=True) if origin == POSE]
+    return min(rates, default=np.inf) * (seen.length - STEADY) > FADED
 
 
 @register("‖e‖ ≤ ‖s‖/Λ, ‖s‖ ≤ ‖Ψ‖/(K + ρ/ε)", "Tracking error", 24)
 def error_within_the_layer(seen: Evidence) -> str | None:
     """The error is the beam's reaction divided by the feedback inside the layer."""
     found, slope = _layer(seen), seen.field("sliding_slope")
-    if found is None or slope is None or not seen.moving:
+    if found is None or slope is None or not seen.moving or not _has_settled(seen):
         return None
     span, layer, around = found
     if seen.scenario.trajectory.bending_feedforward or seen.field("feedback_gain") is None:

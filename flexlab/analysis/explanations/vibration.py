@@ -3,6 +3,7 @@
 import numpy as np
 
 from flexlab.analysis.explanations.explanation import Evidence, n, register
+from flexlab.analysis.explanations.growth import lateness
 from flexlab.analysis.lesson_measures import largest, length, newest, ring_frequency
 from flexlab.analysis.metrics.run_metrics import between
 from flexlab.analysis.metrics.vibration import FOLLOWS, ResidualVibration
@@ -76,7 +77,8 @@ def _by_what(seen: Evidence, number: int, mode: Ring) -> str:
             return f"{held}, so the law and the joints' friction damp it" if rubs else f"{held}, so the law damps it"
         return f"{held}, so the joints' friction damps it" if rubs else held
     damps = hasattr(seen.scenario.controller, "lateral_vibration_gain")
-    return held if damps else f"{held}. Active damping ends it sooner"
+    fed = 4 * lateness(seen.background) * mode.frequency >= 1  # by rates that come a quarter of a period late
+    return held if damps or fed else f"{held}. Active damping ends it sooner"
 
 
 LEAST_JUMP = 0.1
@@ -260,7 +262,9 @@ def left_after_the_stop(seen: Evidence) -> str | None:
         )
     share = n(100 * left / seen.peak_vibration)
     rings_on = f"After the stop the beam rings on by {length(left)}, {share} % of its largest vibration."
-    if seen.touched:  # A touch may have begun the ring, or a change of path whose transition no shaper shapes.
+    bent = float(abs(seen.samples.vibration[0])) * np.exp(ring.rate * (after.time[0] - seen.samples.time[0]))
+    # A touch may have begun the ring, a change of path whose transition no shaper shapes, or a start off the bending at rest.
+    if seen.touched or bent > FREE * left:
         return rings_on
     # Friction that sticks also shakes the beam after the last impulse.
     leaves = "much less" if any(seen.scenario.joints.friction.coulomb) else "nearly none"

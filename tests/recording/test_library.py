@@ -16,9 +16,10 @@ from flexlab.recording.headless import HeadlessRecording, write_run
 from flexlab.recording.reader import read_recording
 from flexlab.recording.recorder import Recorder
 from flexlab.recording.run_info import RunInfo
+from flexlab.recording.store import run_index
 from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.run_files import list_runs, removable_runs, remove_run, run_state
-from flexlab.recording.store.run_index import read_row, state_word
+from flexlab.recording.store.run_index import names_told_apart, read_row, state_word
 from flexlab.sim.commands import ChangeScenario, LoadScenario
 from flexlab.sim.samples import Origin, Run, Status
 from flexlab.sim.simulate import simulate
@@ -221,3 +222,17 @@ def test_a_run_whose_notes_name_is_too_long_and_a_link_are_removed_alone(tmp_pat
         remove_run(path)
     assert list(logs.iterdir()) == []
     assert kept.read_bytes() == b"kept"
+
+
+def test_notes_are_read_once_for_the_names_of_a_class(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With 10,000 runs, the teacher's page kept the server busy: whenever a run began or ended, all notes were read anew."""
+    looks: list[Path] = []
+    monkeypatch.setattr(run_index, "read_notes", lambda path: looks.append(path) or read_notes(path))
+    for number, who in enumerate(("Anna", "Anna", "Carl", "Ben")):
+        run = tmp_path / f"{number % 3}.rrd"
+        run.touch()
+        write_notes(run, visitor=who, owner=str(number))
+        for changed in (run.with_suffix(".json"), tmp_path):  # Two changes may fall into one tick of the disk's clock.
+            os.utime(changed, ns=(number, number))
+        names = names_told_apart([], tmp_path)
+    assert (len(looks), sorted(filter(any, names))) == (4, [("Anna", "1"), ("Ben", "3"), ("Carl", "2")])

@@ -16,7 +16,7 @@ from urllib.parse import quote
 
 from flexlab.errors import RecordingError
 from flexlab.guide import LessonProgress
-from flexlab.recording.store.notes import read_notes, write_notes
+from flexlab.recording.store.notes import notes_path, read_notes, write_notes
 from flexlab.recording.store.run_files import (
     BREAKING_OFF,
     BREAKS_OFF,
@@ -340,4 +340,16 @@ def told_apart(rows: Sequence[RunRow], logs: Path) -> list[RunRow]:
 @lru_cache(maxsize=1)  # The teacher's page asks every 0.4 s.
 def _recorded(logs: Path, changed: int) -> frozenset[tuple[str, str]]:
     """All people in the notes of a folder, whose time stamp is `changed`: new notes replace the file of the old ones."""
-    return frozenset(_whose(read_notes(path)) for path in list_files(logs))
+    found: set[tuple[str, str]] = set()
+    for path in list_files(logs):
+        with contextlib.suppress(OSError):  # It has no notes.
+            found.add(_noted(path, notes_path(path).lstat().st_mtime_ns))
+    return frozenset(found)
+
+
+@lru_cache(
+    maxsize=20_000
+)  # A class's runs of a term: reading all notes takes a second, and the folder changes every few.
+def _noted(path: Path, changed: int) -> tuple[str, str]:
+    """`_whose` of a recording whose notes have the time stamp `changed`."""
+    return _whose(read_notes(path))

@@ -24,8 +24,8 @@ from flexlab.recording.run_encoder import is_end
 from flexlab.recording.run_info import RunInfo, makers
 from flexlab.recording.store.formats import checked_format
 from flexlab.recording.store.notes import read_notes, write_notes
+from flexlab.recording.store.people import LONGEST_NAME
 from flexlab.recording.store.run_files import SUFFIX, check_recording, claim_run_file, file_word, list_runs, remove_run
-from flexlab.recording.store.run_index import LONGEST_NAME
 from flexlab.recording.table_columns import check_events, check_period, checked_blocks
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import MEASURED, Run, Status, row_length, rows_to_samples

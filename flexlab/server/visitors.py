@@ -7,7 +7,7 @@ import os
 import re
 import secrets
 import unicodedata
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from email.message import Message
 from itertools import islice
@@ -20,6 +20,7 @@ from aiohttp import hdrs, web
 
 from flexlab.errors import LabError
 from flexlab.files import is_regular
+from flexlab.recording.store.people import owner_of
 from flexlab.recording.store.run_files import list_files
 from flexlab.recording.store.run_index import NoSuchRun, RunRow, find_rows, read_rows, told_apart
 from flexlab.server.connections import Handler
@@ -263,25 +264,22 @@ def has_class(request: web.Request) -> bool:
     return is_teacher(request) and (context.places.is_private or context.settings.has_class)
 
 
-def may_touch(request: web.Request, row: RunRow) -> bool:
-    """Whether the visitor may see a run: their own, a shared lab's, and all if they are the teacher."""
-    visitor = visitor_of(request)
-    if visitor.is_teacher:
-        return True
-    if row.owner:
-        return same(row.owner, visitor.owner)
-    return not context_of(request).places.is_private
+def sight(request: web.Request) -> Callable[[str], bool]:
+    """Whether the visitor may see the runs of an owner: their own, a shared lab's, and all if they are the teacher."""
+    visitor, shared = visitor_of(request), not context_of(request).places.is_private
+    mine = visitor.owner
+    return lambda owner: visitor.is_teacher or (same(owner, mine) if owner else shared)
 
 
 async def runs_for(request: web.Request, most: int | None = None) -> list[RunRow]:
     """The runs that the visitor may see, or the `most` that were written last, sorted by start, newest first."""
-    logs = context_of(request).settings.logs
+    logs, sees = context_of(request).settings.logs, sight(request)
 
-    def found() -> Iterator[RunRow]:
-        return (row for row in read_rows(list_files(logs)) if may_touch(request, row))
+    def found() -> list[RunRow]:
+        # Of a class's thousands of runs, those of others need not be looked at.
+        return list(islice(read_rows(path for path in list_files(logs) if sees(owner_of(path))), most))
 
-    rows = await asyncio.to_thread(lambda: list(islice(found(), most)))
-    return sorted(await with_names(request, rows), key=lambda row: row.started, reverse=True)
+    return sorted(await with_names(request, await asyncio.to_thread(found)), key=lambda row: row.started, reverse=True)
 
 
 async def with_names(request: web.Request, rows: Sequence[RunRow]) -> list[RunRow]:
@@ -294,7 +292,8 @@ async def with_names(request: web.Request, rows: Sequence[RunRow]) -> list[RunRo
 async def runs_named(request: web.Request, names: Iterable[str]) -> list[RunRow]:
     """Return runs that the visitor may see. Raises `NoSuchRun` for another's run just as for none."""
     rows = await asyncio.to_thread(find_rows, context_of(request).settings.logs, names)
+    sees = sight(request)
     for row in rows:
-        if not may_touch(request, row):
+        if not sees(row.owner):
             raise NoSuchRun(row.id)
     return rows

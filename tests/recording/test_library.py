@@ -16,10 +16,11 @@ from flexlab.recording.headless import HeadlessRecording, write_run
 from flexlab.recording.reader import read_recording
 from flexlab.recording.recorder import Recorder
 from flexlab.recording.run_info import RunInfo
-from flexlab.recording.store import run_index
+from flexlab.recording.store import people
 from flexlab.recording.store.notes import read_notes, write_notes
+from flexlab.recording.store.people import names_told_apart
 from flexlab.recording.store.run_files import list_runs, removable_runs, remove_run, run_state
-from flexlab.recording.store.run_index import names_told_apart, read_row, state_word
+from flexlab.recording.store.run_index import read_row, state_word
 from flexlab.sim.commands import ChangeScenario, LoadScenario
 from flexlab.sim.samples import Origin, Run, Status
 from flexlab.sim.simulate import simulate
@@ -227,7 +228,7 @@ def test_a_run_whose_notes_name_is_too_long_and_a_link_are_removed_alone(tmp_pat
 def test_notes_are_read_once_for_the_names_of_a_class(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With 10,000 runs, the teacher's page kept the server busy: whenever a run began or ended, all notes were read anew."""
     looks: list[Path] = []
-    monkeypatch.setattr(run_index, "read_notes", lambda path: looks.append(path) or read_notes(path))
+    monkeypatch.setattr(people, "read_notes", lambda path: looks.append(path) or read_notes(path))
     for number, who in enumerate(("Anna", "Anna", "Carl", "Ben")):
         run = tmp_path / f"{number % 3}.rrd"
         run.touch()

@@ -13,8 +13,10 @@ import pytest
 from http_client import ask, looking, wait_until
 from person import TEACHER, TOKEN, Person, open_server
 
+from flexlab.recording.store import run_index
 from flexlab.recording.store.notes import read_notes, write_notes
-from flexlab.recording.store.run_index import names_told_apart
+from flexlab.recording.store.people import names_told_apart
+from flexlab.recording.store.run_index import read_row
 from flexlab.server.front_server import FrontServer
 from flexlab.server.visitors import checked_name
 
@@ -230,13 +232,16 @@ def test_the_teacher_of_a_shared_lab_on_loopback_has_a_link_to_the_class_too(tmp
 
 
 def test_students_see_their_own_runs_and_the_teacher_sees_all(
-    teacher: Person, anna: Person, ben: Person, runs: dict[str, str]
+    teacher: Person, anna: Person, ben: Person, runs: dict[str, str], monkeypatch: pytest.MonkeyPatch
 ):
     for person, own in ((anna, ["anna"]), (ben, ["ben", "ben-too"]), (teacher, list(runs))):
         library = person.ask("/runs").text
         assert [whose for whose in runs if f'value="{runs[whose]}"' in library] == own
+    looks: list[Path] = []
+    monkeypatch.setattr(run_index, "read_row", lambda path: looks.append(path) or read_row(path))
     start = anna.ask("/").text
     assert (runs["anna"] in start, runs["ben"] in start) == (True, False)
+    assert {path.stem for path in looks} == {runs["anna"]}, "a look at all of 10,000 runs took four seconds"
     made_up = Person(anna.server)
     unsigned = f"{anna.word.partition('.')[0]}.{'0' * 40}"
     made_up.cookies[f"flexlab-visitor-{anna.server.port}"] = unsigned

@@ -5,18 +5,17 @@ import logging
 import math
 import os
 import re
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
 from flexlab.errors import RecordingError
 from flexlab.guide import LessonProgress
-from flexlab.recording.store.notes import notes_path, read_notes, write_notes
+from flexlab.recording.store.notes import read_notes, write_notes
+from flexlab.recording.store.people import LONGEST_NAME, names_told_apart, whose
 from flexlab.recording.store.run_files import (
     BREAKING_OFF,
     BREAKS_OFF,
@@ -33,8 +32,6 @@ LONGEST_NOTE = 2000
 """Largest length of a person's note on a run, characters."""
 LONGEST_TAGS = 200
 """Largest length of all tags of a run, characters."""
-LONGEST_NAME = 200
-"""Largest length of a preset's name or a status that is shown, characters."""
 LONGEST_CHANGE, MOST_CHANGES = 500, 1000
 """Largest length of a line about a change, characters, and largest number of lines."""
 MOST_METRICS = 100
@@ -204,7 +201,7 @@ def read_row(path: Path) -> RunRow:
         check_own_recording(path)
     except RecordingError as error:
         problem = str(error) if state != "in use" else f"{run_id(path)} has only just begun: look again in a moment."
-    visitor, owner = _whose(notes)
+    visitor, owner = whose(notes)
     metrics = notes["metrics"] if isinstance(notes.get("metrics"), dict) else {}
     status = visible(notes.get("status", ""), LONGEST_NAME)
     named = _NAME.fullmatch(path.stem)
@@ -233,11 +230,6 @@ def read_row(path: Path) -> RunRow:
         gaps=_gaps(notes),
         problem=problem,
     )
-
-
-def _whose(notes: dict[str, Any]) -> tuple[str, str]:
-    """(name, mark) of the visitor who made a recording; empty for nobody in particular."""
-    return visible(notes.get("visitor", ""), LONGEST_NAME), visible(notes.get("owner", ""), LONGEST_NAME)
 
 
 def _time(value: Any) -> datetime | None:
@@ -310,46 +302,9 @@ def duration_text(duration: float | None) -> str:
     return f"{minutes} min {seconds:02d} s"
 
 
-JOINERS = {0x200C: None, 0x200D: None}
-"""Characters within a name that nobody sees, or only by the shape of their neighbours."""
-MARK = 4
-"""Length of the owner's mark behind a name that several have, characters."""
-
-
-def names_told_apart(people: Iterable[tuple[str, str]], logs: Path) -> dict[tuple[str, str], str]:
-    """(name, mark of their runs) → the name, with the beginning of the mark if others have the same name.
-
-    Others are among these people or in the notes of a folder.
-    """
-    known = _recorded(logs, logs.stat().st_mtime_ns if logs.exists() else 0).union(people)
-    count = Counter(name.translate(JOINERS) for name, _ in known)
-    return {
-        (name, owner): f"{name} ({owner[:MARK]})" if name and owner and count[name.translate(JOINERS)] > 1 else name
-        for name, owner in known
-    }
-
-
 def told_apart(rows: Sequence[RunRow], logs: Path) -> list[RunRow]:
     """Runs with their visitors' names told apart from all other names in the notes of a folder."""
     if not any(row.visitor and row.owner for row in rows):
         return list(rows)
     names = names_told_apart(((row.visitor, row.owner) for row in rows), logs)
     return [replace(row, visitor=names[row.visitor, row.owner]) for row in rows]
-
-
-@lru_cache(maxsize=1)  # The teacher's page asks every 0.4 s.
-def _recorded(logs: Path, changed: int) -> frozenset[tuple[str, str]]:
-    """All people in the notes of a folder, whose time stamp is `changed`: new notes replace the file of the old ones."""
-    found: set[tuple[str, str]] = set()
-    for path in list_files(logs):
-        with contextlib.suppress(OSError):  # It has no notes.
-            found.add(_noted(path, notes_path(path).lstat().st_mtime_ns))
-    return frozenset(found)
-
-
-@lru_cache(
-    maxsize=20_000
-)  # A class's runs of a term: reading all notes takes a second, and the folder changes every few.
-def _noted(path: Path, changed: int) -> tuple[str, str]:
-    """`_whose` of a recording whose notes have the time stamp `changed`."""
-    return _whose(read_notes(path))

@@ -20,7 +20,7 @@ from flexlab.errors import LabError
 from flexlab.guide import STEPS, ClassRules, step_text
 from flexlab.presets import load_preset, preset_names
 from flexlab.recording.store.notes import read_notes, write_notes
-from flexlab.recording.store.run_index import names_told_apart
+from flexlab.recording.store.people import names_told_apart
 from flexlab.server.auth import ask_for_token
 from flexlab.server.labs import Choice, Hold, Lab, state_of
 from flexlab.server.labs.recorded_lab import little_space

@@ -670,6 +670,12 @@ lift in the loss of a step: sim/integrators/beam_flow.py
 tilt in what fast modes put on the grips: sim/integrators/beam_flow.py
     across[0], across[1], across[2] = -s, c, 0.0
     across[0], across[1], across[2] = s, c, 0.0
+payload's angle for encoders between grips: physics/sensors.py
+    _, _, theta = own_pose(grips, at, ws, i)
+    _, _, theta = at[0], at[1], at[2]
+reading before the first one between grips: physics/sensors.py
+    y[0:3], states, -period, ws) != 0
+    y[0:3], states, period, ws) != 0
 """
 """Three lines per error: its name and file, the right code, the wrong code."""
 

@@ -163,10 +163,8 @@ def encoders(_: Runs) -> Iterator[Check]:
         arms = len(scenario.arms)
         told, now = _readings(scenario, READ)
         pose, angle = (np.array([each[name][-1] for each in now]) for name in ("pose", "joint_angle"))
-        read = np.round(angle / COUNT) * COUNT
-        rounded = np.stack([pose_by_angles(scenario, i, read[:, i]) for i in range(arms)])
         statement = f"encoders of {words}: what they tell is the mean of the poses of rounded angles, m or rad"
-        yield below(statement, 1e-12, told - rounded.mean(axis=0))
+        yield below(statement, 1e-12, told - _read(scenario, angle))
         off = (told - pose)[:, 2]
         yield below(f"{words}: θ is off by half a count of each joint at most, as a part", 1.0, off / (COUNT.sum() / 2))
         statement = f"{words}: mean square of what rounding does to θ, ΣΔ²/12 over the arms, rad²"
@@ -174,20 +172,27 @@ def encoders(_: Runs) -> Iterator[Check]:
     # A law that responds to the rate alone shows the rate that encoders give.
     law = {"controller": {"kind": "pd", "position_gain": 0.0, "velocity_gain": 1.0, "control_period": PERIOD}}
     moving = {"initial.pose_rate": (0.1, -0.2, 0.3), "joints.encoders.counts": COUNTS}
-    scenario = load_preset("paper").replace({**law, **STILL, **moving})
-    told, samples = _readings(scenario, 100)
-    answers = [-now.arm_input[-1].sum(axis=0) for now in samples]
-    # Before the first instant the pose is taken to have moved at its present rate.
-    points, ago = MassPoints(scenario), samples[0].pose[-1] - PERIOD * samples[0].pose_rate[-1]
-    angle = np.array([points.joint_angles(ago, arm) for arm in range(2)])
-    read = np.round(angle / COUNT) * COUNT
-    first = np.mean([pose_by_angles(scenario, arm, read[arm : arm + 1]) for arm in range(2)], axis=0)
-    differences = np.diff(told, axis=0, prepend=first) / PERIOD
-    statement = "the rate is the difference of two readings over T_c, from the first instant on"
-    yield alike(f"{statement}: largest error, as a part", 1e-3, answers, differences)
+    for words, grips in (("", {}), ("in compliant grips: ", {"grips.model": "compliant"})):
+        scenario = load_preset("paper").replace({**law, **STILL, **moving, **grips})
+        told, samples = _readings(scenario, 100)
+        answers = [-now.arm_input[-1].sum(axis=0) for now in samples]
+        # Before the first instant the pose is taken to have moved at its present rate.
+        points, ago = MassPoints(scenario), samples[0].pose[-1] - PERIOD * samples[0].pose_rate[-1]
+        first = _read(scenario, np.array([[points.joint_angles(ago, arm) for arm in range(2)]]))
+        differences = np.diff(told, axis=0, prepend=first) / PERIOD
+        statement = f"{words}the rate is the difference of two readings over T_c, from the first instant on"
+        yield alike(f"{statement}: largest error, as a part", 1e-3, answers, differences)
+    readings = _read(scenario, np.array([now.joint_angle[-1] for now in samples]))
+    yield below("and they are those of each arm's own angles, m or rad", 1e-12, told - readings)
     # Without the previous pose among its states, the linear model would damp as if the rate did not lag by T_c/2.
     statement = "PD with differenced rates: pose 30 instants after an offset, by the linear model, as a part"
     yield _led_back(statement, {"joints.encoders.counts": FINEST})
+
+
+def _read(scenario: Scenario, angle: np.ndarray) -> np.ndarray:
+    """The mean over the arms (N, 3) of the poses of rounded joint angles (N, arms, 3)."""
+    read = np.round(angle / COUNT) * COUNT
+    return np.mean([pose_by_angles(scenario, arm, read[:, arm]) for arm in range(len(scenario.arms))], axis=0)
 
 
 def _readings(scenario: Scenario, count: int) -> tuple[np.ndarray, list[Samples]]:

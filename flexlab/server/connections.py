@@ -76,7 +76,9 @@ class Visit(web.RequestHandler):
     def eof_received(self) -> bool:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Whether to answer a visitor who sends no more: before an answer begins, as afterwards it means that they left."""
         begun = self.request is not None and self.request.writer.output_size > 0
-        if begun or not (self.received or self.request):
+        # What came then is the rest of an answered form, or a piece of a head: aiohttp waits for a request.
+        nothing = self._waiter is not None and not self._messages
+        if begun or nothing or not (self.received or self.request):
             return False
         self.close()
         return True

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from http_client import PROTOCOL, ask, upgrade, wait_until
+from http_client import FORM, PROTOCOL, ask, upgrade, wait_until
 from person import TOKEN
 
 from flexlab.server.front_server import FrontServer
@@ -81,6 +81,22 @@ def test_an_odd_protocol_of_a_websocket_is_refused_and_not_logged(
     assert (answer.status, "This request is malformed: send it again." in answer.text) == (400, True)
     assert "secret" not in caplog.text + capfd.readouterr().err
     assert "Traceback" not in caplog.text
+
+
+def test_a_visitor_who_leaves_after_an_early_answer_is_not_called_slow(
+    front_server: FrontServer, caplog: pytest.LogCaptureFixture
+):
+    """The rest of a form that came after its answer counted as a request: ten seconds later the log called it too slow."""
+    with socket.create_connection(("127.0.0.1", front_server.port), timeout=30) as plug:
+        plug.sendall(b"POST /runs/none/notes HTTP/1.1\r\n" + HEAD + f"Content-Type: {FORM}\r\n".encode())
+        plug.sendall(b"Content-Length: 6\r\n\r\n")
+        assert plug.recv(12) == b"HTTP/1.1 404"
+        plug.sendall(b"note=x")
+        time.sleep(0.2)
+        plug.shutdown(socket.SHUT_WR)
+        while plug.recv(1 << 16):
+            pass
+    assert "too long" not in caplog.text
 
 
 def test_many_malformed_requests_do_not_fill_the_log(guarded: FrontServer, caplog: pytest.LogCaptureFixture):

@@ -426,13 +426,14 @@ def test_a_shaper_removes_what_is_called_a_ring_and_leaves_the_rest(changes: dic
                                             "trajectory.amplitude": (0.02, 0.02, 0.0)}),
         ("wrong payload", "paper", {"trajectory.kind": "hold", "gravity": 9.81, "controller.kind": "super-twisting",
                                     "controller.model.linear_density_factor": 0.5}),
+        ("wrong payload", "paper", {"controller.model.linear_density_factor": 3.0, "controller.torque_limit": (60.0,) * 3}),
         ("shaper for another mode", "paper", {**BANG, "trajectory.shaper": "ei-shaper", "payload.damping.kind": "modal",
                                               "payload.damping.ratio": 0.1}),
     ],
 )  # fmt: skip
 def test_a_cause_without_an_effect_is_not_named(name: str, preset: str, changes: dict[str, Any]):
-    """Of 0 N, "0 N come from the load share"; beside a weight's 0.13 mm, that "only 20.50 mm is
-    vibration"; of an error of 0 µm, what would make up for it; and of a shaper that follows a damped mode, that it misses it."""
+    """Of 0 N, "0 N come from the load share"; beside a weight's 0.13 mm, that "only 20.50 mm is vibration"; of an error of 0 µm,
+    or of torques at their limits, what would make up for it; and of a shaper that follows a damped mode, that it misses it."""
     scenario = load_preset(preset).replace(changes)
     assert sentence(name, scenario, simulate(scenario, 4.0)) == ""
 
@@ -445,13 +446,16 @@ def test_a_cause_without_an_effect_is_not_named(name: str, preset: str, changes:
          "payload.damping": {"kind": "stiffness", "coefficient": 1e-4}}, ()),
         ("outside the boundary layer", "K above", "weak-feedback", {"joints.friction.coulomb": (2.0, 2.0, 0.5)}, ()),
         ("outside the boundary layer", "K above", "weak-feedback", {"grips.model": "compliant"}, ()),
+        ("error within the layer", "Twice", "smooth-start", {"grips.model": "compliant"}, ()),
+        ("wanted force", "moves nothing", "paper", {"grips.model": "compliant", "controller.wanted_internal_force": 50.0}, ()),
         ("torque at its limit", "higher limit", "paper", {"trajectory.kind": "bang-bang", "controller.control_period": 5e-3,
          "controller.input_delay": 2, "controller.feedback_gain": 342.0, "controller.torque_limit": (359.0, 273.0, 120.0)}, ()),
     ],
 )  # fmt: skip
 def test_advice_that_does_not_help_is_not_given(name: str, advice: str, preset: str, changes: dict, commands: tuple):
     """Active damping that comes seven milliseconds late feeds the ring; a shaper left 3.9 mm of a ring by the weight, which was
-    2.3 mm without it; s stayed outside with the K that was named; and a loop that its limits alone held ran away without them."""
+    2.3 mm without it; s stayed outside with the K that was named; a loop that its limits alone held ran away without them, or
+    with twice the K on grips that give way, which a wanted force moves."""
     scenario = load_preset(preset).replace(changes)
     said = sentence(name, scenario, simulate(scenario, 4.0, 0.001, commands))
     assert said
@@ -645,6 +649,8 @@ def test_a_load_share_is_said_to_change_no_motion_where_that_is_so():
         ({}, True),
         ({"payload.axial_load": "first-order"}, False),
         ({"grips.model": "compliant"}, False),
+        ({"controller.control_period": 5e-3}, False),
+        ({"joints.motor.time_constant": 1e-3}, False),
     ):
         scenario = load_preset("soft-beam").replace(more)
         runs = [flexlab.simulate(scenario.replace(change), 2.0) for change in ({}, uneven)]

@@ -25,8 +25,10 @@ def load_share(seen: Evidence) -> str | None:
     size, rest, made = (float(np.sqrt((part**2).sum(axis=1).mean())) for part in parts)
     if size < LEAST_FORCE or rest > UNEXPLAINED * size:
         return None
-    free = seen.scenario.payload.axial_load == "none" and not seen.scenario.grips.active
-    changes = " and changes no motion" if free else ""
+    law, rigid = seen.scenario.controller, seen.scenario.payload.axial_load == "none" and not seen.scenario.grips.active
+    # Held, late or limited torques are those of joints: what two arms make of them depends on their postures.
+    exact = law.control_period is None and law.torque_limit is None and not seen.scenario.joints.motor.active
+    changes = " and changes no motion" if rigid and exact else ""
     return (
         f"The arms press against each other with {n(size)} N (RMS), and {n(made)} N of it comes from the load share: the left "
         f"arm gives {n(100 * share)} % of the force that moves the payload. α = 0.5 removes that part{changes}."
@@ -49,11 +51,13 @@ def wanted_force(seen: Evidence) -> str | None:
     along = force[:, 0, 0] * np.cos(angle) + force[:, 0, 1] * np.sin(angle)
     if abs(float(along.mean()) - wanted) > WANTED_AGREES * abs(wanted) or np.abs(force.sum(axis=1)).max() > CANCELLED:
         return None
-    acts, moves = "squeeze" if wanted > 0 else "stretch", "it moves nothing, as the two internal forces cancel."
-    if seen.scenario.payload.axial_load != "none":
-        moves = "it moves no grip, as the two internal forces cancel, but changes how the beam bends."
+    acts, moves = "squeeze" if wanted > 0 else "stretch", "; it moves nothing, as the two internal forces cancel."
+    if seen.scenario.grips.active:
+        moves = "."
+    elif seen.scenario.payload.axial_load != "none":
+        moves = "; it moves no grip, as the two internal forces cancel, but changes how the beam bends."
     return (
-        f"The arms {acts} the payload with {n(abs(float(along.mean())))} N along the link because F_d = {n(wanted)} N is wanted; "
+        f"The arms {acts} the payload with {n(abs(float(along.mean())))} N along the link because F_d = {n(wanted)} N is wanted"
         f"{moves}"
     )
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from flexlab.analysis.explanations.explanation import STEADY, Evidence, n, register
 from flexlab.analysis.explanations.growth import lateness
+from flexlab.analysis.explanations.measured_signals import torque_at_its_limit
 from flexlab.analysis.law_conditions import circumstances
 from flexlab.analysis.lesson_measures import bound_terms, largest, length
 from flexlab.analysis.modes import POSE
@@ -115,6 +116,8 @@ def _late_force(seen: Evidence, around: Circumstances) -> float:
 
 def _cures(seen: Evidence, around: Circumstances, gains: str) -> str:
     """Sentences on what makes the error smaller, each after a space; `gains`: those that do."""
+    if seen.scenario.grips.active:  # The loop's rates are those of rigid grips.
+        return ""
     law, truth = seen.scenario.controller, seen.background.informed
     wrong = 0.0 if truth is None else np.linalg.norm(around.reaction - truth.reaction, axis=1).max(initial=0.0)
     knows = wrong <= WRONG * around.largest_reaction  # Feed-forward leaves the force of a wrong mass.
@@ -211,7 +214,7 @@ def wrong_payload(seen: Evidence) -> str | None:
     if kind == "disturbance-observer":
         cure = "A law that learns the masses (regressor-adaptive) makes up for it."
     model, error = law.model, largest(span.tracking_error[:, :2])
-    if error < WORTH:
+    if error < WORTH or torque_at_its_limit(seen):
         return None
     wrong = [f"{n(model.linear_density_factor)} times as heavy"] if model.linear_density_factor != 1 else []
     wrong += [f"{n(model.length_factor)} times as long"] if model.length_factor != 1 else []

@@ -21,7 +21,7 @@ from flexlab.analysis.validation.check import (
     true,
 )
 from flexlab.analysis.validation.mass_points import MassPoints, coordinates, residual_force
-from flexlab.physics.axial_load import BUCKLING, FOLLOWED, buckling_load, geometric_matrices
+from flexlab.physics.axial_load import BUCKLING, buckling_load, geometric_matrices
 from flexlab.physics.beam import beam_matrices, shape_row, undamped_modes
 from flexlab.presets import load_preset
 from flexlab.sim.commands import ChangeScenario
@@ -72,6 +72,8 @@ SPUN = {0.0: 3.5160, 1.0: 3.5432, 2.0: 3.6218, 5.0: 4.0739, 10.0: 5.0490}
 SOFTENED_AWAY = 3.516
 """γ at which a spun beam has no stiffness left in a model without axial load."""
 FELT, PLAIN = {"payload.axial_load": "first-order"}, {"payload.axial_load": "none"}
+FOLLOWED = 3000.0
+"""Fastest mode that N(s) follows, 1/s."""
 MANY = 18
 """Number of elements of a mesh whose fastest modes do not feel that force."""
 SOFT = 5.0

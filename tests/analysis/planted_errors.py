@@ -676,6 +676,9 @@ payload's angle for encoders between grips: physics/sensors.py
 reading before the first one between grips: physics/sensors.py
     y[0:3], states, -period, ws) != 0
     y[0:3], states, period, ws) != 0
+instants at which a shaper's copies begin: sim/target.py
+    own.append(0.0)
+    own.append(1.0)
 """
 """Three lines per error: its name and file, the right code, the wrong code."""
 

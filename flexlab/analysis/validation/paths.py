@@ -296,6 +296,8 @@ def _shapers(times: np.ndarray) -> Iterator[Check]:
         wanted = np.tensordot(size / size.sum(), later, 1)
         error = poses(motion, times)[:, 0] - wanted
         yield below(f"{shaper}: x_d is Σ A_j x(t - t_j): largest error, m, rad", 1e-13, error)
+        begun = np.resize(motion.discontinuities, len(size) - 1) - half * np.arange(1, len(size))
+        yield below("and steps end where a copy begins: largest error, s", 1e-15, begun)
         for words, ratio in (("lower", np.sqrt(0.8)), ("higher", np.sqrt(1.2))):
             statement = f"{shaper}: leaves of an undamped mode whose stiffness is 20 % {words}, as a part"
             exact = abs(RESIDUALS[shaper](np.cos(np.pi * ratio / 2)))

@@ -679,6 +679,9 @@ reading before the first one between grips: physics/sensors.py
 instants at which a shaper's copies begin: sim/target.py
     own.append(0.0)
     own.append(1.0)
+force along a beam of one mode: physics/axial_load.py
+    if axial.shape[1] == 0:\n        return\n    along
+    if axial.shape[1] == 1:\n        return\n    along
 """
 """Three lines per error: its name and file, the right code, the wrong code."""
 

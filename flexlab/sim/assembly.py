@@ -26,7 +26,7 @@ from flexlab.sim.samples import check_signal_names
 from flexlab.sim.step_levels import StepLevels, StepWatch
 from flexlab.sim.step_rates import Rates, find_rates, instability
 from flexlab.sim.step_size import Count, choose_step, steps_per_tick
-from flexlab.sim.target import build_system, build_trajectory, same_target
+from flexlab.sim.target import build_system, build_trajectory, same_target, with_transition
 
 LIGHT_ELEMENTS = 8
 """Largest number of elements whose modes and matrix functions are derived in a millisecond or two."""
@@ -128,6 +128,14 @@ def derive_assembly(
         _loaded.add((integrator, loop_variant(system.plant)))
     unstable = instability(system, rates.poses, sampling.period, sampling.delay)
     return Assembly(scenario, tick_period, beam, system, rates, sampling, levels, watch, steps, asked, bound, unstable)
+
+
+def with_transition_of(scenario: Scenario, assembly: Assembly) -> Assembly:
+    """The assembly of a scenario that differs from its own in the path's transition only."""
+    if scenario is assembly.scenario:
+        return assembly
+    path = with_transition(assembly.system.trajectory, scenario.trajectory.transition)
+    return assembly._replace(scenario=scenario, system=assembly.system._replace(trajectory=path))
 
 
 def _grows_alike(old: Assembly, scenario: Scenario, asked: Count) -> bool:

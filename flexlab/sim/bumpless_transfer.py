@@ -16,7 +16,7 @@ from flexlab.physics.sensors import begin_reading
 from flexlab.quantities import Part
 from flexlab.scenario import Payload, Scenario
 from flexlab.sim import accuracy, samples
-from flexlab.sim.assembly import Assembly
+from flexlab.sim.assembly import Assembly, with_transition_of
 from flexlab.sim.build import payload_row
 from flexlab.sim.closed_loop import System, new_workspace, own_parts, own_states_of, state_length
 from flexlab.sim.commands import MESH_FIELDS, RESTART_FIELDS, ChangeScenario
@@ -88,8 +88,8 @@ def _go_on_from_target(motion: Motion, assembly: Assembly) -> Assembly:
     old = motion.assembly.system.trajectory
     if equal_motions(old, assembly.system.trajectory):
         return assembly
-    scenario, path = go_on_from(motion.scenario, old, assembly.scenario, assembly.system.trajectory, motion.time)
-    return assembly._replace(scenario=scenario, system=assembly.system._replace(trajectory=path))
+    scenario = go_on_from(motion.scenario, old, assembly.scenario, assembly.system.trajectory, motion.time)
+    return with_transition_of(scenario, assembly)
 
 
 def _transferred(motion: Motion, assembly: Assembly) -> Motion:

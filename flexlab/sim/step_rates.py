@@ -185,7 +185,7 @@ def fastest_rate_at(plant, control, desired, memory, ws):
             _straight_inertia(plant, len(plant.arms), ws)
             for a in range(3):
                 now.x[a] = now.desired[0, a] = desired[k, a]
-                now.v[a] = now.desired[1, a] = 0.0
+                now.v[a] = now.desired[1, a] = now.desired[2, a] = 0.0
             fastest = max(fastest, fastest_control_rate(control, now, memory, ws.S, plant.kappa))
     return fastest
 

@@ -20,7 +20,7 @@ from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import ETA, P
 from flexlab.scenario import Scenario
 from flexlab.sim import accuracy
-from flexlab.sim.assembly import Assembly, Unprepared, derive_assembly
+from flexlab.sim.assembly import Assembly, Unprepared, derive_assembly, with_transition_of
 from flexlab.sim.closed_loop import scratch_workspace
 from flexlab.sim.integrators.beam_flow import TICKS
 from flexlab.sim.motion import Motion, begin_motion
@@ -72,7 +72,14 @@ def build_assembly(
     """Derive everything from a scenario and try its automatic step; raises `ScenarioError`.
 
     Parts of `known` assemblies are shared where they fit. `at_once`: raise `Unprepared` instead of deriving what takes long.
+    A transition of the path has no part in the step: a run that begins in one takes the steps of the run before it.
     """
+    plain = scenario.anew()
+    known = [with_transition_of(each.scenario.anew(), each) for each in known]
+    return with_transition_of(scenario, _tried(plain, tick_period, known, at_once))
+
+
+def _tried(scenario: Scenario, tick_period: float, known: Sequence[Assembly], at_once: bool) -> Assembly:
     assembly = derive_assembly(scenario, tick_period, known, at_once)
     if scenario.simulation.step is not None:
         return assembly

@@ -185,8 +185,8 @@ def change_path(scenario: Scenario, changes: Mapping[str, Any], time: float) -> 
 
 def go_on_from(
     old: Scenario, old_motion: DesiredMotion, scenario: Scenario, motion: DesiredMotion, time: float
-) -> tuple[Scenario, DesiredMotion]:
-    """The scenario and its desired motion with the transition from `old_motion`, of `old`, at `time`, s.
+) -> Scenario:
+    """The scenario, of `motion`, with the transition from `old_motion`, of `old`, at `time`, s.
 
     A path of the same kind that is where the target is needs none: a new frequency acts at once. Raises `ScenarioError` for a
     transition out of range.
@@ -194,11 +194,10 @@ def go_on_from(
     plain, motion = scenario.anew(), with_transition(motion, None)
     left = desired_at(old_motion, time) - desired_at(motion, time)
     if np.abs(left[0]).max() < CLOSE and plain.trajectory.kind == old.trajectory.kind:
-        return plain, motion
+        return plain
     over: dict[str, Any] = dict(zip(("pose", "rate", "acceleration"), map(tuple, left.tolist()), strict=True))
     over |= {"time": time, "duration": TRANSITION_TIME}
-    moved = plain.replace({"trajectory": {**dict(plain.trajectory), "transition": over}})
-    return moved, with_transition(motion, moved.trajectory.transition)
+    return plain.replace({"trajectory": {**dict(plain.trajectory), "transition": over}})
 
 
 def equal_motions(one: DesiredMotion, other: DesiredMotion) -> bool:

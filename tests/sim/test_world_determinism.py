@@ -8,8 +8,11 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
+from flexlab.control.law import laws
 from flexlab.errors import StudyError
 from flexlab.presets import load_preset
+from flexlab.scenario.settings import change_settings, with_period_if_needed
+from flexlab.sim.closed_loop import scratch_workspace
 from flexlab.sim.commands import ChangeScenario, Pull, Tap, WorldCommand
 from flexlab.sim.samples import Samples
 from flexlab.sim.world import World
@@ -126,6 +129,31 @@ def test_a_restored_state_goes_on_bit_for_bit(changes: dict, same_bits):
     again.advance(31)
     again.restore(state)
     same_bits(again.run(100), world.run(100))
+
+
+@pytest.mark.parametrize("preset", ["stiff-beam", "vibration-damping"])
+def test_a_state_in_the_transition_to_another_path_goes_on_bit_for_bit(preset: str, same_bits):
+    """A world that was built in the transition tried its step at t = 0 on a path that jumps there: 64 times as many steps."""
+    world = World(load_preset(preset))
+    world.advance(20)
+    world.apply(ChangeScenario({"trajectory.kind": "figure-eight"}))
+    world.advance(5)
+    again = World(world.scenario)
+    assert again.assembly.steps == world.assembly.steps
+    again.restore(world.state())
+    same_bits(again.run(40), world.run(40))
+
+
+@pytest.mark.parametrize("kind", [kind for kind in laws() if kind != "none"])
+def test_the_step_depends_on_no_world_before(kind: str):
+    """The rates of `regressor-adaptive` followed the acceleration that another world had left in the shared workspace."""
+    scenario = load_preset("single-arm")
+    scenario = change_settings(scenario, with_period_if_needed(scenario, {"controller.kind": kind}))
+    found = World(scenario).assembly
+    left_over = scratch_workspace(found.system).truth[0]
+    left_over.desired[:], left_over.v[:], left_over.x[:] = 40.0, 3.0, 1.0
+    again = World(scenario).assembly
+    assert (again.steps, again.asked, again.instability) == (found.steps, found.asked, found.instability)
 
 
 def test_a_state_is_a_copy(same_bits):

@@ -90,7 +90,7 @@ class _AtRest:
     """Unequal arms at rest at `HELD`, with a law."""
 
     def __init__(self, law: dict[str, Any], joints: dict[str, Any] | None = None):
-        hold = {"trajectory": {"kind": "hold", "pose": HELD}, "initial.pose": HELD}
+        hold = {"trajectory": {"kind": "hold", "pose": HELD}, "initial.pose": HELD, "gravity": 9.81}
         self.scenario = load_preset("paper").replace({**UNEQUAL, **hold, "controller": law, **(joints or {})})
         self._points, self._x = MassPoints(self.scenario), np.array(HELD)
         straight = self._points.payload_inertia(np.zeros(3 + self._points.shapes(0.0).size))[:3, :3]
@@ -111,6 +111,13 @@ class _AtRest:
         """Rate at which vibration gains damp hᵀq̇ and gᵀq̇, 1/s."""
         return law.lateral_vibration_gain * self._beam[1] + law.angular_vibration_gain * self._beam[2]
 
+    def learnt(self, law: Any) -> float:
+        """Largest eigenvalue of B⁻¹ times the trace of YΓYᵀ, Y of the weights."""
+        at = SimpleNamespace(points=self._points, x=self._x, v=np.zeros(3), share=np.ones(2) / 2)
+        Y = regressor(at, np.zeros(3), np.zeros(3)).sum(axis=0)
+        rates = [law.adaptation_gain_mass, law.adaptation_gain_inertia, *[law.adaptation_gain_links] * 6]
+        return self.fastest(np.sum(Y**2 @ rates))
+
     def _largest(self, form: np.ndarray) -> float:
         return float(eigh(form, self._inertia, eigvals_only=True)[-1])
 
@@ -127,6 +134,7 @@ RATES: dict[str, Callable[[_AtRest, Any], float]] = {
         + at.fastest(np.array(law.integral_gain) / law.boundary_layer) ** 0.5
     ),
     "disturbance-observer": lambda at, law: _sliding(at, law) + law.observer_gain,
+    "regressor-adaptive": lambda at, law: _sliding(at, law) + at.learnt(law) ** 0.5,
     "vibration-damping": lambda at, law: _sliding(at, law) + at.damped(law),
     "composite": lambda at, law: _sliding(at, law.slow) + at.damped(law),
     "computed-torque": lambda _, law: max(law.velocity_gain),

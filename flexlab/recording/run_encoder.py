@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -80,18 +79,14 @@ class RunEncoder:
         self._first_time: float | None = None
 
     def write_samples(self, samples: Samples) -> None:
-        """Write a block (N >= 1): its curves and drawing, and its exact samples, which another thread packs meanwhile."""
-        with ThreadPoolExecutor(1) as thread:
-            packed = thread.submit(encode_block, samples)
-            self.write_shown(samples, (), ())
-            self._write_packed(samples, packed.result())
+        """Write a block (N >= 1): its exact samples, and its curves and drawing."""
+        self.write_exact(samples)
+        self.write_shown(samples, (), ())
 
     def write_exact(self, samples: Samples) -> None:
         """Write a block (N >= 1) in full precision, at its last instant, so that no time axis ends later."""
-        self._write_packed(samples, encode_block(samples))
-
-    def _write_packed(self, samples: Samples, block: bytes) -> None:
-        self._send(SAMPLES, samples.time[-1:], [single("flexlab.Block", "data", None, block)])
+        column = single("flexlab.Block", "data", None, encode_block(samples))
+        self._send(SAMPLES, samples.time[-1:], [column])
         self.rows += len(samples)
         if self._first_time is None:
             self._first_time = float(samples.time[0])

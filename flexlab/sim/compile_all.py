@@ -75,8 +75,10 @@ def _compile_loop(changes: Mapping[str, Any]) -> None:
 
 
 def _compile_plant(changes: Mapping[str, Any]) -> None:
-    """A plant beyond the paper's, with sampled control."""
-    world = World(Scenario().replace({**changes, **SHAPED, "controller.control_period": 0.001}))
+    """A plant beyond the paper's, with sampled control, and with a law that looks at the plant before it begins."""
+    scenario = Scenario().replace({**changes, **SHAPED})
+    World(scenario.replace({"controller.kind": "regressor-adaptive"}))
+    world = World(scenario.replace({"controller.control_period": 0.001}))
     world.run(1)
     world.apply(CHANGE)
 

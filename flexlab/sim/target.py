@@ -49,12 +49,12 @@ def first_mode(scenario: Scenario) -> Mode:
 
 
 def _continuous(scenario: Scenario) -> Scenario:
-    """The scenario under its law in continuous time, without limits and noise; without control if that is impossible."""
+    """The ideal scenario (`IDEAL`) under its law in continuous time; without control if that is impossible."""
     with contextlib.suppress(ScenarioError):
         found = scenario.replace({PERIOD: None, **IDEAL})
         if found.controller.control_period is None:
             return found
-    return scenario.replace({"controller": {"kind": "none"}})
+    return scenario.replace({"controller": {"kind": "none"}, **IDEAL})
 
 
 @lru_cache(maxsize=32)

@@ -59,10 +59,9 @@ def compile_everything(processes: int = 1) -> None:
 
 
 def _compile_paper() -> None:
-    """The paper's plant with every integrator, and with sampled control; all laws and paths."""
-    scenario = Scenario()
-    World(scenario).apply(CHANGE)
-    _compile_loops(scenario.replace(SHAPED))
+    """The paper's plant with every integrator and with sampled control; all laws and paths."""
+    World(Scenario()).apply(CHANGE)
+    _compile_loop({})
     for law in laws().values():
         _ = law.addresses
     for path in paths().values():
@@ -70,17 +69,20 @@ def _compile_paper() -> None:
 
 
 def _compile_loop(changes: Mapping[str, Any]) -> None:
-    """Every integrator and sampled control, for a plant beyond the paper's."""
-    _compile_loops(Scenario().replace({**changes, **SHAPED}))
+    """A changed plant with every integrator and with sampled control."""
+    scenario = _compile_plant(changes)
+    for name in ORDER:
+        World(scenario.replace({"simulation.integrator": name, "simulation.step": 1e-5})).run(1)
 
 
-def _compile_plant(changes: Mapping[str, Any]) -> None:
-    """A plant beyond the paper's, with sampled control, and with a law that looks at the plant before it begins."""
+def _compile_plant(changes: Mapping[str, Any]) -> Scenario:
+    """A changed plant with sampled control, and with a law that looks at the plant before it begins; returns its scenario."""
     scenario = Scenario().replace({**changes, **SHAPED})
     World(scenario.replace({"controller.kind": "regressor-adaptive"}))
     world = World(scenario.replace({"controller.control_period": 0.001}))
     world.run(1)
     world.apply(CHANGE)
+    return scenario
 
 
 PARTS: tuple[Callable[[], None], ...] = (
@@ -94,13 +96,6 @@ PARTS: tuple[Callable[[], None], ...] = (
     ),
 )
 """The parts that can be compiled independently."""
-
-
-def _compile_loops(scenario: Scenario) -> None:
-    """Compile sampled control and every integrator, for a plant like that of a scenario."""
-    World(scenario.replace({"controller.control_period": 0.001})).run(1)
-    for name in ORDER:
-        World(scenario.replace({"simulation.integrator": name, "simulation.step": 1e-5})).run(1)
 
 
 def _end_with_the_input() -> None:

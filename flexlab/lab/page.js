@@ -181,18 +181,6 @@
     try { localStorage.setItem(KEPT, JSON.stringify(open)); } catch { /* As above. */ }
   }
 
-  // A restarted lab knows neither the open lesson nor the guess: this tab tells it. A guide that nobody has used has no lesson.
-  const LESSON = "flexlab-lesson", LONGEST_TOLD = 300; // characters
-  let lesson = ["", ""];
-  try { lesson = JSON.parse(sessionStorage.getItem(LESSON)) ?? lesson; } catch { /* As above. */ }
-
-  function keepLesson() {
-    const { lesson: title, guess } = document.querySelector(".fl-guide")?.dataset ?? {};
-    if (title === undefined || (title === lesson[0] && guess === lesson[1])) return;
-    lesson = [title, guess];
-    try { sessionStorage.setItem(LESSON, JSON.stringify(lesson)); } catch { /* As above. */ }
-  }
-
   // A run counts as drawn one picture after all its parts exist: the page handles messages before it draws.
   function watchRun() {
     const run = Number(document.querySelector(".fl-run")?.dataset.run ?? 0);
@@ -385,11 +373,10 @@
     const way = document.querySelector(".fl-reports")?.dataset.way;
     if (way !== connection) someoneActed = false; // With a new connection the panels are folded.
     measure();
-    keepLesson();
     watchAge(way ?? connection);
     if (!way || !window.__viserMutable?.sendMessage) return;
     const report = JSON.stringify({ run: drawnRun, charts, dark: darkSystem.matches, width: innerWidth,
-      covered: hidden, open: lastOpen, again, lesson: lesson.map((told) => told.slice(0, LONGEST_TOLD)),
+      covered: hidden, open: lastOpen, again,
       hears: document.querySelector(".fl-hear")?.getAttribute("aria-pressed") === "true" });
     // The lab lets go of what a silent browser pulls; a mouse that is held still sends nothing by itself.
     if (sent === way + report && !(held && performance.now() - sentAt > SIGN)) return;

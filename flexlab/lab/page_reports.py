@@ -32,7 +32,6 @@ AGAIN_PERIOD = 1.0
 
 log = limited(__name__)
 Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
-Told = Annotated[str, msgspec.Meta(max_length=300)]
 
 
 class Report(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -54,8 +53,6 @@ class Report(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Whether the page's sound is on."""
     again: Count
     """How often the shown preset was chosen again."""
-    lesson: tuple[Told, Told] = ("", "")
-    """The lesson that this browser last had open, and the guess in it."""
 
 
 _DECODER = msgspec.json.Decoder(Report)

@@ -252,7 +252,6 @@ class Session:
             for name, foldable in ((GUIDE, reading), (PLOTS, board)):
                 if name in report.open:
                     fold_panel(client, foldable, False)
-            guide.take_up(*report.lesson)
 
         first = runner.snapshot
         again = widgets.handler(lambda _: lab_state.back_to_baseline())

@@ -1,11 +1,10 @@
 """Pages report what they show, and labs act on it: runs begin when they are drawn, and pause when nobody looks."""
 
 import re
-from html import escape
 
 import pytest
 from lab_page import wait_until
-from raw_browser import RawBrowser, html_texts, page_report, widget
+from raw_browser import RawBrowser, page_report
 
 from flexlab.lab.page_reports import PageReports
 from flexlab.lab.session import Attendance, Session
@@ -19,12 +18,10 @@ def way(session: Session) -> object:
     return next(handle for handle in client.gui._gui_input_handle_from_uuid.values())
 
 
-def report(
-    browser: RawBrowser, session: Session, run: int, lesson: tuple[str, str] = ("", ""), **charts: tuple[float, float]
-) -> None:
+def report(browser: RawBrowser, session: Session, run: int, **charts: tuple[float, float]) -> None:
     wait_until(session.server.get_clients, "the browser is a client", 20)
     wait_until(lambda: next(iter(session.server.get_clients().values())).gui._gui_input_handle_from_uuid, "its way", 20)
-    browser.update(way(session), {"value": page_report(run, charts=charts, lesson=lesson)})
+    browser.update(way(session), {"value": page_report(run, charts=charts)})
 
 
 def time_of(session: Session) -> float:
@@ -56,28 +53,6 @@ def test_a_malformed_report_is_ignored(session: Session, text: str) -> None:
         browser.update(way(session), {"value": text})
         report(browser, session, 1, other=(0.1, 0.2))
         wait_until(lambda: reports.open_charts() == {"other": (0.1, 0.2)}, "the next report is heard", 20)
-
-
-def test_a_page_brings_its_lesson_and_guess_to_a_restarted_lab(session: Session) -> None:
-    """A person who waited for the lab to come back found the first chapter, and the guess was lost."""
-    title = next(title for title in widget(session, "Read").options if title.startswith("Lesson 2"))
-    with RawBrowser(session) as browser:
-        browser.update(widget(session, "Read"), {"value": title})
-        guess = "What do you guess?"
-        wait_until(lambda: len(widget(session, guess).options) > 2, "the lesson is open", 20)
-        option = widget(session, guess).options[-1]
-        browser.update(widget(session, guess), {"value": option})
-        marks = {"lesson": title, "guess": option}
-        shown = "".join(f' data-{name}="{escape(value)}"' for name, value in marks.items())
-        wait_until(lambda: any(shown in text.content for text in html_texts(session)), "the page is told", 20)
-    with Session(load_preset("paper"), "paper", shadows=False) as restarted:
-        for told, taken_up in ((("Lesson 99", option), False), ((title, option), True), ((title, ""), True)):
-            with RawBrowser(restarted) as browser:
-                report(browser, restarted, 1, lesson=told)
-                wait_until(lambda: restarted._reports.have_drawn(1), "the report is heard", 20)
-                assert (widget(restarted, "Read").value == title) is taken_up
-                assert (widget(restarted, guess).value == option) is taken_up
-            wait_until(lambda: not restarted.server.get_clients(), "the browser has left", 20)
 
 
 def test_charts_that_nobody_sees_are_not_sent(session: Session) -> None:

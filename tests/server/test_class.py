@@ -241,7 +241,8 @@ def test_students_see_their_own_runs_and_the_teacher_sees_all(
     monkeypatch.setattr(run_index, "read_row", lambda path: looks.append(path) or read_row(path))
     start = anna.ask("/").text
     assert (runs["anna"] in start, runs["ben"] in start) == (True, False)
-    assert {path.stem for path in looks} == {runs["anna"]}, "a look at all of 10,000 runs took four seconds"
+    looked_at = {whose for whose, run in runs.items() if run in {path.stem for path in looks}}
+    assert looked_at == {"anna"}, "a look at all of 10,000 runs took four seconds"
     made_up = Person(anna.server)
     unsigned = f"{anna.word.partition('.')[0]}.{'0' * 40}"
     made_up.cookies[f"flexlab-visitor-{anna.server.port}"] = unsigned

@@ -165,7 +165,7 @@ def test_an_oversized_form_is_refused(front_server: FrontServer, recorded: Path,
     assert "larger than 512\xa0kB" in answer.text
     assert "Refused" in caplog.text
     assert "characters" in ask(front_server.url, path, "POST", b"note=" + b"x" * 3000, Content_Type=FORM).text
-    assert ask(front_server.url, "/lab/", "POST", b"x").status == 405
+    assert ask(front_server.url, "/lab/", "POST", b"x", Content_Type=FORM).status == 405
 
 
 async def connected(front_server: FrontServer, act: Callable) -> aiohttp.ClientWebSocketResponse:

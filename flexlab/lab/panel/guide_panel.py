@@ -1,8 +1,5 @@
 """The guide in the lab: chapters, and lessons with a guess, steps, a check and the answer."""
 
-from contextlib import suppress
-from html import escape
-
 from flexlab.analysis.lesson_checks import read_check
 from flexlab.analysis.lesson_measures import SECONDS
 from flexlab.analysis.own_lessons import OWN, lesson_files, lesson_menu, own_lessons
@@ -29,9 +26,7 @@ class Guide:
         self._pace = widgets.lab_state.rules.pace
         self._collect()
         self._shown = next(iter(self._pages))
-        self._used = False
-        """Whether a person has chosen a page or made a guess."""
-        self._mark = widgets.gui.add_html("")
+        widgets.gui.add_html('<div class="fl-guide"></div>')  # This tells the page whether the guide is open.
         self._menu = Menu(widgets, "Read", lambda: self._pages, lambda: self._shown, self._choose)
         self._text = widgets.gui.add_markdown("")
         self._guess_question = widgets.gui.add_html("", visible=False)
@@ -83,24 +78,7 @@ class Guide:
         rules = self._lab_state.rules
         if rules.lesson in self._pages and title != rules.lesson and isinstance(self._pages[title], Lesson):
             raise LabError(rules.pace)
-        self._used = True
         self._turn_to(title)
-
-    def take_up(self, title: str, guess: str) -> None:
-        """Open the lesson that a browser had open in a lab before this one, with its guess, if nobody has used this guide."""
-        if self._used or not isinstance(self._pages.get(title), Lesson):
-            return
-        with suppress(LabError):  # The class is at another lesson.
-            self._choose(title)
-            self._take_guess(guess)
-            self._guess.settle()
-
-    def _show_mark(self) -> None:
-        """Tell the page that the guide is open and, once a person has used it, at which lesson and with which guess."""
-        lesson = self._lesson()
-        title, guess = ("", "") if lesson is None else (self._shown, self._guesses.get(lesson.id, ""))
-        told = f' data-lesson="{escape(title)}" data-guess="{escape(guess)}"' if self._used else ""
-        put(self._mark, content=f'<div class="fl-guide"{told}></div>')
 
     @property
     def _last_step(self) -> int:
@@ -111,7 +89,6 @@ class Guide:
     def _turn_to(self, title: str) -> None:
         page, self._shown = self._pages[title], title
         self._menu.settle()
-        self._show_mark()
         self._lab_state.lesson, lesson = "", self._lesson()
         self._lab_state.hold_exaggeration(None if lesson is None else _factor(lesson))
         for widget in (self._guess_question, self._guess.widget, self._steps, self._start, self._verdict):
@@ -150,8 +127,7 @@ class Guide:
         if lesson.id in self._unfolded:
             raise LabError("The answer is already shown: your earlier guess stands.")
         if option in lesson.options:
-            self._guesses[lesson.id], self._used = option, True
-            self._show_mark()
+            self._guesses[lesson.id] = option
             self._fold(lesson)
 
     def _show_answer(self) -> None:

@@ -85,7 +85,7 @@ def _compile_plant(changes: Mapping[str, Any]) -> Scenario:
     return scenario
 
 
-PARTS: tuple[Callable[[], None], ...] = (
+PARTS: tuple[Callable[[], object], ...] = (
     _compile_paper,
     partial(_compile_loop, JOINTS),
     partial(_compile_loop, AXIAL),

@@ -131,9 +131,8 @@ def torque_at_its_limit(seen: Evidence) -> str | None:
     if by_motor:
         held = f"gives all that a motor with τ_s = {n(motor.stall_torque[joint])} N·m can give at its speed"
         helps = "A slower path, a smooth start or a stronger motor helps." if seen.moving else "A stronger motor helps."
-    if (
-        seen.background.modes.unstable or seen.scenario.grips.active
-    ):  # A limit may be all that keeps this loop from running away.
+    # A limit may be all that keeps this loop from running away.
+    if seen.background.modes.unstable or seen.scenario.grips.active:
         helps = ""
     return (
         f"Joint {joint + 1} of the {NAMES[arm]} arm {held} for "

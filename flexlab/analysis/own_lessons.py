@@ -40,8 +40,6 @@ LARGEST = 200_000
 """Largest size of a lesson's file, bytes."""
 MOST = 50
 """Largest number of lessons in a menu."""
-
-
 OWN = "Own lesson: "
 """Prefix of a person's own lessons in the guide's menu."""
 

@@ -47,6 +47,7 @@
   const LOOK = 100; // ms between two checks, even in a hidden page
   const LIVELY = 1000; // ms after an event in which each check measures positions; also the period of measurements after that
   const english = (part) => window.flexlabEnglish?.(part) ?? part.textContent; // the English text in any shown language
+  const BARS = "#server-bar, div:has(> .fl-scrub) + div:has(.mantine-Slider-root)"; // links, and the bar that looks back
   const SHEET = 'div[style*="position: fixed"][style*="width: 20em"]'; // the panel of a page in one column
   // viser lays out a page in one column below 36em, but up to 60em there is no room for the scene beside a panel.
   const match = window.matchMedia.bind(window);
@@ -145,14 +146,14 @@
     return open;
   }
 
-  // The covered fractions of the picture's height, at the top and at the bottom.
-  function covered() {
+  // The fractions of the picture's height that panels cover, at the top and at the bottom; `bars`: a selector of smaller parts.
+  function covered(bars = ":not(*)") {
     const picture = window.__viserMutable?.canvas?.getBoundingClientRect();
     if (!picture?.height) return [0, 0];
     let above = 0, below = 0;
-    for (const part of document.querySelectorAll(`[data-floating-window], ${SHEET}`)) {
+    for (const part of document.querySelectorAll(`[data-floating-window], ${SHEET}, ${bars}`)) {
       const box = part.getBoundingClientRect();
-      if (!box.height || box.width < picture.width / 2) continue;
+      if (!box.height || (box.width < picture.width / 2 && !part.matches(bars))) continue;
       if (box.top - picture.top < picture.bottom - box.bottom) above = Math.max(above, box.bottom - picture.top);
       else below = Math.max(below, picture.bottom - box.top);
     }
@@ -234,7 +235,7 @@
   }
 
   // Positions change when a person acts or parts come and go; measuring them makes the browser lay out the page.
-  let lively = Infinity, measured = -Infinity, hidden = [0, 0], charts = {};
+  let lively = Infinity, measured = -Infinity, hidden = [0, 0], taken = [0, 0], charts = {};
   for (const kind of ["flexlab-structure", "resize", "scroll", "wheel", "pointerdown", "pointermove", "pointerup", "keydown", "keyup"]) {
     addEventListener(kind, (event) => {
       if (kind !== "pointermove" || event.buttons) lively = performance.now() + LIVELY;
@@ -247,6 +248,7 @@
     measured = now;
     if (lively === Infinity && isComplete()) lively = now + LIVELY;
     hidden = covered();
+    taken = covered(BARS);
     measurePicture();
     charts = openCharts();
     keepOpenPanels();
@@ -376,7 +378,7 @@
     watchAge(way ?? connection);
     if (!way || !window.__viserMutable?.sendMessage) return;
     const report = JSON.stringify({ run: drawnRun, charts, dark: darkSystem.matches, width: innerWidth,
-      covered: hidden, open: lastOpen, again,
+      covered: taken, height: Math.round(window.__viserMutable.canvas?.clientHeight ?? 0), open: lastOpen, again,
       hears: document.querySelector(".fl-hear")?.getAttribute("aria-pressed") === "true" });
     // The lab lets go of what a silent browser pulls; a mouse that is held still sends nothing by itself.
     if (sent === way + report && !(held && performance.now() - sentAt > SIGN)) return;

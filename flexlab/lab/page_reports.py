@@ -47,6 +47,8 @@ class Report(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Width of the window, px."""
     covered: tuple[Share, Share]
     """Covered fractions of the picture's height, at the top and at the bottom."""
+    height: Count
+    """Height of the picture, px."""
     open: Annotated[tuple[str, ...], msgspec.Meta(max_length=2)]
     """The panels that this browser last had open outside a presentation: `GUIDE`, `PLOTS`."""
     hears: bool
@@ -89,10 +91,10 @@ class PageReports:
         run_number: int,
         name: str,
         arrange: Callable[[viser.ClientHandle, Report], None],
-        cover: Callable[[viser.ClientHandle, float, float], None],
+        cover: Callable[[viser.ClientHandle, float, float, int], None],
         start_anew: Callable[[Any], Awaitable[None]],
     ):
-        """`arrange` lays out a new page by its first report; `cover` takes the covered fractions of the picture.
+        """`arrange` lays out a new page by its first report; `cover` takes the covered fractions of the picture and its height.
 
         `start_anew` is called when a person chooses the shown preset again.
         """
@@ -174,7 +176,7 @@ class PageReports:
             elif report.again > page.report.again and time.monotonic() - self._began_anew >= AGAIN_PERIOD:
                 self._began_anew = time.monotonic()
                 await self._start_anew(event)
-            self._cover(client, *report.covered)
+            self._cover(client, *report.covered, report.height)
             page.report = report
 
         way.on_update(told)

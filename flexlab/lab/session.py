@@ -19,7 +19,7 @@ from flexlab.lab.panel.readouts import SpokenSummary
 from flexlab.lab.picking import Picking
 from flexlab.lab.plots.plots import ExplanationList, Plots
 from flexlab.lab.ring_sound import RingSound
-from flexlab.lab.scene.cameras import FIELD_OF_VIEW, ClientCameras, Window, payload_view
+from flexlab.lab.scene.cameras import FIELD_OF_VIEW, ClientCameras, Window, first_view
 from flexlab.lab.scene.scene import Scene
 from flexlab.lab.viser_internals import GuardedServer, fold_panel, set_panel_width
 from flexlab.lab.viser_server import InputGuard, open_server
@@ -263,7 +263,7 @@ class Session:
         reading.dock_left()
         reading.set_width(GUIDE_WIDTH)
         reading.minimize()
-        shot = payload_view(self._scenario, FIRST_WINDOW)
+        shot = first_view(self._scenario, FIRST_WINDOW)
         server.initial_camera.fov = FIELD_OF_VIEW
         server.initial_camera.look_at = shot.look_at
         server.initial_camera.position = shot.position

@@ -157,7 +157,7 @@ class LabPage:
         wait_until(begun, "a new run of the paper's preset")
         cameras: Any = self.session._cameras
         for client in self.session.server.get_clients().values():
-            cameras.choose(client, "Payload")  # The view of a new window; the button would need another tab.
+            cameras.choose(client, "First view")  # The view of a new window; the button would need another tab.
         wait_until(
             lambda: any(math.dist(self.camera(), seen.put_at) < SAME_PLACE for seen in cameras._watches.values()),
             "the camera shows the payload",

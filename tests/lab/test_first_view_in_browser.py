@@ -5,15 +5,15 @@ from collections.abc import Iterator
 
 import pytest
 from browser_window import open_window
-from lab_page import CLOSE_NOTIFICATIONS, GUIDE_OPEN, PLOTS_OPEN, READY, LabPage, address, wait_until
+from lab_page import CLOSE_NOTIFICATIONS, GUIDE_OPEN, PLOTS_OPEN, POINT_PIXEL, READY, LabPage, address, wait_until
 from playwright.sync_api import Browser, Page
 
 from flexlab.lab.scene.beam import SIDES
 from flexlab.lab.session import Session
 from flexlab.sim.commands import SetSpeed
 
-LEAST_SHARE, LEAST_BEAM = 0.6, 250
-"""Least share of the window for the scene; least length of the beam in a window 1440 px wide, px."""
+LEAST_SHARE, LEAST_BEAM, LEAST_BESIDE_THE_GUIDE = 0.6, 200, 250
+"""Least share of the window for the scene; least length of the beam in a window 1440 px wide, px, with both arms and without."""
 SHARE = """() => {
   const picture = window.__viserMutable.canvas, N = 60; let seen = 0;
   for (let i = 0; i < N; i++) for (let j = 0; j < N; j++) {
@@ -21,6 +21,10 @@ SHARE = """() => {
     if (on === picture || on?.contains(picture) || picture.parentElement.contains(on)) seen += 1; }
   return seen / (N * N); }"""
 """The share of the window in which a click goes to the scene."""
+ON_THE_SCENE = """(points) => points.every(([x, y]) => {
+  const picture = window.__viserMutable.canvas, on = document.elementFromPoint(x, y);
+  return on !== null && (on === picture || on.contains(picture)); })"""
+"""Whether nothing lies over the scene at some points of the page, px."""
 BEAM = """(sides) => {
   const mutable = window.__viserMutable; let ends = null;
   mutable.nodeRefFromName['/beam'].traverse((node) => {
@@ -131,11 +135,18 @@ def fills(page: Page, width: int) -> None:
     assert page.evaluate("document.documentElement.scrollWidth") <= width, "nothing is cut off"
 
 
+def bases_are_in_sight(page: Page) -> None:
+    """Check that the scene shows where both arms stand, with nothing over it."""
+    edges = [[x, y, 0.0] for base in (-0.5, 0.5) for x, y in ((base - 0.1, 0.0), (base + 0.1, 0.0), (base, -0.1))]
+    wait_until(lambda: page.evaluate(ON_THE_SCENE, [page.evaluate(POINT_PIXEL, edge) for edge in edges]), "the bases")
+
+
 @pytest.mark.parametrize("size", [(720, 900), (320, 640)])
 def test_the_scene_takes_most_of_any_window(newcomer: Page, shared_session: Session, size: tuple[int, int]) -> None:
     """The tests below look at three more sizes."""
     newcomer.set_viewport_size({"width": size[0], "height": size[1]})
     fills(opened(newcomer, address(shared_session)), size[0])
+    bases_are_in_sight(newcomer)
 
 
 def test_tabs_keep_their_names_where_the_default_font_is_wide(newcomer: Page, shared_session: Session) -> None:
@@ -157,6 +168,7 @@ def test_plots_are_one_click_away_and_a_browser_remembers_that_they_are_open(
     word.wait_for(state="detached")  # By itself.
     drawn(page)
     fills(page, 1440)
+    bases_are_in_sight(page)
     wait_until(lambda: length(page.evaluate(BEAM, SIDES)) >= LEAST_BEAM, "the beam is long enough to be looked at")
     wait_until(lambda: page.title() == "paper · flexlab", "the tab says what it is")
     assert page.evaluate("document.documentElement.dataset.flLabels") == "plain"
@@ -181,7 +193,7 @@ def beside_the_guide_no_plot_is_cut_off(page: Page) -> None:
     """Check that the scene stays large as well."""
     page.get_by_text("Guide", exact=True).first.click()
     page.wait_for_function(GUIDE_OPEN)
-    wait_until(lambda: length(page.evaluate(BEAM, SIDES)) >= LEAST_BEAM, "the beam is long enough to be looked at")
+    wait_until(lambda: length(page.evaluate(BEAM, SIDES)) >= LEAST_BESIDE_THE_GUIDE, "the beam is long enough")
     assert page.evaluate(SHARE) >= 0.39, "of a window whose controls, text and plots are all open"
     for tab in ("Motion", "Torques", "Control", "Energy", "Spectrum"):
         page.get_by_role("tab", name=tab, exact=True).click()

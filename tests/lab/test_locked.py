@@ -57,6 +57,7 @@ def test_nothing_that_a_student_does_changes_a_locked_lab(
             "dark": False,
             "width": 1440,
             "covered": [0, 0],
+            "height": 900,
             "open": [],
             "hears": False,
             "again": 7,

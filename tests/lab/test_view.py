@@ -13,7 +13,7 @@ from flexlab.control.path import build_motion
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.panel.number_control import Scale
 from flexlab.lab.panel.run_comparison import change_text
-from flexlab.lab.scene.cameras import FIELD_OF_VIEW, Window, floor_extent, overview, payload_view
+from flexlab.lab.scene.cameras import FIELD_OF_VIEW, Window, first_view, floor_extent, overview, payload_view
 from flexlab.lab.session import Session
 from flexlab.lab.view_settings import fitting_window, tamed_exaggeration
 from flexlab.presets import load_preset, preset_names
@@ -127,6 +127,36 @@ def test_both_ends_of_the_payload_stay_in_the_picture(name: str, aspect: float) 
             sideways, upwards = in_picture(position, look_at, x + s * np.cos(theta), y + s * np.sin(theta))
             assert abs(sideways) < aspect
             assert abs(upwards) < 1
+
+
+@pytest.mark.parametrize("name", preset_names())
+@pytest.mark.parametrize(
+    ("window", "shown"),
+    [
+        (Window(1.19, 0.05, 0.09, 900), ["bases", "elbows"]),  # 1440 x 900, plots and guide folded.
+        (Window(1.43, 0.36, 0.08, 1080), ["bases", "elbows"]),  # 1920 x 1080 with plots.
+        (Window(0.91, 0.04, 0.07, 900), ["bases"]),  # 1440 x 900 beside the guide.
+    ],
+)
+def test_the_first_view_shows_the_arms_where_the_payload_is_long_enough(
+    name: str, window: Window, shown: list[str]
+) -> None:
+    scenario = load_preset(name)
+    position, look_at = first_view(scenario, window)
+    path, length, arms = scenario.trajectory, scenario.payload.length, scenario.arms
+    places = {"bases": [arm.base for arm in arms], "elbows": []}
+    for x, y, theta in poses(build_motion(path), np.linspace(*path.window, 100))[:, 0]:
+        for side, arm in zip((-1, 1), arms, strict=False):
+            reach = side * (length / 2 + arm.link_length[2])
+            wrist = complex(x, y) + reach * np.exp(1j * theta) - complex(*arm.base)
+            bend = np.arccos((abs(wrist) ** 2 + 0.7**2 - 0.6**2) / (2 * abs(wrist) * 0.7))
+            elbow = complex(*arm.base) + 0.7 * np.exp(1j * (np.angle(wrist) - arm.elbow * bend))
+            places["elbows"].append((elbow.real, elbow.imag))
+    seen = [in_picture(position, look_at, *place) for kind in shown for place in places[kind]]
+    assert all(abs(sideways) < window.aspect for sideways, _ in seen)
+    assert all(2 * window.below - 1 < upwards < 1 - 2 * window.above for _, upwards in seen)
+    pixels = length / np.linalg.norm(look_at - position) / (2 * np.tan(FIELD_OF_VIEW / 2)) * window.height
+    assert pixels >= 190
 
 
 @pytest.mark.parametrize("name", preset_names())

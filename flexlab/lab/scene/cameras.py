@@ -3,13 +3,16 @@
 A browser's camera is fitted to its window until the person moves it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import viser
 
+from flexlab.control.motion import poses
+from flexlab.control.path import build_motion
+from flexlab.lab.scene.arms import scene_size
 from flexlab.scenario import Scenario
 from flexlab.sim.geometry import link_points
 from flexlab.sim.runner import Runner
@@ -50,9 +53,16 @@ AROUND = 0.35
 is combined with the room for its turning by the root of the sum of squares."""
 LEAST_FREE = 0.2
 """Least fraction of the picture's height that counts as free, whatever covers it."""
+WITH_ARMS, WITH_BASES, NEARLY = 200, 250, 0.9
+"""Least lengths of the payload in the first view, px: with whole arms, and with their bases and grips alone; on a small screen,
+this fraction of its length in the view of it alone suffices."""
+BASE_RADIUS, ELBOW_RADIUS, ELBOW_HEIGHT = 0.13, 0.06, 0.11
+"""Size of the paper's bases and elbows, and the elbows' height above the floor, m."""
+POSES = 200
+"""Number of desired poses at which the elbows are looked for."""
 CLOSE_UP = 2.6
 """Distance of the close views, in payload lengths."""
-VIEWS = ("Payload", "Overview", "Plan", "Front", "Left grip", "Follow")
+VIEWS = ("First view", "Payload", "Overview", "Plan", "Front", "Left grip", "Follow")
 MOVING = ("Left grip", "Follow")
 """The views that move with the machine."""
 Look = Callable[[viser.ClientHandle, str], None]
@@ -122,11 +132,12 @@ def draw_stage(scene: viser.SceneApi, scenario: Scenario, shadows: bool) -> None
 
 
 class Window(NamedTuple):
-    """A browser's picture: width over height, and the covered fractions of its height, at the top and at the bottom."""
+    """A browser's picture: width over height, the fractions of its height covered at the top and at the bottom, height in px."""
 
     aspect: float
     above: float = 0.0
     below: float = 0.0
+    height: int = 900
 
 
 class Shot(NamedTuple):
@@ -144,36 +155,87 @@ def shot(view: str, scenario: Scenario, sample: Samples, window: Window) -> Shot
         return _near(sample.pose[0, :2], scenario, window, 1.0)
     if view == "Payload":
         return payload_view(scenario, window)
+    if view == "First view":
+        return first_view(scenario, window)
     return overview(scenario, window, {"Plan": PLAN_TILT, "Front": FRONT_TILT}.get(view, TILT))
 
 
 def overview(scenario: Scenario, window: Window, tilt: float = TILT) -> Shot:
     """The view of the whole floor, `tilt` rad from the vertical."""
     x_min, x_max, y_min, y_max = floor_extent(scenario)
-    return _fitted((x_min, x_max, y_min, y_max + CAPTION), window, tilt)
+    return _fitted(_corners((x_min, y_min), (x_max, y_max + CAPTION)), window, tilt)
+
+
+def first_view(scenario: Scenario, window: Window) -> Shot:
+    """The view of arms and payload: where that makes the payload too short, without the elbows, then without the bases."""
+    payload, bases = _payload_room(scenario), _bases(scenario)
+    parts = [payload, bases, _elbows(scenario)]
+    shots = [_fitted(np.concatenate(parts[:count]), window, TILT) for count in (3, 2, 1)]
+
+    def length(seen: Shot) -> float:
+        distance = float(np.linalg.norm(seen.look_at - seen.position))
+        return scenario.payload.length / distance / (2 * np.tan(FIELD_OF_VIEW / 2)) * window.height
+
+    for seen, least in zip(shots, (WITH_ARMS, WITH_BASES), strict=False):
+        if length(seen) >= min(least, NEARLY * length(shots[-1])):
+            return seen
+    return shots[-1]
 
 
 def payload_view(scenario: Scenario, window: Window) -> Shot:
     """The view in which the payload, anywhere on its path, fills the free part of the picture."""
+    return _fitted(_payload_room(scenario), window, TILT)
+
+
+def _payload_room(scenario: Scenario) -> np.ndarray:
+    """The corners of what the payload needs on its path, m, (4, 3)."""
     length, path = scenario.payload.length, scenario.trajectory
     tilted = 0.5 * np.sin(min(abs(path.middle[2]) + path.reach[2], np.pi / 2))
     half = np.array(path.reach[:2]) + [(0.5 + AROUND) * length, np.hypot(AROUND, tilted) * length]
-    low, high = np.array(path.middle[:2]) - half, np.array(path.middle[:2]) + half
-    return _fitted((low[0], high[0], low[1], high[1]), window, TILT)
+    return _corners(np.array(path.middle[:2]) - half, np.array(path.middle[:2]) + half)
 
 
-def _fitted(extent: tuple[float, float, float, float], window: Window, tilt: float) -> Shot:
-    """The shot in which `extent` (x_min, x_max, y_min, y_max on the floor, m) fills the free part, centred."""
-    x_min, x_max, y_min, y_max = extent
-    center = np.array([(x_min + x_max) / 2, (y_min + y_max) / 2, 0.0])
+def _bases(scenario: Scenario) -> np.ndarray:
+    """The corners of the arms' bases, m, (4, 3)."""
+    bases, radius = np.array([arm.base for arm in scenario.arms]), BASE_RADIUS * scene_size(scenario)
+    return _corners(bases.min(axis=0) - radius, bases.max(axis=0) + radius)
+
+
+def _elbows(scenario: Scenario) -> np.ndarray:
+    """The left and right edges of the elbows on the desired path, m, (N, 3); stretched where the arm cannot reach."""
+    path, found = scenario.trajectory, []
+    desired = poses(build_motion(path), np.linspace(*path.window, POSES))[:, 0]
+    aside = np.array([ELBOW_RADIUS * scene_size(scenario), 0.0])
+    for index, arm in enumerate(scenario.arms):
+        along = np.stack([np.cos(desired[:, 2]), np.sin(desired[:, 2])], axis=-1)
+        side = -1 if index == 0 else 1
+        wrist = desired[:, :2] + side * (0.5 * scenario.payload.length + arm.link_length[2]) * along - arm.base
+        l1, l2, _ = arm.link_length
+        distance = np.hypot(*wrist.T)
+        cosine = (distance**2 + l1**2 - l2**2) / np.maximum(2 * l1 * distance, 1e-9)
+        angle = np.arctan2(wrist[:, 1], wrist[:, 0]) - arm.elbow * np.arccos(np.clip(cosine, -1.0, 1.0))
+        elbow = arm.base + l1 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        found += [elbow - aside, elbow + aside]
+    plane = np.concatenate(found)
+    return np.column_stack([plane, np.full(len(plane), ELBOW_HEIGHT)])
+
+
+def _corners(low: Sequence[float] | np.ndarray, high: Sequence[float] | np.ndarray) -> np.ndarray:
+    """The corners of a rectangle on the floor between two points (2,) m, (4, 3)."""
+    return np.array([(x, y, 0.0) for x in (low[0], high[0]) for y in (low[1], high[1])])
+
+
+def _fitted(points: np.ndarray, window: Window, tilt: float) -> Shot:
+    """The shot in which points (N, 3) m fill the free part, centred."""
+    center = np.array([*(0.5 * (points.min(axis=0) + points.max(axis=0)))[:2], 0.0])
     half_angle = FILLED * np.tan(FIELD_OF_VIEW / 2)
     free = max(1.0 - window.above - window.below, LEAST_FREE)
-    corners = np.array([(x, y, 0.0) for x in (x_min, x_max) for y in (y_min, y_max)]) - center
+    away = points - center
     forward, up = np.array([0.0, np.sin(tilt), -np.cos(tilt)]), np.array([0.0, np.cos(tilt), np.sin(tilt)])
-    # A corner is in the picture if its line of sight lies within the field of view.
-    wide = np.abs(corners[:, 0]) / (half_angle * max(window.aspect, 0.1))
-    high = np.abs(corners @ up) / (half_angle * free)
-    distance = float(np.max(np.maximum(wide, high) - corners @ forward))
+    # A point is in the picture if its line of sight lies within the field of view.
+    wide = np.abs(away[:, 0]) / (half_angle * max(window.aspect, 0.1))
+    high = np.abs(away @ up) / (half_angle * free)
+    distance = float(np.max(np.maximum(wide, high) - away @ forward))
     center[1] += (window.above - window.below) * np.tan(FIELD_OF_VIEW / 2) * distance / np.cos(tilt)
     return _from(center, distance, tilt)
 
@@ -214,8 +276,8 @@ class _Watch:
     view: str = VIEWS[0]
     put_at: np.ndarray | None = None
     put_for: Window = NO_WINDOW
-    covered: tuple[float, float] = (0.0, 0.0)
-    """Covered fractions of the picture's height, at the top and at the bottom."""
+    covered: tuple[float, float, int] = NO_WINDOW[1:]
+    """As in `Window`."""
     run: int = 0
     """Number of the run for which the camera was placed."""
 
@@ -236,10 +298,10 @@ class ClientCameras:
             watch.view = view
             self._aim(watch, self._runner.snapshot, anew=True)
 
-    def cover(self, client: viser.ClientHandle, above: float, below: float) -> None:
-        """Keep the machine in the free part of one browser's picture; `above`, `below`: covered fractions of its height."""
+    def cover(self, client: viser.ClientHandle, above: float, below: float, height: int) -> None:
+        """Keep the machine in the free part of one browser's picture; `above`, `below`, `height`: as in `Window`."""
         watch = self._watches.setdefault(client.client_id, _Watch(client))
-        watch.covered = (above, below)
+        watch.covered = (above, below, height)
         self._reshape(watch)
 
     def follow(self, snapshot: Snapshot) -> None:

@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from lab_page import wait_until
 from raw_browser import RawBrowser, html_texts, widget
@@ -24,12 +25,14 @@ from flexlab.lab.view_settings import ViewSettings
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import Pause, Pull
+from flexlab.sim.run_warnings import CURE
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Event
 
 
 def notices(scenario: Scenario) -> str:
-    return notices_html(Runner(scenario, playing=False).snapshot, Notice(""), ClassRules())
+    runner = Runner(scenario, playing=False)
+    return notices_html(runner.snapshot, runner.recent(SEEN_TOGETHER), Notice(""), ClassRules())
 
 
 def test_a_reset_or_another_preset_plays_after_a_run_that_stopped_but_not_in_a_paused_lab() -> None:
@@ -66,9 +69,20 @@ def test_a_reset_or_another_preset_plays_after_a_run_that_stopped_but_not_in_a_p
 
 
 def test_a_locked_lab_says_so_only_once_even_after_a_refused_request() -> None:
-    snapshot, rules = Runner(load_preset("paper"), playing=False).snapshot, ClassRules(locked=True)
-    said = [notices_html(snapshot, notice, rules) for notice in (Notice(""), Notice(LOCKED, "error"))]
+    runner, rules = Runner(load_preset("paper"), playing=False), ClassRules(locked=True)
+    recent = runner.recent(SEEN_TOGETHER)
+    said = [notices_html(runner.snapshot, recent, notice, rules) for notice in (Notice(""), Notice(LOCKED, "error"))]
     assert [shown.count(LOCKED) for shown in said] == [1, 1]
+
+
+@pytest.mark.parametrize(("pressed", "stands"), [(1, False), (600, True)])
+def test_a_load_that_the_model_neglects_is_a_standing_warning_only_while_it_lasts(pressed: int, stands: bool) -> None:
+    """The jerk at the start of `single-arm` presses its beam for a moment; the warning stood for the whole run."""
+    snapshot = Runner(load_preset("single-arm"), playing=False).snapshot
+    assert snapshot.model_warning.endswith(CURE)
+    recent = snapshot.latest.take(np.zeros(1000, int))
+    recent = recent.having(axial_load_share=np.where(np.arange(1000) < pressed, 0.2, 0.0))
+    assert ("pressed" in notices_html(snapshot, recent, Notice(""), ClassRules())) is stands
 
 
 def bent_at_its_free_end(share: float) -> Scenario:

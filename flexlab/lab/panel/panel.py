@@ -162,8 +162,9 @@ class Panel:
         self._announce(snapshot)
         self._status.content = status_html(seen, lab_state.view, scales, lab_state.outside.recording())
         put(self._caption, content=f'<div class="fl fl-caption">{escaped(caption)}</div>')
-        put(self._number, content=number_html(self._look_back.recent(SEEN_TOGETHER), seen))
-        self._notices.content = notices_html(seen, lab_state.notice, lab_state.rules)
+        recent = self._look_back.recent(SEEN_TOGETHER)
+        put(self._number, content=number_html(recent, seen))
+        self._notices.content = notices_html(seen, recent, lab_state.notice, lab_state.rules)
         for part in self._parts:
             part.update(snapshot)
         if lab_state.intended is not self._told:

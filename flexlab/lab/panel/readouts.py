@@ -14,6 +14,7 @@ from flexlab.lab.view_settings import ViewSettings
 from flexlab.lab.widgets import put
 from flexlab.scenario.field_text import change_in_words
 from flexlab.sim.commands import Pull
+from flexlab.sim.run_warnings import CURE, NOTABLE
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import TICK, Event, Snapshot
@@ -27,6 +28,8 @@ HELD, UNPRESSED = "grips held", "no axial force"
 """What the first frequency is of: a beam that is pressed rings more slowly, one that is pulled or spun faster."""
 SEEN_TOGETHER = 1.0
 """Time over which the largest vibration is taken, simulated s."""
+LASTING = round(0.25 / TICK)
+"""Samples within that time after which a load on the beam does not count as momentary."""
 SMALLEST_IN_MM = 0.1
 """Smallest vibration that is given in mm; smaller ones are in µm."""
 
@@ -89,16 +92,18 @@ def _measured(speed: float) -> str:
     return f"{fixed_text(speed, 2)} ×" if speed >= 0.1 or speed == 0 else f"{number_text(speed, 2)} ×"
 
 
-def notices_html(snapshot: Snapshot, notice: Notice, rules: ClassRules) -> str:
+def notices_html(snapshot: Snapshot, recent: Samples, notice: Notice, rules: ClassRules) -> str:
     """Warnings and notices that float over the picture, so that nothing in the panel moves; empty if there are none.
+
+    `recent`: as in `number_html`.
 
     Sentences about the teacher's `rules` stay as long as the rules hold.
     """
     locked = LOCKED if rules.locked and notice.text != LOCKED else ""
     standing = {"fl-pace": rules.pace, "fl-pace-on-play": rules.pace_on_play_screen, "": locked}
     boxes = [_box(text, "info", kind) for kind, text in standing.items() if text]
-    cautions = _cautions(snapshot)
-    boxes += [_box(text, "error", "fl-caution" if text in cautions else "") for text in warnings(snapshot)]
+    cautions = _cautions(snapshot, recent)
+    boxes += [_box(text, "error", "fl-caution" if text in cautions else "") for text in warnings(snapshot, recent)]
     if notice.text and not (snapshot.status.failed and notice.text == snapshot.status.text):
         boxes.append(_box(notice.text, notice.level))
     return f'<div class="fl fl-float">{"".join(boxes)}</div>' if boxes else ""
@@ -115,10 +120,10 @@ def _status(snapshot: Snapshot) -> tuple[str, str]:
     return css(ORANGE), "Paused"
 
 
-def warnings(snapshot: Snapshot) -> list[str]:
-    """The present warnings about the run, one sentence each."""
+def warnings(snapshot: Snapshot, recent: Samples) -> list[str]:
+    """The present warnings about the run, one sentence each; `recent`: as in `number_html`."""
     found = [snapshot.status.text] if snapshot.status.failed else []
-    found += _cautions(snapshot)
+    found += _cautions(snapshot, recent)
     if snapshot.pace_warning:
         found.append(snapshot.pace_warning)
     elif snapshot.too_slow and snapshot.actual_speed < CLEARLY_SLOWER * snapshot.target_speed:
@@ -129,9 +134,17 @@ def warnings(snapshot: Snapshot) -> list[str]:
     return found
 
 
-def _cautions(snapshot: Snapshot) -> list[str]:
-    """Warnings about the accuracy of numbers; the play screen, which has no numbers, hides them."""
-    return [text for text in (snapshot.accuracy_warning, snapshot.model_warning) if text]
+def _cautions(snapshot: Snapshot, recent: Samples) -> list[str]:
+    """Warnings about the accuracy of numbers; the play screen, which has no numbers, hides them.
+
+    A load that the beam's model neglects for moments only, as at a jerk, is left to the events and explanations.
+    """
+    of_model = snapshot.model_warning
+    if of_model.endswith(CURE):
+        lasting = [np.sort(share)[-LASTING:][0] for share in (recent.axial_load_share, recent.spin_share)]
+        if len(recent) < LASTING or max(lasting) < NOTABLE:
+            of_model = ""
+    return [text for text in (snapshot.accuracy_warning, of_model) if text]
 
 
 def _box(text: str, level: str, kind: str = "") -> str:
@@ -202,7 +215,7 @@ def summary_text(snapshot: Snapshot, recent: Samples, sentences: Sequence[Explai
         f"{_status(snapshot)[1]} at t = {fixed_text(float(sample.time[0]), 2)} s, speed {speed_text(snapshot.target_speed)}.",
         f"Mid-span deflection {deflection} mm, largest vibration {largest_vibration(recent, snapshot.events)}, "
         f"first beam frequency {fixed_text(snapshot.first_frequency, 2)} Hz{kind}.",
-        *warnings(snapshot),
+        *warnings(snapshot, recent),
         *(f"{each.plot}: {each.sentence}" for each in sentences),
     ]
     return " ".join(told)

@@ -24,7 +24,7 @@ from flexlab.lab.session import Session
 from flexlab.lab.view_settings import ViewSettings
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
-from flexlab.sim.commands import Pause, Pull
+from flexlab.sim.commands import Pause, Play, Pull
 from flexlab.sim.run_warnings import CURE
 from flexlab.sim.runner import Runner
 from flexlab.sim.snapshot import Event
@@ -144,6 +144,18 @@ def test_bending_by_a_hand_is_not_counted_as_vibration():
         assert largest_vibration(run.having(midspan_deflection=run.quasi_static_deflection + bent), ()) == said
     assert largest_vibration(held, [Event(0.0, "", pull)]) == "0.0 µm"
     assert largest_vibration(held, [Event(-1.0, "", replace(pull, stiffness=0.0))]) == "5.00 mm", "it has let go before"
+
+
+def test_a_run_that_stopped_gives_each_advice_once() -> None:
+    """A loop that ran away was also said to depend on rounding, with the same advice, and its beam to need it twice."""
+    sampled = {"kind": "pd", "control_period": 0.02}
+    runner = Runner(load_preset("paper").replace({"controller": sampled}), "sampled")
+    runner.submit(Play())
+    wait_until(lambda: runner.frame() or runner.snapshot.status.failed, "it stops")
+    assert "lower gains" in runner.snapshot.accuracy_warning
+    assert runner.snapshot.model_warning.count(CURE) == 2
+    told = notices_html(runner.snapshot, runner.recent(SEEN_TOGETHER), Notice(""), ClassRules())
+    assert (told.count("ran away"), told.count("lower gains"), told.count(CURE)) == (1, 1, 1)
 
 
 def test_a_drag_is_one_event_and_ends_where_the_beam_is_let_go():

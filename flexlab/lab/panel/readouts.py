@@ -137,14 +137,16 @@ def warnings(snapshot: Snapshot, recent: Samples) -> list[str]:
 def _cautions(snapshot: Snapshot, recent: Samples) -> list[str]:
     """Warnings about the accuracy of numbers; the play screen, which has no numbers, hides them.
 
-    A load that the beam's model neglects for moments only, as at a jerk, is left to the events and explanations.
+    A load that the beam's model neglects for moments only, as at a jerk, is left to the events and explanations. Why a run
+    stopped tells more than that its numbers were no longer accurate.
     """
-    of_model = snapshot.model_warning
-    if of_model.endswith(CURE):
+    of_model, of_results = snapshot.model_warning, "" if snapshot.status.failed else snapshot.accuracy_warning
+    if of_model.endswith(CURE) and not snapshot.status.failed:
         lasting = [np.sort(share)[-LASTING:][0] for share in (recent.axial_load_share, recent.spin_share)]
         if len(recent) < LASTING or max(lasting) < NOTABLE:
             of_model = ""
-    return [text for text in (snapshot.accuracy_warning, of_model) if text]
+    of_model = of_model.replace(f"{CURE} ", "", of_model.count(CURE) - 1)  # One advice for all that it tells.
+    return [text for text in (of_results, of_model) if text]
 
 
 def _box(text: str, level: str, kind: str = "") -> str:

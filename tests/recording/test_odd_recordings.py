@@ -152,8 +152,11 @@ def with_heads(monkeypatch: pytest.MonkeyPatch, change: Callable[[dict[str, Any]
     monkeypatch.setattr(run_encoder, "encode_block", odd)
 
 
-@pytest.mark.parametrize("packing", PACKINGS)
-@pytest.mark.parametrize("kind", HEADS)
+# What is read is the same once it is unpacked.
+@pytest.mark.parametrize(
+    ("kind", "packing"),
+    [*((kind, "zstd") for kind in HEADS), ("rows 7", "zlib"), ("format 0", "zlib"), ("no head", "zlib")],
+)
 def test_odd_blocks(monkeypatch: pytest.MonkeyPatch, written: Callable[[], Path], kind: str, packing: str) -> None:
     with_heads(monkeypatch, HEADS[kind], packing)
     check(written(), refused=True)

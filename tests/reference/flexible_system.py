@@ -13,6 +13,9 @@ from scipy.integrate import solve_ivp
 from flexlab.scenario import Scenario
 from reference.lagrangian import hermite
 
+OPTIONS = {"method": "DOP853", "rtol": 1e-8, "atol": 1e-11}
+"""Of `solve_ivp`: with a hundredth of these tolerances, poses at 0.04 s change by 1e-15."""
+
 
 def e(angle: float) -> np.ndarray:
     """Unit vector."""
@@ -213,9 +216,9 @@ class FlexibleSystem:
 
     def run(self, duration: float) -> np.ndarray:
         """State after `duration` s under the scenario's law, which is continuous or sampled."""
-        law, state, options = self.scenario.controller, self.begin(), {"method": "DOP853", "rtol": 1e-10, "atol": 1e-13}
+        law, state = self.scenario.controller, self.begin()
         if law.control_period is None:
-            return solve_ivp(self.rates, (0, duration), state, args=(None,), **options).y[:, -1]
+            return solve_ivp(self.rates, (0, duration), state, args=(None,), **OPTIONS).y[:, -1]
         n, line = len(self.K), [np.zeros((len(self.scenario.arms), 3))] * law.input_delay
         for k in range(round(duration / law.control_period)):
             t = k * law.control_period
@@ -223,5 +226,5 @@ class FlexibleSystem:
             u, rate = self.inputs(seen, state[6 + 2 * n :])
             state[6 + 2 * n :] += law.control_period * rate
             line.append(np.array([np.linalg.solve(at.R.T, each) for at, each in zip(seen.arms, u, strict=True)]))
-            state = solve_ivp(self.rates, (t, t + law.control_period), state, args=(line.pop(0),), **options).y[:, -1]
+            state = solve_ivp(self.rates, (t, t + law.control_period), state, args=(line.pop(0),), **OPTIONS).y[:, -1]
         return state

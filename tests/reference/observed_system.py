@@ -6,7 +6,7 @@ from scipy.linalg import eigh, expm, solve_discrete_are
 
 from flexlab.scenario import Scenario
 from reference.control_laws import LAWS, start
-from reference.flexible_system import FlexibleSystem, Seen, e
+from reference.flexible_system import OPTIONS, FlexibleSystem, Seen, e
 from reference.lagrangian import hermite
 
 POSE_NOISE, RATE_NOISE, STRAIN_NOISE = 1e-6, 1e-4, 1e-7
@@ -132,6 +132,5 @@ class ObservedSystem(FlexibleSystem):
             state[6 + 2 * n :] += self.period * rate
             line.append(np.array([np.linalg.solve(at.R.T, each) for at, each in zip(seen.arms, u, strict=True)]))
             torque = line.pop(0)
-            options = {"method": "DOP853", "rtol": 1e-10, "atol": 1e-13}
-            state = solve_ivp(self.rates, (t, t + self.period), state, args=(torque,), **options).y[:, -1]
+            state = solve_ivp(self.rates, (t, t + self.period), state, args=(torque,), **OPTIONS).y[:, -1]
         return state

@@ -42,8 +42,9 @@ def server(tmp_path_factory: pytest.TempPathFactory, recorded: Path) -> Iterator
 
 @pytest.fixture
 def window(plain_chromium: Browser, request: pytest.FixtureRequest) -> Iterator[BrowserContext]:
-    """A window in the language that the test asks for, or in English."""
+    """A window in the language that the test asks for, or in English, without rerun's viewer, at which nobody looks."""
     with open_window(plain_chromium, 1280, 800, locale=getattr(request, "param", "en-US")) as opened:
+        opened.route("**/viewer/**", lambda route: route.abort())
         yield opened
 
 
@@ -135,7 +136,6 @@ def test_a_double_click_sends_a_form_once(window: BrowserContext, server: FrontS
     sent: list[Request] = []
     page = window.new_page()
     page.on("request", lambda request: "/export?" in request.url and sent.append(request))
-    page.route("**/viewer/**", lambda route: route.abort())
     page.goto(f"{server.url}runs/{RUN}")
     page.get_by_text("Export", exact=True).first.click()
     page.locator("select[name=format]").select_option("csv")

@@ -193,7 +193,7 @@ def spun_frequency(n: int, gamma: float, felt: bool = True) -> float:
 
 def _motions(runs: Runs) -> Iterator[Check]:
     """Kane's spin-up, the slow squeeze, the paper's run, and the balance of energy."""
-    spin = load_preset("spin-up")
+    spin = load_preset("spin-up").replace({"simulation.accuracy": 1e-6})
     felt, paper = simulate(spin, SPUN_FOR, 0.01), simulate(spin.replace(PLAIN), SPUN_FOR, 0.01)
     lag = np.abs(felt.beam_coordinates[:, -2])  # The deflection of the free end.
     rising, steady = felt.time < SPIN_UP, (felt.time > SPIN_UP + 1) & (felt.time < SPUN_FOR)

@@ -42,7 +42,7 @@ FRICTION = {
     "joints.friction.coulomb": (8.0, 6.0, 2.0),
     "joints.friction.static_factor": 1.5,
 }
-HELD, CREEP = (300.0, 200.0, 50.0), 0.001
+HELD, CREEP = (300.0, 200.0, 50.0), 0.01
 """Static friction, N·m, larger than the torque of the weight; and v_0, rad/s."""
 
 

@@ -7,6 +7,7 @@ in one folder per control group (cgroups, versions 1 and 2: https://docs.kernel.
 import contextlib
 import math
 import os
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -26,6 +27,17 @@ def give_way(niceness: int) -> None:
     """Let everything else on the machine take precedence, by a Unix niceness; on Windows, which has none, do nothing."""
     with contextlib.suppress(AttributeError, OSError):
         os.nice(niceness)
+
+
+def limit_memory(most: float, process: int = 0) -> None:
+    """Let a process, 0 for this one, take no more memory than `most`, bytes; only Linux enforces such a limit."""
+    if sys.platform == "linux":
+        import resource
+
+        hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
+        limit = int(most) if hard == resource.RLIM_INFINITY else min(int(most), hard)
+        with contextlib.suppress(OSError):  # It has ended.
+            resource.prlimit(process, resource.RLIMIT_DATA, (limit, hard))
 
 
 def free_memory() -> float | None:

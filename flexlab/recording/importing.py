@@ -18,14 +18,12 @@ from flexlab.recording.export import FORMATS, import_run, reason_of
 from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.reader import read_recording
 from flexlab.recording.repair import finish
-from flexlab.recording.rerun_internals.rrd_file import check_path
-from flexlab.recording.rerun_internals.tool import crashes_readers
 from flexlab.recording.run_encoder import is_end
 from flexlab.recording.run_info import RunInfo, makers
 from flexlab.recording.store.formats import checked_format
 from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.people import LONGEST_NAME
-from flexlab.recording.store.run_files import SUFFIX, check_recording, claim_run_file, file_word, list_runs, remove_run
+from flexlab.recording.store.run_files import SUFFIX, claim_run_file, file_word, list_runs, remove_run
 from flexlab.recording.table_columns import check_events, check_period, checked_blocks
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import MEASURED, Run, Status, row_length, rows_to_samples
@@ -58,10 +56,6 @@ def import_into(path: Path, logs: Path, **notes: str) -> Path:
 
 
 def _take_recording(path: Path, logs: Path, notes: Mapping[str, str]) -> Path:
-    check_recording(path)
-    check_path(path)
-    if crashes_readers(path):
-        raise RecordingError(f"{path} is damaged beyond repair: nothing of its run can be read.")
     recording = read_recording(path)
     check_period(path.name, recording.sample_period)
     check_events(path.name, recording.events)

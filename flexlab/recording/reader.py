@@ -17,7 +17,7 @@ from flexlab.control.path import paths
 from flexlab.errors import FlexlabError, RecordingError, ScenarioError
 from flexlab.own.declaration import read_declaration, signal_name
 from flexlab.recording.codec import DERIVED, decode_block, event_from_values, state_from_values
-from flexlab.recording.repair import Rows, read_rows, rows_in_order
+from flexlab.recording.repair import Rows, check_foreign, read_rows, rows_in_order
 from flexlab.recording.rerun_internals.chunks import PROPERTIES, Row
 from flexlab.recording.run_info import GAPS, unchecked
 from flexlab.recording.store.formats import FORMAT, Changes, checked_format, migrate, readable, same_numbers
@@ -127,6 +127,7 @@ class Recording:
 
 def read_recording(path: Path | str) -> Recording:
     """Read a recording, up to the tear if its tail is torn. Raises `RecordingError` for any other file."""
+    check_foreign(Path(path))
     rows = read_rows(Path(path), ["/exact/events", "/exact/start", PROPERTIES + "**"])
     with _telling_what_is_strange(Path(path), _values(Path(path), rows, PROPERTIES + "run")):
         return _assemble(Path(path), rows)
@@ -142,6 +143,7 @@ def read_range(path: Path | str, start: float | None = None, end: float | None =
 
 def read_scenario(path: Path) -> Scenario:
     """The scenario at the start of a recording, in milliseconds for a finished file of any length. Raises `RecordingError`."""
+    check_foreign(path)
     rows = read_rows(path, [PROPERTIES + "**"])
     with _telling_what_is_strange(path, _values(path, rows, PROPERTIES + "run")):
         return _scenario(_properties(path, rows)["scenario"])

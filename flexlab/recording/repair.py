@@ -22,7 +22,7 @@ from flexlab.errors import RecordingError
 from flexlab.files import remove_left_drafts, replacing
 from flexlab.recording.rerun_internals.chunks import Row, Unreadable, entity_times, has_recording, stream_rows
 from flexlab.recording.rerun_internals.rrd_file import check_path, has_footer
-from flexlab.recording.rerun_internals.tool import Mending
+from flexlab.recording.rerun_internals.tool import Mending, crashes_readers
 from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.run_files import check_recording, claim, list_runs, run_state
 
@@ -147,6 +147,15 @@ class Finisher:
         finish_abandoned(logs, self._mending)
         while (path := self._queue.get()) is not None:
             _finish_if_possible(path, self._mending)
+
+
+def check_foreign(path: Path) -> None:
+    """Raise `RecordingError` for a recording on which rerun's reader would crash, and this process with it."""
+    check_recording(path)
+    check_path(path)
+    # One with a status in its notes was written or read here before.
+    if "status" not in read_notes(path) and crashes_readers(path):
+        raise RecordingError(f"{path} is damaged beyond repair: nothing of its run can be read.")
 
 
 Rows = dict[str, list[Row]]

@@ -14,10 +14,9 @@ from urllib.parse import quote, urlsplit
 from flexlab.errors import RecordingError
 from flexlab.recording import overlay
 from flexlab.recording.reader import read_scenario
-from flexlab.recording.repair import finish
+from flexlab.recording.repair import check_foreign, finish
 from flexlab.recording.rerun_internals.chunks import quiet_reader
 from flexlab.recording.rerun_internals.tool import VIEWER_FILES, serving, viewer_folder
-from flexlab.recording.store.run_files import check_recording
 from flexlab.sockets import LOOPBACK, name_in
 
 SECURITY_POLICY = (
@@ -92,7 +91,7 @@ def review(path: Path, port: int = 0) -> Iterator[str]:
     A recording that its writer left without an end is mended first. `port` of the viewer, 0 for a free one. Raises
     `RecordingError` if there is nothing that can be read.
     """
-    check_recording(path)
+    check_foreign(path)
     finish(path)
     with contextlib.ExitStack() as closing:
         try:

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from flexlab.errors import FlexlabError, LabError
-from flexlab.machine import give_way
+from flexlab.machine import give_way, limit_memory
 from flexlab.own.files import know_own_files
 from flexlab.own.hosts import allowed
 from flexlab.recording.store.run_files import vanished
@@ -127,9 +127,12 @@ def failures_told_plainly() -> Generator[None, None, None]:
 
 
 def work_for_the_server(niceness: int) -> None:
-    """Have this job's process work at a Unix niceness and end with the server, however that ends."""
+    """Have this job's process work at a Unix niceness, with a limited memory, and end with the server, however that ends."""
     leave_interrupts_to_the_server()
     give_way(niceness)
+    limit_memory(MOST_MEMORY)
+    with contextlib.suppress(OSError):
+        OUT_OF_MEMORY.write_text("1000", encoding="ascii")
     parent = multiprocessing.parent_process()
     if parent is None:
         return
@@ -157,7 +160,6 @@ def carry_out(work: Callable[..., Any], arguments: tuple[Any, ...], own_laws: di
     """The main function of a task's process."""
     know_own_files(own_laws)
     work_for_the_server(LOW_PRIORITY)
-    _limit_memory()
     more = {"report": pipe.send} if "report" in inspect.signature(work).parameters else {}
     try:
         word: Done | LabError = Done(work(*arguments, **more))
@@ -170,17 +172,6 @@ def carry_out(work: Callable[..., Any], arguments: tuple[Any, ...], own_laws: di
             raise
         word = LabError(gone)
     pipe.send(word)
-
-
-def _limit_memory() -> None:
-    if sys.platform == "linux":  # Other systems do not enforce this limit.
-        import resource
-
-        hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
-        limit = MOST_MEMORY if hard == resource.RLIM_INFINITY else min(MOST_MEMORY, hard)
-        resource.setrlimit(resource.RLIMIT_DATA, (limit, hard))
-        with contextlib.suppress(OSError):
-            OUT_OF_MEMORY.write_text("1000", encoding="ascii")
 
 
 class Turns:
@@ -294,7 +285,7 @@ class Tasks:
             raise LabError(CLOSING)
         log.warning("A task ended unexpectedly (exit code %s).", process.exitcode)
         raise LabError(
-            f"This task ended unexpectedly (exit code {process.exitcode}): the run may be too large for this machine."
+            f"This task ended unexpectedly (exit code {process.exitcode}): the run may be damaged, or too large for this machine."
         )
 
     def close(self) -> None:

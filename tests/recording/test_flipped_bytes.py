@@ -13,7 +13,9 @@ from flexlab.errors import RecordingError
 from flexlab.recording.course import Course
 from flexlab.recording.headless import write_run
 from flexlab.recording.importing import import_into
-from flexlab.recording.reader import Recording, read_recording
+from flexlab.recording.reader import Recording, read_recording, read_scenario
+from flexlab.recording.store.run_files import list_runs
+from flexlab.recording.viewer import review
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Run
 from flexlab.sim.snapshot import Event
@@ -54,7 +56,6 @@ def flipped(path: Path, word: bytes, around: int) -> Iterator[Path]:
         copy.unlink()
 
 
-# The schemas of rerun's chunks are left out: some changes there end the process that reads them.
 @pytest.mark.parametrize(
     ("word", "around", "some_are_harmless"),
     [
@@ -89,6 +90,25 @@ def test_lost_events_and_samples_of_older_recordings_are_noticed(number: int, pl
     copy.write_bytes(data)
     with pytest.raises(RecordingError, match="damaged"):
         assert read_recording(copy).samples is None
+
+
+@pytest.mark.parametrize(("place", "bits"), [(75634, 8), (79380, 8), (108561, 105)])
+def test_a_recording_that_would_crash_its_reader_is_refused(place: int, bits: int, tmp_path: Path) -> None:
+    """The last has a zero byte in a name."""
+    data = bytearray((GOLDEN / "format-2" / "single-arm.rrd").read_bytes())
+    data[place] ^= bits
+    copy = tmp_path / "flipped.rrd"
+    copy.write_bytes(data)
+    logs = tmp_path / "logs"
+    for read in (
+        read_recording,
+        read_scenario,
+        lambda path: import_into(path, logs),
+        lambda path: review(path).__enter__(),
+    ):
+        with pytest.raises(RecordingError, match="is damaged beyond repair: nothing of its run can be read"):
+            read(copy)
+    assert list_runs(logs) == []
 
 
 def test_a_parquet_table_with_a_flipped_bit_is_refused(run: Run, tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """Long tasks whose results pages show later, in real processes: they are limited, can be cancelled, and fail in a sentence."""
 
 import asyncio
+import os
 import time
 from collections.abc import Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
@@ -128,3 +129,18 @@ def test_a_task_that_a_closing_server_ends_is_not_logged_as_a_failure(tmp_path: 
     with ThreadPoolExecutor(1) as pool:
         assert pool.submit(asyncio.run, use()).result() == "This server is closing."
     assert not caplog.messages
+
+
+def test_a_task_whose_process_dies_says_so_and_the_next_one_runs():
+    """As one that reads a damaged recording may."""
+
+    async def use() -> int:
+        tasks = Tasks()
+        with pytest.raises(
+            FlexlabError, match=r"exit code -?\d+\): the run may be damaged, or too large for this machine\."
+        ):
+            await tasks.run(ANNA, os.abort)
+        return await tasks.run(ANNA, abs, -1)
+
+    with ThreadPoolExecutor(1) as pool:
+        assert pool.submit(asyncio.run, use()).result() == 1

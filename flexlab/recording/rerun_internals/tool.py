@@ -18,6 +18,7 @@ from rerun_bindings import CatalogClientInternal
 from flexlab.assets import user_cache
 from flexlab.errors import RecordingError
 from flexlab.files import replacing
+from flexlab.machine import limit_memory
 from flexlab.recording.rerun_internals.chunks import quiet_reader
 from flexlab.recording.rerun_internals.rrd_file import has_footer
 from flexlab.sockets import LOOPBACK, free_ports, hidden_loopback
@@ -29,6 +30,8 @@ LOW_PRIORITY = 19
 """Unix niceness: a running lab must not notice."""
 LONGEST = 600.0
 """Longest time for mending one file, s."""
+MOST_MEMORY = 4_000_000_000
+"""Memory that the tool may take, bytes: a damaged file may ask for any size."""
 OS_ERROR = re.compile(r"([^:\n]*) \(os error (\d+)\)")
 """The tool's message about an error of the operating system."""
 WARNINGS = "warn,re_analytics=off"
@@ -80,6 +83,7 @@ class Mending:
         self._process = subprocess.Popen(
             command, stdin=nothing, stdout=nothing, stderr=subprocess.PIPE, env=environment, start_new_session=True
         )
+        limit_memory(MOST_MEMORY, self._process.pid)
         with contextlib.suppress(OSError, AttributeError):
             os.setpriority(os.PRIO_PROCESS, self._process.pid, LOW_PRIORITY)
         if self.stopped:
@@ -104,12 +108,16 @@ HARMLESS = (0, 1)
 
 def crashes_readers(path: Path) -> bool:
     """Whether rerun's reader crashes on a damaged file: its tool tries, as a crash would end this process."""
-    command, nothing = [rerun_tool(), "rrd", "verify", _argument(path)], subprocess.DEVNULL
-    try:
-        tried = subprocess.run(command, stdin=nothing, stdout=nothing, stderr=nothing, timeout=LONGEST, check=False)
-    except subprocess.TimeoutExpired:
-        return False
-    return tried.returncode not in HARMLESS
+    command, nothing = [rerun_tool(), "rrd", "print", "-vv", _argument(path)], subprocess.DEVNULL
+    with subprocess.Popen(command, stdin=nothing, stdout=subprocess.PIPE, stderr=nothing) as tried:
+        limit_memory(MOST_MEMORY, tried.pid)
+        try:
+            said, _ = tried.communicate(timeout=LONGEST)
+        except subprocess.TimeoutExpired:
+            tried.kill()
+            return True
+    # The reader crashes on a name with a zero byte, which the tool prints.
+    return tried.returncode not in HARMLESS or b"\0" in said
 
 
 UNPACK_TIME = 20.0

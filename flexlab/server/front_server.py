@@ -22,7 +22,7 @@ from aiohttp import web
 
 from flexlab.assets import web_assets_folder
 from flexlab.errors import FlexlabError, LabError
-from flexlab.files import HAS_LOCKS, lock
+from flexlab.files import HAS_LOCKS, check_ordinary, lock
 from flexlab.recording.store.run_files import check_folder, removable_runs, remove_run
 from flexlab.scenario import Scenario
 from flexlab.server.auth import LARGEST_BODY, LIVE, add_headers, answer_in_sentences, check, recording_address
@@ -95,6 +95,7 @@ def remove_left() -> None:
 def _is_left(folder: Path) -> bool:
     """Whether no server holds the folder. Raises OSError for another user's folder."""
     try:
+        check_ordinary(folder / LOCK)  # Another user's pipe would hold the start up.
         with (folder / LOCK).open("rb") as file:
             lock(file)
     except FileNotFoundError:

@@ -24,7 +24,7 @@ from flexlab.recording.importing import import_into
 from flexlab.recording.overlay import write_comparison
 from flexlab.recording.reader import read_range, read_recording
 from flexlab.recording.store.notes import notes_path, read_notes
-from flexlab.recording.store.run_files import SUFFIX, remove_run
+from flexlab.recording.store.run_files import SUFFIX, check_own_recording, remove_run
 from flexlab.recording.store.run_index import RunRow
 from flexlab.scenario.field_text import field_title
 from flexlab.server.labs import Choice
@@ -162,6 +162,8 @@ def archive_into(rows: tuple[RunRow, ...], kind: str, folder: Path) -> Path:
                 archive.write(table, table.name)
                 table.unlink()
                 continue
+            if row.path.exists():  # A pipe in its place would hold this task up.
+                check_own_recording(row.path)
             archive.write(row.path, row.id + SUFFIX)  # An archive holds no name that is not text.
             if is_regular(notes_path(row.path)):
                 archive.write(notes_path(row.path), f"{row.id}.json")

@@ -4,6 +4,7 @@ import contextlib
 import json
 import logging
 import os
+import shutil
 import signal
 import socket
 import struct
@@ -25,7 +26,7 @@ from flexlab.recording.reader import read_recording
 from flexlab.recording.store.run_files import run_state
 from flexlab.recording.store.run_index import annotate_run, find_row
 from flexlab.server import connections
-from flexlab.server.front_server import FrontServer, remove_left, temporary_folder
+from flexlab.server.front_server import LOCK, FrontServer, remove_left, temporary_folder
 from flexlab.server.labs import per_visitor
 from flexlab.server.limits import FREE
 from flexlab.text import visible
@@ -219,11 +220,16 @@ def test_temporary_folders_of_killed_servers_are_removed():
     left = Path(tempfile.gettempdir()) / "flexlab-server-99999999-abc"
     left.mkdir()
     os.utime(left, (0, 0))
+    odd = left.with_name("flexlab-server-99999999-odd")
+    odd.mkdir()
+    os.mkfifo(odd / LOCK)  # Another user's pipe, which would hold up the start.
     with temporary_folder() as own:
         assert not left.exists()
         remove_left()
         assert own.exists(), "a server that runs keeps its folder"
     assert not own.exists()
+    assert odd.exists()
+    shutil.rmtree(odd)
 
 
 def test_own_presets_are_limited_in_number_and_their_pictures_follow(

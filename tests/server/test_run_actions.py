@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 import re
 import shutil
 import zipfile
@@ -374,6 +375,10 @@ def test_a_run_deleted_before_a_task_reads_it_is_one_sentence(
     jobs = (compare_runs, (row.path, row.path), tmp_path), (archive_into, (row,), "rrd", tmp_path)
     for work, *arguments in jobs:
         with pytest.raises(LabError, match=f"{recorded.stem} is not there any more: somebody has deleted or moved it"):
+            run_apart(Tasks().run(THE_SERVER, work, *arguments))
+    os.mkfifo(row.path)  # Reading it would never end.
+    for work, *arguments in jobs:
+        with pytest.raises(LabError, match="cannot be read: it is a pipe; name an ordinary file"):
             run_apart(Tasks().run(THE_SERVER, work, *arguments))
     assert capfd.readouterr().err == ""
 

@@ -20,7 +20,7 @@ from flexlab.recording.store.run_files import SUFFIX, file_word, unreadable
 from flexlab.recording.store.run_index import RunRow, annotate_run, find_row, size_text
 from flexlab.recording.viewer import VIEWER_FILES, viewer_folder
 from flexlab.scenario.field_text import change_in_words
-from flexlab.server.auth import WITH_A_PASS, has_pass, recording_address
+from flexlab.server.auth import NO_COOKIE, WITH_A_PASS, has_pass, recording_address
 from flexlab.server.labs.recorded_lab import little_space
 from flexlab.server.pages import ALL_RUNS, message, page, part
 from flexlab.server.pages.run_actions import EXPORTS, TABLES, file_on_its_way, row_of
@@ -29,8 +29,6 @@ from flexlab.server.task_book import IDLE
 from flexlab.server.visitors import (
     context_of,
     file_answer,
-    keep_visitor,
-    known_visitor_of,
     runs_for,
     visitor_of,
     with_names,
@@ -115,21 +113,20 @@ warnings.filterwarnings("ignore", category=BadContentDispositionParam)
 @ROUTES.post("/runs/import")
 async def upload(request: web.Request) -> web.StreamResponse:
     """Import one file, then redirect to its run's page."""
-    context, visitor = context_of(request), known_visitor_of(request)
+    context, visitor = context_of(request), visitor_of(request)
     # Where visitors have their own runs, this one is marked as the visitor's and counts towards their quota.
     owned = context.places.is_private and not visitor.is_teacher
     notes = {"owner": visitor.owner, "visitor": visitor.name} if owned else {}
     quota = context.settings.bytes_of_visitor if owned else None
     try:
+        if owned and not visitor.id:  # A new one with each import would have a new quota.
+            raise RecordingError(f"Open the page Runs again, and import the file there.{NO_COOKIE}")
         async with file_on_its_way(request, _size_of_upload(request)) as folder:
             path = await _receive(request, folder)
-            run = await context.tasks.run(visitor_of(request), take_in, path, context.settings.logs, notes, quota)
+            run = await context.tasks.run(visitor, take_in, path, context.settings.logs, notes, quota)
     except FlexlabError as error:
         return message("Nothing was imported", str(error), 422, ALL_RUNS)
-    answer = web.Response(status=303, headers={hdrs.LOCATION: f"/runs/{run}"})
-    if owned:
-        keep_visitor(request, answer, visitor)
-    return answer
+    raise web.HTTPSeeOther(f"/runs/{run}")
 
 
 def _size_of_upload(request: web.Request) -> int:

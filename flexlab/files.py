@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from flexlab.errors import FlexlabError, StudyError
+from flexlab.text import visible
 
 if TYPE_CHECKING:
     from zipfile import ZipFile
@@ -50,6 +51,20 @@ def read_json(path: Path, largest: int) -> Any:
         return json.loads(path.read_text(encoding="utf-8"))
     except RecursionError:
         raise ValueError("nested too deeply") from None
+
+
+class DuplicateField(ValueError):
+    """A JSON object names a field twice; the text says which."""
+
+
+def unique_fields(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A JSON object, for `json.loads`. Raises ValueError for a name given twice, as one value would be lost."""
+    fields: dict[str, Any] = {}
+    for name, value in pairs:
+        if name in fields:
+            raise DuplicateField(f"the field {visible(name, 60)!r} is given twice in one place")
+        fields[name] = value
+    return fields
 
 
 def packed_sizes(archive: "ZipFile") -> dict[str, int]:

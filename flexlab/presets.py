@@ -19,14 +19,14 @@ from typing import Any
 from flexlab.arguments import file_path
 from flexlab.assets import presets_folder
 from flexlab.errors import FlexlabError, PresetError, ScenarioError, StudyError
-from flexlab.files import check_ordinary, writing
+from flexlab.files import DuplicateField, check_ordinary, unique_fields, writing
 from flexlab.own.declaration import OwnLaw, OwnPath
 from flexlab.own.files import law_kind
 from flexlab.scenario import parse_scenario
 from flexlab.scenario.field_text import differences, told, value_text
 from flexlab.scenario.path_file import known_kind, path_choice
 from flexlab.scenario.scenario import FORMAT, FORMAT_FIELD, MENU_FIELD, SCHEMA_FIELD, Scenario
-from flexlab.text import REPLACEMENT, visible, writable
+from flexlab.text import REPLACEMENT, writable
 
 REFERENCE = "schema/scenario.json"
 """Path of the schema relative to the presets, as they give it."""
@@ -63,10 +63,6 @@ LARGEST_FILE = 5_000_000
 _NO_ADDRESS = re.compile(r"[\\\x00-\x1f\x7f]|\A\.+\Z")
 """What the addresses of pages cannot hold of names: control characters, backslashes, and dots alone."""
 _NUMBER_LIST = re.compile(r"\[\s+([^\[\]{}\"]*?)\s+\]")
-
-
-class DuplicateField(ValueError):
-    """A JSON object names a field twice; the text says which."""
 
 
 def preset_files(own: str | Path = OWN_FOLDER) -> dict[str, Path]:
@@ -276,16 +272,6 @@ def _parsed(content: bytes, name: str | Path) -> Any:
     except ValueError:  # Python converts no longer integers.
         most = sys.get_int_max_str_digits()
         raise PresetError(f"{name} cannot be read as a scenario: a number has more than {most} digits.") from None
-
-
-def unique_fields(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """A JSON object, for `json.loads`. Raises ValueError for a name given twice, as one value would be lost."""
-    fields: dict[str, Any] = {}
-    for name, value in pairs:
-        if name in fields:
-            raise DuplicateField(f"the field {visible(name, 60)!r} is given twice in one place")
-        fields[name] = value
-    return fields
 
 
 def _unknown(name: str, names: list[str]) -> str:

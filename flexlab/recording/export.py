@@ -25,9 +25,9 @@ from numpy.lib.format import read_array
 
 from flexlab import __version__
 from flexlab.errors import RecordingError, StudyError
-from flexlab.files import check_ordinary, packed_sizes, read_packed, writing
+from flexlab.files import check_ordinary, packed_sizes, read_packed, unique_fields, writing
 from flexlab.machine import free_memory
-from flexlab.presets import scenario_text, unique_fields
+from flexlab.presets import scenario_text
 from flexlab.recording.codec import event_from_values, event_values, larger_blocks, state_values
 from flexlab.recording.reader import Recording, within
 from flexlab.recording.store.formats import FORMAT, Changes, checked_format, migrate

@@ -6,6 +6,7 @@ from contextlib import suppress
 from typing import Any
 
 from flexlab.errors import ScenarioError
+from flexlab.files import DuplicateField, unique_fields
 from flexlab.scenario.scenario import Scenario
 from flexlab.scenario.validation_errors import LONGEST
 from flexlab.text import visible
@@ -28,7 +29,7 @@ IDEAL: dict[str, Any] = {
 def parse_setting(text: str) -> tuple[str, Any]:
     """(dotted path, value) of `PATH=VALUE`: the value as JSON, or else as text (`kind=pd`).
 
-    Raises `ScenarioError` for a text without a path or an equals sign.
+    Raises `ScenarioError` for a text without a path or an equals sign, or as `parse_value` does.
     """
     path, equals, value = (part.strip() for part in text.partition("="))
     if not equals or not path:
@@ -40,13 +41,18 @@ def parse_setting(text: str) -> tuple[str, Any]:
                 )
             ]
         )
-    return path, parse_value(value)
+    return path, parse_value(value, path)
 
 
-def parse_value(text: str) -> Any:
-    """A value as typed: JSON (numbers, lists, true, null), or else the text itself."""
+def parse_value(text: str, path: str) -> Any:
+    """The value of a field as typed: JSON (numbers, lists, true, null), or else the text itself.
+
+    Raises `ScenarioError` for JSON that names a field twice.
+    """
     try:
-        return json.loads(text)
+        return json.loads(text, object_pairs_hook=unique_fields)
+    except DuplicateField as error:
+        raise ScenarioError([(path, f"{visible(path, LONGEST)} = {visible(text, LONGEST)}: {error}.")]) from None
     except (ValueError, RecursionError):
         return text
 

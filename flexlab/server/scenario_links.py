@@ -11,8 +11,8 @@ from typing import Any, cast
 from pydantic import BaseModel, StrictInt, TypeAdapter
 
 from flexlab.errors import PresetError
+from flexlab.files import DuplicateField, unique_fields
 from flexlab.own.path import OwnTrajectory
-from flexlab.presets import DuplicateField, unique_fields
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.scenario.scenario import FORMAT, FORMAT_FIELD
 

@@ -21,7 +21,7 @@ from flexlab.scenario.settings import (
      ('{"kind": "modal"}', {"kind": "modal"}), ("", ""), ("[" * 100_000, "[" * 100_000)],
 )  # fmt: skip
 def test_a_value_is_json_or_the_text_itself(text: str, value: object):
-    assert parse_value(text) == value
+    assert parse_value(text, "gravity") == value
 
 
 def test_settings_change_fields_by_path_and_kinds_come_first():
@@ -65,6 +65,10 @@ def test_a_kind_comes_before_the_kinds_of_its_parts():
         (("gravity",), "'gravity' is not a setting: write PATH=VALUE, as in controller.feedback_gain=400."),
         (("=3",), "'=3' is not a setting"),
         (("gravity=1", "gravity=2"), "gravity is set twice: give it one value."),
+        (
+            ('payload={"mesh": {"elements": 4, "elements": 5}}',),
+            'payload = {"mesh": {"elements": 4, "elements": 5}}: the field \'elements\' is given twice in one place.',
+        ),
         (("simulation.step.a=1",), "did you mean simulation.step?"),
         (("\x1b[31m.b=1",), "is not a scenario field"),
     ],

@@ -143,8 +143,8 @@ def _range(path: str, text: str, whole: bool) -> Axis:
 def _list(path: str, given: Any) -> tuple[Any, ...]:
     values = given
     if isinstance(given, str):
-        values = parse_value(f"[{given}]")
-        values = values if isinstance(values, list) else [parse_value(word.strip()) for word in given.split(",")]
+        values = parse_value(f"[{given}]", path)
+        values = values if isinstance(values, list) else [parse_value(word.strip(), path) for word in given.split(",")]
     if hasattr(values, "tolist"):  # An array, or a column of a table.
         values = values.tolist()
     if not isinstance(values, Sequence) or isinstance(values, (str, bytes, bytearray)):

@@ -8,9 +8,11 @@ from lab_process import Command, refused
 from own_law_text import PD
 
 import flexlab
+from flexlab.cli.headless_run import pace_warning
 from flexlab.presets import save_scenario
 from flexlab.recording.reader import read_recording
 from flexlab.scenario import Scenario
+from flexlab.sim.world import World
 
 
 def test_a_run_is_recorded_and_summed_up(flexlab_process: Command, tmp_path: Path):
@@ -32,6 +34,17 @@ def test_a_scenario_file_runs_with_another_sample_period(flexlab_command: Comman
     assert "Mine [bold]" in done.stdout
     assert "51 samples" in done.stdout
     assert list((tmp_path / "logs").glob("*-mine.rrd"))
+
+
+def test_a_run_that_its_samples_make_slow_says_so():
+    paper = Scenario()
+    said = (
+        "as there is a sample every 1 µs. To keep up, choose a longer sample period, such as 0.001 s (--sample-period)."
+    )
+    assert said in pace_warning(World(paper, 1e-6))
+    own_step = paper.replace({"simulation.step": 1e-6})
+    assert "simulation.step" in pace_warning(World(own_step, 1e-6)), "longer samples would not help"
+    assert pace_warning(World(paper)) == ""
 
 
 def test_the_first_run_of_a_process_needs_no_title(flexlab_process: Command, tmp_path: Path):

@@ -24,8 +24,9 @@ from flexlab.recording.run_info import RunInfo
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples, Status, join_blocks
 from flexlab.sim.simulate import end_status
+from flexlab.sim.snapshot import TICK
 from flexlab.sim.world import World
-from flexlab.text import counted
+from flexlab.text import counted, number_text
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -129,7 +130,7 @@ class EndedRun:
             "metrics": self.metrics.as_data(),
             "accuracy_warning": self.world.accuracy_warning,
             "model_warning": self.world.model_warning.text,
-            "pace_warning": self.world.pace_warning,
+            "pace_warning": pace_warning(self.world),
             "sample_warning": self.sample_warning,
             "integrator": self.world.integrator,
             "step": self.world.step,
@@ -138,13 +139,23 @@ class EndedRun:
         }
 
 
+def pace_warning(world: World) -> str:
+    """As `World.pace_warning`, but it names the sample period where samples of the usual one would not be slow."""
+    text = world.pace_warning
+    if not text or world.tick_period >= TICK or World(world.scenario).pace_warning:
+        return text
+    period = number_text(1e6 * world.tick_period, 3)
+    cure = f"To keep up, choose a longer sample period, such as {TICK:g} s (--sample-period)."
+    return f"{text.partition(', as ')[0]}, as there is a sample every {period} µs. {cure}"
+
+
 def run_and_record(
     name: str, scenario: Scenario, duration: float, sample_period: float, logs: Path, quiet: bool = False
 ) -> EndedRun:
     """Simulate and record a scenario; print a summary unless `quiet`. Warnings always go to standard error."""
     world, summary, hashed = World(scenario, sample_period), Summary(), ResultHash()
-    if world.pace_warning:
-        complain(world.pace_warning)
+    if slow := pace_warning(world):
+        complain(slow)
     kept: deque[Samples] = deque(maxlen=KEPT)
     began, notes = time.perf_counter(), MetricNotes(name, world.scenario)
     with HeadlessRecording(logs, RunInfo(name, world.scenario, world.tick_period), notes) as recording:

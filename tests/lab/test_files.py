@@ -46,6 +46,9 @@ def test_a_preset_name_written_as_people_write_becomes_a_file_name(name: str, fi
         "\x00",
         "..",
         "a" * 10**6,
+        "con",
+        "NUL",
+        "Com1",
     ],
 )
 def test_a_name_that_cannot_be_used_is_refused(name: str, tmp_path: Path) -> None:

@@ -38,6 +38,8 @@ LONGEST_WORDS = 1200
 """Most characters of what to watch, as in a scenario."""
 LONGEST_FILE_NAME = 60
 """Most characters of a file's name in a sentence."""
+DEVICES = re.compile(r"con|prn|aux|nul|(com|lpt)\d")
+"""Names that Windows keeps for devices: no file there can have them, whatever its ending."""
 TOO_LONG = "This scenario is too long for a link: download it as a file."
 
 
@@ -74,6 +76,8 @@ def usable_stem(name: str) -> str:
             f"{name[:60]!r} cannot be a preset's name: use 1 to {LONGEST_NAME} characters, a letter or a digit among them "
             "and no slash, as in My soft beam."
         )
+    if DEVICES.fullmatch(stem):
+        raise PresetError(f"{name!r} cannot be a preset's name: Windows keeps it for a device. Choose another name.")
     return stem
 
 

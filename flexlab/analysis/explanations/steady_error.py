@@ -26,6 +26,8 @@ AGREES = (0.4, 1.25)
 """Range of measured over predicted error; the prediction is a bound for a slow motion."""
 SWIFT, TOO_SWIFT = 0.25, 0.5
 """Shares of a sampled loop's stability limit above which s leaves the layer again: for up to 15 % and for most of the time."""
+BENDS_LATE = 0.05
+"""Vibration over deflection above which a beam is so soft that its reaction exceeds that of a slow motion."""
 FASTEST = 1000.0
 """Largest ‖s‖, m/s, at which a feedback gain is still said to hold a force."""
 
@@ -62,7 +64,7 @@ def outside_the_boundary_layer(seen: Evidence) -> str | None:
     return (
         f"‖s‖ is outside its boundary layer of {n(layer)} m/s for {n(100 * share)} % of the last second, up to "
         f"{n(float(size.max()))} m/s: the beam asks for ‖Ψ‖ = {n(force)} N, and K = {n(gain)} N·s/m "
-        f"{held}.{_back_inside(seen, force / layer)}"
+        f"{held}.{_back_inside(seen, span, force / layer)}"
     )
 
 
@@ -77,7 +79,7 @@ def _share_of_limit(rate: float, law: Controller) -> float:
     return rate * (law.control_period or 0.0) / stability_limit(law.input_delay)
 
 
-def _back_inside(seen: Evidence, needed: float) -> str:
+def _back_inside(seen: Evidence, span: Samples, needed: float) -> str:
     """A sentence after a space: what brings s back inside its layer, `needed`: the K for it, N·s/m; or why nothing does.
 
     "" if more than the beam's reaction may keep it outside: friction that the law does not know, grips that give way, or limits.
@@ -102,7 +104,8 @@ def _back_inside(seen: Evidence, needed: float) -> str:
             f" K above {n(needed)} N·s/m would bring it back inside, but torques that come so late make a loop that fast "
             f"overshoot or diverge: the control period of {n(1e3 * law.control_period)} ms has to be shorter first."
         )
-    end = "brings it back inside most of the time" if share > SWIFT else "brings it back inside"
+    bends_late = largest(span.vibration) > BENDS_LATE * largest(span.midspan_deflection)
+    end = "brings it back inside most of the time" if share > SWIFT or bends_late else "brings it back inside"
     return f" K above {n(needed)} N·s/m{also} {end}."
 
 
@@ -210,9 +213,6 @@ def wrong_payload(seen: Evidence) -> str | None:
     kind = getattr(law, "slow", law).kind
     if not laws()[kind].relies_on_masses:
         return None
-    cure = "A law that learns the masses (regressor-adaptive) or observes the disturbance makes up for it."
-    if kind == "disturbance-observer":
-        cure = "A law that learns the masses (regressor-adaptive) makes up for it."
     model, error = law.model, largest(span.tracking_error[:, :2])
     if error < WORTH or torque_at_its_limit(seen):
         return None
@@ -220,7 +220,8 @@ def wrong_payload(seen: Evidence) -> str | None:
     wrong += [f"{n(model.length_factor)} times as long"] if model.length_factor != 1 else []
     return (
         f"The controller takes the beam to be {' and '.join(wrong)} as it is: the force that its model leaves to the feedback "
-        f"grows from {n(truth.largest_reaction)} N to {n(now.largest_reaction)} N, and the error is {length(error)}. {cure}"
+        f"grows from {n(truth.largest_reaction)} N to {n(now.largest_reaction)} N, and the error is {length(error)}. "
+        "The law regressor-adaptive learns the masses instead."
     )
 
 

@@ -25,7 +25,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError
 
-from flexlab.text import range_text
+from flexlab.text import range_text, with_indices
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,9 @@ def describe(model: type[BaseModel], name: str) -> Quantity:
     extra = field.json_schema_extra
     if isinstance(extra, dict) and "quantity" in extra:
         about: Any = extra["quantity"]
-        return Quantity(**about)
+        return Quantity(
+            **{name: with_indices(told) if name in ("title", "symbol") else told for name, told in about.items()}
+        )
     return Quantity(field.title or name.replace("_", " "))
 
 

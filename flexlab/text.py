@@ -110,6 +110,16 @@ def with_subscripts(html: str) -> str:
     return _INDEXED.sub(r"\1<sub>\2</sub>", html)
 
 
+_NUMBERED = re.compile(r"(?<![\w.])([^\W\d_][\u0300-\u036f]*)(\d)(?![^\W²³]|\.\w)")
+"""A letter with a digit behind it, as k0, θ2 or b̂0, but not a name in code."""
+_LOWERED = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+
+
+def with_indices(text: str) -> str:
+    """Text whose numbered symbols have an index: k0 becomes k₀."""
+    return _NUMBERED.sub(lambda found: found[1] + found[2].translate(_LOWERED), text)
+
+
 def in_mathtext(text: str) -> str:
     """Text for a figure whose symbols have real subscripts, in matplotlib's notation."""
     return _INDEXED.sub(r"\1$_{\\mathrm{\2}}$", text.replace("$", r"\$"))

@@ -118,12 +118,12 @@ INTERNAL_FORCE = _view(
 )  # fmt: skip
 TORQUES = tuple(
     _view("joint_torque", "Joint torques", curves, "N·m", "joint_torque", palette=(*LEFT, *RIGHT))
-    for curves in ("left τ1, left τ2, left τ3", "left τ1, left τ2, left τ3, right τ1, right τ2, right τ3")
+    for curves in ("left τ₁, left τ₂, left τ₃", "left τ₁, left τ₂, left τ₃, right τ₁, right τ₂, right τ₃")
 )
 """For one arm and for two."""
 SLIDING = _view("sliding_variable", "Sliding variable s", "x, y, θ", "m/s, m/s, rad/s", "sliding_variable", least=0.01)
 ESTIMATES = _view(
-    "bound_estimates", "Bound estimates b̂", "b̂0, b̂1, b̂2", "N, N/m, N·s²/m²", "bound_estimates", least=0.01
+    "bound_estimates", "Bound estimates b̂", "b̂₀, b̂₁, b̂₂", "N, N/m, N·s²/m²", "bound_estimates", least=0.01
 )
 ENERGIES = _view(
     "energy", "Energy of arms and payload",

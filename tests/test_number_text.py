@@ -18,6 +18,7 @@ from flexlab.text import (
     range_text,
     result_text,
     visible,
+    with_indices,
     with_subscripts,
 )
 
@@ -56,6 +57,18 @@ def test_numbers_have_no_letters_and_a_real_minus_sign() -> None:
 def test_an_index_becomes_a_subscript_and_a_name_in_code_stays(text: str, shown: str | None) -> None:
     assert with_subscripts(text) == (shown or text)
     assert (in_mathtext(text) == text) == (shown is None)
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("Adaptation (k0, k1, k2)", "Adaptation (k₀, k₁, k₂)"),
+        ("k1² > 4 b̂0 (k2 + δ)", "k₁² > 4 b̂₀ (k₂ + δ)"),
+        ("rk4, EI1, k_1, 1e3, t = 3 s, k12", "rk4, EI1, k_1, 1e3, t = 3 s, k12"),
+    ],
+)
+def test_a_numbered_symbol_has_an_index(text: str, shown: str) -> None:
+    assert with_indices(text) == shown
 
 
 def test_a_dollar_sign_begins_no_formula_in_a_figure() -> None:

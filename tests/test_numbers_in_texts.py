@@ -353,7 +353,7 @@ CLAIMS: dict[str, tuple[tuple[str, Number], ...]] = {
         (r"moves at (\S+) m/s", lambda: path_rate("paper")),
         (r"behind by (\S+) mm", lambda: 1e3 * metrics("paper").peak_vibration),
         (r"rings at (\S+) Hz", lambda: ring("paper")),
-        (r"f1 = (\S+) Hz", lambda: first_mode("paper")),
+        (r"f₁ = (\S+) Hz", lambda: first_mode("paper")),
         (r"per cent in (\S+) s", lambda: settling("paper")),
     ),
     "2-soft-beam": (

@@ -58,7 +58,7 @@ def test_the_lesson_on_the_ring_is_done_by_a_smooth_start():
     before = verdict("ring", "paper")
     assert not before.done
     assert before.sentence.startswith(
-        "The start was wrong by 1.78 m/s and rang the beam at 45.5 Hz (f1 = 44.6 Hz) by up to 1.78 mm"
+        "The start was wrong by 1.78 m/s and rang the beam at 45.5 Hz (f₁ = 44.6 Hz) by up to 1.78 mm"
     )
     after = verdict("ring", "smooth-start", until=0.6)
     assert after.done
@@ -68,12 +68,12 @@ def test_the_lesson_on_the_ring_is_done_by_a_smooth_start():
 def test_the_lesson_on_the_soft_beam_is_done_by_softening_it_and_waiting():
     before = verdict("soft-beam", "paper")
     assert not before.done
-    assert before.sentence.startswith("EI = 100 N·m²: f1 = 44.6 Hz, and the motion bends the beam by 0.15 mm")
+    assert before.sentence.startswith("EI = 100 N·m²: f₁ = 44.6 Hz, and the motion bends the beam by 0.15 mm")
     changes = (2.0, EI, 10.0)
     assert not verdict("soft-beam", "paper", changes, duration=4.0, until=2.5).done
     after = verdict("soft-beam", "paper", changes, duration=4.0)
     assert after.done
-    assert "f1 = 14.1 Hz, and the motion bends the beam by 1.51 mm" in after.sentence
+    assert "f₁ = 14.1 Hz, and the motion bends the beam by 1.51 mm" in after.sentence
 
 
 def test_the_lesson_on_the_boundary_layer_is_done_by_thinning_it_twice():

@@ -65,7 +65,7 @@ def test_the_slider_of_the_stiffness_is_logarithmic_and_reaches_both_ends_of_its
 def test_a_box_sets_all_three_numbers_of_a_field_or_only_its_own(page: LabPage) -> None:
     for label, typed, field, wanted in (
         ("Feedback gain K (N·s/m, N·m·s/rad)", "300", "controller.feedback_gain", 300.0),
-        ("Adaptation k1 (m³/N)", "25", "controller.adaptation", (10.0, 25.0, 10.0)),
+        ("Adaptation k₁ (m³/N)", "25", "controller.adaptation", (10.0, 25.0, 10.0)),
         ("Amplitude θ (rad)", "0.1", "trajectory.amplitude", (0.2, 0.2, 0.1)),
         ("Frequency f_d (Hz)", "0.5", "trajectory.frequency", (0.5, 0.5, 0.5)),
     ):
@@ -342,10 +342,10 @@ def test_a_law_that_takes_over_states_its_stability_conditions(page: LabPage) ->
     before = page.snapshot
     page.choose("Control law", "super-twisting")
     wait_until(lambda: page.snapshot.scenario.controller.kind == "super-twisting", "the law is at work")
-    page.wait_for_text("met k2 > δ: 200 N/s")
+    page.wait_for_text("met k₂ > δ: 200 N/s")
     assert float(page.snapshot.display.time[0]) >= float(before.display.time[0])
-    page.enter("Switching gain k2 (N/s, N·m/s)", "40")
-    page.wait_for_text("not met k2 > δ: 40 N/s")
+    page.enter("Switching gain k₂ (N/s, N·m/s)", "40")
+    page.wait_for_text("not met k₂ > δ: 40 N/s")
     page.choose("Control law", "regressor-adaptive")
     page.wait_for_text("combinations of masses")
     page.choose("Control law", "none")

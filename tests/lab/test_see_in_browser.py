@@ -198,8 +198,8 @@ def test_the_plots_of_every_tab_have_their_curves_and_legible_numbers(page: LabP
     page.wait_for_text("What the plots show")
     page.wait_for_text("Tracking error. The error of 0.71 mm is the beam's reaction divided by the feedback")
     for tab, texts in {
-        "Torques": ("Joint torques, left arm", "Joint torques, right arm", "τ1 (N·m)"),
-        "Control": ("Sliding variable s", "boundary layer ε (m/s)", "b̂2 (N·s²/m²)"),
+        "Torques": ("Joint torques, left arm", "Joint torques, right arm", "τ₁ (N·m)"),
+        "Control": ("Sliding variable s", "boundary layer ε (m/s)", "b̂₂ (N·s²/m²)"),
         "Energy": ("kinetic (J)", "elastic (mJ)", "V (mJ)"),
         "Spectrum": ("f (Hz)", "vibration (µm)", "modes of the beam"),
         "Motion": ("Tracking error", "quasi-static (mm)", "M (N·m)"),

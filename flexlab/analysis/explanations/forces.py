@@ -122,5 +122,5 @@ def nearly_singular_arm(seen: Evidence) -> str | None:
     helps = "" if seen.background.around is None else " A smaller path, or one nearer to the bases' middle, helps."
     return (
         f"The elbow of the {arm_name(seen.scenario, index)} comes within {n(np.degrees(np.arcsin(sine)))}° of {posture}: there "
-        f"joint rates grow as 1/sin θ2 = {n(1 / max(sine, 1e-6))}, and its torques reach {n(torque)} N·m.{helps}"
+        f"joint rates grow as 1/sin θ₂ = {n(1 / max(sine, 1e-6))}, and its torques reach {n(torque)} N·m.{helps}"
     )

@@ -256,7 +256,7 @@ def drifting_estimates(seen: Evidence) -> str | None:
     if rate < GROWTH_WORTH or not size < NOISELESS * rate * k0:
         return None
     return (
-        f"b̂0 = {n(now)} N grows by {n(rate)} N each second and never shrinks: noise keeps the measured ‖s‖ at "
+        f"b̂₀ = {n(now)} N grows by {n(rate)} N each second and never shrinks: noise keeps the measured ‖s‖ at "
         f"{n(rate * k0)} m/s. Leakage is the cure: σ = {n(rate / now)} 1/s would hold it where it is."
     )
 
@@ -274,6 +274,6 @@ def leaking_estimates(seen: Evidence) -> str | None:
     if not law.sensor_noise.active and abs(now - balance) > BALANCES * balance:
         return None
     return (
-        f"b̂0 stands at {n(now)} N instead of growing: leakage σ = {n(law.leakage)} 1/s takes from it what ‖s‖ adds, "
+        f"b̂₀ stands at {n(now)} N instead of growing: leakage σ = {n(law.leakage)} 1/s takes from it what ‖s‖ adds, "
         f"{n(now * law.leakage)} N each second. A larger σ holds it lower, and forgets sooner what was learnt."
     )

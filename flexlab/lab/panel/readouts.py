@@ -18,7 +18,7 @@ from flexlab.sim.run_warnings import CURE, NOTABLE
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import TICK, Event, Snapshot
-from flexlab.text import escaped, fixed_text, number_text, speed_text, with_units
+from flexlab.text import escaped, fixed_text, number_text, speed_text, with_indices, with_units
 from flexlab.views import GREEN, ORANGE, SKY, css
 
 CLEARLY_SLOWER = 0.95
@@ -170,7 +170,9 @@ def conditions_html(conditions: Iterable[Condition]) -> str:
     lines = []
     for condition in conditions:
         kind, word = ("fl-dim", "met") if condition.met else ("fl-bad", "not met")
-        lines.append(f'<div class="fl-line {kind}"><b>{word}</b> {escaped(with_units(condition.sentence))}</div>')
+        lines.append(
+            f'<div class="fl-line {kind}"><b>{word}</b> {escaped(with_units(with_indices(condition.sentence)))}</div>'
+        )
     return f'<div class="fl">{"".join(lines)}</div>' if lines else ""
 
 

@@ -87,4 +87,4 @@ def test_an_explanation_is_escaped_and_shows_plot_and_equation():
     assert "<b>Tracking error.</b>" in text
     assert "a &lt; b" in text
     assert "0.7\xa0mm" in list_html([Explained("x", "The error of 0.7 mm.", "", "Tracking error")])
-    assert list_html([]) == ""
+    assert "fl-why" in list_html([]), "else the plots grow with each new run, and shrink a second later"

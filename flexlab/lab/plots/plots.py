@@ -291,6 +291,10 @@ class CalmList:
         return [self._shown[name][0] for name in EXPLANATIONS if name in self._shown][:MOST]
 
 
+NONE_YET = '<div class="fl-why fl-dim">Explanations of the run appear here.</div>'
+"""It keeps the plots beside it from growing with each new run, and shrinking a second later."""
+
+
 class ExplanationList:
     """The sentences, the same on every tab of the plots."""
 
@@ -302,7 +306,7 @@ class ExplanationList:
         self._places = []
         for tab in tabs:
             with tab:
-                self._places.append(gui.add_html("", order=LAST, visible=False))
+                self._places.append(gui.add_html(list_html(()), order=LAST))
 
     def update(self, snapshot: Snapshot) -> None:
         """Check again while the run plays; call once a second."""
@@ -324,16 +328,15 @@ class ExplanationList:
 
     def _show(self, sentences: Sequence[Explained]) -> None:
         self.sentences = sentences
-        text = list_html(sentences)
         for place in self._places:
-            put(place, content=text, visible=bool(text))
+            put(place, content=list_html(sentences))
 
 
 def list_html(sentences: Sequence[Explained]) -> str:
-    """Each sentence with the plot that shows it and its equation, as HTML."""
+    """Each sentence with the plot that shows it and its equation, as HTML; without any, the place that they will have."""
     items = "".join(
         f'<div class="fl-why"><b>{escaped(each.plot)}.</b> {escaped(with_units(each.sentence))} '
         f'<span class="fl-dim">{escaped(each.equation)}</span></div>'
         for each in sentences
     )
-    return f'<div class="fl"><h2 class="fl-title">What the plots show</h2>{items}</div>' if items else ""
+    return f'<div class="fl"><h2 class="fl-title">What the plots show</h2>{items or NONE_YET}</div>'

@@ -681,6 +681,16 @@ def test_a_clipped_signal_is_reported_and_can_be_fitted_from_where_it_is_whole(t
             assert mode.damping_ratio.value == pytest.approx(0.01, rel=0.03)
 
 
+def test_few_clipped_peaks_and_short_ones_are_noticed():
+    """Clipped peaks of one or two samples each gave modes at 20 and 60 Hz and half the damping ratio, as a free ring."""
+    for rate, ratio, height in ((200, 0.006, 1.2), (200, 0.015, 1.4), (700, 0.06, 1.3), (330, 0.045, 1.3)):
+        whole = ring(np.arange(600) / rate, 20.0, ratio, 2.0)
+        for digits in (4, 6, 16):
+            signal = np.round(np.clip(whole, -height, height), digits)
+            assert clipped_until(signal) == np.flatnonzero(np.abs(whole) >= height)[-1], (rate, digits)
+            assert clipped_until(np.round(whole, digits)) is None
+
+
 @pytest.mark.parametrize("ratio", [0.0, 1e-3, 0.01])
 @pytest.mark.parametrize("step", [0.01, 0.1, 0.37, 0.5])
 def test_coarse_steps_are_not_taken_for_clipping(ratio: float, step: float):

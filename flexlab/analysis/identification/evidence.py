@@ -45,6 +45,11 @@ STANDS_OUT = 30.0
 """Least gain in Schwarz's criterion of all modes over noise alone: a search over frequencies also finds chance lines."""
 FEWEST_CLIPPED, MORE = 3, 5
 """Fewest clipped peaks, and least ratio of samples at the clipped value to samples at the next smaller one."""
+HELD = 1.5
+"""Fewest samples at the clipped value per clipped peak that follow an equal one, if samples are rounded."""
+FEWEST_OF_EXACT, HELD_OF_EXACT, SMALLER_OF_EXACT = 2, 2, 5
+"""Fewest clipped peaks, fewest such samples in all, and how many next smaller values are compared, of samples with so many digits
+that hardly any two are equal."""
 
 
 def clipped_until(signal: np.ndarray) -> int | None:
@@ -52,13 +57,16 @@ def clipped_until(signal: np.ndarray) -> int | None:
 
     Peaks of a ring also share a value if samples are rounded, but the next smaller value is then nearly as frequent.
     """
-    last = []
-    for side in (signal, -signal):
+    last, is_exact = [], np.median(np.unique(signal, return_counts=True)[1]) == 1
+    fewest, smaller = (FEWEST_OF_EXACT, SMALLER_OF_EXACT) if is_exact else (FEWEST_CLIPPED, 1)
+    # Both sides together if the limits are the same, as half of the peaks may be too few.
+    for side in (signal, -signal, np.abs(signal)) if is_exact else (signal, -signal):
         counts = np.unique(side, return_counts=True)[1]
         at_limit = side == side.max()
         peaks = np.count_nonzero(np.diff(at_limit, prepend=False) & at_limit)
-        next_smaller = int(counts[-2]) if len(counts) > 1 else 0
-        if peaks >= FEWEST_CLIPPED and counts[-1] >= max(MORE * next_smaller, MORE * peaks / 2):
+        next_smaller = counts[-1 - smaller : -1].max(initial=1)
+        held = HELD_OF_EXACT if is_exact else HELD * peaks
+        if peaks >= fewest and counts[-1] >= MORE * next_smaller and counts[-1] - peaks >= held:
             last.append(int(np.flatnonzero(at_limit)[-1]))
     return max(last, default=None)
 

@@ -323,6 +323,47 @@ def test_the_cure_of_a_growing_pose_cures_it():
         assert modes(scenario.replace({"controller.control_period": share * shorter})).unstable == grows
 
 
+LQR = {**HELD, "controller.kind": "lqr", "controller.control_period": 1e-3, "payload.damping.kind": "modal"}
+HEAVIER_FORCE = {"controller.force_weight": (1e-3, 1e-3, 0.1)}
+
+
+@pytest.mark.parametrize(
+    ("changes", "words", "cures"),
+    [
+        ({**LQR, "payload.element_count": 3, "payload.bending_stiffness": 6.0}, "A larger weight of the force widens it",
+         [HEAVIER_FORCE]),
+        ({**LQR, "payload.bending_stiffness": 140.0, "payload.damping.ratio": 1e-3, "controller.input_delay": 1,
+          "controller.model.linear_density_factor": 0.54}, "A larger weight of the force or less delay widens it",
+         [HEAVIER_FORCE, {"controller.input_delay": 0}]),
+        ({**HELD, "controller.control_period": 0.014}, "Lower gains or a shorter control period widen it",
+         [{"controller.control_period": 0.01}, {"controller.feedback_gain": 150.0}]),
+        ({**HELD, "controller.kind": "regressor-adaptive", "controller.feedback_gain": 20.0, "gravity": 9.81},
+         "Lower adaptation gains or a larger K widen it",
+         [{"controller.feedback_gain": 40.0}, {"controller.adaptation_gain_mass": 0.3, "controller.adaptation_gain_links": 1.0}]),
+    ],
+)  # fmt: skip
+def test_what_is_said_to_widen_a_margin_widens_it(changes: dict, words: str, cures: list[dict]):
+    scenario = load_preset("paper").replace(changes)
+    said = sentence("small margin", scenario, simulate(scenario, 0.1))
+    assert words in said
+    before = modes(scenario).disk_margin
+    for cure in cures:
+        found = modes(scenario.replace(cure))
+        after = found.disk_margin
+        assert before is not None and after is not None and not found.unstable
+        assert after.alike.phase > 1.2 * before.alike.phase
+
+
+def test_a_larger_weight_of_the_force_helps_against_spillover_under_lqr():
+    """It advised lower vibration gains, which lqr does not have."""
+    beam = {"payload.element_count": 4, "payload.damping.ratio": 1e-3, "payload.bending_stiffness": 23.5}
+    scenario = load_preset("paper").replace({**LQR, **beam, "controller.control_period": 5e-4})
+    said = sentence("spillover", scenario, simulate(scenario, 0.1))
+    assert "percentage points or a larger weight of the force helps." in said
+    assert modes(scenario).growth > 1
+    assert modes(scenario.replace(HEAVIER_FORCE)).growth < 0
+
+
 def test_twice_the_feedback_nearly_halves_the_error_and_feed_forward_nearly_removes_it():
     error = [
         float(

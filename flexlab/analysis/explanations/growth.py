@@ -149,15 +149,32 @@ def spillover(seen: Evidence) -> str | None:
     shown = abs(growth.frequency - round(growth.frequency * period) / period)
     folded = f", at {n(shown)} Hz with a clock of {n(1 / period)} Hz" if growth.frequency > 0.5 / period else ""
     more = 100 * growth.rate / (2 * np.pi * growth.frequency)
+    cure = f"A damping ratio larger by {n(more)} percentage points or a larger weight of the force helps."
+    if hasattr(seen.scenario.controller, "slow"):
+        cure = f"A damping ratio larger by {n(more)} percentage points or lower vibration gains help."
     return (
         f"Mode {growth.mode}, {n(growth.frequency)} Hz, grows at {n(growth.rate)} 1/s: the observer models "
-        f"{counted(observer.observer_modes, 'mode')}, but the gauges also see this one{folded} (spillover). A damping ratio "
-        f"larger by {n(more)} percentage points or lower vibration gains help.{_not_begun(seen)}"
+        f"{counted(observer.observer_modes, 'mode')}, but the gauges also see this one{folded} (spillover). {cure}"
+        f"{_not_begun(seen)}"
     )
 
 
 SMALL = 30.0
 """Phase margin of all motors below which it counts as small, °, as in textbooks."""
+
+
+def _widened(seen: Evidence, frequency: float) -> str:
+    """What makes a margin larger that is smallest at `frequency`, Hz."""
+    law, slope = seen.scenario.controller, seen.field("sliding_slope")
+    if law.kind == "lqr":
+        both = "A larger weight of the force or less delay widens it."
+        return both if law.input_delay else "A larger weight of the force widens it."
+    # Below the rates of the feedback, the adaptation is too fast for it.
+    if law.kind == "regressor-adaptive" and 2 * np.pi * frequency < (slope or 0.0):
+        return "Lower adaptation gains or a larger K widen it."
+    if law.input_delay:
+        return "Lower gains or less delay widen it."
+    return "Lower gains or a shorter control period widen it." if law.control_period else "Lower gains widen it."
 
 
 @register("α = 1/max ρ((S − T)/2), the disk margin of all motors alike", "Tracking error", 18)
@@ -174,7 +191,7 @@ def small_margin(seen: Evidence) -> str | None:
     late = 1e3 * margin.alike.phase / 360 / frequency
     return (
         f"The loop is nearly unstable at {n(frequency)} Hz: it tolerates no more than a factor of {n(low)} to {n(high)} on all "
-        f"motors, or ±{n(margin.alike.phase)}°, which is {n(late)} ms there. Lower gains or less delay widen it."
+        f"motors, or ±{n(margin.alike.phase)}°, which is {n(late)} ms there. {_widened(seen, frequency)}"
     )
 
 

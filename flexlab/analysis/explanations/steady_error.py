@@ -79,14 +79,18 @@ def _share_of_limit(rate: float, law: Controller) -> float:
     return rate * (law.control_period or 0.0) / stability_limit(law.input_delay)
 
 
+def _unknown_friction(seen: Evidence) -> bool:
+    """Whether the law does not make up for the friction of the joints."""
+    return seen.scenario.joints.friction.active and seen.scenario.controller.model.friction_factor != 1
+
+
 def _back_inside(seen: Evidence, span: Samples, needed: float) -> str:
     """A sentence after a space: what brings s back inside its layer, `needed`: the K for it, N·s/m; or why nothing does.
 
     "" if more than the beam's reaction may keep it outside: friction that the law does not know, grips that give way, or limits.
     """
     law, joints = seen.scenario.controller, seen.scenario.joints
-    unknown = joints.friction.active and law.model.friction_factor != 1
-    if unknown or seen.scenario.grips.active or joints.motor.active or law.torque_limit is not None:
+    if _unknown_friction(seen) or seen.scenario.grips.active or joints.motor.active or law.torque_limit is not None:
         return ""
     also = ""
     if seen.field("adaptation") is not None:
@@ -123,7 +127,8 @@ def _cures(seen: Evidence, around: Circumstances, gains: str) -> str:
         return ""
     law, truth = seen.scenario.controller, seen.background.informed
     wrong = 0.0 if truth is None else np.linalg.norm(around.reaction - truth.reaction, axis=1).max(initial=0.0)
-    knows = wrong <= WRONG * around.largest_reaction  # Feed-forward leaves the force of a wrong mass.
+    # Feed-forward leaves the force of a wrong mass, and friction that the law does not know.
+    knows = wrong <= WRONG * around.largest_reaction and not _unknown_friction(seen)
     stable = _share_of_limit(2 * around.fastest_rate, law) < 1
     if stable and knows:
         return f" Twice the {gains} nearly halves it; feed-forward of the bending removes its cause."

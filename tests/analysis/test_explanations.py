@@ -350,7 +350,9 @@ def test_what_is_said_to_widen_a_margin_widens_it(changes: dict, words: str, cur
     for cure in cures:
         found = modes(scenario.replace(cure))
         after = found.disk_margin
-        assert before is not None and after is not None and not found.unstable
+        assert before is not None
+        assert after is not None
+        assert not found.unstable
         assert after.alike.phase > 1.2 * before.alike.phase
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from lab_process import Command
 from rich.console import Console
 
 from flexlab import benchmarks
@@ -217,13 +218,14 @@ def measured() -> tuple[dict[str, Any], str]:
 
 
 def test_everything_is_measured_and_printed_as_json(
-    measured: tuple[dict[str, Any], str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    measured: tuple[dict[str, Any], str], monkeypatch: pytest.MonkeyPatch, flexlab_command: Command
 ):
     asked = []
     monkeypatch.setattr(benchmarks, "measure", lambda *words: asked.append(words) or measured[0])
-    benchmarks.run_bench(as_json=True, quick=True)
+    done = flexlab_command("bench", "--json", "--quick")
+    assert done.returncode == 0, done.stderr
     assert asked == [(benchmarks.QUICK, None, None)]
-    report = json.loads(capsys.readouterr().out)
+    report = json.loads(done.stdout)
     assert set(report) == {
         "machine", "paper", "precision", "scaling", "changes", "workers", "environment", "round_trip", "start",
         "memory", "peers", "chain", "exact_beam", "goals",
@@ -247,7 +249,7 @@ def test_everything_is_measured_and_printed_as_json(
 
 
 def test_the_benchmark_prints_its_tables_unless_json_is_asked_for(
-    measured: tuple[dict[str, Any], str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    measured: tuple[dict[str, Any], str], monkeypatch: pytest.MonkeyPatch, flexlab_command: Command
 ):
     for words in (
         "ms per s",
@@ -262,8 +264,7 @@ def test_the_benchmark_prints_its_tables_unless_json_is_asked_for(
     ):
         assert words in measured[1]
     monkeypatch.setattr(benchmarks, "measure", lambda plan, peers, show: show.print("a table"))
-    benchmarks.run_bench(as_json=False)
-    assert capsys.readouterr().out == "a table\n"
+    assert flexlab_command("bench").stdout == "a table\n"
     text = io.StringIO()
     Console(file=text).print(memory_table(Memory(10_000_000, 11_000_000, 0)))
     assert "1.10" in text.getvalue()

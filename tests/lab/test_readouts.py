@@ -85,6 +85,14 @@ def test_a_load_that_the_model_neglects_is_a_standing_warning_only_while_it_last
     assert ("pressed" in notices_html(snapshot, recent, Notice(""), ClassRules())) is stands
 
 
+def test_a_large_deflection_is_told_until_it_has_been_over_for_a_second() -> None:
+    """The warning of `spin-up`, whose beam bends by 8 % for half a second, stood for the whole run."""
+    snapshot = Runner(bent_at_its_free_end(0.063), playing=False).snapshot
+    straight = snapshot.latest.having(beam_coordinates=0.2 * snapshot.latest.beam_coordinates)
+    for recent, stands in ((snapshot.latest, True), (straight, False)):
+        assert ("Large deflection" in notices_html(snapshot, recent, Notice(""), ClassRules())) is stands
+
+
 def bent_at_its_free_end(share: float) -> Scenario:
     """A beam in one arm, bent like a parabola: the free end is `share` L off the axis, the middle a quarter of that."""
     arm = load_preset("single-arm").replace({"payload.element_count": 2})

@@ -12,9 +12,11 @@ from flexlab.lab.lab_state import Notice
 from flexlab.lab.look_back import LookBack
 from flexlab.lab.view_settings import ViewSettings
 from flexlab.lab.widgets import put
+from flexlab.physics.beam import free_coordinates
+from flexlab.scenario import Payload
 from flexlab.scenario.field_text import change_in_words
 from flexlab.sim.commands import Pull
-from flexlab.sim.run_warnings import CURE, NOTABLE
+from flexlab.sim.run_warnings import CURE, Largest, Peaks, model_warning
 from flexlab.sim.runner import Runner
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import TICK, Event, Snapshot
@@ -137,16 +139,28 @@ def warnings(snapshot: Snapshot, recent: Samples) -> list[str]:
 def _cautions(snapshot: Snapshot, recent: Samples) -> list[str]:
     """Warnings about the accuracy of numbers; the play screen, which has no numbers, hides them.
 
-    A load that the beam's model neglects for moments only, as at a jerk, is left to the events and explanations. Why a run
-    stopped tells more than that its numbers were no longer accurate.
+    What the beam's model neglects is told while it lasts, and then left to the events and explanations. Why a run stopped
+    tells more than that its numbers were no longer accurate.
     """
-    of_model, of_results = snapshot.model_warning, "" if snapshot.status.failed else snapshot.accuracy_warning
-    if of_model.endswith(CURE) and not snapshot.status.failed:
-        lasting = [np.sort(share)[-LASTING:][0] for share in (recent.axial_load_share, recent.spin_share)]
-        if len(recent) < LASTING or max(lasting) < NOTABLE:
-            of_model = ""
+    of_model, of_results = snapshot.model_warning, snapshot.accuracy_warning
+    if snapshot.status.failed:
+        of_results = ""
+    elif of_model and not _lasts(snapshot.scenario.payload, recent):
+        of_model = ""
     of_model = of_model.replace(f"{CURE} ", "", of_model.count(CURE) - 1)  # One advice for all that it tells.
     return [text for text in (of_results, of_model) if text]
+
+
+def _lasts(payload: Payload, recent: Samples) -> bool:
+    """Whether the last second has bent the beam too far, or pressed or spun it not only for moments, as a jerk does."""
+    nodes = free_coordinates(payload.element_count, payload.boundary) % 2 == 0
+    bent = [recent.midspan_deflection]
+    if recent.beam_coordinates.shape[1] == len(nodes):
+        bent.append(recent.beam_coordinates[:, nodes].ravel())
+    bending = Largest(float(np.abs(np.concatenate(bent)).max(initial=0.0)) / payload.length)
+    shares = (recent.axial_load_share, recent.spin_share) if len(recent) >= LASTING else ()
+    load, spin = (Largest(float(np.sort(share)[-LASTING])) for share in shares) if shares else (Largest(), Largest())
+    return bool(model_warning(payload, Peaks(load_share=load, spin_share=spin, bending=bending)).text)
 
 
 def _box(text: str, level: str, kind: str = "") -> str:

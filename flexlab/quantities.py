@@ -60,9 +60,10 @@ class Quantity:
         return f" {self.unit}" if self.unit not in ("", "1") else ""
 
 
-def quantity(default: Any = ..., *, title: str, **description: Any) -> Any:
-    """A pydantic field that carries a `Quantity`. `default` may be left out for a required field."""
-    return Field(default, title=title, json_schema_extra={"quantity": Quantity(title, **description).__dict__})
+def quantity(default: Any = ..., title: str = "", symbol: str = "", unit: str = "", **description: Any) -> Any:
+    """A pydantic field that carries a `Quantity`. `default` is `...` for a required field."""
+    about = Quantity(title, unit, symbol, **description)
+    return Field(default, title=title, json_schema_extra={"quantity": about.__dict__})
 
 
 @cache

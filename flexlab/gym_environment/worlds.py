@@ -60,20 +60,20 @@ class Settings(Part):
     """The scenario with arms, beam and path; its control law does not act."""
     action: Literal["wrench", "torques"] = WRENCH
     """"wrench" (3 numbers) or "torques" (3 per arm)."""
-    control_period: Number = quantity(1e-3, title="Time between two actions", unit="s", low=1e-4, high=0.02)
-    duration: Number = quantity(2.0, title="Length of an episode", unit="s", low=1e-4, high=1e4)
-    stiffness: Pair | None = quantity(None, title="Bending stiffness", unit="N·m²", low=1e-3, high=1e12)
+    control_period: Number = quantity(1e-3, "Time between two actions", unit="s", low=1e-4, high=0.02)
+    duration: Number = quantity(2.0, "Length of an episode", unit="s", low=1e-4, high=1e4)
+    stiffness: Pair | None = quantity(None, "Bending stiffness", unit="N·m²", low=1e-3, high=1e12)
     """Range of an episode's EI, with equal ratios equally likely; None for the scenario's."""
-    delay: CountPair = quantity((0, 0), title="Delay", unit="control periods", low=0, high=MOST_DELAY)
+    delay: CountPair = quantity((0, 0), "Delay", unit="control periods", low=0, high=MOST_DELAY)
     """Range of the delay of an episode's actions, both ends included."""
-    noise: Number = quantity(0.0, title="Largest scale of the measuring noise", low=0.0, high=100.0)
+    noise: Number = quantity(0.0, "Largest scale of the measuring noise", low=0.0, high=100.0)
     """Each episode has a random share of it; a scale of 1 is `NOISE`."""
-    start_spread: Triple = quantity((0.005, 0.005, 0.01), title="Spread", unit="m, m, rad", low=0.0, high=1.0)
+    start_spread: Triple = quantity((0.005, 0.005, 0.01), "Spread", unit="m, m, rad", low=0.0, high=1.0)
     """Largest distance of an episode's start pose from the scenario's."""
-    torque_limit: Number = quantity(200.0, title="Torque limit of each joint", unit="N·m", low=1e-3, high=1e6)
-    variants: Count = quantity(32, title="Stiffnesses that represent the range", low=1, high=1024)
+    torque_limit: Number = quantity(200.0, "Torque limit of each joint", unit="N·m", low=1e-3, high=1e6)
+    variants: Count = quantity(32, "Stiffnesses that represent the range", low=1, high=1024)
     """Each takes a few milliseconds when the environment is made."""
-    threads: Count | None = quantity(None, title="Threads that move the worlds", low=1, high=1024)
+    threads: Count | None = quantity(None, "Threads that move the worlds", low=1, high=1024)
     """None for one per core. Few worlds use fewer."""
     version: Literal[0, 1] = 1
     """Version of the environment, which its name gives; see `RULES`."""

@@ -210,9 +210,7 @@ def fastest_rate(gains, now, memory, S, kappa):
 def own_law_of(source: str, file: str, kind: str = "") -> PythonLaw:
     """The law that a text declares, under another name if one is given. Raises `ScenarioError` with file and line."""
     declared = read_declaration(source, file)
-    period = quantity(
-        declared.period, title="Control period", symbol="T_c", unit="s", low=SHORTEST_PERIOD, high=LONGEST_PERIOD
-    )
+    period = quantity(declared.period, "Control period", "T_c", "s", low=SHORTEST_PERIOD, high=LONGEST_PERIOD)
     model = OWN_LAWS.model(declared, source, file, kind or declared.kind, control_period=(Number | None, period))
     signals = [
         Signal(signal_name(name), one.symbol or name, (one.unit,), one.title or name.replace("_", " "))

@@ -69,7 +69,7 @@ class OwnTrajectory(Trajectory):
     options: ClassVar[tuple[tuple[str, Setting], ...]] = ()
     """The options, in the order of their declaration."""
 
-    start: Number = quantity(0.0, title="Its t = 0 is at", symbol="t_0", unit="s", low=-1e6, high=1e6)
+    start: Number = quantity(0.0, "Its t = 0 is at", "t_0", "s", low=-1e6, high=1e6)
     source: str = source_field("", "path")
     table: str = Field("", max_length=LONGEST_TABLE, title="Poses of the path")
     """The rows (t, x, y, θ) as `to_text` writes them."""

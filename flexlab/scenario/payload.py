@@ -26,7 +26,7 @@ class NodalDamping(DampingKind):
     """Viscous damping c on every nodal rate, the paper's reading; depends on the mesh."""
 
     kind: Literal["nodal"] = "nodal"
-    coefficient: Number = quantity(0.1, title="Damping", symbol="c", unit="N·s/m", low=0, high=1e3, slider=(0, 2))
+    coefficient: Number = quantity(0.1, "Damping", "c", "N·s/m", low=0, high=1e3, slider=(0, 2))
 
     def modal(self, omega: np.ndarray, V: np.ndarray) -> np.ndarray:
         """VᵀDV for D = c·1 on every nodal rate."""
@@ -37,9 +37,7 @@ class StiffnessDamping(DampingKind):
     """Damping proportional to the stiffness, C = β K_F: grows with the square of the mode's frequency."""
 
     kind: Literal["stiffness"] = "stiffness"
-    coefficient: Number = quantity(
-        1e-4, title="Stiffness damping", symbol="β", unit="s", low=0, high=1, slider=(0, 2e-3)
-    )
+    coefficient: Number = quantity(1e-4, "Stiffness damping", "β", "s", low=0, high=1, slider=(0, 2e-3))
 
     def modal(self, omega: np.ndarray, V: np.ndarray) -> np.ndarray:
         """VᵀDV for D = β K_F."""
@@ -50,7 +48,7 @@ class ModalDamping(DampingKind):
     """The same damping ratio ζ for every mode, whatever the mesh."""
 
     kind: Literal["modal"] = "modal"
-    ratio: Number = quantity(0.01, title="Damping ratio", symbol="ζ", unit="1", low=0, high=2, slider=(0, 0.2))
+    ratio: Number = quantity(0.01, "Damping ratio", "ζ", "1", low=0, high=2, slider=(0, 0.2))
 
     def modal(self, omega: np.ndarray, V: np.ndarray) -> np.ndarray:
         """VᵀDV for the same ζ in every mode."""
@@ -72,16 +70,12 @@ class MassChange(Part):
     """A payload that is filled or emptied: its mass changes smoothly to another value (`physics.mass_change`)."""
 
     factor: Number = quantity(
-        1.0, title="Final mass over initial mass (1: constant)", symbol="μ", unit="1", low=0.05, high=20,
-        slider=(0.2, 5), logarithmic=True,
+        1.0, "Final mass over initial mass (1: constant)", "μ", "1", low=0.05, high=20, slider=(0.2, 5),
+        logarithmic=True,
     )  # fmt: skip
     """Bending stiffness and damping stay, as for a tube that its contents do not stiffen."""
-    begin: Number = quantity(
-        1.0, title="Start of the change of mass", symbol="t_μ", unit="s", low=0, high=1e4, slider=(0, 10)
-    )
-    duration: Number = quantity(
-        1.0, title="Duration of the change of mass", symbol="T_μ", unit="s", low=0.01, high=1e4, slider=(0.1, 10)
-    )
+    begin: Number = quantity(1.0, "Start of the change of mass", "t_μ", "s", low=0, high=1e4, slider=(0, 10))
+    duration: Number = quantity(1.0, "Duration of the change of mass", "T_μ", "s", low=0.01, high=1e4, slider=(0.1, 10))
 
     @property
     def active(self) -> bool:
@@ -97,35 +91,20 @@ class MassChange(Part):
 class Payload(Part):
     """The flexible beam between the grips (Euler-Bernoulli, Hermite finite elements)."""
 
-    length: Number = quantity(
-        0.5, title="Length", symbol="L", unit="m", low=0.05, high=10, slider=(0.2, 1), live="restart"
-    )
-    linear_density: Number = quantity(
-        2.0, title="Mass per length", symbol="ρ", unit="kg/m", low=1e-3, high=1e3, slider=(0.5, 10)
-    )
+    length: Number = quantity(0.5, "Length", "L", "m", low=0.05, high=10, slider=(0.2, 1), live="restart")
+    linear_density: Number = quantity(2.0, "Mass per length", "ρ", "kg/m", low=1e-3, high=1e3, slider=(0.5, 10))
     bending_stiffness: Number = quantity(
-        100.0,
-        title="Bending stiffness",
-        symbol="EI",
-        unit="N·m²",
-        low=1e-3,
-        high=1e12,
-        slider=(1, 1000),
-        logarithmic=True,
+        100.0, "Bending stiffness", "EI", "N·m²", low=1e-3, high=1e12, slider=(1, 1000), logarithmic=True
     )
-    thickness: Number = quantity(0.005, title="Thickness", symbol="t_b", unit="m", low=1e-5, high=1)
+    thickness: Number = quantity(0.005, "Thickness", "t_b", "m", low=1e-5, high=1)
     """Across the beam in the plane of bending; it scales the strain of the gauges on its surface."""
-    element_count: Count = quantity(
-        2, title="Elements", symbol="n", unit="1", low=1, high=64, slider=(1, 64), live="projected"
-    )
-    boundary: Boundary = quantity("pinned-pinned", title="Boundary", live="projected")
-    damping: Damping = quantity(NodalDamping(), title="Damping")
-    axial_load: AxialLoad = quantity("none", title="Force along the beam")
+    element_count: Count = quantity(2, "Elements", "n", "1", low=1, high=64, slider=(1, 64), live="projected")
+    boundary: Boundary = quantity("pinned-pinned", "Boundary", live="projected")
+    damping: Damping = quantity(NodalDamping(), "Damping")
+    axial_load: AxialLoad = quantity("none", "Force along the beam")
     """Effect of the axial force on the beam: "none", as in the paper, or "first-order" (`physics.axial_load`)."""
     mass_change: MassChange = MassChange()
-    mode_count: Count | None = quantity(
-        None, title="Modes kept (null: all)", symbol="n_m", unit="1", low=1, high=130, live="projected"
-    )
+    mode_count: Count | None = quantity(None, "Modes kept (null: all)", "n_m", "1", low=1, high=130, live="projected")
 
     @property
     def coordinate_count(self) -> int:

@@ -59,32 +59,22 @@ MOST_FIELDS = 1000
 class Initial(Part):
     """Where a run starts. null: on the trajectory (pose, pose rate) or undeformed (beam)."""
 
-    pose: Triple | None = quantity(
-        None, title="Start pose", symbol="x(0)", unit="m, m, rad", low=-20, high=20, live="restart"
-    )
+    pose: Triple | None = quantity(None, "Start pose", "x(0)", "m, m, rad", low=-20, high=20, live="restart")
     pose_rate: Triple | None = quantity(
-        (0.0, 0.0, 0.0),
-        title="Start pose rate",
-        symbol="ẋ(0)",
-        unit="m/s, m/s, rad/s",
-        low=-100,
-        high=100,
-        live="restart",
+        (0.0, 0.0, 0.0), "Start pose rate", "ẋ(0)", "m/s, m/s, rad/s", low=-100, high=100, live="restart"
     )
     beam_coordinates: Numbers | None = quantity(
-        None, title="Start beam coordinates", symbol="q(0)", unit="m, rad", low=-10, high=10, live="restart"
+        None, "Start beam coordinates", "q(0)", "m, rad", low=-10, high=10, live="restart"
     )
 
 
 class Simulation(Part):
     """How the equations are integrated."""
 
-    step: Number | None = quantity(
-        None, title="Longest step (null: chosen)", symbol="Δt", unit="s", low=SMALLEST_STEP, high=0.1
-    )
-    integrator: Literal["auto", "rk4", "etdrk4", "generalized-alpha"] = quantity("auto", title="Integrator")
+    step: Number | None = quantity(None, "Longest step (null: chosen)", "Δt", "s", low=SMALLEST_STEP, high=0.1)
+    integrator: Literal["auto", "rk4", "etdrk4", "generalized-alpha"] = quantity("auto", "Integrator")
     accuracy: Number = quantity(
-        1e-10, title="Pose accuracy that an automatic step aims at", unit="m", low=1e-14, high=1e-4, logarithmic=True
+        1e-10, "Pose accuracy that an automatic step aims at", unit="m", low=1e-14, high=1e-4, logarithmic=True
     )
 
 
@@ -101,7 +91,7 @@ class Scenario(Part):
     trajectory: AnyPath = SineTrajectory()  # pyright: ignore[reportCallIssue]
     controller: AnyLaw = AdaptiveSlidingMode()
     initial: Initial = Initial()
-    gravity: Number = quantity(0.0, title="Gravity along −y", symbol="g", unit="m/s²", low=-50, high=50, slider=(0, 20))
+    gravity: Number = quantity(0.0, "Gravity along −y", "g", "m/s²", low=-50, high=50, slider=(0, 20))
     simulation: Simulation = Simulation()
 
     @property

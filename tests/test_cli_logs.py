@@ -199,6 +199,16 @@ def test_what_happens_to_a_run_while_the_question_waits_counts(logs: Path, meanw
     assert (asking.returncode, "is marked to be kept" in complained) == ((2, True) if soft.exists() else (0, False))
 
 
+@pytest.mark.parametrize("words", [("--note", "x"), ("--keep",), ("--delete", "--yes")])
+def test_a_file_that_is_no_recording_is_neither_noted_nor_deleted(flexlab_command: Command, tmp_path: Path, words):
+    """A note on mine.json was written into it, and --delete removed any file."""
+    mine = tmp_path / "mine.json"
+    mine.write_text("{}")
+    said = refused(flexlab_command("logs", "mine.json", *words, "--logs", "."))
+    assert "mine.json does not end in .rrd" in said
+    assert mine.read_text() == "{}"
+
+
 def test_a_note_leaves_a_mark_that_was_set_since_the_run_was_listed(logs: Path):
     row = read_row(run_of(logs, "soft-beam"))
     annotate_run(row, kept=True)

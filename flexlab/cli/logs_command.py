@@ -13,7 +13,7 @@ from flexlab.cli.options import LOGS, Logs, Runs, option
 from flexlab.cli.warmup import loading
 from flexlab.errors import FlexlabError, StudyError
 from flexlab.recording.store import run_index
-from flexlab.recording.store.run_files import check_readable, find_run, removable_runs
+from flexlab.recording.store.run_files import SUFFIX, check_readable, find_run, removable_runs
 from flexlab.recording.store.run_index import RunRow, duration_text, read_row, size_text, state_word
 from flexlab.text import counted
 
@@ -64,6 +64,11 @@ def command(
         _delete(_over_limits(logs, max_size, max_age), yes, "No run is over the limits, apart from kept ones.")
         return
     chosen = [read_row(path) for path in dict.fromkeys(find_run(run, logs) for run in runs)]
+    for row in chosen if edits or delete else ():
+        if row.path.suffix != SUFFIX:  # Its notes could be another file of yours.
+            raise StudyError(
+                f"{row.path} does not end in {SUFFIX}: notes, tags, marks and --delete are for recordings."
+            )
     if edits:
         for row in chosen:
             run_index.annotate_run(row, note, tags, True if keep else False if unkeep else None)

@@ -1,11 +1,19 @@
-"""Notes on recordings: changes made at the same time are all kept."""
+"""Notes on recordings: changes made at the same time are all kept, and other files stay as they are."""
 
+import shutil
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import pytest
+
+from flexlab.errors import RecordingError
+from flexlab.recording.headless import write_run
 from flexlab.recording.store.notes import read_notes, write_notes
+from flexlab.recording.store.run_files import remove_run
+from flexlab.recording.store.run_index import annotate_run, read_row
+from flexlab.sim.samples import Run
 
 ELSEWHERE = """
 import sys
@@ -30,3 +38,17 @@ def test_changes_by_many_threads_and_processes_at_once_are_all_kept(tmp_path: Pa
     wanted = {"owner", *(f"thread-{k}" for k in range(200)), *(f"process-{p}-{k}" for p in (0, 1) for k in range(60))}
     assert set(read_notes(run)) == wanted
     assert [path.name for path in tmp_path.iterdir()] == ["run.json"]
+
+
+@pytest.mark.parametrize("text", ['{"title": "Mine", "gravity": 1.0}', "[1, 2]"])
+def test_another_file_in_the_place_of_the_notes_stays_as_it_is(run: Run, text: str, tmp_path: Path) -> None:
+    """A scenario mine.json was changed into notes by saving a run as mine.rrd, and deleted with that run."""
+    mine, recording = tmp_path / "mine.json", tmp_path / "mine.rrd"
+    mine.write_text(text)
+    with pytest.raises(RecordingError, match=r"mine\.json beside it holds something else\): give another name"):
+        write_run(run, recording, "paper")
+    shutil.copy(write_run(run, tmp_path / "logs", "paper"), recording)
+    with pytest.raises(RecordingError, match=r"cannot be written \(mine\.json beside it holds something else"):
+        annotate_run(read_row(recording), note="a note")
+    remove_run(recording)
+    assert (mine.read_text(), recording.exists()) == (text, False)

@@ -1,10 +1,11 @@
 """`<run>.json` beside `<run>.rrd`: metrics and changes, how the run ended, a person's note, and the state of the file."""
 
 import contextlib
+import errno
 import json
 import os
 import threading
-from collections.abc import Generator
+from collections.abc import Generator, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,19 @@ SAME_TIME = 2.0
 """Largest difference between two times of one file, s: disks and archives round them."""
 OF_PEOPLE = ("note", "tags", "keep", "owner", "visitor")
 """Notes that stay when another file takes a recording's name."""
+OF_RUNS = (
+    "ended",
+    "preset",
+    "status",
+    "metrics",
+    "changes",
+    "rows",
+    "recovered",
+    "damaged_size",
+    "imported",
+    "lessons",
+)
+"""Other notes, of which every file of notes that flexlab began has one at least, unless it has those `OF_PEOPLE`."""
 
 
 def notes_path(path: Path) -> Path:
@@ -52,8 +66,19 @@ def _is_another(path: Path, notes: dict[str, Any]) -> bool:
         return False
 
 
+def check_notes(path: Path, changes: Iterable[str] = ()) -> None:
+    """Raise FileExistsError if the notes' file is JSON without any of these or usual notes, as a scenario of the same name."""
+    try:
+        found = read_json(notes_path(path), LARGEST_NOTES)
+    except (OSError, ValueError):
+        return
+    if found != {} and not (isinstance(found, dict) and found.keys() & {*OF_PEOPLE, *OF_RUNS, *changes}):
+        raise FileExistsError(errno.EEXIST, f"{notes_path(path).name} beside it holds something else")
+
+
 def write_notes(path: Path, **changes: Any) -> None:
-    """Change some of the notes beside a recording; others stay. Raises OSError."""
+    """Change some of the notes beside a recording; others stay. Raises OSError, as `check_notes` does."""
+    check_notes(path, changes)
     if "metrics" in changes:
         with contextlib.suppress(OSError):  # The recording was deleted meanwhile.
             measured = path.stat()

@@ -18,7 +18,7 @@ from typing import IO, Any, Literal
 from flexlab.errors import RecordingError
 from flexlab.files import HAS_LOCKS, begin_folder, is_regular, lock, writable
 from flexlab.recording.rerun_internals.rrd_file import FAMILY, check_path, has_footer
-from flexlab.recording.store.notes import notes_path, read_notes
+from flexlab.recording.store.notes import check_notes, notes_path, read_notes
 from flexlab.text import visible
 
 SUFFIX = ".rrd"
@@ -80,6 +80,8 @@ def _make_folder(folder: Path) -> None:
 def claim_named_file(path: Path) -> RunFile:
     """Create a file of this name. Raises `RecordingError`, also if the file exists."""
     _make_folder(path.parent)
+    with writable(path, "give another name, or a folder", RecordingError):
+        check_notes(path)
     with writable(path, NOT_RECORDED, RecordingError):
         try:
             return claim(path, "xb")
@@ -280,7 +282,9 @@ def remove_run(path: Path) -> None:
     try:
         path.unlink(missing_ok=True)
         if os.path.lexists(notes_path(path)):  # The name of the notes may be too long for any file.
-            notes_path(path).unlink(missing_ok=True)
+            with contextlib.suppress(FileExistsError):
+                check_notes(path)
+                notes_path(path).unlink(missing_ok=True)
     except OSError as error:
         raise RecordingError(
             f"{visible(path)} cannot be deleted ({error.strerror}): check the permissions of its folder."

@@ -136,6 +136,10 @@ def test_both_ends_of_the_payload_stay_in_the_picture(name: str, aspect: float) 
         (Window(1.19, 0.05, 0.09, 900), ["bases", "elbows"]),  # 1440 x 900, plots and guide folded.
         (Window(1.43, 0.36, 0.08, 1080), ["bases", "elbows"]),  # 1920 x 1080 with plots.
         (Window(0.91, 0.04, 0.07, 900), ["bases"]),  # 1440 x 900 beside the guide.
+        (
+            Window(1.78, 0.35, 0.0, 1080),
+            ["bases", "elbows"],
+        ),  # A presentation at 1920 x 1080, whose plot covers the upper part.
     ],
 )
 def test_the_first_view_shows_the_arms_where_the_payload_is_long_enough(
@@ -144,7 +148,10 @@ def test_the_first_view_shows_the_arms_where_the_payload_is_long_enough(
     scenario = load_preset(name)
     position, look_at = first_view(scenario, window)
     path, length, arms = scenario.trajectory, scenario.payload.length, scenario.arms
-    places = {"bases": [arm.base for arm in arms], "elbows": []}
+    bases = [
+        (x + aside, y + near) for x, y in (arm.base for arm in arms) for aside in (-0.1, 0.1) for near in (-0.1, 0.1)
+    ]
+    places: dict[str, list[tuple[float, float]]] = {"bases": bases, "elbows": []}
     for x, y, theta in poses(build_motion(path), np.linspace(*path.window, 100))[:, 0]:
         for side, arm in zip((-1, 1), arms, strict=False):
             reach = side * (length / 2 + arm.link_length[2])

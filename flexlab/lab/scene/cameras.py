@@ -172,8 +172,11 @@ def first_view(scenario: Scenario, window: Window) -> Shot:
     parts = [payload, bases, _elbows(scenario)]
     shots = [_fitted(np.concatenate(parts[:count]), window, TILT) for count in (3, 2, 1)]
 
+    middle = np.array([*scenario.trajectory.middle[:2], 0.0])
+
     def length(seen: Shot) -> float:
-        distance = float(np.linalg.norm(seen.look_at - seen.position))
+        sight = seen.look_at - seen.position
+        distance = float((middle - seen.position) @ sight / np.linalg.norm(sight))
         return scenario.payload.length / distance / (2 * np.tan(FIELD_OF_VIEW / 2)) * window.height
 
     for seen, least in zip(shots, (WITH_ARMS, WITH_BASES), strict=False):
@@ -226,18 +229,26 @@ def _corners(low: Sequence[float] | np.ndarray, high: Sequence[float] | np.ndarr
 
 
 def _fitted(points: np.ndarray, window: Window, tilt: float) -> Shot:
-    """The shot in which points (N, 3) m fill the free part, centred."""
-    center = np.array([*(0.5 * (points.min(axis=0) + points.max(axis=0)))[:2], 0.0])
-    half_angle = FILLED * np.tan(FIELD_OF_VIEW / 2)
-    free = max(1.0 - window.above - window.below, LEAST_FREE)
-    away = points - center
+    """The nearest shot in which the points (N, 3) m are in the free part of the picture, centred."""
     forward, up = np.array([0.0, np.sin(tilt), -np.cos(tilt)]), np.array([0.0, np.cos(tilt), np.sin(tilt)])
-    # A point is in the picture if its line of sight lies within the field of view.
-    wide = np.abs(away[:, 0]) / (half_angle * max(window.aspect, 0.1))
-    high = np.abs(away @ up) / (half_angle * free)
-    distance = float(np.max(np.maximum(wide, high) - away @ forward))
-    center[1] += (window.above - window.below) * np.tan(FIELD_OF_VIEW / 2) * distance / np.cos(tilt)
-    return _from(center, distance, tilt)
+    across, along, ahead = points[:, 0], points @ up, points @ forward
+    most = FILLED * np.tan(FIELD_OF_VIEW / 2)
+    kept = min((1.0 - LEAST_FREE) / max(window.above + window.below, 1e-9), 1.0)
+    side, top, bottom = (
+        most * max(window.aspect, 0.1),
+        most * (1 - 2 * kept * window.above),
+        -most * (1 - 2 * kept * window.below),
+    )
+    # A camera at (x, u, f) sees a point (across, along, ahead) between slopes b and t: b (ahead − f) ≤ along − u ≤ t (ahead − f).
+    places, fronts = [], []
+    for place, low, high in ((across, -side, side), (along, bottom, top)):
+        least, largest = float((place - high * ahead).max()), float((place - low * ahead).min())
+        fronts.append((largest - least) / (high - low))
+        places.append((least, largest, low, high))
+    front = min(fronts)
+    x, u = (0.5 * (least + largest + (low + high) * front) for least, largest, low, high in places)
+    position = np.array([x, 0.0, 0.0]) + u * up + front * forward
+    return Shot(position, position + position[2] / np.cos(tilt) * forward)
 
 
 def _near(place: np.ndarray, scenario: Scenario, window: Window, size: float) -> Shot:

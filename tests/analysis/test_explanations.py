@@ -340,6 +340,11 @@ HEAVIER_FORCE = {"controller.force_weight": (1e-3, 1e-3, 0.1)}
         ({**HELD, "controller.kind": "regressor-adaptive", "controller.feedback_gain": 20.0, "gravity": 9.81},
          "Lower adaptation gains or a larger K widen it",
          [{"controller.feedback_gain": 40.0}, {"controller.adaptation_gain_mass": 0.3, "controller.adaptation_gain_links": 1.0}]),
+        ({**HELD, "controller.kind": "composite", "controller.slow.kind": "computed-torque", "controller.control_period": 2e-3,
+          "controller.input_delay": 2, "controller.lateral_vibration_gain": 139.0, "payload.bending_stiffness": 11.9},
+         r" ms there. Lower gains widen it.",
+         [{"controller.lateral_vibration_gain": 80.0, "controller.slow.position_gain": 1500.0,
+           "controller.slow.velocity_gain": 60.0}]),
     ],
 )  # fmt: skip
 def test_what_is_said_to_widen_a_margin_widens_it(changes: dict, words: str, cures: list[dict]):

@@ -172,9 +172,10 @@ def _widened(seen: Evidence, frequency: float) -> str:
     # Below the rates of the feedback, the adaptation is too fast for it.
     if law.kind == "regressor-adaptive" and 2 * np.pi * frequency < (slope or 0.0):
         return "Lower adaptation gains or a larger K widen it."
-    if law.input_delay:
-        return "Lower gains or less delay widen it."
-    return "Lower gains or a shorter control period widen it." if law.control_period else "Lower gains widen it."
+    # Rates that come less late may feed the mode that they damped.
+    if law.control_period is None or hasattr(law, "lateral_vibration_gain"):
+        return "Lower gains widen it."
+    return "Lower gains or less delay widen it." if law.input_delay else "Lower gains or a shorter control period widen it."
 
 
 @register("α = 1/max ρ((S − T)/2), the disk margin of all motors alike", "Tracking error", 18)

@@ -77,8 +77,9 @@ def _by_what(seen: Evidence, number: int, mode: Ring) -> str:
             return f"{held}, so the law and the joints' friction damp it" if rubs else f"{held}, so the law damps it"
         return f"{held}, so the joints' friction damps it" if rubs else held
     damps = hasattr(seen.scenario.controller, "lateral_vibration_gain")
-    fed = 4 * lateness(seen.background) * mode.frequency >= 1  # by rates that come a quarter of a period late
-    return held if damps or fed else f"{held}. Active damping ends it sooner"
+    # Rates that come a sixth of a period late damp half as much, and those that come a quarter late feed the mode.
+    late = 6 * lateness(seen.background) * mode.frequency >= 1
+    return held if damps or late else f"{held}. Active damping ends it sooner"
 
 
 LEAST_JUMP = 0.1

@@ -175,7 +175,8 @@ def _widened(seen: Evidence, frequency: float) -> str:
     # Rates that come less late may feed the mode that they damped.
     if law.control_period is None or hasattr(law, "lateral_vibration_gain"):
         return "Lower gains widen it."
-    return "Lower gains or less delay widen it." if law.input_delay else "Lower gains or a shorter control period widen it."
+    sooner = "Lower gains or a shorter control period widen it."
+    return "Lower gains or less delay widen it." if law.input_delay else sooner
 
 
 @register("α = 1/max ρ((S − T)/2), the disk margin of all motors alike", "Tracking error", 18)

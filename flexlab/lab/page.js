@@ -47,7 +47,7 @@
   const LOOK = 100; // ms between two checks, even in a hidden page
   const LIVELY = 1000; // ms after an event in which each check measures positions; also the period of measurements after that
   const english = (part) => window.flexlabEnglish?.(part) ?? part.textContent; // the English text in any shown language
-  const BARS = "#server-bar, div:has(> .fl-scrub) + div:has(.mantine-Slider-root)"; // links, and the bar that looks back
+  const BARS = ["#server-bar", "div:has(> .fl-scrub) + div:has(.mantine-Slider-root)"]; // links, and the bar that looks back
   const SHEET = 'div[style*="position: fixed"][style*="width: 20em"]'; // the panel of a page in one column
   // viser lays out a page in one column below 36em, but up to 60em there is no room for the scene beside a panel.
   const match = window.matchMedia.bind(window);
@@ -146,18 +146,30 @@
     return open;
   }
 
-  // The fractions of the picture's height that panels cover, at the top and at the bottom; `bars`: a selector of smaller parts.
-  function covered(bars = ":not(*)") {
+  // The fractions of the picture's height that panels cover, at the top and at the bottom; and these with the bars, as far as they
+  // leave two thirds of the rest: on a phone held across, one of them does not count.
+  function covered() {
     const picture = window.__viserMutable?.canvas?.getBoundingClientRect();
-    if (!picture?.height) return [0, 0];
-    let above = 0, below = 0;
-    for (const part of document.querySelectorAll(`[data-floating-window], ${SHEET}, ${bars}`)) {
-      const box = part.getBoundingClientRect();
-      if (!box.height || (box.width < picture.width / 2 && !part.matches(bars))) continue;
-      if (box.top - picture.top < picture.bottom - box.bottom) above = Math.max(above, box.bottom - picture.top);
-      else below = Math.max(below, picture.bottom - box.top);
+    if (!picture?.height) return [[0, 0], [0, 0]];
+    let top = picture.top, bottom = picture.bottom;
+    function leaveOut(parts, least) {
+      const middle = (top + bottom) / 2;
+      for (const part of document.querySelectorAll(parts)) {
+        const box = part.getBoundingClientRect();
+        if (!box.height || box.width < least) continue;
+        if (box.top + box.bottom < 2 * middle) top = Math.max(top, box.bottom);
+        else bottom = Math.min(bottom, box.top);
+      }
+      return [share((top - picture.top) / picture.height), share((picture.bottom - bottom) / picture.height)];
     }
-    return [share(above / picture.height), share(below / picture.height)];
+    const panels = leaveOut(`[data-floating-window], ${SHEET}`, picture.width / 2), free = bottom - top;
+    let all = panels;
+    for (const bar of BARS) {
+      const before = [top, bottom], now = leaveOut(bar, 0);
+      if (3 * (bottom - top) > 2 * free) all = now;
+      else [top, bottom] = before;
+    }
+    return [panels, all];
   }
 
   // Each browser remembers which panels were open.
@@ -247,8 +259,7 @@
     if (now > lively && now - measured < LIVELY) return;
     measured = now;
     if (lively === Infinity && isComplete()) lively = now + LIVELY;
-    hidden = covered();
-    taken = covered(BARS);
+    [hidden, taken] = covered();
     measurePicture();
     charts = openCharts();
     keepOpenPanels();

@@ -332,6 +332,10 @@ SHEET = """() => document.querySelector('div[style*="position: fixed"][style*="w
 """Height of the sheet of a page in one column, px."""
 
 
+ABOVE_THE_BAR = f"""() => Math.max(...({BEAM})({SIDES}).map(([, y]) => y))
+  < document.querySelector('div:has(> .fl-scrub) + div:has(.mantine-Slider-root)').getBoundingClientRect().top"""
+
+
 def test_a_phone_held_across_shows_controls_and_keys_with_a_minus_sign(
     chromium: Browser, shared_session: Session, few_pictures: None
 ) -> None:
@@ -340,6 +344,10 @@ def test_a_phone_held_across_shows_controls_and_keys_with_a_minus_sign(
         window.add_init_script("Object.defineProperty(navigator, 'platform', { get: () => 'iPhone' })")
         page = opened(window.new_page(), address(shared_session))
         assert 0.45 < page.evaluate(SHEET) / 390 < 0.55
+        seen = "the beam, clear of the bar that looks back"
+        wait_until(
+            lambda: page.evaluate(ON_THE_SCENE, page.evaluate(BEAM, SIDES)) and page.evaluate(ABOVE_THE_BAR), seen
+        )
         box = page.get_by_label("Bending stiffness EI (N·m²)", exact=True).first
         box.tap()
         assert box.get_attribute("inputmode") == "text"

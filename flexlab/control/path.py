@@ -34,11 +34,11 @@ TRANSITION_TIME = 0.5
 class Transition(Part):
     """The difference from the old path when it was changed in motion; it fades, so that the target does not jump."""
 
-    time: Number = quantity(title="When", unit="s", low=0, high=1e9)
-    duration: Number = quantity(TRANSITION_TIME, title="Fades within", unit="s", low=1e-3, high=100)
-    pose: Triple = quantity(title="Left over", unit="m, m, rad", low=-1e3, high=1e3)
-    rate: Triple = quantity(title="Rate left over", unit="m/s, m/s, rad/s", low=-1e6, high=1e6)
-    acceleration: Triple = quantity(title="Acceleration left over", unit="m/s², m/s², rad/s²", low=-1e9, high=1e9)
+    time: Number = quantity(..., "When", unit="s", low=0, high=1e9)
+    duration: Number = quantity(TRANSITION_TIME, "Fades within", unit="s", low=1e-3, high=100)
+    pose: Triple = quantity(..., "Left over", unit="m, m, rad", low=-1e3, high=1e3)
+    rate: Triple = quantity(..., "Rate left over", unit="m/s, m/s, rad/s", low=-1e6, high=1e6)
+    acceleration: Triple = quantity(..., "Acceleration left over", unit="m/s², m/s², rad/s²", low=-1e9, high=1e9)
 
 
 class Trajectory(Part):
@@ -47,20 +47,16 @@ class Trajectory(Part):
     if TYPE_CHECKING:
         kind: Any  # Each path's own name, a Literal.
 
-    smooth_start: Number = quantity(
-        0.0, title="Smooth start within", symbol="T_r", unit="s", low=0, high=60, slider=(0, 2)
-    )
+    smooth_start: Number = quantity(0.0, "Smooth start within", "T_r", "s", low=0, high=60, slider=(0, 2))
     """The path is entered at a speed that grows from 0 to 1 times its own over this time."""
-    shaper: Shaper = quantity("none", title="Input shaper")
+    shaper: Shaper = quantity("none", "Input shaper")
     shaper_frequency: Number | None = quantity(
-        None, title="Shaped mode (null: the closed loop's first)", symbol="f_s", unit="Hz", low=1e-2, high=1e5
+        None, "Shaped mode (null: the closed loop's first)", "f_s", "Hz", low=1e-2, high=1e5
     )
     shaper_damping: Number | None = quantity(
-        None, title="Its damping ratio (null: the closed loop's)", symbol="ζ_s", unit="1", low=0, high=0.9
+        None, "Its damping ratio (null: the closed loop's)", "ζ_s", "1", low=0, high=0.9
     )
-    bending_feedforward: Number = quantity(
-        0.0, title="Feed-forward of the bending", unit="1", low=0, high=2, slider=(0, 1)
-    )
+    bending_feedforward: Number = quantity(0.0, "Feed-forward of the bending", unit="1", low=0, high=2, slider=(0, 1))
     """Share of the force of the beam's quasi-static bending that every law adds to its inputs."""
     transition: Transition | None = Field(
         None,

@@ -17,14 +17,10 @@ class StraightLine(Trajectory):
 
     # Python has no attribute "from", but it is the right name in a scenario.
     __annotations__["from"] = Triple
-    locals()["from"] = quantity(
-        (0.0, 0.65, 0.0), title="From (x, y, θ)", symbol="x_0", unit=POSE_UNIT, low=-20, high=20
-    )
-    to: Triple = quantity(
-        (0.0, 0.85, 0.0), title="To (x, y, θ)", symbol="x_1", unit=POSE_UNIT, low=-20, high=20, slider=(-1, 1.5)
-    )
-    start: Number = quantity(0.0, title="Begins at", symbol="t_0", unit="s", low=0, high=1e6)
-    duration: Number = quantity(0.5, title="Duration", symbol="T_m", unit="s", low=0.01, high=1e3, slider=(0.1, 3))
+    locals()["from"] = quantity((0.0, 0.65, 0.0), "From (x, y, θ)", "x_0", POSE_UNIT, low=-20, high=20)
+    to: Triple = quantity((0.0, 0.85, 0.0), "To (x, y, θ)", "x_1", POSE_UNIT, low=-20, high=20, slider=(-1, 1.5))
+    start: Number = quantity(0.0, "Begins at", "t_0", "s", low=0, high=1e6)
+    duration: Number = quantity(0.5, "Duration", "T_m", "s", low=0.01, high=1e3, slider=(0.1, 3))
 
     @property
     def span(self) -> float:

@@ -28,27 +28,17 @@ class AdaptiveSlidingMode(Controller):
 
     kind: Literal["adaptive-sliding-mode"] = "adaptive-sliding-mode"
     feedback_gain: OneOrThree = quantity(
-        200.0, title="Feedback gain", symbol="K", unit="N·s/m, N·m·s/rad", low=0, high=1e6, slider=(0, 1000)
+        200.0, "Feedback gain", "K", "N·s/m, N·m·s/rad", low=0, high=1e6, slider=(0, 1000)
     )
-    sliding_slope: OneOrThree = quantity(
-        50.0, title="Sliding slope", symbol="Λ", unit="1/s", low=0, high=1e4, slider=(1, 200)
-    )
+    sliding_slope: OneOrThree = quantity(50.0, "Sliding slope", "Λ", "1/s", low=0, high=1e4, slider=(1, 200))
     boundary_layer: Number = quantity(
-        0.1, title="Boundary layer", symbol="ε", unit="m/s", low=1e-9, high=1e3, slider=(0.001, 1), logarithmic=True
+        0.1, "Boundary layer", "ε", "m/s", low=1e-9, high=1e3, slider=(0.001, 1), logarithmic=True
     )
     adaptation: Triple = quantity(
-        (10.0, 10.0, 10.0),
-        title="Adaptation (k0, k1, k2)",
-        symbol="k",
-        unit="m/N, m³/N, m⁵/(N·s⁴)",
-        low=1e-6,
-        high=1e12,
-        slider=(0.1, 1000),
-        logarithmic=True,
-    )
-    leakage: Number = quantity(
-        0.0, title="Leakage of the bound estimates", symbol="σ", unit="1/s", low=0, high=1e4, slider=(0, 5)
-    )
+        (10.0, 10.0, 10.0), "Adaptation (k0, k1, k2)", "k", "m/N, m³/N, m⁵/(N·s⁴)", low=1e-6, high=1e12,
+        slider=(0.1, 1000), logarithmic=True,
+    )  # fmt: skip
+    leakage: Number = quantity(0.0, "Leakage of the bound estimates", "σ", "1/s", low=0, high=1e4, slider=(0, 5))
 
 
 @inlined

@@ -78,14 +78,14 @@ class Composite(Controller):
     """Any law for the slow motion, and active damping of the beam: a_lat = k_v v̂, α = k_θ ω̂, measured or estimated."""
 
     kind: Literal["composite"] = "composite"
-    slow: AnySlow = quantity(_slow_parts[AdaptiveSlidingMode](), title="Slow part")
+    slow: AnySlow = quantity(_slow_parts[AdaptiveSlidingMode](), "Slow part")
     lateral_vibration_gain: Number = quantity(
-        100.0, title="Lateral vibration gain", symbol="k_v", unit="1/(kg·s)", low=0, high=1e5, slider=(0, 300)
+        100.0, "Lateral vibration gain", "k_v", "1/(kg·s)", low=0, high=1e5, slider=(0, 300)
     )
     angular_vibration_gain: Number = quantity(
-        0.0, title="Angular vibration gain", symbol="k_θ", unit="1/(kg·m²·s)", low=0, high=1e6, slider=(0, 3000)
+        0.0, "Angular vibration gain", "k_θ", "1/(kg·m²·s)", low=0, high=1e6, slider=(0, 3000)
     )
-    observer: AnyObserver = quantity(MeasuredRates(), title="Observer")
+    observer: AnyObserver = quantity(MeasuredRates(), "Observer")
 
     @model_validator(mode="before")
     @classmethod

@@ -15,12 +15,8 @@ class ComputedTorque(Controller):
     """Inverse dynamics of the rigid system with pose feedback: ẍ → ẍ_d - K_d ė - K_p e."""
 
     kind: Literal["computed-torque"] = "computed-torque"
-    position_gain: OneOrThree = quantity(
-        2500.0, title="Position gain", symbol="K_p", unit="1/s²", low=0, high=1e7, slider=(0, 10000)
-    )
-    velocity_gain: OneOrThree = quantity(
-        100.0, title="Velocity gain", symbol="K_d", unit="1/s", low=0, high=1e5, slider=(0, 500)
-    )
+    position_gain: OneOrThree = quantity(2500.0, "Position gain", "K_p", "1/s²", low=0, high=1e7, slider=(0, 10000))
+    velocity_gain: OneOrThree = quantity(100.0, "Velocity gain", "K_d", "1/s", low=0, high=1e5, slider=(0, 500))
 
 
 @pluggable

@@ -33,14 +33,10 @@ class DisturbanceObserver(Controller):
 
     kind: Literal["disturbance-observer"] = "disturbance-observer"
     feedback_gain: OneOrThree = quantity(
-        200.0, title="Feedback gain", symbol="K", unit="N·s/m, N·m·s/rad", low=0, high=1e6, slider=(0, 1000)
+        200.0, "Feedback gain", "K", "N·s/m, N·m·s/rad", low=0, high=1e6, slider=(0, 1000)
     )
-    sliding_slope: OneOrThree = quantity(
-        50.0, title="Sliding slope", symbol="Λ", unit="1/s", low=0, high=1e4, slider=(1, 200)
-    )
-    observer_gain: Number = quantity(
-        20.0, title="Observer gain", symbol="ℓ", unit="1/s", low=0, high=1e4, slider=(0, 200)
-    )
+    sliding_slope: OneOrThree = quantity(50.0, "Sliding slope", "Λ", "1/s", low=0, high=1e4, slider=(1, 200))
+    observer_gain: Number = quantity(20.0, "Observer gain", "ℓ", "1/s", low=0, high=1e4, slider=(0, 200))
 
 
 @inlined

@@ -30,22 +30,10 @@ class JointProportionalDerivative(Controller):
 
     kind: Literal["joint-pd"] = "joint-pd"
     position_gain: Triple = quantity(
-        (20000.0, 20000.0, 4000.0),
-        title="Position gain (θ1, θ2, θ3)",
-        symbol="P",
-        unit="N·m/rad",
-        low=0,
-        high=1e8,
-        slider=(0, 100000),
+        (20000.0, 20000.0, 4000.0), "Position gain (θ1, θ2, θ3)", "P", "N·m/rad", low=0, high=1e8, slider=(0, 100000)
     )
     velocity_gain: Triple = quantity(
-        (600.0, 600.0, 120.0),
-        title="Velocity gain (θ1, θ2, θ3)",
-        symbol="D",
-        unit="N·m·s/rad",
-        low=0,
-        high=1e6,
-        slider=(0, 3000),
+        (600.0, 600.0, 120.0), "Velocity gain (θ1, θ2, θ3)", "D", "N·m·s/rad", low=0, high=1e6, slider=(0, 3000)
     )
 
 

@@ -47,30 +47,18 @@ class LinearQuadratic(Controller):
 
     kind: Literal["lqr"] = "lqr"
     pose_weight: Triple = quantity(
-        (1e6, 1e6, 2.5e5),
-        title="Weight of the pose's error",
-        symbol="q_x",
-        unit="1/m², 1/m², 1/rad²",
-        low=1e-6,
-        high=1e12,
+        (1e6, 1e6, 2.5e5), "Weight of the pose's error", "q_x", "1/m², 1/m², 1/rad²", low=1e-6, high=1e12
     )
     pose_rate_weight: Triple = quantity(
-        (100.0, 100.0, 25.0), title="Weight of its rate", symbol="q_v", unit="s²/m², s²/m², s²/rad²", low=0, high=1e12
+        (100.0, 100.0, 25.0), "Weight of its rate", "q_v", "s²/m², s²/m², s²/rad²", low=0, high=1e12
     )
     vibration_weight: Number = quantity(
-        1e3,
-        title="Weight of the beam's energy",
-        symbol="q_b",
-        unit="1/J",
-        low=0,
-        high=1e9,
-        slider=(1, 1e5),
-        logarithmic=True,
+        1e3, "Weight of the beam's energy", "q_b", "1/J", low=0, high=1e9, slider=(1, 1e5), logarithmic=True
     )
     force_weight: Triple = quantity(
-        (1e-4, 1e-4, 1e-2), title="Weight of the force", symbol="r", unit="1/N², 1/N², 1/(N·m)²", low=1e-12, high=1e6
+        (1e-4, 1e-4, 1e-2), "Weight of the force", "r", "1/N², 1/N², 1/(N·m)²", low=1e-12, high=1e6
     )
-    observer: KalmanObserver = quantity(KalmanObserver(), title="Observer")
+    observer: KalmanObserver = quantity(KalmanObserver(), "Observer")
 
     @model_validator(mode="after")
     def _has_instants(self) -> "LinearQuadratic":

@@ -17,10 +17,10 @@ class ProportionalDerivative(Controller):
 
     kind: Literal["pd"] = "pd"
     position_gain: OneOrThree = quantity(
-        20000.0, title="Position gain", symbol="P", unit="N/m, N·m/rad", low=0, high=1e8, slider=(0, 100000)
+        20000.0, "Position gain", "P", "N/m, N·m/rad", low=0, high=1e8, slider=(0, 100000)
     )
     velocity_gain: OneOrThree = quantity(
-        800.0, title="Velocity gain", symbol="D", unit="N·s/m, N·m·s/rad", low=0, high=1e6, slider=(0, 5000)
+        800.0, "Velocity gain", "D", "N·s/m, N·m·s/rad", low=0, high=1e6, slider=(0, 5000)
     )
 
 

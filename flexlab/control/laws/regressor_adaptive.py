@@ -37,40 +37,20 @@ class RegressorAdaptive(Controller):
 
     kind: Literal["regressor-adaptive"] = "regressor-adaptive"
     feedback_gain: OneOrThree = quantity(
-        200.0, title="Feedback gain", symbol="K", unit="N·s/m, N·m·s/rad", low=0, high=1e6, slider=(0, 1000)
+        200.0, "Feedback gain", "K", "N·s/m, N·m·s/rad", low=0, high=1e6, slider=(0, 1000)
     )
-    sliding_slope: OneOrThree = quantity(
-        50.0, title="Sliding slope", symbol="Λ", unit="1/s", low=0, high=1e4, slider=(1, 200)
-    )
+    sliding_slope: OneOrThree = quantity(50.0, "Sliding slope", "Λ", "1/s", low=0, high=1e4, slider=(1, 200))
     adaptation_gain_mass: Number = quantity(
-        1.0,
-        title="Adaptation gain of the payload's mass",
-        symbol="Γ_m",
-        unit="kg·s²/m²",
-        low=0,
-        high=1e6,
-        slider=(0, 10),
+        1.0, "Adaptation gain of the payload's mass", "Γ_m", "kg·s²/m²", low=0, high=1e6, slider=(0, 10)
     )
     adaptation_gain_inertia: Number = quantity(
-        0.01,
-        title="Adaptation gain of the payload's inertia",
-        symbol="Γ_I",
-        unit="kg·m²·s²",
-        low=0,
-        high=1e6,
-        slider=(0, 0.1),
+        0.01, "Adaptation gain of the payload's inertia", "Γ_I", "kg·m²·s²", low=0, high=1e6, slider=(0, 0.1)
     )
     adaptation_gain_links: Number = quantity(
-        5.0,
-        title="Adaptation gain of the links' masses",
-        symbol="Γ_l",
-        unit="kg·s²/m²",
-        low=0,
-        high=1e6,
-        slider=(0, 50),
+        5.0, "Adaptation gain of the links' masses", "Γ_l", "kg·s²/m²", low=0, high=1e6, slider=(0, 50)
     )
     initial_estimate_factor: Number = quantity(
-        0.8, title="Estimates over truth at the law's start", symbol="â(0)/a", unit="1", low=0, high=100, slider=(0, 2)
+        0.8, "Estimates over truth at the law's start", "â(0)/a", "1", low=0, high=100, slider=(0, 2)
     )
 
 

@@ -25,15 +25,13 @@ class SlidingMode(Controller):
 
     kind: Literal["sliding-mode"] = "sliding-mode"
     feedback_gain: OneOrThree = quantity(
-        200.0, title="Feedback gain", symbol="K", unit="N·s/m, N·m·s/rad", low=0, high=1e6, slider=(0, 1000)
+        200.0, "Feedback gain", "K", "N·s/m, N·m·s/rad", low=0, high=1e6, slider=(0, 1000)
     )
-    sliding_slope: OneOrThree = quantity(
-        50.0, title="Sliding slope", symbol="Λ", unit="1/s", low=0, high=1e4, slider=(1, 200)
-    )
+    sliding_slope: OneOrThree = quantity(50.0, "Sliding slope", "Λ", "1/s", low=0, high=1e4, slider=(1, 200))
     boundary_layer: Number = quantity(
-        0.1, title="Boundary layer", symbol="ε", unit="m/s", low=1e-9, high=1e3, slider=(0.001, 1), logarithmic=True
+        0.1, "Boundary layer", "ε", "m/s", low=1e-9, high=1e3, slider=(0.001, 1), logarithmic=True
     )
-    bound: Number = quantity(30.0, title="Constant bound", symbol="ρ̂", unit="N", low=0, high=1e6, slider=(0, 200))
+    bound: Number = quantity(30.0, "Constant bound", "ρ̂", "N", low=0, high=1e6, slider=(0, 200))
 
 
 @pluggable

@@ -32,16 +32,12 @@ class SuperTwisting(Controller):
 
     kind: Literal["super-twisting"] = "super-twisting"
     proportional_gain: OneOrThree = quantity(
-        120.0, title="Root gain", symbol="k1", unit="N·√(s/m), N·m·√(s/rad)", low=0, high=1e6, slider=(0, 500)
+        120.0, "Root gain", "k1", "N·√(s/m), N·m·√(s/rad)", low=0, high=1e6, slider=(0, 500)
     )
-    integral_gain: OneOrThree = quantity(
-        200.0, title="Switching gain", symbol="k2", unit="N/s, N·m/s", low=0, high=1e7, slider=(0, 2000)
-    )
-    sliding_slope: OneOrThree = quantity(
-        50.0, title="Sliding slope", symbol="Λ", unit="1/s", low=0, high=1e4, slider=(1, 200)
-    )
+    integral_gain: OneOrThree = quantity(200.0, "Switching gain", "k2", "N/s, N·m/s", low=0, high=1e7, slider=(0, 2000))
+    sliding_slope: OneOrThree = quantity(50.0, "Sliding slope", "Λ", "1/s", low=0, high=1e4, slider=(1, 200))
     boundary_layer: Number = quantity(
-        0.1, title="Boundary layer", symbol="ε", unit="m/s", low=1e-9, high=1e3, slider=(0.001, 1), logarithmic=True
+        0.1, "Boundary layer", "ε", "m/s", low=1e-9, high=1e3, slider=(0.001, 1), logarithmic=True
     )
 
 

@@ -19,10 +19,10 @@ class VibrationDamping(AdaptiveSlidingMode):
 
     kind: Literal["vibration-damping"] = "vibration-damping"
     lateral_vibration_gain: Number = quantity(
-        100.0, title="Lateral vibration gain", symbol="k_v", unit="1/(kg·s)", low=0, high=1e5, slider=(0, 300)
+        100.0, "Lateral vibration gain", "k_v", "1/(kg·s)", low=0, high=1e5, slider=(0, 300)
     )
     angular_vibration_gain: Number = quantity(
-        0.0, title="Angular vibration gain", symbol="k_θ", unit="1/(kg·m²·s)", low=0, high=1e6, slider=(0, 3000)
+        0.0, "Angular vibration gain", "k_θ", "1/(kg·m²·s)", low=0, high=1e6, slider=(0, 3000)
     )
 
 

@@ -51,18 +51,14 @@ class KalmanObserver(Part):
     """A Kalman filter on pose and the lowest modes, with strain gauges; it predicts to the time at which its torque acts."""
 
     kind: Literal["kalman"] = "kalman"
-    observer_modes: Count = quantity(
-        3, title="Modes observed", symbol="n_o", unit="1", low=1, high=MOST_MODES, slider=(1, MOST_MODES)
-    )
-    gauges: Numbers = quantity(USUAL_GAUGES, title="Strain gauges at", symbol="s_j/L", unit="1", low=-0.5, high=0.5)
+    observer_modes: Count = quantity(3, "Modes observed", "n_o", "1", low=1, high=MOST_MODES, slider=(1, MOST_MODES))
+    gauges: Numbers = quantity(USUAL_GAUGES, "Strain gauges at", "s_j/L", "1", low=-0.5, high=0.5)
     unknown_force: Triple = quantity(
-        (20.0, 20.0, 2.0), title="Unknown force on the pose", symbol="σ_F", unit="N, N, N·m", low=1e-6, high=1e6
+        (20.0, 20.0, 2.0), "Unknown force on the pose", "σ_F", "N, N, N·m", low=1e-6, high=1e6
     )
-    unknown_modal_force: Number = quantity(
-        0.1, title="Unknown modal force", symbol="σ_η", unit="N/kg^½", low=1e-9, high=1e6
-    )
+    unknown_modal_force: Number = quantity(0.1, "Unknown modal force", "σ_η", "N/kg^½", low=1e-9, high=1e6)
     horizon: Number | None = quantity(
-        None, title="Prediction (null: delay + ½)", symbol="N_p", unit="control periods", low=0, high=MOST_DELAY + 1
+        None, "Prediction (null: delay + ½)", "N_p", "control periods", low=0, high=MOST_DELAY + 1
     )
 
     @field_validator("gauges")

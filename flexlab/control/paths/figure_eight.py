@@ -15,16 +15,12 @@ class FigureEight(RoundPath):
     """x_d = center + (A_x sin α, A_y sin 2α, A_θ sin α), α = 2π frequency t + phase."""
 
     kind: Literal["figure-eight"] = "figure-eight"
-    center: Triple = quantity(
-        (0.0, 0.75, 0.0), title="Centre (x, y, θ)", symbol="x_c", unit="m, m, rad", low=-20, high=20
-    )
+    center: Triple = quantity((0.0, 0.75, 0.0), "Centre (x, y, θ)", "x_c", "m, m, rad", low=-20, high=20)
     amplitude: Triple = quantity(
-        (0.15, 0.1, 0.0), title="Amplitude (x, y, θ)", symbol="A_d", unit="m, m, rad", low=-5, high=5, slider=(0, 0.4)
+        (0.15, 0.1, 0.0), "Amplitude (x, y, θ)", "A_d", "m, m, rad", low=-5, high=5, slider=(0, 0.4)
     )
-    frequency: Number = quantity(
-        0.5, title="Rounds per second", symbol="f_d", unit="Hz", low=0, high=50, slider=(0.1, 3)
-    )
-    phase: Number = quantity(0.0, title="Phase", symbol="φ_d", unit="rad", low=-100, high=100)
+    frequency: Number = quantity(0.5, "Rounds per second", "f_d", "Hz", low=0, high=50, slider=(0.1, 3))
+    phase: Number = quantity(0.0, "Phase", "φ_d", "rad", low=-100, high=100)
     points_per_round: ClassVar[int] = 400
     """y goes to and fro twice in a round."""
 

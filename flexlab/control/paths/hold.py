@@ -13,9 +13,7 @@ class Hold(Trajectory):
     """x_d = pose."""
 
     kind: Literal["hold"] = "hold"
-    pose: Triple = quantity(
-        (0.0, 0.75, 0.0), title="Pose (x, y, θ)", symbol="x_d", unit="m, m, rad", low=-20, high=20, slider=(-1, 1.5)
-    )
+    pose: Triple = quantity((0.0, 0.75, 0.0), "Pose (x, y, θ)", "x_d", "m, m, rad", low=-20, high=20, slider=(-1, 1.5))
 
     @property
     def span(self) -> float:

@@ -22,16 +22,12 @@ class SineTrajectory(Trajectory):
     """
 
     kind: Literal["sine"] = "sine"
-    center: Triple = quantity(
-        (0.0, 0.75, 0.0), title="Centre (x, y, θ)", symbol="x_c", unit="m, m, rad", low=-20, high=20
-    )
+    center: Triple = quantity((0.0, 0.75, 0.0), "Centre (x, y, θ)", "x_c", "m, m, rad", low=-20, high=20)
     amplitude: OneOrThree = quantity(
-        (0.2, 0.2, 0.2), title="Amplitude (x, y, θ)", symbol="A_d", unit="m, m, rad", low=-5, high=5, slider=(0, 0.4)
+        (0.2, 0.2, 0.2), "Amplitude (x, y, θ)", "A_d", "m, m, rad", low=-5, high=5, slider=(0, 0.4)
     )
-    frequency: OneOrThree = quantity(
-        (1.0, 1.0, 1.0), title="Frequency", symbol="f_d", unit="Hz", low=0, high=50, slider=(0.1, 3)
-    )
-    phase: OneOrThree = quantity((0.0, 0.0, 0.0), title="Phase", symbol="φ_d", unit="rad", low=-100, high=100)
+    frequency: OneOrThree = quantity((1.0, 1.0, 1.0), "Frequency", "f_d", "Hz", low=0, high=50, slider=(0.1, 3))
+    phase: OneOrThree = quantity((0.0, 0.0, 0.0), "Phase", "φ_d", "rad", low=-100, high=100)
 
     def _moving(self) -> list[float]:
         """Frequencies that move something, Hz."""

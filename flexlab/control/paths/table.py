@@ -35,14 +35,11 @@ class Table(Trajectory):
 
     kind: Literal["table"] = "table"
     rows: Annotated[tuple[Quartet, ...], Field(min_length=2, max_length=MOST_ROWS)] = quantity(
-        ((0.0, 0.0, 0.65, 0.0), (0.5, 0.1, 0.8, 0.1), (1.0, 0.0, 0.85, 0.0)),
-        title="Rows (t, x, y, θ)",
-        unit="s, m, m, rad",
-        low=-1e6,
-        high=1e6,
-    )
-    ends: Literal["at rest", "free"] = quantity("at rest", title="Ends of the table")
-    start: Number = quantity(0.0, title="Its t = 0 is at", symbol="t_0", unit="s", low=0, high=1e6)
+        ((0.0, 0.0, 0.65, 0.0), (0.5, 0.1, 0.8, 0.1), (1.0, 0.0, 0.85, 0.0)), "Rows (t, x, y, θ)", unit="s, m, m, rad",
+        low=-1e6, high=1e6,
+    )  # fmt: skip
+    ends: Literal["at rest", "free"] = quantity("at rest", "Ends of the table")
+    start: Number = quantity(0.0, "Its t = 0 is at", "t_0", "s", low=0, high=1e6)
 
     @model_validator(mode="after")
     def _goes_on_in_time(self) -> "Table":

@@ -27,30 +27,20 @@ class Waypoints(Trajectory):
 
     kind: Literal["waypoints"] = "waypoints"
     points: Annotated[tuple[Triple, ...], Field(min_length=1, max_length=MOST_POINTS)] = quantity(
-        ((0.0, 0.65, 0.0), (0.1, 0.8, 0.2), (-0.1, 0.8, -0.2), (0.0, 0.65, 0.0)),
-        title="Poses",
-        unit="m, m, rad",
-        low=-20,
+        ((0.0, 0.65, 0.0), (0.1, 0.8, 0.2), (-0.1, 0.8, -0.2), (0.0, 0.65, 0.0)), "Poses", unit="m, m, rad", low=-20,
         high=20,
-    )
+    )  # fmt: skip
     velocity_limit: OneOrThree = quantity(
-        1.0, title="Velocity limit", symbol="v_max", unit="m/s, m/s, rad/s", low=1e-3, high=100, slider=(0.1, 3)
+        1.0, "Velocity limit", "v_max", "m/s, m/s, rad/s", low=1e-3, high=100, slider=(0.1, 3)
     )
     acceleration_limit: OneOrThree = quantity(
-        5.0, title="Acceleration limit", symbol="a_max", unit="m/s², m/s², rad/s²", low=1e-3, high=1e4, slider=(0.5, 20)
+        5.0, "Acceleration limit", "a_max", "m/s², m/s², rad/s²", low=1e-3, high=1e4, slider=(0.5, 20)
     )
     jerk_limit: OneOrThree = quantity(
-        100.0,
-        title="Jerk limit",
-        symbol="j_max",
-        unit="m/s³, m/s³, rad/s³",
-        low=1e-3,
-        high=1e7,
-        slider=(10, 10000),
-        logarithmic=True,
+        100.0, "Jerk limit", "j_max", "m/s³, m/s³, rad/s³", low=1e-3, high=1e7, slider=(10, 10000), logarithmic=True
     )
-    pause: Number = quantity(0.2, title="Pause in each", symbol="T_p", unit="s", low=0, high=100, slider=(0, 2))
-    start: Number = quantity(0.0, title="Begins at", symbol="t_0", unit="s", low=0, high=1e6)
+    pause: Number = quantity(0.2, "Pause in each", "T_p", "s", low=0, high=100, slider=(0, 2))
+    start: Number = quantity(0.0, "Begins at", "t_0", "s", low=0, high=1e6)
 
     def phases(self) -> np.ndarray:
         """Rows of `phases` of this path."""

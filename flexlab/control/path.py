@@ -9,7 +9,7 @@ with `path` a record of the model's numbers by name, and `rows` the table from `
 empty for most paths. `control.motion` adds ramp, shaper and transition.
 """
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
@@ -140,8 +140,15 @@ class Trajectory(Part):
     def taken_up(self, old: "Trajectory", given: Collection[str], time: float) -> "Trajectory":
         """This path, adjusted to replace `old`, one of another kind, at `time`, s; fields in `given`, set by a person, stay."""
         if "center" in type(self).model_fields and "center" not in given:
-            return self.model_copy(update={"center": old.middle})
+            return self.model_copy(update={"center": at_nearest_turn(old.middle, old, time)})
         return self
+
+
+def at_nearest_turn(pose: Sequence[float], path: Trajectory, time: float) -> tuple[float, ...]:
+    """`pose`, its angle by whole turns nearest to the path's at `time`, s, so that a new path does not unwind a spin."""
+    x, y, angle = pose
+    ahead = float(poses(build_motion(path), [time])[0, 0, 2]) - angle
+    return x, y, angle + 2 * np.pi * round(ahead / (2 * np.pi))
 
 
 @dataclass(frozen=True)

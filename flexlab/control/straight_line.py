@@ -5,7 +5,7 @@ from typing import Any
 
 from flexlab.compiled import inlined
 from flexlab.control.motion import poses
-from flexlab.control.path import Trajectory, build_motion
+from flexlab.control.path import Trajectory, at_nearest_turn, build_motion
 from flexlab.quantities import Number, Triple, quantity
 
 POSE_UNIT = "m, m, rad"
@@ -17,8 +17,8 @@ class StraightLine(Trajectory):
 
     # Python has no attribute "from", but it is the right name in a scenario.
     __annotations__["from"] = Triple
-    locals()["from"] = quantity((0.0, 0.65, 0.0), "From (x, y, θ)", "x_0", POSE_UNIT, low=-20, high=20)
-    to: Triple = quantity((0.0, 0.85, 0.0), "To (x, y, θ)", "x_1", POSE_UNIT, low=-20, high=20, slider=(-1, 1.5))
+    locals()["from"] = quantity((0.0, 0.65, 0.0), "From (x, y, θ)", "x_0", POSE_UNIT, low=-100, high=100)
+    to: Triple = quantity((0.0, 0.85, 0.0), "To (x, y, θ)", "x_1", POSE_UNIT, low=-100, high=100, slider=(-1, 1.5))
     start: Number = quantity(0.0, "Begins at", "t_0", "s", low=0, high=1e6)
     duration: Number = quantity(0.5, "Duration", "T_m", "s", low=0.01, high=1e3, slider=(0.1, 3))
 
@@ -63,7 +63,7 @@ class StraightLine(Trajectory):
         """It begins now, from the present target to where the old path would be a quarter of its period later."""
         motion, begin = build_motion(old), round(time / MILLI) * MILLI
         here, there = poses(motion, [time, time + 0.25 * old.slowest_period])[:, 0].tolist()
-        usual: dict[str, Any] = {"from": tuple(here), "to": tuple(there), "start": begin}
+        usual: dict[str, Any] = {"from": tuple(here), "to": at_nearest_turn(there, old, time), "start": begin}
         return self.model_copy(update={name: value for name, value in usual.items() if name not in given})
 
 

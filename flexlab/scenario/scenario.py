@@ -59,7 +59,7 @@ MOST_FIELDS = 1000
 class Initial(Part):
     """Where a run starts. null: on the trajectory (pose, pose rate) or undeformed (beam)."""
 
-    pose: Triple | None = quantity(None, "Start pose", "x(0)", "m, m, rad", low=-20, high=20, live="restart")
+    pose: Triple | None = quantity(None, "Start pose", "x(0)", "m, m, rad", low=-100, high=100, live="restart")
     pose_rate: Triple | None = quantity(
         (0.0, 0.0, 0.0), "Start pose rate", "ẋ(0)", "m/s, m/s, rad/s", low=-100, high=100, live="restart"
     )

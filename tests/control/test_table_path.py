@@ -188,7 +188,7 @@ def test_a_single_waypoint_is_held():
     [
         ({"points": [[0.0, 0.7]]}, "needs 3 numbers"),
         ({"points": []}, "points"),
-        ({"points": [[0.0, 70.0, 0.0]]}, "is outside the allowed range"),
+        ({"points": [[0.0, 170.0, 0.0]]}, "is outside the allowed range"),
         ({"jerk_limit": 0}, "jerk_limit = 0 m/s³, m/s³, rad/s³ is outside"),
     ],
 )

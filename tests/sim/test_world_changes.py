@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from flexlab.control.path import paths
 from flexlab.errors import ScenarioError
 from flexlab.presets import load_preset
 from flexlab.sim.commands import ChangeScenario
@@ -210,14 +211,27 @@ def test_a_refused_change_leaves_the_world_as_it_was(changes: dict, same_bits):
     same_bits(world.run(30), untouched.run(30))
 
 
+@pytest.mark.parametrize("kind", [path.kind for path in paths().values() if path.kind not in ("sine", "table")])
+def test_a_path_chosen_in_a_spin_goes_on_from_the_turn_reached(kind: str):
+    """At 9.6 turns, nobody wants to see the beam unwind them, and the poses of all turns are allowed."""
+    world = World(load_preset("spin-up"))
+    world.advance(6500)
+    before = world.run(1).desired_pose[-1, 2]
+    world.apply(ChangeScenario({"trajectory.kind": kind}))
+    samples = world.run(1000)
+    assert before > 60
+    assert np.abs(samples.desired_pose[:, 2] - before).max() < 2 * np.pi
+    assert np.abs(samples.tracking_error).max() < 2e-3
+
+
 @pytest.mark.parametrize("kind", ["hold", "rest-to-rest", "bang-bang"])
 @pytest.mark.parametrize("restart", [{}, {"left_arm.base": (-0.6, 0.0)}])
 def test_a_path_that_would_begin_outside_its_range_is_refused(kind: str, restart: dict, same_bits):
     """Such a path is derived from the present target, which nothing has checked; a recording of it could not be read."""
-    turned = {"trajectory.center": (0.0, 0.75, 6 * np.pi + 0.3), "trajectory.amplitude": (0.0, 0.0, 1.0)}
+    turned = {"trajectory.center": (0.0, 0.75, 32 * np.pi - 0.9), "trajectory.amplitude": (0.0, 0.0, 0.6)}
     world, other = (World(load_preset("paper").replace(turned)) for _ in range(2))
     world.advance(250)
-    with pytest.raises(ScenarioError, match=r"20\.1.* outside the allowed range −20 to 20"):
+    with pytest.raises(ScenarioError, match=r"100\.2.* outside the allowed range −100 to 100"):
         world.apply(ChangeScenario({"trajectory.kind": kind, **restart}))
     assert world.scenario == other.scenario
     other.advance(250)

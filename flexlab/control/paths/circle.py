@@ -15,7 +15,7 @@ class Circle(RoundPath):
     """x_d = center + radius (cos α, sin α, 0), α = 2π frequency t + phase: counter-clockwise, at constant speed."""
 
     kind: Literal["circle"] = "circle"
-    center: Triple = quantity((0.0, 0.75, 0.0), "Centre (x, y, θ)", "x_c", "m, m, rad", low=-20, high=20)
+    center: Triple = quantity((0.0, 0.75, 0.0), "Centre (x, y, θ)", "x_c", "m, m, rad", low=-100, high=100)
     radius: Number = quantity(0.1, "Radius", "R", "m", low=0, high=5, slider=(0, 0.4))
     frequency: Number = quantity(1.0, "Turns per second", "f_d", "Hz", low=0, high=50, slider=(0.1, 3))
     phase: Number = quantity(0.0, "Phase", "φ_d", "rad", low=-100, high=100)

@@ -15,7 +15,7 @@ class FigureEight(RoundPath):
     """x_d = center + (A_x sin α, A_y sin 2α, A_θ sin α), α = 2π frequency t + phase."""
 
     kind: Literal["figure-eight"] = "figure-eight"
-    center: Triple = quantity((0.0, 0.75, 0.0), "Centre (x, y, θ)", "x_c", "m, m, rad", low=-20, high=20)
+    center: Triple = quantity((0.0, 0.75, 0.0), "Centre (x, y, θ)", "x_c", "m, m, rad", low=-100, high=100)
     amplitude: Triple = quantity(
         (0.15, 0.1, 0.0), "Amplitude (x, y, θ)", "A_d", "m, m, rad", low=-5, high=5, slider=(0, 0.4)
     )

@@ -13,7 +13,9 @@ class Hold(Trajectory):
     """x_d = pose."""
 
     kind: Literal["hold"] = "hold"
-    pose: Triple = quantity((0.0, 0.75, 0.0), "Pose (x, y, θ)", "x_d", "m, m, rad", low=-20, high=20, slider=(-1, 1.5))
+    pose: Triple = quantity(
+        (0.0, 0.75, 0.0), "Pose (x, y, θ)", "x_d", "m, m, rad", low=-100, high=100, slider=(-1, 1.5)
+    )
 
     @property
     def span(self) -> float:

@@ -22,7 +22,7 @@ class SineTrajectory(Trajectory):
     """
 
     kind: Literal["sine"] = "sine"
-    center: Triple = quantity((0.0, 0.75, 0.0), "Centre (x, y, θ)", "x_c", "m, m, rad", low=-20, high=20)
+    center: Triple = quantity((0.0, 0.75, 0.0), "Centre (x, y, θ)", "x_c", "m, m, rad", low=-100, high=100)
     amplitude: OneOrThree = quantity(
         (0.2, 0.2, 0.2), "Amplitude (x, y, θ)", "A_d", "m, m, rad", low=-5, high=5, slider=(0, 0.4)
     )

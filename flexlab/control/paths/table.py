@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from flexlab.compiled import inlined, pluggable
-from flexlab.control.path import Path, Trajectory
+from flexlab.control.path import Path, Trajectory, at_nearest_turn
 from flexlab.numerics.linear_algebra import product, solve
 from flexlab.quantities import Number, Quartet, quantity
 from flexlab.text import number_text
@@ -127,7 +127,7 @@ class Table(Trajectory):
         """It begins now; default rows are moved to the old path's middle."""
         usual: dict[str, Any] = {"start": round(time / MILLI) * MILLI}
         if "rows" not in given:
-            moved = np.array(self.rows) + [0.0, *np.subtract(old.middle, self.middle)]
+            moved = np.array(self.rows) + [0.0, *np.subtract(at_nearest_turn(old.middle, old, time), self.middle)]
             usual["rows"] = tuple(map(tuple, moved.tolist()))
         return self.model_copy(update={name: value for name, value in usual.items() if name not in given})
 

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from flexlab.compiled import pluggable
-from flexlab.control.path import Path, Trajectory
+from flexlab.control.path import Path, Trajectory, at_nearest_turn
 from flexlab.control.paths.table import row_before
 from flexlab.control.phase import three
 from flexlab.quantities import Number, OneOrThree, Triple, quantity
@@ -27,8 +27,8 @@ class Waypoints(Trajectory):
 
     kind: Literal["waypoints"] = "waypoints"
     points: Annotated[tuple[Triple, ...], Field(min_length=1, max_length=MOST_POINTS)] = quantity(
-        ((0.0, 0.65, 0.0), (0.1, 0.8, 0.2), (-0.1, 0.8, -0.2), (0.0, 0.65, 0.0)), "Poses", unit="m, m, rad", low=-20,
-        high=20,
+        ((0.0, 0.65, 0.0), (0.1, 0.8, 0.2), (-0.1, 0.8, -0.2), (0.0, 0.65, 0.0)), "Poses", unit="m, m, rad", low=-100,
+        high=100,
     )  # fmt: skip
     velocity_limit: OneOrThree = quantity(
         1.0, "Velocity limit", "v_max", "m/s, m/s, rad/s", low=1e-3, high=100, slider=(0.1, 3)
@@ -97,7 +97,7 @@ class Waypoints(Trajectory):
         """It begins now; default poses are moved to the old path's middle."""
         usual: dict[str, Any] = {"start": round(time / MILLI) * MILLI}
         if "points" not in given:
-            moved = np.array(self.points) + np.subtract(old.middle, self.middle)
+            moved = np.array(self.points) + np.subtract(at_nearest_turn(old.middle, old, time), self.middle)
             usual["points"] = tuple(map(tuple, moved.tolist()))
         return self.model_copy(update={name: value for name, value in usual.items() if name not in given})
 

@@ -2,17 +2,14 @@
 
 import io
 import json
-import tempfile
 import threading
 import time
-from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from lab_process import Command
 from rich.console import Console
 
 from flexlab import benchmarks
@@ -40,7 +37,6 @@ from flexlab.benchmarks.precision import (
 )
 from flexlab.benchmarks.report import Goal, memory_table, plain, precision_table
 from flexlab.cli import bench_command
-from flexlab.compiled import cache_folder
 from flexlab.errors import StudyError
 from flexlab.sim.simulate import simulate
 
@@ -202,11 +198,10 @@ def test_the_machine_is_described_in_one_line():
 
 @pytest.fixture(scope="module")
 def measured() -> tuple[dict[str, Any], str]:
-    """The shortest benchmark that still runs every part, and its printed tables. Its cold start finds machine code."""
+    """The shortest benchmark that still runs every part, and its printed tables."""
     tables = io.StringIO()
-    plan = benchmarks.Plan(meshes=(2,), duration=0.05, repeats=1, rounds=1, cold=True)
+    plan = benchmarks.Plan(meshes=(2,), duration=0.05, repeats=1, rounds=1, cold=False)
     with pytest.MonkeyPatch.context() as smaller:
-        smaller.setattr(tempfile, "TemporaryDirectory", lambda prefix: nullcontext(str(cache_folder().parents[1])))
         smaller.setattr(many_worlds, "ROUND", 4)
         smaller.setattr(many_worlds, "DURATION", 0.2)
         smaller.setattr(precision, "LEAST_TIME", 0.0)
@@ -218,14 +213,13 @@ def measured() -> tuple[dict[str, Any], str]:
 
 
 def test_everything_is_measured_and_printed_as_json(
-    measured: tuple[dict[str, Any], str], monkeypatch: pytest.MonkeyPatch, flexlab_command: Command
+    measured: tuple[dict[str, Any], str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
     asked = []
     monkeypatch.setattr(benchmarks, "measure", lambda *words: asked.append(words) or measured[0])
-    done = flexlab_command("bench", "--json", "--quick")
-    assert done.returncode == 0, done.stderr
+    benchmarks.run_bench(as_json=True, quick=True)
     assert asked == [(benchmarks.QUICK, None, None)]
-    report = json.loads(done.stdout)
+    report = json.loads(capsys.readouterr().out)
     assert set(report) == {
         "machine", "paper", "precision", "scaling", "changes", "workers", "environment", "round_trip", "start",
         "memory", "peers", "chain", "exact_beam", "goals",
@@ -233,7 +227,7 @@ def test_everything_is_measured_and_printed_as_json(
     assert [mesh["elements"] for mesh in report["scaling"]["meshes"]] == list(MESHES)
     assert report["precision"][0]["goal"] == GOALS[2]
     assert report["precision"][0]["fastest"]["pose_error"] <= ASKED_ERROR
-    assert all(report["start"][which]["cpu"] > 0 for which in ("cold", "warm", "rest"))
+    assert report["start"]["cold"] is None
     assert report["peers"] is None
     assert {"speed-up of two workers", "2 elements"} <= {goal["what"] for goal in report["goals"]}
     assert report["chain"] is None
@@ -249,7 +243,7 @@ def test_everything_is_measured_and_printed_as_json(
 
 
 def test_the_benchmark_prints_its_tables_unless_json_is_asked_for(
-    measured: tuple[dict[str, Any], str], monkeypatch: pytest.MonkeyPatch, flexlab_command: Command
+    measured: tuple[dict[str, Any], str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
     for words in (
         "ms per s",
@@ -257,14 +251,14 @@ def test_the_benchmark_prints_its_tables_unless_json_is_asked_for(
         "unstable",
         "speed-up",
         "warm",
-        "cold",
         "Vector environment",
         "another program",
         "Goals",
     ):
         assert words in measured[1]
     monkeypatch.setattr(benchmarks, "measure", lambda plan, peers, show: show.print("a table"))
-    assert flexlab_command("bench").stdout == "a table\n"
+    benchmarks.run_bench(as_json=False)
+    assert capsys.readouterr().out == "a table\n"
     text = io.StringIO()
     Console(file=text).print(memory_table(Memory(10_000_000, 11_000_000, 0)))
     assert "1.10" in text.getvalue()

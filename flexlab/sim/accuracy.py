@@ -16,7 +16,17 @@ from flexlab.numerics.linear_algebra import product
 from flexlab.physics.plant import ETA, G, H
 from flexlab.scenario import Scenario
 from flexlab.sim.assembly import Assembly
-from flexlab.sim.run_warnings import COUNTED, Largest, Peaks, amplified, bounds, inaccurate, model_warning, saturated
+from flexlab.sim.run_warnings import (
+    COUNTED,
+    Largest,
+    Peaks,
+    Sizes,
+    amplified,
+    bounds,
+    inaccurate,
+    model_warning,
+    saturated,
+)
 from flexlab.sim.signals import ARMS, INTERNAL, MOVING, PER_ARM, POSE, SATURATED
 from flexlab.sim.step_rates import ring_decay
 
@@ -63,6 +73,12 @@ def _sizes(errors: np.ndarray) -> tuple[float, float]:
     """Return errors of the pose, m or rad, and the force, N or N·m; amplitudes of unrelated phases add in quadrature."""
     pose, force, ringing = _parts(errors)
     return float(np.abs(pose).max()), max(float(force.sum()), math.sqrt(product(ringing, ringing)))
+
+
+def _largest_sizes(errors: np.ndarray) -> Sizes:
+    """As `_sizes`, with all phases alike: what a warning states."""
+    pose, force, ringing = _parts(errors)
+    return float(np.abs(pose).max()), max(float(force.sum()), float(ringing.sum()))
 
 
 class Estimate(NamedTuple):
@@ -130,9 +146,10 @@ def changed(estimate: Estimate, before: Assembly, assembly: Assembly, tick: int)
     rounded = said == amplified(old)
     if rounded and assembly.amplifies:
         estimate = estimate._replace(warning=amplified(new))
-    elif rounded or (said == COUNTED and not new.joints.encoders.active):
+    elif rounded or (said.startswith(COUNTED) and not new.joints.encoders.active):
         of_results = said
-        estimate = estimate._replace(warning="", pose=0.0, force=0.0)  # What is left of the errors is reported anew.
+        # What is left of the errors is reported anew.
+        estimate = estimate._replace(warning="", pose=0.0, force=0.0, reported=None)
     return estimate._replace(ended=(of_model, of_results))
 
 
@@ -164,13 +181,10 @@ def note(
     `again`, `y_again`: sample and state at the end of its repetition in finer steps.
     """
     now, limited = _tick_errors(assembly, row, y, again, y_again), row[SATURATED] > 0
-    scenario, tick_period = assembly.scenario, assembly.tick_period
-    led = not limited and scenario.controller.kind != "none"
-    fades = ring_decay(assembly.beam)
-    decay = np.concatenate([np.full(3, LOOP_DECAY if led else 0.0), fades, fades])
+    tick_period, decay = assembly.tick_period, _decay(assembly, limited)
     # The sample shows the tick's own error; in later ticks, the phase of that error is unknown.
     ringing = _parts(now)[2]
-    ringing *= exponentials(-fades * tick_period)
+    ringing *= exponentials(-_parts(decay)[2] * tick_period)
     since, ticks = tick - old.disturbed, tick - old.checked
     # Errors of ticks between two checks are taken as the mean of the two; those before a disturbance do not have its error.
     between = old.newest if since == 0 else (old.newest + now) / 2
@@ -180,44 +194,78 @@ def note(
     found = tuple(map(max, (old.pose, old.force), _sizes(errors)))
     peak = old.peaks.peak
     new = old._replace(accumulated=errors, newest=now, checked=tick, pose=found[0], force=found[1], peak_before=peak)
+    new = _with_warning(new, old, assembly, tick, limited)
+    return _with_counts(new, assembly) if since >= FIRST_VERDICT or old.warning else new
+
+
+def _with_warning(new: Estimate, old: Estimate, assembly: Assembly, tick: int, limited: bool) -> Estimate:
+    """`new`, the estimate after a check of tick number `tick`, with its warning; `old`: the estimate before.
+
+    `limited`: whether a torque is at its limit.
+    """
+    scenario, tick_period, peak = assembly.scenario, assembly.tick_period, old.peaks.peak
+    time, since, found = (tick + 1) * tick_period, tick - old.disturbed, (new.pose, new.force)
     if old.reported is not None:
         return _reported_anew(new, scenario, old.reported)
-    if old.warning or since < FIRST_VERDICT:
+    if old.warning not in ("", COUNTED) or since < FIRST_VERDICT:
         return new
-    time = (tick + 1) * tick_period
     # Every motion is rounded, and such a loop turns 10⁻¹⁶ m into millimetres within a hundred control periods.
     if assembly.amplifies and (new.pose > AMPLIFIED or old.torque_change > 0):
         return new._replace(warning=amplified(scenario))
-    if scenario.joints.encoders.active and new.pose > AMPLIFIED:
-        return new._replace(warning=COUNTED)
     # Motors that were overloaded at the previous check too are overloaded for more than a moment.
     if limited and old.interval == SHORTEST_INTERVAL and any(scenario.joints.motor.stall_torque):
         return new._replace(warning=saturated(time, "stronger motors (joints.motor)"))
-    said, coming = "", found
+    ahead = new.accumulated
     if since >= CHECKED_TICKS[-1]:
+        decay = _decay(assembly, limited)
         for interval in (INTERVAL, SHORT_INTERVAL, SHORTEST_INTERVAL):
-            ahead = errors * exponentials(-decay * (interval * tick_period)) + now * _ticks_kept(
+            ahead = new.accumulated * exponentials(-decay * (interval * tick_period)) + new.newest * _ticks_kept(
                 decay, interval, tick_period
             )
-            coming = tuple(map(max, found, _sizes(ahead)))
-            said, new = inaccurate(scenario, time, coming, found, peak), new._replace(interval=interval)
-            if not said and (interval == SHORTEST_INTERVAL or not limited):
+            new = new._replace(interval=interval)
+            is_wrong = _exceed(tuple(map(max, found, _sizes(ahead))), bounds(scenario, peak))
+            if not is_wrong and (interval == SHORTEST_INTERVAL or not limited):
                 break
-    elif peak <= STEADY * old.peak_before:
-        said = inaccurate(scenario, time, coming, found, peak)
-    if said and limited and new.pose > bounds(scenario, peak)[0]:
+    else:
+        is_wrong = peak <= STEADY * old.peak_before and _exceed(found, bounds(scenario, peak))
+    if not is_wrong:
+        return new
+    if limited and new.pose > bounds(scenario, peak)[0]:
         return new._replace(warning=saturated(time, "a higher torque limit (controller.torque_limit)"))
-    return new._replace(warning=said, reported=(time, *coming)) if said else new
+    pose, force = map(max, found, *map(_largest_sizes, (new.accumulated, ahead)))
+    said = inaccurate(scenario, time, (pose, force), found, peak)
+    return new._replace(warning=said, reported=(time, pose, force))
+
+
+def _exceed(sizes: Sizes, limits: Sizes) -> bool:
+    return any(size > limit for size, limit in zip(sizes, limits, strict=True))
+
+
+def _with_counts(estimate: Estimate, assembly: Assembly) -> Estimate:
+    """The estimate with the warning for encoders before any other, from the first error on."""
+    said, counted = estimate.warning, assembly.scenario.joints.encoders.active and not assembly.amplifies
+    if not counted or estimate.pose <= AMPLIFIED or said.startswith(COUNTED):
+        return estimate
+    return estimate._replace(warning=f"{COUNTED} {said}".rstrip())
+
+
+def _decay(assembly: Assembly, limited: bool) -> np.ndarray:
+    """Rates, 1/s, at which errors decay, as in `_parts`; `limited`: whether a torque is at its limit."""
+    led, fades = not limited and assembly.scenario.controller.kind != "none", ring_decay(assembly.beam)
+    return np.concatenate([np.full(3, LOOP_DECAY if led else 0.0), fades, fades])
 
 
 def _reported_anew(estimate: Estimate, scenario: Scenario, reported: tuple[float, float, float]) -> Estimate:
     """The estimate, with a new warning if its errors exceed those that the old one gives by the factor `GROWN`."""
-    (time, *sizes), found = reported, (estimate.pose, estimate.force)
-    least = bounds(scenario, estimate.peaks.peak)
-    if all(now <= GROWN * max(said, bound) for now, said, bound in zip(found, sizes, least, strict=True)):
+    (time, *sizes), largest = reported, _largest_sizes(estimate.accumulated)
+    peak = estimate.peaks.peak
+    if all(
+        now <= GROWN * max(said, bound) for now, said, bound in zip(largest, sizes, bounds(scenario, peak), strict=True)
+    ):
         return estimate
-    said = inaccurate(scenario, time, found, found, estimate.peaks.peak)
-    return estimate._replace(warning=said or estimate.warning, reported=(time, *found))
+    pose, force = map(max, largest, sizes)
+    said = inaccurate(scenario, time, (pose, force), (estimate.pose, estimate.force), peak)
+    return estimate._replace(warning=said, reported=(time, pose, force))
 
 
 def _tick_errors(

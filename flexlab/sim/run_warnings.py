@@ -307,13 +307,13 @@ def saturated(time: float, cure: str) -> str:
     )
 
 
-def inaccurate(scenario: Scenario, time: float, coming: Sizes, found: Sizes, peak: float) -> str:
-    """The warning for errors beyond their bounds at `time`, s; empty if they are not.
+def inaccurate(scenario: Scenario, time: float, largest: Sizes, found: Sizes, peak: float) -> str:
+    """The warning for errors beyond their bounds at `time`, s.
 
-    `coming`: expected errors of the pose, m or rad, and of the force, N or N·m; `found`: those so far; `peak`: the largest
-    force so far, N or N·m.
+    `largest`: errors of the pose, m or rad, and of the force, N or N·m, that there may be; `found`: those to expect so far;
+    `peak`: the largest force so far, N or N·m.
     """
-    (pose, force), said = coming, []
+    (pose, force), said = largest, []
     bound, least = bounds(scenario, peak)
     if pose > bound:
         said.append(f"the pose may be off by {number_text(pose, 1)} m or rad")
@@ -323,8 +323,6 @@ def inaccurate(scenario: Scenario, time: float, coming: Sizes, found: Sizes, pea
         )
         name = "internal" if len(scenario.arms) > 1 else "moving"
         said.append(f"the {name} force may be off by {share}")
-    if not said:
-        return ""
     cause, cure = "errors of the steps add up in modes that ring on", "more damping, fewer elements"
     smaller = " or a smaller tolerance of the pose (simulation.accuracy)"
     if found[0] > bound or found[1] > least:

@@ -1,5 +1,6 @@
 """The error monitor calls runs inaccurate if and only if they are, and changes no bit of them."""
 
+import re
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
 from flexlab.sim import accuracy, stepping
 from flexlab.sim.assembly import Assembly
-from flexlab.sim.commands import Tap
+from flexlab.sim.commands import ChangeScenario, Tap
 from flexlab.sim.runner import Runner
 from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
@@ -27,6 +28,29 @@ def test_an_undamped_stiff_beam_is_called_inaccurate():
     assert run.status == "finished"
     assert "Results are less accurate than wanted from about t = " in run.status.text
     assert "internal force may be off by" in run.status.text
+
+
+@pytest.mark.parametrize("step", [1e-3, 5e-4, 2.5e-4])
+def test_an_error_is_at_most_three_times_the_stated_one(step: float):
+    """Taken as unrelated in phase, the errors of fifteen modes were said to be 0.06 % of the peak where 0.26 % were wrong."""
+    run, fine = (simulate(undamped().replace({"simulation.step": each}), 0.3) for each in (step, 2e-5))
+    error = np.abs(run.internal_force - fine.internal_force).max() / np.abs(run.internal_force).max()
+    stated = re.search(r"force may be off by ([\d.]+) % of its peak", run.status.text)
+    assert stated
+    assert error < 3 * float(stated[1]) / 100
+
+
+def test_a_run_with_encoders_states_the_errors_of_its_steps_too():
+    """It stated one of the two: the errors of the steps, before counts could differ, or else the counts alone."""
+    counts = {"controller.control_period": 1e-3, "joints.encoders.counts": (1e6, 1e6, 1e6)}
+    world = World(undamped().replace({"payload.bending_stiffness": 1e6, **counts}))
+    world.advance(100)
+    assert world.accuracy_warning.startswith("Results are certain up to one count of the encoders: ")
+    assert "the internal force may be off by" in world.accuracy_warning
+    world.apply(ChangeScenario({"joints.encoders.counts": (0.0, 0.0, 0.0)}))
+    assert not world.accuracy_warning
+    world.advance(100)
+    assert world.accuracy_warning.startswith("Results are less accurate than wanted from about t = ")
 
 
 def stiff(**changes: object) -> Scenario:

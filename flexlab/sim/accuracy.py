@@ -49,6 +49,9 @@ GROWN = 2.0
 """Factor by which errors must exceed the reported ones to be reported again."""
 AMPLIFIED = 1e-12
 """Smallest error of the pose, m or rad, with which a loop that amplifies errors is reported."""
+LOOSER = "a higher torque limit (controller.torque_limit)"
+SWING = 1.9
+"""Change of a torque in a tick over the largest limit, from which it swings from limit to limit."""
 RINGING_SHARE = 0.5
 """Largest share of a mode's force on both grips that is internal: half of the difference between the grips."""
 LOOP_DECAY = 5.0
@@ -108,6 +111,8 @@ class Estimate(NamedTuple):
     """Largest number of ticks between two checks after `CHECKED_TICKS`."""
     torque_change: float = 0.0
     """Largest change of a torque in a checked tick, N·m."""
+    newest_change: float = 0.0
+    """Largest change of a torque in the newest checked tick, N·m."""
     reported: tuple[float, float, float] | None = None
     """What the warning says: since when, s, and by how much `pose` and `force` may be off."""
 
@@ -213,8 +218,13 @@ def _with_warning(new: Estimate, old: Estimate, assembly: Assembly, tick: int, l
     if assembly.amplifies and (new.pose > AMPLIFIED or old.torque_change > 0):
         return new._replace(warning=amplified(scenario))
     # Motors that were overloaded at the previous check too are overloaded for more than a moment.
-    if limited and old.interval == SHORTEST_INTERVAL and any(scenario.joints.motor.stall_torque):
-        return new._replace(warning=saturated(time, "stronger motors (joints.motor)"))
+    if limited and old.interval == SHORTEST_INTERVAL:
+        law = scenario.controller
+        if any(scenario.joints.motor.stall_torque):
+            return new._replace(warning=saturated(time, "stronger motors (joints.motor)"))
+        # Held torques that swing between their limits amplify errors of any size.
+        if law.control_period and law.torque_limit and old.newest_change >= SWING * max(law.torque_limit):
+            return new._replace(warning=saturated(time, LOOSER))
     ahead = new.accumulated
     if since >= CHECKED_TICKS[-1]:
         decay = _decay(assembly, limited)
@@ -231,7 +241,7 @@ def _with_warning(new: Estimate, old: Estimate, assembly: Assembly, tick: int, l
     if not is_wrong:
         return new
     if limited and new.pose > bounds(scenario, peak)[0]:
-        return new._replace(warning=saturated(time, "a higher torque limit (controller.torque_limit)"))
+        return new._replace(warning=saturated(time, LOOSER))
     pose, force = map(max, found, *map(_largest_sizes, (new.accumulated, ahead)))
     said = inaccurate(scenario, time, (pose, force), found, peak)
     return new._replace(warning=said, reported=(time, pose, force))

@@ -104,9 +104,10 @@ def fill(motion: Motion, rows: np.ndarray) -> int:
             code = 0
             continue
         motion.tick, done = motion.tick + ticks, done + ticks
-        change = max(motion.estimate.torque_change, change if checked else 0.0)
-        motion.estimate = motion.estimate._replace(peaks=peaks, torque_change=change)
+        motion.estimate = motion.estimate._replace(peaks=peaks)
         if checked:
+            largest = max(motion.estimate.torque_change, change)
+            motion.estimate = motion.estimate._replace(torque_change=largest, newest_change=change)
             _check(motion, part[ticks - 1], start)
     if code != 0 or (done > 0 and _law_failed(motion, rows[done - 1])):
         find_mass_at(motion.assembly.system.plant, motion.time, motion.workspace)

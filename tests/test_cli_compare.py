@@ -38,6 +38,13 @@ def test_tables_are_printed_and_the_overlay_is_saved_and_opens_again(
     assert ["Duration", "(s)", "0.2", "0.2", "0"] in rows
     assert ["Vibration", "below", "1", "%", "after", "(s)", "not", "settled", "not", "settled", "–"] in rows
     assert ["payload.bending_stiffness", "100", "60"] in rows
+    assert flexlab_command("compare", "newest", "newest", "--save", "both.rrd").returncode == 0, (
+        "a comparison is replaced"
+    )
+    before = stiff.read_bytes()
+    said = refused(flexlab_command("compare", stiff.stem, "newest", "--save", str(stiff)))
+    assert "exists already and is no comparison: give another name, as it would be lost." in said
+    assert stiff.read_bytes() == before
     with review(tmp_path / "both.rrd") as address, urllib.request.urlopen(address) as page:
         assert page.status == 200
 

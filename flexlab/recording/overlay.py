@@ -10,7 +10,7 @@ from flexlab.errors import RecordingError
 from flexlab.files import replacing
 from flexlab.recording.codec import larger_blocks
 from flexlab.recording.reader import Recording
-from flexlab.recording.rerun_internals.chunks import new_stream, send_columns, send_layout, time_column
+from flexlab.recording.rerun_internals.chunks import new_stream, quiet_reader, send_columns, send_layout, time_column
 from flexlab.recording.rerun_internals.rrd_file import messages
 from flexlab.recording.rerun_internals.tool import Mending
 from flexlab.recording.run_encoder import curves, shown_columns
@@ -42,8 +42,10 @@ def write_comparison(
     """Write 2 to `MOST_RUNS` runs into the rerun file `target`, with a layout that overlays them.
 
     `text`: markdown shown beside the plots, such as a table of differences. `seen` is called with the number of samples in
-    each piece that was written. Raises `RecordingError`.
+    each piece that was written. Raises `RecordingError`, also for a target that is another file than a comparison.
     """
+    if target.exists() and not (target.is_file() and is_comparison(target)):
+        raise RecordingError(f"{target} exists already and is no comparison: give another name, as it would be lost.")
     if not 2 <= len(recordings) <= MOST_RUNS:
         raise RecordingError(f"Choose 2 to {MOST_RUNS} runs to compare, not {len(recordings)}.")
     stream = new_stream(APPLICATION)
@@ -63,6 +65,15 @@ def write_comparison(
         ) from None
     finally:
         stream.disconnect()
+
+
+def is_comparison(path: Path) -> bool:
+    """Whether a file was written by `write_comparison`."""
+    try:
+        with quiet_reader(path) as reader:
+            return any(entry.application_id == APPLICATION for entry in reader.recordings())
+    except (RuntimeError, ValueError, OSError):
+        return False
 
 
 def _write(

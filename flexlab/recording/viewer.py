@@ -12,10 +12,9 @@ from pathlib import Path
 from urllib.parse import quote, urlsplit
 
 from flexlab.errors import RecordingError
-from flexlab.recording import overlay
+from flexlab.recording.overlay import is_comparison
 from flexlab.recording.reader import read_scenario
 from flexlab.recording.repair import check_foreign, finish
-from flexlab.recording.rerun_internals.chunks import quiet_reader
 from flexlab.recording.rerun_internals.tool import VIEWER_FILES, serving, viewer_folder
 from flexlab.sockets import LOOPBACK, name_in
 
@@ -95,9 +94,7 @@ def review(path: Path, port: int = 0) -> Iterator[str]:
     finish(path)
     with contextlib.ExitStack() as closing:
         try:
-            with quiet_reader(path) as reader:
-                is_comparison = any(entry.application_id == overlay.APPLICATION for entry in reader.recordings())
-            if not is_comparison:
+            if not is_comparison(path):
                 read_scenario(path)  # Refuses what another program wrote.
             source = closing.enter_context(serving(path))
         except (RuntimeError, ValueError, OSError, LookupError) as error:

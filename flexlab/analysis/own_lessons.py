@@ -100,7 +100,7 @@ def _read(file: Path) -> OwnLesson:
     except (LessonError, OSError, UnicodeDecodeError) as error:
         if isinstance(error, LessonError):
             return OwnLesson(writable(file.stem), None, writable(str(error)))
-        return _unread(file, f"it cannot be read ({error}).")
+        return _unread(file, f"it cannot be read ({getattr(error, 'strerror', None) or error}).")
 
 
 def _unread(file: Path, why: str) -> OwnLesson:

@@ -203,7 +203,8 @@ class Sweep(Result):
         try:
             return _rows(file, self._layout, range(len(self)))
         except (OSError, ValueError) as error:
-            damaged = f"{file} is damaged ({' '.join(str(error).split()):.100})"
+            reason = getattr(error, "strerror", None) or str(error)
+            damaged = f"{file} is damaged ({' '.join(reason.split()):.100})"
             raise StudyError(f"{damaged}: move it away, and the same sweep computes it again.") from None
 
     @property

@@ -146,7 +146,9 @@ def viewer_folder() -> Path:
             folder.mkdir(parents=True, exist_ok=True)
             _unpack(folder)
         except OSError as error:
-            raise RecordingError(f"Rerun's web viewer cannot be unpacked into {folder}: {error}.") from None
+            raise RecordingError(
+                f"Rerun's web viewer cannot be unpacked into {folder}: {error.strerror or error}."
+            ) from None
     return folder
 
 

@@ -69,7 +69,16 @@ def _mappings(part: Any) -> Iterator[dict[str, Any]]:
 
 def page_report(run: int, **told: Any) -> str:
     """Return the report of a page that has drawn a run; it shows no charts unless `told` has some."""
-    usual = {"charts": {}, "dark": False, "width": 1440, "covered": (0, 0), "open": (), "hears": False, "again": 0}
+    usual = {
+        "charts": {},
+        "dark": False,
+        "width": 1440,
+        "covered": (0, 0),
+        "height": 900,
+        "open": (),
+        "hears": False,
+        "again": 0,
+    }
     return json.dumps(usual | {"run": run, **told})
 
 

@@ -302,7 +302,7 @@ def test_a_pull_ends_when_its_browser_falls_silent_and_only_then(
             other.send(DRAG | {"phase": "end"})
         assert pull(session), "the pull of another is not ended, and a sign of life suffices"
         other.send(DRAG | {"end_position": [0.0, 0.8, 0.0]})
-        wait_until(lambda: (now := pull(session)) and now.target[1] > 0.7, "who begins to drag takes over", 20)
+        wait_until(lambda: (now := pull(session)) and now.target[1] > 0.6, "who begins to drag takes over", 20)
         wait_until(lambda: pull(session) is None, "a silent one lets go", 20)
 
 

@@ -216,4 +216,4 @@ def same_target(one: Scenario, other: Scenario) -> bool:
 
 def _loop(scenario: Scenario) -> tuple[object, ...]:
     """The parts of a scenario on which the modes of the closed loop depend."""
-    return scenario.payload, scenario.arms, scenario.controller, scenario.gravity
+    return scenario.payload, scenario.arms, scenario.controller, scenario.gravity, scenario.joints.friction

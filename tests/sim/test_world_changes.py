@@ -211,6 +211,27 @@ def test_a_refused_change_leaves_the_world_as_it_was(changes: dict, same_bits):
     same_bits(world.run(30), untouched.run(30))
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"payload.bending_stiffness": 50.0},
+        {"payload.damping.coefficient": 0.5},
+        {"left_arm.link_mass": (9.0, 5.0, 2.0)},
+        {"controller.feedback_gain": 300.0},
+        {"gravity": 9.81},
+        {"joints.friction.viscous": (50.0, 20.0, 5.0)},
+        {"joints.friction.coulomb": (50.0, 20.0, 5.0)},
+    ],
+)
+def test_a_shaper_without_numbers_follows_the_loop_as_in_a_run_that_begins_anew(change: dict):
+    world = World(load_preset("sudden-stop").replace({"trajectory.shaper": "zvd"}))
+    before = world.assembly.system.trajectory.impulses
+    world.apply(ChangeScenario(change))
+    after, anew = (each.assembly.system.trajectory.impulses for each in (world, World(world.scenario)))
+    assert not np.array_equal(before, anew)
+    assert np.array_equal(after, anew)
+
+
 @pytest.mark.parametrize("kind", [path.kind for path in paths().values() if path.kind not in ("sine", "table")])
 def test_a_path_chosen_in_a_spin_goes_on_from_the_turn_reached(kind: str):
     """At 9.6 turns, nobody wants to see the beam unwind them, and the poses of all turns are allowed."""

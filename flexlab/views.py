@@ -86,12 +86,13 @@ class View:
         if self.entity.startswith(OWN) and self.signals[0].name not in samples.own:
             shown.fill(np.nan)
             return shown
-        whole = [samples[signal.name] for signal in self.signals]
-        # Column by column: NumPy is slow over rows of few numbers.
-        numbers = [array[:, *place] for array in whole for place in np.ndindex(array.shape[1:])][: len(self.curves)]
-        for column, number in zip(shown.T, numbers, strict=False):
-            np.multiply(self.scale, number, out=column, casting="same_kind")
-        return shown[:, : len(numbers)]
+        first = 0
+        for signal in self.signals:
+            numbers = samples[signal.name].reshape(len(samples), -1)[:, : len(self.curves) - first]
+            last = first + numbers.shape[1]
+            np.multiply(self.scale, numbers, out=shown[:, first:last], casting="same_kind")
+            first = last
+        return shown[:, :first]
 
 
 def _about(signal: Signal) -> str:

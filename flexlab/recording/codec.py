@@ -114,6 +114,11 @@ def from_byte_planes(signal, planes, first, folded):
 
 def encode_block(samples: Samples) -> bytes:
     """All signals of a block of samples (N >= 1) as bytes."""
+    return pack_block(block_bytes(samples))
+
+
+def block_bytes(samples: Samples) -> np.ndarray:
+    """The bytes of a block of samples (N >= 1), uint8, before packing."""
     signals = {name: np.asarray(signal, np.float64) for name, signal in samples.signals().items()}
     derived = [name for name in signals if name in DERIVED and _follows(name, signals)]
     kept = {name: signal for name, signal in signals.items() if name not in derived}
@@ -130,6 +135,11 @@ def encode_block(samples: Samples) -> bytes:
     raw = np.empty(len(head) + 8 * sum(widths) * len(samples), np.uint8)
     raw[: len(head)] = np.frombuffer(head, np.uint8)
     _each_signal(byte_planes, kept.values(), raw[len(head) :].reshape(8, sum(widths), len(samples)))
+    return raw
+
+
+def pack_block(raw: np.ndarray) -> bytes:
+    """A block, packed. Nearly all of it runs without Python's lock."""
     frame = PACKING.compress(raw, asbytes=True)
     return frame + TRAILER.pack(len(raw), zlib.adler32(frame))
 

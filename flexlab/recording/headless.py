@@ -19,7 +19,7 @@ from flexlab.recording.store.run_files import SUFFIX, claim_named_file, claim_ru
 from flexlab.sim.samples import MEASURED, Run, Samples, Status
 from flexlab.sim.snapshot import TICK, Event
 
-BLOCK_ROWS = 10_000
+BLOCK_ROWS = 20_000
 """Samples per block of a run that is in memory: larger blocks make smaller files."""
 LARGE_ROWS = 2000
 """Samples in a block that need not be joined with others; joining reads the whole recording into memory."""

@@ -22,7 +22,7 @@ from flexlab.recording.reader import read_recording, read_scenario
 from flexlab.recording.rerun_internals.chunks import Column, new_stream, scalars, send_columns, stream_rows, time_column
 from flexlab.recording.run_encoder import RunEncoder
 from flexlab.recording.run_info import RunInfo, checked
-from flexlab.sim.samples import Run, Samples
+from flexlab.sim.samples import Run
 from flexlab.sim.world import World
 
 GONE = "left out"
@@ -141,15 +141,15 @@ PACKINGS = {"zlib": zlib.compress, "zstd": by_zstd}
 
 
 def with_heads(monkeypatch: pytest.MonkeyPatch, change: Callable[[dict[str, Any]], Any], packing: str = "zstd") -> None:
-    encode = run_encoder.encode_block
+    pack = run_encoder.pack_block
 
-    def odd(samples: Samples) -> bytes:
-        given, planes = codec._unpack(encode(samples))
+    def odd(block: np.ndarray) -> bytes:
+        given, planes = codec._unpack(pack(block))
         found = change(given)
         text = json.dumps(given if found is None else found).encode()
         return PACKINGS[packing](struct.pack("<I", len(text)) + text + planes)
 
-    monkeypatch.setattr(run_encoder, "encode_block", odd)
+    monkeypatch.setattr(run_encoder, "pack_block", odd)
 
 
 # What is read is the same once it is unpacked.
@@ -189,7 +189,7 @@ BLOCKS = {
 @pytest.mark.parametrize("kind", BLOCKS)
 def test_bytes_that_are_no_block(monkeypatch: pytest.MonkeyPatch, written: Callable[[], Path], kind: str) -> None:
     monkeypatch.setattr(codec, "LARGEST_BLOCK", 10_000_000)
-    monkeypatch.setattr(run_encoder, "encode_block", lambda samples: BLOCKS[kind])
+    monkeypatch.setattr(run_encoder, "pack_block", lambda block: BLOCKS[kind])
     check(written(), refused=True)
 
 

@@ -88,4 +88,4 @@ def peak_axial_load(samples: "Samples") -> np.ndarray:
 @of_signal(Peak, 50, Column("torque", "Peak joint torque", "torque", "N·m", listed=True))
 def peak_torque(samples: "Samples") -> np.ndarray:
     """Largest magnitude of any joint's torque, N·m."""
-    return np.max(np.abs(samples.joint_torque), axis=(1, 2))[:, None]
+    return samples.joint_torque[:, None]

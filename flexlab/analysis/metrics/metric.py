@@ -126,7 +126,7 @@ def forget(name: str) -> None:
 class _OfSignal(Metric):
     @abstractmethod
     def signal(self, samples: "Samples") -> np.ndarray:
-        """The signal that is measured, (N, columns)."""
+        """The signal that is measured, (N, columns); a peak also takes (N, columns, …)."""
 
 
 class RootMeanSquare(_OfSignal):
@@ -152,6 +152,12 @@ class RootMeanSquare(_OfSignal):
         return tuple(map(float, np.sqrt(self._squares / self._count)))
 
 
+def maxima(signal: np.ndarray) -> np.ndarray:
+    """The largest number of each column of a signal (N, columns, …)."""
+    # Column by column: NumPy is slow over rows of few numbers.
+    return np.array([signal[:, column].max() for column in range(signal.shape[1])])
+
+
 def outlasting(time: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The instants, s, rising, and sizes that no later size reaches: the last one above any limit is among them."""
     largest_later = np.maximum.accumulate(np.append(size[1:], -1.0)[::-1])[::-1]
@@ -166,7 +172,8 @@ class Peak(_OfSignal):
 
     def update(self, samples: "Samples") -> None:
         """Take in the next piece of a run."""
-        self._peak = np.maximum(self._peak, np.max(np.abs(self.signal(samples)), axis=0))
+        sizes = np.abs(self.signal(samples))
+        self._peak = np.maximum(self._peak, maxima(sizes))
 
     def compute(self) -> tuple[float, ...]:
         """The largest magnitude, a number per column."""

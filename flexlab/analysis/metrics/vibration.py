@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexlab.analysis.metrics.metric import Column, Metric, outlasting, register
+from flexlab.analysis.metrics.metric import Column, Metric, maxima, outlasting, register
 from flexlab.analysis.metrics.run_metrics import ROUNDING
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ class SettlingTime(Metric):
         """Take in the next piece of a run."""
         desired = samples.desired_pose[:, :2]
         self._error = max(self._error, float(np.abs(samples.tracking_error[:, :2]).max()))
-        self._low, self._high = np.minimum(self._low, desired.min(axis=0)), np.maximum(self._high, desired.max(axis=0))
+        self._low, self._high = np.minimum(self._low, -maxima(-desired)), np.maximum(self._high, maxima(desired))
         self.add(samples.time, samples.vibration)
 
     def add(self, time: np.ndarray, signal: np.ndarray) -> None:

@@ -133,8 +133,8 @@ def test_both_ends_of_the_payload_stay_in_the_picture(name: str, aspect: float) 
 @pytest.mark.parametrize(
     ("window", "shown"),
     [
-        (Window(1.19, 0.05, 0.09, 900), ["bases"]),  # 1440 x 900, plots and guide folded.
-        (Window(1.43, 0.05, 0.08, 1080), ["bases", "elbows"]),  # 1920 x 1080, plots and guide folded.
+        (Window(1.19, 0.05, 0.09, 900), ["bases", "wrists"]),  # 1440 x 900, plots and guide folded.
+        (Window(1.43, 0.05, 0.08, 1080), ["bases", "wrists", "elbows"]),  # 1920 x 1080, plots and guide folded.
         (Window(0.91, 0.04, 0.07, 900), ["bases"]),  # 1440 x 900 beside the guide.
         (Window(1.78, 0.35, 0.0, 1080), ["bases"]),  # A presentation at 1920 x 1080, whose plot covers the upper part.
     ],
@@ -150,13 +150,15 @@ def test_the_first_view_shows_the_arms_where_the_payload_is_long_enough(
     bases = [
         (x + aside, y + near) for x, y in (arm.base for arm in arms) for aside in (-0.1, 0.1) for near in (-0.1, 0.1)
     ]
-    places: dict[str, list[tuple[float, float]]] = {"bases": bases, "elbows": []}
+    places: dict[str, list[tuple[float, float]]] = {"bases": bases, "wrists": [], "elbows": []}
     for x, y, theta in poses(build_motion(path), np.linspace(*path.window, 100))[:, 0]:
         for side, arm in zip((-1, 1), arms, strict=False):
             reach = side * (length / 2 + arm.link_length[2])
-            wrist = complex(x, y) + reach * np.exp(1j * theta) - complex(*arm.base)
-            bend = np.arccos((abs(wrist) ** 2 + 0.7**2 - 0.6**2) / (2 * abs(wrist) * 0.7))
-            elbow = complex(*arm.base) + 0.7 * np.exp(1j * (np.angle(wrist) - arm.elbow * bend))
+            base, wrist = complex(*arm.base), complex(x, y) + reach * np.exp(1j * theta)
+            away = abs(wrist - base)
+            bend = np.arccos((away**2 + 0.7**2 - 0.6**2) / (2 * away * 0.7))
+            elbow = base + 0.7 * np.exp(1j * (np.angle(wrist - base) - arm.elbow * bend))
+            places["wrists"].append((wrist.real, wrist.imag + 0.13))  # The joint has a radius, and stands high.
             places["elbows"].append((elbow.real, elbow.imag))
     seen = [in_picture(position, look_at, *place) for kind in shown for place in places[kind]]
     assert all(abs(sideways) < window.aspect for sideways, _ in seen)

@@ -51,8 +51,10 @@ AROUND = 0.35
 is combined with the room for its turning by the root of the sum of squares."""
 LEAST_FREE = 0.2
 """Least fraction of the picture's height that counts as free, whatever covers it."""
-LEAST_LENGTH, NEARLY = 250, 0.9
+LEAST_LENGTH, NEARLY = 275, 0.9
 """Least length of the payload in the first view, px; on a small screen, this fraction of its length in the view of it alone."""
+EXTENTS = 21
+"""Number of extents that are tried from the whole floor to payload and bases, and from there to the payload."""
 BASE_RADIUS = 0.13
 """Size of the paper's bases, m."""
 CLOSE_UP = 2.6
@@ -157,22 +159,27 @@ def shot(view: str, scenario: Scenario, sample: Samples, window: Window) -> Shot
 
 def overview(scenario: Scenario, window: Window, tilt: float = TILT) -> Shot:
     """The view of the whole floor, `tilt` rad from the vertical."""
-    x_min, x_max, y_min, y_max = floor_extent(scenario)
-    return _fitted(_corners((x_min, y_min), (x_max, y_max + CAPTION)), window, tilt)
+    return _fitted(_floor(scenario), window, tilt)
 
 
 def first_view(scenario: Scenario, window: Window) -> Shot:
-    """The overview; where that makes the payload too short, the view of payload and bases, and then of the payload alone."""
-    alone, middle = payload_view(scenario, window), np.array([*scenario.trajectory.middle[:2], 0.0])
-    with_bases = _fitted(np.concatenate([_payload_room(scenario), _bases(scenario)]), window, TILT)
+    """The overview, or as much of it as leaves the payload long enough: bases and payload come before the rest of the floor."""
+    middle = np.array([*scenario.trajectory.middle[:2], 0.0])
 
     def length(seen: Shot) -> float:
         sight = seen.look_at - seen.position
         distance = float((middle - seen.position) @ sight / np.linalg.norm(sight))
         return scenario.payload.length / distance / (2 * np.tan(FIELD_OF_VIEW / 2)) * window.height
 
-    least = min(LEAST_LENGTH, NEARLY * length(alone))
-    return next((seen for seen in (overview(scenario, window), with_bases) if length(seen) >= least), alone)
+    floor, payload = (np.tile(corners, (2, 1)) for corners in (_floor(scenario), _payload_room(scenario)))
+    with_bases = np.concatenate([payload[:4], _bases(scenario)])
+    wide, near = (
+        [_fitted(extent, window, TILT) for extent in np.linspace(first, last, EXTENTS)]
+        for first, last in ((floor, with_bases), (with_bases, payload))
+    )
+    least = min(LEAST_LENGTH, NEARLY * length(near[-1]))
+    long_enough = [seen for seen in wide if length(seen) >= LEAST_LENGTH]
+    return next(iter(long_enough or [seen for seen in near if length(seen) >= least]), near[-1])
 
 
 def payload_view(scenario: Scenario, window: Window) -> Shot:
@@ -186,6 +193,12 @@ def _payload_room(scenario: Scenario) -> np.ndarray:
     tilted = 0.5 * np.sin(min(abs(path.middle[2]) + path.reach[2], np.pi / 2))
     half = np.array(path.reach[:2]) + [(0.5 + AROUND) * length, np.hypot(AROUND, tilted) * length]
     return _corners(np.array(path.middle[:2]) - half, np.array(path.middle[:2]) + half)
+
+
+def _floor(scenario: Scenario) -> np.ndarray:
+    """The corners of the floor and of the caption above it, m, (4, 3)."""
+    x_min, x_max, y_min, y_max = floor_extent(scenario)
+    return _corners((x_min, y_min), (x_max, y_max + CAPTION))
 
 
 def _bases(scenario: Scenario) -> np.ndarray:
@@ -205,11 +218,8 @@ def _fitted(points: np.ndarray, window: Window, tilt: float) -> Shot:
     across, along, ahead = points[:, 0], points @ up, points @ forward
     most = FILLED * np.tan(FIELD_OF_VIEW / 2)
     kept = min((1.0 - LEAST_FREE) / max(window.above + window.below, 1e-9), 1.0)
-    side, top, bottom = (
-        most * max(window.aspect, 0.1),
-        most * (1 - 2 * kept * window.above),
-        -most * (1 - 2 * kept * window.below),
-    )
+    side = most * max(window.aspect, 0.1)
+    top, bottom = most * (1 - 2 * kept * window.above), -most * (1 - 2 * kept * window.below)
     # A camera at (x, u, f) sees a point (across, along, ahead) between slopes b and t: b (ahead − f) ≤ along − u ≤ t (ahead − f).
     places, fronts = [], []
     for place, low, high in ((across, -side, side), (along, bottom, top)):
@@ -224,11 +234,8 @@ def _fitted(points: np.ndarray, window: Window, tilt: float) -> Shot:
 
 def _near(place: np.ndarray, scenario: Scenario, window: Window, size: float) -> Shot:
     distance = size * CLOSE_UP * scenario.payload.length / min(max(window.aspect, 0.1), 1.0)
-    return _from(np.array([*place, 0.15]), distance, TILT)
-
-
-def _from(center: np.ndarray, distance: float, tilt: float) -> Shot:
-    return Shot(center + distance * np.array([0.0, -np.sin(tilt), np.cos(tilt)]), center)
+    center, away = np.array([*place, 0.15]), np.array([0.0, -np.sin(TILT), np.cos(TILT)])
+    return Shot(center + distance * away, center)
 
 
 STANDING = ""

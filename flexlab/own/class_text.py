@@ -4,10 +4,12 @@ import ast
 import cmath
 import dis
 import inspect
+import linecache
 import sys
 import textwrap
 from collections import Counter
 from contextlib import suppress
+from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any
 
@@ -46,23 +48,27 @@ def class_text(given: type) -> str:
     cannot be found, and `ValueError` with a sentence for a changed attribute that the text cannot have.
     """
     with PARSER:
-        own, first = inspect.getsourcelines(given)
-        lines = inspect.findsource(given)[0]
+        lines = inspect.findsource(_written_in(given))[0]
+    own, first = _lines_of(given, lines)
     text = textwrap.dedent("".join(own))
     needed, kept, found = _used(_compiled(syntax_tree(text).body)), {}, set()
     nodes = [node for node in syntax_tree("".join(lines)).body if not (_is_main(node) or _runs(node, given.__name__))]
     module, enclosed = vars(sys.modules.get(given.__module__, ModuleType(""))), _enclosed(given)
-    values, written = dict[str, str](), _written(nodes, module)
+    values, written, others = dict[str, str](), _written(nodes, module), list[ast.stmt]()
     while True:
         values |= {name: _expression(module[name]) for name in (needed & set(module)) - written - set(values)}
         open_names = {name for name in needed - set(enclosed) if not values.get(name)}
         new = [
             node for node in nodes if node.lineno not in kept and _bound(node) & open_names and not _holds(node, first)
         ]
-        if not new:
+        elsewhere = {} if new else {name: _in_another_cell(name, module, given) for name in sorted(open_names - found)}
+        if not new and not any(elsewhere.values()):
             break
         for node in new:
             kept[node.lineno] = node
+        for rows in elsewhere.values():
+            others[:0] = rows
+        for node in [*new, *(node for rows in elsewhere.values() for node in rows)]:
             needed |= _used(_compiled([node]))
             found |= _bound(node)
     rows = [""] * len(lines)
@@ -78,7 +84,47 @@ def class_text(given: type) -> str:
     joint = "; " if 1 in kept and isinstance(kept[1], (ast.Import, ast.ImportFrom, ast.Assign)) else "\n"
     above = "; ".join(part for part in head if part)
     whole = (above + (joint + rows[0] if rows[0] else "") + "\n" + "\n".join(rows[1:])).rstrip("\n") + "\n"
+    whole += "".join(f"\n\n{ast.unparse(node)}\n" for node in others)
     return whole + "".join(f"{given.__name__}.{name} = {value}\n" for name, value in _changed(given, text).items())
+
+
+def class_file(given: type) -> Path | None:
+    """The file in which a class is written; None for a notebook's cell. Raises `OSError` or `TypeError` if it is unknown."""
+    file = Path(inspect.getfile(_written_in(given)))
+    return file if file.is_file() else None
+
+
+def _written_in(given: type) -> Any:
+    """A method of the class, as Python knows the notebook's cell of functions alone; the class itself if it has none."""
+    own = (inspect.unwrap(one) for one in vars(given).values() if inspect.isfunction(one))
+    for one in own:
+        is_own = one.__module__ == given.__module__ and one.__qualname__.startswith(f"{given.__qualname__}.")
+        if is_own and linecache.getlines(one.__code__.co_filename):  # Not one that a decorator made.
+            return one
+    return given
+
+
+def _lines_of(given: type, lines: list[str]) -> tuple[list[str], int]:
+    """The lines of a class among those of its file or cell, and the number of the first. Raises `OSError` if it is not there."""
+    line = getattr(getattr(_written_in(given), "__code__", None), "co_firstlineno", None)
+    for node in reversed(list(ast.walk(syntax_tree("".join(lines))))):
+        if isinstance(node, ast.ClassDef) and node.name == given.__name__ and (line is None or _holds(node, line)):
+            first = min(one.lineno for one in (node, *node.decorator_list))
+            return lines[first - 1 : node.end_lineno], first
+    raise OSError(f"{given.__name__} is not in its file.")
+
+
+def _in_another_cell(name: str, module: dict[str, Any], given: type) -> list[ast.stmt]:
+    """The statements with which another cell of the notebook defines a function or class; none for anything else."""
+    value = module.get(name)
+    if getattr(value, "__module__", None) != given.__module__ or _definition(name, value):
+        return []
+    try:
+        with PARSER:
+            lines = inspect.findsource(_written_in(value) if isinstance(value, type) else inspect.unwrap(value))[0]
+        return [node for node in syntax_tree("".join(lines)).body if name in _bound(node)]
+    except (OSError, TypeError, SyntaxError):
+        return []
 
 
 def _enclosed(given: type) -> dict[str, str]:

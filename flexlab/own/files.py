@@ -1,7 +1,6 @@
 """Where laws and paths come from: a person's folder, flexlab's examples, a given file, or a class."""
 
 import contextlib
-import inspect
 import re
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
@@ -14,7 +13,7 @@ from flexlab.control.path import Path as DesiredPath
 from flexlab.errors import ScenarioError
 from flexlab.files import check_ordinary
 from flexlab.own import hosts
-from flexlab.own.class_text import class_text
+from flexlab.own.class_text import class_file, class_text
 from flexlab.own.declaration import Declared, OwnLaw, OwnPath, read_declaration, read_path_declaration
 from flexlab.own.kinds import OwnKinds, default_source
 from flexlab.own.law import OWN_LAWS
@@ -141,7 +140,7 @@ class OwnFolder(Generic[K]):
                 raise self._problem("source", f"{given} holds no {what} that can be used: {needed}.")
             return kernel or self.add(given).kind
         if isinstance(given, type) and issubclass(given, base):
-            return self.kinds.add(self._text_of(given), inspect.getsourcefile(given) or given.__name__).kind
+            return self.kinds.add(self._text_of(given), str(class_file(given) or given.__name__)).kind
         if not isinstance(given, str):
             advice = f"give a name such as {self.example}, a file, or a class of {base.__name__}"
             raise self._problem("kind", f"{word} = {given!r:.60} is not a {what}: {advice}.")
@@ -214,8 +213,9 @@ class OwnFolder(Generic[K]):
             what = f"The class {given.__name__} inherits from {self.base.__name__} through another class: inherit directly."
             raise self._problem("source", what)
         try:
-            folder = Path(inspect.getsourcefile(given) or "").resolve().parent
-            return with_modules(class_text(given), folder if folder.is_dir() else Path(), f"{self.kinds.field}.source")
+            file = class_file(given)
+            folder = file.resolve().parent if file else Path()
+            return with_modules(class_text(given), folder, f"{self.kinds.field}.source")
         except ValueError as error:
             raise self._problem("source", str(error)) from None
         except (OSError, TypeError, SyntaxError):

@@ -278,21 +278,23 @@ def test_the_examples_of_the_readme_work_as_classes(root: Path, tmp_path: Path):
     np.testing.assert_array_equal(file.desired_pose, run.desired_pose)
 
 
-def test_a_class_may_use_names_from_another_notebook_cell():
+def test_a_class_of_a_notebook_may_use_what_other_cells_define(monkeypatch: pytest.MonkeyPatch):
     cells = (
         "from math import pi\nimport numpy as numbers\nfrom scipy.linalg import solve\n"
         "from flexlab import OwnPath\nWIDTH, FARTHEST = 0.1, float('inf')\n",
+        "def phase(t):\n    return pi * t / HALF\n\n\nclass Wave:\n    def at(self, t):\n        return numbers.sin(phase(t))\n",
+        "HALF = 1.0\n",
         "class InACell(OwnPath):\n    period = 2.0\n\n    def position(self, t):\n"
-        "        return min(WIDTH * float(solve([[1.0]], [numbers.sin(pi * t)])[0]), FARTHEST), 0.75, 0.0\n",
+        "        return min(WIDTH * float(solve([[1.0]], [Wave().at(t)])[0]), FARTHEST), 0.75, 0.0\n",
     )
-    notebook = ModuleType("a_notebook")
-    sys.modules["a_notebook"] = notebook
+    notebook = ModuleType("__main__")  # It has no file, and nothing can import it.
+    monkeypatch.setitem(sys.modules, "__main__", notebook)
     for number, cell in enumerate(cells):
         name = f"<cell {number}>"
         linecache.cache[name] = (len(cell), None, cell.splitlines(True), name)
-        notebook.__file__ = name
         exec(compile(cell, name, "exec"), vars(notebook))
-    assert flexlab.simulate("paper", 0.01, path=notebook.InACell).status == "finished"
+    run = flexlab.simulate("paper", 0.01, path=notebook.InACell, check=True)
+    assert run.desired_pose[-1, 0] == pytest.approx(0.1 * np.sin(0.01 * np.pi), abs=1e-9)
 
 
 def test_a_class_that_inherits_indirectly_is_refused(tmp_path: Path):

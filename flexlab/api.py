@@ -33,7 +33,6 @@ from flexlab.text import counted
 
 if TYPE_CHECKING:
     import pandas
-    import pyarrow
     import xarray
     from matplotlib.figure import Figure
 
@@ -135,7 +134,7 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
 
         return Page(run_page(self, self.name, events=self._course.events if self._course else ()))
 
-    def to_arrow(self) -> "pyarrow.Table":
+    def to_arrow(self) -> Any:
         """All signals as an Arrow table, a row per instant, with units in the columns' names, as `flexlab export` writes it."""
         import pyarrow
 

@@ -30,6 +30,7 @@ def study(folder: Path) -> dict[str, float]:
         "same": run.metrics["rms_error.y"],
         "work": run.metrics.motor_work,
         "signals": float(run.to_pandas().shape[1]),
+        "samples": float(run.to_arrow().num_rows),
     }
 
     sweep = flexlab.sweep(paper, {stiffness: "50:200:log:2"}, 0.1, folder=folder / "sweep", progress=False)

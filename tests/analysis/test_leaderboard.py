@@ -16,6 +16,7 @@ from flexlab.analysis.leaderboard.entry import Row, chosen_entrants, entrants
 from flexlab.analysis.leaderboard.report import OF_THE_BEST as BEST
 from flexlab.analysis.leaderboard.report import Cell, draw_case, overview, ratios, sections, settings, write_report
 from flexlab.analysis.leaderboard.store import RowStore, engine, law_source, shipped_rows
+from flexlab.analysis.result import scenario_hash
 from flexlab.analysis.workers import chosen_workers
 from flexlab.cli import leaderboard_command
 from flexlab.errors import StudyError
@@ -77,6 +78,8 @@ def test_a_row_is_the_run_that_simulate_gives(board: Leaderboard):
     assert row.result_hash == run.result_hash
     assert row.scores["peak"] == pytest.approx(abs(run.tracking_error[:, 0] + 1j * run.tracking_error[:, 1]).max())
     assert row.scores["settled"] is None, "it still rings"
+    (line,) = (line for line in board.table.to_pylist() if line["key"] == row.key and line["score"] == "peak")
+    assert line["scenario"] == scenario_hash(run.scenario)
 
 
 def test_rows_that_are_known_are_not_computed_again(board: Leaderboard, folder: Path):

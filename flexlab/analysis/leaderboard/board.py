@@ -1,7 +1,7 @@
 """The leaderboard: all laws in all cases, computed on all cores and stored row by row; and the check of stored rows."""
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,7 @@ from flexlab import __version__
 from flexlab.analysis.leaderboard.case import Case, Score, Variant
 from flexlab.analysis.leaderboard.entry import INVALID, Entrant, Row, Task, compute, machine
 from flexlab.analysis.leaderboard.store import RowStore, engine, row_key
-from flexlab.analysis.result import Result
+from flexlab.analysis.result import Result, scenario_hash
 from flexlab.analysis.workers import Told, Workers, chosen_workers
 from flexlab.errors import ScenarioError, StudyError
 from flexlab.scenario import Scenario
@@ -30,6 +30,8 @@ class Leaderboard(Result):
     rows: tuple[Row, ...]
     computed: int = 0
     """How many rows had to be computed."""
+    scenarios: Mapping[str, str] = field(default_factory=dict)
+    """Hash of the scenario by the key of its row; empty for rows that were only read."""
 
     @cached_property
     def laws(self) -> tuple[str, ...]:
@@ -55,7 +57,7 @@ class Leaderboard(Result):
         return tuple(row for row in self.rows if row.failed)
 
     @cached_property
-    def table(self) -> pa.Table:
+    def table(self) -> Any:
         """A row per law, case and score: its value in SI units and in the shown unit, with formula, seed and hashes."""
         lines: list[dict[str, Any]] = []
         for row in self.rows:
@@ -63,7 +65,8 @@ class Leaderboard(Result):
                 value, column = row.scores.get(score.name), score.column
                 shown = None if value is None else column.scale * value
                 about = {"score": score.name, "metric": score.metric_name, "title": column.title, "unit": column.unit}
-                lines.append(row.as_data() | about | {"value": value, "shown": shown, "formula": score.formula})
+                about |= {"value": value, "shown": shown, "formula": score.formula}
+                lines.append(row.as_data() | about | {"scenario": self.scenarios.get(row.key)})
         return pa.Table.from_pylist(lines, schema=SCHEMA)
 
     def plot(self, case: str = "") -> "Figure":
@@ -97,7 +100,7 @@ class Leaderboard(Result):
 
 
 _WORDS = ("law", "case", "variant", "score", "metric", "title")
-_ABOUT = ("status", "sentence", "note", "formula", "result_hash", "key", "engine", "version", "machine")
+_ABOUT = ("status", "sentence", "note", "formula", "result_hash", "key", "engine", "scenario", "version", "machine")
 SCHEMA = pa.schema(
     [(name, pa.string()) for name in _WORDS]
     + [("value", pa.float64()), ("shown", pa.float64()), ("unit", pa.string()), ("seed", pa.int64())]
@@ -158,7 +161,8 @@ def run_board(
         told(done, len(tasks))
     rows = tuple(known[task.row.key] for task in tasks)
     store.put_last(rows)
-    return Leaderboard(tuple(dict.fromkeys(task.case for task in tasks)), rows, len(missing))
+    scenarios = {task.row.key: scenario_hash(task.scenario) for task in tasks if task.scenario is not None}
+    return Leaderboard(tuple(dict.fromkeys(task.case for task in tasks)), rows, len(missing), scenarios)
 
 
 COMPARED = ("status", "sentence", "scores", "result_hash", "seed")

@@ -20,6 +20,7 @@ from flexlab.compiled import engine
 from flexlab.errors import ScenarioError, StudyError
 from flexlab.lapack import one_blas_thread
 from flexlab.machine import cores
+from flexlab.own import hosts
 from flexlab.own.files import know_own_texts, own_texts
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim.samples import Run, Status, empty_samples
@@ -120,6 +121,7 @@ def _on_threads(count: int) -> Iterator[Does]:
     def run(work: Work, items: Iterable[Any]) -> Iterator[tuple[int, Any]]:
         def one(item: Any) -> Any:
             busy.add(threading.get_ident())
+            hosts.run_alone()
             try:
                 return None if ended.is_set() else work(item)
             finally:
@@ -153,6 +155,7 @@ def _on_threads(count: int) -> Iterator[Does]:
         raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
+        hosts.close_ended()
 
 
 @contextmanager
@@ -181,6 +184,7 @@ def compute_there(texts: list[tuple[str, str]], metrics: list[OwnMetric], work: 
     """A worker's engine, and its result; `texts`: laws and paths in Python, which run in processes of their own."""
     know_own_texts(texts)
     know_own_metrics(metrics)
+    hosts.run_alone()
     return engine(), work(item)
 
 

@@ -131,8 +131,9 @@ class PathApart(OwnProcess):
 
 _KINDS = {"law": (RunningLaw, LawApart), "path": (RunningPath, PathApart)}
 """What runs a text in this process, and in one of its own."""
-known: dict[tuple[str, str], Any] = {}
-"""What runs the texts, by "law" or "path" and the text's digest; the one used last stands last."""
+known: dict[tuple[str, str, int], Any] = {}
+"""What runs the texts, by "law" or "path", the text's digest and the thread it is for, or 0; the one used last stands last."""
+_thread = threading.local()
 _lock = threading.RLock()
 _allowed: dict[str, str] = {}
 _apart = False
@@ -151,9 +152,30 @@ def run_apart(apart: bool = True, output: int = subprocess.DEVNULL) -> None:
         _apart = apart
 
 
+def run_alone() -> None:
+    """Give this thread's laws objects or processes of their own: one that fails would end the runs of other threads."""
+    _thread.number = threading.get_ident()
+
+
+def close_ended() -> None:
+    """End the processes of the laws of threads that have ended."""
+    with _lock:
+        there = {0, *(thread.ident for thread in threading.enumerate())}
+        for key in [key for key in known if key[2] not in there]:
+            ended = known.pop(key)
+            if isinstance(ended, OwnProcess):
+                ended.dispose()
+
+
+def _key(sort: str, source: str) -> tuple[str, str, int]:
+    """The key in `known` of what runs a text in this thread. All threads share paths, and programs, which may serve one only."""
+    is_shared = sort != "law" or bool(address_in(source))
+    return sort, short_hash(source), 0 if is_shared else getattr(_thread, "number", 0)
+
+
 def host(sort: str, source: str) -> Any:
     """What runs an allowed text, a "law" or a "path". Raises `TextProblem` or `ScenarioError` if it cannot be run."""
-    key, file = (sort, short_hash(source)), file_of(source)
+    key, file = _key(sort, source), file_of(source)
     if not hasattr(os, "fork"):
         raise TextProblem(f"{file}: own laws and paths run on Linux and macOS only: on Windows, start flexlab in WSL.")
     with _lock:
@@ -162,14 +184,14 @@ def host(sort: str, source: str) -> Any:
             apart = _apart or (is_foreign(file) and not PLAIN_PYTHON)
             found = _KINDS[sort][apart](source, file)
         known[key] = found
-        _retire(sort, file)
+        _retire(sort, file, key[2])
     return found
 
 
-def _retire(sort: str, file: str) -> None:
+def _retire(sort: str, file: str, thread: int) -> None:
     """End the processes of a file's older texts; the engine may use the newest ones until a change reaches it."""
     apart = [(key, one) for key, one in reversed(known.items()) if isinstance(one, OwnProcess)]
-    of_file = [key for key, one in apart if (one.sort, one.file) == (sort, file)]
+    of_file = [key for key, one in apart if (one.sort, one.file, key[2]) == (sort, file, thread)]
     for number, key in enumerate(of_file):
         if number >= known[key].kept:
             known.pop(key).dispose()
@@ -179,7 +201,7 @@ def _retire(sort: str, file: str) -> None:
 
 def stop_loading(file: str = "", source: str = "") -> None:
     """End processes that still load, so that nobody waits for them; given a `file`, those of its texts other than `source`."""
-    for (_, text), one in list(known.items()):
+    for (_, text, _), one in list(known.items()):
         if not isinstance(one, OwnProcess) or one.is_loaded:
             continue
         if not file:
@@ -252,18 +274,18 @@ def host_of(source: str, kind: str) -> RunningLaw | LawApart:
         found.ensure()
     except (TextProblem, FlexlabError) as error:
         with _lock:
-            known.pop(("law", short_hash(source)), None)
+            known.pop(_key("law", source), None)
         raise ScenarioError([("controller.source", f"The control law {kind} cannot be used: {error}")]) from None
     return found
 
 
 def known_law(source: str) -> RunningLaw | LawApart | None:
     """What runs a law; None if nothing does yet."""
-    return known.get(("law", short_hash(source)))
+    return known.get(_key("law", source))
 
 
 def ask_plainly(gains: Any, now: Any) -> int:
     """Make one call of a law and return its outcome, where kernels are not compiled (`compiled.PLAIN_PYTHON`)."""
-    laws = [one for one in known.values() if isinstance(one, RunningLaw)]
+    laws = [one for one in list(known.values()) if isinstance(one, RunningLaw)]
     asked = next(law for law in laws if law.channel.answer == int(gains.answer))
     return asked.ask(gains, np.frombuffer(now.tobytes(), LAW_INPUT)[0])

@@ -10,6 +10,7 @@ from own_law_text import PD
 
 import flexlab
 from flexlab.errors import FlexlabError
+from flexlab.own import hosts
 
 FAILS = PD.replace("        e, e_dot", '        raise RuntimeError("no such gain")\n        e, e_dot')
 LINE = 1 + next(number for number, line in enumerate(FAILS.split("\n")) if "raise" in line)
@@ -68,3 +69,22 @@ def test_metrics_of_a_run_that_stopped_are_not_numbers(law: Path):
     assert all(row.value != row.value for row in rows)
     assert {row.text for row in rows} == {"did not finish"}
     assert flexlab.simulate("paper", 0.1).metrics.peak_torque > 0
+
+
+@pytest.mark.parametrize(
+    ("fails", "apart"),
+    [('raise RuntimeError("too heavy")', False), ('raise RuntimeError("too heavy")', True), ("while True: pass", True)],
+    ids=["here", "apart", "endless"],
+)
+def test_a_law_that_fails_in_some_cells_of_a_sweep_runs_in_all_others(tmp_path: Path, fails: str, apart: bool):
+    text = PD.replace(
+        "        e, e_dot", f"        if at.gravity > 5 and at.time > 0.01:\n            {fails}\n        e, e_dot"
+    )
+    (tmp_path / "some.py").write_text(text, encoding="utf-8")
+    hosts.run_apart(apart)
+    swept = flexlab.sweep(
+        "paper", {"gravity": [9.0, 0.0, 9.1, 1.0, 9.2, 2.0, 9.3, 3.0]}, 0.03, law=tmp_path / "some.py",
+        folder=tmp_path / "sweep", workers=2, progress=False,
+    )  # fmt: skip
+    assert swept.table["status"].to_pylist() == ["law failed", "finished"] * 4
+    assert all("stopped just after t = 0.011 s. some.py, line" in said for said in swept.failed.values())

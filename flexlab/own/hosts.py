@@ -9,6 +9,7 @@ import struct
 import subprocess
 import threading
 from collections.abc import Generator
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -277,6 +278,15 @@ def host_of(source: str, kind: str) -> RunningLaw | LawApart:
             known.pop(_key("law", source), None)
         raise ScenarioError([("controller.source", f"The control law {kind} cannot be used: {error}")]) from None
     return found
+
+
+def make_ready(gains: Any) -> None:
+    """Make the law that a record of gains reaches ready for a run; if that fails, its `problem` says why."""
+    for one in list(known.values()):
+        if isinstance(one, (RunningLaw, LawApart)):
+            if (one.channel.answer, one.channel.calls) == (int(gains.answer), int(gains.calls)):
+                with suppress(TextProblem):
+                    one.ensure()
 
 
 def known_law(source: str) -> RunningLaw | LawApart | None:

@@ -97,8 +97,9 @@ class PythonLaw(Law):
         law = hosts.known_law(settings.source)
         return (law is not None and law.is_ready) or not hosts.is_allowed(settings.source)
 
-    def begin(self, _: Start) -> dict[str, np.ndarray]:
-        """The memory at the start of a run."""
+    def begin(self, start: Start) -> dict[str, np.ndarray]:
+        """The memory at the start of a run, for which the law is made ready: it may have failed in the run before."""
+        hosts.make_ready(start.gains)
         return {name: np.full(part.size, float(part.start)) for name, part in self.declaration.memory}
 
 

@@ -11,6 +11,8 @@ from own_law_text import PD
 import flexlab
 from flexlab.errors import FlexlabError
 from flexlab.own import hosts
+from flexlab.own.files import law_kind
+from flexlab.sim.world import World
 
 FAILS = PD.replace("        e, e_dot", '        raise RuntimeError("no such gain")\n        e, e_dot')
 LINE = 1 + next(number for number, line in enumerate(FAILS.split("\n")) if "raise" in line)
@@ -69,6 +71,26 @@ def test_metrics_of_a_run_that_stopped_are_not_numbers(law: Path):
     assert all(row.value != row.value for row in rows)
     assert {row.text for row in rows} == {"did not finish"}
     assert flexlab.simulate("paper", 0.1).metrics.peak_torque > 0
+
+
+FAILS_LATER = PD.replace(
+    "        e, e_dot", "        if at.gravity > 5 and at.time > 0.01:\n            FAIL\n        e, e_dot"
+)
+
+
+@pytest.mark.parametrize("apart", [False, True], ids=["here", "apart"])
+def test_a_law_that_failed_runs_again_after_a_reset(tmp_path: Path, apart: bool):
+    (tmp_path / "later.py").write_text(FAILS_LATER.replace("FAIL", "1 / 0"), encoding="utf-8")
+    hosts.run_apart(apart)
+    scenario = flexlab.load_preset("gravity").replace({"controller.kind": law_kind(tmp_path / "later.py")})
+    world = World(scenario, 0.001)
+    world.advance(30)
+    again = World(scenario, 0.001, (world.assembly,))  # As a reset does, which derives nothing anew.
+    again.advance(5)
+    assert not again.status.failed
+    again.advance(25)
+    assert again.status.text == world.status.text
+    assert "stopped just after t = 0.011 s. later.py, line" in again.status.text
 
 
 @pytest.mark.parametrize(

@@ -26,8 +26,6 @@ from flexlab.arguments import finite_number, whole_number
 from flexlab.errors import FlexlabError, StudyError
 from flexlab.files import short_hash
 from flexlab.lapack import one_blas_thread
-from flexlab.own import hosts
-from flexlab.own.law import OwnController
 from flexlab.scenario import Payload, Scenario
 from flexlab.scenario.settings import change_settings
 from flexlab.sim.assembly import Assembly
@@ -219,9 +217,6 @@ def measured(scenario: Scenario, changes: Mapping[str, Any], duration: float, sa
     with one_blas_thread():
         try:
             changed = change_settings(scenario, changes)
-            law = changed.controller
-            if isinstance(law, OwnController):  # A known beam's law may have failed in the run before.
-                hosts.host_of(law.source, law.kind)
             world = World(changed, sample_period, BEAMS.of(changed.payload))
         except FlexlabError as error:
             return Measured(None, "invalid", str(error), None)

@@ -12,6 +12,7 @@ import numpy as np
 import rerun as rr
 
 from flexlab.errors import RecordingError
+from flexlab.interrupts import put_off
 from flexlab.recording.rerun_internals.chunks import PROPERTIES, Column
 from flexlab.recording.rerun_internals.rrd_file import Pipe, Refusal, RefusedError, RrdFile, allow
 from flexlab.recording.run_encoder import EVENTS, PATH, RECORDS, SAMPLES, RunStream
@@ -42,15 +43,16 @@ class RunWriter:
         self.file = file
         self._bytes = RrdFile(file.handle)
         self._pipe = None
-        if in_one_piece and hasattr(os, "mkfifo"):
-            with contextlib.suppress(OSError):  # There may be no room for temporary files.
-                self._pipe = Pipe(file.handle)
         with contextlib.ExitStack() as undoing:
             undoing.callback(file.path.unlink, missing_ok=True)
             undoing.callback(file.release)
             undoing.callback(self._end_pipe)
-            self.stream = RunStream(info, file=self._pipe and self._pipe.path)
-            undoing.callback(self.stream.close)
+            with put_off():  # Of a stream that is only half set up, the pipe's end would never come.
+                if in_one_piece and hasattr(os, "mkfifo"):
+                    with contextlib.suppress(OSError):  # There may be no room for temporary files.
+                        self._pipe = Pipe(file.handle)
+                self.stream = RunStream(info, file=self._pipe and self._pipe.path)
+                undoing.callback(self.stream.close)
             if self._pipe is None:
                 self.push()
             undoing.pop_all()

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -88,10 +89,14 @@ class RunEncoder:
         # The signals of a run lie interleaved in memory: side by side, all that follows is faster.
         samples = Samples(**{name: np.ascontiguousarray(signal) for name, signal in samples.signals().items()})
         with ThreadPoolExecutor(1) as pool:
-            block = pool.submit(pack_block, block_bytes(samples))
+            block = block_bytes(samples)
+            try:
+                packed = pool.submit(pack_block, block).result
+            except RuntimeError:  # The script is ending, or the system lets no more threads begin.
+                packed = partial(pack_block, block)
             self._count(samples)
             shown = list(self._shown(samples))
-            self._send_exact(samples, block.result())
+            self._send_exact(samples, packed())
         for each in shown:
             self._send(*each)
 

@@ -1,6 +1,7 @@
 """What goes into a recording comes out of it again, and it holds what the viewer shows."""
 
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -114,6 +115,25 @@ def test_rerun_itself_finds_nothing_wrong(recording_file: Path) -> None:
         [rerun_tool(), "rrd", "verify", recording_file], capture_output=True, text=True, check=False
     )
     assert answer.returncode == 0, answer.stderr
+
+
+LATE = """
+import atexit, sys, threading
+import flexlab
+run = flexlab.simulate("paper", 0.01)
+def late():
+    threading.main_thread().join()
+    run.save(sys.argv[1])
+threading.Thread(target=late).start()
+atexit.register(run.save, sys.argv[1])
+"""
+
+
+def test_a_script_that_ends_can_still_save_a_run(tmp_path: Path) -> None:
+    """In a thread that outlives the script, or at its exit."""
+    answer = subprocess.run([sys.executable, "-c", LATE, tmp_path], capture_output=True, text=True, check=True)
+    assert answer.stderr == ""
+    assert len(list(tmp_path.glob("*.rrd"))) == 2
 
 
 def test_blocks_are_read_in_the_order_of_time_however_they_stand_in_the_file(run: Run, tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import shutil
 import signal
 import sys
 import tempfile
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from threading import Thread
@@ -210,6 +211,26 @@ def test_ctrl_c_anywhere_in_the_writing_of_a_block_leaves_a_whole_recording(run:
         assert_same_bits(found.samples, run.slice(0, len(found.samples)))
         assert len(found.samples) in (BLOCK, 2 * BLOCK)
         assert (found.state, found.status) == ("complete", "finished")
+
+
+def test_ctrl_c_while_a_run_begins_to_be_saved_ends_it(run: Run, tmp_path: Path) -> None:
+    """`run.save()` waited for ever for the end of a pipe into which nothing wrote."""
+
+    def interrupted(line: int) -> int:
+        info = RunInfo("paper", run.scenario)
+        file = claim_run_file(tmp_path, "paper", info.started)
+        writer = None
+        with contextlib.suppress(KeyboardInterrupt), pressing_at(line) as lines:
+            writer = RunWriter(file, info, in_one_piece=True)
+        if writer:
+            writer.let_go()
+        file.release()
+        return len(lines)
+
+    count = interrupted(0)
+    for line in range(1, count + 1, count // 30):
+        interrupted(line)
+        assert "flexlab-pipe" not in [thread.name for thread in threading.enumerate()]
 
 
 @pytest.mark.parametrize("share", [0.999, 0.9, 0.6, 0.35])

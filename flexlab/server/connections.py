@@ -74,11 +74,11 @@ class Visit(web.RequestHandler):
         super().data_received(data)
 
     def eof_received(self) -> bool:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """Whether to answer a visitor who sends no more: before an answer begins, as afterwards it means that they left."""
+        """Whether to answer a visitor who sends no more. Within a body, or once an answer has begun, it means that they left."""
         begun = self.request is not None and self.request.writer.output_size > 0
         # What came then is the rest of an answered form, or a piece of a head: aiohttp waits for a request.
         nothing = self._waiter is not None and not self._messages
-        if begun or nothing or not (self.received or self.request):
+        if begun or nothing or self._awaits_body() or not (self.received or self.request):
             return False
         self.close()
         return True
@@ -106,9 +106,14 @@ class Visit(web.RequestHandler):
         if not self.busy:
             # Between two requests, aiohttp itself limits the idle time.
             return now - self.began > HEAD_TIME and (not self.known or self.received > 0)
-        waits = self.request is not None and self.request.can_read_body and not self.request.content.is_eof()
         time_taken = now - self.began
-        return waits and time_taken > BODY_TIME and self.received - self.body_before < BODY_RATE * time_taken
+        return (
+            self._awaits_body() and time_taken > BODY_TIME and self.received - self.body_before < BODY_RATE * time_taken
+        )
+
+    def _awaits_body(self) -> bool:
+        """Whether a part of the request's body has not come yet."""
+        return self.request is not None and not self.request.content.is_eof()
 
     def handle_error(
         self, request: web.BaseRequest, status: int = 500, exc: BaseException | None = None, message: str | None = None

@@ -181,6 +181,18 @@ def test_endless_uploads_are_limited_and_leave_no_files(server: FrontServer, mon
     assert nothing.status in (400, 422)
 
 
+def test_an_upload_that_its_visitor_breaks_off_leaves_no_file(server: FrontServer):
+    """It was waited for until it was too slow on average, and two of them refused all further uploads for minutes."""
+    ben = Person(server)
+    body, kind = file_form("run.csv", b"x" * 5_000_000)
+    head = head_of(ben, "POST /runs/import", Content_Type=kind, Content_Length=str(len(body)))
+    for _ in range(2):
+        with socket.create_connection(("127.0.0.1", server.port), 30) as plug:
+            plug.sendall(head + body[:-1000])
+            wait_until(lambda: files_in(server), "the file is begun")
+        wait_until(lambda: not files_in(server), "nothing is left", 20.0)
+
+
 def test_an_archive_that_nobody_reads_is_removed(server: FrontServer, recorded: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(run_actions, "READING_TIME", 1.0)
     cleo = Person(server)

@@ -88,7 +88,8 @@ class View:
             return shown
         first = 0
         for signal in self.signals:
-            numbers = samples[signal.name].reshape(len(samples), -1)[:, : len(self.curves) - first]
+            array = samples[signal.name]
+            numbers = array.reshape(len(array), math.prod(array.shape[1:]))[:, : len(self.curves) - first]
             last = first + numbers.shape[1]
             np.multiply(self.scale, numbers, out=shown[:, first:last], casting="same_kind")
             first = last

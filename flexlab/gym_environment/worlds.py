@@ -1,6 +1,5 @@
 """The settings of an environment, and its worlds, which move together on several threads."""
 
-import difflib
 import weakref
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -19,7 +18,7 @@ from flexlab.physics.plant import Workspace
 from flexlab.presets import any_scenario
 from flexlab.quantities import Count, CountPair, Number, Pair, Part, Triple, quantity
 from flexlab.scenario import Scenario
-from flexlab.scenario.validation_errors import problem
+from flexlab.scenario.validation_errors import close_paths, did_you_mean, problem
 from flexlab.sim.assembly import Assembly
 from flexlab.sim.closed_loop import new_workspace, state_length
 from flexlab.sim.integrators.scheme import Etdrk4
@@ -84,8 +83,8 @@ class Settings(Part):
         known = cls.model_fields
         for name in options:
             if name not in known:
-                near = difflib.get_close_matches(name, known, n=1)
-                hint = f"did you mean {near[0]}?" if near else f"choose among {', '.join(known)}."
+                near = close_paths(name, known)
+                hint = did_you_mean(near) if near else f"choose among {', '.join(known)}."
                 raise StudyError(f"The environment has no option {name:.60}: {hint}")
         try:
             return cls(**options)

@@ -167,6 +167,7 @@ def test_a_failed_episode_terminates_and_costs_its_remaining_time():
         ({"stiffness": (50, 100, 200)}, "stiffness = .* needs 2 numbers"),
         ({"stifness": (50, 200)}, "no option stifness: did you mean stiffness"),
         ({"colour": 1}, "no option colour: choose among scenario, action"),
+        ({"period": 0.01}, "no option period: choose among scenario, action, control_period"),
         ({"render_mode": "ansi"}, "render_mode = 'ansi' is not known: choose human, rgb_array or None"),
         ({"version": 7}, "version = 7 is not one of 0 or 1"),
         ({"version": []}, "version = .* is not one of 0 or 1"),

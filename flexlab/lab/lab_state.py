@@ -59,6 +59,9 @@ class Outside(NamedTuple):
     """Reads the part of the present run that the engine no longer keeps."""
     link: Callable[[Scenario], str] | None = None
     """The address that opens a scenario in another browser, empty for one that is too long; None if there are no addresses."""
+    lesson: str = ""
+    lessons: tuple[LessonProgress, ...] = ()
+    """The open lesson and the progress of the same person's lab before, as in `LabState`."""
 
 
 class LabState:
@@ -85,9 +88,9 @@ class LabState:
         """The run that is drawn behind the present one."""
         self.touched_at = -math.inf
         """When a person last used a control, monotonic s."""
-        self.lesson = ""
+        self.lesson = self.outside.lesson
         """The open lesson and its progress, in words; empty if none is open."""
-        self.lessons: dict[str, LessonProgress] = {}
+        self.lessons = {progress.lesson: progress for progress in self.outside.lessons}
         """Progress in each lesson that was opened."""
         self.rules = ClassRules()
         """The teacher's rules."""

@@ -13,6 +13,7 @@ from flexlab.analysis.lesson_checks import Verdict, read_check
 from flexlab.analysis.lesson_expressions import ExpressionError, expression
 from flexlab.analysis.lesson_measures import Look
 from flexlab.analysis.own_lessons import MOST, OwnLesson, lesson_menu, lesson_mistakes, own_lessons, short_name
+from flexlab.lab.lab_state import Outside
 from flexlab.lab.panel.guide_panel import Guide
 from flexlab.lab.session import Session
 from flexlab.lab.widgets import Widgets
@@ -264,6 +265,7 @@ def test_an_own_lesson_is_checked_in_the_lab(tmp_path: Path, monkeypatch: pytest
         guide = Guide(Widgets(session.server.gui, session.lab_state))
         guide._turn_to("Own lesson: Stiffer")
         assert session.lab_state.lesson == "Stiffer: step 1 of 3 (guess)"
+        guide._take_guess("nothing")
         session.lab_state.load(stiff, "stiff")
         session.lab_state.submit(SetSpeed(4.0))
         session.lab_state.submit(Play())
@@ -273,6 +275,14 @@ def test_an_own_lesson_is_checked_in_the_lab(tmp_path: Path, monkeypatch: pytest
             return session.lab_state.lesson == "Stiffer: done"
 
         wait_until(done, "the check holds in the run that is shown", 20)
+    # The same person's next lab goes on from there.
+    outside = Outside(lesson=session.lab_state.lesson, lessons=tuple(session.lab_state.lessons.values()))
+    with Session(load_preset("paper"), "paper", shadows=False, outside=outside) as again:
+        guide = Guide(Widgets(again.server.gui, again.lab_state))
+        assert (guide._menu.widget.value, guide._guess.widget.value) == ("Own lesson: Stiffer", "nothing")
+        assert guide._answer.visible
+        assert again.lab_state.lessons == session.lab_state.lessons
+        assert again.lab_state.lesson == "Stiffer: done"
 
 
 @pytest.mark.parametrize("part", ["\n## Guess\n", "\n## Do\n", "\n## Observe\n", "\n---\n", "- [x] a\n", "<"])

@@ -7,12 +7,14 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from operator import methodcaller
 from pathlib import Path
 
 import pytest
 from http_client import PATIENCE, ask, looking, upgrade, wait_until
 from person import TOKEN, Person, open_server
 
+from flexlab.guide import ClassRules
 from flexlab.recording.reader import read_recording
 from flexlab.recording.store.run_files import list_runs, run_state
 from flexlab.server.front_server import FrontServer
@@ -73,6 +75,9 @@ def test_two_visitors_do_not_disturb_each_other_even_if_one_lab_dies(private: Fr
             lambda: anna.place.status().time > 0.5 and anna.place.status().recording, "Anna's run is recorded"
         )
         wait_until(lambda: len(read_recording(run).samples) > 100, "some of it is on disk")
+        for rules in (ClassRules(lesson="Lesson 1: Why does it ring?"), ClassRules()):
+            anna.place.send(methodcaller("carry_out", rules))
+            lesson = wait_until(lambda: anna.place.status().lesson, "the teacher has opened a lesson")
         ben_before = ben.place.status().time
         # Two runs that the lab has not reported to the server: one just begun, and one still empty.
         begun = Path(shutil.copy(torn, private.settings.logs))
@@ -96,6 +101,8 @@ def test_two_visitors_do_not_disturb_each_other_even_if_one_lab_dies(private: Fr
     assert len(read_recording(run).samples) > 100
     wait_until(lambda: run_state(begun) == "recovered" and not empty.exists(), "so is what she had just begun")
     assert anna.enter() not in (first, second), "Anna gets a new lab"
+    wait_until(lambda: anna.place.status().lesson == lesson, "with the lesson that was open")
+    assert [progress.lesson for progress in anna.place.status().lessons] == ["Lesson 1: Why does it ring?"]
 
 
 def test_a_name_and_a_preset_given_while_the_lab_opens_count(

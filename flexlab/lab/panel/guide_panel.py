@@ -25,7 +25,7 @@ class Guide:
         self._files = lesson_files()
         self._pace = widgets.lab_state.rules.pace
         self._collect()
-        self._shown = next(iter(self._pages))
+        self._shown = self._resumed()
         widgets.gui.add_html('<div class="fl-guide"></div>')  # This tells the page whether the guide is open.
         self._menu = Menu(widgets, "Read", lambda: self._pages, lambda: self._shown, self._choose)
         self._text = widgets.gui.add_markdown("")
@@ -50,6 +50,23 @@ class Guide:
                 title = f"{own.name} (cannot be read)"
                 # Own lessons come from files of whoever started the lab; even so, they bring no HTML into the page.
                 self._pages[f"{OWN}{title}"] = Chapter(own.name, title, without_html(own.problem))
+
+    def _resumed(self) -> str:
+        """Take up the progress of the same person's lab before, and return the page to open."""
+        shown = next(iter(self._pages))
+        for title, progress in self._lab_state.lessons.items():
+            page = self._pages.get(title)
+            if not isinstance(page, Lesson):
+                continue
+            if progress.guess in page.options:
+                self._guesses[page.id] = progress.guess
+            if progress.step == len(STEPS):
+                self._unfolded.add(page.id)
+            if progress.passed:
+                self._done[page.id] = progress.passed
+            if self._lab_state.lesson.startswith(f"{page.title}: "):
+                shown = title
+        return shown
 
     def _follow_files(self) -> None:
         """Take up own lessons that are new or were saved; the open page stays open."""

@@ -99,6 +99,10 @@ class Order:
     """Most bytes of the owner's runs; None for no bound."""
     own_files: dict[str, str] = field(default_factory=dict[str, str])
     """Laws and paths in Python that may run, as `hosts.allowed` returns them."""
+    lesson: str = ""
+    """The lesson that was open in the visitor's lab before, as in `LabStatus`."""
+    lessons: tuple[LessonProgress, ...] = ()
+    """Progress in that lab."""
 
 
 class Lab:

@@ -16,7 +16,7 @@ from flexlab.errors import FlexlabError, LabError
 from flexlab.guide import ClassRules
 from flexlab.own import hosts
 from flexlab.recording.repair import finish, finish_abandoned
-from flexlab.server.labs import LOOK_AGAIN, Choice, FullError, Lab, LabProvider, Order, WaitingLine
+from flexlab.server.labs import LOOK_AGAIN, Choice, FullError, Lab, LabProvider, LabStatus, Order, WaitingLine
 from flexlab.server.labs.worker import STOP_TIME, PrivateLab
 from flexlab.server.limits import Visitor
 from flexlab.server.settings import Settings, secret_word
@@ -59,7 +59,7 @@ class PrivateLabs(LabProvider):
         self._numbers = itertools.count(1)
         self._places: dict[str, PrivateLab] = {}
         self._opening: dict[str, asyncio.Future[PrivateLab]] = {}
-        self._ended: OrderedDict[str, tuple[str, str]] = OrderedDict()
+        self._ended: OrderedDict[str, tuple[str, str, LabStatus]] = OrderedDict()
         self._addresses: dict[str, str] = {}
         self._line = WaitingLine()
         self._watch: asyncio.Task[None] | None = None
@@ -119,6 +119,7 @@ class PrivateLabs(LabProvider):
             with contextlib.suppress(RuntimeError):  # The server itself is closed already.
                 loop.call_soon_threadsafe(self._over, lab)
 
+        before = self._before(visitor.id)
         order = replace(
             self._order,
             choice=choice,
@@ -126,6 +127,8 @@ class PrivateLabs(LabProvider):
             owner=visitor.owner,
             visitor=visitor.name,
             own_files=hosts.allowed(),
+            lesson=before.lesson if before else "",
+            lessons=before.lessons if before else (),
         )
         try:
             place = await asyncio.to_thread(PrivateLab, next(self._numbers), lab, visitor.id, order, tell)
@@ -160,10 +163,16 @@ class PrivateLabs(LabProvider):
         mine = (place for place in self._places.values() if place.visitor == visitor and place.port and not place.why)
         return next(mine, None)
 
+    def _before(self, visitor: str) -> LabStatus | None:
+        """The last report of the lab that the visitor had before."""
+        ended = [status for owner, _, status in self._ended.values() if owner == visitor]
+        closing = [place.status() for place in self._places.values() if place.visitor == visitor]
+        return next(reversed([*ended, *closing]), None)
+
     def ended(self, visitor: str, lab: str) -> str:
         """Return why this visitor's lab has ended; empty for other people's labs and for unknown ones."""
         going = self._places.get(lab)
-        owner, sentence = (going.visitor, going.why) if going is not None else self._ended.get(lab, ("", ""))
+        owner, sentence = (going.visitor, going.why) if going is not None else self._ended.get(lab, ("", ""))[:2]
         return sentence if owner == visitor else ""
 
     def left(self, place: Lab) -> None:
@@ -224,7 +233,7 @@ class PrivateLabs(LabProvider):
             log.warning("A private lab ended unexpectedly (%s); its run is in %s.", reason, recording)
             place.why = CRASHED.format(reason=reason)
         self._keep(asyncio.to_thread(_mend, self._settings.logs, recording))
-        self._ended[lab] = place.visitor, place.why
+        self._ended[lab] = place.visitor, place.why, place.status()
         self._addresses = {visitor: self._addresses.get(visitor, "") for visitor in self._taken()}
         while len(self._ended) > ENDED_KEPT:
             self._ended.popitem(last=False)

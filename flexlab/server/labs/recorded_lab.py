@@ -127,6 +127,8 @@ class RecordedLab(Lab):
                     lambda: recorder.path.stem if recorder.path is not None else "",
                     self._recorded,
                     link,
+                    order.lesson,
+                    order.lessons,
                 ),
             )
             self._session.start()

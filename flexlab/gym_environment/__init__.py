@@ -150,6 +150,20 @@ class _Scaled:
             self._window.close()
 
 
+MASK = "reset_mask"
+"""Gymnasium's name of the option of `reset` that chooses worlds."""
+
+
+def _checked(options: Any, known: str = "") -> dict[str, Any]:
+    """The options of `reset`, of which one is known at most. Raises `StudyError`."""
+    if options is not None and not isinstance(options, dict):
+        raise StudyError(f"options = {options!r:.60} is not usable: give a dictionary, or None.")
+    for name in options or {}:
+        if name != known:
+            raise StudyError(f"`reset` has no option {name!r:.60}: give {known or 'none'}.")
+    return options or {}
+
+
 class TwoArms(gym.Env[np.ndarray, np.ndarray], _Scaled):
     """One world; arguments as `worlds.Settings`. `info` holds the stiffness (N·m²) and the delay of the episode."""
 
@@ -162,7 +176,8 @@ class TwoArms(gym.Env[np.ndarray, np.ndarray], _Scaled):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Begin an episode."""
+        """Begin an episode. There are no options."""
+        _checked(options)
         super().reset(seed=seed)
         self.worlds.begin(np.ones(1, bool), self.np_random)
         self._show(1 / PICTURES_PER_SECOND)
@@ -212,12 +227,11 @@ class TwoArmsVector(VectorEnv[np.ndarray, np.ndarray, np.ndarray], _Scaled):
             usable = f"give one number, or {self.num_envs}, of which the first counts"
             raise StudyError(f"seed has {len(seed)} numbers: {usable}.")
         one = seed[0] if isinstance(seed, list) else seed
-        if options is not None and not isinstance(options, dict):
-            raise StudyError(f"options = {options!r:.60} is not usable: give a dictionary, or None.")
+        given = _checked(options, MASK)
         super().reset(seed=one)
-        chosen = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs, bool)))
+        chosen = np.asarray(given.get(MASK, np.ones(self.num_envs, bool)))
         if chosen.shape != (self.num_envs,) or chosen.dtype != bool:
-            raise StudyError(f"reset_mask is not usable: give {self.num_envs} truth values, one for each world.")
+            raise StudyError(f"{MASK} is not usable: give {self.num_envs} truth values, one for each world.")
         self.worlds.begin(chosen, self.np_random)
         self.worlds.state.pause[:] = False
         self._show(1 / PICTURES_PER_SECOND)

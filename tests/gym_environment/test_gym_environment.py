@@ -238,6 +238,10 @@ def test_a_step_before_a_reset_and_odd_resets_are_refused():
         envs.reset(seed=[])
     with pytest.raises(StudyError, match="options = 'all' is not usable"):
         envs.reset(options="all")  # type: ignore[arg-type]
+    with pytest.raises(StudyError, match="`reset` has no option 'mask': give reset_mask"):
+        envs.reset(options={"mask": np.array([True, False])})
+    with pytest.raises(StudyError, match="`reset` has no option 'stiffness': give none"):
+        TwoArms(**STILL).reset(options={"stiffness": 50.0})
     envs.reset(seed=1)
     assert np.isfinite(envs.step(np.zeros((2, 3)))[1]).all()
 

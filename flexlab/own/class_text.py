@@ -111,7 +111,7 @@ def _lines_of(given: type, lines: list[str]) -> tuple[list[str], int]:
         if isinstance(node, ast.ClassDef) and node.name == given.__name__ and (line is None or _holds(node, line)):
             first = min(one.lineno for one in (node, *node.decorator_list))
             return lines[first - 1 : node.end_lineno], first
-    raise OSError(f"{given.__name__} is not in its file.")
+    raise OSError(given.__name__)
 
 
 def _in_another_cell(name: str, module: dict[str, Any], given: type) -> list[ast.stmt]:

@@ -61,7 +61,8 @@ def test_back_to_now_shows_the_present_and_the_run_goes_on(page: LabPage) -> Non
     page.press("Back to now")
     wait_until(lambda: page.snapshot.playing, "the run goes on")
     wait_until(lambda: shown_time(page) > 1.0, "the present")
-    assert not page.page.get_by_role("button", name="Continue from here").is_visible()
+    onward = page.page.get_by_role("button", name="Continue from here")
+    wait_until(lambda: not onward.is_visible(), "no button to continue from an earlier instant")
 
 
 def test_the_tab_key_leads_from_the_bar_to_the_panel(page: LabPage) -> None:

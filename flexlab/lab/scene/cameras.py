@@ -5,7 +5,6 @@ A browser's camera is fitted to its window until the person moves it.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -52,8 +51,8 @@ AROUND = 0.35
 is combined with the room for its turning by the root of the sum of squares."""
 LEAST_FREE = 0.2
 """Least fraction of the picture's height that counts as free, whatever covers it."""
-WIDE_LENGTH, LEAST_LENGTH, NEARLY = 275, 250, 0.9
-"""Least lengths of the payload in the first view, px: with whole bases, and without; least share of its length alone."""
+LEAST_LENGTH, NEARLY = 275, 0.9
+"""Least length of the payload in the first view, px; on a small screen, this fraction of its length in the view of it alone."""
 EXTENTS = 21
 """Number of extents that are tried from the whole floor to payload and bases, and from there to the payload."""
 BASE_RADIUS = 0.13
@@ -172,16 +171,15 @@ def first_view(scenario: Scenario, window: Window) -> Shot:
         distance = float((middle - seen.position) @ sight / np.linalg.norm(sight))
         return scenario.payload.length / distance / (2 * np.tan(FIELD_OF_VIEW / 2)) * window.height
 
-    floor, payload, bases = _floor(scenario), _payload_room(scenario), _bases(scenario)
-    extremes = [np.concatenate(parts) for parts in ((floor, floor), (payload, bases), (payload, payload))]
+    floor, payload = (np.tile(corners, (2, 1)) for corners in (_floor(scenario), _payload_room(scenario)))
+    with_bases = np.concatenate([payload[:4], _bases(scenario)])
     wide, near = (
         [_fitted(extent, window, TILT) for extent in np.linspace(first, last, EXTENTS)]
-        for first, last in pairwise(extremes)
+        for first, last in ((floor, with_bases), (with_bases, payload))
     )
-    alone = near[-1]
-    least = min(LEAST_LENGTH, NEARLY * length(alone))
-    long_enough = [seen for seen in wide if length(seen) >= WIDE_LENGTH]
-    return [*long_enough, *(seen for seen in near if length(seen) >= least), alone][0]
+    least = min(LEAST_LENGTH, NEARLY * length(near[-1]))
+    long_enough = [seen for seen in wide if length(seen) >= LEAST_LENGTH]
+    return next(iter(long_enough or [seen for seen in near if length(seen) >= least]), near[-1])
 
 
 def payload_view(scenario: Scenario, window: Window) -> Shot:

@@ -280,6 +280,7 @@ def print_runs(rows: Sequence[RunRow]) -> None:
                 ", ".join(dict.fromkeys(filter(None, (state_word(row), row.status, "kept" if row.kept else "")))),
             ),
             ("why it stopped", row.why_stopped),
+            ("why it breaks off", row.breaks_off),
             *noted_texts(row.metrics, row.is_stopped).items(),
             ("problem", row.problem),
             ("tags", ", ".join(row.tags)),

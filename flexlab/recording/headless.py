@@ -2,6 +2,7 @@
 
 import contextlib
 from collections.abc import Iterable, Iterator
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from flexlab.recording.repair import finish
 from flexlab.recording.run_encoder import RunEncoder, is_end
 from flexlab.recording.run_info import RunInfo, RunNotes, makers
 from flexlab.recording.store.notes import write_notes
-from flexlab.recording.store.run_files import SUFFIX, claim_named_file, claim_run_file, remove_run
+from flexlab.recording.store.run_files import BREAKING_OFF, BREAKS_OFF, SUFFIX, claim_named_file, claim_run_file, remove_run
 from flexlab.sim.samples import MEASURED, Run, Samples, Status
 from flexlab.sim.snapshot import TICK, Event
 
@@ -41,6 +42,8 @@ class HeadlessRecording:
         self.path: Path = file.path
         """The file."""
         self._status: Status | None = None
+        self._goal: float | None = None
+        """Last instant of the run that `write_whole` writes, s."""
         self._safe: float | None = None
         self._blocks = 0
         self._in_one_piece = in_one_piece
@@ -66,8 +69,8 @@ class HeadlessRecording:
 
     def write_whole(self, run: Run, events: Iterable[Event] = ()) -> None:
         """Write a run with its events in order, as a change of the scenario affects the drawing of later samples."""
-        first = 0
-        for event in (*events, None):
+        first, self._goal = 0, float(run.time[-1]) if len(run) else 0.0
+        for event in chain(events, [None]):
             end = len(run) if event is None else int(np.searchsorted(run.time, event.time, "right"))
             for start in range(first, end, BLOCK_ROWS):
                 self.write(run.slice(start, min(start + BLOCK_ROWS, end)))
@@ -90,8 +93,9 @@ class HeadlessRecording:
             with contextlib.suppress(RecordingError):
                 finish(self.path)
             return
-        status = self._status or Status("finished", f"Stopped at t = {self._run.last_time:g} s.", self._run.last_time)
-        lost = isinstance(error, RecordingError) and self._safe is None
+        status = self._status or self._early_end()
+        breaks_off = {BREAKS_OFF: status.text} if status == BREAKING_OFF else {}
+        lost = (isinstance(error, RecordingError) and self._safe is None) or (bool(breaks_off) and not self._run.rows)
         try:
             with put_off():
                 with self._telling():
@@ -103,7 +107,7 @@ class HeadlessRecording:
                 if not lost:
                     # Without notes, the recording's state is told from the file alone.
                     with contextlib.suppress(OSError):
-                        write_notes(self.path, **self._run.summary(status, dropped=0))
+                        write_notes(self.path, **self._run.summary(status, dropped=0), **breaks_off)
         except RecordingError:
             lost = self._safe is None
             raise
@@ -116,6 +120,14 @@ class HeadlessRecording:
         if not lost:
             with contextlib.suppress(RecordingError):  # Finishing needs room; all of the run is there.
                 finish(self.path, join=self._run.rows < LARGE_ROWS * self._blocks)
+
+    def _early_end(self) -> Status:
+        """How a recording ends that was interrupted: its run stopped then, unless it had been computed before."""
+        last = self._run.last_time
+        if self._goal is None:
+            return Status("finished", f"Stopped at t = {last:g} s.", last)
+        said = f"the run goes on to t = {self._goal:g} s, but is recorded up to t = {last:g} s only."
+        return Status(BREAKING_OFF, f"Saving was interrupted: {said}", last)
 
     @contextlib.contextmanager
     def _telling(self) -> Iterator[None]:

@@ -33,8 +33,9 @@ from flexlab.recording.run_info import RunInfo
 from flexlab.recording.store import run_files
 from flexlab.recording.store.notes import notes_path, read_notes
 from flexlab.recording.store.run_files import claim_run_file, has_footer, is_in_use, run_state
-from flexlab.recording.store.run_index import read_row
+from flexlab.recording.store.run_index import read_row, state_word
 from flexlab.sim.samples import Run, Status, join_blocks
+from flexlab.sim.snapshot import Event
 
 BLOCK = 100
 
@@ -211,6 +212,29 @@ def test_ctrl_c_anywhere_in_the_writing_of_a_block_leaves_a_whole_recording(run:
         assert_same_bits(found.samples, run.slice(0, len(found.samples)))
         assert len(found.samples) in (BLOCK, 2 * BLOCK)
         assert (found.state, found.status) == ("complete", "finished")
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, MemoryError])
+def test_a_run_whose_saving_was_interrupted_is_not_taken_for_a_finished_one(
+    error: type[BaseException], run: Run, tmp_path: Path
+) -> None:
+    def interrupted(*events: Event) -> Path:
+        def raising() -> Iterator[Event]:
+            yield from events
+            raise error
+
+        with pytest.raises(error), HeadlessRecording(tmp_path, RunInfo("paper", run.scenario), None, True) as recording:
+            recording.write_whole(run, raising())
+        return recording.path
+
+    assert not interrupted().exists()
+    path = interrupted(Event(0.3, "a change"))
+    said = "Saving was interrupted: the run goes on to t = 1 s, but is recorded up to t = 0.3 s only."
+    found, row = read_recording(path), read_row(path)
+    assert_same_bits(found.samples, run.slice(0, 301))
+    assert (found.state, found.status, found.status.text) == ("recovered", "running", said)
+    assert (row.state, state_word(row), row.status, row.breaks_off) == ("recovered", "breaks off", "", said)
+    assert not row.is_stopped
 
 
 def test_ctrl_c_while_a_run_begins_to_be_saved_ends_it(run: Run, tmp_path: Path) -> None:

@@ -16,7 +16,14 @@ from flexlab.recording.repair import finish
 from flexlab.recording.run_encoder import RunEncoder, is_end
 from flexlab.recording.run_info import RunInfo, RunNotes, makers
 from flexlab.recording.store.notes import write_notes
-from flexlab.recording.store.run_files import BREAKING_OFF, BREAKS_OFF, SUFFIX, claim_named_file, claim_run_file, remove_run
+from flexlab.recording.store.run_files import (
+    BREAKING_OFF,
+    BREAKS_OFF,
+    SUFFIX,
+    claim_named_file,
+    claim_run_file,
+    remove_run,
+)
 from flexlab.sim.samples import MEASURED, Run, Samples, Status
 from flexlab.sim.snapshot import TICK, Event
 

@@ -17,6 +17,7 @@ from flexlab.server.pages import ALL_RUNS, HAS_CLASS, button, message, part
 from flexlab.server.visitors import (
     Context,
     context_of,
+    given_twice,
     has_class,
     is_teacher,
     keep_visitor,
@@ -181,6 +182,8 @@ def _malformed(request: web.Request) -> tuple[int, str] | None:
         return 400, "This request names no valid host."
     if _CONTROL.search(unquote(request.rel_url.raw_query_string)):
         return 400, "This address holds control characters: copy it again."
+    if twice := given_twice(request.query):
+        return 400, twice
     if request.method not in SAFE_METHODS:
         if request.headers.get(hdrs.CONTENT_ENCODING, "identity").lower() != "identity":
             return 400, "The server takes no compressed requests: send it uncompressed."

@@ -7,12 +7,13 @@ import os
 import re
 import secrets
 import unicodedata
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from email.message import Message
 from itertools import islice
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 from urllib.parse import quote, unquote
 
 import aiohttp
@@ -50,6 +51,10 @@ LONGEST_NAME = 40
 """Most characters of a visitor's name, first and last name together."""
 MOST_PARTS = 4
 """Most characters typed for one letter: itself and its accents."""
+SEVERAL = re.compile(r"run|words\d")
+"""Fields of which a form or an address may have several: chosen runs, and a study's ticked options."""
+LONGEST_FIELD = 40
+"""Most characters of a field's name quoted in a sentence."""
 LONGEST_COOKIE = 500
 """Most characters of a name as its cookie holds it."""
 
@@ -111,6 +116,22 @@ CONTEXT = web.AppKey("context", Context)
 def context_of(request: web.Request) -> Context:
     """The server that a request came to."""
     return request.app[CONTEXT]
+
+
+def given_twice(fields: Any) -> str:
+    """The sentence about a field that a form or an address gives twice, as one of its values would be ignored; "" if none."""
+    for name, count in Counter(name for name, _ in fields.items()).items():
+        if count > 1 and not SEVERAL.fullmatch(name):
+            return f"{visible(name, LONGEST_FIELD)} is given twice: give it one value."
+    return ""
+
+
+async def form_of(request: web.Request) -> Any:
+    """The fields of a form. Raises `LabError` if one is given twice."""
+    form = await request.post()
+    if twice := given_twice(form):
+        raise LabError(twice)
+    return form
 
 
 def fresh(data: object) -> web.Response:

@@ -158,6 +158,13 @@ def test_a_malformed_request_is_answered_400_with_a_sentence(front_server: Front
     ]
     for answer in bad:
         assert (answer.status, "failed" in answer.text) == (400, False), answer.text
+    twice = [
+        ask(front_server.url, notes, "POST", b"note=x&shown-note=kept&note=y", Content_Type=FORM),
+        ask(front_server.url, "/studies", "POST", b"duration=3&duration=4", Content_Type=FORM),
+        ask(front_server.url, f"/runs/{recorded.stem}/export?format=csv&start=0.1&end=0.3&start=0.2"),
+    ]
+    for answer, name in zip(twice, ("note", "duration", "start"), strict=True):
+        assert (answer.status, f"{name} is given twice: give it one value." in answer.text) == (400, True), answer.text
     row = find_row(front_server.settings.logs, recorded.stem)
     assert (row.note, row.tags, row.kept) == ("kept", ("kept",), True)
     annotate_run(row, "", "", kept=False)

@@ -346,6 +346,9 @@ def test_an_upload_that_is_no_run_is_refused(front_server: FrontServer, name: st
 def test_an_upload_without_a_file_and_one_that_is_too_large_are_refused(front_server: FrontServer) -> None:
     assert "choose one first" in post(front_server.url, "/runs/import", {}).text
     assert "choose one first" in upload(front_server.url, "", b"").text
+    two = b'--b\r\nContent-Disposition: form-data; name="file"; filename="a.csv"\r\n\r\n1\r\n' * 2 + b"--b--\r\n"
+    said = ask(front_server.url, "/runs/import", "POST", two, Content_Type="multipart/form-data; boundary=b")
+    assert "This upload has more than one file: choose one." in said.text
     said = ask(front_server.url, "/runs/import", "POST", b"", Content_Type="multipart/form-data; boundary=b",
                Content_Length="2000000000")  # fmt: skip
     assert "This file is larger than 1\xa0GB" in said.text

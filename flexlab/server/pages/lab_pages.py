@@ -29,6 +29,7 @@ from flexlab.server.scenario_links import decode_scenario, scenario_path
 from flexlab.server.visitors import (
     checked_name,
     context_of,
+    form_of,
     fresh,
     has_teacher_cookie,
     keep_visitor,
@@ -141,7 +142,7 @@ async def enter_lab(request: web.Request, choice: Choice | None) -> web.StreamRe
 @ROUTES.post("/name")
 async def take_name(request: web.Request) -> web.StreamResponse:
     """Take a visitor's name, then redirect to the lab or the start page."""
-    form, visitor = await request.post(), known_visitor_of(request)
+    form, visitor = await form_of(request), known_visitor_of(request)
     try:
         named = replace(visitor, name=checked_name(str(form.get("name", ""))))
     except LabError as error:

@@ -20,7 +20,7 @@ from flexlab.server.auth import is_opened_by_person, refuse
 from flexlab.server.pages import ALL_RUNS, message, page
 from flexlab.server.pages.lab_pages import enter_lab
 from flexlab.server.run_jobs import archive_into, begin_replay, choice_at, export_into, replay_of
-from flexlab.server.visitors import as_download, context_of, runs_named, told, visitor_of, with_names
+from flexlab.server.visitors import as_download, context_of, form_of, runs_named, told, visitor_of, with_names
 from flexlab.text import limited, shown, typed_number
 
 ROUTES = web.RouteTableDef()
@@ -94,7 +94,7 @@ async def resume(request: web.Request) -> web.StreamResponse:
     """Open the lab at an instant of the run, in exactly the recorded state."""
     row = await recorded_row_of(request)
     try:
-        time = read_time("time", (await request.post()).get("time"))
+        time = read_time("time", (await form_of(request)).get("time"))
         choice = await context_of(request).tasks.run(visitor_of(request), choice_at, row.path, time)
     except FlexlabError as error:
         return _problem("The lab cannot continue from there", row, error)
@@ -212,7 +212,7 @@ def read_time(name: str, text: object) -> float | None:
 
 async def _chosen(request: web.Request) -> list[RunRow]:
     """The runs that the form or address names. Raises `RecordingError` for none or too many, `NoSuchRun` for another's."""
-    given = (await request.post()).getall("run", []) or request.query.getall("run", [])
+    given = (await form_of(request)).getall("run", []) or request.query.getall("run", [])
     names = list(dict.fromkeys(map(str, given)))
     if not 1 <= len(names) <= MOST_RUNS:
         raise RecordingError(f"{len(names)} runs were chosen: choose 1 to {MOST_RUNS} in the table.")
@@ -222,7 +222,7 @@ async def _chosen(request: web.Request) -> list[RunRow]:
 @ROUTES.post("/runs/tag")
 async def tag(request: web.Request) -> web.StreamResponse:
     """Add tags to runs."""
-    tags = str((await request.post()).get("tags", ""))
+    tags = str((await form_of(request)).get("tags", ""))
     if not tags.strip(" ,"):
         raise RecordingError("No tag was given: write one or more, separated by commas.")
     tagged = [(row, ",".join((*row.tags, tags))) for row in await _chosen(request)]
@@ -239,7 +239,7 @@ async def tag(request: web.Request) -> web.StreamResponse:
 @ROUTES.post("/runs/export")
 async def export_many(request: web.Request) -> web.StreamResponse:
     """Download runs as one archive, each as it was recorded or as a table."""
-    kind, rows, context = str((await request.post()).get("format", "")), await _chosen(request), context_of(request)
+    kind, rows, context = str((await form_of(request)).get("format", "")), await _chosen(request), context_of(request)
     if kind not in FORMATS:
         raise RecordingError(f"format = {shown(kind)} is not known: choose one of {', '.join(FORMATS)}.")
     size = sum(row.size for row in rows)
@@ -262,7 +262,7 @@ async def export_many(request: web.Request) -> web.StreamResponse:
 async def delete(request: web.Request) -> web.StreamResponse:
     """Ask for confirmation, then delete runs; name those that may not be deleted."""
     rows = await _chosen(request)
-    if (await request.post()).get("sure") != "yes":
+    if (await form_of(request)).get("sure") != "yes":
         stay = _staying(rows)
         going = await with_names(request, [row for row in rows if row.id not in stay])
         return page("delete.html", "Delete?", here="/runs", going=going, stay=list(stay.values()))

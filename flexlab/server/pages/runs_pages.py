@@ -29,6 +29,7 @@ from flexlab.server.task_book import IDLE
 from flexlab.server.visitors import (
     context_of,
     file_answer,
+    form_of,
     runs_for,
     visitor_of,
     with_names,
@@ -142,6 +143,7 @@ def _size_of_upload(request: web.Request) -> int:
 
 async def _receive(request: web.Request, folder: Path) -> Path:
     """Store the uploaded file in `folder` under its own name and return it. Raises `RecordingError`."""
+    kept: Path | None = None
     try:
         async with asyncio.timeout(UPLOAD_TIME):
             parts = await request.multipart()
@@ -150,14 +152,18 @@ async def _receive(request: web.Request, folder: Path) -> Path:
                 if part is None:
                     break
                 if isinstance(part, BodyPartReader) and part.name == "file" and part.filename:
-                    return await _keep(part, folder)
+                    if kept is not None:
+                        raise RecordingError("This upload has more than one file: choose one.")
+                    kept = await _keep(part, folder)
     except TimeoutError:
         raise RecordingError(
             f"This upload took longer than {UPLOAD_TIME / 60:g} minutes: export a shorter range of time."
         ) from None
     except (ValueError, AssertionError, RuntimeError):  # Parts nested too deeply raise RuntimeError.
         raise RecordingError("This upload is malformed: choose the file again.") from None
-    raise RecordingError("There is no file in this upload: choose one first.")
+    if kept is None:
+        raise RecordingError("There is no file in this upload: choose one first.")
+    return kept
 
 
 async def _keep(part: BodyPartReader, folder: Path) -> Path:
@@ -267,7 +273,7 @@ async def viewer(request: web.Request) -> web.StreamResponse:
 @ROUTES.post("/runs/{run}/notes")
 async def save_notes(request: web.Request) -> web.Response:
     """Save what was changed of a run's note, its tags, and whether to keep it."""
-    row, form = await row_of(request), await request.post()
+    row, form = await row_of(request), await form_of(request)
 
     def changed(name: str) -> str | None:
         """What was typed; None for what the page showed, which somebody may have changed meanwhile, or if nothing is sent."""

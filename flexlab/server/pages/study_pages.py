@@ -19,7 +19,16 @@ from flexlab.server.scenario_links import decode_scenario, encode_scenario, scen
 from flexlab.server.settings import secret_word
 from flexlab.server.studies import MOST_VALUES, Found, Study, known_studies, metric_columns, read_study
 from flexlab.server.task_book import Task
-from flexlab.server.visitors import context_of, file_answer, fresh, keep_visitor, known_visitor_of, told, visitor_of
+from flexlab.server.visitors import (
+    context_of,
+    file_answer,
+    form_of,
+    fresh,
+    keep_visitor,
+    known_visitor_of,
+    told,
+    visitor_of,
+)
 from flexlab.text import visible
 
 ROUTES = web.RouteTableDef()
@@ -107,7 +116,7 @@ def _row(task: Task) -> dict[str, Any]:
 @ROUTES.post("/studies")
 async def start(request: web.Request) -> web.Response:
     """Start the study that a form asks for."""
-    form = await request.post()
+    form = await form_of(request)
     context = context_of(request)
     try:
         scenario = await asyncio.to_thread(decode_scenario, str(form.get("scenario", "")))

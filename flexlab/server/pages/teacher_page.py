@@ -26,7 +26,7 @@ from flexlab.server.labs import Choice, Hold, Lab, state_of
 from flexlab.server.labs.recorded_lab import little_space
 from flexlab.server.limits import for_teacher
 from flexlab.server.pages import page
-from flexlab.server.visitors import context_of, fresh, is_teacher, set_cookie
+from flexlab.server.visitors import context_of, form_of, fresh, is_teacher, set_cookie
 from flexlab.text import counted
 
 ROUTES = web.RouteTableDef()
@@ -203,7 +203,7 @@ async def resume(request: web.Request) -> web.StreamResponse:
 async def _form(request: web.Request) -> Any:
     if not is_teacher(request):
         raise web.HTTPForbidden
-    return await request.post()
+    return await form_of(request)
 
 
 async def _tell(request: web.Request, what: Choice | Hold, watched: bool = False) -> list[Lab]:

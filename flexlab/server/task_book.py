@@ -147,7 +147,7 @@ class TaskBook:
             self._note(task, share=share, sentence=f"{word}: {100 * share:.0f} %")
 
         try:
-            found = await self._all.run(task.asker, work, *arguments, on_progress=report, long=self._long)
+            found = await self._all.run(task.asker, work, *arguments, on_progress=report, shown=True, long=self._long)
             size = await asyncio.to_thread(_bytes, task.folder)
         except FlexlabError as error:
             self._note(task, working=False, kind=BAD, sentence=str(error))

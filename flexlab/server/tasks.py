@@ -38,8 +38,9 @@ LONGEST_SOCKET = 107
 """Most bytes of a socket's path on Linux."""
 SOCKET_NAME = 40
 """Bytes that Python's fork server adds to the path of the temporary folder: a folder of its own and the socket's name."""
-AT_ONCE = 3
-"""Most tasks that run at once, one of them only for the teacher; they have low priority, so more would only be slower."""
+AT_ONCE = 4
+"""Most tasks that run at once: one only for the teacher, and one only for what a visitor's browser waits for. They have low
+priority, so more would only be slower."""
 MOST_OF_ONE, MOST_OF_ADDRESS, MOST = 4, 30, 40
 """Most running and waiting tasks: of one visitor, of one address, and of all visitors."""
 MOST_OF_TEACHER = 10
@@ -174,46 +175,59 @@ def carry_out(work: Callable[..., Any], arguments: tuple[Any, ...], own_laws: di
     pipe.send(word)
 
 
+@dataclass(frozen=True)
+class Turn:
+    """One turn of a task. `shown`, `long`: as for `Tasks.run`."""
+
+    asker: Visitor
+    shown: bool
+    long: bool
+
+
 class Turns:
-    """The queue of tasks. A visitor runs one task at a time, and one place is kept for the teacher."""
+    """The queue of tasks. One place is kept for the teacher, and one for tasks that no page shows, as a browser waits for them.
+
+    A visitor runs one task at a time of those that a page shows, and one of the others.
+    """
 
     def __init__(self) -> None:
-        self._working: list[tuple[Visitor, bool]] = []
-        self._waiting: dict[asyncio.Future[None], tuple[Visitor, bool]] = {}
+        self._working: list[Turn] = []
+        self._waiting: dict[asyncio.Future[None], Turn] = {}
 
     @contextlib.asynccontextmanager
-    async def turn(self, asker: Visitor, long: bool = False) -> AsyncGenerator[None]:
-        """Wait for a turn and hold it. `long`: only one long turn is held at a time."""
+    async def turn(self, asker: Visitor, shown: bool = False, long: bool = False) -> AsyncGenerator[None]:
+        """Wait for a turn and hold it. `shown`, `long`: as for `Tasks.run`."""
         mine = asyncio.get_running_loop().create_future()
-        self._waiting[mine] = asker, long
+        self._waiting[mine] = turn = Turn(asker, shown, long)
         self._go_on()
         try:
             await mine
             yield
         finally:
             if self._waiting.pop(mine, None) is None:
-                self._working.remove((asker, long))
+                self._working.remove(turn)
             self._go_on()
 
     def _go_on(self) -> None:
         """Give free turns to the teacher first, then to addresses with the fewest turns, then in order of arrival."""
-        while ready := [turn for turn, asked in self._waiting.items() if self._may_work(*asked)]:
-            turn = min(ready, key=lambda ready: self._rank(self._waiting[ready][0]))
+        while ready := [turn for turn, asked in self._waiting.items() if self._may_work(asked)]:
+            turn = min(ready, key=lambda ready: self._rank(self._waiting[ready].asker))
             self._working.append(self._waiting.pop(turn))
             if not turn.done():  # A cancelled asker gives its turn back.
                 turn.set_result(None)
 
-    def _may_work(self, asker: Visitor, long: bool) -> bool:
-        if long and any(other for _, other in self._working):
+    def _may_work(self, turn: Turn) -> bool:
+        if len(self._working) >= AT_ONCE or (turn.long and any(other.long for other in self._working)):
             return False
-        if asker.is_teacher:
-            return len(self._working) < AT_ONCE
-        taken = any(other.person == asker.person for other, _ in self._working)
-        visitors = sum(not other.is_teacher for other, _ in self._working)
-        return not taken and visitors < AT_ONCE - 1 and len(self._working) < AT_ONCE
+        if turn.asker.is_teacher:
+            return True
+        visitors = [other for other in self._working if not other.asker.is_teacher]
+        alike = [other for other in visitors if other.shown == turn.shown]
+        taken = any(other.asker.person == turn.asker.person for other in alike)
+        return not taken and len(visitors) < AT_ONCE - 1 and not (turn.shown and len(alike) >= AT_ONCE - 2)
 
     def _rank(self, asker: Visitor) -> tuple[bool, int]:
-        return not asker.is_teacher, sum(other.address == asker.address for other, _ in self._working)
+        return not asker.is_teacher, sum(other.asker.address == asker.address for other in self._working)
 
 
 class Tasks:
@@ -235,16 +249,17 @@ class Tasks:
         work: Callable[..., T],
         *arguments: Any,
         on_progress: Callable[[float], None] = lambda share: None,
+        shown: bool = False,
         long: bool = False,
     ) -> T:
         """Return the result of `work(*arguments)`, run in a process of its own; its `report`, if any, takes progress, 0 to 1.
 
-        `long`: only one long task runs at a time. Work, arguments and result must be picklable. The process ends when the
-        caller is cancelled. Raises `FlexlabError` as `work` does, `BusyError` for too many tasks, and `LabError` if the
-        process fails.
+        `shown`: a page shows its progress, and no browser waits for its result. `long`: only one runs at a time. Work, arguments
+        and result must be picklable. The process ends when the caller is cancelled. Raises `FlexlabError` as `work` does,
+        `BusyError` for too many tasks, and `LabError` if the process fails.
         """
         with self._limit.place(asker):
-            async with self._turns.turn(asker, long):
+            async with self._turns.turn(asker, shown, long):
                 on_progress(0.0)  # The wait is over, although the process takes a moment to start.
                 try:
                     return await self._run(work, arguments, on_progress)

@@ -103,10 +103,24 @@ def test_a_limit_bounds_a_visitor_an_address_and_all_and_keeps_a_place_for_the_t
 def test_turns_go_to_the_teacher_first_and_to_each_visitor_one_at_a_time():
     order: list[str] = []
 
-    async def work(turns: Turns, name: str, asker: Visitor, over: asyncio.Event) -> None:
-        async with turns.turn(asker):
+    async def work(turns: Turns, name: str, asker: Visitor, over: asyncio.Event, shown: bool = False) -> None:
+        async with turns.turn(asker, shown=shown):
             order.append(name)
             await over.wait()
+
+    async def wait_for_replays() -> None:
+        turns, over = Turns(), asyncio.Event()
+        people = {"greedy": Visitor("g", "1"), "near": Visitor("n", "1"), "far": Visitor("f", "2")}
+        replays = [work(turns, f"{name}'s replay", person, over, shown=True) for name, person in people.items()]
+        again = work(turns, "greedy's second replay", people["greedy"], over, shown=True)
+        imports = [work(turns, f"greedy's import {k}", people["greedy"], over) for k in range(2)]
+        tasks = [asyncio.create_task(each) for each in (*replays, again, *imports)]
+        await asyncio.sleep(0)
+        await asyncio.sleep(0)
+        assert sorted(order) == ["greedy's import 0", "greedy's replay", "near's replay"]
+        over.set()
+        await asyncio.gather(*tasks)
+        order.clear()
 
     async def play() -> None:
         turns, over = Turns(), asyncio.Event()
@@ -130,6 +144,7 @@ def test_turns_go_to_the_teacher_first_and_to_each_visitor_one_at_a_time():
 
     # Playwright keeps an event loop on this thread.
     with ThreadPoolExecutor(1) as thread:
+        thread.submit(asyncio.run, wait_for_replays()).result()
         thread.submit(asyncio.run, play()).result()
 
 

@@ -16,6 +16,7 @@ from person import TOKEN, Person, open_server
 
 from flexlab.guide import ClassRules
 from flexlab.recording.reader import read_recording
+from flexlab.recording.store.notes import write_notes
 from flexlab.recording.store.run_files import list_runs, run_state
 from flexlab.server.front_server import FrontServer
 from flexlab.server.labs import per_visitor
@@ -103,6 +104,29 @@ def test_two_visitors_do_not_disturb_each_other_even_if_one_lab_dies(private: Fr
     assert anna.enter() not in (first, second), "Anna gets a new lab"
     wait_until(lambda: anna.place.status().lesson == lesson, "with the lesson that was open")
     assert [progress.lesson for progress in anna.place.status().lessons] == ["Lesson 1: Why does it ring?"]
+
+
+def test_a_lesson_goes_on_after_the_server_was_started_again(open_another: Callable[..., FrontServer]):
+    before, name = open_another(private=True), "Lesson 1: Why does it ring?"
+    anna = Person(before, "")
+    anna.enter()
+    for rules in (ClassRules(lesson=name), ClassRules()):
+        anna.place.send(methodcaller("carry_out", rules))
+        lesson = wait_until(lambda: anna.place.status().lesson, "the teacher has opened a lesson")
+    before.close()
+    [run] = list_runs(before.settings.logs)
+    answered = {"lesson": name, "step": 3, "options": ["the motors"], "guess": "the motors", "passed": "It rang."}
+    write_notes(run, lessons=[answered])  # As her own page has it noted.
+    after = open_another(private=True)
+    again = Person(after, "")
+    again.cookies = {f"flexlab-visitor-{after.port}": anna.word}
+    again.enter()
+    wait_until(lambda: again.place.status().lesson == lesson.partition(": ")[0] + ": done", "the lesson is open")
+    [progress] = again.place.status().lessons
+    assert (progress.lesson, progress.step, progress.guess, progress.passed) == (name, 3, "the motors", "It rang.")
+    other = Person(after, "")
+    other.enter()
+    assert (other.place.status().lesson, other.place.status().lessons) == ("", ())
 
 
 def test_a_name_and_a_preset_given_while_the_lab_opens_count(

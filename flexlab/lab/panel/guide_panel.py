@@ -54,9 +54,13 @@ class Guide:
     def _resumed(self) -> str:
         """Take up the progress of the same person's lab before, and return the page to open."""
         shown = next(iter(self._pages))
-        for title, progress in self._lab_state.lessons.items():
-            page = self._pages.get(title)
+        for title, page in self._pages.items():
             if not isinstance(page, Lesson):
+                continue
+            if self._lab_state.lesson.startswith(f"{page.title}: "):
+                shown = title
+            progress = self._lab_state.lessons.get(title)
+            if progress is None:
                 continue
             if progress.guess in page.options:
                 self._guesses[page.id] = progress.guess
@@ -64,8 +68,6 @@ class Guide:
                 self._unfolded.add(page.id)
             if progress.passed:
                 self._done[page.id] = progress.passed
-            if self._lab_state.lesson.startswith(f"{page.title}: "):
-                shown = title
         return shown
 
     def _follow_files(self) -> None:

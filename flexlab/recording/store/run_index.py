@@ -15,7 +15,7 @@ from urllib.parse import quote
 from flexlab.errors import RecordingError
 from flexlab.guide import LessonProgress
 from flexlab.recording.store.notes import read_notes, write_notes
-from flexlab.recording.store.people import LONGEST_NAME, names_told_apart, whose
+from flexlab.recording.store.people import LONGEST_NAME, names_told_apart, owner_of, whose
 from flexlab.recording.store.run_files import (
     BREAKING_OFF,
     BREAKS_OFF,
@@ -41,6 +41,8 @@ MEASURED_STATUS = "measured"
 _NO_ADDRESS = re.compile(r"[\\\t\n{}]|\A\.*\Z|\.rrd\Z")
 """Found in names that an address cannot hold, or that would mean something else there."""
 _NAME = re.compile(r"(\d{4}-\d{2}-\d{2}T\d{2}-\d{2}-\d{2})-(.+)")
+OPEN_LESSON = "lesson"
+"""Key in the notes: the open lesson of the visitor's lab and its progress, as in `LabStatus`; empty if none was open."""
 LEAST_SHARE = 0.01
 """Smallest share of missing samples that is told as it is, %."""
 log = logging.getLogger(__name__)
@@ -155,6 +157,14 @@ def run_id(path: Path) -> str:
     if visible(stem) == stem and not _NO_ADDRESS.search(stem):
         return stem
     return quote(os.fsencode(path.name), safe="").replace(".", "%2E")
+
+
+def last_lessons(logs: Path, owner: str) -> tuple[str, tuple[LessonProgress, ...]]:
+    """The open lesson and the progress in all, by the notes on the last run of a visitor's lab; empty if there is none."""
+    for path in list_files(logs):
+        if owner_of(path) == owner and OPEN_LESSON in (notes := read_notes(path)):
+            return visible(notes[OPEN_LESSON], LONGEST_CHANGE), _lessons(notes.get("lessons"))
+    return "", ()
 
 
 def check_removable(row: RunRow) -> None:

@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from flexlab.errors import FlexlabError, LabError
-from flexlab.guide import ClassRules
+from flexlab.guide import ClassRules, LessonProgress
 from flexlab.own import hosts
 from flexlab.recording.repair import finish, finish_abandoned
+from flexlab.recording.store.run_index import last_lessons
 from flexlab.server.labs import LOOK_AGAIN, Choice, FullError, Lab, LabProvider, LabStatus, Order, WaitingLine
 from flexlab.server.labs.worker import STOP_TIME, PrivateLab
 from flexlab.server.limits import Visitor
@@ -119,7 +120,7 @@ class PrivateLabs(LabProvider):
             with contextlib.suppress(RuntimeError):  # The server itself is closed already.
                 loop.call_soon_threadsafe(self._over, lab)
 
-        before = self._before(visitor.id)
+        lesson, lessons = await asyncio.to_thread(self._lessons_before, visitor)
         order = replace(
             self._order,
             choice=choice,
@@ -127,8 +128,8 @@ class PrivateLabs(LabProvider):
             owner=visitor.owner,
             visitor=visitor.name,
             own_files=hosts.allowed(),
-            lesson=before.lesson if before else "",
-            lessons=before.lessons if before else (),
+            lesson=lesson,
+            lessons=lessons,
         )
         try:
             place = await asyncio.to_thread(PrivateLab, next(self._numbers), lab, visitor.id, order, tell)
@@ -163,11 +164,13 @@ class PrivateLabs(LabProvider):
         mine = (place for place in self._places.values() if place.visitor == visitor and place.port and not place.why)
         return next(mine, None)
 
-    def _before(self, visitor: str) -> LabStatus | None:
-        """The last report of the lab that the visitor had before."""
-        ended = [status for owner, _, status in self._ended.values() if owner == visitor]
-        closing = [place.status() for place in self._places.values() if place.visitor == visitor]
-        return next(reversed([*ended, *closing]), None)
+    def _lessons_before(self, visitor: Visitor) -> tuple[str, tuple[LessonProgress, ...]]:
+        """The open lesson and the progress in the visitor's lab before, of this server or an earlier one."""
+        ended = [status for owner, _, status in list(self._ended.values()) if owner == visitor.id]
+        closing = [place.status() for place in list(self._places.values()) if place.visitor == visitor.id]
+        for status in reversed([*ended, *closing]):
+            return status.lesson, status.lessons
+        return last_lessons(self._settings.logs, visitor.owner)
 
     def ended(self, visitor: str, lab: str) -> str:
         """Return why this visitor's lab has ended; empty for other people's labs and for unknown ones."""

@@ -17,6 +17,7 @@ from flexlab.lab.session import Session
 from flexlab.recording.live import LiveHub, Take
 from flexlab.recording.reader import read_range
 from flexlab.recording.recorder import Recorder
+from flexlab.recording.store.run_index import OPEN_LESSON
 from flexlab.scenario import Scenario
 from flexlab.server.labs import Choice, Hold, Lab, LabProvider, LabStatus, Order
 from flexlab.server.limits import Quota, Visitor
@@ -95,6 +96,7 @@ class RecordedLab(Lab):
     def __init__(self, order: Order, live: Take | None = None, on_problem: Callable[[str], None] | None = None):
         """Start both; `live` takes the data as they come. Raises `FlexlabError`, and leaves nothing running, on failure."""
         self.secret, self.name, self._owner = order.secret, order.visitor, order.owner
+        self._lesson: Callable[[], str] = str
         self._lessons: Callable[[], Iterable[LessonProgress]] = tuple
         self._recorder = recorder = Recorder(
             order.logs,
@@ -134,6 +136,7 @@ class RecordedLab(Lab):
             self._session.start()
             self.port = self._session.port
             lab_state = self._session.lab_state
+            self._lesson = lambda: lab_state.lesson
             self._lessons = lambda: lab_state.lessons.values()  # Its run ends after the session.
         except BaseException:
             recorder.close()
@@ -161,9 +164,9 @@ class RecordedLab(Lab):
         return True
 
     def _circumstances(self) -> dict[str, Any]:
-        """The notes of a run: its owner, and the lessons that were begun in this lab."""
+        """The notes of a run: its owner with their open lesson, and the lessons that were begun in this lab."""
         lessons = [lesson._asdict() for lesson in begun(self._lessons())]
-        whose = {"owner": self._owner, "visitor": self.name} if self._owner else {}
+        whose = {"owner": self._owner, "visitor": self.name, OPEN_LESSON: self._lesson()} if self._owner else {}
         return whose | ({"lessons": lessons} if lessons else {})
 
     def _recorded(self, end: float) -> Samples:

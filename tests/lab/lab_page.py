@@ -99,6 +99,9 @@ class LabPage:
         self.page = self._context.new_page()
         self.errors: list[str] = []
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
+        # viser reports what came for a removed widget to the console only.
+        lost = "update non-existent component"
+        self.page.on("console", lambda told: self.errors.extend([told.text] if lost in told.text else ()))
         self.page.goto(address(session, coarsely))
 
     def __enter__(self) -> "LabPage":

@@ -250,8 +250,12 @@ class Chart:
         """Add samples; those already known are skipped."""
         self._curve.append(samples.time, self._plot.values(scenario, samples))
 
+    def hide(self) -> None:
+        """Take the chart off the screen; `remove` it once pages have drawn what was sent to it."""
+        self._handle.visible = self._note.visible = False
+
     def remove(self) -> None:
-        """Remove the chart from the screen."""
+        """Remove the hidden chart."""
         self._handle.remove()
         self._note.remove()
 

@@ -4,6 +4,7 @@ Beside them, a few sentences explain the run; they are found once a second and d
 """
 
 import math
+import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import cast
 
@@ -55,8 +56,9 @@ Recent = Callable[[float], Samples]
 """Returns the samples of the last part of the run, of a length in s, at full rate."""
 OVERLAP = 0.05
 """Extra time requested at each update, s: covers the samples that usually arrive between snapshot and request."""
-SPECTRUM_EVERY = 5
-"""Updates of the other charts per spectrum (2 Hz)."""
+HIDING_TIME = 2.0
+"""Time for which a chart is hidden before it is removed, wall s: a page that draws seldom has data for it until then."""
+SPECTRUM_EVERY = 5  # updates of the other charts: 2 Hz.
 
 
 def thinned(frequency: np.ndarray, amplitude: np.ndarray, highest: float) -> tuple[np.ndarray, np.ndarray]:
@@ -166,6 +168,7 @@ class Plots:
             self._spectrum = Spectrum(gui, scenario)
         self.homes = (*self._homes.values(), spectrum)
         self._charts: list[Chart] = []
+        self._hidden, self._hidden_until = list[Chart](), 0.0
         self._plotted: object = None
         self._build(tabs(scenario), None)
 
@@ -182,6 +185,10 @@ class Plots:
         `snapshot`: what the screen shows, the present or an earlier instant, up to which `recent` returns samples.
         `opened`: the charts on anybody's screen, with the visible part of the window; None if unknown, perhaps all.
         """
+        if self._hidden and time.monotonic() > self._hidden_until:
+            for chart in self._hidden:
+                chart.remove()
+            self._hidden = []
         if view.hold_plots:
             return
         scenario, window = snapshot.scenario, view.plot_window
@@ -231,8 +238,9 @@ class Plots:
 
     def _build(self, plots: Mapping[str, Sequence[Plot]], kept: ReferenceRun | None) -> None:
         for chart in self._charts:
-            chart.remove()
-        self._charts = []
+            chart.hide()
+        self._hidden_until = time.monotonic() + HIDING_TIME
+        self._hidden, self._charts = self._hidden + self._charts, []
         for name, on_tab in plots.items():
             with self._homes[name]:
                 self._charts += [Chart(self._gui, plot, self._window, kept, name) for plot in on_tab]

@@ -1,6 +1,6 @@
 """Learns a control law for the two arms by proximal policy optimisation, and writes it into a file for the lab.
 
-pip install "flexlab[learn]" installs Stable-Baselines3. Learning takes less than ten minutes on two cores. In the leaderboard's
+pip install "flexlab[learn]" installs Stable-Baselines3. Learning takes four to eight minutes on two cores. In the leaderboard's
 case B1 the learnt law then has an RMS error of 0.3 to 0.5 mm, depending on the version of torch, and `pd` one of 10.9 mm.
 To enter it there: flexlab leaderboard --law learnt_law.py
 """
@@ -18,7 +18,7 @@ from stable_baselines3.common.vec_env import VecEnv
 import flexlab.gym_environment
 from flexlab.gym_environment.worlds import RULES
 
-WORLDS, PERIODS, STEPS = 64, 200, 3_000_000
+WORLDS, PERIODS, STEPS = 64, 200, 6_000_000
 OPTIONS = {"control_period": 0.005, "duration": 1.0, "stiffness": (50, 200)}
 SIZE = np.array([0.02] * 3 + [0.4] * 3 + [8.0] * 3 + [0.5, 0.1] + [0.5] * 3, np.float32)  # of usual observations
 REWARD = 0.2  # scaled so that a good second costs about as much as a poor prediction of it

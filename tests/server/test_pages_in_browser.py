@@ -26,6 +26,14 @@ LAB_S_ADDITION = f"""<!doctype html><html lang="en"><head>{language_script()}
 NO_STORAGE = """for (const name of ["localStorage", "sessionStorage"]) Object.defineProperty(window, name, {
   get() { throw new DOMException("denied", "SecurityError"); } });"""
 """Script after which a page has no storage, as where a browser blocks cookies."""
+CUT = """() => [...document.querySelectorAll("tbody th")].flatMap(({ firstChild: text }) => {
+  const part = document.createRange();
+  return [...text.nodeValue.matchAll(/\\p{L}+/gu)].filter(({ 0: word, index }) => {
+    part.setStart(text, index); part.setEnd(text, index + word.length);
+    return new Set([...part.getClientRects()].map((box) => box.top)).size > 1;
+  }).map(([word]) => word);
+})"""
+"""Script that returns the words in the first column of a page's tables that are on two lines."""
 BETWEEN_CLICKS, LATER = 150, 1000
 """Time between the clicks of a double click, and time after which a click is a new one, ms."""
 RUN = "2025-12-31T12-00-00-two"
@@ -106,6 +114,15 @@ def test_a_panel_of_the_runs_lies_within_the_window(window: BrowserContext, serv
             assert box["x"] >= 0
             assert box["x"] + box["width"] <= width
             page.keyboard.press("Escape")  # On a phone, an open panel covers the next button.
+
+
+@pytest.mark.parametrize("window", ["de-DE"], indirect=True)
+def test_names_of_laws_are_not_cut_within_a_word_on_a_phone(window: BrowserContext, server: FrontServer):
+    page = window.new_page()
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.goto(f"{server.url}leaderboard")
+    page.get_by_text("Störgrößenbeobachter").first.wait_for()
+    assert page.evaluate(CUT) == []
 
 
 @pytest.mark.parametrize("width", [1024, 720])

@@ -1,6 +1,6 @@
 """`flexlab.linearize`: a linear model of plant, or plant and law, about a rest point, from named inputs to named outputs.
 
-Any recorded signal can be an output: its derivatives at the rest point are differences of the engine's own samples.
+Any recorded signal but a law's own can be an output: its derivatives at the rest point are differences of the engine's samples.
 """
 
 import difflib
@@ -16,6 +16,7 @@ from flexlab.analysis.modes import check_pose, linearize_at, loop_note
 from flexlab.analysis.rest_point import aim
 from flexlab.analysis.stability import beam_scale, close_loop, find_disk_margin, find_poles, kept_memory, with_lag
 from flexlab.arguments import flag
+from flexlab.control.law import law_of
 from flexlab.control.observers.believed_plant import hold
 from flexlab.errors import StudyError
 from flexlab.lapack import one_blas_thread
@@ -42,7 +43,8 @@ def linearize(
 
     `inputs`: "joint_torque" (N·m, of each joint), "arm_input" (u_i = 𝒥ᵀτ, N, N, N·m), "desired_pose", "desired_pose_rate",
     "desired_pose_acceleration". The last three are independent inputs here: a step in "desired_pose" alone is a target that
-    jumps and then stands. `outputs`: names of a run's signals. One part of either may be named: "desired_pose_y", "pose_y".
+    jumps and then stands. `outputs`: names of a run's signals, but not of a law's own. One part of either may be named, such as
+    "desired_pose_y" or "pose_y".
     `closed`: whether the control law acts, with the inputs added to its torques; None: if a desired pose is an input.
 
     With a control period the model describes control instants: torques are held and delayed by the input delay, and outputs
@@ -216,13 +218,20 @@ class Outputs(NamedTuple):
 
 
 def choose_columns(linear: Linearization, signals: Sequence[str]) -> tuple[Column, ...]:
-    """The columns of the named signals, or parts of signals. Raises `StudyError` for an unknown name."""
+    """The columns of the named signals, or parts of signals. Raises `StudyError` for an unknown name, and a law's own signal."""
     every = table_columns(linear.probe.scenario, derived=True)
     known: dict[str, list[str]] = {}
     for column in every:
         known.setdefault(column.signal, []).append(column.part)
     _check_known("outputs", signals, known, "a signal of a run")
-    return tuple(column for name in signals for column in every if name in (column.signal, column.part))
+    columns = tuple(column for name in signals for column in every if name in (column.signal, column.part))
+    law = law_of(linear.probe.scenario.controller)
+    if lost := {signal.name for signal in law.signals} & {column.signal for column in columns}:
+        raise StudyError(
+            f"outputs: {min(lost)} is a signal of the law {law.kind} alone, which a linear model does not give: choose "
+            "signals of arms and payload, such as pose, or look for the law's memory among the states."
+        )
+    return columns
 
 
 def linear_outputs(linear: Linearization, columns: tuple[Column, ...]) -> Outputs:

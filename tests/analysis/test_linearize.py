@@ -178,6 +178,14 @@ def test_arguments_that_give_no_model_are_refused_in_a_sentence(arguments: dict,
         flexlab.linearize(load_preset("paper"), **arguments)
 
 
+@pytest.mark.parametrize(("kind", "part"), [("disturbance-observer", "_x"), ("super-twisting", "")])
+def test_a_signal_of_the_law_alone_is_no_output(kind: str, part: str):
+    """Its slopes would be zero: samples show it as the law last computed it."""
+    name = {"disturbance-observer": "disturbance_estimate", "super-twisting": "twisting_force"}[kind]
+    with pytest.raises(StudyError, match=f"{name} is a signal of the law {kind} alone"):
+        flexlab.linearize(still(controller={"kind": kind}), outputs=("pose", name + part))
+
+
 def test_a_loop_without_a_rest_point_has_no_linear_model():
     with pytest.raises(StudyError, match="no rest point"):
         flexlab.linearize(load_preset("gravity").replace({"controller.kind": "none"}))

@@ -205,6 +205,9 @@ def beam_parameters(
     try:
         if not reason:
             fitted, power = _solve_stiffness(scenario, frequency.value, lambda one: mode(one, middle)[0])
+            if in_loop:  # In arms that give way, the damping changes the frequency a little.
+                damped = _solve_damping(fitted, path, ratio, lambda one: mode(one, middle)[1], "", "")[1]
+                fitted, power = _solve_stiffness(damped, frequency.value, lambda one: mode(one, middle)[0])
             stiffness = fitted.payload.bending_stiffness
             rings = np.array([mode(fitted, pose) for pose in poses])
     except FlexlabError as error:

@@ -682,6 +682,63 @@ instants at which a shaper's copies begin: sim/target.py
 force along a beam of one mode: physics/axial_load.py
     if axial.shape[1] == 0:\n        return\n    along
     if axial.shape[1] == 1:\n        return\n    along
+several pieces in a peak: analysis/metrics/metric.py
+    self._peak = np.maximum(self._peak, maxima(sizes))
+    self._peak = maxima(sizes)
+each motor of its own in the disk margin: analysis/stability.py
+    scale[:, :, None] / scale[:, None, :]
+    scale[:, None, :] / scale[:, :, None]
+memory in a sampled disk margin: analysis/stability.py
+    slope = z if period is None else z - 1
+    slope = z
+torques that turn with the pose: analysis/linearization.py
+    return probe.forces(rest.motion.moved(step), rest.torque)
+    return probe.forces(rest.motion.moved(step), idle)
+folding of a ring's frequency: analysis/modes.py
+    for side in (-1, 1)]\n            seen
+    for side in (1, 1)]\n            seen
+acceleration of a target in a sampled model: analysis/linearize.py
+    answer[:, size:] += law.desired[rows] @ desired
+    answer[:, size:] += law.desired[rows] @ (desired * (np.arange(9)[:, None] < 6))
+ring in a loop at other poses: analysis/identification/beam_parameters.py
+    rings[0, 0] / rings[:, 0]
+    rings[:, 0] / rings[0, 0]
+beam's stiffness as a controller believes it: control/observers/believed_plant.py
+    payload.bending_stiffness * model.stiffness_factor
+    payload.bending_stiffness
+axial load of a single arm that a law believes in: control/observers/believed_plant.py
+    return -mass * along, along
+    return mass * along, along
+limits of each axis of waypoints: control/paths/waypoints.py
+    np.min(np.array(limit)[way != 0] / np.abs(way[way != 0]))
+    np.min(np.array(limit)[way != 0]) / np.max(np.abs(way))
+slow rate of a loop in its condition: analysis/law_conditions.py
+    slow_rate=control_rate(rigid, asked)
+    slow_rate=control_rate(system, asked)
+largest torque of both arms: analysis/metrics/magnitudes.py
+    return samples.joint_torque[:, None]
+    return samples.joint_torque[:, None, 0]
+unit of a plot: views.py
+    "axial_load_share, spin_share", scale=PERCENT,
+    "axial_load_share, spin_share", scale=MILLI,
+time in which a ring is gone in a sentence: analysis/explanations/vibration.py
+    np.log(100) / -rate)
+    np.log(10) / -rate)
+lag and speed of a motor in the saturation that the run tells: physics/joints.py
+    return ws.joint_feasible[i, joint] != asked or abs(asked) >= limit
+    return abs(asked) >= limit
+weight at an angle in an observer: control/observers/kalman.py
+        weight = now.gravity * now.trig[0]\n        for k in range(2 * n):
+        weight = now.gravity\n        for k in range(2 * n):
+bending fed forward by asymmetric ends: control/law_kernels.py
+    (now.kappa[0] * lateral + now.kappa[1] * turn)
+    (now.kappa[0] * lateral - now.kappa[1] * turn)
+axial load of a single arm whose payload is filled: physics/axial_load.py
+    along - mass_factor(plant.mass_change, ws) * (plant.m * terms[ALONG])
+    along - plant.m * terms[ALONG]
+grips that begin to give way in motion: physics/grips.py
+    [0.0, 0.0, 0.0, *rate]
+    [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
 """
 """Three lines per error: its name and file, the right code, the wrong code."""
 

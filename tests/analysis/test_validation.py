@@ -38,10 +38,11 @@ def test_every_statement_holds(validation: Validation):
     assert list(validation.groups) == [
         "Section IV again", "The beam in closed form", "Mechanics of mass points", "Control law and internal force",
         "Energy and convergence", "Theorems 1 and 2 along the run", "Every control law", "Paths and input shapers",
+        "Waypoints",
         "The sampled loop and its sensors", "Observers and the regulator", "The force along the beam",
         "Joints that are not ideal", "Encoders", "Motors", "A payload that is filled or emptied", "Grips that give way",
         "Numbers that sum up a run", "Linear models, margins and identified beams",
-        "Conditions of the laws", "Numerical building blocks",
+        "Conditions of the laws", "Numerical building blocks", "Sampled linear models", "Sentences on a run",
     ]  # fmt: skip
 
 

@@ -24,8 +24,10 @@ from flexlab.analysis.validation.mass_points import MassPoints, coordinates, res
 from flexlab.physics.axial_load import BUCKLING, buckling_load, geometric_matrices
 from flexlab.physics.beam import beam_matrices, shape_row, undamped_modes
 from flexlab.presets import load_preset
-from flexlab.sim.commands import ChangeScenario
+from flexlab.sim.commands import ChangeScenario, Pull
+from flexlab.sim.geometry import deflection_at
 from flexlab.sim.simulate import simulate
+from flexlab.sim.world import World
 
 LENGTH, RHO, EI = 0.5, 2.0, 100.0
 """The paper's beam: m, kg/m, N·m²."""
@@ -108,6 +110,7 @@ def axial_load(runs: Runs) -> Iterator[Check]:
     softened = spun_frequency(ELEMENTS, SOFTENED_AWAY, felt=False)
     yield below(f"without the force along it, with γ = {SOFTENED_AWAY}: λ", 0.05, softened)
     yield from _general_motion()
+    yield _one_arm()
     yield from _motions(runs)
 
 
@@ -139,6 +142,31 @@ def _general_motion() -> Iterator[Check]:
     slow = _slow_directions(points)
     error = _residual_with_axial_load(run.take(slice(100, 105)), points, 0.0, slow, slow)
     yield below(f"{MANY} elements: the same for modes below 3000 1/s: relative residual", 1e-6, error.max())
+
+
+def _one_arm() -> Check:
+    """N(s) in a beam that one arm swings: what its part beyond s and a hand there need."""
+    change = {"factor": 3.0, "begin": 0.0, "duration": 0.2}
+    world = World(load_preset("single-arm").replace({**FELT, "gravity": 9.81, "payload.mass_change": change}))
+    hand = Pull(0.1, (0.4, 0.9), 50.0)
+    world.apply(hand)
+    run, half = world.run(100), LENGTH / 2
+    x, y, turn = run.pose.T
+    c, s, w = (
+        np.cos(turn),
+        np.sin(turn),
+        deflection_at(world.scenario.payload, run.beam_coordinates, np.array([hand.position]))[:, 0],
+    )
+    at = np.stack([x + hand.position * c - w * s, y + hand.position * s + w * c], axis=1)
+    pulled = hand.stiffness * ((hand.target - at) * np.stack([c, s], axis=1)).sum(axis=1)
+    along = c * run.pose_acceleration[:, 0] + s * (run.pose_acceleration[:, 1] + 9.81)
+    place = LENGTH * np.array(GAUGES)
+    density = run.own["payload_mass"][:, None] / LENGTH
+    spun = run.pose_rate[:, 2:] ** 2 / 2
+    exact = density * (spun * (half**2 - place**2) - along[:, None] * (half - place))
+    exact += np.where(place < hand.position, pulled[:, None], 0.0)
+    statement = "one arm swings a beam that is filled and held: N(s) is what moves the part beyond s: relative error"
+    return alike(statement, 1e-9, run.axial_load, exact)
 
 
 def _slow_directions(points: MassPoints) -> np.ndarray:

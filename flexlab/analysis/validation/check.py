@@ -29,8 +29,10 @@ FINE = 1e-5
 """Sample period of runs that are differentiated, s; the fastest mode's phase advances by 0.06 rad in it."""
 EVERY = 75
 """Every 75th sample of such a run is compared with mass points."""
-STILL = {"trajectory": {"kind": "hold", "pose": (0.0, 0.75, 0.0)}}
-"""A constant desired pose, the middle of the paper's path."""
+CENTER = (0.0, 0.75, 0.0)
+"""The middle of the paper's path, m, m, rad."""
+STILL = {"trajectory": {"kind": "hold", "pose": CENTER}}
+"""A constant desired pose."""
 MOVING = {
     "gravity": 9.81,
     "initial.pose": (0.06, 0.83, 0.21),

@@ -29,6 +29,8 @@ ROUGH = {
     "joints.motor.stall_torque": (450.0, 250.0, 90.0),
     "joints.motor.no_load_speed": (7.0, 6.0, 9.0),
 }
+HEAVY = {"payload.linear_density": 40.0}
+"""A payload with more inertia than its arms, kg/m."""
 HELD = (0.06, 0.8, 0.3)
 """Pose of unequal arms at which the rates of the laws are compared."""
 
@@ -74,6 +76,18 @@ def conditions(_: Runs) -> Iterator[Check]:
     yield close(
         "the loop's fastest rate is Λ + max λ(B⁻¹K), over the control period", 1e-3 * fastest, told, relative=0.01
     )
+    heavy = MassPoints(load_preset("paper").replace(HEAVY))
+    stiff = [
+        sum(heavy.arm_inertia(x, arm) for arm in range(2)) + heavy.payload_inertia([*x, *[0.0] * n])[:3, :3]
+        for x in along
+    ]
+    slow = max(SLOPE + eigh(GAIN * np.eye(3), B, eigvals_only=True)[-1] for B in stiff)
+    told = _told({"kind": "adaptive-sliding-mode"}, r"rigid payload moves at ([\d.]+) 1/s", **HEAVY)
+    yield close("and with a heavy payload that were rigid", slow, told, "1/s", relative=0.01)
+    told = _told({"kind": "adaptive-sliding-mode"}, r"‖s‖ = ([\d.]+) m/s")
+    yield close("the feedback alone holds that reaction at ‖s‖ = ‖Ψ‖/K", force / GAIN, told, "m/s", 0.006)
+    told = _told({"kind": "disturbance-observer"}, r"third of the beam's first mode is ([\d.]+)")
+    yield close("disturbance-observer: a third of ω₁", points.softest() ** 0.5 / 3, told, "1/s", 0.006)
     damping = {"kind": "vibration-damping", **late}
     fine = {"payload.element_count": 8, "payload.damping.coefficient": 0.0}
     told = _told(damping, r"Hz grows at ([\d.]+) 1/s", **fine)

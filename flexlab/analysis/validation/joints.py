@@ -18,6 +18,7 @@ from flexlab.analysis.validation.check import (
     run_of,
     same_internal_force,
     subject,
+    true,
 )
 from flexlab.analysis.validation.mass_points import MassPoints, pose_by_angles, time_derivative
 from flexlab.physics.plant import P
@@ -142,7 +143,6 @@ def _weight(arm, payload, angle: np.ndarray) -> np.ndarray:
 
 
 COUNTS = (20000.0, 16384.0, 9000.0)  # per turn of each joint
-COUNT = 2 * np.pi / np.array(COUNTS)
 CLOCKED = {"controller.control_period": PERIOD, "joints.encoders.counts": COUNTS}
 READ = 2000
 """Number of control instants at which encoders are read."""
@@ -160,15 +160,22 @@ def encoders(_: Runs) -> Iterator[Check]:
         ("one arm", load_preset("single-arm").replace({**CLOCKED, "controller.control_period": PERIOD / 5})),
         ("two arms", load_preset("paper").replace(CLOCKED)),
     ):
+        count = _count(scenario)
         arms = len(scenario.arms)
         told, now = _readings(scenario, READ)
         pose, angle = (np.array([each[name][-1] for each in now]) for name in ("pose", "joint_angle"))
         statement = f"encoders of {words}: what they tell is the mean of the poses of rounded angles, m or rad"
         yield below(statement, 1e-12, told - _read(scenario, angle))
         off = (told - pose)[:, 2]
-        yield below(f"{words}: θ is off by half a count of each joint at most, as a part", 1.0, off / (COUNT.sum() / 2))
+        yield below(f"{words}: θ is off by half a count of each joint at most, as a part", 1.0, off / (count.sum() / 2))
         statement = f"{words}: mean square of what rounding does to θ, ΣΔ²/12 over the arms, rad²"
-        yield close(statement, float(np.sum(COUNT**2) / 12 / arms), float(np.mean(off**2)), relative=0.06)
+        yield close(statement, float(np.sum(count**2) / 12 / arms), float(np.mean(off**2)), relative=0.06)
+    alone = load_preset("paper").replace({**CLOCKED, "joints.encoders.counts": (0, 0, COUNTS[2])})
+    told, now = _readings(alone, 20)
+    angle = np.array([each["joint_angle"][-1] for each in now])
+    yield below(
+        "encoders of the last joints alone: the others tell their angles, m or rad", 1e-12, told - _read(alone, angle)
+    )
     # A law that responds to the rate alone shows the rate that encoders give.
     law = {"controller": {"kind": "pd", "position_gain": 0.0, "velocity_gain": 1.0, "control_period": PERIOD}}
     moving = {"initial.pose_rate": (0.1, -0.2, 0.3), "joints.encoders.counts": COUNTS}
@@ -189,9 +196,15 @@ def encoders(_: Runs) -> Iterator[Check]:
     yield _led_back(statement, {"joints.encoders.counts": FINEST})
 
 
+def _count(scenario: Scenario) -> np.ndarray:
+    """Angle of a count of each joint, rad, (3,); 0: exact."""
+    return np.array([2 * np.pi / number if number else 0.0 for number in scenario.joints.encoders.counts])
+
+
 def _read(scenario: Scenario, angle: np.ndarray) -> np.ndarray:
     """The mean over the arms (N, 3) of the poses of rounded joint angles (N, arms, 3)."""
-    read = np.round(angle / COUNT) * COUNT
+    count = _count(scenario)
+    read = np.where(count > 0, np.round(angle / np.maximum(count, 1e-9)) * count, angle)
     return np.mean([pose_by_angles(scenario, arm, read[:, arm]) for arm in range(len(scenario.arms))], axis=0)
 
 
@@ -280,4 +293,7 @@ def _curve() -> Iterator[Check]:
     possible = np.clip(asked, -stall - fall * rate, stall - fall * rate)
     statement = "motors give what is asked for between -τ_s (1 + θ̇/ω_0) and τ_s (1 - θ̇/ω_0): largest error, as a part"
     yield alike(statement, 1e-4, run.joint_torque[2:-2], possible[2:-2], possible)
-    yield above("instants at which they give less", 100, int((np.abs(asked - possible) > 1.0).any(axis=(1, 2)).sum()))
+    less = np.abs(asked - possible)[2:-2].max(axis=(1, 2))
+    yield above("instants at which they give less", 100, int((less > 1.0).sum()))
+    sure = (less == 0) | (less > 1.0)  # A difference in between may be the derivative's error.
+    yield true("which the run says at each instant", np.array_equal(run.saturated[2:-2][sure], less[sure] > 1.0))

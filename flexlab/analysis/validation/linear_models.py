@@ -1,22 +1,32 @@
 """Linear models, margins, identified beams, and units of tables, each against an independent answer."""
 
+import re
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 
-from flexlab.analysis.identification.beam_parameters import beam_parameters
+from flexlab.analysis.identification.beam_parameters import beam_parameters, mesh_note
 from flexlab.analysis.identification.estimates import Estimate, RingFit
 from flexlab.analysis.identification.ring import fit_ring
+from flexlab.analysis.leaderboard.case import cases
 from flexlab.analysis.linearize import linearize
 from flexlab.analysis.metrics.metric import METRICS
 from flexlab.analysis.modes import modes
 from flexlab.analysis.validation.beam import EI, LENGTH, RHO
 from flexlab.analysis.validation.check import DAMPING, UNEQUAL, Check, Runs, above, alike, below, close, subject, true
 from flexlab.analysis.validation.mass_points import MassPoints, slopes
+from flexlab.analysis.validation.paper import loop_pole
+from flexlab.analysis.validation.sampled_loop import joint_torques
 from flexlab.presets import load_preset
+from flexlab.views import ELASTIC, views
 
+ELSEWHERE = [(0.0, 0.75, 0.0), (0.2, 0.9, 0.3)]
+"""Poses of a ring."""
 HELD = (0.05, 0.8, 0.2)
 """Pose at which PD holds unequal arms."""
+SHARE, SQUEEZE = 0.4, 20.0
+"""Its share of the left arm, and the force with which it squeezes the payload, N."""
 SPRINGS, DAMPERS = np.diag((9e3, 7e3, 5e3)), np.diag((900.0, 800.0, 600.0))
 """K_p and K_d of that law."""
 TRIED = 2j * np.pi * np.array([1.0, 20.0, 45.0, 190.0])
@@ -32,7 +42,7 @@ RISE = 0.5
 """Rate of a frequency that rises during a ring, Hz/s."""
 T_95 = 1.966
 """Student's t of a 95 % interval for the 393 degrees of freedom that 400 samples and 7 parameters leave."""
-SCALES = {"mm": 1e3, "mrad": 1e3, "%": 100.0}
+SCALES = {"mm": 1e3, "µm": 1e6, "mrad": 1e3, "mJ": 1e3, "%": 100.0, "N/min": 60.0}
 """Unit of a table → its number per SI unit; 1 for any other."""
 
 
@@ -44,8 +54,12 @@ def linear_models(_: Runs) -> Iterator[Check]:
     yield from _ring()
     yield from _intervals()
     columns = [column for metric in METRICS.values() if not metric.own for column in metric.columns]
+    columns += [score.column for case in cases().values() for score in case.scores]
     wrong = [column.title for column in columns if column.scale != SCALES.get(column.unit, 1.0)]
     yield true("numbers of tables are in the units that stand beside them", not wrong, ", ".join(wrong))
+    drawn = (*views(load_preset("paper")), ELASTIC)
+    wrong = [view.title for view in drawn if any(view.scale != SCALES.get(unit, 1.0) for unit in view.units)]
+    yield true("as are those of plots", not wrong, ", ".join(wrong))
 
 
 def _participation() -> Iterator[Check]:
@@ -63,38 +77,115 @@ def _participation() -> Iterator[Check]:
     yield alike("modes: shares of mass and inertia that move with them: relative error", 1e-3, told, shares)
 
 
+class _Pd:
+    """PD, which holds and squeezes the payload in unequal arms under gravity: its rest point and its small motions."""
+
+    def __init__(self) -> None:
+        law = {"kind": "pd", "position_gain": tuple(np.diag(SPRINGS)), "velocity_gain": tuple(np.diag(DAMPERS))}
+        law |= {"load_share": SHARE, "wanted_internal_force": SQUEEZE}
+        self.scenario = load_preset("paper").replace({**UNEQUAL, "gravity": 9.81, "controller": law})
+        self._points = points = MassPoints(self.scenario)
+        n = 3 + points.shapes(0.0).size
+        self.onto = np.eye(n)[:, :3]
+        p = np.concatenate([HELD, np.zeros(n - 3)])
+        for _ in range(9):  # The bent beam's weight hardly turns the payload.
+            pull = self._weight(p)
+            p[:3] = HELD + np.linalg.solve(SPRINGS, [0.0, 9.81 * RHO * LENGTH, 0.0] - pull[:3])
+            p[3:] -= np.linalg.solve(points.bending, pull[3:])
+        self.rest, self.torque = p[:3], self._law(p[:3])
+        J = np.hstack([slopes(partial(points.joint_angles, index=arm), self.rest) for arm in range(2)])
+        self.by_torque = self.onto @ J
+        self._mass, self._damping = points.inertia(p), np.zeros((n, n))
+        self._damping[3:, 3:] = DAMPING * np.eye(n - 3)
+        self._stiffness = -slopes(self._force, p)
+        # The inputs of both arms turn with their torques.
+        shares = np.vstack([SHARE * DAMPERS, (1 - SHARE) * DAMPERS])
+        turned = [np.linalg.inv(J[:, :3]), np.linalg.inv(J[:, 3:])]
+        self._by_rate = -np.vstack([turned[0] @ shares[:3], turned[1] @ shares[3:]])
+        self._by_pose = slopes(self._law, self.rest).T
+
+    def _weight(self, p: np.ndarray) -> np.ndarray:
+        return slopes(lambda at: np.array(self._points.payload_potential(at)), p)
+
+    def _law(self, x: np.ndarray) -> np.ndarray:
+        """Joint torques (6,) at rest at x."""
+        common = SPRINGS @ (np.array(HELD) - x) + [0.0, 9.81 * RHO * LENGTH, 0.0]
+        along = SQUEEZE * np.array([np.cos(x[2]), np.sin(x[2]), 0.0])
+        G = [slopes(lambda at, arm=arm: np.array(self._points.arm_potential(at, arm)), x) for arm in range(2)]
+        u = np.array([G[0] + SHARE * common + along, G[1] + (1 - SHARE) * common - along])
+        return joint_torques(self._points, x, u).ravel()
+
+    def _force(self, p: np.ndarray) -> np.ndarray:
+        """Force on p under the torques that hold the rest point."""
+        J = [slopes(partial(self._points.joint_angles, index=arm), p[:3]) for arm in range(2)]
+        whole = slopes(lambda at: np.array(self._points.potential(at)), p)
+        return self.onto @ np.hstack(J) @ self.torque - whole
+
+    def plant(self, s: complex) -> np.ndarray:
+        """M s² + D s + K under held torques."""
+        return self._mass * s**2 + self._damping * s + self._stiffness
+
+    def law(self, s: complex) -> np.ndarray:
+        """Joint torques that the law asks for, by the pose, (6, 3)."""
+        return self._by_pose + s * self._by_rate
+
+    def deviation(self, omega: float) -> np.ndarray:
+        """(S - T)/2 at the motors, (6, 6)."""
+        H = self.law(1j * omega) @ np.linalg.solve(self.plant(1j * omega), self.by_torque)[:3]
+        return np.linalg.solve(np.eye(6) - H, np.eye(6) + H) / 2
+
+
 def _pd() -> Iterator[Check]:
     """PD at a tilted pose of unequal arms: M p̈ + (D + K_d) ṗ + (K + K_p) p = f, of mass points in nodal coordinates."""
-    law = {"kind": "pd", "position_gain": tuple(np.diag(SPRINGS)), "velocity_gain": tuple(np.diag(DAMPERS))}
-    scenario = load_preset("paper").replace({**UNEQUAL, "controller": law})
-    model = linearize(scenario, HELD, INPUTS, ("pose", "midspan_deflection"), closed=True)
-    points = MassPoints(scenario)
-    n = 3 + points.shapes(0.0).size
-    M, D, K = points.inertia(np.concatenate([HELD, np.zeros(n - 3)])), np.zeros((n, n)), np.zeros((n, n))
-    D[3:, 3:], K[3:, 3:] = DAMPING * np.eye(n - 3), points.bending
-    J = [slopes(lambda x, arm=arm: points.joint_angles(x, arm), np.array(HELD)) for arm in range(2)]
-    pose = np.eye(n)[:, :3]
-    shown = np.vstack([pose.T, np.concatenate([np.zeros(3), points.shapes(0.0)])])
+    pd = _Pd()
+    model = linearize(pd.scenario, HELD, INPUTS, ("pose", "midspan_deflection"), closed=True)
+    yield below(
+        "linearize: PD rests where weight and springs balance: difference, m or rad", 1e-9, model.about.pose - pd.rest
+    )
+    statement = "and by torques that carry the weight and squeeze the payload: relative error"
+    yield alike(statement, 1e-8, model.about.torque.ravel(), pd.torque)
+    shown = np.vstack([pd.onto.T, np.concatenate([np.zeros(3), MassPoints(pd.scenario).shapes(0.0)])])
     told, exact = model.response(TRIED), []
     for s in TRIED:
-        answer = np.linalg.inv(M * s**2 + D * s + K + pose @ (DAMPERS * s + SPRINGS) @ pose.T)
-        exact.append(shown @ answer @ pose @ np.hstack([np.eye(3), np.eye(3), *J, SPRINGS, DAMPERS]))
+        answer = np.linalg.inv(pd.plant(s) - pd.by_torque @ pd.law(s) @ pd.onto.T)
+        by = np.hstack([pd.onto, pd.onto, pd.by_torque, pd.onto @ SPRINGS, pd.onto @ DAMPERS])
+        exact.append(shown @ answer @ by)
     scale = np.abs(exact).max(axis=(0, 2), keepdims=True)
     statement = (
         "linearize: pose and mid-span of PD by inputs, torques and targets are those of mass points: relative error"
     )
     yield below(statement, 1e-5, np.abs((told - exact) / scale))
-    factors = linearize(scenario, HELD, "desired_pose_y", "pose_y").to_zpk()
+    factors = linearize(pd.scenario, HELD, "desired_pose_y", "pose_y").to_zpk()
     of_y = [factors.gain * np.prod(s - factors.zeros) / np.prod(s - factors.poles) for s in TRIED]
     yield alike(
         "zeros, poles and gain give the same: relative error", 1e-4, np.abs(of_y), np.abs(np.array(exact)[:, 1, 13])
     )
-    # A factor f of all torques makes the loop swing with ω if P + f Q is singular; it is (1 + δ/2)/(1 - δ/2).
-    s = 1j * np.geomspace(1.0, 1e4, 2000)[:, None, None]
-    factor = -1 / np.linalg.eigvals(np.linalg.inv(M * s**2 + D * s + K)[:, :3, :3] @ (DAMPERS * s + SPRINGS))
-    least = np.abs(2 * (factor - 1) / (factor + 1)).min()
-    alpha = np.nan if model.disk_margin is None else model.disk_margin.alike.alpha
-    yield close("disk margin of all motors together: α", least, alpha, relative=1e-3)
+    # Factors (1 + δ/2)/(1 - δ/2) of the torques make the loop swing with ω if 1 - δ (S - T)/2 is singular.
+    margin = model.disk_margin
+    assert margin is not None
+    least = 1 / max(np.abs(np.linalg.eigvals(pd.deviation(omega))).max() for omega in np.geomspace(1.0, 1e4, 2000))
+    yield close("disk margin of all motors together: α", least, margin.alike.alpha, relative=1e-3)
+    factor = (1 + np.array([-1, 1, 1j]) * margin.alike.alpha / 2) / (1 - np.array([-1, 1, 1j]) * margin.alike.alpha / 2)
+    told = [*margin.alike.gain, margin.alike.phase]
+    wanted = [*factor[:2].real, np.angle(factor[2], deg=True)]
+    yield alike("the gains and the phase, °, that it tells of are those of real and imaginary δ", 1e-12, told, wanted)
+    reached = margin.each.alpha * _unlike(pd.deviation(2 * np.pi * margin.each.frequency))
+    yield close(
+        "each motor with its own factor: least |δ| that is found to destabilise, over α", 1.0, 1 / reached, "", 0.1
+    )
+
+
+def _unlike(deviation: np.ndarray) -> float:
+    """Largest |λ| of `deviation` with motors that differ in phase, found one phase after another."""
+    turns = np.exp(2j * np.pi * np.arange(24) / 24)
+    phases = np.ones(len(deviation), complex)
+    for _ in range(6):
+        for motor in range(len(phases)):
+            tried = np.tile(phases, (len(turns), 1))
+            tried[:, motor] = turns
+            sizes = np.abs(np.linalg.eigvals(tried[:, :, None] * deviation)).max(axis=1)
+            phases = tried[int(np.argmax(sizes))]
+    return float(np.abs(np.linalg.eigvals(phases[:, None] * deviation)).max())
 
 
 def _ring() -> Iterator[Check]:
@@ -108,6 +199,25 @@ def _ring() -> Iterator[Check]:
     yield close("identified: amplitude", 1e-3, found.first.amplitude, "m", 1e-6)
     yield close("identified: bending stiffness", SOUGHT, parameters.bending_stiffness.value, "N·m²", 1e-5)
     yield close("identified: damping ratio", RATIO, parameters.damping.value, "", 1e-5)
+    told, exact = re.findall(r"has ([\d.]+) N·m²", mesh_note(parameters)), RHO * (omega * LENGTH**2 / np.pi**2) ** 2
+    statement = "and stiffness of a real beam that rings so, ρ(ωL²/π²)²"
+    yield close(statement, exact, float(told[0]) if told else np.nan, "N·m²", 1e-4)
+    yield from _in_loop()
+
+
+def _in_loop() -> Iterator[Check]:
+    """The ring of a beam in arms that give way under the paper's law, by a pole of mass points."""
+    paper, t = load_preset("paper"), np.arange(2000) * 5e-4
+    pole = loop_pole(MassPoints(paper))
+    found = fit_ring(t, np.exp(pole.real * t) * np.cos(pole.imag * t + 0.4))
+    guess = paper.replace({"payload.bending_stiffness": 80.0, "payload.damping.coefficient": 0.2})
+    told = beam_parameters(found, guess, in_loop=True)
+    yield close("identified in the loop: bending stiffness", EI, told.bending_stiffness.value, "N·m²", 1e-5)
+    yield close("identified in the loop: damping", DAMPING, told.damping.value, "N·s/m", 1e-4)
+    both = beam_parameters(found, guess, in_loop=True, poses=ELSEWHERE).bending_stiffness
+    alone = beam_parameters(found, guess, in_loop=True, poses=ELSEWHERE[1:]).bending_stiffness.value
+    statement = "and the interval of a ring at two poses reaches up to what the other one gives: by"
+    yield close(statement, alone - both.value, both.high - both.value, "N·m²", 0.05)
 
 
 def _intervals() -> Iterator[Check]:

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 from scipy.linalg import eigh
 
-from flexlab.analysis.validation.check import EVERY, FINE
+from flexlab.analysis.validation.check import CENTER, DAMPING, EVERY, FINE
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import Pull
 from flexlab.sim.samples import Run, Samples
@@ -231,6 +231,17 @@ def christoffel(inertia, at: np.ndarray, rate: np.ndarray) -> np.ndarray:
     dA = slopes(inertia, at)
     first, second = np.einsum("kij,k->ij", dA, rate), np.einsum("jik,k->ij", dA, rate)
     return (first + second - second.T) / 2
+
+
+def linear_plant(points: MassPoints) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """M and K (n, n) at the path's centre, and A (2n, 2n) of d(p, ṗ)/dt = A (p, ṗ) + B f, for the paper's damping."""
+    p = np.concatenate([CENTER, np.zeros(points.shapes(0.0).size)])
+    M, n = points.inertia(p), len(p)
+    K = slopes(lambda at: slopes(lambda q: np.array(points.potential(q)), at), p)
+    K[:3], K[:, :3] = 0.0, 0.0
+    D = np.diag(np.where(np.arange(n) < 3, 0.0, DAMPING))
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, D)]])
+    return M, K, A
 
 
 def lagrange(inertia, potential, at: np.ndarray, rate: np.ndarray, change: np.ndarray) -> np.ndarray:

@@ -5,14 +5,14 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from scipy.linalg import expm, solve_discrete_are, solve_discrete_lyapunov
+from scipy.linalg import eigh, expm, solve_discrete_are, solve_discrete_lyapunov
 
 from flexlab.analysis.law_conditions import circumstances, law_conditions
 from flexlab.analysis.modes import modes
 from flexlab.analysis.validation.beam import GAUGES
-from flexlab.analysis.validation.check import DAMPING, STILL, Check, Runs, alike, below, close, run_of, subject
-from flexlab.analysis.validation.mass_points import MassPoints, slopes
-from flexlab.analysis.validation.sampled_loop import CENTER, FINER, MEASURED, PERIOD, STRAIN, told_rates
+from flexlab.analysis.validation.check import CENTER, STILL, Check, Runs, alike, below, close, run_of, subject
+from flexlab.analysis.validation.mass_points import MassPoints, linear_plant, slopes
+from flexlab.analysis.validation.sampled_loop import FINER, MEASURED, PERIOD, STRAIN, told_rates
 from flexlab.control.observers.believed_plant import believed_plant
 from flexlab.control.observers.kalman import POSE_FLOOR, RATE_FLOOR, KalmanObserver
 from flexlab.presets import load_preset
@@ -24,6 +24,10 @@ BENT = (0.001, 0.00016, 0.0, -0.001)
 """Initial beam coordinates, half a sine of 0.16 mm, for which the linear model holds."""
 SHAKING = {"kind": "sine", "center": CENTER, "amplitude": 1e-3, "frequency": 15.0}
 """A small motion that bends the beam, whose torques change from instant to instant."""
+HEAVIER = 1.3
+"""Mass of the payload that a law believes in, over the true one."""
+TILTED = (0.0, 0.75, 0.6)
+"""Pose of a beam that its arms let sink."""
 COMPUTED = {"kind": "computed-torque", "position_gain": 900.0, "velocity_gain": 60.0}
 LATE = 3
 """Input delay of the regulator on a path, control periods."""
@@ -36,16 +40,18 @@ def observers(_: Runs) -> Iterator[Check]:
     """The Kalman observer, the regulator with it, and the momentum observer."""
     # Arms that sink excite the beam by forces that the observer knows, even if it hardly trusts its gauges.
     trusting = {"unknown_force": (0.01, 0.01, 0.01), "unknown_modal_force": 1e-4}
-    sinking = {"gravity": 0.5, "initial.beam_coordinates": None}
+    tilted = {"kind": "hold", "pose": TILTED}
+    sinking = {"gravity": 0.5, "initial.beam_coordinates": None, "trajectory": tilted, "initial.pose": TILTED}
     statement = "the Kalman observer predicts hᵀq̇ by the delay and half a period, to where its torque acts"
     yield below(f"{statement}: relative error", 0.02, _observed("the observed run", {}, {}))
-    statement = "one that trusts its model more than its gauges predicts the ring of a beam whose arms sink"
+    statement = "one that trusts its model more than its gauges predicts the ring of a tilted beam whose arms sink"
     yield below(f"{statement}: relative error", 0.02, _observed("the run of sinking arms", trusting, sinking))
     driven = {"trajectory": SHAKING, "initial.beam_coordinates": None, "initial.pose_rate": None}
     statement = "one beside computed torque, whose new torques act within its horizon, on a path that shakes the beam"
     yield below(f"{statement}: relative error", 0.02, _observed("the shaken run", {}, driven, COMPUTED))
     yield from _regulator()
     yield from _observer_noise()
+    yield from _believed_beam()
     yield from _believed_load()
     yield from _disturbance_observer()
     law = {"kind": "disturbance-observer", "observer_gain": 60.0, "control_period": PERIOD}
@@ -72,14 +78,16 @@ def _observed(
     run = _held(name, law, **changes)
     points = MassPoints(run.scenario)
     h = points.payload_inertia(np.zeros(3 + run.beam_rates.shape[1]))[1, 3:]
-    inertia = sum(points.arm_inertia(np.array(CENTER), arm) for arm in range(2))
+    center = np.array(run.scenario.trajectory.middle)
+    inertia = sum(points.arm_inertia(center, arm) for arm in range(2))
+    across = np.array([-np.sin(center[2]), np.cos(center[2]), 0.0])
     rate = run.beam_rates @ h
     # Torques of instant k are held from instant k + 1 on.
     acting = np.arange(30, 58) * FINER + FINER // 2
     asked = run.arm_input.sum(axis=1)[acting]
     if slow is not None:
         asked = asked - [_computed_torque(points, run, k, slow) for k in acting - FINER - FINER // 2]
-    told = np.linalg.solve(inertia, asked.T)[1] / gain
+    told = across @ np.linalg.solve(inertia, asked.T) / gain
     return float(np.abs(told - rate[acting]).max() / np.abs(rate[acting]).max())
 
 
@@ -93,18 +101,7 @@ def _computed_torque(points: MassPoints, run: Run, k: int, law: dict[str, Any]) 
     return inertia @ wanted + sum(C for _, C, _ in terms) @ v
 
 
-def _linear_model(points: MassPoints) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """M and K (n, n) at the path's centre, and A (2n, 2n) of d(p, ṗ)/dt = A (p, ṗ) + B f, from mass points."""
-    p = np.concatenate([CENTER, np.zeros(points.shapes(0.0).size)])
-    M, n = points.inertia(p), len(p)
-    K = slopes(lambda at: slopes(lambda q: np.array(points.potential(q)), at), p)
-    K[:3], K[:, :3] = 0.0, 0.0
-    D = np.diag(np.where(np.arange(n) < 3, 0.0, DAMPING))
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, D)]])
-    return M, K, A
-
-
-def _held_over(A: np.ndarray, B: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
+def held_over(A: np.ndarray, B: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
     """State and input matrix over `period` s of dz/dt = A z + B f with f held."""
     n, inputs = B.shape
     over = expm(period * np.block([[A, B], [np.zeros((inputs, n + inputs))]]))
@@ -114,9 +111,9 @@ def _held_over(A: np.ndarray, B: np.ndarray, period: float) -> tuple[np.ndarray,
 def _regulator_gain(scenario: Scenario) -> tuple[np.ndarray, float]:
     """K (3, 2n) in nodal coordinates, and how fast its loop decays, 1/s, by scipy's Riccati solver."""
     settings = scenario.controller
-    M, K, A = _linear_model(MassPoints(scenario))
+    M, K, A = linear_plant(MassPoints(scenario))
     n, beam = len(M), np.s_[3:]
-    Phi, Gamma = _held_over(A, np.vstack([np.zeros((n, 3)), np.linalg.inv(M)[:, :3]]), PERIOD)
+    Phi, Gamma = held_over(A, np.vstack([np.zeros((n, 3)), np.linalg.inv(M)[:, :3]]), PERIOD)
     Q = np.zeros((2 * n, 2 * n))
     Q[:3, :3], Q[n : n + 3, n : n + 3] = np.diag(settings.pose_weight), np.diag(settings.pose_rate_weight)
     Q[beam, beam][: n - 3, : n - 3] = settings.vibration_weight * K[beam, beam]
@@ -177,9 +174,9 @@ def _observer_noise() -> Iterator[Check]:
     told = told_rates({"strain": STRAIN}, observer)[MEASURED // 10 :, 0]
     scenario = load_preset("paper").replace({"controller": {"kind": "composite", "control_period": PERIOD}})
     points, known = MassPoints(scenario), KalmanObserver()
-    M, _, A = _linear_model(points)
+    M, _, A = linear_plant(points)
     n = len(M)
-    Phi, Gamma = _held_over(A, np.vstack([np.zeros((n, n)), np.linalg.inv(M)]), PERIOD)
+    Phi, Gamma = held_over(A, np.vstack([np.zeros((n, n)), np.linalg.inv(M)]), PERIOD)
     unknown = np.zeros((n, n))
     unknown[:3, :3] = np.diag(np.square(known.unknown_force))
     unknown[3:, 3:] = known.unknown_modal_force**2 * M[3:, 3:]
@@ -240,22 +237,50 @@ def _disturbance_observer() -> Iterator[Check]:
     yield alike(statement, 1e-6, found, wanted)
 
 
+def _believed_beam() -> Iterator[Check]:
+    """Frequencies, and strains at gauges, of the modes of a beam that a law takes to be longer, heavier and softer."""
+    longer, heavier, softer = 1.2, 1.3, 0.7
+    model = {"length_factor": longer, "linear_density_factor": heavier, "stiffness_factor": softer}
+    scenario = load_preset("paper").replace({"controller": {"kind": "lqr", "control_period": PERIOD, "model": model}})
+    told, true = believed_plant(scenario, 4, GAUGES), scenario.payload
+    changes = {
+        "payload.length": longer * true.length,
+        "payload.linear_density": heavier * true.linear_density,
+        "payload.bending_stiffness": softer * true.bending_stiffness,
+    }
+    points = MassPoints(load_preset("paper").replace(changes))
+    square, V = eigh(points.bending, points.payload_inertia(np.zeros(3 + points.shapes(0.0).size))[3:, 3:])
+    yield alike(
+        "lqr: frequencies of a beam with another length, density and stiffness: relative error",
+        1e-9,
+        told.omega,
+        square**0.5,
+    )
+    strain = true.thickness / 2 * points.shapes(longer * true.length * np.array(GAUGES), 2) @ V
+    yield alike("and strains of its modes at the gauges: relative error", 1e-9, np.abs(told.strain), np.abs(strain))
+
+
 def _believed_load() -> Iterator[Check]:
     """The axial-load stiffness in a linear law's model, compared with that of such a payload held at rest."""
-    heavier, tilted = 1.3, {"kind": "hold", "pose": (0.0, 0.75, 0.4)}
-    at_rest = {"payload.axial_load": "first-order", "gravity": 9.81, "trajectory": tilted, "initial.pose": None}
-    law = {"wanted_internal_force": 40.0, "load_share": 0.3}
-    holding = {"kind": "computed-torque", "position_gain": 1e6, **law}
-    model = {"linear_density_factor": heavier, "axial_load": "first-order"}
-    paper = load_preset("paper").replace(at_rest)
-    held = modes(
-        paper.replace({"controller": holding, "payload.linear_density": heavier * paper.payload.linear_density})
-    ).linearization
-    assert held is not None
-    believing = {"kind": "lqr", "control_period": PERIOD, "model": model, **law}
-    told = believed_plant(paper.replace({"controller": believing}), len(held.omega), ())
-    order = np.argsort(held.omega)
-    wanted = held.probe.axial_stiffness(held.rest.motion, held.rest.torque)[np.ix_(order, order)]
-    found = told.stiffness - np.diag(told.omega**2)
-    error = np.abs(found - wanted).max() / np.abs(wanted).max()
-    yield below("the axial load that lqr believes in stiffens its modes as at rest: relative error", 1e-3, error)
+    pressing = {"wanted_internal_force": 40.0, "load_share": 0.3}
+    for words, preset, law in (
+        ("stiffens its modes", "paper", pressing),
+        ("of a hanging beam does so", "single-arm", {}),
+    ):
+        pose = (0.0, 0.75, 0.4)
+        at_rest = {"payload.axial_load": "first-order", "gravity": 9.81, "initial.pose": None}
+        at_rest |= {"trajectory": {"kind": "hold", "pose": pose}, "payload.bending_stiffness": 100.0}
+        holding = {"kind": "computed-torque", "position_gain": 1e6, **law}
+        model = {"linear_density_factor": HEAVIER, "axial_load": "first-order"}
+        paper = load_preset(preset).replace(at_rest)
+        held = modes(
+            paper.replace({"controller": holding, "payload.linear_density": HEAVIER * paper.payload.linear_density})
+        ).linearization
+        assert held is not None
+        believing = {"kind": "lqr", "control_period": PERIOD, "model": model, **law}
+        told = believed_plant(paper.replace({"controller": believing}), len(held.omega), ())
+        order = np.argsort(held.omega)
+        wanted = held.probe.axial_stiffness(held.rest.motion, held.rest.torque)[np.ix_(order, order)]
+        found = told.stiffness - np.diag(told.omega**2)
+        error = np.abs(found - wanted).max() / np.abs(wanted).max()
+        yield below(f"the axial load that lqr believes in {words} as at rest: relative error", 1e-3, error)

@@ -9,8 +9,8 @@ import numpy as np
 from flexlab.analysis.lesson_measures import bound_terms
 from flexlab.analysis.metrics.vibration import settling_time
 from flexlab.analysis.paper_equations import internal_force_eq_26, tracking_energy
-from flexlab.analysis.validation.check import FINE, PERIOD, Check, Runs, above, alike, below, close, subject
-from flexlab.analysis.validation.mass_points import MassPoints, christoffel, time_derivative
+from flexlab.analysis.validation.check import CENTER, FINE, PERIOD, Check, Runs, above, alike, below, close, subject
+from flexlab.analysis.validation.mass_points import MassPoints, christoffel, linear_plant, time_derivative
 from flexlab.sim.samples import Run
 
 REFERENCE_TOLERANCE = 5e-4
@@ -107,6 +107,18 @@ def paper_law(points: MassPoints, run: Run, k: int, b_hat: np.ndarray) -> tuple[
     common = points.rigid_inertia(x) @ r_dot + weight - GAIN * s - b_hat @ growth * s / max(size, LAYER)
     terms = [points.arm_terms(x, v, arm) for arm in range(2)]
     return np.array([M @ r_dot + C @ r + G + common / 2 for M, C, G in terms]), size * growth / ADAPTATION
+
+
+def loop_pole(points: MassPoints) -> complex:
+    """The pole of the beam's first mode under the paper's law with b̂ = 0 at the middle of its path, 1/s."""
+    (M, _, A), x = linear_plant(points), np.array(CENTER)
+    B = sum((points.arm_inertia(x, arm) for arm in range(2)), points.rigid_inertia(x))
+    by_pose, by_rate = GAIN * SLOPE * np.eye(3), GAIN * np.eye(3) + SLOPE * B
+    n = len(M)
+    A[n:, :3] -= np.linalg.inv(M)[:, :3] @ by_pose
+    A[n:, n : n + 3] -= np.linalg.inv(M)[:, :3] @ by_rate
+    poles = np.linalg.eigvals(A)
+    return complex(poles[np.argmin(np.abs(poles.imag - points.softest() ** 0.5))])
 
 
 @subject("Control law and internal force", 3)

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlab.analysis.modes import modes
 from flexlab.analysis.validation.beam import GAUGES
-from flexlab.analysis.validation.check import STILL, Check, Runs, above, below, close, run_of, subject, true
+from flexlab.analysis.validation.check import CENTER, STILL, Check, Runs, above, below, close, run_of, subject, true
 from flexlab.analysis.validation.mass_points import MassPoints, slopes
 from flexlab.analysis.validation.paper import paper_law
 from flexlab.control.conditions import stability_limit
@@ -27,7 +27,6 @@ SIGMA = (1e-4, 2e-4, 3e-4)
 STRAIN = 1e-6
 MOMENT_RATE = (2e-3, 3e-3)
 """Standard deviation of the noise of hᵀq̇, kg·m/s, and gᵀq̇, kg·m²/s."""
-CENTER = (0.0, 0.75, 0.0)
 GROWTH = 2.65
 """Growth of the 400 Hz mode of 8 undamped elements under rate feedback k_v = 100 at 1 kHz, one sample late, 1/s."""
 

@@ -12,7 +12,7 @@ from flexlab.interrupts import put_off
 from flexlab.recording.course import Course
 from flexlab.recording.file_sink import RunWriter
 from flexlab.recording.reader import Recording
-from flexlab.recording.repair import finish
+from flexlab.recording.repair import finish, note_sound
 from flexlab.recording.run_encoder import RunEncoder, is_end
 from flexlab.recording.run_info import RunInfo, RunNotes, makers
 from flexlab.recording.store.notes import write_notes
@@ -127,6 +127,7 @@ class HeadlessRecording:
         if not lost:
             with contextlib.suppress(RecordingError):  # Finishing needs room; all of the run is there.
                 finish(self.path, join=self._run.rows < LARGE_ROWS * self._blocks)
+                note_sound(self.path)
 
     def _early_end(self) -> Status:
         """How a recording ends that was interrupted: its run stopped then, unless it had been computed before."""

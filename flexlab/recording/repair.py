@@ -23,7 +23,7 @@ from flexlab.files import remove_left_drafts, replacing
 from flexlab.recording.rerun_internals.chunks import Row, Unreadable, entity_times, has_recording, stream_rows
 from flexlab.recording.rerun_internals.rrd_file import check_path, has_footer
 from flexlab.recording.rerun_internals.tool import Mending, crashes_readers
-from flexlab.recording.store.notes import read_notes, write_notes
+from flexlab.recording.store.notes import SOUND, read_notes, write_notes
 from flexlab.recording.store.run_files import check_recording, claim, list_runs, run_state
 
 GROWTH = 1.3
@@ -147,15 +147,37 @@ class Finisher:
         finish_abandoned(logs, self._mending)
         while (path := self._queue.get()) is not None:
             _finish_if_possible(path, self._mending)
+            if run_state(path) == "complete":
+                note_sound(path)
 
 
 def check_foreign(path: Path) -> None:
     """Raise `RecordingError` for a recording on which rerun's reader would crash, and this process with it."""
     check_recording(path)
     check_path(path)
-    # One with a status in its notes was written or read here before.
-    if "status" not in read_notes(path) and crashes_readers(path):
+    notes, found = read_notes(path), _identity(path)
+    if notes.get(SOUND) == found:
+        return
+    if crashes_readers(path):
         raise RecordingError(f"{path} is damaged beyond repair: nothing of its run can be read.")
+    if "status" in notes:  # Else they are not flexlab's, or its run is being recorded.
+        with contextlib.suppress(OSError):
+            write_notes(path, **{SOUND: found})
+
+
+def note_sound(path: Path) -> None:
+    """Note that readers do not crash on a recording, which this process has just written."""
+    with contextlib.suppress(OSError, RecordingError):
+        write_notes(path, **{SOUND: _identity(path)})
+
+
+def _identity(path: Path) -> list[int]:
+    """What changes when a file is written, replaced or copied. Raises `RecordingError` if it is gone."""
+    try:
+        found = path.stat()
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be read ({error.strerror}): check its name and permissions.") from None
+    return [found.st_size, found.st_mtime_ns, found.st_ino]
 
 
 Rows = dict[str, list[Row]]

@@ -1,6 +1,8 @@
 """Recordings with bytes changed by a disk or a transfer: read as they were or refused, never read as another run."""
 
+import os
 import random
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,10 +12,12 @@ from exported import export_run
 from pyarrow import parquet
 
 from flexlab.errors import RecordingError
+from flexlab.recording import repair
 from flexlab.recording.course import Course
 from flexlab.recording.headless import write_run
 from flexlab.recording.importing import import_into
 from flexlab.recording.reader import Recording, read_recording, read_scenario
+from flexlab.recording.store.notes import notes_path
 from flexlab.recording.store.run_files import list_runs
 from flexlab.recording.viewer import review
 from flexlab.sim.commands import ChangeScenario
@@ -109,6 +113,29 @@ def test_a_recording_that_would_crash_its_reader_is_refused(place: int, bits: in
         with pytest.raises(RecordingError, match="is damaged beyond repair: nothing of its run can be read"):
             read(copy)
     assert list_runs(logs) == []
+
+
+def test_a_recording_of_one_s_own_that_was_damaged_later_is_refused(sound: Path) -> None:
+    """What its notes said of the file before the damage kept it from being checked, and Python crashed."""
+    assert len(read_recording(sound).samples) == 40
+    before = sound.stat()
+    data = bytearray((GOLDEN / "format-2" / "single-arm.rrd").read_bytes())
+    data[75634] ^= 8
+    sound.write_bytes(data)
+    os.utime(sound, ns=(before.st_atime_ns, before.st_mtime_ns))
+    with pytest.raises(RecordingError, match="is damaged beyond repair: nothing of its run can be read"):
+        read_recording(sound)
+
+
+def test_a_recording_is_checked_for_damage_only_once(sound: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A check takes 10 ms per MB."""
+    copy = sound.with_name("copy.rrd")
+    shutil.copy(sound, copy)
+    shutil.copy(notes_path(sound), notes_path(copy))
+    read_recording(copy)
+    monkeypatch.setattr(repair, "crashes_readers", lambda path: True)
+    for path in (sound, copy):
+        assert len(read_recording(path).samples) == 40
 
 
 def test_a_parquet_table_with_a_flipped_bit_is_refused(run: Run, tmp_path: Path) -> None:

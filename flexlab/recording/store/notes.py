@@ -15,6 +15,8 @@ LARGEST_NOTES = 10_000_000
 """Largest size of a file of notes that is read, bytes: an hour of dragging sliders makes one."""
 MEASURED = "measured_file"
 """Key in the notes: size, bytes, and modification time, s, of the file that the metrics belong to."""
+SOUND = "sound"
+"""Key in the notes: size, modification time, ns, and inode of the file on which rerun's reader does not crash."""
 SAME_TIME = 2.0
 """Largest difference between two times of one file, s: disks and archives round them."""
 OF_PEOPLE = ("note", "tags", "keep", "owner", "visitor")
@@ -30,6 +32,7 @@ OF_RUNS = (
     "damaged_size",
     "imported",
     "lessons",
+    SOUND,
 )
 """Other notes, of which every file of notes that flexlab began has one at least, unless it has those `OF_PEOPLE`."""
 

@@ -21,6 +21,7 @@ from flexlab.errors import ScenarioError, StudyError
 from flexlab.lapack import one_blas_thread
 from flexlab.machine import cores
 from flexlab.own import hosts
+from flexlab.own.endless_calls import CALLS
 from flexlab.own.files import know_own_texts, own_texts
 from flexlab.scenario import Scenario, parse_scenario
 from flexlab.sim.samples import Run, Status, empty_samples
@@ -142,7 +143,8 @@ def _on_threads(count: int) -> Iterator[Does]:
                 ahead |= submitted(1)
 
     try:
-        yield run
+        with CALLS.study():
+            yield run
     except BaseException:
         ended.set()
         pool.shutdown(wait=False, cancel_futures=True)

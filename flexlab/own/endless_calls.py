@@ -8,6 +8,8 @@ from contextlib import contextmanager
 
 LONGEST_CALL = 10.0
 """Processor time that one call may take, s; a pause in a debugger takes none."""
+NEXT_CALL = 1.0
+"""The same in a study in which another call of the same text has taken `LONGEST_CALL`: it may have many runs."""
 LOOK = 0.25
 """Time between two checks of the calls in progress, s."""
 
@@ -19,17 +21,37 @@ class EndlessCall(BaseException):
         return f"one call took more than {LONGEST_CALL:g} s of processor time"
 
 
+class AnotherEndlessCall(EndlessCall):
+    """Raised within a call that has used up `NEXT_CALL`."""
+
+    def __str__(self) -> str:
+        return (
+            f"one call took more than {NEXT_CALL:g} s of processor time, and one before it more than {LONGEST_CALL:g} s"
+        )
+
+
 class CallWatch:
     """The calls in progress. It needs the processor time of each thread, which Linux reports and macOS does not."""
 
     def __init__(self) -> None:
-        self._calls: dict[int, tuple[int, float]] = {}
-        """Thread → the clock of its processor time, and that clock's reading when the call began, s."""
+        self._calls: dict[int, tuple[str, int, float]] = {}
+        """Thread → text, the clock of its processor time, and that clock's reading when the call began, s."""
+        self._ended: set[str] | None = None
+        """The texts of which a call of the present study was ended; None outside of studies."""
         self._thread: threading.Thread | None = None
 
     @contextmanager
-    def call(self) -> Iterator[None]:
-        """Watch one call of this thread: raise `EndlessCall` in it after `LONGEST_CALL`."""
+    def study(self) -> Iterator[None]:
+        """Within the block, give a text of which one call was ended `NEXT_CALL` only for each of the others."""
+        before, self._ended = self._ended, set()
+        try:
+            yield
+        finally:
+            self._ended = before
+
+    @contextmanager
+    def call(self, text: str) -> Iterator[None]:
+        """Watch one call of a text by this thread: raise `EndlessCall` in it once it has taken too long."""
         if not hasattr(time, "pthread_getcpuclockid"):
             yield
             return
@@ -37,7 +59,7 @@ class CallWatch:
             self._thread = threading.Thread(target=self._look, daemon=True, name="flexlab-calls")
             self._thread.start()
         me = threading.get_ident()
-        self._calls[me] = time.pthread_getcpuclockid(me), time.thread_time()
+        self._calls[me] = text, time.pthread_getcpuclockid(me), time.thread_time()
         try:
             yield
         finally:
@@ -47,13 +69,18 @@ class CallWatch:
         while True:
             time.sleep(LOOK)
             for thread, call in list(self._calls.items()):
-                clock, begin = call
+                text, clock, begin = call
                 try:
                     worked = time.clock_gettime(clock) - begin
                 except OSError:  # The thread has ended.
                     continue
-                if worked > LONGEST_CALL and self._calls.get(thread) is call:
-                    ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), ctypes.py_object(EndlessCall))
+                ended = self._ended
+                error = EndlessCall if worked > LONGEST_CALL else AnotherEndlessCall
+                limit = LONGEST_CALL if ended is None or text not in ended else NEXT_CALL
+                if worked > limit and self._calls.get(thread) is call:
+                    if ended is not None:
+                        ended.add(text)
+                    ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), ctypes.py_object(error))
 
 
 CALLS = CallWatch()

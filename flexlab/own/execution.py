@@ -99,7 +99,7 @@ class RunningText:
     """"control law" or "path", for sentences."""
 
     def __init__(self, source: str, file: str, declared: Declared):
-        self._file, self._declared, name = file, declared, declared.name
+        self._source, self._file, self._declared, name = source, file, declared, declared.name
         for place, module in FORMER_PLACES.items():
             sys.modules.setdefault(place, module)
         names: dict[str, Any] = vars(KeptModules(source, file).empty(name, file))
@@ -227,7 +227,7 @@ class RunningLaw(RunningText):
 
     def ask(self, message: Any, now: Any) -> int:
         """Make one call by `answer` and return its outcome; its sentence is kept for `problem`."""
-        with self._lock, CALLS.call():
+        with self._lock, CALLS.call(self._source):
             text = self.answer(message, now)
             self._problem = text or self._problem
         return FAILED if text else ANSWERED

@@ -171,7 +171,7 @@ def _made_table(kind: str, source: str, repeats: bool, options: bytes) -> str:
     file = hosts.file_of(source).replace("\\", "/").rpartition("/")[2]
 
     def poses(shares: np.ndarray) -> tuple[float, np.ndarray]:
-        with CALLS.call():
+        with CALLS.call(source):
             return hosts.host("path", source).poses(np.frombuffer(options), shares)
 
     return to_text(sampled(poses, repeats, file))

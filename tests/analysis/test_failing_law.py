@@ -10,7 +10,7 @@ from own_law_text import PD
 
 import flexlab
 from flexlab.errors import FlexlabError
-from flexlab.own import hosts
+from flexlab.own import endless_calls, hosts
 from flexlab.own.files import law_kind
 from flexlab.sim.world import World
 
@@ -110,3 +110,22 @@ def test_a_law_that_fails_in_some_cells_of_a_sweep_runs_in_all_others(tmp_path: 
     )  # fmt: skip
     assert swept.table["status"].to_pylist() == ["law failed", "finished"] * 4
     assert all("stopped just after t = 0.011 s. some.py, line" in said for said in swept.failed.values())
+
+
+def test_a_study_gives_an_endless_law_its_full_time_only_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    for name, limit in (("LONGEST_CALL", 1.0), ("NEXT_CALL", 0.1)):
+        monkeypatch.setattr(endless_calls, name, limit)
+    (tmp_path / "endless.py").write_text(PD.replace("        e, e_dot", "        while True: pass\n        e, e_dot"))
+    swept = flexlab.sweep(
+        "paper", {"gravity": [9.0, 1.0, 2.0]}, 0.03, law=tmp_path / "endless.py", folder=tmp_path / "sweep",
+        workers=1, progress=False,
+    )  # fmt: skip
+    first, *others = (said.partition("one call took ")[2] for said in swept.failed.values())
+    assert first.startswith("more than 1 s of processor time.")
+    for said in others:
+        assert said.startswith("more than 0.1 s of processor time, and one before it more than 1 s.")
+    assert len(others) == 2
+    run = flexlab.simulate("paper", 0.03, law=tmp_path / "endless.py")
+    assert "one call took more than 1 s of processor time." in run.status.text, (
+        "outside of a study it has its full time"
+    )

@@ -712,18 +712,9 @@ axial load of a single arm that a law believes in: control/observers/believed_pl
 limits of each axis of waypoints: control/paths/waypoints.py
     np.min(np.array(limit)[way != 0] / np.abs(way[way != 0]))
     np.min(np.array(limit)[way != 0]) / np.max(np.abs(way))
-slow rate of a loop in its condition: analysis/law_conditions.py
-    slow_rate=control_rate(rigid, asked)
-    slow_rate=control_rate(system, asked)
 largest torque of both arms: analysis/metrics/magnitudes.py
     return samples.joint_torque[:, None]
     return samples.joint_torque[:, None, 0]
-unit of a plot: views.py
-    "axial_load_share, spin_share", scale=PERCENT,
-    "axial_load_share, spin_share", scale=MILLI,
-time in which a ring is gone in a sentence: analysis/explanations/vibration.py
-    np.log(100) / -rate)
-    np.log(10) / -rate)
 lag and speed of a motor in the saturation that the run tells: physics/joints.py
     return ws.joint_feasible[i, joint] != asked or abs(asked) >= limit
     return abs(asked) >= limit
@@ -739,6 +730,15 @@ axial load of a single arm whose payload is filled: physics/axial_load.py
 grips that begin to give way in motion: physics/grips.py
     [0.0, 0.0, 0.0, *rate]
     [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+hand on a beam that is changed: sim/bumpless_transfer.py
+    set_pull_row(plant, assembly.scenario.payload, assembly.beam)
+    plant.pull[:] = pull
+energy of the tracking error of a filled payload: analysis/paper_equations.py
+    total *= samples.own[MASS] / m
+    total /= samples.own[MASS] / m
+force that a farsighted regulator foresees: control/laws/lqr.py
+    if gains.predicted_periods > now.delay
+    if gains.predicted_periods < now.delay
 """
 """Three lines per error: its name and file, the right code, the wrong code."""
 

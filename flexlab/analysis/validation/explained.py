@@ -9,12 +9,14 @@ from scipy.linalg import eigh
 
 from flexlab.analysis.explanations.explanation import explain_run
 from flexlab.analysis.validation.beam import LENGTH, RHO
-from flexlab.analysis.validation.check import DAMPING, PERIOD, Check, Runs, close, run_of, subject
+from flexlab.analysis.validation.check import DAMPING, PERIOD, UNEQUAL, Check, Runs, close, run_of, subject
 from flexlab.analysis.validation.mass_points import MassPoints
 from flexlab.analysis.validation.paper import desired, loop_pole
+from flexlab.analysis.validation.sampled_loop import GROWTH
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Run, Samples
+from flexlab.sim.termination import pose_fault
 
 DIGITS = 0.006
 """Relative error of a number with three digits."""
@@ -25,12 +27,27 @@ SPRING, BELIEVED = 2e4, {"linear_density_factor": 3.0, "length_factor": 1.1}
 
 ROUND = {"trajectory.amplitude": (0.15, 0.15, 0.3), "trajectory.phase": (0.0, 1.5, 0.7)}
 """A path that is fast where it accelerates most."""
+FAR = (1.0, 1.0, 0.4)
+"""A pose beyond the reach of the left arm, and with -x of the right one, m, m, rad."""
+PRESSED = {
+    "controller.wanted_internal_force": 15.0,
+    "payload.bending_stiffness": 1.2,
+    "gravity": 9.81,
+    "trajectory.amplitude": (0.2, 0.2, 0.7),
+    "trajectory.frequency": (1.0, 1.0, 4.0),
+    "trajectory.smooth_start": 0.3,
+    "initial.pose_rate": None,
+}
+"""A soft beam that is pressed, turned fast and bent."""
 
 
 @subject("Sentences on a run", 21)
 def sentences(runs: Runs) -> Iterator[Check]:
     """Ring, start and error of the paper's run, error of PD, a wrong payload, weight and load share."""
     yield from _of_the_papers_run(runs.paper)
+    yield from _out_of_reach()
+    yield from _pressed()
+    yield from _grows()
     paper = load_preset("paper")
     points, instants = MassPoints(paper), np.arange(32) / 32
     law = {"kind": "pd", "position_gain": SPRING}
@@ -88,6 +105,62 @@ def _of_the_papers_run(run: Run) -> Iterator[Check]:
     yield close("with its grips held it would fade at cVᵀV/2", DAMPING / 2 * V @ V, told, "1/s", DIGITS)
     told = _number(said, r"velocity that is wrong by ([\d.]+) m/s")
     yield close("its start is wrong by 0.2·2π √2", 0.4 * np.pi * 2**0.5, told, "m/s", DIGITS)
+
+
+def _out_of_reach() -> Iterator[Check]:
+    """What is said of a pose that an arm cannot take."""
+    scenario, (x, y, turn) = load_preset("paper").replace(UNEQUAL), FAR
+    for arm, side, name in zip(scenario.arms, (-1, 1), ("left", "right"), strict=True):
+        place = np.array([x, y]) * [-side, 1]
+        fault = pose_fault(scenario, np.array([*place, turn]), 0.0, "the pose")
+        said = "" if fault is None else fault.text
+        wrist = place + side * (LENGTH / 2 + arm.link_length[2]) * np.array([np.cos(turn), np.sin(turn)]) - arm.base
+        away, most = float(np.linalg.norm(wrist)), sum(arm.link_length[:2])
+        told = _number(said, rf"The {name} arm .* would be ([\d.]+) m from its base")
+        yield close(f"a pose that the {name} arm cannot take: distance of its wrist", away, told, "m", absolute=6e-4)
+        told = _number(said, r"([\d.]+) m beyond")
+        yield close("and how far that is beyond its links", away - most, told, "m", absolute=6e-4)
+
+
+def _pressed() -> Iterator[Check]:
+    """What is said of a beam that is pressed, spun and bent."""
+    run = run_of("the pressed run", PRESSED, 0.6, PERIOD)
+    critical = np.pi**2 * PRESSED["payload.bending_stiffness"] / LENGTH**2
+    for words, exact, pattern, unit in (
+        ("compression", run.axial_load_share.max() * critical, r"pressed with up to ([\d.]+) N", "N"),
+        ("compression over P_cr", 100 * run.axial_load_share.max(), r"([\d.]+) % of its buckling load", "%"),
+        ("stiffness taken by the spin", 100 * run.spin_share.max(), r"took up to ([\d.]+) % of the beam", "%"),
+        ("deflection over length", 100 * _largest_bend(run), r"\|w\|/L was up to ([\d.]+) %", "%"),
+    ):
+        yield close(
+            f"a beam that is pressed, spun and bent: {words}", exact, _number(run.status.text, pattern), unit, 0.06
+        )
+
+
+def _largest_bend(run: Run) -> float:
+    """Largest deflection at the middle, which is a node, over the length."""
+    return float(np.abs(run.midspan_deflection).max() / LENGTH)
+
+
+def _grows() -> Iterator[Check]:
+    """What is said of late rate feedback that feeds the 400 Hz mode."""
+    fine = {"payload.element_count": 8, "payload.damping.coefficient": 0.0}
+    law = {"kind": "vibration-damping", "control_period": PERIOD, "input_delay": 1}
+    run = run_of("the run that grows", {**fine, "controller": law}, 0.3, PERIOD)
+    said = _sentences(run, run.scenario)
+    late = 1.5 * PERIOD
+    for words, exact, pattern, unit in (
+        ("rate", GROWTH, r"grows at ([\d.]+) 1/s", "1/s"),
+        (
+            "frequency from which on modes are fed, 1/(4 · 1.5 T_c)",
+            1 / (4 * late),
+            r"feeds modes from ([\d.]+) Hz",
+            "Hz",
+        ),
+        ("damping ratio that ends it", 100 * GROWTH / (2 * np.pi * 400), r"larger by ([\d.]+) percentage", "%"),
+        ("control period that ends it", 1e3 / (6 * 400), r"control period below ([\d.]+) ms", "ms"),
+    ):
+        yield close(f"late rate feedback feeds a mode: {words}", exact, _number(said, pattern), unit, 0.01)
 
 
 def _told(changes: dict[str, Any], pattern: str) -> float:

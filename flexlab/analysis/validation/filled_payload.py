@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.integrate import simpson
 
+from flexlab.analysis.paper_equations import tracking_energy
 from flexlab.analysis.validation.beam import GAUGES
 from flexlab.analysis.validation.check import (
     DAMPING,
@@ -95,6 +96,13 @@ def _filling_motion() -> Iterator[Check]:
     yield below("and for the beam's q: relative residual", 1e-6, error[3:].max())
     changed, told = time_derivative(run.pose_rate, FINE), run.pose_acceleration
     yield alike("the sampled ẍ is the change of ẋ: relative error", 1e-6, changed, told[2:-2], told)
+    told, s_run = tracking_energy(run.scenario, run)[rows], run.sliding_variable
+    arms = [sum(points.arm_inertia(run.pose[k], arm) for arm in range(2)) for k in rows]
+    exact = [
+        0.5 * s_run[k] @ (whole + s[k] * points.rigid_inertia(run.pose[k])) @ s_run[k]
+        for k, whole in zip(rows, arms, strict=True)
+    ]
+    yield alike("½ sᵀM̄s as the lab draws it, with the present mass: relative error", 1e-9, told, exact)
     statement = "internal force, by Eq. (26) and by Eqs. (13)-(15): largest difference, as a part"
     yield same_internal_force(statement, run)
 

@@ -134,6 +134,7 @@ def _regulator() -> Iterator[Check]:
     wanted, found = -state[acting] @ gain.T, run.arm_input.sum(axis=1)[acting + 1]
     statement = "lqr asks for -K z of its own Riccati equation, z as it will be when the torques act: relative error"
     yield alike(statement, 0.02, found, wanted)
+    yield from _farther(gain)
     said = " ".join(condition.sentence for condition in law_conditions(run.scenario))
     told = float(re.findall(r"decays with ([\d.]+) 1/s", said)[0])
     yield close("and its condition tells how fast the loop decays", decay, told, "1/s", 0.01)
@@ -159,6 +160,18 @@ def _regulator() -> Iterator[Check]:
         wanted.append(inertia @ acceleration + sum(C for _, C, _ in terms) @ rate - gain @ state)
     found = run.arm_input.sum(axis=1)[np.arange(30, 55) * FINER + LATE * FINER + 1]
     yield alike(f"on a path it aims at the target {LATE} periods ahead: relative error", 0.02, found, wanted)
+
+
+def _farther(gain: np.ndarray) -> Iterator[Check]:
+    """A regulator that predicts two periods more than its torques are late, over which it foresees no force."""
+    law = {"kind": "lqr", "observer": {"kind": "kalman", "observer_modes": 4, "horizon": 3}}
+    run = _held("the farsighted run", law)
+    _, _, A = linear_plant(MassPoints(run.scenario))
+    state = np.hstack([run.pose - CENTER, run.beam_coordinates, run.pose_rate, run.beam_rates])
+    acting = np.arange(30, 58) * FINER
+    wanted = -state[acting] @ (gain @ expm(2 * PERIOD * A)).T
+    statement = "one that looks two periods farther asks for -K z as it will be then without a force: relative error"
+    yield alike(statement, 0.02, run.arm_input.sum(axis=1)[acting + 1], wanted)
 
 
 def _sine(t: float, path: dict[str, Any]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -5,8 +5,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from flexlab.analysis.leaderboard.cases.standard import BoundDrift
+from flexlab.analysis.lesson_measures import bound_terms
 from flexlab.analysis.metrics.run_metrics import MetricCollection, run_metrics
 from flexlab.analysis.metrics.vibration import LATER, SettlingTime, settling_time
+from flexlab.analysis.tuning import Cost
 from flexlab.analysis.validation.check import PERIOD, Check, Runs, alike, below, close, run_of, subject, true
 from flexlab.analysis.validation.mass_points import GAUSS_POINTS, MassPoints
 from flexlab.presets import load_preset
@@ -72,6 +75,14 @@ def summary(runs: Runs) -> Iterator[Check]:
             np.nan_to_num(each.numbers, nan=-1.0) for each in (gathered.compute(), run_metrics(whole, own=False))
         )
         yield below(statement, 1e-12, told / exact - 1)
+    found, limit = run_metrics(run, own=False), float(np.abs(run.joint_torque).max() / 2)
+    cost = Cost({"rms_error.y": 2.0, "peak_torque": 3.0}, {"peak_torque": limit})
+    told, exact = [cost.of(found), cost.excess(found)], [2 * found.rms_error.y + 3 * found.peak_torque, 1.0]
+    yield alike("tuning: cost, and excess over a limit of half the peak: relative error", 1e-12, told, exact)
+    drift, bound = BoundDrift(), np.sum(run.bound_estimates * bound_terms(run.pose, run.pose_rate), axis=1)
+    drift.update(run)
+    exact = float(np.polyfit(run.time, bound, 1)[0])
+    yield close("leaderboard: drift of the learnt bound", exact, drift.compute()[0], "N/s", relative=1e-8)
     # Two elements become eight: a cubic on an element is a cubic on each of its parts, so the motion must not change.
     world = World(load_preset("paper"), PERIOD)
     world.run(round(BEFORE / PERIOD))

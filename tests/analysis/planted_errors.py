@@ -712,9 +712,6 @@ axial load of a single arm that a law believes in: control/observers/believed_pl
 limits of each axis of waypoints: control/paths/waypoints.py
     np.min(np.array(limit)[way != 0] / np.abs(way[way != 0]))
     np.min(np.array(limit)[way != 0]) / np.max(np.abs(way))
-largest torque of both arms: analysis/metrics/magnitudes.py
-    return samples.joint_torque[:, None]
-    return samples.joint_torque[:, None, 0]
 lag and speed of a motor in the saturation that the run tells: physics/joints.py
     return ws.joint_feasible[i, joint] != asked or abs(asked) >= limit
     return abs(asked) >= limit
@@ -733,12 +730,15 @@ grips that begin to give way in motion: physics/grips.py
 hand on a beam that is changed: sim/bumpless_transfer.py
     set_pull_row(plant, assembly.scenario.payload, assembly.beam)
     plant.pull[:] = pull
-energy of the tracking error of a filled payload: analysis/paper_equations.py
-    total *= samples.own[MASS] / m
-    total /= samples.own[MASS] / m
 force that a farsighted regulator foresees: control/laws/lqr.py
     if gains.predicted_periods > now.delay
     if gains.predicted_periods < now.delay
+torques under way when the delay changes: sim/bumpless_transfer.py
+    assembly.sampling.line[-length:] = old_line[-length:]
+    assembly.sampling.line[:length] = old_line[:length]
+load of a single arm: sim/build.py
+    if arm_count == MOST_ARMS else np.ones(MOST_ARMS)
+    if arm_count <= MOST_ARMS else np.ones(MOST_ARMS)
 """
 """Three lines per error: its name and file, the right code, the wrong code."""
 

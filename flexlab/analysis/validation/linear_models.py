@@ -14,7 +14,19 @@ from flexlab.analysis.linearize import linearize
 from flexlab.analysis.metrics.metric import METRICS
 from flexlab.analysis.modes import modes
 from flexlab.analysis.validation.beam import EI, LENGTH, RHO
-from flexlab.analysis.validation.check import DAMPING, UNEQUAL, Check, Runs, above, alike, below, close, subject, true
+from flexlab.analysis.validation.check import (
+    CENTER,
+    DAMPING,
+    UNEQUAL,
+    Check,
+    Runs,
+    above,
+    alike,
+    below,
+    close,
+    subject,
+    true,
+)
 from flexlab.analysis.validation.mass_points import MassPoints, slopes
 from flexlab.analysis.validation.paper import loop_pole
 from flexlab.analysis.validation.sampled_loop import joint_torques
@@ -51,6 +63,7 @@ def linear_models(_: Runs) -> Iterator[Check]:
     """Participation of modes, responses, margins, an identified beam and its intervals, scales of tables."""
     yield from _participation()
     yield from _pd()
+    yield _alone()
     yield from _ring()
     yield from _intervals()
     columns = [column for metric in METRICS.values() if not metric.own for column in metric.columns]
@@ -173,6 +186,13 @@ def _pd() -> Iterator[Check]:
     yield close(
         "each motor with its own factor: least |δ| that is found to destabilise, over α", 1.0, 1 / reached, "", 0.1
     )
+
+
+def _alone() -> Check:
+    """One arm under PD, level, so that the beam's bend gives its weight no further arm."""
+    law = {"controller.kind": "pd", "gravity": 9.81, "trajectory": {"kind": "hold", "pose": CENTER}}
+    found = modes(load_preset("single-arm").replace(law)).pose
+    return below("PD of one arm carries the whole weight: rest point less target, m or rad", 1e-9, found - CENTER)
 
 
 def _unlike(deviation: np.ndarray) -> float:

@@ -93,6 +93,7 @@ def summary(runs: Runs) -> Iterator[Check]:
         statement = f"four elements instead of one keep the {name.replace('_', ' ')}: relative change"
         yield alike(statement, 1e-9, fine[name], coarse[name])
     yield from _loosened()
+    yield from _clocked()
     # Three elements cannot take the shape that eight have.
     points, before = MassPoints(world.scenario), world.observe()
     world.apply(ChangeScenario({"payload.element_count": 3}))
@@ -115,6 +116,28 @@ def _loosened() -> Iterator[Check]:
             f"grips give way and motors lag from now on: that keeps the {name.replace('_', ' ')}: relative change"
         )
         yield alike(statement, 1e-9, after[name], before[name])
+
+
+def _clocked() -> Iterator[Check]:
+    """A clock that begins in motion, and a delay that grows."""
+    world = World(load_preset("paper"), PERIOD)
+    world.run(round(BEFORE / PERIOD))
+    last = world.observe().joint_torque[0]
+    world.apply(ChangeScenario({"controller.control_period": PERIOD, "controller.input_delay": 2}))
+    held = [world.observe().joint_torque[0], world.advance(1).joint_torque[0]]
+    statement = (
+        "a clock begins, with two samples of delay: until they are over, motors hold the last torques: relative change"
+    )
+    yield alike(statement, 1e-9, held, [last, last])
+    world.advance(5)
+    world.apply(ChangeScenario({"controller.input_delay": 4}))
+    later = world.advance(4).joint_torque
+    world = World(load_preset("paper"), PERIOD)
+    world.run(round(BEFORE / PERIOD))
+    world.apply(ChangeScenario({"controller.control_period": PERIOD, "controller.input_delay": 2}))
+    due = world.advance(8).joint_torque[-2:]
+    statement = "two more samples of delay: torques under way come two samples later: relative difference"
+    yield alike(statement, 1e-9, later[2:], due)
 
 
 def _settling() -> Iterator[Check]:

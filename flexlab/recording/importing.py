@@ -73,10 +73,12 @@ def _take_recording(path: Path, logs: Path, notes: Mapping[str, str]) -> Path:
             duration=end - begin, rows=sum(rows for *_, rows in times), imported=path.name,
             **({"why_stopped": recording.status.text} if recording.status.failed else {}), **notes,
         )  # fmt: skip
-    except OSError as error:
+    except BaseException as error:
         file.release()
         remove_run(file.path)
-        raise RecordingError(f"{path.name} cannot be copied into {logs} ({error.strerror}): make room.") from None
+        if isinstance(error, OSError):
+            raise RecordingError(f"{path.name} cannot be copied into {logs} ({error.strerror}): make room.") from None
+        raise
     file.release()
     with contextlib.suppress(RecordingError):  # Finishing needs room; all of the run is there.
         finish(file.path)

@@ -7,7 +7,7 @@ import signal
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from threading import Thread
 from types import FrameType
@@ -174,12 +174,15 @@ def test_a_run_is_read_while_it_is_written(run: Run, tmp_path: Path) -> None:
 
 
 @contextlib.contextmanager
-def pressing_at(line: int) -> Iterator[list[int]]:
-    """Press Ctrl-C at this line that flexlab's recording executes in the block; yields a list of the lines so far."""
+def pressing_at(line: int, after: Callable[[], object] = lambda: True) -> Iterator[list[int]]:
+    """Press Ctrl-C at this line that flexlab's recording executes in the block; yields a list of the lines so far.
+
+    `after`: whether the count has begun.
+    """
     lines: list[int] = []
 
     def look(frame: FrameType, what: str, _: Any) -> Any:
-        if what == "line" and "recording" in frame.f_code.co_filename:
+        if what == "line" and "recording" in frame.f_code.co_filename and (lines or after()):
             lines.append(frame.f_lineno)
             if len(lines) == line:
                 signal.raise_signal(signal.SIGINT)
@@ -255,6 +258,14 @@ def test_ctrl_c_while_a_run_begins_to_be_saved_ends_it(run: Run, tmp_path: Path)
     for line in range(1, count + 1, count // 30):
         interrupted(line)
         assert "flexlab-pipe" not in [thread.name for thread in threading.enumerate()]
+
+
+def test_ctrl_c_while_a_recording_is_imported_leaves_nothing_of_it(run: Run, tmp_path: Path) -> None:
+    """A piece of it stayed in the library."""
+    path, logs = write_run(run, tmp_path / "made", "paper"), tmp_path / "logs"
+    with pytest.raises(KeyboardInterrupt), pressing_at(40, after=lambda: [*logs.glob("*.rrd")]):
+        import_into(path, logs)
+    assert list(logs.iterdir()) == []
 
 
 @pytest.mark.parametrize("share", [0.999, 0.9, 0.6, 0.35])

@@ -7,10 +7,22 @@ from typing import Any
 import numpy as np
 from scipy.linalg import eigh
 
-from flexlab.analysis.explanations.explanation import explain_run
+from flexlab.analysis.explanations.explanation import explain_run, filled
 from flexlab.analysis.lesson_measures import Look, strongest_line
+from flexlab.analysis.modes import modes
 from flexlab.analysis.validation.beam import LENGTH, RHO
-from flexlab.analysis.validation.check import DAMPING, PERIOD, UNEQUAL, Check, Runs, alike, close, run_of, subject
+from flexlab.analysis.validation.check import (
+    DAMPING,
+    PERIOD,
+    STILL,
+    UNEQUAL,
+    Check,
+    Runs,
+    alike,
+    close,
+    run_of,
+    subject,
+)
 from flexlab.analysis.validation.mass_points import MassPoints
 from flexlab.analysis.validation.paper import desired, loop_pole
 from flexlab.analysis.validation.sampled_loop import GROWTH
@@ -49,6 +61,7 @@ def sentences(runs: Runs) -> Iterator[Check]:
     yield from _out_of_reach()
     yield from _pressed()
     yield from _grows()
+    yield from _drifts()
     paper = load_preset("paper")
     points, instants = MassPoints(paper), np.arange(32) / 32
     law = {"kind": "pd", "position_gain": SPRING}
@@ -178,13 +191,39 @@ def _grows() -> Iterator[Check]:
         yield close(f"late rate feedback feeds a mode: {words}", exact, _number(said, pattern), unit, 0.01)
 
 
+def _drifts() -> Iterator[Check]:
+    """What is said of estimates that noise drives, and what is taken for granted of a payload that has been filled."""
+    noise = {"controller.control_period": PERIOD, "controller.sensor_noise.pose_rate": (0.01, 0.01, 0.01), **STILL}
+    run = run_of("the noisy run", noise, 3.0, PERIOD)
+    said, (before, now) = _sentences(run, run.scenario), run.bound_estimates[[-1001, -1], 0]
+    told = _number(said, r"N grows by ([\d.]+) N each second")
+    yield close("estimates that noise drives grow by, in a second", now - before, told, "N/s", DIGITS)
+    told = _number(said, r"σ = ([\d.]+) 1/s would hold")
+    yield close("and leakage that would hold them, ḃ_0/b̂_0", (now - before) / now, told, "1/s", DIGITS)
+    changes = {"payload.damping": {"kind": "modal", "ratio": 0.1}, "payload.mass_change.factor": 3.0}
+    emptier = load_preset("paper").replace(changes)
+    heavier = filled(emptier)
+    fading = (
+        [np.nan] * 2
+        if heavier is None
+        else [each.damping_ratio[0] * each.frequency[0] for each in map(modes, (emptier, heavier))]
+    )
+    yield close(
+        "a beam that is filled to three times its mass fades at a third of the rate",
+        1 / 3,
+        fading[1] / fading[0],
+        "",
+        1e-9,
+    )
+
+
 def _told(changes: dict[str, Any], pattern: str) -> float:
     return _number(_said(changes), pattern)
 
 
 def _said(changes: dict[str, Any]) -> str:
-    """The sentences on 3 s of the paper's system with changes."""
-    run = run_of("the explained run", changes, 3.0, PERIOD)
+    """The sentences on 2 s of the paper's system with changes."""
+    run = run_of("the explained run", changes, 2.0, PERIOD)
     return _sentences(run, run.scenario)
 
 

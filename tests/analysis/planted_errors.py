@@ -682,9 +682,6 @@ instants at which a shaper's copies begin: sim/target.py
 force along a beam of one mode: physics/axial_load.py
     if axial.shape[1] == 0:\n        return\n    along
     if axial.shape[1] == 1:\n        return\n    along
-several pieces in a peak: analysis/metrics/metric.py
-    self._peak = np.maximum(self._peak, maxima(sizes))
-    self._peak = maxima(sizes)
 each motor of its own in the disk margin: analysis/stability.py
     scale[:, :, None] / scale[:, None, :]
     scale[:, None, :] / scale[:, :, None]
@@ -739,6 +736,9 @@ torques under way when the delay changes: sim/bumpless_transfer.py
 load of a single arm: sim/build.py
     if arm_count == MOST_ARMS else np.ones(MOST_ARMS)
     if arm_count <= MOST_ARMS else np.ones(MOST_ARMS)
+compression at one end of the beam: physics/axial_load.py
+    least = min(axial_load_at(plant, terms, factor, -half), axial_load_at(plant, terms, factor, half))
+    least = axial_load_at(plant, terms, factor, half)
 """
 """Three lines per error: its name and file, the right code, the wrong code."""
 

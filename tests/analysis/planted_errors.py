@@ -739,6 +739,21 @@ load of a single arm: sim/build.py
 compression at one end of the beam: physics/axial_load.py
     least = min(axial_load_at(plant, terms, factor, -half), axial_load_at(plant, terms, factor, half))
     least = axial_load_at(plant, terms, factor, half)
+inertia of a piece of an exported beam: multibody/bodies.py
+    mass * float(length[k]) ** 2 / 12
+    mass * float(length[k]) ** 2 / 3
+turn of an exported arm at the start: multibody/bodies.py
+    np.array([-sin(theta), cos(theta), 0.0])
+    np.array([sin(theta), cos(theta), 0.0])
+weight in MuJoCo's file: multibody/formats.py
+    gravity = f"0 0 {-bodies
+    gravity = f"0 0 {bodies
+unit of a column: recording/table_columns.py
+    signal.units[kind % len(signal.units)]
+    signal.units[0]
+arm of a curve in Figure 5: analysis/figures.py
+    Curve(arms[i][0], force[:, i, k]
+    Curve(arms[i][0], force[:, 0, k]
 """
 """Three lines per error: its name and file, the right code, the wrong code."""
 

@@ -754,6 +754,15 @@ unit of a column: recording/table_columns.py
 arm of a curve in Figure 5: analysis/figures.py
     Curve(arms[i][0], force[:, i, k]
     Curve(arms[i][0], force[:, 0, k]
+stiffness that a linear model tells: analysis/linearize.py
+    (linear.plant.mass, linear.plant.damping, linear.plant.stiffness)
+    (linear.plant.mass, linear.plant.stiffness, linear.plant.damping)
+one step in the growth of errors: sim/parametric_resonance.py
+    whole[2](-3 * N1 + 2 * N2
+    whole[2](-3 * N1 + 1 * N2
+distance of a wrist as a run ends: sim/termination.py
+    distance - shortest), index, distance, longest))
+    distance - shortest), index, longest - distance, longest))
 """
 """Three lines per error: its name and file, the right code, the wrong code."""
 

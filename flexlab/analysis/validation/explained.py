@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 from flexlab.analysis.explanations.explanation import explain_run, filled
-from flexlab.analysis.lesson_measures import Look, strongest_line
+from flexlab.analysis.lesson_measures import Look, strongest_line, torque_jump, torque_turns
 from flexlab.analysis.modes import modes
 from flexlab.analysis.validation.beam import LENGTH, RHO
 from flexlab.analysis.validation.check import (
@@ -29,6 +29,7 @@ from flexlab.analysis.validation.sampled_loop import GROWTH
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Run, Samples
+from flexlab.sim.simulate import simulate
 from flexlab.sim.termination import pose_fault
 
 DIGITS = 0.006
@@ -40,6 +41,8 @@ SPRING, BELIEVED = 2e4, {"linear_density_factor": 3.0, "length_factor": 1.1}
 
 ROUND = {"trajectory.amplitude": (0.15, 0.15, 0.3), "trajectory.phase": (0.0, 1.5, 0.7)}
 """A path that is fast where it accelerates most."""
+PRESSING = 30.0
+"""Compression of a beam, N."""
 FAR = (1.0, 1.0, 0.4)
 """A pose beyond the reach of the left arm, and with -x of the right one, m, m, rad."""
 PRESSED = {
@@ -58,7 +61,9 @@ PRESSED = {
 def sentences(runs: Runs) -> Iterator[Check]:
     """Ring, start and error of the paper's run, error of PD, a wrong payload, weight and load share."""
     yield from _of_the_papers_run(runs.paper)
+    yield from _in_lessons(runs.paper)
     yield from _out_of_reach()
+    yield from _stopped()
     yield from _pressed()
     yield from _grows()
     yield from _drifts()
@@ -143,6 +148,32 @@ def _out_of_reach() -> Iterator[Check]:
         yield close(f"a pose that the {name} arm cannot take: distance of its wrist", away, told, "m", absolute=6e-4)
         told = _number(said, r"([\d.]+) m beyond")
         yield close("and how far that is beyond its links", away - most, told, "m", absolute=6e-4)
+
+
+def _stopped() -> Iterator[Check]:
+    """What is said of an arm that leaves its workspace, without motors."""
+    drift = {**UNEQUAL, "controller.kind": "none", "initial.pose_rate": (0.5, 2.0, 0.3)}
+    run = simulate(load_preset("paper").replace(drift), 0.5, PERIOD)
+    (x, y, turn), arm = run.pose[-1], run.scenario.arms[1]
+    wrist = np.array([x, y]) + (LENGTH / 2 + arm.link_length[2]) * np.array([np.cos(turn), np.sin(turn)]) - arm.base
+    for words, exact, pattern in (
+        ("distance of its wrist", float(np.linalg.norm(wrist)), r"The right arm .* wrist is ([\d.]+) m from its base"),
+        ("what its links span", sum(arm.link_length[:2]), r"\(up to ([\d.]+) m\)"),
+    ):
+        told = _number(run.status.text, pattern)
+        yield close(f"an arm that leaves its workspace: {words}", exact, told, "m", absolute=6e-4)
+
+
+def _in_lessons(run: Run) -> Iterator[Check]:
+    """Measures of lessons, from made-up signals."""
+    slope = np.array([[1.0, -2.0, 3.0], [0.5, -7.0, 4.0]])
+    made = run.having(
+        axial_load=np.full_like(run.axial_load, -PRESSING), joint_torque=np.multiply.outer(run.time, slope)
+    )
+    squeeze = Look(run.scenario, made, ()).value("squeeze")
+    yield close("lessons: squeeze of a beam in which N = -30 N", PRESSING, squeeze, "N", relative=1e-9)
+    jump = torque_jump(torque_turns(made, 4 * PERIOD))
+    yield close("lessons: change of a torque of 7 N·m/s over 4 ms", 0.028, jump, "N·m", relative=1e-9)
 
 
 def _pressed() -> Iterator[Check]:

@@ -52,6 +52,10 @@ def exported(runs: Runs) -> Iterator[Check]:
         told = [parts[f"right_link_{k + 1}"].joint[1:4] for k in range(3)]
         exact = list(zip(VISCOUS, COULOMB, LIMIT, strict=True))
         yield alike(f"{words}: friction and torque limits of the joints: relative error", 1e-12, told, exact)
+    arm, links = scenario.left_arm, _parts_of_mjcf(root)
+    told = [links[f"left_link_{k + 1}"].inertial[2] for k in range(3)]
+    exact = np.array(arm.link_mass) * np.square(arm.link_length) / 12
+    yield alike("links whose inertia is left open are rods, m l²/12: relative error", 1e-12, told, exact)
     down, roll = (-float(_words(root.find(path), name)[k]) for path, name, k in (
         ("option", "gravity", 2), ("worldbody/body", "euler", 0),
     ))  # fmt: skip

@@ -88,6 +88,14 @@ def _participation() -> Iterator[Check]:
     shares = np.where(k % 2, 8, 24) / (k * np.pi) ** 2
     told = np.where(k % 2, found.lateral_participation[:4], found.angular_participation[:4])
     yield alike("modes: shares of mass and inertia that move with them: relative error", 1e-3, told, shares)
+    middle = np.abs(MassPoints(load_preset("paper").replace(damped)).shapes(0.0) @ found.shape[:, :4])
+    exact = np.where(k % 2, np.sqrt(2 / (RHO * LENGTH)), 0.0)
+    statement = "modes: odd shapes, √(2/m) sin, are √(2/m) at mid-span, even ones 0: relative error"
+    yield alike(statement, 5e-3, middle, exact)
+    size = np.hypot(found.poles.real, found.poles.imag)
+    told = np.stack([found.pole_frequency, found.pole_damping_ratio], axis=1)[size > 0]
+    exact = np.stack([size / (2 * np.pi), -np.cos(np.angle(found.poles))], axis=1)[size > 0]
+    yield alike("poles: |p|/2π and cosine of the angle to the negative axis: relative error", 1e-12, told, exact)
 
 
 class _Pd:
@@ -168,6 +176,9 @@ def _pd() -> Iterator[Check]:
         "linearize: pose and mid-span of PD by inputs, torques and targets are those of mass points: relative error"
     )
     yield below(statement, 1e-5, np.abs((told - exact) / scale))
+    told = [np.linalg.inv(model.mass * s**2 + model.damping * s + model.stiffness)[:3, :3] for s in TRIED]
+    exact_plant = [np.linalg.inv(pd.plant(s))[:3, :3] for s in TRIED]
+    yield alike("and pose by forces, (M s² + C s + K)⁻¹, under held torques: relative error", 1e-4, told, exact_plant)
     factors = linearize(pd.scenario, HELD, "desired_pose_y", "pose_y").to_zpk()
     of_y = [factors.gain * np.prod(s - factors.zeros) / np.prod(s - factors.poles) for s in TRIED]
     yield alike(

@@ -6,12 +6,13 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.linalg import block_diag, eigh, expm
 
-from flexlab.analysis.validation.check import Check, Runs, alike, below, subject, true
+from flexlab.analysis.validation.check import Check, Runs, alike, below, close, subject, true
 from flexlab.control.rates import largest_form_ratio, largest_ratio
 from flexlab.numerics.eigenvalues import eigenvalues, eigenvector, spectral_radius
 from flexlab.numerics.elementary import atan2, cos, each, exp, log, sin
 from flexlab.numerics.linear_algebra import cholesky, inverse, product, singular_vectors, solve_symmetric
 from flexlab.numerics.matrix_functions import exponential, phi_functions
+from flexlab.sim.parametric_resonance import one_step
 
 COUNT = 150
 """Arguments that are tried per range."""
@@ -30,6 +31,7 @@ def numerics(_: Runs) -> Iterator[Check]:
     yield from _eigenvalues(random)
     yield from _equations(random)
     yield from _functions_of_matrices(random)
+    yield _one_step()
     S, Q, gain = (_positive(random, 3) for _ in range(2)), _positive(random, 3), np.array([3.0, 0.0, 40.0])
     for inertia in S:
         told = largest_ratio(inertia, gain, np.empty((3, 3))), largest_form_ratio(inertia, Q.copy(), np.empty((3, 3)))
@@ -132,3 +134,14 @@ def _functions_of_matrices(random: np.random.Generator) -> Iterator[Check]:
     exact = uneven @ expm(z[0]) @ np.linalg.inv(uneven)
     error = np.abs(exponential(A) / exact - 1).max()
     yield below("exp of a matrix with rows of very different size, entry by entry: relative error", 1e-10, error)
+
+
+def _one_step() -> Check:
+    """The matrix by which growth of errors is judged: a step on a beam whose ends give way, of fourth order."""
+    omega, D, S = np.array([7.0, 20.0]), np.array([0.5, 2.0]), np.diag([1.0, 2.0, 0.5])
+    C = np.array([[0.3, -0.2], [0.5, 0.1], [0.1, 0.4]])
+    beside = np.eye(2) + C.T @ np.linalg.solve(S, C)
+    A = np.block([[np.zeros((2, 2)), np.diag(omega)], [-beside * omega, -beside * D]])
+    whole, half = (np.abs(one_step(omega, D, C, S, dt) - expm(A * dt)).max() for dt in (0.01, 0.005))
+    statement = "the error of a linear step of etdrk4 falls with its length to the power"
+    return close(statement, 5.0, np.log2(whole / half), absolute=0.2)

@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from flexlab.analysis.leaderboard.case import cases
 from flexlab.analysis.leaderboard.cases.standard import BoundDrift
 from flexlab.analysis.lesson_measures import bound_terms
 from flexlab.analysis.metrics.run_metrics import MetricCollection, run_metrics
@@ -83,6 +84,13 @@ def summary(runs: Runs) -> Iterator[Check]:
     drift.update(run)
     exact = float(np.polyfit(run.time, bound, 1)[0])
     yield close("leaderboard: drift of the learnt bound", exact, drift.compute()[0], "N/s", relative=1e-8)
+    soft = load_preset("paper").replace({"payload.bending_stiffness": 10.0, "payload.element_count": 8})
+    path = next(each for each in cases()["B6"].variants if each.name == "1 f1").changes
+    exact = np.array([MassPoints(soft).softest() ** 0.5, 2.0])
+    omega = 2 * np.pi * path["trajectory.frequency"][1]
+    told = np.array([omega, path["trajectory.amplitude"][1] * omega**2])
+    statement = "leaderboard: B6 swings with the first mode, 1/s, and 2 m/s²: relative error"
+    yield below(statement, 1e-3, told / exact - 1)
     # Two elements become eight: a cubic on an element is a cubic on each of its parts, so the motion must not change.
     world = World(load_preset("paper"), PERIOD)
     world.run(round(BEFORE / PERIOD))

@@ -10,11 +10,15 @@ from flexlab.analysis.leaderboard.cases.standard import BoundDrift
 from flexlab.analysis.lesson_measures import bound_terms
 from flexlab.analysis.metrics.run_metrics import MetricCollection, run_metrics
 from flexlab.analysis.metrics.vibration import LATER, SettlingTime, settling_time
+from flexlab.analysis.sweep.axes import parse_axes
+from flexlab.analysis.sweep.figures import pareto_front
+from flexlab.analysis.sweep.plan import make_plan, run_part
 from flexlab.analysis.tuning import Cost
 from flexlab.analysis.validation.check import PERIOD, Check, Runs, alike, below, close, run_of, subject, true
 from flexlab.analysis.validation.mass_points import GAUSS_POINTS, MassPoints
 from flexlab.presets import load_preset
 from flexlab.sim.commands import ChangeScenario
+from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
 
 STOP = 0.2
@@ -27,6 +31,8 @@ BEFORE = 0.02
 
 PIECES = 13
 """Pieces in which the metrics of a whole run are gathered."""
+CELLS = 8
+"""Number of cells of a sampled sweep."""
 WINDOW = 300, 901
 """First sample and first one after a window of the paper's run."""
 
@@ -54,6 +60,7 @@ def summary(runs: Runs) -> Iterator[Check]:
     statement = "rms error within a window, with its first sample and its last: relative error"
     yield alike(statement, 1e-12, within, np.sqrt((e[rows] ** 2).mean(axis=0)))
     yield from _settling()
+    yield from _studies()
     path = {"kind": "rest-to-rest", "duration": STOP}
     stopped = run_of(
         "the run that stops",
@@ -110,6 +117,27 @@ def summary(runs: Runs) -> Iterator[Check]:
         exact = _closest(points, fewer, before[name][0])
         statement = f"three elements get the closest {name.replace('_', ' ')} with the same mid-span: relative error"
         yield alike(statement, 1e-9, after[name][0], exact)
+
+
+def _studies() -> Iterator[Check]:
+    """Cells of a sweep, each as a run of its own; samples of a range; and the front of two metrics."""
+    paper, stiffness = load_preset("paper"), "payload.bending_stiffness"
+    axes = parse_axes([f"{stiffness}=10:1000:log:3", "payload.damping.coefficient=0.1,0.4"], paper)
+    plan = make_plan(paper, axes, 0.05, PERIOD, accuracy=None)
+    told = [[np.nan if each is None else each for each in cell.metrics or ()] for cell in run_part(plan, range(1, 4))]
+    exact = [
+        run_metrics(simulate(paper.replace({stiffness: EI, "payload.damping.coefficient": c}), 0.05, PERIOD)).numbers
+        for EI, c in ((10.0, 0.4), (100.0, 0.1), (100.0, 0.4))
+    ]
+    statement = "sweep: metrics of its cells are those of single runs: relative error"
+    yield alike(statement, 1e-12, np.nan_to_num(told, nan=-1.0), np.nan_to_num(exact, nan=-1.0))
+    drawn = make_plan(paper, axes[:1], 0.05, PERIOD, "latin-hypercube", CELLS)
+    part = [CELLS * np.log10(drawn.values(cell)[0] / 10) / 2 for cell in range(CELLS)]
+    held = sorted(np.floor(part).astype(int)) == list(range(CELLS))
+    yield true(f"a Latin hypercube of {CELLS} cells has one in each of as many equal ratios", held)
+    x, y = np.random.default_rng(6).random((2, 200))
+    front = [k for k in np.argsort(x) if not np.any((x < x[k]) & (y < y[k]))]
+    yield true("front of two numbers: those that no other one beats in both", list(pareto_front(x, y)) == front)
 
 
 def _loosened() -> Iterator[Check]:

@@ -31,6 +31,7 @@ from flexlab.sim.motion import (
     set_coordinates,
     start_controller,
     to_modes,
+    until_next,
 )
 from flexlab.sim.signals import own_signals
 from flexlab.sim.step_trial import build_assembly
@@ -127,8 +128,10 @@ def _transferred(motion: Motion, assembly: Assembly) -> Motion:
         adjust_states(scenario, assembly.system, law_before, law_now, motion.y)
     if starts_sampling:
         act_at_start(motion)
-    elif "reading" not in parts_before or assembly.sampling.period != old.sampling.period:
-        begin_reading(assembly.system.plant, assembly.sampling.period, motion.y, motion.workspace)
+    if "reading" in parts and ("reading" not in parts_before or assembly.sampling.period != old.sampling.period):
+        # The next reading may be less than a period away: the one before it is a period before that.
+        period = assembly.sampling.period
+        begin_reading(assembly.system.plant, period - until_next(period, motion.time), motion.y, motion.workspace)
     return motion
 
 

@@ -168,8 +168,13 @@ def law_start(
     gains = attributes(control.gains, law.gains_type)
     wait = 0.0
     if period is not None and not acts_now:
-        wait = (math.floor(time / period + LATE) + 1) * period - time
+        wait = until_next(period, time)
     return Start(now.copy(), gains, wait)
+
+
+def until_next(period: float, time: float) -> float:
+    """Time from an instant, s, to the next control instant after it, s, at most `period`, s."""
+    return (math.floor(time / period + LATE) + 1) * period - time
 
 
 def start_controller(

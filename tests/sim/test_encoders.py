@@ -71,6 +71,27 @@ def test_counts_can_change_during_a_run():
     assert not world.status.failed
 
 
+@pytest.mark.parametrize("ticks", [20, 21, 23])
+@pytest.mark.parametrize(
+    ("start", "change"),
+    [
+        ({"controller.control_period": 0.001, COUNTS: (1e9,) * 3}, {"controller.control_period": 0.004}),
+        ({"controller.control_period": 0.004}, {COUNTS: (1e9,) * 3}),
+        ({}, {"controller.control_period": 0.004, COUNTS: (1e9,) * 3}),
+    ],
+)
+def test_the_first_rate_of_a_clock_or_encoder_that_begins_spans_one_period(start, change, ticks):
+    """Encoders without a resolution differ from exact rates by the lag of half a period alone."""
+    torques = []
+    for counts in (1e9, 0.0):
+        both = {COUNTS: (counts,) * 3}
+        world = World(load_preset("paper").replace(start | (both if COUNTS in start else {})), 0.001)
+        world.advance(ticks)
+        world.apply(ChangeScenario(change | (both if COUNTS in change else {})))
+        torques.append(world.advance(4).joint_torque[-1])
+    assert np.abs(torques[0] - torques[1]).max() < 0.3 * np.abs(torques[1]).max()
+
+
 def test_the_friction_loss_goes_on_when_encoders_come_and_go():
     friction = {"joints.friction.viscous": (5.0, 5.0, 2.0)}
     world = World(with_counts(1e5, **friction))

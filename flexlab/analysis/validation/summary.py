@@ -174,6 +174,17 @@ def _clocked() -> Iterator[Check]:
     due = world.advance(8).joint_torque[-2:]
     statement = "two more samples of delay: torques under way come two samples later: relative difference"
     yield alike(statement, 1e-9, later[2:], due)
+    torques = []
+    for counts in (1e9, 0.0):
+        fast = {"controller.control_period": PERIOD, "joints.encoders.counts": (counts,) * 3}
+        world = World(load_preset("paper").replace(fast), PERIOD)
+        world.run(round(BEFORE / PERIOD) + 1)
+        world.apply(ChangeScenario({"controller.control_period": 4 * PERIOD}))
+        torques.append(world.advance(4).joint_torque[-1])
+    statement = (
+        "a slower clock: encoders' first rate lags by half its period: torques beside those by exact rates: change"
+    )
+    yield alike(statement, 0.3, *torques)
 
 
 def _settling() -> Iterator[Check]:

@@ -8,9 +8,10 @@ from flexlab.physics.energy import elastic_energy, gravity_energy, kinetic_energ
 from flexlab.physics.hand import beam_is_held
 from flexlab.physics.mass_change import mass_factor
 from flexlab.physics.plant import AXIAL_WORK, BEND, DISSIPATED, ETA, WORK
-from flexlab.sim.closed_loop import law_places, rates
+from flexlab.sim.closed_loop import find_state, law_places, rates
 from flexlab.sim.integrators.beam_flow import TICKS, end_flow, meet_acceleration, note_beginning
 from flexlab.sim.integrators.etdrk4 import FREE, bend_flow
+from flexlab.sim.integrators.generalized_alpha import follow_jump
 from flexlab.sim.integrators.scheme import STATE
 from flexlab.sim.integrators.step import rates_row, stage_count, stage_instant, take_stage
 from flexlab.sim.sampled_control import act_at_instant
@@ -23,6 +24,9 @@ INTERRUPTED = 5
 """Not a fault: the loop returned early, somewhere within a tick, because `Workspace.interrupt` was set."""
 OTHER_STEP = 100
 """Not a fault: the next tick wants the step of level code - OTHER_STEP."""
+SAME_INSTANT = 1e-11
+"""Time, s: a discontinuity this close to the end of a step or to another one is taken to be there. Nothing moves in that time,
+and no step gets so short that differences over it are lost in rounding."""
 RUNAWAY = 1e9
 """A state beyond this, in its SI unit, has diverged."""
 
@@ -53,6 +57,13 @@ def copy(source, target):
     """target = source, (n,)."""
     for i in range(len(target)):
         target[i] = source[i]
+
+
+@inlined
+def is_discontinuous(path, t):
+    """Whether the desired velocity, acceleration or jerk jumps at time t, s."""
+    place = np.searchsorted(path.discontinuities, t - SAME_INSTANT)
+    return place < len(path.discontinuities) and path.discontinuities[place] < t + SAME_INSTANT
 
 
 @inlined
@@ -165,9 +176,17 @@ def advance(
         number = (tick + done) * step_count + j
         if j == step_count:
             done, j = done + 1, 0
-        if code == 0 and system.control.sampled and number % sampling.steps == 0:
-            instant = number // sampling.steps
-            code = act_at_instant(system, sampling, instant, origin + (tick + done) * tick_period + j * dt, y, ws)
+        t = origin + (tick + done) * tick_period + j * dt
+        acts = system.control.sampled and number % sampling.steps == 0
+        if code == 0 and acts:
+            code = act_at_instant(system, sampling, number // sampling.steps, t, y, ws)
+        if generalized_alpha is not None:
+            path = system.trajectory
+            jumps = not system.control.sampled and is_discontinuous(path, t)
+            if code == 0 and jumps:
+                code = find_state(system, t - path.inside, y, ws)
+            if code == 0 and (acts or jumps):
+                follow_jump(system, t + path.inside, y, ws)
         if code != 0:
             copy(good, y)
             return done - (j == 0), code

@@ -16,7 +16,7 @@ from flexlab.physics.dynamics import velocities_at
 from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import ETA
 from flexlab.sim import accuracy
-from flexlab.sim.advance import INTERRUPTED, OTHER_STEP, advance
+from flexlab.sim.advance import INTERRUPTED, OTHER_STEP, SAME_INSTANT, advance
 from flexlab.sim.assembly import Assembly
 from flexlab.sim.closed_loop import scratch_workspace
 from flexlab.sim.integrators.beam_flow import TICKS
@@ -28,11 +28,6 @@ from flexlab.sim.signals import POSE, TIME
 from flexlab.sim.step_levels import StepWatch
 from flexlab.sim.step_size import build_scheme
 from flexlab.sim.termination import DEFLECTION_LIMIT, runtime_fault
-
-SAME_INSTANT = 1e-11
-"""Time, s: a discontinuity this close to the end of a step or to another one is taken to be there. Nothing moves in that time,
-and no step gets so short that differences over it are lost in rounding."""
-
 
 class SplitTick(NamedTuple):
     """A tick that is split at discontinuities of the desired motion."""

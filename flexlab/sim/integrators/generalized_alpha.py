@@ -2,8 +2,9 @@
 
 The beam's stiffness and damping are implicit through a block inverse that is computed once; the rest converges in
 `CORRECTIONS` fixed-point rounds. Pose and beam are integrated as (x, η) with velocities; the algorithmic accelerations,
-which belong to a slightly shifted instant, are carried at the end of the state. Quantities with a first-order equation
-(controller memory, energies) are advanced with the rates at the step's beginning and at its α-point, weighted to order 2.
+which belong to a slightly shifted instant, are carried at the end of the state; where inputs jump, they jump as well. Quantities
+with a first-order equation (controller memory, energies) are advanced with the rates at the step's beginning and at its α-point,
+weighted to order 2.
 """
 
 import numpy as np
@@ -13,6 +14,7 @@ from flexlab.numerics.linear_algebra import inverse as inverse_of
 from flexlab.numerics.linear_algebra import solve_symmetric
 from flexlab.physics.dynamics import acceleration, block_product, set_momenta
 from flexlab.physics.plant import ETA, WORK, G, H, X, joints_start, memory_start
+from flexlab.sim.closed_loop import find_inputs
 from flexlab.sim.integrators.scheme import STATE
 
 RHO = 0.8
@@ -143,3 +145,27 @@ def _alpha_point(plant, dt, y, velocity, old, new, first_rate, middle, z, ws):
     for i in range(WORK, ETA):
         z[i] = y[i] + now * dt * first_rate[i]
     return set_momenta(plant, z, rate[0:3], rate[3 : 3 + n], ws)
+
+
+@inlined
+def follow_jump(system, t, y, ws):
+    """Add to the accelerations in y what a jump of the inputs adds, after `find_state` of y with the inputs before it.
+
+    t: an instant after the jump, s. Accelerations from before it would leave an error of first order in the velocities.
+    """
+    plant, n, jump = system.plant, system.plant.modal.shape[1], ws.momentum
+    for a in range(3):
+        jump[a] = 0.0
+        for i in range(len(plant.arms)):
+            jump[a] -= ws.u[i, a]
+    find_inputs(system, t, y, ws)
+    for a in range(3):
+        for i in range(len(plant.arms)):
+            jump[a] += ws.u[i, a]
+    solve_symmetric(ws.S, jump)
+    c, s = ws.arm.trig[0], ws.arm.trig[1]
+    noted, lateral = y[ETA + 2 * n : ETA + 3 * n + 3], c * jump[1] - s * jump[0]
+    for a in range(3):
+        noted[a] += jump[a]
+    for k in range(n):
+        noted[3 + k] -= plant.modal[H, k] * lateral + plant.modal[G, k] * jump[2]

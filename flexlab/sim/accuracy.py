@@ -2,8 +2,10 @@
 
 The difference is the error of that tick. Each mode accumulates the errors of its ticks while it rings and loses them as it
 decays; errors of the pose decay as the law corrects them. Checks are frequent where errors are largest and decay fastest: after
-a start, a tap, a change, or a jump of the torques larger than any in a checked tick. The estimate depends only on states at ticks
-chosen by number, commands and samples: it is the same live, headless and replayed, and it changes no bit of the run.
+a start, a tap, a change, or a jump of the torques larger than any in a checked tick. What arms and law make of errors of the
+beam's vibration is seen once errors are reported: the run is then simulated ahead with and without them. The estimate depends
+only on states at ticks chosen by number, commands and samples: it is the same live, headless and replayed, and it changes no bit
+of the run.
 """
 
 import math
@@ -72,16 +74,26 @@ def _no_errors(assembly: Assembly) -> np.ndarray:
     return np.zeros(3 + 2 * len(assembly.beam.modes.omega))
 
 
-def _sizes(errors: np.ndarray) -> tuple[float, float]:
-    """Return errors of the pose, m or rad, and the force, N or N·m; amplitudes of unrelated phases add in quadrature."""
+def _sizes(errors: np.ndarray, answer: float) -> Sizes:
+    """Return errors of the pose, m or rad, and the force, N or N·m; amplitudes of unrelated phases add in quadrature.
+
+    `answer`: as of `Estimate`.
+    """
     pose, force, ringing = _parts(errors)
-    return float(np.abs(pose).max()), max(float(force.sum()), math.sqrt(product(ringing, ringing)))
+    ring = math.sqrt(product(ringing, ringing))
+    return float(np.abs(pose).max()) + answer * ring, max(float(force.sum()), ring)
 
 
-def _largest_sizes(errors: np.ndarray) -> Sizes:
+def _largest_sizes(errors: np.ndarray, answer: float) -> Sizes:
     """As `_sizes`, with all phases alike: what a warning states."""
-    pose, force, ringing = _parts(errors)
-    return float(np.abs(pose).max()), max(float(force.sum()), float(ringing.sum()))
+    pose, force, _ = _parts(errors)
+    ring = ring_force(errors)
+    return float(np.abs(pose).max()) + answer * ring, max(float(force.sum()), ring)
+
+
+def ring_force(errors: np.ndarray) -> float:
+    """The force of all errors of the vibration with their phases alike, N or N·m."""
+    return float(_parts(errors)[2].sum())
 
 
 class Estimate(NamedTuple):
@@ -113,6 +125,11 @@ class Estimate(NamedTuple):
     """Largest change of a torque in a checked tick, N·m."""
     newest_change: float = 0.0
     """Largest change of a torque in the newest checked tick, N·m."""
+    answer: float = 0.0
+    """How far errors of the vibration move the pose, as arms and law answer them, m or rad per N or N·m of `ring_force`; 0 until
+    errors are reported."""
+    answered: float = 0.0
+    """`ring_force` of the tick's errors with which `answer` was found, N or N·m."""
     reported: tuple[float, float, float] | None = None
     """What the warning says: since when, s, and by how much `pose` and `force` may be off."""
 
@@ -158,6 +175,11 @@ def changed(estimate: Estimate, before: Assembly, assembly: Assembly, tick: int)
     return estimate._replace(ended=(of_model, of_results))
 
 
+def unanswered(estimate: Estimate) -> bool:
+    """Whether errors are reported and those of the newest tick are too large for the answer found before."""
+    return estimate.reported is not None and ring_force(estimate.newest) > GROWN * estimate.answered
+
+
 def ticks_until_check(estimate: Estimate, tick: int) -> int:
     """Number of ticks from number `tick` to the next that is checked; 0 if this one is."""
     since = tick - estimate.disturbed
@@ -196,7 +218,7 @@ def note(
     errors = old.accumulated * exponentials(-decay * (ticks * tick_period)) + now
     if ticks > 1:
         errors += between * exponentials(-decay * tick_period) * _ticks_kept(decay, ticks - 1, tick_period)
-    found = tuple(map(max, (old.pose, old.force), _sizes(errors)))
+    found = tuple(map(max, (old.pose, old.force), _sizes(errors, old.answer)))
     peak = old.peaks.peak
     new = old._replace(accumulated=errors, newest=now, checked=tick, pose=found[0], force=found[1], peak_before=peak)
     new = _with_warning(new, old, assembly, tick, limited)
@@ -233,7 +255,7 @@ def _with_warning(new: Estimate, old: Estimate, assembly: Assembly, tick: int, l
                 decay, interval, tick_period
             )
             new = new._replace(interval=interval)
-            is_wrong = _exceed(tuple(map(max, found, _sizes(ahead))), bounds(scenario, peak))
+            is_wrong = _exceed(tuple(map(max, found, _sizes(ahead, new.answer))), bounds(scenario, peak))
             if not is_wrong and (interval == SHORTEST_INTERVAL or not limited):
                 break
     else:
@@ -242,7 +264,7 @@ def _with_warning(new: Estimate, old: Estimate, assembly: Assembly, tick: int, l
         return new
     if limited and new.pose > bounds(scenario, peak)[0]:
         return new._replace(warning=saturated(time, LOOSER))
-    pose, force = map(max, found, *map(_largest_sizes, (new.accumulated, ahead)))
+    pose, force = map(max, found, *(_largest_sizes(each, new.answer) for each in (new.accumulated, ahead)))
     said = inaccurate(scenario, time, (pose, force), found, peak)
     return new._replace(warning=said, reported=(time, pose, force))
 
@@ -267,7 +289,7 @@ def _decay(assembly: Assembly, limited: bool) -> np.ndarray:
 
 def _reported_anew(estimate: Estimate, scenario: Scenario, reported: tuple[float, float, float]) -> Estimate:
     """The estimate, with a new warning if its errors exceed those that the old one gives by the factor `GROWN`."""
-    (time, *sizes), largest = reported, _largest_sizes(estimate.accumulated)
+    (time, *sizes), largest = reported, _largest_sizes(estimate.accumulated, estimate.answer)
     peak = estimate.peaks.peak
     if all(
         now <= GROWN * max(said, bound) for now, said, bound in zip(largest, sizes, bounds(scenario, peak), strict=True)

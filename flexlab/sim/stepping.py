@@ -12,6 +12,7 @@ import numpy as np
 
 from flexlab.compiled import entry_point
 from flexlab.control.law import laws
+from flexlab.own.law import OwnController
 from flexlab.physics.dynamics import velocities_at
 from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import ETA
@@ -28,6 +29,10 @@ from flexlab.sim.signals import POSE, TIME
 from flexlab.sim.step_levels import StepWatch
 from flexlab.sim.step_size import build_scheme
 from flexlab.sim.termination import DEFLECTION_LIMIT, runtime_fault
+
+ANSWER_TICKS = 64
+"""Ticks in which a law's answer to errors of the vibration is seen."""
+
 
 class SplitTick(NamedTuple):
     """A tick that is split at discontinuities of the desired motion."""
@@ -127,8 +132,14 @@ def _check(motion: Motion, row: np.ndarray, start: WorldState) -> None:
     """Compare the tick from `start` on, whose sample is `row`, with the same tick in finer steps."""
     finer = accuracy.finer_level(motion.estimate, motion.assembly, motion.tick - 1, motion.level)
     again = repeat_tick(motion, start, finer)
-    if again is not None:
-        motion.estimate = accuracy.note(motion.estimate, motion.assembly, motion.tick - 1, row, motion.y, *again)
+    if again is None:
+        return
+    before, checked = motion.estimate, (motion.assembly, motion.tick - 1, row, motion.y, *again)
+    motion.estimate = accuracy.note(before, *checked)
+    if accuracy.unanswered(motion.estimate):
+        answer = max(before.answer, _find_answer(motion, motion.y - again[1]))
+        answered = accuracy.ring_force(motion.estimate.newest)
+        motion.estimate = accuracy.note(before._replace(answer=answer, answered=answered), *checked)
 
 
 def repeat_tick(motion: Motion, start: WorldState, level: int) -> tuple[np.ndarray, np.ndarray] | None:
@@ -136,14 +147,42 @@ def repeat_tick(motion: Motion, start: WorldState, level: int) -> tuple[np.ndarr
 
     `motion` is not changed; the arrays of `start` are overwritten.
     """
-    system = motion.assembly.system._replace(held_torque=start.held_torque)
-    sampling, watch = motion.assembly.sampling._replace(line=start.torque_line), motion.assembly.watch._replace(most=0)
-    assembly = motion.assembly._replace(system=system, sampling=sampling, watch=watch)
-    workspace = scratch_workspace(system)
-    again = replace(motion, assembly=assembly, y=start.y, workspace=workspace, tick=start.tick, level=level)
-    row = np.zeros((1, motion.row_length))
+    again, row = _copy_from(motion, start, level), np.zeros((1, motion.row_length))
+    again.assembly = again.assembly._replace(watch=again.assembly.watch._replace(most=0))
     _, code = move_on(again, row, np.inf)
     return (row[0], again.y) if code == 0 else None
+
+
+def _copy_from(motion: Motion, start: WorldState, level: int) -> Motion:
+    """A copy of a motion at the state `start`, whose arrays it overwrites, with steps of `level`."""
+    system = motion.assembly.system._replace(held_torque=start.held_torque)
+    sampling = motion.assembly.sampling._replace(line=start.torque_line)
+    assembly = motion.assembly._replace(system=system, sampling=sampling)
+    workspace = scratch_workspace(system)._replace(interrupt=motion.workspace.interrupt)
+    return replace(motion, assembly=assembly, y=start.y, workspace=workspace, tick=start.tick, level=level)
+
+
+def _find_answer(motion: Motion, difference: np.ndarray) -> float:
+    """`Estimate.answer` for the difference of two states that a tick's errors make: how far it moves the pose from now on.
+
+    It is given the size of all errors so far. 0 where the next ticks would not tell: an encoder's count is a matter of its own,
+    and a person's code runs at the run's instants alone.
+    """
+    scenario, size = motion.scenario, accuracy.ring_force(motion.estimate.accumulated)
+    if size == 0 or scenario.joints.encoders.active or isinstance(scenario.controller, OwnController):
+        return 0.0
+    share, end = (
+        size / accuracy.ring_force(motion.estimate.newest),
+        ETA + 2 * motion.assembly.system.plant.modal.shape[1],
+    )
+    poses = []
+    for added in (0.0, share):
+        start, rows = state_of(motion), np.zeros((ANSWER_TICKS, motion.row_length))
+        start.y[:end] += added * difference[:end]
+        done, _ = move_on(_copy_from(motion, start, motion.level), rows, np.inf)
+        poses.append(rows[:done, POSE : POSE + 3])
+    both = min(map(len, poses))
+    return float(np.abs(poses[0][:both] - poses[1][:both]).max(initial=0.0)) / size
 
 
 def move_on(

@@ -148,6 +148,16 @@ def stated_size(what: str, warning: str) -> float:
     return size / 100 if said[4].startswith("%") else size
 
 
+def stated_sizes(warning: str) -> dict[str, float]:
+    """The errors of pose and force up to which a run is right: the stated one, or the bound of an accurate one if only the other
+    is stated; infinite if the warning states neither."""
+    bounds = {"pose": POSE_BOUND, "force": FORCE_BOUND}
+    sizes = {what: stated_size(what, warning) for what in bounds}
+    if warning and all(map(math.isinf, sizes.values())):
+        return sizes
+    return {what: bounds[what] if math.isinf(size) else max(bounds[what], size) for what, size in sizes.items()}
+
+
 def with_joints(scenario: Scenario, seed: int) -> Scenario:
     """The scenario with joints that are not ideal: slow and weak motors, friction and, with sampled control, encoders."""
     rng = np.random.default_rng([seed, 2])
@@ -259,9 +269,9 @@ def judge(
         complaints.append(f"force off by {force:.1e} of its peak")
     if not world.accuracy_warning and not reference.status.failed and pose > POSE_BOUND:
         complaints.append(f"pose off by {pose:.1e} m or rad")
-    for what, size, bound in (("pose", pose, POSE_BOUND), ("force", force, FORCE_BOUND)):
-        unknown = stated_size(what, reference.accuracy_warning) if reference.accuracy_warning else 0.0
-        if size > EXCEEDED * (max(bound, stated_size(what, world.accuracy_warning)) + unknown):
+    said, unknown = (stated_sizes(each.accuracy_warning) for each in (world, reference))
+    for what, size in (("pose", pose), ("force", force)):
+        if size > EXCEEDED * (said[what] + unknown[what] * bool(reference.accuracy_warning)):
             complaints.append(f"{what} off by {size:.1e}, more than is said")
     beam, law = scenario.payload, scenario.controller
     text = (

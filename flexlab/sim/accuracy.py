@@ -32,9 +32,9 @@ from flexlab.sim.run_warnings import (
 from flexlab.sim.signals import ARMS, INTERNAL, MOVING, PER_ARM, POSE, SATURATED
 from flexlab.sim.step_rates import ring_decay
 
-CHECKED_TICKS = (0, 1, 2, 5, 8, 17, 32, 65)
+CHECKED_TICKS, SLOW_TICKS = (0, 1, 2, 5, 8, 17, 32, 65), (131, 257, 521)
 """Ticks after a disturbance that are checked: even and odd ones, as control instants may lie on either. Fast modes ring for a
-few ticks only."""
+few ticks only; and a smooth start makes its largest errors late."""
 INTERVAL = 1021
 """Ticks between later checks: at 128, the copies would cost as much as the motion of a small beam. It is prime, so that
 checks fall on all phases of path and control."""
@@ -184,7 +184,8 @@ def ticks_until_check(estimate: Estimate, tick: int) -> int:
     """Number of ticks from number `tick` to the next that is checked; 0 if this one is."""
     since = tick - estimate.disturbed
     if since > CHECKED_TICKS[-1]:
-        return (CHECKED_TICKS[-1] - since) % estimate.interval
+        slow = (number - since for number in SLOW_TICKS if number >= since)
+        return min([(CHECKED_TICKS[-1] - since) % estimate.interval, *slow])
     return min(number - since for number in CHECKED_TICKS if number >= since)
 
 

@@ -19,8 +19,9 @@ def test_a_random_scenario_is_right_or_called_inaccurate(seed: int):
     assert not judged.complaints, judged.text
 
 
-# Torques of 880203 jump under generalized-alpha, and its delayed feedback amplifies errors of the vibration.
-@pytest.mark.parametrize("seed", [5, 6, 8, 9, 12, 880203])
+# Torques of 880203 jump under generalized-alpha, and its delayed feedback amplifies errors of the vibration; 880235, which starts
+# smoothly, was off by 3e-4 after 0.2 s.
+@pytest.mark.parametrize("seed", [5, 6, 8, 9, 12, 880203, 880235])
 def test_one_with_another_path_limits_or_integrator_is_right_or_called_inaccurate(seed: int):
     judged = judge(seed, LONGEST_REFERENCE, wide=True)
     assert not judged.complaints, judged.text

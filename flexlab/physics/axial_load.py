@@ -8,9 +8,9 @@ with F₁ the axial force of a hand at s_F, and N_L = -e₁·f₁ that of the le
 end bears no force, so that N_L = F₁ - m a₁. To first order in the deflection the beam's equations gain the
 force -K_G q with K_G = ∫N N'ᵀN' ds = N_L G0 + a₁ G1 + ω² G2 - F₁ G_F; the pose's equations stay as they are.
 
-The ẍ in N neglects K_G and assumes that modes faster than `FOLLOWED` move with the link. With compliant grips N_L is the pull of
-the left grip, and a₁ follows from all axial pulls on the undeformed link: ẍ would contain the effect of bending on a link that
-nothing heavy holds, which is of higher order in N and not small.
+The ẍ in N neglects K_G and assumes that modes faster than `FASTEST_FOLLOWED` move with the link. With compliant grips N_L is the
+pull of the left grip, and a₁ follows from all axial pulls on the undeformed link: ẍ would contain the effect of bending on a link
+that nothing heavy holds, which is of higher order in N and not small.
 """
 
 from collections.abc import Callable
@@ -27,18 +27,16 @@ from flexlab.physics.mass_change import mass_factor
 from flexlab.physics.plant import (
     AXIAL,
     ETA,
-    FOLLOWED_DG,
-    FOLLOWED_DH,
-    FOLLOWED_G,
-    FOLLOWED_H,
+    FOLLOWED,
     OMEGA2,
     PULL,
     G,
     H,
     hand_of,
+    has_axial_load,
 )
 
-FOLLOWED = 3000.0
+FASTEST_FOLLOWED = 3000.0
 """Fastest mode that N follows, 1/s. Faster ones ring or decay within a step, so that N takes their mean."""
 AXIAL_MODES = 32
 """Number of lowest modes to which the axial force is applied. It changes the squared frequency of mode k by a share of P/(P_cr
@@ -118,12 +116,12 @@ def in_modes(matrix: np.ndarray, V: np.ndarray) -> np.ndarray:
     return (result + result.T) / 2
 
 
-def followed_loads(omega: np.ndarray, damping: np.ndarray, loads: np.ndarray) -> np.ndarray:
-    """Vᵀh, Vᵀg, DVᵀh and DVᵀg of the modes that N follows, as if there were no others, and zero for the others, (4, n_m).
+def followed_loads(slow: np.ndarray, damping: np.ndarray, loads: np.ndarray) -> np.ndarray:
+    """Vᵀh, Vᵀg, DVᵀh and DVᵀg of the modes that are slow (n_m,), as if there were no others, and zero for the others, (4, n_m).
 
     `damping`: modal D (n_m, n_m); `loads`: Vᵀh and Vᵀg of all modes, (n_m, 2).
     """
-    follows = np.where((omega <= FOLLOWED) & (damping.diagonal() <= FOLLOWED), 1.0, 0.0)[:, None]
+    follows = np.where(slow, 1.0, 0.0)[:, None]
     return np.concatenate([(follows * loads).T, (follows * product(damping, follows * loads)).T])
 
 
@@ -238,11 +236,12 @@ def geometric_force(axial, plant, terms, y, ws):
 
 
 @inlined
-def predict_acceleration(grips, plant, y, ws):
-    """Fill ws.axial_acceleration with the ẍ in N, after `find_state`; returns F₁, N. With compliant grips no ẍ is needed."""
-    if grips is not None:
-        along, _, _ = hand_load(plant, y, ws)
-        return along
+def predict_acceleration(plant, followed, axial, u, y, ws):
+    """Fill ws.axial_acceleration with ẍ (3,), after `find_state`; returns the axial force F₁ of a hand, N. Grips are rigid.
+
+    Modes move with the link, except those `followed` (4, n_m), as `followed_loads`; u (arms, 3): inputs; `axial`: `Plant.axial`,
+    whose force K_G η in ws.axial_force[NOW] acts on the modes; None: it is neglected.
+    """
     c, s, w = ws.arm.trig[0], ws.arm.trig[1], ws.velocity[2]
     f1, f2, pull_turn = hand_load(plant, y, ws)
     h_force = g_force = eta_eta_dot = hh = hg = gg = 0.0
@@ -252,26 +251,34 @@ def predict_acceleration(grips, plant, y, ws):
         h, g, own_h, own_g = (
             plant.modal[H, k],
             plant.modal[G, k],
-            plant.modal[FOLLOWED_H, k],
-            plant.modal[FOLLOWED_G, k],
+            followed[0, k],
+            followed[1, k],
         )
         eta, rate = y[ETA + k], ws.eta_dot[k]
         eta_eta_dot += eta * rate
         force = (ease * plant.modal[OMEGA2, k] - softer) * eta - ease * (plant.modal[PULL, k] * f2) + h * weight
-        h_force += own_h * force + ease * (plant.modal[FOLLOWED_DH, k] * rate)
-        g_force += own_g * force + ease * (plant.modal[FOLLOWED_DG, k] * rate)
+        if has_axial_load(axial):
+            force += ease * ws.axial_force[NOW, k]
+        h_force += own_h * force + ease * (followed[2, k] * rate)
+        g_force += own_g * force + ease * (followed[3, k] * rate)
         h, g = h - own_h, g - own_g
         hh, hg, gg = hh + h * h, hg + h * g, gg + g * g
     hh, hg, gg = factor * hh, factor * hg, factor * gg
-    S, x_ddot = ws.axial_inertia, ws.axial_acceleration
-    for a in range(3):
-        for b in range(3):
-            S[a, b] = ws.S[a, b]
-    S[0, 0], S[1, 0], S[1, 1] = S[0, 0] + s * s * hh, S[1, 0] - s * c * hh, S[1, 1] + c * c * hh
-    S[2, 0], S[2, 1], S[2, 2] = S[2, 0] - s * hg, S[2, 1] + c * hg, S[2, 2] + gg
-    pose_load(plant, ws.w_bar[0], ws.beam_rate[0], eta_eta_dot, h_force, g_force, f1, f2, pull_turn, ws.u, ws, x_ddot)
+    S, given, x_ddot = ws.axial_inertia, ws.S, ws.axial_acceleration
+    S[0, 0], S[1, 0], S[1, 1] = given[0, 0] + s * s * hh, given[1, 0] - s * c * hh, given[1, 1] + c * c * hh
+    S[2, 0], S[2, 1], S[2, 2] = given[2, 0] - s * hg, given[2, 1] + c * hg, given[2, 2] + gg
+    pose_load(plant, ws.w_bar[0], ws.beam_rate[0], eta_eta_dot, h_force, g_force, f1, f2, pull_turn, u, ws, x_ddot)
     solve_symmetric(S, x_ddot)
     return f1
+
+
+@inlined
+def axial_hand_force(grips, plant, y, ws):
+    """F₁, N; fills ws.axial_acceleration with the ẍ in N. With compliant grips no ẍ is needed."""
+    if grips is not None:
+        along, _, _ = hand_load(plant, y, ws)
+        return along
+    return predict_acceleration(plant, plant.modal[FOLLOWED:], None, ws.u, y, ws)
 
 
 @inlined
@@ -281,7 +288,7 @@ def find_axial_load(axial, plant, y, ws):
         return
     if axial.shape[1] == 0:
         return
-    along, x_ddot, grip = predict_acceleration(plant.grips, plant, y, ws), ws.axial_acceleration, ws.momentum
+    along, x_ddot, grip = axial_hand_force(plant.grips, plant, y, ws), ws.axial_acceleration, ws.momentum
     payload_force(plant.grips, 0, ws.u, x_ddot, ws, grip)
     axial_terms(plant, x_ddot, along, grip, ws, ws.axial)
     geometric_force(axial, plant, ws.axial, y, ws)

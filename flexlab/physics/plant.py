@@ -89,7 +89,7 @@ def memory_start(plant):
     return grips_start(plant) + grip_states(plant.grips)
 
 
-H, G, DH, DG, OMEGA2, MID, BEND, PULL, AXIAL, FOLLOWED_H, FOLLOWED_G, FOLLOWED_DH, FOLLOWED_DG = range(13)
+H, G, DH, DG, OMEGA2, MID, BEND, PULL, AXIAL, FOLLOWED = range(10)
 """Rows of `Plant.modal`: Vᵀh, Vᵀg, DVᵀh, DVᵀg, ω², shape at mid-span N(0)V, shape where the beam bends
 most (mid-span or the free end), shape at the pulled point N(s)V, whether the mode is part of `Plant.axial`, and the first four
 again, zero for modes that the axial load does not follow (`axial_load`)."""
@@ -210,9 +210,9 @@ class Workspace(NamedTuple):
     axial_force: np.ndarray
     """K_G η, (5, n_m), rows as `axial_load` names them."""
     axial_inertia: np.ndarray
-    """Scratch of `find_axial_load`, (3, 3)."""
+    """Scratch of `predict_acceleration`, (3, 3)."""
     axial_acceleration: np.ndarray
-    """Scratch of `find_axial_load`, (3,)."""
+    """ẍ that `predict_acceleration` found, (3,)."""
     restoring: np.ndarray
     """Restoring force -(η̈ + A21 ẍ), (n_m,)."""
     desired: np.ndarray

@@ -9,7 +9,7 @@ from flexlab.physics.hand import beam_is_held
 from flexlab.physics.mass_change import mass_factor
 from flexlab.physics.plant import AXIAL_WORK, BEND, DISSIPATED, ETA, WORK
 from flexlab.sim.closed_loop import find_state, law_places, rates
-from flexlab.sim.integrators.beam_flow import TICKS, end_flow, meet_acceleration, note_beginning
+from flexlab.sim.integrators.beam_flow import TICKS, end_flow, meet_acceleration, note_beginning, note_rates
 from flexlab.sim.integrators.etdrk4 import FREE, bend_flow
 from flexlab.sim.integrators.generalized_alpha import follow_jump
 from flexlab.sim.integrators.scheme import STATE
@@ -134,14 +134,16 @@ def advance(
                         y[DISSIPATED] += before - unspent
                 if code == 0 and flows and stepped:
                     bend_flow(system.plant, etdrk4, ws)
-                    end_flow(system.plant, etdrk4.flow, dt, ws.stage[FREE], y, ws)
+                    jumps = system.control.sampled or system.trajectory.inside > 0
+                    before_jump = ws.u_before if jumps else ws.u
+                    end_flow(system.plant, etdrk4.flow, dt, ws.stage[FREE], before_jump, y, ws)
                     if j == 0:
                         since = ETA + 2 * n + TICKS
                         y[since] = y[since] + 1 if y[since] >= 1 else 1.0
                     # At a sample, and at the beginning of the step that leads to it.
                     if j == 0 or last:
-                        jumps = system.control.sampled or system.trajectory.inside > 0
-                        meet_acceleration(system.plant, etdrk4.flow, ws.u_before if jumps else ws.u, y, ws)
+                        note_rates(system.plant, etdrk4.flow, dt, ws.stage[FREE], y, ws)
+                        meet_acceleration(system.plant, etdrk4.flow, before_jump, y, ws)
                 if code == 0 and flows and (j == 0 or last):
                     note_beginning(system.plant, etdrk4.flow, last, y, ws)
             if j == 0:

@@ -10,7 +10,14 @@ from flexlab.control.law import BOUND_ESTIMATES, law_of
 from flexlab.control.law_kernels import BelievedPayload, Control
 from flexlab.control.observers.believed_plant import arm_records
 from flexlab.numerics.linear_algebra import product, solve
-from flexlab.physics.axial_load import axial_modes, buckling_load, followed_loads, geometric_matrices, in_axial_modes
+from flexlab.physics.axial_load import (
+    FASTEST_FOLLOWED,
+    axial_modes,
+    buckling_load,
+    followed_loads,
+    geometric_matrices,
+    in_axial_modes,
+)
 from flexlab.physics.beam import BeamMatrices, BeamModes, beam_matrices, beam_modes, shape_row, undamped_modes
 from flexlab.physics.grips import build_grips
 from flexlab.physics.joints import build_joints
@@ -87,7 +94,8 @@ def build_plant(scenario: Scenario, beam: Beam, arms: np.ndarray | None = None) 
     loosest = middle if len(scenario.arms) == 2 else payload_row(payload, payload.length / 2)
     shapes = product(np.stack([middle, loosest]), modes.V)
     damped, stiffness = product(modes.D, loads), modes.omega * modes.omega
-    axial = (axial_modes(modes.omega), *followed_loads(modes.omega, modes.D, loads))
+    followed = (modes.omega <= FASTEST_FOLLOWED) & (modes.D.diagonal() <= FASTEST_FOLLOWED)
+    axial = (axial_modes(modes.omega), *followed_loads(followed, modes.D, loads))
     further = (stiffness, *shapes, np.zeros_like(stiffness), *axial)
     plant = Plant(
         arms=arm_records(scenario.arms, payload.length) if arms is None else arms,

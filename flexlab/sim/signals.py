@@ -84,7 +84,7 @@ class Signals:
     elastic_energy: np.ndarray = row("½ qᵀ K_F q", "J", "elastic energy of the beam, and of grips that give way")
     gravity_energy: np.ndarray = row("U_g", "J", "potential energy of weight, zero at y = 0")
     input_work: np.ndarray = row("∫ P dt", "J", "work of motors and of pulls")
-    dissipated_energy: np.ndarray = row("∫ q̇ᵀ D q̇ dt", "J", "energy that the beam's damping took", computed_since=2)
+    dissipated_energy: np.ndarray = row("∫ q̇ᵀ D q̇ dt", "J", "energy that the beam's damping took", computed_since=4)
     axial_work: np.ndarray = row("-∫ q̇ᵀ K_G q dt", "J", "work of the axial load on the beam's bending", since=2)
     axial_load: np.ndarray = row(
         "N(s_j)",

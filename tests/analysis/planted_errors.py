@@ -647,8 +647,8 @@ angle of a drawn beam: sim/geometry.py
     samples.pose[:, 2:3]
     samples.pose[:, 1:2]
 modes that do not follow the force along the beam: physics/axial_load.py
-    S[2, 1] + c * hg
-    S[2, 1] - c * hg
+    given[2, 1] + c * hg
+    given[2, 1] - c * hg
 deflection under a hand in the acceleration: physics/hand.py
     pull_turn = hand.position * f2 - deflection * f1
     pull_turn = hand.position * f2 + deflection * f1
@@ -665,8 +665,11 @@ turn in the friction that a sampled law makes up for: sim/sampled_control.py
     ws.measured_arm, v[0], v[1], v[2], now.u
     ws.measured_arm, v[0], v[1], v[1], now.u
 lift in the loss of a step: sim/integrators/beam_flow.py
-    (dt * dt) + (lift - lift_0) / dt
-    (dt * dt) - (lift - lift_0) / dt
+    + (lift + 4 * kept[MIDDLE + 2]
+    - (lift + 4 * kept[MIDDLE + 2]
+acceleration that ends a step: sim/integrators/beam_flow.py
+    met = c * x_ddot[1] - s * x_ddot[0]
+    met = c * x_ddot[1] + s * x_ddot[0]
 tilt in what fast modes put on the grips: sim/integrators/beam_flow.py
     across[0], across[1], across[2] = -s, c, 0.0
     across[0], across[1], across[2] = s, c, 0.0

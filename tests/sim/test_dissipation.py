@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import make_interp_spline
 
+from flexlab.physics.plant import OMEGA2, G, H
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
-from flexlab.sim.build import nodal_damping_matrix
+from flexlab.sim.build import build_plant, nodal_damping_matrix
 from flexlab.sim.commands import Pull
 from flexlab.sim.samples import Samples
 from flexlab.sim.simulate import simulate
@@ -48,13 +51,45 @@ def test_the_force_of_modes_damped_faster_than_the_step_is_accurate(element_coun
     assert np.abs(run.pose - exact.pose).max() < 1e-8
 
 
-@pytest.mark.parametrize("smooth_start", [0.3, 1.0])
-def test_the_small_loss_of_a_smooth_start_is_found(smooth_start: float):
-    """It is about 10⁻⁷ J, of several J that the arms exchange: an energy balance would miss it by half its size or more."""
-    changes = {"payload.bending_stiffness": 1000.0, "trajectory.smooth_start": smooth_start}
-    scenario = damped("pinned-pinned", 8, {"kind": "stiffness", "coefficient": 2e-3}, **changes)
-    run, exact = (simulate(one, 0.6) for one in (scenario, scenario.replace({"simulation.step": 2e-5})))
-    assert np.abs(run.dissipated_energy - exact.dissipated_energy).max() < 0.05 * exact.dissipated_energy[-1]
+def loss_of_modes(world: World, run: Samples, slowest: int) -> np.ndarray:
+    """∫η̇ᵀDη̇ dt at the samples, of the slowest modes alone, driven by the grips' motion through the sampled pose rates."""
+    D, modal = world.beam.modes.D.diagonal(), build_plant(world.scenario, world.beam).modal
+    k = np.argsort(modal[OMEGA2])[:slowest]
+    D, omega2, loads = D[k], modal[OMEGA2][k], modal[[H, G]][:, k]
+    jerks = make_interp_spline(run.time, run.pose_rate, k=5).derivative()
+    turned = make_interp_spline(run.time, run.pose[:, 2], k=5)
+    still, linear = np.zeros((2 * slowest + 1, 2 * slowest + 1)), np.arange(slowest)
+    still[linear, slowest + linear] = 1.0
+    still[slowest + linear, linear], still[slowest + linear, slowest + linear] = -omega2, -D
+
+    def slope(t: float, z: np.ndarray) -> np.ndarray:
+        (along, up, turn), angle = jerks(t), turned(t)
+        change = still @ z
+        change[slowest:-1] -= np.array([up * np.cos(angle) - along * np.sin(angle), turn]) @ loads
+        change[-1] = z[slowest:-1] ** 2 @ D
+        return change
+
+    def jacobian(_: float, z: np.ndarray) -> np.ndarray:
+        matrix = still.copy()
+        matrix[-1, slowest:-1] = 2 * D * z[slowest:-1]
+        return matrix
+
+    span, start = (0.0, run.time[-1]), np.zeros(2 * slowest + 1)
+    return solve_ivp(slope, span, start, "Radau", run.time, jac=jacobian, rtol=1e-6, atol=1e-16).y[-1]
+
+
+@pytest.mark.parametrize(
+    ("elements", "stiffness", "coefficient", "smooth_start"),
+    [(8, 1e3, 2e-3, 0.3), (8, 1e3, 2e-3, 1.0), (32, 1e4, 2e-3, 0.5), (2, 5e5, 1e-4, 0.5)],
+)
+def test_the_small_loss_of_a_smooth_start_is_found(elements, stiffness, coefficient, smooth_start):
+    """It is 10⁻¹⁰ to 10⁻⁶ J of several J that the arms exchange: an energy balance would miss it. It was off by 3 to 200 %."""
+    changes = {"payload.bending_stiffness": stiffness, "trajectory.smooth_start": smooth_start}
+    world = World(damped("pinned-pinned", elements, {"kind": "stiffness", "coefficient": coefficient}, **changes))
+    run = world.run(500)
+    right = loss_of_modes(world, run, slowest=4)
+    assert not world.warnings
+    assert np.abs(run.dissipated_energy - right).max() < 0.005 * right[-1]
 
 
 def test_an_undamped_beam_loses_nothing():
@@ -108,9 +143,12 @@ def test_loss_is_right_while_a_hand_holds_the_beam(elements: int, damping: dict)
 
 
 def test_loss_while_a_hand_holds_the_beam_is_that_of_a_direct_integration():
-    """rk4, with steps that resolve every mode, integrates the power of the damping."""
-    scenario = damped("pinned-pinned", 3, {"kind": "nodal", "coefficient": 0.1})
+    """rk4, with steps that resolve every mode, integrates the power of the damping.
+
+    With the automatic step, the tick in which a hand takes hold is 1e-7 J off: there the loss is what the balance leaves.
+    """
+    scenario = damped("pinned-pinned", 3, {"kind": "nodal", "coefficient": 0.1}, **{"simulation.step": 1e-4})
     found = pulled(scenario)
     right = pulled(scenario.replace({"simulation.integrator": "rk4", "simulation.step": 1e-5}))
     lost = right.dissipated_energy[-1] - right.dissipated_energy[0]
-    assert np.abs(found.dissipated_energy - right.dissipated_energy).max() < 1e-5 * lost
+    assert np.abs(found.dissipated_energy - right.dissipated_energy).max() < 1e-6 * lost

@@ -8,8 +8,8 @@ from flexlab.physics.plant import DG, DH, ETA, PULL, G, H, Hand
 from flexlab.presets import load_preset
 from flexlab.sim.closed_loop import new_workspace, state_length
 from flexlab.sim.integrators import etdrk4
-from flexlab.sim.integrators.beam_flow import STIFF_MODE, factor_rates
 from flexlab.sim.integrators.etdrk4 import HALF_EXP, add_rates, beam_operators, block_functions
+from flexlab.sim.integrators.forcing import STIFF_MODE, factor_rates
 from flexlab.sim.step_trial import build_assembly
 
 

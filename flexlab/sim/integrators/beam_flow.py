@@ -6,8 +6,9 @@ virtual link the beam is linear, with b = (v̇2 + ω v1 + gravity cos θ, ω̇) 
 
     η̈ + Dη̇ + Ω²η = f - C b(s),   b = b0 + b1 s,   f: centrifugal force, constant over the step, and -K_G η, linear in it.
 
-b follows from the velocities at a step's beginning, middle and end (the first two moments of v̇2 and ω̇, so that the loss has
-the order of Simpson's rule). With η* = Ω⁻²(f - C b) and E(s) = ½|η̇|² + ½(η - η*)ᵀΩ²(η - η*) the loss of that motion is
+b has the mean that the velocities at the step's ends give, and ends at the acceleration of the pose there, with modes that are
+damped faster than the step moving with the link. (The velocity at a stage in the middle has not the order that b1 needs.) With
+η* = Ω⁻²(f - C b) and E(s) = ½|η̇|² + ½(η - η*)ᵀΩ²(η - η*) the loss of that motion is
 
     ∫η̇ᵀDη̇ ds = E(0) - E(h) + (f1 - C b1)ᵀΩ⁻²(Δη̇ + DΔη),      f1: slope of f,
 
@@ -15,126 +16,28 @@ whatever the stiffness of a mode: no mode is too fast for it. It is not the defe
 the new state that the integrator finds. Only while a hand holds the beam, whose force is not among these, the loss is that
 defect (`sim.advance`).
 
-Where a sample is taken, b is the parabola with the same mean that begins and ends at the accelerations from the rates at these
-instants: η̇ of a fast damped mode follows the slope of b, which the velocity in the middle gives to first order only. If the
-inputs jump at that instant, b ends at the acceleration before the jump. If its beginning is unknown, as after a start, the
-parabola deviates from the line by the same at both ends.
-
-A few numbers determine what moves a beam of many coupled modes, so that matrix functions act on it at a fraction of their cost.
-Without its linear part the beam's rate is, by `physics.plant`,
-
-    N = (-h, Dh) v2 + (-g, Dg) ω + (0, -h) (ω v1 + gravity cos θ) + (0, s),    s = ω²η + what a hand puts on it,
-
-so that φ(hL) N needs the responses to three fixed forces, and otherwise only the columns of modes in which s is notable: rotation
-takes ω²/Ω² of a mode's stiffness. A dense product of all reads more numbers than fit into a processor's cache.
+Where a sample is taken, η̇ is that of another b: the line through the velocities at the step's beginning, middle and end, and
+then the parabola with the same mean that begins and ends at the accelerations from the rates at these instants, as η̇ of a fast
+damped mode follows the slope of b. If the inputs jump at that instant, b ends at the acceleration before the jump. If its
+beginning is unknown, as after a start, the parabola deviates from the line by the same at both ends.
 """
 
 import numpy as np
 
 from flexlab.compiled import disjoint, inlined
 from flexlab.numerics.linear_algebra import product, solve_symmetric
-from flexlab.physics.axial_load import END, NOW, SCRATCH, STIFF_MODE
+from flexlab.physics.axial_load import END, NOW, SCRATCH, followed_loads, predict_acceleration
 from flexlab.physics.axial_load import START as BEFORE
 from flexlab.physics.dynamics import acceleration, block_product
 from flexlab.physics.hand import beam_is_held
-from flexlab.physics.plant import DG, DH, DISSIPATED, ETA, OMEGA2, G, H
+from flexlab.physics.plant import DISSIPATED, ETA, OMEGA2, G, H, has_axial_load
 
-FEWEST_COUPLED = 16
-"""Smallest number of coupled modes for which this pays: with fewer, dense matrices are as fast."""
-COMMON = 3
-"""Fixed forces: lateral and angular velocity of the grips, and their lift ω v1 + gravity cos θ."""
-
-
-def is_factored(block_start: np.ndarray) -> bool:
-    """Whether a beam with these blocks of modes is moved by its responses to fixed forces."""
-    return int(np.diff(block_start).max(initial=0)) >= FEWEST_COUPLED
-
-
-def forced_columns(function: np.ndarray, damping: np.ndarray, loads: np.ndarray) -> np.ndarray:
-    """φ (2k, 2k) of one block, in (η, π), times the fixed forces, then times a unit force on each mode, (3 + k, 2k)."""
-    k = len(damping)
-    moving = np.concatenate([-loads, product(loads, damping.T)], axis=1)
-    common = np.concatenate([moving, [np.concatenate([np.zeros(k), -loads[0]])]])
-    return np.concatenate([product(common, function.T), function[:, k:].T])
-
-
-def soft_modes(omega: np.ndarray, block_start: np.ndarray) -> np.ndarray:
-    """Number of modes in each block, ordered by frequency, in which rotation is notable, (blocks,).
-
-    Above `STIFF_MODE` it takes about a billionth of the stiffness, at 10 rad/s.
-    """
-    blocks = zip(block_start[:-1], block_start[1:], strict=True)
-    return np.array([np.count_nonzero(omega[low:high] <= STIFF_MODE) for low, high in blocks], dtype=np.int64)
-
-
-@inlined
-def factor_rates(plant, ws, N):
-    """Overwrite the beam's part of rates N with their factors: v2, ω and the lift in place of its first η̇, s in that of π̇."""
-    n, c, s, v = plant.modal.shape[1], ws.arm.trig[0], ws.arm.trig[1], ws.velocity
-    lateral, turn, lift = c * v[1] - s * v[0], v[2], v[2] * (c * v[0] + s * v[1]) + plant.gravity * c
-    for k in range(n):
-        N[ETA + n + k] += plant.modal[H, k] * lift - plant.modal[DH, k] * lateral - plant.modal[DG, k] * turn
-    N[ETA], N[ETA + 1], N[ETA + 2] = lateral, turn, lift
-
-
-@disjoint
-def add_two(a, column, b, other, on_eta, on_pi):
-    """Add two columns (2k,) times two numbers to η and π (k,)."""
-    k = len(on_eta)
-    first, second, third, fourth = column[:k], column[k : 2 * k], other[:k], other[k : 2 * k]
-    for i in range(k):
-        on_eta[i] += a * first[i] + b * third[i]
-    for i in range(k):
-        on_pi[i] += a * second[i] + b * fourth[i]
-
-
-@disjoint
-def add_four(a, b, columns, c, d, others, on_eta, on_pi):
-    """Add four columns (2k,) times four numbers to η and π (k,); `columns` and `others` hold two each.
-
-    Elements are independent: the bits are the same however many of them a vector unit takes at once.
-    """
-    k = len(on_eta)
-    a1, a2, b1, b2 = columns[:k], columns[k : 2 * k], columns[2 * k : 3 * k], columns[3 * k : 4 * k]
-    c1, c2, d1, d2 = others[:k], others[k : 2 * k], others[2 * k : 3 * k], others[3 * k : 4 * k]
-    for i in range(k):
-        on_eta[i] += (a * a1[i] + b * b1[i]) + (c * c1[i] + d * d1[i])
-    for i in range(k):
-        on_pi[i] += (a * a2[i] + b * b2[i]) + (c * c2[i] + d * d2[i])
-
-
-@inlined
-def add_forced(starts, n, forced, soft, hand_pulls, z, out):
-    """out += φ N in (η, π), (2 n_m,), for rates z that `factor_rates` has overwritten.
-
-    `forced`: `forced_columns`, block after block. `soft`: `soft_modes`; a hand at the beam may move all modes.
-    """
-    at = 0
-    for block in range(len(starts) - 1):
-        low, k = starts[block], starts[block + 1] - starts[block]
-        on_eta, on_pi, force = out[low : low + k], out[low + n : low + n + k], z[low + n : low + n + k]
-        common, own = forced[at : at + 2 * COMMON * k], forced[at + 2 * COMMON * k : at + 2 * (COMMON + k) * k]
-        add_two(z[0], common, z[1], common[2 * k :], on_eta, on_pi)
-        moved = k if hand_pulls else soft[block]
-        # The lift together with the first mode's force, so that the others can be added by fours.
-        add_two(z[2], common[4 * k :], force[0], own, on_eta, on_pi)
-        j = 1
-        while j + 3 < moved:
-            first, third = own[2 * k * j :], own[2 * k * (j + 2) :]
-            add_four(force[j], force[j + 1], first, force[j + 2], force[j + 3], third, on_eta, on_pi)
-            j += 4
-        while j < moved:
-            other = min(j + 1, moved - 1)
-            add_two(force[j], own[2 * k * j :], force[other] if other > j else 0.0, own[2 * k * other :], on_eta, on_pi)
-            j += 2
-        at += 2 * (COMMON + k) * k
-
-
-ROWS = 19
+ROWS = 23
 """Rows of `Etdrk4.flow`. The first: η and η̇ at the step's end for b = 1, then for b = s, lateral and angular each."""
-DAMPED, BEGUN, BEGUN_FORCE, MET, MET_FORCE, FAST = 8, 10, 12, 14, 16, 18
+DAMPED, BEGUN, BEGUN_FORCE, MET, MET_FORCE, FAST, SLOW = 8, 10, 12, 14, 16, 18, 19
 """Further rows, two each: DΩ⁻²h and DΩ⁻²g; for fast modes only, η̇ at the step's end for the parabola of mean 0 that begins at
-1 and ends at 0, and D times that; the same for the one that begins at 0 and ends at 1. Last: 1 for a fast mode, else 0."""
+1 and ends at 0, and D times that; the same for the one that begins at 0 and ends at 1. Then 1 for a fast mode, else 0; and four
+rows of `followed_loads` for modes that are not fast."""
 FAST_DAMPING = 3.0
 """Step times D of a mode from which on the flow gives a better η̇ than the integrator, although of lower order."""
 TICKS = 2
@@ -150,11 +53,12 @@ BEGINNING, LINE = -8, -10
 def flow_rows(
     omega: np.ndarray, damping: np.ndarray, loads: np.ndarray, phi: tuple[np.ndarray, ...], dt: float
 ) -> np.ndarray:
-    """Columns of `Etdrk4.flow` (19, k) for one block with ω (k,), D (k, k), loads (2, k) and φ0 to φ3(hL) in (ωη, η̇)."""
+    """Columns of `Etdrk4.flow` (23, k) for one block with ω (k,), D (k, k), loads (2, k) and φ0 to φ3(hL) in (ωη, η̇)."""
     k = len(omega)
     rows = np.zeros((ROWS, k))
     _, phi1, phi2, phi3 = phi
     rows[FAST] = dt * damping.diagonal() > FAST_DAMPING
+    rows[SLOW:] = followed_loads(rows[FAST] == 0, damping, loads.T)
     straight, curved = dt * (2 * phi2 - phi1), dt * (12 * phi3 - 6 * phi2 + phi1)
     across, both = -loads.T, loads.T / (omega * omega)[:, None]
     for row, function in ((BEGUN, curved - straight), (MET, curved + straight)):
@@ -202,77 +106,110 @@ def _note_axial_load(axial, loads, ws):
 
 
 @inlined
-def _slope_with_axial(axial, k, slope, bent, per_step, ws):
-    """The slope of mode k's load with that of the axial load, whose mode bends by `bent` in the step."""
-    if axial is None:
-        return slope
-    if axial.shape[1] > 0:
-        slope += (ws.axial_force[END, k] - ws.axial_force[BEFORE, k]) * per_step
-        ws.axial_force[SCRATCH, k] = bent
-    return slope
+def _find_axial_slopes(axial, per_step, ws, slopes):
+    """Fill the slopes (n,) of the axial load's force K_G η over the step that ends; zero without such a load."""
+    axial_load = has_axial_load(axial)
+    for k in range(len(slopes)):
+        slopes[k] = (ws.axial_force[END, k] - ws.axial_force[BEFORE, k]) * per_step if axial_load else 0.0
 
 
 @inlined
-def _loss_with_axial(axial, plant, loss, per_step, ws):
-    """The loss of a step with what the axial load's slope adds."""
-    if axial is None:
-        return loss
-    if axial.shape[1] > 0:
-        block_product(plant.block_start, plant.damping, ws.axial_force[SCRATCH], ws.damping_force)
-        for k in range(plant.modal.shape[1]):
-            slope = (ws.axial_force[END, k] - ws.axial_force[BEFORE, k]) * per_step
-            loss -= slope / plant.modal[OMEGA2, k] * ws.damping_force[k]
+def _axial_loss(axial, plant, slopes, bent, ws):
+    """What the axial load's slopes (n,) add to the loss of modes that bend by `bent` (n,)."""
+    loss = 0.0
+    if has_axial_load(axial):
+        block_product(plant.block_start, plant.damping, bent, ws.damping_force)
+        for k in range(len(slopes)):
+            loss -= slopes[k] / plant.modal[OMEGA2, k] * ws.damping_force[k]
     return loss
 
 
-@inlined
-def end_flow(plant, flow, dt, free, y, ws):
-    """Add the loss of the step that ends in y, and note η̇ and b of its end behind the state, after `find_state` of y.
+@disjoint
+def _mode_losses(plant, flow, dt, b, b_slope, free, kept, slopes, bent, lost):
+    """Fill the loss of each mode, and by how much it bends, (n,), for b (lateral, angular) at the step's beginning and its slope.
 
-    `free`: (η, π) at the step's end if the grips had kept their velocity.
+    free: (η, π) at the step's end if the grips had kept their velocity; kept: as `SAVED`; slopes (n,): of the axial load's force.
     """
+    n, (lateral, turn), (lateral_slope, turn_slope) = len(lost), b, b_slope
+    eta, rate, force, free_eta, free_pi = kept[:n], kept[n : 2 * n], kept[2 * n : 3 * n], free[:n], free[n : 2 * n]
+    modal, first, first_turn = plant.modal, kept[START], kept[START + 1]
+    for k in range(n):
+        h, g, stiffness = modal[H, k], modal[G, k], modal[OMEGA2, k]
+        change = free_eta[k] + lateral * flow[0, k] + lateral_slope * flow[2, k] + turn * flow[4, k]
+        change += turn_slope * flow[6, k] - eta[k]
+        gain = free_pi[k] - h * first - g * first_turn + lateral * flow[1, k] + lateral_slope * flow[3, k]
+        gain += turn * flow[5, k] + turn_slope * flow[7, k] - rate[k]
+        slope = (h * lateral_slope + g * turn_slope + slopes[k]) / stiffness
+        u_0, u_1 = stiffness * eta[k] - force[k] + h * lateral + g * turn, change + dt * slope
+        lost[k] = -gain * (rate[k] + gain / 2 + slope) - u_1 * (u_0 + stiffness * u_1 / 2)
+        lost[k] -= (lateral_slope * flow[DAMPED, k] + turn_slope * flow[DAMPED + 1, k]) * change
+        bent[k] = change
+
+
+@inlined
+def mean_b(plant, dt, ws):
+    """Mean b of the step that ends, less ω v1 + gravity cos θ at its beginning, lateral and angular; and that term at its end."""
+    c, s, v, kept = ws.arm.trig[0], ws.arm.trig[1], ws.velocity, ws.stage[SAVED]
+    v2, lift, lift_0 = c * v[1] - s * v[0], v[2] * (c * v[0] + s * v[1]) + plant.gravity * c, kept[START + 2]
+    lateral = (v2 - kept[START]) / dt + (lift + 4 * kept[MIDDLE + 2] - 5 * lift_0) / 6
+    return lateral, (v[2] - kept[START + 1]) / dt, lift
+
+
+@inlined
+def end_flow(plant, flow, dt, free, u, y, ws):
+    """Add the loss of the step that ends in y, after `find_state` of y.
+
+    `free`: (η, π) at the step's end if the grips had kept their velocity; u (arms, 3): inputs up to this instant.
+    """
+    if beam_is_held(plant):
+        return
+    n, kept = plant.modal.shape[1], ws.stage[SAVED]
+    c, s, x_ddot, per_step = ws.arm.trig[0], ws.arm.trig[1], ws.axial_acceleration, 1 / dt
+    lateral, turn, _ = mean_b(plant, dt, ws)
+    predict_acceleration(plant, flow[SLOW:], plant.axial, u, y, ws)
+    met = c * x_ddot[1] - s * x_ddot[0] + plant.gravity * c - kept[START + 2]
+    lateral_slope, turn_slope = 2 * (met - lateral) * per_step, 2 * (x_ddot[2] - turn) * per_step
+    start = 2 * lateral - met, 2 * turn - x_ddot[2]
+    slopes, bent, lost = ws.axial_force[BEFORE], ws.axial_force[SCRATCH], ws.stage[6, :n]
+    _find_axial_slopes(plant.axial, per_step, ws, slopes)
+    _mode_losses(plant, flow, dt, start, (lateral_slope, turn_slope), free[ETA:], kept, slopes, bent, lost)
+    loss = _axial_loss(plant.axial, plant, slopes, bent, ws)
+    for k in range(n):
+        loss += lost[k]
+    y[DISSIPATED] += loss
+
+
+@inlined
+def note_rates(plant, flow, dt, free, y, ws):
+    """Note η̇ and b of the step's end behind the state, as `end_flow` for a line b through the velocity in its middle."""
     n = plant.modal.shape[1]
     kept, rate, b = ws.stage[SAVED], y[ETA + 2 * n + 3 : ETA + 3 * n + 3], y[ETA + 2 * n : ETA + 2 * n + 2]
     if beam_is_held(plant):
         for k in range(n):
             rate[k] = np.nan
         return
-    c, s, v = ws.arm.trig[0], ws.arm.trig[1], ws.velocity
-    v2, w, lift = c * v[1] - s * v[0], v[2], v[2] * (c * v[0] + s * v[1]) + plant.gravity * c
-    first, middle, lift_0 = kept[START], kept[MIDDLE], kept[START + 2]
-    lateral = (v2 - first) / dt + (lift + 4 * kept[MIDDLE + 2] - 5 * lift_0) / 6
-    lateral_slope = 4 * (first - 2 * middle + v2) / (dt * dt) + (lift - lift_0) / dt
-    turn = (w - kept[START + 1]) / dt
-    turn_slope = 4 * (kept[START + 1] - 2 * kept[MIDDLE + 1] + w) / (dt * dt)
+    c, s, v, first = ws.arm.trig[0], ws.arm.trig[1], ws.velocity, kept[START]
+    lateral, turn, lift = mean_b(plant, dt, ws)
+    v2 = c * v[1] - s * v[0]
+    lateral_slope = 4 * (first - 2 * kept[MIDDLE] + v2) / (dt * dt) + (lift - kept[START + 2]) / dt
+    turn_slope = 4 * (kept[START + 1] - 2 * kept[MIDDLE + 1] + v[2]) / (dt * dt)
     b[0], b[1] = lateral + dt / 2 * lateral_slope + kept[START + 2], turn + dt / 2 * turn_slope
     lateral, turn = lateral - dt / 2 * lateral_slope, turn - dt / 2 * turn_slope
     kept[LINE], kept[LINE + 1] = lateral + kept[START + 2], turn
-    loss, per_step = 0.0, 1 / dt
     for k in range(n):
-        h, g, stiffness = plant.modal[H, k], plant.modal[G, k], plant.modal[OMEGA2, k]
-        eta = free[ETA + k] + lateral * flow[0, k] + lateral_slope * flow[2, k] + turn * flow[4, k]
-        eta += turn_slope * flow[6, k]
-        rate[k] = free[ETA + n + k] - h * first - g * kept[START + 1]
-        rate[k] += lateral * flow[1, k] + lateral_slope * flow[3, k] + turn * flow[5, k] + turn_slope * flow[7, k]
-        slope = h * lateral_slope + g * turn_slope
-        slope = _slope_with_axial(plant.axial, k, slope, eta - kept[k], per_step, ws)
-        u_0 = kept[k] - (kept[2 * n + k] - h * lateral - g * turn) / stiffness
-        u_1 = eta - kept[k] + dt * slope / stiffness
-        gain = rate[k] - kept[n + k]
-        loss -= gain * (kept[n + k] + gain / 2) + stiffness * u_1 * (u_0 + u_1 / 2) + slope / stiffness * gain
-        loss -= (lateral_slope * flow[DAMPED, k] + turn_slope * flow[DAMPED + 1, k]) * (eta - kept[k])
-        if flow[FAST, k] == 0:
-            rate[k] = ws.eta_dot[k]
-    y[DISSIPATED] += _loss_with_axial(plant.axial, plant, loss, per_step, ws)
+        rate[k] = ws.eta_dot[k]
+        if flow[FAST, k] != 0:
+            rate[k] = free[ETA + n + k] - plant.modal[H, k] * first - plant.modal[G, k] * kept[START + 1]
+            rate[k] += lateral * flow[1, k] + lateral_slope * flow[3, k] + turn * flow[5, k] + turn_slope * flow[7, k]
 
 
 @inlined
 def has_fast_modes(flow):
     """Whether any mode is damped faster than the step."""
-    fast = 0.0
-    for k in range(flow.shape[1]):
-        fast += flow[FAST, k]
-    return fast > 0
+    for k in range(flow.shape[1] - 1, -1, -1):  # Mostly the last are.
+        if flow[FAST, k] != 0:
+            return True
+    return False
 
 
 @inlined
@@ -295,7 +232,7 @@ def note_beginning(plant, flow, last, y, ws):
 
 @inlined
 def meet_acceleration(plant, flow, u, y, ws):
-    """Correct the noted η̇ so that b ends at the present acceleration, after `end_flow`; u (arms, 3): inputs up to this instant.
+    """Correct the noted η̇ so that b ends at the present acceleration, after `note_rates`; u (arms, 3): inputs up to this instant.
 
     Fast modes have followed these inputs, and not those that a controller asks for from this instant on.
     """

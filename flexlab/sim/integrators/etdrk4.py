@@ -22,17 +22,14 @@ from flexlab.numerics.matrix_functions import Functions, doubled, phi_functions
 from flexlab.physics.axial_load import END, NOW, START
 from flexlab.physics.hand import beam_is_held
 from flexlab.physics.plant import ETA, has_axial_load, joints_start, memory_start
-from flexlab.sim.integrators.beam_flow import (
-    MIDDLE,
+from flexlab.sim.integrators.beam_flow import MIDDLE, begin_flow, flow_rows, note_grips
+from flexlab.sim.integrators.forcing import (
     add_forced,
     add_four,
     add_two,
-    begin_flow,
     factor_rates,
-    flow_rows,
     forced_columns,
     is_factored,
-    note_grips,
     soft_modes,
 )
 from flexlab.sim.integrators.scheme import STATE, Etdrk4

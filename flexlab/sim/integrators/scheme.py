@@ -21,11 +21,11 @@ class Etdrk4(NamedTuple):
     """The five matrix functions of the beam's linear part, one per row, block after block, (5, Σ 4k²); only the last, (1, Σ
     4k²), if the others are `forced`."""
     forced: np.ndarray
-    """The first four as `beam_flow.forced_columns`, (4, Σ 2k (k + 3)); (4, 0) if few modes are coupled."""
+    """The first four as `forcing.forced_columns`, (4, Σ 2k (k + 3)); (4, 0) if few modes are coupled."""
     soft_modes: np.ndarray
-    """As `beam_flow.soft_modes`, (blocks,); empty if few modes are coupled."""
+    """As `forcing.soft_modes`, (blocks,); empty if few modes are coupled."""
     flow: np.ndarray
-    """The rows of `beam_flow`, (19, n_m); (19, 0) without damping."""
+    """The rows of `beam_flow`, (23, n_m); (23, 0) without damping."""
 
 
 class GeneralizedAlpha(NamedTuple):

@@ -34,6 +34,7 @@ LAYERS = {
     "guide": 5,
     "sim": 6,
     "views": 6,
+    "multibody": 7,
     "recording": 7,
     "lab": 7,
     "analysis": 7,
@@ -42,7 +43,6 @@ LAYERS = {
     "notebook": 8,
     "jupyter": 8,
     "fmi": 8,
-    "multibody": 8,
     "gym_environment": 9,
     "benchmarks": 9,
     "": 8,  # flexlab/__init__.py, the names of the Python interface

@@ -275,7 +275,7 @@ def test_a_field_has_no_usual_value_from_a_path_or_law_in_which_it_is_another_nu
     with RawBrowser(session) as browser:
         browser.receive(20)
         session.lab_state.change({"trajectory.kind": "circle"})
-        wait_until(lambda: way_back("Radius R"), "the circle's controls are there", 20)
+        wait_until(lambda: way_back("Radius R") and way_back("Phase φ_d"), "the circle's controls are there", 20)
         assert not way_back("Phase φ_d").visible
         session.lab_state.change({"trajectory.radius": 0.11})
         wait_until(lambda: session.lab_state.intended.get("trajectory.radius") == 0.11, "it is asked for", 20)

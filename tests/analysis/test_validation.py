@@ -13,6 +13,10 @@ import numpy as np
 import pytest
 from planted_errors import PLANTED, PlantedError, planted_text
 
+from flexlab.analysis.leaderboard.board import make_tasks
+from flexlab.analysis.leaderboard.case import chosen_cases
+from flexlab.analysis.leaderboard.entry import chosen_entrants
+from flexlab.analysis.leaderboard.store import shipped_rows
 from flexlab.analysis.validation import Validation, validate
 from flexlab.analysis.validation.beam import closed_form
 from flexlab.analysis.validation.check import Group, Runs, above, below, close
@@ -43,8 +47,17 @@ def test_every_statement_holds(validation: Validation):
         "Joints that are not ideal", "Encoders", "Motors", "A payload that is filled or emptied", "Grips that give way",
         "Numbers that sum up a run", "Linear models, margins and identified beams",
         "Conditions of the laws", "Numerical building blocks", "Sampled linear models", "Sentences on a run",
-        "Exported bodies, tables and figures",
+        "Exported bodies, tables and figures", "The published leaderboard",
     ]  # fmt: skip
+
+
+def test_every_law_and_every_variant_of_a_case_has_a_published_row(validation: Validation):
+    """If such a statement fails after a change of the engine, make the table anew with `web_assets/make/leaderboard.py`."""
+    said = [check.statement for check in validation.groups["The published leaderboard"]]
+    tasks = make_tasks(chosen_cases(None, long=False), chosen_entrants(None))
+    assert {row.place for row in shipped_rows()} == {task.row.place for task in tasks}
+    assert {text.split(" in ")[0] for text in said} == {task.row.law for task in tasks}
+    assert len(said) == len({task.row.place[:2] for task in tasks})
 
 
 def test_every_law_path_and_shaper_of_flexlab_has_a_statement(validation: Validation):

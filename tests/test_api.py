@@ -89,6 +89,10 @@ def test_a_run_becomes_an_arrow_table_a_data_frame_and_a_figure():
         ["theta"],
         None,
     ]
+    beam = run.plot("beam_coordinates").axes[0].lines  # Pinned ends have slopes alone.
+    assert [(line.get_label(), line.get_ydata()[-1]) for line in beam] == [
+        ("node1 deflection", run.midspan_deflection[-1])
+    ]
     assert [part.get_ylabel() for part in run.plot().axes] == ["mm", "mrad", "mm", "N", "N·m"]
     np.testing.assert_allclose(run.plot().axes[1].lines[0].get_ydata(), 1e3 * run.tracking_error[:, 2])
     with pytest.raises(StudyError, match="'torque' is not a signal of this run: choose from time, pose"):

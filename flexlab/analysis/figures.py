@@ -9,7 +9,7 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
-from itertools import pairwise, product
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -18,7 +18,8 @@ import numpy as np
 from flexlab import views as palette
 from flexlab.errors import RecordingError, StudyError
 from flexlab.files import make_folder, writing
-from flexlab.signal import COORDINATE, Signal
+from flexlab.recording.table_columns import signal_columns
+from flexlab.signal import Signal
 from flexlab.sim.samples import Run, Samples
 from flexlab.sim.signals import DERIVED, known_signals
 from flexlab.text import in_mathtext, number_text, visible
@@ -289,16 +290,12 @@ def _of_view(run: Run, view: View) -> list[Plot]:
 
 
 def _of_signal(run: Run, signal: Signal) -> list[Plot]:
-    values, symbol = np.asarray(run[signal.name]), in_mathtext(signal.symbol)
+    symbol = in_mathtext(signal.symbol)
     labels = {unit: f"{symbol} ({unit})" if unit != "1" else symbol for unit in signal.units}
     plots = {unit: Plot(label, [], signal.name.replace("_", " ")) for unit, label in labels.items()}
-    for index in product(*map(range, values.shape[1:])):
-        names = [
-            f"{axis.labels[place % 2]} {place}" if axis == COORDINATE else axis.labels[place]
-            for axis, place in zip(signal.axes, index, strict=True)
-        ]
-        unit = signal.units[(index[-1] if index else 0) % len(signal.units)]
-        _add(plots[unit], " ".join(names), values[(slice(None), *index)], None)
+    for column in signal_columns(signal, run.scenario):
+        name = column.part.removeprefix(signal.name).strip("_").replace("_", " ")
+        _add(plots[column.unit], name, run[signal.name][(slice(None), *column.index)], None)
     return list(plots.values())
 
 

@@ -192,7 +192,7 @@ def _about(
         states += _of_joints("motor_torque", torques)
     states += [Named(f"memory_{k + 1}", "1") for k in range(memory)]
     states += [each for place in places for each in _of_joints(TORQUE, torques, f"_{place}")]
-    outputs = tuple(Named(*column.name.removesuffix("]").split(" [")) for column in answers.columns)
+    outputs = tuple(Named(column.part, column.unit) for column in answers.columns)
     order = _state_order(linear, 0, 0)[: 3 + count]
     mass, damping, stiffness = (
         part[np.ix_(order, order)] for part in (linear.plant.mass, linear.plant.damping, linear.plant.stiffness)

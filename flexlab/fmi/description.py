@@ -10,7 +10,7 @@ import numpy as np
 from flexlab.control.controller import Controller
 from flexlab.control.law import law_of, nothing_derived
 from flexlab.quantities import base_exponents, describe, own_numbers
-from flexlab.recording.table_columns import table_columns, to_columns
+from flexlab.recording.table_columns import signal_columns, table_columns, to_columns
 from flexlab.scenario import Scenario
 from flexlab.signal import ARM, AXIS, JOINT
 from flexlab.sim.samples import rows_to_samples
@@ -53,11 +53,10 @@ def sample_variables(scenario: Scenario, row: np.ndarray, place: int, with_law: 
         at = int(numbers[column.name][0])
         if np.isnan(row[at]) or (not with_law and column.signal in OF_THE_LAW | own):
             continue
-        name, _, unit = column.name.partition(" [")
         signal = table[column.signal]
-        source = f" [{signal.equation}]" if signal.equation else ""
-        causality = "independent" if name == "time" else "output"
-        found.append(Variable(name, unit[:-1], f"{signal.symbol}: {signal.meaning}{source}", causality, place + 8 * at))
+        about = f"{signal.symbol}: {signal.meaning}{f' [{signal.equation}]' if signal.equation else ''}"
+        causality = "independent" if column.part == "time" else "output"
+        found.append(Variable(column.part, column.unit, about, causality, place + 8 * at))
     return found
 
 
@@ -103,9 +102,11 @@ def sensors(scenario: Scenario, start: np.ndarray, place: int, causality: str) -
 
 def law_signals(scenario: Scenario, place: int) -> list[Variable]:
     """The law's own signals at `place`, as outputs."""
-    own = {signal.name: signal for signal in own_signals(scenario)}
-    columns = [(column.name.partition(" ["), own.get(column.signal)) for column in table_columns(scenario)]
-    about = [(name, unit[:-1], f"{it.symbol}: {it.meaning}") for (name, _, unit), it in columns if it is not None]
+    about = [
+        (column.part, column.unit, f"{signal.symbol}: {signal.meaning}")
+        for signal in law_of(scenario.controller).signals
+        for column in signal_columns(signal, scenario)
+    ]
     return _in_a_row(about, place, "output")
 
 

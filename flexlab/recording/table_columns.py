@@ -37,6 +37,11 @@ class Column:
         """The name without its unit."""
         return self.name.partition(" [")[0]
 
+    @property
+    def unit(self) -> str:
+        """The unit, SI."""
+        return self.name.partition(" [")[2].removesuffix("]")
+
 
 def table_columns(scenario: Scenario, later: Iterable[Scenario] = (), derived: bool = False) -> tuple[Column, ...]:
     """All columns of a run of `scenario`: those of the table of signals, of the law's own, and, if `derived`, of derived ones.
@@ -45,10 +50,11 @@ def table_columns(scenario: Scenario, later: Iterable[Scenario] = (), derived: b
     """
     own = {signal.name: signal for each in (scenario, *later) for signal in own_signals(each)}
     signals = (*TABLE.values(), *own.values(), *(DERIVED.values() if derived else ()))
-    return tuple(column for signal in signals for column in _columns(signal, scenario))
+    return tuple(column for signal in signals for column in signal_columns(signal, scenario))
 
 
-def _columns(signal: Signal, scenario: Scenario) -> list[Column]:
+def signal_columns(signal: Signal, scenario: Scenario) -> list[Column]:
+    """The columns of one signal."""
     parts: list[tuple[tuple[str, ...], str, tuple[int, ...]]] = [((signal.name,), signal.units[0], ())]
     for axis in signal.axes:
         parts = [
@@ -91,8 +97,8 @@ def from_columns(values: dict[str, np.ndarray], scenario: Scenario) -> tuple[Sam
     A signal without all its columns is absent. Raises `RecordingError` if there is no column of times, if a column does not
     hold one real number per row, and if a column of a known signal has another unit, as it would be left out.
     """
-    known = {signal: _columns(signal, scenario) for signal in known_signals().values()}
-    right = {column.name.partition(" [")[0]: column.name for columns in known.values() for column in columns}
+    known = {signal: signal_columns(signal, scenario) for signal in known_signals().values()}
+    right = {column.part: column.name for columns in known.values() for column in columns}
     for name in values:
         if name != (due := right.get(name.partition(" [")[0], name)):
             shown = visible(name, LONGEST_SHOWN)

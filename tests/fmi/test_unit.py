@@ -19,6 +19,7 @@ from units_in_fmpy import apart, get, instance, put
 import flexlab
 from flexlab.errors import StudyError
 from flexlab.fmi import write_fmu
+from flexlab.fmi.description import law_signals
 from flexlab.fmi.parts import make_part
 from flexlab.own.law import add_own_law
 from flexlab.presets import load_preset, preset_names
@@ -285,6 +286,14 @@ def test_a_tuned_parameter_also_holds_for_a_law_with_an_initial_memory(
     tuned = fmpy.simulate_fmu(file, stop_time=0.2, step_size=TICK, output=["pose_y"], start_values=start)
     np.testing.assert_array_equal(tuned["pose_y"], run.pose[:, 1])
     assert not np.array_equal(simulate(scenario, 0.2, TICK).pose, run.pose)
+
+
+def test_a_law_tells_its_own_signals_and_none_of_the_joints_and_the_payload():
+    """Their values are part of a plant's state: a law's memory has no place for them."""
+    told = law_signals(load_preset("paper").replace({**FRICTION, **FILLED, "controller.kind": "super-twisting"}), 0)
+    assert [(each.name, each.place) for each in told] == [
+        ("twisting_force_x", 0), ("twisting_force_y", 8), ("twisting_force_theta", 16),
+    ]  # fmt: skip
 
 
 def test_gains_that_are_computed_at_export_cannot_be_tuned(export: Export):

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from flexlab.own.declaration import LASTING, OwnLaw
+from flexlab.own.reading import assigned
 from flexlab.text import PARSER, syntax_tree
 
 HEADER = (
@@ -30,6 +31,7 @@ LOADS = ("LOAD_NAME", "LOAD_GLOBAL", "LOAD_FROM_DICT_OR_GLOBALS")
 """Python's instructions that look a name up in the file; the last from Python 3.12 on."""
 
 
+SIZED = (str, list, tuple, dict)
 NUMBERS = "biufc"
 """Kinds of numpy's types that are numbers."""
 DECLARED = (*LASTING, "on_save")
@@ -51,40 +53,39 @@ def class_text(given: type) -> str:
         lines = inspect.findsource(_written_in(given))[0]
     own, first = _lines_of(given, lines)
     text = textwrap.dedent("".join(own))
-    needed, kept, found = _used(_compiled(syntax_tree(text).body)), {}, set()
     nodes = [node for node in syntax_tree("".join(lines)).body if not (_is_main(node) or _runs(node, given.__name__))]
     module, enclosed = vars(sys.modules.get(given.__module__, ModuleType(""))), _enclosed(given)
-    values, written, others = dict[str, str](), _written(nodes, module), list[ast.stmt]()
-    while True:
-        values |= {name: _expression(module[name]) for name in (needed & set(module)) - written - set(values)}
-        open_names = {name for name in needed - set(enclosed) if not values.get(name)}
-        new = [
-            node for node in nodes if node.lineno not in kept and _bound(node) & open_names and not _holds(node, first)
-        ]
-        elsewhere = {} if new else {name: _in_another_cell(name, module, given) for name in sorted(open_names - found)}
-        if not new and not any(elsewhere.values()):
-            break
-        for node in new:
-            kept[node.lineno] = node
-        for rows in elsewhere.values():
-            others[:0] = rows
-        for node in [*new, *(node for rows in elsewhere.values() for node in rows)]:
-            needed |= _used(_compiled([node]))
-            found |= _bound(node)
+    written, defined = _written(nodes, module), dict[str, str]()
+    kept, others, done = dict[int, ast.stmt](), dict[str, None](), set(enclosed)
+    waiting = sorted(_used(_compiled(syntax_tree(text).body)), reverse=True)
+    while waiting:
+        name = waiting.pop()
+        if name in done:
+            continue
+        done.add(name)
+        if name in module and name not in written and (value := _expression(module[name])):
+            defined[name] = f"{name} = {value}"
+            continue
+        here = {node.lineno: node for node in nodes if name in _bound(node) and not _holds(node, first)}
+        elsewhere = [] if here else _in_another_cell(name, module, given)
+        if name in module and not here and not elsewhere:
+            defined[name] = _definition(name, module[name])
+        kept |= here
+        others = dict.fromkeys(map(ast.unparse, elsewhere)) | others
+        for node in (*here.values(), *elsewhere):
+            waiting += sorted(_used(_compiled([node])), reverse=True)
     rows = [""] * len(lines)
     for node in kept.values():
         begin = min([node.lineno, *(one.lineno for one in getattr(node, "decorator_list", ()))]) - 1
         rows[begin : node.end_lineno] = [line.rstrip("\n") for line in lines[begin : node.end_lineno]]
     rows[first - 1 : first - 1 + len(own)] = text.rstrip("\n").split("\n")
     head = [f"from {FUTURE} import annotations"] * any(_is_future(node) for node in nodes)
-    head += [*HEADER, *(f"{name} = {values[name]}" for name in sorted(set(values) - set(enclosed)) if values[name])]
-    head += enclosed.values()
-    head += [_definition(name, module[name]) for name in sorted(open_names - found) if name in module]
+    head += [*HEADER, *enclosed.values(), *(defined[name] for name in sorted(defined))]
     # The head goes into the first line, so that lines keep their numbers, unless that line begins a class or function.
     joint = "; " if 1 in kept and isinstance(kept[1], (ast.Import, ast.ImportFrom, ast.Assign)) else "\n"
     above = "; ".join(part for part in head if part)
     whole = (above + (joint + rows[0] if rows[0] else "") + "\n" + "\n".join(rows[1:])).rstrip("\n") + "\n"
-    whole += "".join(f"\n\n{ast.unparse(node)}\n" for node in others)
+    whole += "".join(f"\n\n{statement}\n" for statement in others)
     return whole + "".join(f"{given.__name__}.{name} = {value}\n" for name, value in _changed(given, text).items())
 
 
@@ -151,17 +152,9 @@ def _changed(given: type, text: str) -> dict[str, str]:
     """Name → present value of the plain attributes of a class that its text does not write out, or that were changed since."""
     body = next(node.body for node in syntax_tree(text).body if isinstance(node, ast.ClassDef))
     literal: dict[str, str] = {}
-    for node in body:
-        target = (
-            node.targets[0]
-            if isinstance(node, ast.Assign)
-            else node.target
-            if isinstance(node, ast.AnnAssign)
-            else None
-        )
-        if isinstance(target, ast.Name) and isinstance(node, (ast.Assign, ast.AnnAssign)) and node.value is not None:
-            with suppress(ValueError):
-                literal[target.id] = _expression(ast.literal_eval(node.value))
+    for name, value in assigned(body):
+        with suppress(ValueError):
+            literal[name] = _expression(ast.literal_eval(value))
     present = {name: _expression(value) for name, value in vars(given).items() if not name.startswith("__")}
     changed = {name: value for name, value in present.items() if value and literal.get(name) != value}
     if lost := sorted(changed.keys() & literal.keys() & set(DECLARED)):
@@ -183,13 +176,7 @@ def _expression(value: Any, room: list[int] | None = None) -> str:
     """Plain data as an expression; empty for anything else, and for more than `MOST_ITEMS`, of which `room` counts the rest."""
     room = [MOST_ITEMS + 1] if room is None else room
     room[0] -= 1
-    size = (
-        value.size
-        if isinstance(value, np.ndarray)
-        else len(value)
-        if isinstance(value, (str, list, tuple, dict))
-        else 0
-    )
+    size = value.size if isinstance(value, np.ndarray) else len(value) if isinstance(value, SIZED) else 0
     if size > room[0] or (type(value) is int and value.bit_length() > LONGEST_INTEGER):
         return ""
     if isinstance(value, np.generic) and value.dtype.kind in NUMBERS:

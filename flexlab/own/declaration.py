@@ -4,12 +4,11 @@ Declarations are read without running the text, so that a menu, a shared scenari
 nobody has allowed to run.
 """
 
-import ast
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from flexlab.own.reading import DeclaredClass, called, is_finite, kind_of
+from flexlab.own.reading import DeclaredClass, is_finite, kind_of
 from flexlab.text import range_text
 
 MOST_SETTINGS, MOST_SIGNALS, MOST_MEMORY = 64, 16, 256
@@ -194,11 +193,9 @@ def read_declaration(source: str, file: str) -> Declaration:
     law = DeclaredClass(source, file, "OwnLaw", "controller.source")
     found: dict[type, list[tuple[str, Any]]] = {Setting: [], Memory: [], OwnSignal: []}
     period, on_save = DEFAULT_PERIOD, OwnLaw.on_save
-    for name, value in law.attributes().items():
-        maker = _MAKERS.get(called(value.func)) if isinstance(value, ast.Call) else None
-        if maker is not None and isinstance(value, ast.Call):
-            made = _checked(law, name, law.made(name, maker, value), value.lineno)
-            found[type(made)].append((name, made))
+    for name, value in law.attributes.items():
+        if made := law.made(name, value, _MAKERS):
+            found[type(made)].append((name, _checked(law, name, made, value.lineno)))
         elif name == "period":
             period = law.number(value, "period", SHORTEST_PERIOD, LONGEST_PERIOD, "s")
         elif name == "on_save":
@@ -212,12 +209,11 @@ def read_declaration(source: str, file: str) -> Declaration:
             )
     if not law.has_method("act"):
         raise law.problem(law.line, f"{law.node.name} has no method act(self, at), which computes the inputs")
-    gains, memories = dict(found[Setting]), dict(found[Memory])
-    law.few("gains", sum(one.size for one in gains.values()), MOST_SETTINGS)
-    law.few("numbers of memory", sum(one.size for one in memories.values()), MOST_MEMORY)
-    law.few("signals", len(found[OwnSignal]), MOST_SIGNALS)
-    kept, signals, goes_on = tuple(memories.items()), tuple(found[OwnSignal]), on_save == ON_SAVE[0]
-    return Declaration(*law.about, law.mistake, tuple(gains.items()), period, goes_on, kept, signals)
+    gains, memories, signals = map(tuple, found.values())
+    law.few("gains", sum(one.size for _, one in gains), MOST_SETTINGS)
+    law.few("numbers of memory", sum(one.size for _, one in memories), MOST_MEMORY)
+    law.few("signals", len(signals), MOST_SIGNALS)
+    return Declaration(*law.about, law.mistake, gains, period, on_save == ON_SAVE[0], memories, signals)
 
 
 def read_path_declaration(source: str, file: str) -> PathDeclaration:
@@ -225,13 +221,12 @@ def read_path_declaration(source: str, file: str) -> PathDeclaration:
     path = DeclaredClass(source, file, "OwnPath", "trajectory.source")
     options: dict[str, Setting] = {}
     lasting = [name for name in LASTING if path.has_method(name)]
-    for name, value in path.attributes().items():
-        is_option = isinstance(value, ast.Call) and called(value.func) == "option"
-        if is_option and isinstance(value, ast.Call):
-            options[name] = _checked_setting(path, name, path.made(name, option, value), value.lineno)
+    for name, value in path.attributes.items():
+        if made := path.made(name, value, {"option": option}):
+            options[name] = _checked_setting(path, name, made, value.lineno)
         if name in LASTING:
             lasting.append(name)
-            if not is_option:
+            if not made:
                 path.number(value, name, SHORTEST, LONGEST, "s")
     if len(set(lasting)) != 1:
         text = f"{path.node.name} says {' and '.join(dict.fromkeys(lasting)) or 'neither duration nor period'}"

@@ -2,7 +2,7 @@
 
 import contextlib
 import re
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -14,7 +14,7 @@ from flexlab.errors import ScenarioError
 from flexlab.files import check_ordinary
 from flexlab.own import hosts
 from flexlab.own.class_text import class_file, class_text
-from flexlab.own.declaration import Declared, OwnLaw, OwnPath, read_declaration, read_path_declaration
+from flexlab.own.declaration import OwnLaw, OwnPath
 from flexlab.own.kinds import OwnKinds, default_source
 from flexlab.own.law import OWN_LAWS
 from flexlab.own.link import address_in, text_of_program
@@ -51,15 +51,9 @@ def files_in(folder: Path) -> list[Path]:
 class OwnFolder(Generic[K]):
     """The files with laws, or with paths."""
 
-    folder: str
-    """Name of the folder among a person's presets and among flexlab's."""
     kinds: OwnKinds[K]
     base: type
     """`OwnLaw` or `OwnPath`."""
-    declared: Callable[[str, str], Declared]
-    """Reads the declaration of (text, file)."""
-    holding: str
-    """Words for what such a file holds, in sentences."""
     example: str
     """The name of a built-in one."""
     _added: set[str] = field(default_factory=set)
@@ -70,12 +64,12 @@ class OwnFolder(Generic[K]):
     @property
     def own(self) -> Path:
         """A person's own folder, relative to the working directory."""
-        return Path("presets") / self.folder
+        return Path("presets") / f"{self.kinds.word}s"
 
     def files(self) -> list[Path]:
         """All files, a person's own first; they replace flexlab's examples of the same name."""
         found: dict[str, Path] = {}
-        for folder in (self.own, presets_folder() / self.folder):
+        for folder in (self.own, presets_folder() / self.own.name):
             for path in files_in(folder):
                 if path.is_file():
                     found.setdefault(path.name, path)
@@ -180,7 +174,7 @@ class OwnFolder(Generic[K]):
                 )
             return with_modules(file.read_text(encoding="utf-8-sig"), file.parent, f"{self.kinds.field}.source")
         except FileNotFoundError:
-            text = f"There is no file {file}: give the path of a Python file with {self.holding}."
+            text = f"There is no file {file}: give the path of a Python file with a {self.kinds.registry.what}."
             raise self._problem("source", text) from None
         except (OSError, ValueError) as error:
             named = "it is not text in UTF-8" if isinstance(error, UnicodeDecodeError) else "no file has such a name"
@@ -203,7 +197,7 @@ class OwnFolder(Generic[K]):
 
     def _declares(self, file: Path, kind: str) -> bool:
         try:
-            return self.declared(self.text(file), file.name).kind == kind
+            return self.kinds.read(self.text(file), file.name, "").kind == kind
         except ScenarioError:
             return False
 
@@ -225,9 +219,9 @@ class OwnFolder(Generic[K]):
             raise self._problem("source", what) from None
 
 
-LAW_FILES = OwnFolder("laws", OWN_LAWS, OwnLaw, read_declaration, "a control law", "pd")
+LAW_FILES = OwnFolder(OWN_LAWS, OwnLaw, "pd")
 law_files, law_kind, add_own_law_file = LAW_FILES.files, LAW_FILES.kind_of, LAW_FILES.add
-PATH_FILES = OwnFolder("paths", OWN_PATHS, OwnPath, read_path_declaration, "a desired motion", "circle")
+PATH_FILES = OwnFolder(OWN_PATHS, OwnPath, "circle")
 path_files, path_kind, add_own_path_file = PATH_FILES.files, PATH_FILES.kind_of, PATH_FILES.add
 
 

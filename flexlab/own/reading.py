@@ -11,7 +11,7 @@ import io
 import operator
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +75,15 @@ def called(node: ast.AST) -> str:
     return node.attr if isinstance(node, ast.Attribute) else node.id if isinstance(node, ast.Name) else ""
 
 
+def assigned(body: Iterable[ast.stmt]) -> Iterator[tuple[str, ast.expr]]:
+    """Name and value of each plain assignment in a class or a file."""
+    for node in body:
+        if isinstance(node, (ast.Assign, ast.AnnAssign)) and node.value is not None:
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            if len(targets) == 1 and isinstance(targets[0], ast.Name):
+                yield targets[0].id, node.value
+
+
 class DeclaredClass:
     """The one class of a text that inherits from `base`, and the constants defined above it."""
 
@@ -107,13 +116,12 @@ class DeclaredClass:
         meaning = visible(" ".join((ast.get_docstring(self.node) or self.node.name).split("\n\n")[0].split()))
         self.about = self.node.name, self.line, meaning
         """Its name, line, and the first paragraph of its docstring."""
+        self.attributes = dict(assigned(self.node.body))
+        """Name → value of its plain attributes; as in Python, the last value counts."""
         self._known: dict[str, Any] = {}
-        for node in tree.body:
-            if isinstance(node, ast.Assign) and len(node.targets) == 1 and isinstance(node.targets[0], ast.Name):
-                try:
-                    self._known[node.targets[0].id] = self.value(node.value)
-                except ScenarioError:
-                    continue
+        for name, value in assigned(tree.body):
+            with contextlib.suppress(ScenarioError):
+                self._known[name] = self.value(value)
 
     def problem(self, line: int, text: str) -> ScenarioError:
         """An error with file and line."""
@@ -122,16 +130,6 @@ class DeclaredClass:
     def note(self, line: int, text: str) -> None:
         """Note a `mistake`: every rule that is younger than recordings is checked this way, so that they still open."""
         self.mistake = self.mistake or f"line {line}: {text}"
-
-    def attributes(self) -> dict[str, ast.expr]:
-        """Name → value of the class's plain attributes; as in Python, the last value counts."""
-        found: dict[str, ast.expr] = {}
-        for node in self.node.body:
-            if isinstance(node, ast.Assign) and len(node.targets) == 1 and isinstance(node.targets[0], ast.Name):
-                found[node.targets[0].id] = node.value
-            elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name) and node.value is not None:
-                found[node.target.id] = node.value
-        return found
 
     def has_method(self, name: str) -> bool:
         """Whether the class defines a method."""
@@ -142,15 +140,17 @@ class DeclaredClass:
         if count > most:
             raise self.problem(self.line, f"{self.node.name} declares {count} {what}: {most} are the most")
 
-    def made(self, name: str, maker: Callable[..., Any], call: ast.Call) -> Any:
-        """The result of a call in the text, where `maker` is the function called."""
+    def made(self, name: str, value: ast.expr, makers: Mapping[str, Callable[..., Any]]) -> Any:
+        """The result of the attribute's `value` if it is a call of one of `makers`, by their names; else None."""
+        if not isinstance(value, ast.Call) or (maker := makers.get(called(value.func))) is None:
+            return None
         try:
-            given = [self.value(item) for item in call.args]
-            named = {item.arg or "**": self.value(item.value) for item in call.keywords}
+            given = [self.value(item) for item in value.args]
+            named = {item.arg or "**": self.value(item.value) for item in value.keywords}
             return maker(*given, **named)
         except TypeError as error:
             text = str(error).replace("()", "(...)")
-            raise self.problem(call.lineno, f"{name}: {text}") from None
+            raise self.problem(value.lineno, f"{name}: {text}") from None
 
     def number(self, node: ast.expr, name: str, low: float, high: float, unit: str) -> float:
         """A number within a range."""

@@ -15,6 +15,7 @@ from flexlab.guide import ClassRules, LessonProgress
 from flexlab.recording.live import LiveHub
 from flexlab.scenario import Scenario
 from flexlab.server.limits import Visitor
+from flexlab.sim.commands import Pause, Play
 from flexlab.sim.samples import Origin
 
 LOOK_AGAIN = 5
@@ -37,11 +38,8 @@ class Choice:
     """Whether the run waits until the visitor presses Play; else it begins when their page is drawn."""
 
 
-@dataclass(frozen=True)
-class Hold:
-    """The teacher's request to pause a lab, or to resume it."""
-
-    playing: bool
+Request = Choice | Play | Pause | ClassRules
+"""What the teacher may ask of a lab: to show a scenario, to resume or pause, or to follow rules."""
 
 
 @dataclass(frozen=True)
@@ -129,8 +127,8 @@ class Lab:
         """Its present state."""
         raise NotImplementedError
 
-    async def ask(self, what: Choice | Hold | ClassRules) -> None:
-        """Carry out the teacher's request: show a scenario, pause, resume, or follow rules."""
+    async def ask(self, what: Request) -> None:
+        """Carry out the teacher's request."""
         raise NotImplementedError
 
 

@@ -19,8 +19,9 @@ from aiohttp import WSMsgType, web
 
 from flexlab.errors import FlexlabError
 from flexlab.guide import ClassRules
-from flexlab.server.labs import Choice, Hold, Lab, LabProvider, LabStatus
+from flexlab.server.labs import Choice, Lab, LabProvider, LabStatus, Request
 from flexlab.server.scenario_links import decode_scenario, encode_scenario
+from flexlab.sim.commands import Pause, Play
 
 REPORTS = "/labs"
 """Path below the service's address to which labs connect."""
@@ -89,7 +90,7 @@ async def _follow(places: LabProvider, order: Order) -> None:
     if order.rules is not None:
         await places.rule(order.rules)
     if order.playing is not None:
-        await place.ask(Hold(order.playing))
+        await place.ask(Play() if order.playing else Pause())
     with contextlib.suppress(FlexlabError):  # A scenario of a later version.
         if order.scenario:
             await place.ask(Choice(await asyncio.to_thread(decode_scenario, order.scenario), order.name))
@@ -119,12 +120,12 @@ class HubLab(Lab):
                 report = msgspec.json.decode(said.data, type=Report)
                 self._status, self.visitors = report.status, report.visitors
 
-    async def ask(self, what: Choice | Hold | ClassRules) -> None:
+    async def ask(self, what: Request) -> None:
         """Pass a request on to the lab, unless it is disconnecting."""
         if isinstance(what, Choice):
             order = Order(await asyncio.to_thread(encode_scenario, what.scenario), what.name)
         else:
-            order = Order(playing=what.playing) if isinstance(what, Hold) else Order(rules=what)
+            order = Order(rules=what) if isinstance(what, ClassRules) else Order(playing=isinstance(what, Play))
         with contextlib.suppress(ConnectionError):
             await self._plug.send_str(msgspec.json.encode(order).decode())
 

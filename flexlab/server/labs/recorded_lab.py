@@ -19,7 +19,7 @@ from flexlab.recording.reader import read_range
 from flexlab.recording.recorder import Recorder
 from flexlab.recording.store.run_index import OPEN_LESSON
 from flexlab.scenario import Scenario
-from flexlab.server.labs import Choice, Hold, Lab, LabProvider, LabStatus, Order
+from flexlab.server.labs import Choice, Lab, LabProvider, LabStatus, Order, Request
 from flexlab.server.limits import Quota, Visitor
 from flexlab.server.scenario_links import encode_scenario, scenario_path
 from flexlab.server.settings import GIGABYTE, MEGABYTE
@@ -180,11 +180,11 @@ class RecordedLab(Lab):
         """Take its visitor's new name."""
         self.name = visitor
 
-    async def ask(self, what: Choice | Hold | ClassRules) -> None:
+    async def ask(self, what: Request) -> None:
         """Carry out the teacher's request."""
         self.carry_out(what)
 
-    def carry_out(self, what: Choice | Hold | ClassRules) -> None:
+    def carry_out(self, what: Request) -> None:
         """As `ask`, without an event loop."""
         lab_state = self._session.lab_state
         if isinstance(what, Choice):
@@ -192,12 +192,9 @@ class RecordedLab(Lab):
             lab_state.say(f"The teacher opened {what.scenario.title or what.name}.")
         elif isinstance(what, ClassRules):
             self._follow(what)
-        elif what.playing and not self._session.runner.snapshot.status.failed:
-            lab_state.submit(Play())
-            lab_state.say("The teacher resumed this lab.")
-        elif not what.playing:
-            lab_state.submit(Pause())
-            lab_state.say("The teacher paused this lab.")
+        elif (paused := isinstance(what, Pause)) or not self._session.runner.snapshot.status.failed:
+            lab_state.submit(what)
+            lab_state.say("The teacher paused this lab." if paused else "The teacher resumed this lab.")
 
     def _follow(self, rules: ClassRules) -> None:
         """Apply new rules; the lab shows the ones in force and says which have ended."""

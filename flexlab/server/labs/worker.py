@@ -10,10 +10,9 @@ from multiprocessing.connection import Connection
 from operator import methodcaller
 
 from flexlab.errors import FlexlabError, LabError, RecordingError
-from flexlab.guide import ClassRules
 from flexlab.own.files import know_own_files
 from flexlab.recording.live import LiveHub, Take
-from flexlab.server.labs import Choice, Hold, Lab, LabStatus, Order
+from flexlab.server.labs import Lab, LabStatus, Order, Request
 from flexlab.server.labs.recorded_lab import RecordedLab
 from flexlab.server.tasks import failures_told_plainly, job_processes, leave_interrupts_to_the_server, start
 
@@ -103,7 +102,7 @@ class PrivateLab(Lab):
         """The worker's last report; before the first one, what it is about to show."""
         return self._status
 
-    async def ask(self, what: Choice | Hold | ClassRules) -> None:
+    async def ask(self, what: Request) -> None:
         """Pass a request on to the worker."""
         await asyncio.to_thread(self.send, methodcaller("carry_out", what))
 

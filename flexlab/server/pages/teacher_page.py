@@ -22,11 +22,12 @@ from flexlab.presets import load_preset, preset_names
 from flexlab.recording.store.notes import read_notes, write_notes
 from flexlab.recording.store.people import names_told_apart
 from flexlab.server.auth import ask_for_token
-from flexlab.server.labs import Choice, Hold, Lab, state_of
+from flexlab.server.labs import Choice, Lab, Request, state_of
 from flexlab.server.labs.recorded_lab import little_space
 from flexlab.server.limits import for_teacher
 from flexlab.server.pages import page
 from flexlab.server.visitors import context_of, form_of, fresh, is_teacher, set_cookie
+from flexlab.sim.commands import Pause, Play
 from flexlab.text import counted
 
 ROUTES = web.RouteTableDef()
@@ -188,13 +189,13 @@ async def send(request: web.Request) -> web.StreamResponse:
 @ROUTES.post("/teacher/pause")
 async def pause(request: web.Request) -> web.StreamResponse:
     """Pause one lab or all."""
-    return _answer(request, f"{_count(await _tell(request, Hold(False)))} paused.")
+    return _answer(request, f"{_count(await _tell(request, Pause()))} paused.")
 
 
 @ROUTES.post("/teacher/resume")
 async def resume(request: web.Request) -> web.StreamResponse:
     """Resume one lab, or all that somebody watches; the others wait until somebody comes back."""
-    watched = await _tell(request, Hold(True), watched=True)
+    watched = await _tell(request, Play(), watched=True)
     places = [place for place in watched if place.status().state != "stopped"]  # A run that failed needs a reset.
     nobody = "Nobody is watching: a lab resumes when somebody comes back to it."
     return _answer(request, f"{_count(places)} running again." if watched else nobody)
@@ -206,7 +207,7 @@ async def _form(request: web.Request) -> Any:
     return await form_of(request)
 
 
-async def _tell(request: web.Request, what: Choice | Hold, watched: bool = False) -> list[Lab]:
+async def _tell(request: web.Request, what: Request, watched: bool = False) -> list[Lab]:
     """Send a request to the lab that the form names, or to all, and return them; `watched`: only labs that somebody watches."""
     lab, places = str((await _form(request)).get("lab", "")), context_of(request).places
     chosen = [place for place in places.running() if place.path == lab or not lab]

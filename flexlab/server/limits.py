@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flexlab.errors import LabError
-from flexlab.files import is_regular
 from flexlab.recording.rerun_internals.rrd_file import has_footer
-from flexlab.recording.store.notes import notes_path, read_notes
-from flexlab.recording.store.run_files import SUFFIX
+from flexlab.recording.store.notes import notes_path
+from flexlab.recording.store.people import owner_of
+from flexlab.recording.store.run_files import list_runs
 from flexlab.server.settings import MEGABYTE
 
 HOUSEHOLD = 64
@@ -169,7 +169,6 @@ class Quota:
     def __init__(self, logs: Path, owner: str, most: float | None, clock: Callable[[], float] = time.monotonic):
         """`owner`: the mark of the visitor's runs. `most`: bytes; no bound if it is None or there is no owner."""
         self._logs, self._owner, self._most, self._clock = logs, owner, most, clock
-        self._owners: dict[Path, str] = {}
         self._finished: set[Path] = set()
         self._looked_at = float("-inf")
         self._known = self._granted = 0.0
@@ -197,13 +196,9 @@ class Quota:
 
     def _taken(self) -> float:
         """The most bytes that the visitor's runs take once all are finished, with their notes."""
-        runs = list(self._logs.glob(f"*{SUFFIX}"))
-        # The owner of a run does not change, but a run that is just being opened has none yet.
-        known = {path: self._owners.get(path) or str(read_notes(path).get("owner", "")) for path in runs}
-        self._owners = {path: owner or ("-" if path in self._owners else "") for path, owner in known.items()}
         total = 0.0
-        for path, owner in known.items():
-            if owner == self._owner and is_regular(path):
+        for path in list_runs(self._logs):
+            if owner_of(path) == self._owner:
                 with contextlib.suppress(OSError):
                     total += self._finished_size(path)
                 with contextlib.suppress(OSError):

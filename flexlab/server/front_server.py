@@ -32,7 +32,6 @@ from flexlab.server.labs import Choice, LabProvider, Order
 from flexlab.server.labs.hub_labs import tell_class
 from flexlab.server.labs.per_visitor import PrivateLabs
 from flexlab.server.labs.recorded_lab import SharedLab
-from flexlab.server.limits import Limit
 from flexlab.server.pages import (
     catalogues,
     compare_page,
@@ -44,14 +43,9 @@ from flexlab.server.pages import (
     study_pages,
     teacher_page,
 )
-from flexlab.server.preset_cards import PresetCards
 from flexlab.server.proxy import inside_connector
-from flexlab.server.run_jobs import MOST_COMPARISONS, MOST_REPLAYS, Measuring
 from flexlab.server.settings import GIGABYTE, Settings, secret_word
-from flexlab.server.studies import MOST_AT_ONCE, MOST_STUDIES
-from flexlab.server.task_book import TaskBook
-from flexlab.server.tasks import Tasks
-from flexlab.server.visitors import CONTEXT, Context, cookie_key, greet
+from flexlab.server.visitors import CONTEXT, Context, greet
 from flexlab.sockets import listen
 
 PREFIX = "flexlab-server-"
@@ -239,30 +233,13 @@ class FrontServer:
         threads = MOST_THREADS + self.settings.max_sessions
         loop.set_default_executor(ThreadPoolExecutor(threads, thread_name_prefix="flexlab-server-thread"))
         async with aiohttp.ClientSession(connector=inside_connector()) as inside:
-            measuring, tasks = Measuring(self.settings.logs), Tasks()
-            beside: list[asyncio.Task[Any]] = [asyncio.create_task(tidy_up(self.settings))]
+            self.context = context = Context(self.settings, self.port, self.places, inside, self.temporary_folder)
+            beside: list[asyncio.Task[Any]] = [
+                asyncio.create_task(tidy_up(self.settings)),
+                asyncio.create_task(asyncio.to_thread(context.preset_cards.read)),
+            ]
             if self.settings.class_service:
                 beside.append(asyncio.create_task(tell_class(self.settings.class_service, self.places)))
-            preset_cards = PresetCards(tasks)
-            beside.append(asyncio.create_task(asyncio.to_thread(preset_cards.read)))
-            # With private labs, recordings need a pass even if the server has no token.
-            is_closed = self.settings.teacher_token is not None or self.settings.private
-            self.context = context = Context(
-                self.settings,
-                self.port,
-                cookie_key(self.settings.logs if is_closed else None),
-                secret_word() if is_closed else None,
-                self.places,
-                inside,
-                measuring,
-                tasks,
-                TaskBook(tasks, self.temporary_folder, MOST_COMPARISONS),
-                TaskBook(tasks, self.temporary_folder, MOST_REPLAYS),
-                TaskBook(tasks, self.temporary_folder, MOST_STUDIES, Limit("studies", *MOST_AT_ONCE), long=True),
-                TaskBook(tasks, self.temporary_folder, leaderboard_page.MOST_BOARDS),
-                self.temporary_folder,
-                preset_cards,
-            )
             runner = web.AppRunner(self._app_of(context), access_log=None, shutdown_timeout=CLOSING_TIME)
             connections: Connections | None = None
             try:
@@ -282,8 +259,7 @@ class FrontServer:
                     await connections.close()
                 # Labs first: their recordings matter more than a visitor's last request.
                 self._last = await self.places.close()
-                measuring.close()
-                tasks.close()
+                context.tasks.close()
                 await runner.cleanup()
 
 

@@ -54,8 +54,6 @@ def inside_connector() -> aiohttp.TCPConnector:
 
 async def proxy_page(request: web.Request, place: Lab, path: str) -> web.StreamResponse:
     """Return the lab's page or another of its files. Raises `BusyError` for one page too many."""
-    if request.method not in ("GET", "HEAD"):
-        raise web.HTTPMethodNotAllowed(request.method, ("GET", "HEAD"))
     if not path:
         # Checked here, because a page without a connection could not say why.
         context_of(request).pages.check(visitor_of(request))

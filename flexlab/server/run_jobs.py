@@ -3,11 +3,11 @@
 When a visitor opens the library, a process at low priority measures runs that have no metrics yet.
 """
 
-import threading
+import asyncio
 import time
 import zipfile
 from collections.abc import Callable, Sequence
-from multiprocessing.process import BaseProcess
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ from flexlab.analysis.metrics.run_metrics import measured
 from flexlab.analysis.replay import replay
 from flexlab.analysis.resume import resume
 from flexlab.analysis.run_summary import note_metrics, note_missing_metrics
-from flexlab.errors import RecordingError
+from flexlab.errors import FlexlabError, RecordingError
 from flexlab.files import is_regular, short_hash
 from flexlab.recording.export import export_recording
 from flexlab.recording.importing import import_into
@@ -30,7 +30,7 @@ from flexlab.scenario.field_text import field_title
 from flexlab.server.labs import Choice
 from flexlab.server.limits import LOOK, LOOK_AGAIN, PER_SECOND, Quota, Visitor
 from flexlab.server.task_book import BAD, GOOD, Outcome, Task, TaskBook
-from flexlab.server.tasks import failures_told_plainly, job_processes, start, work_for_the_server
+from flexlab.server.tasks import Tasks
 from flexlab.sim.pacing import FASTEST
 from flexlab.text import visible
 
@@ -50,8 +50,6 @@ MOST_COMPARISONS = 8
 """Most comparisons that a server keeps: enough to go back and forth."""
 MOST_REPLAYS = 200
 """Most replays that a server keeps."""
-LOW_PRIORITY = 19
-"""Unix niceness of the measuring process, the lowest priority."""
 
 
 class ComparisonTables(NamedTuple):
@@ -218,41 +216,25 @@ def replay_of(book: TaskBook, row: RunRow) -> Task | None:
     return task if known else None
 
 
-@failures_told_plainly()
-def measure(logs: Path) -> None:
-    """The main function of the measuring process."""
-    work_for_the_server(LOW_PRIORITY)
-    note_missing_metrics(logs)
-
-
 class Measuring:
-    """The measuring process of a server; at most one runs at a time."""
+    """The measuring of a server's runs, at most once at a time. For the server's event loop only."""
 
-    def __init__(self, logs: Path):
-        self._logs = logs
-        self._process: BaseProcess | None = None
+    def __init__(self, tasks: Tasks, logs: Path):
+        self._tasks, self._logs = tasks, logs
         self._tried: set[str] = set()
-        self._lock = threading.Lock()
-        """Held by each `look`: two visitors may open the page at once."""
+        self._job: asyncio.Task[None] | None = None
 
     def look(self, rows: Sequence[RunRow]) -> int:
         """Start measuring if there are new runs to measure; return how many runs are still to be measured."""
         missing = {row.id for row in rows if not measured(row.metrics) and row.state in ("complete", "recovered")}
-        with self._lock:
-            if self._process is not None and self._process.is_alive():
-                return len(missing)
+        if self._job is None or self._job.done():
             # A run that could not be measured is not tried again.
             if missing <= self._tried:
                 return 0
             self._tried |= missing
-            self._process = job_processes().Process(
-                target=measure, args=(self._logs,), name="flexlab-measuring", daemon=True
-            )
-            start(self._process)
-            return len(missing)
+            self._job = asyncio.create_task(self._measure())
+        return len(missing)
 
-    def close(self) -> None:
-        """End the process; a later one measures the rest."""
-        if self._process is not None and self._process.is_alive():
-            self._process.terminate()
-            self._process.join()
+    async def _measure(self) -> None:
+        with suppress(FlexlabError, OSError):  # It is ended with the server, or the machine has too much to do.
+            await self._tasks.run_unseen(note_missing_metrics, self._logs)

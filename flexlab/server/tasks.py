@@ -45,8 +45,8 @@ MOST_OF_ONE, MOST_OF_ADDRESS, MOST = 4, 30, 40
 """Most running and waiting tasks: of one visitor, of one address, and of all visitors."""
 MOST_OF_TEACHER = 10
 """Most running and waiting tasks of the teacher, in addition."""
-LOW_PRIORITY = 10
-"""Unix niceness: below the labs, but above work for which nobody waits."""
+LOW_PRIORITY, LOWEST_PRIORITY = 10, 19
+"""Unix niceness of tasks, below the labs, and of work for which nobody waits."""
 MOST_MEMORY = 4_000_000_000
 """Memory that a task may take, bytes: a hostile upload could unpack into any size."""
 LONGEST = 600.0
@@ -157,10 +157,12 @@ Word = float | Done | LabError
 
 
 @failures_told_plainly()
-def carry_out(work: Callable[..., Any], arguments: tuple[Any, ...], own_laws: dict[str, str], pipe: Connection) -> None:
+def carry_out(
+    work: Callable[..., Any], arguments: tuple[Any, ...], niceness: int, own_laws: dict[str, str], pipe: Connection
+) -> None:
     """The main function of a task's process."""
     know_own_files(own_laws)
-    work_for_the_server(LOW_PRIORITY)
+    work_for_the_server(niceness)
     more = {"report": pipe.send} if "report" in inspect.signature(work).parameters else {}
     try:
         word: Done | LabError = Done(work(*arguments, **more))
@@ -268,24 +270,35 @@ class Tasks:
                         f"This task cannot begin ({error.strerror}): this machine has too much to do. Try again later."
                     ) from None
 
-    async def _run(self, work: Callable[..., T], arguments: tuple[Any, ...], on_progress: Callable[[float], None]) -> T:
+    async def run_unseen(self, work: Callable[..., T], *arguments: Any) -> T:
+        """As `run`, for work of the server for which nobody waits: at once and of any length, at the lowest priority."""
+        return await self._run(work, arguments, lambda share: None, LOWEST_PRIORITY, None)
+
+    async def _run(
+        self,
+        work: Callable[..., T],
+        arguments: tuple[Any, ...],
+        on_progress: Callable[[float], None],
+        niceness: int = LOW_PRIORITY,
+        longest: float | None = LONGEST,
+    ) -> T:
         if self._closed:  # Ending the running tasks gives the waiting ones their turn.
             raise LabError(CLOSING)
         context = job_processes()
         pipe, other = context.Pipe(duplex=False)
         process = context.Process(
-            target=carry_out, args=(work, arguments, allowed(), other), name="flexlab-task", daemon=True
+            target=carry_out, args=(work, arguments, niceness, allowed(), other), name="flexlab-task", daemon=True
         )
         # In a thread: large arguments are handed over once the process is up, which takes seconds on a busy machine.
         starting = asyncio.ensure_future(asyncio.to_thread(start, process, other))
         self._processes.add(process)
         try:
             await asyncio.shield(starting)
-            async with asyncio.timeout(LONGEST):
+            async with asyncio.timeout(longest):
                 while isinstance(word := await asyncio.to_thread(_hear, pipe), float):
                     on_progress(word)
         except TimeoutError:
-            raise LabError(f"This takes longer than {LONGEST:g} s: use the command line instead.") from None
+            raise LabError(f"This takes longer than {longest:g} s: use the command line instead.") from None
         finally:
             await asyncio.wait([starting])
             if starting.exception() is None:

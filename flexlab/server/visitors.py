@@ -9,7 +9,7 @@ import secrets
 import unicodedata
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from email.message import Message
 from itertools import islice
 from pathlib import Path
@@ -28,8 +28,9 @@ from flexlab.server.connections import Handler
 from flexlab.server.labs import LabProvider
 from flexlab.server.limits import Guesses, Limit, Visitor, network_of
 from flexlab.server.preset_cards import PresetCards
-from flexlab.server.run_jobs import Measuring
+from flexlab.server.run_jobs import MOST_COMPARISONS, MOST_REPLAYS, Measuring
 from flexlab.server.settings import Settings, secret_word
+from flexlab.server.studies import MOST_AT_ONCE, MOST_STUDIES
 from flexlab.server.task_book import IDLE, Task, TaskBook
 from flexlab.server.tasks import Tasks
 from flexlab.text import visible
@@ -40,6 +41,8 @@ MOST_VIEWERS = 4, 40, 48, 4
 """Most viewers of live data: each takes as much bandwidth as a film, and a class behind one address has one each."""
 MOST_FILES = 2, 30, 40, 4
 """Most files in transfer: a class behind one address asks for one each at once. `claimed` bounds their bytes."""
+MOST_BOARDS = 4
+"""Most tasks of the leaderboard that a server keeps: the newest computation and the figures of the newest tables."""
 SIGNATURE = 40
 """Hexadecimal digits of a signature in a cookie."""
 KEY_FILE = ".flexlab-cookie-key"
@@ -59,38 +62,38 @@ LONGEST_COOKIE = 500
 """Most characters of a name as its cookie holds it."""
 
 
-@dataclass(frozen=True)
 class Context:
     """What the pages of one server share."""
 
-    settings: Settings
-    port: int
-    """The public port that it listens on."""
-    cookie_key: bytes
-    """The key that signs cookies; the same for every server of these logs, so that a restart signs nobody out."""
-    pass_key: str | None
-    """The key that makes passes to single recordings; None if they need none."""
-    places: LabProvider
-    inside: aiohttp.ClientSession
-    """The HTTP client for the labs on loopback."""
-    measuring: Measuring
-    tasks: Tasks
-    comparisons: TaskBook
-    replays: TaskBook
-    studies: TaskBook
-    boards: TaskBook
-    """The leaderboard's tables and figures."""
-    temporary_folder: Path
-    """Folder for temporary files, removed when the server closes."""
-    preset_cards: PresetCards
-    guesses: Guesses = field(default_factory=Guesses)
-    """Recent wrong tokens."""
-    pages: Limit = field(default_factory=lambda: Limit("open pages of labs", *MOST_PAGES))
-    viewers: Limit = field(default_factory=lambda: Limit("viewers of live data", *MOST_VIEWERS))
-    files: Limit = field(default_factory=lambda: Limit("files on their way", *MOST_FILES))
-    """Uploads, exports and archives, which take disk space until they are transferred."""
-    claimed: dict[Path, int] = field(default_factory=dict[Path, int])
-    """Folder of a file in transfer → bytes that it may take."""
+    def __init__(self, settings: Settings, port: int, places: LabProvider, inside: aiohttp.ClientSession, folder: Path):
+        """`port`: the public port; `inside`: the HTTP client for the labs on loopback.
+
+        `folder`: for temporary files, removed when the server closes.
+        """
+        self.settings, self.port, self.places, self.inside = settings, port, places, inside
+        self.temporary_folder = folder
+        # With private labs, recordings need a pass even if the server has no token.
+        is_closed = settings.teacher_token is not None or settings.private
+        self.cookie_key = cookie_key(settings.logs if is_closed else None)
+        """The key that signs cookies; the same for every server of these logs, so that a restart signs nobody out."""
+        self.pass_key = secret_word() if is_closed else None
+        """The key that makes passes to single recordings; None if they need none."""
+        self.tasks = Tasks()
+        self.measuring = Measuring(self.tasks, settings.logs)
+        self.preset_cards = PresetCards(self.tasks)
+        self.comparisons = TaskBook(self.tasks, folder, MOST_COMPARISONS)
+        self.replays = TaskBook(self.tasks, folder, MOST_REPLAYS)
+        self.studies = TaskBook(self.tasks, folder, MOST_STUDIES, Limit("studies", *MOST_AT_ONCE), long=True)
+        self.boards = TaskBook(self.tasks, folder, MOST_BOARDS)
+        """The leaderboard's tables and figures."""
+        self.guesses = Guesses()
+        """Recent wrong tokens."""
+        self.pages = Limit("open pages of labs", *MOST_PAGES)
+        self.viewers = Limit("viewers of live data", *MOST_VIEWERS)
+        self.files = Limit("files on their way", *MOST_FILES)
+        """Uploads, exports and archives, which take disk space until they are transferred."""
+        self.claimed: dict[Path, int] = {}
+        """Folder of a file in transfer → bytes that it may take."""
 
     @property
     def is_open(self) -> bool:

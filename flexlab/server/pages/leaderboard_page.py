@@ -22,8 +22,6 @@ from flexlab.server.visitors import Context, context_of, told, visitor_of
 
 ROUTES = web.RouteTableDef()
 
-MOST_BOARDS = 4
-"""Most tasks that a server keeps: the newest computation and the figures of the newest tables."""
 PLACE = "/leaderboard"
 TABLE = "table"
 """Key of the computing task; a drawing task has the table's digest as its key."""

@@ -195,7 +195,7 @@ async def library(request: web.Request) -> web.Response:
         "Runs",
         here="/runs",
         kind="wide" if rows else "text",
-        missing=await asyncio.to_thread(context.measuring.look, rows) if rows else 0,
+        missing=context.measuring.look(rows) if rows else 0,
         folder=context.settings.logs,
         unreadable="" if rows else await asyncio.to_thread(unreadable, context.settings.logs),
         little=await asyncio.to_thread(little_space, context.settings.logs),

@@ -195,13 +195,11 @@ async def table(request: web.Request) -> web.StreamResponse:
     return file_answer(path, path.name)
 
 
-@ROUTES.get("/studies/{study}/cells/{cell}")
+@ROUTES.get("/studies/{study}/cells/{cell:[0-9]{1,8}}")
 async def cell(request: web.Request) -> web.StreamResponse:
     """Open the scenario of a map's cell in the lab."""
-    number = request.match_info["cell"]
-    is_number = number.isascii() and number.isdecimal() and len(number) < 9
     try:
-        scenario = _task(request).about.study.cell_scenario(int(number) if is_number else -1)
+        scenario = _task(request).about.study.cell_scenario(int(request.match_info["cell"]))
     except FlexlabError as error:
         return message("No such cell", str(error), 404, ALL_STUDIES)
     return await enter_by_link(request, Choice(scenario, LINKED, stands=True))

@@ -4,7 +4,6 @@ import asyncio
 import contextlib
 import hashlib
 import ipaddress
-import re
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Generator
@@ -35,7 +34,6 @@ PER_SECOND = 0.6 * MEGABYTE
 """Approximate bytes of a simulated second of the paper's run."""
 INDEX, INDEX_SHARE = 160_000, 0.01
 """The most that a recording grows when it is finished, bytes and share of its size: 136 kB and 0.5 kB per written block."""
-_TAKEN = re.compile(r"Your runs take (\d+) MB of the (\d+) MB ")
 
 
 class BusyError(LabError):
@@ -154,13 +152,10 @@ class Guesses:
 
 def for_teacher(problem: str) -> str:
     """Reword for the teacher why a visitor's lab does not record: a quota's advice is meant for the visitor."""
-    found = _TAKEN.match(problem)
-    if found is None:
+    taken, of_visitor, _ = problem.partition(" that each visitor has")
+    if not of_visitor:
         return problem
-    return (
-        f"Their runs take {found[1]} MB of the {found[2]} MB that each visitor has: nothing more is recorded until "
-        "some are deleted."
-    )
+    return f"{taken.replace('Your', 'Their', 1)}{of_visitor}: nothing more is recorded until some are deleted."
 
 
 class Quota:

@@ -24,6 +24,7 @@ from flexlab.assets import web_assets_folder
 from flexlab.errors import FlexlabError, LabError
 from flexlab.files import HAS_LOCKS, check_ordinary, lock
 from flexlab.recording.store.run_files import check_folder, removable_runs, remove_run
+from flexlab.registry import modules_in
 from flexlab.scenario import Scenario
 from flexlab.server.auth import LARGEST_BODY, LIVE, add_headers, answer_in_sentences, check, recording_address
 from flexlab.server.base_url import put_before, take_off
@@ -32,17 +33,8 @@ from flexlab.server.labs import Choice, LabProvider, Order
 from flexlab.server.labs.hub_labs import tell_class
 from flexlab.server.labs.per_visitor import PrivateLabs
 from flexlab.server.labs.recorded_lab import SharedLab
-from flexlab.server.pages import (
-    catalogues,
-    compare_page,
-    lab_pages,
-    leaderboard_page,
-    run_actions,
-    runs_pages,
-    start_page,
-    study_pages,
-    teacher_page,
-)
+from flexlab.server.pages import DRAWING_POLICY, catalogues
+from flexlab.server.pages.teacher_page import kept_rules
 from flexlab.server.proxy import inside_connector
 from flexlab.server.settings import GIGABYTE, Settings, secret_word
 from flexlab.server.visitors import CONTEXT, Context, greet
@@ -103,10 +95,8 @@ STATIC = Path(__file__).resolve().parent / "static"
 """Style sheet, scripts and the icon of the server's pages."""
 FILES = web.RouteTableDef()
 """Routes of the style sheet, the scripts, the language catalogues and the icon."""
-STATIC_POLICY = "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'self'"
-_PAGES = start_page, lab_pages, compare_page, leaderboard_page, run_actions, teacher_page, runs_pages, study_pages
-ROUTES = [route for each in _PAGES for route in each.ROUTES]
-"""Routes of all pages."""
+ROUTES = [route for pages in modules_in("flexlab.server.pages") for route in pages.ROUTES]
+"""Routes of all pages; of two that match an address, the first one counts."""
 
 
 def build_app(context: Context, guard: Any = check, routes: Sequence[web.AbstractRouteDef] = ROUTES) -> web.Application:
@@ -129,7 +119,7 @@ async def _static(request: web.Request) -> web.StreamResponse:
     names = await asyncio.to_thread(lambda: {path.name: path for path in (*STATIC.iterdir(), *catalogues().values())})
     if request.match_info["name"] not in names:
         raise web.HTTPNotFound
-    headers = {"Cache-Control": "no-cache", "Content-Security-Policy": STATIC_POLICY}
+    headers = {"Cache-Control": "no-cache", "Content-Security-Policy": DRAWING_POLICY}
     return web.FileResponse(names[request.match_info["name"]], headers=headers)
 
 
@@ -248,7 +238,7 @@ class FrontServer:
                 if self.settings.base_url:
                     runner.server.request_factory = take_off(self.settings.base_url, runner.server.request_factory)
                 if self.settings.resumes_class:
-                    await self.places.rule(await asyncio.to_thread(teacher_page.kept_rules, self.settings.logs))
+                    await self.places.rule(await asyncio.to_thread(kept_rules, self.settings.logs))
                 connections = Connections(self._plug, runner.server)
                 self._opened.set_result(None)
                 await closing.wait()

@@ -106,6 +106,8 @@ PAGE_POLICY = (
     "frame-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'self'"
 )
 """The server's own pages load from this address only and run no inline scripts."""
+DRAWING_POLICY = "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'self'"
+"""Drawings, and the files that pages load, load nothing themselves."""
 
 
 def page(

@@ -16,7 +16,7 @@ from flexlab.analysis.leaderboard.report import page_figure, page_values
 from flexlab.analysis.leaderboard.store import FOLDER, RowStore, engine, shipped_rows
 from flexlab.errors import FlexlabError
 from flexlab.files import short_hash
-from flexlab.server.pages import page
+from flexlab.server.pages import DRAWING_POLICY, page
 from flexlab.server.task_book import IDLE, Outcome
 from flexlab.server.visitors import Context, context_of, told, visitor_of
 
@@ -25,7 +25,6 @@ ROUTES = web.RouteTableDef()
 PLACE = "/leaderboard"
 TABLE = "table"
 """Key of the computing task; a drawing task has the table's digest as its key."""
-DRAWING_POLICY = "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'self'"
 
 
 def newest_board(folder: Path) -> tuple[Leaderboard, str]:

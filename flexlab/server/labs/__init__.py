@@ -123,9 +123,12 @@ class Lab:
     port: int = 0
     """Port of its own server on loopback; 0 until it listens."""
 
+    _status: LabStatus
+    """The last report of a lab in another process; before the first one, what it is about to show."""
+
     def status(self) -> LabStatus:
-        """Its present state."""
-        raise NotImplementedError
+        """Its present state, as far as is known."""
+        return self._status
 
     async def ask(self, what: Request) -> None:
         """Carry out the teacher's request."""

@@ -107,10 +107,6 @@ class HubLab(Lab):
         self._plug = plug
         self._status = LabStatus("", "", 0.0, "starting", "", None, "")
 
-    def status(self) -> LabStatus:
-        """Its last report."""
-        return self._status
-
     async def follow_reports(self) -> None:
         """Take its reports until it disconnects or sends something else."""
         with contextlib.suppress(msgspec.MsgspecError):

@@ -98,10 +98,6 @@ class PrivateLab(Lab):
         self._listener = threading.Thread(target=self._listen, name="flexlab-worker", daemon=True)
         self._listener.start()
 
-    def status(self) -> LabStatus:
-        """The worker's last report; before the first one, what it is about to show."""
-        return self._status
-
     async def ask(self, what: Request) -> None:
         """Pass a request on to the worker."""
         await asyncio.to_thread(self.send, methodcaller("carry_out", what))

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
+from flexlab.analysis.modes import MEMORY, ON_THEIR_WAY, POSE
 from flexlab.errors import LabError
 from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
@@ -133,6 +134,11 @@ def test_a_refused_name_is_refused_in_the_visitors_language(code: str, name: str
     with pytest.raises(LabError) as caught:
         checked_name(name)
     assert {"This is not a name", str(caught.value)} <= set(read_catalogue(catalogues()[code]))
+
+
+@pytest.mark.parametrize("code", COMPLETE)
+def test_the_origins_of_poles_are_translated(code: str) -> None:
+    assert {POSE, MEMORY, ON_THEIR_WAY} <= set(read_catalogue(catalogues()[code]))
 
 
 SHOWN = """lab server scenario own guide.py presets.py analysis/explanations analysis/identification/free_ring.py

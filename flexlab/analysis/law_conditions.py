@@ -28,7 +28,9 @@ def conditions_in(around: Circumstances) -> tuple[Condition, ...]:
     law = law_of(around.scenario.controller)
     if not law.drives or not len(around.path):
         return ()
-    return *law.conditions(around), slower_than_the_beam(around), *sampled_in_time(around)
+    stated = around.fastest_rate > 0  # Laws in Python state no rate.
+    of_rates = (slower_than_the_beam(around), *sampled_in_time(around)) if stated else ()
+    return *law.conditions(around), *of_rates
 
 
 def circumstances(scenario: Scenario) -> Circumstances:

@@ -1,10 +1,13 @@
 """Conditions of the laws: their sentences state the right numbers, and runs do what they predict."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
+from own_law_text import PD
 
+import flexlab
 from flexlab.analysis.law_conditions import circumstances, law_conditions
 from flexlab.analysis.modes import modes
 from flexlab.control.law import laws
@@ -116,6 +119,13 @@ def test_every_law_says_what_it_needs_and_the_panel_shows_it(kind: str):
     assert (len(study.conditions) > 0) == laws()[kind].drives
     assert "nan" not in text
     assert not re.search(r"\d (N|1/s|Hz)\b", text), "no line breaks between a number and its unit"
+
+
+def test_a_law_in_python_states_no_rate_and_no_condition_on_it(tmp_path: Path):
+    """The lab said that the loop moves at 0 1/s and meets both conditions."""
+    (tmp_path / "own_pd.py").write_text(PD, encoding="utf-8")
+    run = flexlab.simulate("paper", 0.01, law=tmp_path / "own_pd.py")
+    assert law_conditions(run.scenario) == ()
 
 
 def test_the_plot_of_the_internal_force_shows_the_wanted_one():

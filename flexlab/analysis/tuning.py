@@ -55,6 +55,13 @@ class Cost:
         """All metrics with a weight or a limit."""
         return tuple(dict.fromkeys((*self.weights, *self.limits)))
 
+    def traded(self, *wanted: str) -> list[str]:
+        """The two metrics of a trade-off: the `wanted` ones, then those of the cost, then usual ones. Raises `StudyError`."""
+        found: dict[str, str] = {}
+        for name in (*wanted, *self.names, "rms_error.y", "rms_internal_force"):
+            found.setdefault(named(name).name, name)
+        return list(found.values())[:2]
+
     def of(self, metrics: RunMetrics | None) -> float:
         """The weighted sum of metrics, whatever the limits; NaN for None, a failed run, and if a metric has no value."""
         if metrics is None or self.lacks(metrics):
@@ -238,9 +245,7 @@ class Tuning(Result):
 
     def plot(self, first: str = "", second: str = "") -> "Figure":
         """The trade-off between two metrics among all candidates; by default the first two of the cost. Raises `StudyError`."""
-        wanted = [named(name).name for name in (first, second) if not isinstance(name, str) or name]
-        names = [*wanted, *self.cost.names, "rms_error.y", "rms_internal_force"]
-        first, second = list(dict.fromkeys(names))[:2]
+        first, second = self.cost.traded(*(named(name).name for name in (first, second) if name != ""))
         found = [candidate.metrics for candidate in self.candidates if candidate.metrics is not None]
         x, y = (np.array([metrics[name] for metrics in found]) for name in (first, second))
         with style():

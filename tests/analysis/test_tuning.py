@@ -124,6 +124,19 @@ def test_a_metric_called_cost_leaves_the_column_of_the_cost_alone():
         forget("cost")
 
 
+@pytest.mark.parametrize(
+    ("cost", "limits", "traded"),
+    [
+        ("rms-y", (), ["rms-y", "rms_internal_force"]),
+        ("force", (), ["force", "rms_error.y"]),
+        ("rms-y", "torque=600", ["rms-y", "torque"]),
+    ],
+)
+def test_the_trade_off_is_between_two_metrics(cost: str, limits: str, traded: list[str]):
+    """By its earlier name a metric was drawn over itself, and the page Studies left out the limited one."""
+    assert parse_cost(cost, limits).traded() == traded
+
+
 def test_the_trade_off_has_no_settling_time_of_a_run_that_has_not_settled():
     """Those runs stood at ten times their length."""
     drawn = tune(PAPER, GAIN, parse_cost("settling_time"), duration=0.05, candidates=8).plot(

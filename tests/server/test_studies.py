@@ -215,6 +215,7 @@ def test_a_tuning_shows_before_and_after_and_leads_to_the_lab(server: FrontServe
     found = json.loads(ask(server.url, f"{address}/data").text)
     assert len(found["points"]) >= 16
     assert found["after"][0] < found["before"][0]
+    assert found["titles"] == ["RMS error y (mm)", "Peak joint torque (N·m)"]
     before, after = (f">{number_text(found[when][0])}<" for when in ("before", "after"))
     assert 0 < page.find(before) < page.find(after)
 

@@ -29,8 +29,6 @@ from flexlab.server.task_book import Outcome, Task
 from flexlab.text import number_text
 
 FEWEST_CANDIDATES, MOST_CANDIDATES = 16, 400
-FORCE = "force"
-"""The metric over which the trade-off is drawn."""
 
 
 @dataclass
@@ -89,7 +87,7 @@ class TuningStudy(Study):
         tuned: Tuning | None = task.result
         if tuned is None:
             return None
-        columns = [named(name).column for name in (self.cost.names[0], FORCE)]
+        columns = [named(name).column for name in self.cost.traded()]
 
         def point(candidate: Candidate) -> tuple[float, ...] | None:
             if candidate.metrics is None:

@@ -68,14 +68,16 @@
   const matters = ({ type, target, attributeName, oldValue, addedNodes, removedNodes }) => type === "attributes"
     ? target.getAttribute(attributeName) !== oldValue
     : [...addedNodes].some(isPart) || [...removedNodes].some(isPart);
+  // What floats over the picture would stand in the panel until the next round, and move the buttons there.
+  const floats = ({ target, addedNodes }) => addedNodes.length > 0 && target.querySelector(":scope > div > .fl-scrub") !== null;
   const WATCHED = { subtree: true, childList: true, attributes: true, attributeFilter: STATES, attributeOldValue: true };
 
   window.flexlabAsked = asked;
   addEventListener("DOMContentLoaded", () => {
     for (const sheet of document.styleSheets) if (sheet.ownerNode?.textContent.includes(".fl-unseen")) takeOver(sheet.cssRules);
     new MutationObserver((changes) => {
-      if (due || !changes.some(matters)) return;
-      const left = next - performance.now();
+      const mattering = changes.filter(matters), left = mattering.some(floats) ? 0 : next - performance.now();
+      if (mattering.length === 0 || (due && left > 0)) return;
       if (left <= 0) ask(); // before the change is drawn
       else [due] = [true, setTimeout(ask, left)];
     }).observe(document.documentElement, WATCHED);

@@ -7,6 +7,7 @@ import pytest
 from lab_page import READY, LabPage, wait_until
 from playwright.sync_api import Browser
 
+from flexlab.lab.lab_state import Outside
 from flexlab.lab.session import Session
 from flexlab.presets import load_preset
 
@@ -26,6 +27,18 @@ LAID_OUT_ANEW = """() => { // [the parts whose box differs by the sheet itself, 
   return [boxes().filter((box, index) => box !== marked[index]), parts.length]; }"""
 MARKED = """() => window.flexlabAsked.map(({ selector, marked }) =>
   [selector, marked.size, [...document.querySelectorAll(selector)].filter((part) => marked.has(part)).length])"""
+
+FLOATS_AT_ONCE = """async () => {
+  const words = document.querySelector('.fl-scrub').parentElement, bar = words.nextElementSibling, copy = bar.cloneNode(true);
+  for (const part of [copy, ...copy.querySelectorAll('*')]) part.removeAttribute('data-fl-rule');
+  document.body.append(Object.assign(document.createElement('button'), { id: 'new' })); // begins a round or waits for one
+  await null;
+  bar.replaceWith(copy);
+  await null;
+  const found = getComputedStyle(copy).position;
+  copy.replaceWith(bar);
+  document.getElementById('new').remove();
+  return found; }"""
 
 ASKED_IN_A_WHILE = """() => new Promise((done) => {
   let count = 0;
@@ -52,6 +65,24 @@ def test_a_run_waits_for_its_picture_and_then_begins_by_itself(chromium: Browser
             page.press("Play from t = 0 s")
             wait_until(lambda: float(page.snapshot.latest.time[0]) > 0.1, "the big button plays")
             assert not page.errors
+
+
+def test_the_buttons_stay_where_they_are_when_the_rate_of_recording_is_known(page: LabPage) -> None:
+    """The rate, which is known a few seconds after a start and gone after a pause, took a second line."""
+    heights = []
+    for said in ("Recording to 2026-11-30T09-00-29-paper.rrd", "Recording to 2026-11-30T09-00-29-paper.rrd, 38 MB/min"):
+        page.session.lab_state.outside = Outside(recording=lambda said=said: said)
+        page.wait_for_text(said)
+        box = page.page.get_by_role("button", name="Pause", exact=True).bounding_box()
+        heights.append(box and box["y"])
+    page.session.lab_state.outside = Outside()
+    assert heights[0] == heights[1]
+
+
+def test_the_bar_that_looks_back_appears_in_the_picture(page: LabPage) -> None:
+    """It appeared at the head of the panel, which it moved for a fraction of a second, until the next round of `structure.js`."""
+    wait_until(lambda: page.page.get_by_role("slider", name="Look back").count(), "there is something to look back at")
+    assert page.page.evaluate(FLOATS_AT_ONCE) == "fixed"
 
 
 def test_charts_of_a_tab_keep_one_time_axis_and_grow_finer_where_they_are_zoomed(page: LabPage) -> None:

@@ -302,7 +302,7 @@ def tune(
         change_settings(scenario, dict(zip((axis.path for axis in robust), values, strict=True)))
         for values in product(*(axis.values for axis in robust))
     ]
-    tried = [_try(variants, cost, duration, {})]
+    tried = [tried_in(variants, cost, duration, {})]
     if tried[0].metrics is None and not any(axis.path.startswith("controller") for axis in axes):
         raise StudyError(f"The scenario fails as it is: {tried[0].reason}")
 
@@ -318,7 +318,7 @@ def tune(
                 for shares in every[: candidates - len(tried)]
             ]
             first, found = len(tried), dict[int, Candidate]()
-            for number, candidate in run(partial(_try, variants, cost, duration), changes):
+            for number, candidate in run(partial(tried_in, variants, cost, duration), changes):
                 found[number] = candidate
                 told(first + len(found), candidates)
             tried.extend(found[number] for number in range(len(changes)))
@@ -344,7 +344,8 @@ def _told(value: float) -> float | None:
     return None if math.isnan(value) else value
 
 
-def _try(variants: Sequence[Scenario], cost: Cost, duration: float, changes: dict[str, Any]) -> Candidate:
+def tried_in(variants: Sequence[Scenario], cost: Cost, duration: float, changes: dict[str, Any]) -> Candidate:
+    """The candidate with these changes, as it does in the worst of several scenarios."""
     found: list[Candidate] = []
     for variant in variants:
         run = measured(variant, changes, duration, TICK)

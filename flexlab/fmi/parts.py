@@ -159,10 +159,10 @@ def _world(motion: Motion, about: str, called: list[Called]) -> Part:
         assembly.step_count, motion.y, good, motion.workspace, rows, False,
     )  # fmt: skip
     arguments = _named(advance, values)
-    felt = _sensors(motion)[6:]
+    felt = law_sensors(motion)[6:]
     state = {"row": row, "sensors": felt, **_of_control(motion)}
     if not is_plant and system.control.sampled:
-        _before_acting(motion)
+        before_acting(motion)
     scratch = {"good": good, "rows": rows, **arrays_of(motion.workspace)}
     memory = lay_out(arguments, state, scratch, *schemes_of(assembly))
     variables = sample_variables(scenario, row, memory.places["row"], not is_plant)
@@ -215,11 +215,11 @@ def _named(kernel: Any, values: tuple[Any, ...]) -> dict[str, Any]:
 
 def _law(motion: Motion) -> Part:
     """Law and path; the law acts at the start and at each of its instants."""
-    called, felt = _law_and_path(motion, _path(motion), with_rate=False), _sensors(motion)
+    called, felt = _law_and_path(motion, _path(motion), with_rate=False), law_sensors(motion)
     assembly, scenario, y = motion.assembly, motion.scenario, motion.y
     control = assembly.system.control._replace(fastest_rate=0)
     system, sampling = assembly.system._replace(control=control), assembly.sampling._replace(kernel=0)
-    _before_acting(motion)
+    before_acting(motion)
     values = (system, sampling, 0, 0.0, felt, y, motion.workspace)
     arguments = _named(answer_sensors, values)
     now = motion.workspace.measured
@@ -240,7 +240,7 @@ def _law(motion: Motion) -> Part:
 PARTS = {"plant": _plant, "law": _law, "loop": _loop, "follower": _follower}
 
 
-def _before_acting(motion: Motion) -> None:
+def before_acting(motion: Motion) -> None:
     """Undo a sampled law's action in `begin_motion`: a unit's law acts when the unit begins, with its parameters at that time."""
     system, sampling, y = motion.assembly.system, motion.assembly.sampling, motion.y
     system.held_torque[:] = sampling.line[:] = 0.0
@@ -282,7 +282,7 @@ def _of_control(motion: Motion) -> dict[str, np.ndarray]:
     }
 
 
-def _sensors(motion: Motion) -> np.ndarray:
+def law_sensors(motion: Motion) -> np.ndarray:
     """A law's measurement at this instant, as `answer_sensors` takes it, without noise."""
     y, ws, n = motion.y, motion.workspace, len(motion.assembly.beam.modes.omega)
     observe(motion, np.zeros(motion.row_length))

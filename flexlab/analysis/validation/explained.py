@@ -26,6 +26,7 @@ from flexlab.analysis.validation.check import (
 from flexlab.analysis.validation.mass_points import MassPoints
 from flexlab.analysis.validation.paper import desired, loop_pole
 from flexlab.analysis.validation.sampled_loop import GROWTH
+from flexlab.analysis.validation.sampled_sentences import sampled_sentences
 from flexlab.presets import load_preset
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Run, Samples
@@ -65,6 +66,7 @@ PRESSED = {
 @subject("Sentences on a run", 21)
 def sentences(runs: Runs) -> Iterator[Check]:
     """Ring, start and error of the paper's run, error of PD, a wrong payload, weight and load share."""
+    yield from sampled_sentences(runs)
     yield from _of_the_papers_run(runs.paper)
     yield from _in_lessons(runs.paper)
     yield from _out_of_reach()

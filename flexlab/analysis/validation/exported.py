@@ -1,4 +1,4 @@
-"""What flexlab hands to other programs and prints: rigid bodies, tables and the paper's figures."""
+"""What flexlab hands to other programs and prints: rigid bodies and the paper's figures."""
 
 import re
 from collections.abc import Iterator
@@ -10,13 +10,12 @@ from scipy.linalg import eigh, null_space
 
 from flexlab.analysis.figures import FIGURES
 from flexlab.analysis.validation.beam import EI, LENGTH, RHO
-from flexlab.analysis.validation.check import UNEQUAL, Check, Runs, alike, below, close, subject, true
-from flexlab.analysis.validation.linear_models import SCALES
+from flexlab.analysis.validation.check import UNEQUAL, Check, Runs, alike, below, close, subject
+from flexlab.analysis.validation.handed_out import SCALES
 from flexlab.analysis.validation.mass_points import MassPoints
 from flexlab.multibody.bodies import make_bodies
 from flexlab.multibody.formats import mjcf_text, urdf_text
 from flexlab.presets import load_preset
-from flexlab.recording.table_columns import table_columns, to_columns
 
 POSE, RATE = np.array([0.06, 0.83, 0.21]), np.array([0.9, -0.7, 1.6])
 """Pose and its rate, with which exported bodies start."""
@@ -24,9 +23,9 @@ RATIO, VISCOUS, COULOMB, LIMIT = 0.03, (5.0, 4.0, 2.0), (8.0, 6.0, 3.0), (300.0,
 """Damping ratio of their beam; friction of their joints, N·m·s/rad and N·m, and torque limits, N·m."""
 
 
-@subject("Exported bodies, tables and figures", 22)
+@subject("Exported bodies and figures", 22)
 def exported(runs: Runs) -> Iterator[Check]:
-    """Energies and bending of bodies as their files tell them, columns of a table, curves of the paper's figures."""
+    """Energies and bending of bodies as their files tell them, and curves of the paper's figures."""
     scenario = load_preset("paper").replace(
         {
             **UNEQUAL,
@@ -48,7 +47,7 @@ def exported(runs: Runs) -> Iterator[Check]:
         ("URDF", _parts_of_urdf(ElementTree.fromstring(urdf_text(bodies, "paper")))),
     ):
         yield from _in_motion(words, parts, state, points)
-        yield from _bending(words, parts)
+        yield from _bending(words, parts, bodies.about())
         told = [parts[f"right_link_{k + 1}"].joint[1:4] for k in range(3)]
         exact = list(zip(VISCOUS, COULOMB, LIMIT, strict=True))
         yield alike(f"{words}: friction and torque limits of the joints: relative error", 1e-12, told, exact)
@@ -60,7 +59,6 @@ def exported(runs: Runs) -> Iterator[Check]:
         ("option", "gravity", 2), ("worldbody/body", "euler", 0),
     ))  # fmt: skip
     yield close("MuJoCo: weight along -y of the plane", 9.81, -down * np.sin(roll), "m/s²", relative=1e-12)
-    yield from _tables(runs)
     yield from _figures(runs)
 
 
@@ -170,8 +168,8 @@ def _moved(at: np.ndarray, by: np.ndarray) -> np.ndarray:
     return at + [[x, y, 0.0], [-spin * y, spin * x, 0.0]]
 
 
-def _bending(words: str, parts: Parts) -> Iterator[Check]:
-    """Frequency and damping of the beam's pieces on two pins."""
+def _bending(words: str, parts: Parts, note: str) -> Iterator[Check]:
+    """Frequency and damping of the beam's pieces on two pins, which the file's `note` tells."""
     beam = [part for name, part in parts.items() if re.fullmatch(r"beam_\d+", name)]
     mass, center, inertia = np.array([part.inertial for part in beam]).T
     length = 2 * center
@@ -185,25 +183,10 @@ def _bending(words: str, parts: Parts) -> Iterator[Check]:
     omega, v = np.sqrt(square[0]), held @ V[:, 0]
     exact = (np.pi / LENGTH) ** 2 * np.sqrt(EI / RHO)
     yield close(f"{words}: first frequency of the beam's pieces on two pins", exact, omega, "rad/s", relative=1e-3)
+    told = [float(each) for each in re.findall(r"([\d.]+) Hz", note)]
+    hertz = np.array([omega, exact]) / (2 * np.pi)
+    yield alike(f"{words}: frequencies of pieces and beam as its note tells them: relative error", 1e-3, told, hertz)
     yield close(f"{words}: its damping ratio", RATIO, v @ D @ v / (2 * omega), relative=1e-3)
-
-
-def _tables(runs: Runs) -> Iterator[Check]:
-    run = runs.paper
-    told = to_columns(run, table_columns(run.scenario))
-    wanted = {
-        "time [s]": run.time,
-        "pose_theta [rad]": run.pose[:, 2],
-        "pose_rate_y [m/s]": run.pose_rate[:, 1],
-        "pose_acceleration_theta [rad/s²]": run.pose_acceleration[:, 2],
-        "beam_coordinates_node1_deflection [m]": run.midspan_deflection,
-        "joint_torque_right_2 [N·m]": run.joint_torque[:, 1, 1],
-        "internal_force_left_x [N]": run.internal_force[:, 0, 0],
-        "internal_force_right_theta [N·m]": run.internal_force[:, 1, 2],
-        "kinetic_energy [J]": run.kinetic_energy,
-    }
-    wrong = [name for name, values in wanted.items() if name not in told or not np.allclose(told[name], values, 1e-9)]
-    yield true("columns of a table are the signals, in the units of their names", not wrong, ", ".join(wrong))
 
 
 def _figures(runs: Runs) -> Iterator[Check]:

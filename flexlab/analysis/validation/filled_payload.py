@@ -193,8 +193,9 @@ def _free(factor: float) -> Iterator[Check]:
 
 
 def _hanging(factor: float) -> Iterator[Check]:
-    """A payload that pd holds against a weight of which pd knows only a part."""
+    """A payload that pd holds against a weight of which pd knows only a part; under a clock if it gets heavier."""
     law = {"kind": "pd", "position_gain": SPRINGS, "velocity_gain": RATE_GAINS, "model": {"mass_change_factor": KNOWN}}
+    law |= {"control_period": 0.001} if factor > 1 else {}
     changes = {**STILL, "gravity": 9.81, "controller": law, **_change(factor)}
     run = World(load_preset("paper").replace(changes)).run(3000)
     statement = f"of which the law knows {KNOWN:g} of the change: pd hangs by (1 - {KNOWN:g})(μ - 1) m g/K_p"

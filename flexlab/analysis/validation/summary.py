@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -10,10 +11,12 @@ from flexlab.analysis.leaderboard.cases.standard import BoundDrift
 from flexlab.analysis.lesson_measures import bound_terms
 from flexlab.analysis.metrics.run_metrics import MetricCollection, run_metrics
 from flexlab.analysis.metrics.vibration import LATER, SettlingTime, settling_time
+from flexlab.analysis.result import number_column
 from flexlab.analysis.sweep.axes import parse_axes
-from flexlab.analysis.sweep.figures import pareto_front
+from flexlab.analysis.sweep.figures import draw_metric, pareto_front
 from flexlab.analysis.sweep.plan import make_plan, run_part
-from flexlab.analysis.tuning import Cost
+from flexlab.analysis.sweep.result import to_table
+from flexlab.analysis.tuning import Candidate, Cost, Tuning, tried_in
 from flexlab.analysis.validation.check import PERIOD, Check, Runs, alike, below, close, run_of, subject, true
 from flexlab.analysis.validation.mass_points import GAUSS_POINTS, MassPoints
 from flexlab.presets import load_preset
@@ -120,24 +123,50 @@ def summary(runs: Runs) -> Iterator[Check]:
 
 
 def _studies() -> Iterator[Check]:
-    """Cells of a sweep, each as a run of its own; samples of a range; and the front of two metrics."""
-    paper, stiffness = load_preset("paper"), "payload.bending_stiffness"
-    axes = parse_axes([f"{stiffness}=10:1000:log:3", "payload.damping.coefficient=0.1,0.4"], paper)
+    """Cells of a sweep, each as a run of its own, in its table and its map; samples of a range; fronts; worst scenarios."""
+    paper, (stiffness, damping) = load_preset("paper"), ("payload.bending_stiffness", "payload.damping.coefficient")
+    axes = parse_axes([f"{stiffness}=10:1000:log:3", f"{damping}=0.1,0.4"], paper)
     plan = make_plan(paper, axes, 0.05, PERIOD, accuracy=None)
-    told = [[np.nan if each is None else each for each in cell.metrics or ()] for cell in run_part(plan, range(1, 4))]
-    exact = [
-        run_metrics(simulate(paper.replace({stiffness: EI, "payload.damping.coefficient": c}), 0.05, PERIOD)).numbers
-        for EI, c in ((10.0, 0.4), (100.0, 0.1), (100.0, 0.4))
+    table = to_table(plan, run_part(plan, range(plan.cell_count)))
+    varied = np.array([(EI, c) for EI in (10.0, 100.0, 1000.0) for c in (0.1, 0.4)])
+    runs = [
+        run_metrics(simulate(paper.replace(dict(zip((stiffness, damping), each, strict=True))), 0.05, PERIOD))
+        for each in varied.tolist()
     ]
-    statement = "sweep: metrics of its cells are those of single runs: relative error"
+    exact = np.column_stack([varied, [run.numbers for run in runs]])
+    told = np.array([number_column(table, name) for name in (stiffness, damping, *runs[0].by_name())]).T
+    statement = "sweep: its table has the metrics of single runs with the values of its cells: relative error"
     yield alike(statement, 1e-12, np.nan_to_num(told, nan=-1.0), np.nan_to_num(exact, nan=-1.0))
-    drawn = make_plan(paper, axes[:1], 0.05, PERIOD, "latin-hypercube", CELLS)
-    part = [CELLS * np.log10(drawn.values(cell)[0] / 10) / 2 for cell in range(CELLS)]
+    drawn: Any = draw_metric(plan, table, "rms_error.y").axes[0].collections[0]
+    x, y = np.moveaxis(drawn.get_coordinates(), 2, 0)
+    places = np.column_stack([np.tile(np.sqrt(x[0, 1:] * x[0, :-1]), 2), np.repeat((y[1:, 0] + y[:-1, 0]) / 2, 3)])
+    told = np.column_stack([places, drawn.get_array().ravel() / 1e3])
+    exact = np.column_stack([varied, [run.rms_error.y for run in runs]])[[0, 2, 4, 1, 3, 5]]
+    yield below(
+        "and its map, whose x is logarithmic, shows them at those values: relative error", 1e-12, told / exact - 1
+    )
+    sampled = make_plan(paper, axes[:1], 0.05, PERIOD, "latin-hypercube", CELLS)
+    part = [CELLS * np.log10(sampled.values(cell)[0] / 10) / 2 for cell in range(CELLS)]
     held = sorted(np.floor(part).astype(int)) == list(range(CELLS))
     yield true(f"a Latin hypercube of {CELLS} cells has one in each of as many equal ratios", held)
     x, y = np.random.default_rng(6).random((2, 200))
     front = [k for k in np.argsort(x) if not np.any((x < x[k]) & (y < y[k]))]
     yield true("front of two numbers: those that no other one beats in both", list(pareto_front(x, y)) == front)
+    cost = Cost({"rms_error.y": 1.0}, {})
+    told = tried_in([paper.replace({stiffness: EI, damping: 0.1}) for EI in (10.0, 1000.0)], cost, 0.05, {}).cost
+    yield close(
+        "tuning: of several scenarios the worst one counts",
+        max(runs[0].rms_error.y, runs[4].rms_error.y),
+        told,
+        "m",
+        1e-12,
+    )
+    of = [Candidate({}, *each, None, "") for each in ((3.0, 0.0), (1.0, 0.5), (np.nan, np.nan), (2.0, 0.0), (4.0, 0.4))]
+    ordered = sorted(of, key=lambda each: each.rank) == [of[place] for place in (3, 0, 4, 1, 2)]
+    yield true(
+        "least costs within the limits, then least excess, then failures",
+        ordered and Tuning(paper, cost, tuple(of)).best is of[3],
+    )
 
 
 def _loosened() -> Iterator[Check]:

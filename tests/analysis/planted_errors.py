@@ -766,6 +766,174 @@ one step in the growth of errors: sim/parametric_resonance.py
 distance of a wrist as a run ends: sim/termination.py
     distance - shortest), index, distance, longest))
     distance - shortest), index, longest - distance, longest))
+vibration in the environment's reward: gym_environment/kernels.py
+    (row[MIDSPAN] - row[QUASI_STATIC]) / VIBRATION_SCALE
+    (row[MIDSPAN] + row[QUASI_STATIC]) / VIBRATION_SCALE
+angle in the environment's reward: gym_environment/kernels.py
+    ANGLE_SCALE if a == 2 else
+    ANGLE_SCALE if a == 1 else
+cost of an episode that fails: gym_environment/kernels.py
+    -worst * period * (ticks - tick)
+    -worst * period * (ticks - tick - 1)
+pose that the environment tells: gym_environment/kernels.py
+    seen[11 + a] = error + ws.desired[0, a]
+    seen[11 + a] = y[a]
+noise of rates in the environment: gym_environment/kernels.py
+    rate += scale * noise[3 + a] * gaussian(seed, instant, 3 + a)
+    rate += scale * noise[a] * gaussian(seed, instant, 3 + a)
+moment rates in the environment: gym_environment/kernels.py
+    moment = ws.beam_rate[a]
+    moment = ws.beam_rate[0]
+delay of actions: gym_environment/kernels.py
+    held[i, joint] = line[0, i, joint]
+    held[i, joint] = line[worlds.delay[w] // 2, i, joint]
+end of an episode: gym_environment/kernels.py
+    worlds.over[w] = tick + 1 >= ticks
+    worlds.over[w] = tick >= ticks
+arms' shares of an action: gym_environment/kernels.py
+    system.control.share[i] * actions[w, a]
+    actions[w, a]
+effort in the environment's reward: gym_environment/kernels.py
+    share = held[i, joint] / limits[joint]
+    share = ws.tau[joint] / limits[joint]
+longest delay in the environment: gym_environment/worlds.py
+    settings.delay[1] + 1, size=number
+    max(settings.delay[1], 1), size=number
+stiffnesses of the environment's beams: gym_environment/worlds.py
+    np.geomspace(*given
+    np.linspace(*given
+starts of episodes: gym_environment/worlds.py
+    random.uniform(-1, 1, (number, 3))
+    random.uniform(0, 1, (number, 3))
+noise of many worlds: gym_environment/worlds.py
+    random.integers(2**31, size=number)
+    random.integers(2**31)
+place of a unit's outputs: fmi/description.py
+    causality, place + 8 * at)
+    causality, place + 8 * at + 8)
+units of a follower's inputs: fmi/description.py
+    ("rate", RATE_UNITS, "ẋ_d
+    ("rate", POSE_UNITS, "ẋ_d
+inputs of a unit at the start: fmi/description.py
+    place + 8 * k, begin[k])
+    place + 8 * k, begin[0])
+seconds in a newton: quantities.py
+    "N": {"kg": 1, "m": 1, "s": -2}
+    "N": {"kg": 1, "m": 1, "s": -1}
+acceleration of a follower's target: fmi/parts.py
+    (path.rate[a] + 0.5 * since * path
+    (path.rate[a] + since * path
+what a plant unit's sensors tell: fmi/parts.py
+    *ws.velocity, *ws.beam_rate, *strains
+    *ws.velocity, *ws.beam_rate[::-1], *strains
+samples that a recording gives back: recording/codec.py
+    x = difference + 3 * x1 - 3 * x2 + x3
+    x = difference + 3 * x1 - 3 * x2 - x3
+pieces of an exported run: recording/export.py
+    [part[name] for part in parts])
+    [part[name] for part in parts[:1] * len(parts)])
+columns of an imported run: recording/table_columns.py
+    array[(slice(None), *column.index)] = given
+    array[(slice(None), *column.index[::-1])] = given
+unit of a slope: recording/table_columns.py
+    axis.labels[c % 2]), c % 2) for
+    axis.labels[c % 2]), 0) for
+works in the plot of energies: views.py
+    total_energy, input_work, axial_work, dissipated
+    total_energy, axial_work, input_work, dissipated
+scale of a plot's curves: views.py
+    np.multiply(self.scale, numbers
+    np.multiply(1.0, numbers
+second signal of a plot: views.py
+    out=shown[:, first:last]
+    out=shown[:, first - last :]
+metrics in the units of tables: analysis/metrics/run_metrics.py
+    MetricRow(column, column.scale * value
+    MetricRow(column, value / column.scale
+metrics by their earlier names: analysis/metrics/run_metrics.py
+    return found.scale * self._values
+    return self._values
+metrics of compared runs: analysis/comparison.py
+    row.value / row.column.scale
+    row.value * row.column.scale
+difference of two runs: text.py
+    difference = other - value
+    difference = value - other
+place of a cell in a sweep's map: analysis/sweep/figures.py
+    placed[np.searchsorted(lines, y), np
+    placed[np.searchsorted(-lines[::-1], -y), np
+edges of logarithmic cells: analysis/sweep/figures.py
+    return np.exp(edges) if logarithmic
+    return np.exp(edges - edges[0]) if logarithmic
+metrics in a sweep's table: analysis/sweep/result.py
+    *(cell.metrics or nothing), cell
+    *(cell.metrics[::-1] if cell.metrics else nothing), cell
+worst scenario of a tuning: analysis/tuning.py
+    return max(found, key=lambda candidate
+    return min(found, key=lambda candidate
+candidates beyond the limits: analysis/tuning.py
+    (BEYOND, self.excess, self.cost)
+    (BEYOND, self.cost, self.excess)
+means over a case's variants: analysis/leaderboard/report.py
+    exp(sum(log(found[law]) for found in entered) / len(entered))
+    sum(found[law] for found in entered) / len(entered)
+scores as they are shown: analysis/leaderboard/board.py
+    None if value is None else column.scale * value
+    value
+damping ratio in the table of modes: analysis/modes.py
+    f"{100 * modes.damping_ratio[k]:.3g}"
+    f"{modes.damping_ratio[k]:.3g}"
+damping ratio in the table of poles: analysis/modes.py
+    f"{100 * row.damping_ratio:.3g}"
+    f"{200 * row.damping_ratio:.3g}"
+share of a ring after a stop: analysis/explanations/vibration.py
+    share = n(100 * left / seen
+    share = n(left / seen
+bending by a jerky start: analysis/explanations/vibration.py
+    between(samples, start, start + FIRST).vibration
+    between(samples, start, start + FIRST).midspan_deflection
+error within the layer: analysis/explanations/steady_error.py
+    largest_reaction / (stiffness * slope)
+    largest_reaction / (gain * slope + slope**2)
+leak of the estimates: analysis/explanations/steady_error.py
+    {n(now * law.leakage)} N each
+    {n(now)} N each
+torque of an arm that is nearly stretched: analysis/explanations/forces.py
+    joint_torque[:, index])
+    joint_torque[:, 0])
+squeeze along the link: analysis/explanations/forces.py
+    + force[:, 0, 1] * np.sin(angle)
+    - force[:, 0, 1] * np.sin(angle)
+longest control period of a pose that runs away: analysis/explanations/growth.py
+    n(1e3 * limit / around.fastest_rate)
+    n(1e3 / around.fastest_rate)
+limit of the joint that stands at it: analysis/explanations/measured_signals.py
+    {n(allowed[joint])} N·m
+    {n(allowed[0])} N·m
+correlation of a torque's jumps: analysis/explanations/measured_signals.py
+    np.sum(turns[1:] * turns[:-1]) / np
+    0.9 * np.sum(turns[1:] * turns[:-1]) / np
+error that a run tells of itself: sim/accuracy.py
+    row[POSE : POSE + 3] - again[POSE : POSE + 3]
+    0.1 * (row[POSE : POSE + 3] - again[POSE : POSE + 3])
+share of the force's error: sim/run_warnings.py
+    number_text(100 * force / peak, 1)
+    number_text(force / peak, 1)
+frequencies in the note on exported bodies: multibody/bodies.py
+    frequency=omega / (2 * pi),
+    frequency=omega / pi,
+turn in a jump of accelerations: sim/integrators/generalized_alpha.py
+    plant.modal[H, k] * lateral + plant.modal[G, k] * jump[2]
+    plant.modal[H, k] * lateral - plant.modal[G, k] * jump[2]
+memory under generalized-alpha: sim/integrators/generalized_alpha.py
+    weight = 0.5 / (1 - ALPHA_F)
+    weight = 0.5
+strains that a law's unit is given: sim/sampled_control.py
+    sensors[8 + j])
+    sensors[7 + j])
+part of a change of mass that a clocked law knows: sim/sampled_control.py
+    believed_mass(plant.mass_change, control.payload.change, ws)
+    believed_mass(plant.mass_change, 1.0, ws)
 """
 """Three lines per error: its name and file, the right code, the wrong code."""
 

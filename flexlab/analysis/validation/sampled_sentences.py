@@ -178,10 +178,13 @@ SENTENCES = (
 
 
 def sampled_sentences(runs: Runs) -> Iterator[Check]:
-    """Each sentence on a run of its own."""
+    """Each sentence on its run; several may be on the same one."""
+    known: dict[str, tuple[Run, str]] = {}
     for words, changes, duration, pattern, exact in SENTENCES:
-        run = run_of("the explained run", changes, duration, PERIOD)
-        said = " ".join(each.sentence for each in explain_run(run, run.scenario))
+        if (key := f"{duration} {changes}") not in known:
+            run = run_of("the explained run", changes, duration, PERIOD)
+            known[key] = run, " ".join(each.sentence for each in explain_run(run, run.scenario))
+        run, said = known[key]
         found, wanted = re.search(pattern, said), exact(run)
         told = found.groups() if found else ("nan",) * len(wanted)
         off = [

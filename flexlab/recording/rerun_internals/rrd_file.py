@@ -107,7 +107,13 @@ class Pipe:
         source = self.path.open("rb", buffering=0)
         arguments = source, handle, piece
         self._thread = threading.Thread(target=self._pass_on, args=arguments, name="flexlab-pipe", daemon=True)
-        self._thread.start()
+        try:
+            self._thread.start()
+        except RuntimeError as error:  # The script is ending, or the system lets no more threads begin.
+            source.close()
+            os.close(self._end)
+            shutil.rmtree(self._folder, ignore_errors=True)
+            raise OSError(str(error)) from None
 
     def _pass_on(self, source: FileIO, handle: IO[bytes], piece: memoryview) -> None:
         with source:

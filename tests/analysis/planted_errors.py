@@ -934,6 +934,15 @@ strains that a law's unit is given: sim/sampled_control.py
 part of a change of mass that a clocked law knows: sim/sampled_control.py
     believed_mass(plant.mass_change, control.payload.change, ws)
     believed_mass(plant.mass_change, 1.0, ws)
+bending fed forward under a clock: sim/sampled_control.py
+    feed_forward_bending(system.trajectory.bending, now)
+    feed_forward_bending(0.5 * system.trajectory.bending, now)
+rate that a clocked law measures between grips: sim/sampled_control.py
+    ws.grips.measured[0], ws.grips.measured[1], y, ws, now)
+    ws.grips.measured[0], ws.velocity, y, ws, now)
+jump of an acceleration under generalized-alpha: sim/integrators/generalized_alpha.py
+    noted[a] += jump[a]
+    noted[a] += 0.5 * jump[a]
 """
 """Three lines per error: its name and file, the right code, the wrong code."""
 

@@ -80,7 +80,7 @@ class OwnFileWatch:
         elif not folder.is_part(file):
             try:
                 kind = folder.kind_of(file)
-                self._lab_state.say(f"{file.name} was saved: the {folder.kinds.registry.what} {kind} is new.")
+                self._lab_state.say(f"{file.name} was saved: {_to_choose(folder.kinds.registry.what, kind)}")
             except FlexlabError as error:
                 self._lab_state.warn(f"{file.name} was saved, but cannot be used: {_briefly(error, file)}")
         # This makes the menus update.
@@ -96,7 +96,7 @@ class OwnFileWatch:
             hosts.stop_loading(str(file), source)
             title, stopped = f"{kinds.registry.what} {new.kind}", lab_state.snapshot.status.failed
             if present.kind != new.kind:
-                told = f"the {title} is new."
+                told = _to_choose(kinds.registry.what, new.kind)
             elif getattr(present, "source", "") == source:
                 told = f"the {title} has not changed."
             elif isinstance(new, PythonLaw) and not (
@@ -122,6 +122,11 @@ class OwnFileWatch:
         if stopped:
             self._lab_state.submit(Play())
         return "the run restarts with it."
+
+
+def _to_choose(what: str, kind: str) -> str:
+    """The words for the notice on a law or path that is not in use."""
+    return f"choose the {what} {kind} in the menu to use it."
 
 
 def _stamp(files: Iterable[Path]) -> Stamp:

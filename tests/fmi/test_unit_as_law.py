@@ -282,7 +282,7 @@ def test_a_unit_put_into_the_folder_of_laws_while_a_lab_runs_is_taken_up(
     with Session(load_preset("paper"), shadows=False) as lab:
         LAW_FILES.own.mkdir(parents=True)
         shutil.copy(file, LAW_FILES.own / "later.fmu")
-        said = "later.fmu was saved: the control law fmu-later is new."
+        said = "later.fmu was saved: choose the control law fmu-later in the menu to use it."
         wait_until(lambda: lab.lab_state.notice.text == said, "the lab says so")
         lab.lab_state.change({"controller.kind": "fmu-later"})
         wait_until(lambda: lab.runner.snapshot.scenario.controller.kind == "fmu-later", "it drives the arms")

@@ -56,6 +56,11 @@ def test_a_saved_law_acts_at_once_and_one_that_cannot_be_read_changes_nothing(tm
         file.write_text(mended.replace("self.push = common[0]", "self.push = 19.0"))
         wait_until(lambda: "goes on with the new text" in lab.lab_state.notice.text, "it is taken up")
         assert not lab.runner.snapshot.playing, "who paused it plays it"
+        lab.lab_state.change({"controller.kind": "pd"})
+        wait_until(lambda: lab.runner.snapshot.scenario.controller.kind == "pd", "another law drives the arms")
+        file.write_text(PD)
+        said = f"mine.py was saved: choose the control law {law.kind} in the menu to use it."
+        wait_until(lambda: lab.lab_state.notice.text == said, "it says why nothing changes")
 
 
 def test_a_law_that_is_saved_again_while_it_loads_acts_at_once(tmp_path: Path):
@@ -156,7 +161,9 @@ def test_a_kernel_that_is_broken_at_first_is_taken_up_when_it_is_mended(
             wait_until(lambda: "leaky.py cannot be used" in lab.lab_state.notice.text, "the sentence about the text")
             lab.lab_state.say("")
         file.write_text(text)
-        wait_until(lambda: lab.lab_state.notice.text.endswith("leaky-integral is new."), "the law is known")
+        wait_until(
+            lambda: lab.lab_state.notice.text.endswith("law leaky-integral in the menu to use it."), "the law is known"
+        )
         file.write_text(text + "# changed\n")
         wait_until(lambda: "start flexlab again" in lab.lab_state.notice.text, "it says what to do")
     forget_law("leaky-integral")

@@ -49,6 +49,12 @@ def _after(run: Run, time: float) -> slice:
     return slice(int(np.searchsorted(run.time, time - PERIOD / 2)), None)
 
 
+def _rings_on(run: Run) -> list[float]:
+    """Vibration after the stop, mm, and its share of the largest, %, and the delay of a zv shaper, ms."""
+    left = _shaken(run, _after(run, STOP))
+    return [left, 100 * left / _shaken(run), 1e3 * np.pi / abs(loop_pole(MassPoints(run.scenario)).imag)]
+
+
 def _shaped(run: Run) -> list[float]:
     """Half a period of the loop's first mode, ms, the largest vibration and the largest after the stop, mm."""
     later = np.pi / abs(loop_pole(MassPoints(run.scenario)).imag)
@@ -92,9 +98,13 @@ def _random(run: Run) -> list[float]:
 
 
 def _folded(run: Run) -> list[float]:
-    """1/sin θ₂ of the elbow that comes closest to straight, and the largest torque of its arm, N·m."""
+    """The elbow that comes closest to straight, °, 1/sin θ₂, and the largest torque of its arm, N·m."""
     sines = np.abs(np.sin(run.joint_angle[:, :, 1])).min(axis=0)
-    return [1 / float(sines.min()), float(np.abs(run.joint_torque[:, int(np.argmin(sines))]).max())]
+    return [
+        np.degrees(np.arcsin(float(sines.min()))),
+        1 / float(sines.min()),
+        float(np.abs(run.joint_torque[:, int(np.argmin(sines))]).max()),
+    ]
 
 
 def _forced(run: Run) -> list[float]:
@@ -117,8 +127,8 @@ SENTENCES = (
         "a ring after a stop, and its share of the largest",
         MOVE,
         0.9,
-        r"rings on by ([\d.]+) mm, ([\d.]+) %",
-        lambda run: [_shaken(run, _after(run, STOP)), 100 * _shaken(run, _after(run, STOP)) / _shaken(run)],
+        r"rings on by ([\d.]+) mm, ([\d.]+) % .* ends the motion ([\d.]+) ms later",
+        _rings_on,
     ),
     _Sentence(
         "a motion without a shaper's vibration",
@@ -164,7 +174,7 @@ SENTENCES = (
         "an arm that is nearly stretched",
         {**UNEQUAL, "trajectory": {"kind": "hold", "pose": (0.05, 1.2, 0.1)}, "gravity": 9.81},
         0.2,
-        r"sin θ₂ = ([\d.]+), and its torques reach ([\d.]+) N·m",
+        r"comes within ([\d.]+)° .*sin θ₂ = ([\d.]+), and its torques reach ([\d.]+) N·m",
         _folded,
     ),
     _Sentence(

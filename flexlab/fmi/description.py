@@ -47,7 +47,7 @@ def sample_variables(scenario: Scenario, row: np.ndarray, place: int, with_law: 
     """
     columns = table_columns(scenario)
     numbers = to_columns(rows_to_samples(np.arange(len(row))[None], len(scenario.arms), own_signals(scenario)), columns)
-    own, table = {signal.name for signal in own_signals(scenario)}, known_signals()
+    own, table = {signal.name for signal in law_of(scenario.controller).signals}, known_signals()
     found = []
     for column in columns:
         at = int(numbers[column.name][0])

@@ -124,9 +124,10 @@ def test_ticks_with_a_discontinuity_of_the_path_are_split_into_pieces():
 
 
 def test_the_plant_with_the_engines_torques_moves_as_the_engine_does(export: Export, tmp_path: Path):
-    scenario = load_preset("paper").replace({"controller.control_period": TICK})
+    scenario = load_preset("paper").replace({"controller.control_period": TICK, **FRICTION})
     world = World(scenario)
     moving = ["pose_x", "pose_rate_y", "pose_theta", "midspan_deflection", "elastic_energy", "input_work"]
+    moving += ["right_joint_friction_2", "friction_loss"]
     with instance(export(scenario, "plant"), tmp_path) as unit:
         motors = [number for name, number in unit.numbers.items() if name.startswith("motor_torque")]
         for tick in range(200):

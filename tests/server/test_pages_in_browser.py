@@ -74,6 +74,19 @@ def test_a_link_that_is_shown_while_the_line_breaks_leaves_no_notice(window: Bro
     page.get_by_role("alert").wait_for(state="hidden")
 
 
+def test_the_link_is_closed_by_escape_and_beside_it(window: BrowserContext, server: FrontServer):
+    """Only its two buttons closed it, and the focus was lost."""
+    page = lab_s_addition(window, server)
+    link = page.get_by_label("Link to this lab")
+    beside = page.locator(".server-word")
+    for close in (lambda: page.keyboard.press("Escape"), lambda: beside.dispatch_event("click")):
+        page.get_by_role("button", name="Share").click()
+        link.wait_for()
+        close()
+        link.wait_for(state="hidden")
+        assert page.evaluate("document.activeElement.textContent") == "Share"
+
+
 def test_a_scenario_that_is_too_long_for_a_link_is_not_shared_as_one(window: BrowserContext, server: FrontServer):
     page = lab_s_addition(window, server)
     page.route("**/state/lab", lambda route: route.fulfill(json={"open": True, "link": "", "live": ""}))

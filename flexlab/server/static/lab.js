@@ -25,8 +25,22 @@
     word.hidden = false;
   }
 
+  function done() {
+    sharing = false;
+    word.hidden = true;
+    sharer.focus();
+  }
+
+  addEventListener("keydown", (event) => {
+    if (!sharing || event.key !== "Escape") return;
+    event.stopImmediatePropagation(); // Esc also ends a presentation.
+    done();
+  }, true);
+  word.addEventListener("click", ({ target }) => { if (sharing && target === word) done(); });
+
   const link = (path, text) => element("a", { href: base + path, textContent: text });
   const button = (text, onclick) => element("button", { textContent: text, onclick });
+  const sharer = button("Share", share);
   const live = Object.assign(link("", "Live data"), { hidden: true, target: "_blank", rel: "noopener" });
   const GONE = "Runs are kept. This page goes on by itself when the lab is back.";
   let missed = 0;
@@ -64,7 +78,6 @@
     let state;
     try { state = await (await fetch(stateAddress, { cache: "no-store" })).json(); } catch { /* `look` tells why. */ }
     if (!state?.open) return look();
-    const done = () => { sharing = false; word.hidden = true; };
     if (!state.link) {
       say("This scenario is too long for a link: download it as a file.", button("Close", done));
       sharing = true;
@@ -85,7 +98,7 @@
 
   document.addEventListener("DOMContentLoaded", () => {
     const bar = element("nav", { id: "server-bar", ariaLabel: "flexlab" }, link("/", "Start"), link("/runs", "Runs"), link("/studies", "Studies"),
-      button("Share", share), live);
+      sharer, live);
     document.body.append(bar, word);
     look();
     setInterval(look, LOOK);

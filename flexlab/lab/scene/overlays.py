@@ -22,7 +22,8 @@ from flexlab.views import GRAY, PURPLE, Color
 
 DASHES = 15
 """Pieces of the dashed virtual link."""
-PATH_POINTS = 241
+PATH_POINTS = 961
+"""Enough for paths of several turns: with fewer points, their chords lie beside one another and look like a thick line."""
 LONGEST_PATH_TIME = 20.0
 """Longest part of the path that is drawn, s."""
 TRAIL_POINTS = 91

@@ -242,7 +242,7 @@ class Workspace(NamedTuple):
     fault: np.ndarray
     """Index of the arm at fault, (1,)."""
     stage: np.ndarray
-    """Stage states and derivatives of the integrators, (10, len(y))."""
+    """Stage states and derivatives of the integrators, (11, len(y))."""
     interrupt: np.ndarray
     """Set by another thread to make the kernels return early, (1,)."""
 
@@ -308,6 +308,6 @@ def make_workspace(
         grips=grip_scratch(arm_count, measured.view(np.ndarray)["u"][0, :arm_count]),
         memory_rate=np.zeros(memory_size),
         fault=np.zeros(1, np.int64),
-        stage=np.zeros((10, state_size(mode_count, memory_size, signal_count, own_size))),
+        stage=np.zeros((11, state_size(mode_count, memory_size, signal_count, own_size))),
         interrupt=np.zeros(1, np.int64),
     )

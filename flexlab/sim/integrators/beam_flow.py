@@ -12,7 +12,9 @@ damped faster than the step moving with the link. (The velocity at a stage in th
 
     ∫η̇ᵀDη̇ ds = E(0) - E(h) + (f1 - C b1)ᵀΩ⁻²(Δη̇ + DΔη),      f1: slope of f,
 
-whatever the stiffness of a mode: no mode is too fast for it. It is not the defect of the energy balance, as it uses nothing of
+whatever the stiffness of a mode: no mode is too fast for it. Each step begins with the η̇ at which this motion ended in the step
+before, for modes that are damped fast and not coupled: the error of the Runge-Kutta sum would decay in each step, and its energy
+would count as loss. It is not the defect of the energy balance, as it uses nothing of
 the new state that the integrator finds. Only while a hand holds the beam, whose force is not among these, the loss is that
 defect (`sim.advance`).
 
@@ -32,18 +34,22 @@ from flexlab.physics.dynamics import acceleration, block_product
 from flexlab.physics.hand import beam_is_held
 from flexlab.physics.plant import DISSIPATED, ETA, OMEGA2, G, H, has_axial_load
 
-ROWS = 23
+ROWS = 25
 """Rows of `Etdrk4.flow`. The first: η and η̇ at the step's end for b = 1, then for b = s, lateral and angular each."""
-DAMPED, BEGUN, BEGUN_FORCE, MET, MET_FORCE, FAST, SLOW = 8, 10, 12, 14, 16, 18, 19
+DAMPED, BEGUN, BEGUN_FORCE, MET, MET_FORCE, FAST, SLOW, KEPT = 8, 10, 12, 14, 16, 18, 19, 23
 """Further rows, two each: DΩ⁻²h and DΩ⁻²g; for fast modes only, η̇ at the step's end for the parabola of mean 0 that begins at
-1 and ends at 0, and D times that; the same for the one that begins at 0 and ends at 1. Then 1 for a fast mode, else 0; and four
-rows of `followed_loads` for modes that are not fast."""
+1 and ends at 0, and D times that; the same for the one that begins at 0 and ends at 1. Then 1 for a fast mode, else 0; four
+rows of `followed_loads` for modes that are not fast; and η and η̇ at the step's end for η̇ = 1 at its beginning, of modes that
+are not coupled to others and lose more than `KEPT_DAMPING`, else 0."""
 FAST_DAMPING = 3.0
 """Step times D of a mode from which on the flow gives a better η̇ than the integrator, although of lower order."""
+KEPT_DAMPING = 0.3
+"""Step times D of a mode from which on the η̇ with which the flow ended the step before serves its loss."""
 TICKS = 2
 """Index behind η and π of the number of ticks since a start, a tap or a change set the state; NaN before the first."""
-SAVED = 9
-"""Row of `Workspace.stage` that keeps η, η̇ and f of a step's beginning; its last entries keep the grips' motion."""
+SAVED, MISSED = 9, 10
+"""Row of `Workspace.stage` that keeps η, η̇ and f of a step's beginning; its last entries keep the grips' motion. And the row that
+keeps by how much that η̇ exceeds the integrator's."""
 START, MIDDLE = -6, -3
 """Index in that row of v2, ω and the part of b that is not a derivative, ω v1 + gravity cos θ, at these instants."""
 BEGINNING, LINE = -8, -10
@@ -53,12 +59,14 @@ BEGINNING, LINE = -8, -10
 def flow_rows(
     omega: np.ndarray, damping: np.ndarray, loads: np.ndarray, phi: tuple[np.ndarray, ...], dt: float
 ) -> np.ndarray:
-    """Columns of `Etdrk4.flow` (23, k) for one block with ω (k,), D (k, k), loads (2, k) and φ0 to φ3(hL) in (ωη, η̇)."""
+    """Columns of `Etdrk4.flow` (25, k) for one block with ω (k,), D (k, k), loads (2, k) and φ0 to φ3(hL) in (ωη, η̇)."""
     k = len(omega)
     rows = np.zeros((ROWS, k))
-    _, phi1, phi2, phi3 = phi
+    phi0, phi1, phi2, phi3 = phi
     rows[FAST] = dt * damping.diagonal() > FAST_DAMPING
-    rows[SLOW:] = followed_loads(rows[FAST] == 0, damping, loads.T)
+    if k == 1 and dt * damping[0, 0] > KEPT_DAMPING:
+        rows[KEPT:] = phi0[:, 1:] / np.array([omega, [1.0]])
+    rows[SLOW:KEPT] = followed_loads(rows[FAST] == 0, damping, loads.T)
     straight, curved = dt * (2 * phi2 - phi1), dt * (12 * phi3 - 6 * phi2 + phi1)
     across, both = -loads.T, loads.T / (omega * omega)[:, None]
     for row, function in ((BEGUN, curved - straight), (MET, curved + straight)):
@@ -81,8 +89,18 @@ def note_grips(plant, ws, at):
     kept[at + 2] = v[2] * (c * v[0] + s * v[1]) + plant.gravity * c
 
 
+@disjoint
+def _begin_rates(flow, true_rate, rate, missed):
+    """Replace η̇ (n,) by `true_rate` (n,) where the flow keeps it, and fill by how much that exceeds it; NaN if it is unknown."""
+    for k in range(len(rate)):
+        missed[k] = 0.0
+        if flow[KEPT, k] != 0 and np.isfinite(true_rate[k]):
+            missed[k] = true_rate[k] - rate[k]
+            rate[k] = true_rate[k]
+
+
 @inlined
-def begin_flow(plant, y, ws):
+def begin_flow(plant, flow, y, ws):
     """Keep what the flow needs of a step's beginning, after `find_state`."""
     n = plant.modal.shape[1]
     kept, w = ws.stage[SAVED], ws.velocity[2]
@@ -92,6 +110,8 @@ def begin_flow(plant, y, ws):
         kept[k], kept[n + k] = y[ETA + k], ws.eta_dot[k]
         kept[2 * n + k] = w * w * y[ETA + k] - plant.modal[H, k] * lift
     _note_axial_load(plant.axial, kept[2 * n : 3 * n], ws)
+    if flow.shape[1] > 0:
+        _begin_rates(flow, y[ETA + 2 * n + 3 : ETA + 3 * n + 3], kept[n : 2 * n], ws.stage[MISSED, :n])
 
 
 @inlined
@@ -125,10 +145,11 @@ def _axial_loss(axial, plant, slopes, bent, ws):
 
 
 @disjoint
-def _mode_losses(plant, flow, dt, b, b_slope, free, kept, slopes, bent, lost):
+def _mode_losses(plant, flow, dt, b, b_slope, free, kept, missed, slopes, bent, true_rate, lost):
     """Fill the loss of each mode, and by how much it bends, (n,), for b (lateral, angular) at the step's beginning and its slope.
 
-    free: (η, π) at the step's end if the grips had kept their velocity; kept: as `SAVED`; slopes (n,): of the axial load's force.
+    free: (η, π) at the step's end if the grips had kept their velocity; kept, missed: as `SAVED` and `MISSED`; slopes (n,): of
+    the axial load's force; true_rate (n,) gets η̇ of the step's end where the flow keeps it.
     """
     n, (lateral, turn), (lateral_slope, turn_slope) = len(lost), b, b_slope
     eta, rate, force, free_eta, free_pi = kept[:n], kept[n : 2 * n], kept[2 * n : 3 * n], free[:n], free[n : 2 * n]
@@ -136,14 +157,16 @@ def _mode_losses(plant, flow, dt, b, b_slope, free, kept, slopes, bent, lost):
     for k in range(n):
         h, g, stiffness = modal[H, k], modal[G, k], modal[OMEGA2, k]
         change = free_eta[k] + lateral * flow[0, k] + lateral_slope * flow[2, k] + turn * flow[4, k]
-        change += turn_slope * flow[6, k] - eta[k]
+        change += turn_slope * flow[6, k] + missed[k] * flow[KEPT, k] - eta[k]
         gain = free_pi[k] - h * first - g * first_turn + lateral * flow[1, k] + lateral_slope * flow[3, k]
-        gain += turn * flow[5, k] + turn_slope * flow[7, k] - rate[k]
+        gain += turn * flow[5, k] + turn_slope * flow[7, k] + missed[k] * flow[KEPT + 1, k] - rate[k]
         slope = (h * lateral_slope + g * turn_slope + slopes[k]) / stiffness
         u_0, u_1 = stiffness * eta[k] - force[k] + h * lateral + g * turn, change + dt * slope
         lost[k] = -gain * (rate[k] + gain / 2 + slope) - u_1 * (u_0 + stiffness * u_1 / 2)
         lost[k] -= (lateral_slope * flow[DAMPED, k] + turn_slope * flow[DAMPED + 1, k]) * change
         bent[k] = change
+        if flow[KEPT, k] != 0:
+            true_rate[k] = rate[k] + gain
 
 
 @inlined
@@ -171,8 +194,10 @@ def end_flow(plant, flow, dt, free, u, y, ws):
     lateral_slope, turn_slope = 2 * (met - lateral) * per_step, 2 * (x_ddot[2] - turn) * per_step
     start = 2 * lateral - met, 2 * turn - x_ddot[2]
     slopes, bent, lost = ws.axial_force[BEFORE], ws.axial_force[SCRATCH], ws.stage[6, :n]
+    missed, true_rate = ws.stage[MISSED, :n], y[ETA + 2 * n + 3 : ETA + 3 * n + 3]
     _find_axial_slopes(plant.axial, per_step, ws, slopes)
-    _mode_losses(plant, flow, dt, start, (lateral_slope, turn_slope), free[ETA:], kept, slopes, bent, lost)
+    b_slope = (lateral_slope, turn_slope)
+    _mode_losses(plant, flow, dt, start, b_slope, free[ETA:], kept, missed, slopes, bent, true_rate, lost)
     loss = _axial_loss(plant.axial, plant, slopes, bent, ws)
     for k in range(n):
         loss += lost[k]

@@ -232,7 +232,7 @@ def next_stage(plant, etdrk4, stage, y, ws):
 def etdrk4_stage(system, etdrk4, stage, dt, y, ws):
     """`take_stage` of etdrk4, with the rates of stage k in ws.stage[k]; keeps what `beam_flow.end_flow` needs."""
     if stage == 0:
-        begin_flow(system.plant, y, ws)
+        begin_flow(system.plant, etdrk4.flow, y, ws)
     elif stage == 2:
         note_grips(system.plant, ws, MIDDLE)
     elif stage == 3:

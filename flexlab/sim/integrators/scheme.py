@@ -25,7 +25,7 @@ class Etdrk4(NamedTuple):
     soft_modes: np.ndarray
     """As `forcing.soft_modes`, (blocks,); empty if few modes are coupled."""
     flow: np.ndarray
-    """The rows of `beam_flow`, (23, n_m); (23, 0) without damping."""
+    """The rows of `beam_flow`, (25, n_m); (25, 0) without damping."""
 
 
 class GeneralizedAlpha(NamedTuple):

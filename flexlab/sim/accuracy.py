@@ -18,6 +18,7 @@ from flexlab.numerics.linear_algebra import product
 from flexlab.physics.plant import ETA, G, H
 from flexlab.scenario import Scenario
 from flexlab.sim.assembly import Assembly
+from flexlab.sim.loss_error import LossError
 from flexlab.sim.run_warnings import (
     COUNTED,
     Largest,
@@ -132,6 +133,7 @@ class Estimate(NamedTuple):
     """`ring_force` of the tick's errors with which `answer` was found, N or N·m."""
     reported: tuple[float, float, float] | None = None
     """What the warning says: since when, s, and by how much `pose` and `force` may be off."""
+    loss: LossError = LossError()
 
 
 def _ticks_kept(decay: np.ndarray, ticks: int, tick_period: float) -> np.ndarray:

@@ -15,8 +15,8 @@ from flexlab.control.law import laws
 from flexlab.own.law import OwnController
 from flexlab.physics.dynamics import velocities_at
 from flexlab.physics.mass_change import find_mass_at
-from flexlab.physics.plant import ETA
-from flexlab.sim import accuracy
+from flexlab.physics.plant import DISSIPATED, ETA
+from flexlab.sim import accuracy, loss_error
 from flexlab.sim.advance import INTERRUPTED, OTHER_STEP, SAME_INSTANT, advance
 from flexlab.sim.assembly import Assembly
 from flexlab.sim.closed_loop import scratch_workspace
@@ -131,9 +131,13 @@ def _go_back(motion: Motion, state: WorldState, estimate: accuracy.Estimate) -> 
 def _check(motion: Motion, row: np.ndarray, start: WorldState) -> None:
     """Compare the tick from `start` on, whose sample is `row`, with the same tick in finer steps."""
     finer = accuracy.finer_level(motion.estimate, motion.assembly, motion.tick - 1, motion.level)
-    again = repeat_tick(motion, start, finer)
+    begun, again = float(start.y[DISSIPATED]), repeat_tick(motion, start, finer)
     if again is None:
         return
+    since = motion.tick - 1 - motion.estimate.disturbed
+    energies = (begun, float(motion.y[DISSIPATED]), float(again[1][DISSIPATED]))
+    loss = loss_error.noted(motion.estimate.loss, motion.scenario, motion.time, since, energies)
+    motion.estimate = motion.estimate._replace(loss=loss)
     before, checked = motion.estimate, (motion.assembly, motion.tick - 1, row, motion.y, *again)
     motion.estimate = accuracy.note(before, *checked)
     if accuracy.unanswered(motion.estimate):

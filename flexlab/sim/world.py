@@ -83,7 +83,8 @@ class World:
     def accuracy_warning(self) -> str:
         """Why results are no longer accurate, and since when, or why they cannot be repeated; empty while all is well."""
         law = self.scenario.controller
-        return laws()[law.kind].warning(law) or self._motion.estimate.warning
+        estimate = self._motion.estimate
+        return laws()[law.kind].warning(law) or " ".join(filter(None, (estimate.warning, estimate.loss.warning)))
 
     @property
     def model_warning(self) -> ModelWarning:

@@ -45,6 +45,12 @@ FORCE_BOUND = 1e-4
 POSE_BOUND = 1e-8
 """Largest error of the pose, m or rad, of such a run."""
 
+LOSS_BOUND, LEAST_LOSS = 0.01, 1e-12
+"""Largest error of the dissipated energy, relative to it, of a run that does not speak of it; and the least energy judged, J."""
+
+OF_LOSS = "The dissipated energy"
+"""First words of the warning that the dissipated energy is off; it follows that of pose and force."""
+
 EXCEEDED = 3.0
 """Factor by which an error may exceed the one that the warning states."""
 
@@ -257,6 +263,7 @@ def judge(
         exact = reference.run(ticks)
         if not reference.accuracy_warning:
             break
+    warning, of_reference = (each.accuracy_warning.partition(OF_LOSS)[0].rstrip() for each in (world, reference))
     complaints = []
     both = min(len(run.time), len(exact.time))
     if world.status.failed and not reference.status.failed:
@@ -265,20 +272,24 @@ def judge(
     peak = float(np.abs(forces[1]).max())
     force = float(np.abs(forces[0] - forces[1]).max()) / (peak or 1.0)
     pose = float(np.abs(run.pose[:both] - exact.pose[:both]).max())
-    if not world.accuracy_warning and not reference.status.failed and force > FORCE_BOUND:
+    if not warning and not reference.status.failed and force > FORCE_BOUND:
         complaints.append(f"force off by {force:.1e} of its peak")
-    if not world.accuracy_warning and not reference.status.failed and pose > POSE_BOUND:
+    if not warning and not reference.status.failed and pose > POSE_BOUND:
         complaints.append(f"pose off by {pose:.1e} m or rad")
-    said, unknown = (stated_sizes(each.accuracy_warning) for each in (world, reference))
+    said, unknown = (stated_sizes(each) for each in (warning, of_reference))
     for what, size in (("pose", pose), ("force", force)):
-        if size > EXCEEDED * (said[what] + unknown[what] * bool(reference.accuracy_warning)):
+        if size > EXCEEDED * (said[what] + unknown[what] * bool(of_reference)):
             complaints.append(f"{what} off by {size:.1e}, more than is said")
+    lost = exact.dissipated_energy[:both]
+    loss = float(np.abs(run.dissipated_energy[:both] - lost).max()) / max(float(lost[-1]), LEAST_LOSS)
+    if not world.accuracy_warning and not of_reference and loss > EXCEEDED * LOSS_BOUND:
+        complaints.append(f"dissipated energy off by {loss:.1e} of it")
     beam, law = scenario.payload, scenario.controller
     text = (
         f"{beam.boundary} n={beam.element_count} EI={beam.bending_stiffness:.3g} ρ={beam.linear_density:.2g} "
         f"{beam.damping.model_dump()} {law.kind} T_c={law.control_period} step {world.step:.3g} ticks {ticks} "
         f"pose {pose:.1e} force {force:.1e} {took:.2g} s/s {warned and 'announced'} "
-        f"{world.accuracy_warning and 'inaccurate'} {world.status.text[:40]}"
+        f"{warning and 'inaccurate'} {world.status.text[:40]}"
     )
     return Judgement(text, tuple(complaints), took > 1 and not warned)
 

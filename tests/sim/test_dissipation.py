@@ -1,5 +1,7 @@
 """Loss and damping forces of a beam whose modes are damped much faster than the automatic step."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -90,6 +92,18 @@ def test_the_small_loss_of_a_smooth_start_is_found(elements, stiffness, coeffici
     right = loss_of_modes(world, run, slowest=4)
     assert "energy" not in world.warnings
     assert np.abs(run.dissipated_energy - right).max() < 0.005 * right[-1]
+
+
+def test_a_loss_for_which_the_steps_are_too_long_is_said_to_be_off():
+    beam = damped("pinned-pinned", 2, {"kind": "modal", "ratio": 2.0}, **{"payload.bending_stiffness": 5e5})
+    scenario = beam.replace({"trajectory.smooth_start": 0.5})
+    right = simulate(scenario.replace({"simulation.step": 2e-6}), 0.2)
+    run = simulate(scenario.replace({"simulation.step": 1e-4}), 0.2)
+    off = np.abs(run.dissipated_energy - right.dissipated_energy).max() / run.dissipated_energy[-1]
+    said = re.search(r"The dissipated energy may be off by (\d+) % from about t = ", run.status.text)
+    assert said
+    assert off / 3 < int(said[1]) / 100 < 30 * off
+    assert "energy" not in right.status.text
 
 
 def test_an_undamped_beam_loses_nothing():

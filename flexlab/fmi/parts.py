@@ -190,6 +190,7 @@ def _world(motion: Motion, about: str, called: list[Called]) -> Part:
         "STATE_LENGTH": len(motion.y),
         "FIRST_MODE": ETA,
         "SINCE": ETA + 2 * n + TICKS,
+        "COUNTS_TICKS": int(assembly.levels.integrator == "etdrk4"),
         "GAUGES": len(sampling.strain),
         "AT_STRAIN": memory.words[memory.word("sampling.strain.data")],
         "AT_ROW": memory.places["row"],

@@ -224,7 +224,8 @@ def _move_in_parts(motion: Motion, cuts: tuple[float, ...], row: np.ndarray, lim
     since, watch = ETA + 2 * assembly.system.plant.modal.shape[1] + TICKS, assembly.watch
     dt = assembly.tick_period / (assembly.step_count << motion.level)
     for begin, end in zip(cuts[:-1], cuts[1:], strict=True):
-        motion.y[since] = start[since]
+        if assembly.levels.integrator == "etdrk4":  # Another one may keep an acceleration there.
+            motion.y[since] = start[since]
         length = end - begin
         count = steps_in(length, dt)
         scheme = build_scheme(assembly.levels.integrator, assembly.beam, length / count)

@@ -101,7 +101,7 @@ class World:
         """A sentence on what is estimated to make the run slower than real time, and what to change; empty if it is not."""
         assembly = self.assembly
         n, watch = len(assembly.beam.modes.omega), assembly.watch
-        settled = not self._motion.y[ETA + 2 * n + TICKS] < DISTURBED_TICKS * watch.disturbed
+        settled = watch.disturbed == 0 or not self._motion.y[ETA + 2 * n + TICKS] < DISTURBED_TICKS * watch.disturbed
         growing = self._motion.level > 0 and settled
         bound = "law" if growing else assembly.bound
         level = self._motion.level if growing else 0

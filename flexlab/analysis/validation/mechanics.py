@@ -176,7 +176,7 @@ SMOOTH_BUT_FOR: dict[str, dict[str, Any]] = {
     "": {},
     ", under a clock": {"controller.control_period": 0.002},
     ", where the path's acceleration jumps within samples": {
-        "trajectory": {"kind": "bang-bang", "to": (0.01, 0.76, 0.02), "start": 0.02125, "duration": 0.033}
+        "trajectory": {"kind": "bang-bang", "to": (0.01, 0.76, 0.02), "start": 0.0213, "duration": 0.0331}
     },
 }
 """In words → changes of that motion, whose inputs jump between the steps."""

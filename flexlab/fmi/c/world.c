@@ -73,7 +73,7 @@ static int64_t go_in_pieces(Unit *unit, const Piece *piece) {
     set_out(unit);
     unit->words[WORD_SAMPLING_STEPS] = words[WORD_SAMPLING_STEPS];
     for (; piece < pieces + PIECE_COUNT && piece->tick == tick && piece->level == level; piece++) {
-        y[SINCE] = before;
+        if (COUNTS_TICKS) y[SINCE] = before;
         take_scheme(unit, piece->scheme);
         unit->words[WORD_ORIGIN] = bits(piece->begin);
         unit->words[WORD_TICK] = 0;

@@ -245,7 +245,8 @@ class Tuning(Result):
 
     def plot(self, first: str = "", second: str = "") -> "Figure":
         """The trade-off between two metrics among all candidates; by default the first two of the cost. Raises `StudyError`."""
-        first, second = self.cost.traded(*(named(name).name for name in (first, second) if name != ""))
+        wanted = (named(name).name for name in (first, second) if not isinstance(name, str) or name)
+        first, second = self.cost.traded(*wanted)
         found = [candidate.metrics for candidate in self.candidates if candidate.metrics is not None]
         x, y = (np.array([metrics[name] for metrics in found]) for name in (first, second))
         with style():

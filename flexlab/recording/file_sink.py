@@ -43,10 +43,11 @@ class RunWriter:
         self.file = file
         self._bytes = RrdFile(file.handle)
         self._pipe = None
-        with contextlib.ExitStack() as undoing:
-            undoing.callback(file.path.unlink, missing_ok=True)
-            undoing.callback(file.release)
-            undoing.callback(self._end_pipe)
+        undoing = contextlib.ExitStack()
+        undoing.callback(file.path.unlink, missing_ok=True)
+        undoing.callback(file.release)
+        undoing.callback(self._end_pipe)
+        try:
             with put_off():  # Of a stream that is only half set up, the pipe's end would never come.
                 if in_one_piece and hasattr(os, "mkfifo"):
                     with contextlib.suppress(OSError):  # There may be no room for temporary files.
@@ -55,7 +56,9 @@ class RunWriter:
                 undoing.callback(self.stream.close)
             if self._pipe is None:
                 self.push()
-            undoing.pop_all()
+        except BaseException:
+            undoing.close()
+            raise
 
     is_lost = False
     """Whether `check` has given up the file: nothing can be written any more."""

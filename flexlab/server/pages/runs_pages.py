@@ -170,9 +170,13 @@ async def _keep(part: BodyPartReader, folder: Path) -> Path:
     given = Path((part.filename or "").replace("\\", "/"))
     check_format(given.name)
     path = folder / (file_word(given.stem) + given.suffix.lower())
+    size = 0
     try:
         with path.open("wb") as file:
             while piece := await part.read_chunk(PIECE):
+                size += len(piece)
+                if size > LARGEST_UPLOAD:
+                    raise RecordingError(TOO_LARGE)
                 await asyncio.to_thread(file.write, piece)
     except OSError as error:
         raise RecordingError(f"The upload cannot be stored ({error.strerror}): make room on the disk.") from None

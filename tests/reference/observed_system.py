@@ -60,6 +60,8 @@ class ObservedSystem(FlexibleSystem):
         R = np.diag([POSE_NOISE] * 3 + [RATE_NOISE] * 3 + [STRAIN_NOISE] * len(places)) ** 2
         P = solve_discrete_are(self.transition.T, self.C.T, every @ unknown @ every.T, R)
         self.gain = P @ self.C.T @ np.linalg.inv(self.C @ P @ self.C.T + R)
+        self.steps: dict[float, tuple[np.ndarray, np.ndarray]] = {}
+        """`held` by the part of a period."""
         self.rates_of = np.zeros((2, 2 * m))
         self.rates_of[0, m + 3 :], self.rates_of[1, m + 3 :] = h, g
         if slow is None:
@@ -84,10 +86,12 @@ class ObservedSystem(FlexibleSystem):
 
     def ahead(self, z: np.ndarray, seen: Seen, forces: list[np.ndarray], parts: list[float]) -> np.ndarray:
         """The estimate z after forces that act one after the other, each for its part of a period."""
-        weight = self.by_weight * self.scenario.gravity * e(seen.x[2])[0]
+        weight = self.scenario.gravity * e(seen.x[2])[0]
         for force, part in zip(forces, parts, strict=True):
-            over, by = held(self.dynamics, np.column_stack([self.B, weight]), part * self.period)
-            z = over @ z + by @ [*force, 1.0]
+            if part not in self.steps:
+                self.steps[part] = held(self.dynamics, np.column_stack([self.B, self.by_weight]), part * self.period)
+            over, by = self.steps[part]
+            z = over @ z + by @ [*force, weight]
         return z
 
     def asked(self, seen: Seen, z: np.ndarray, line: list[np.ndarray], memory: np.ndarray):

@@ -42,6 +42,12 @@ def user_cache() -> Path:
     return folder if _is_writable(folder / "flexlab") else _passing_cache(f"{folder} cannot be written")
 
 
+def code_cache() -> Path:
+    """The folder of machine code, below NUMBA_CACHE_DIR or the user's cache folder."""
+    base = os.environ.get("NUMBA_CACHE_DIR")
+    return (Path(base) if base else user_cache()) / "flexlab"
+
+
 @cache  # Each kernel asks.
 def _is_writable(folder: Path) -> bool:
     """Whether this user may make a folder or, if it exists, write into it."""

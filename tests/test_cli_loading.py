@@ -59,3 +59,9 @@ def test_a_lab_loads_no_library_for_figures_fits_or_data_frames_at_its_start():
     assert {"flexlab.analysis.figures", "pyarrow"} < set(names.split())
     assert not {"matplotlib", "scipy.optimize", "scipy.stats", "pandas"} & set(names.split())
     assert shape == "(2, 1)", "pandas is still there for whoever asks"
+
+
+def test_the_process_of_a_law_or_unit_loads_no_compiler():
+    loading = "import sys, flexlab.own.child, flexlab.own.unit_at_work; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", loading], capture_output=True, text=True, check=True)
+    assert not {"numba", "llvmlite", "pydantic"} & set(done.stdout.split())

@@ -7,19 +7,18 @@ Numba's machine code of the functions of a text that ask for it (`@njit(cache=Tr
 import ast
 import builtins
 import hashlib
-import os
 import re
 import sys
 import sysconfig
+from collections.abc import Mapping
 from contextlib import suppress
 from functools import cache
-from importlib import metadata
 from importlib.machinery import PathFinder
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from flexlab.assets import user_cache
+from flexlab.assets import code_cache
 from flexlab.errors import ScenarioError
 from flexlab.own.reading import data_names, with_data
 from flexlab.text import syntax_tree
@@ -70,12 +69,18 @@ def packages_of(text: str) -> dict[str, str]:
     return {package: version for name in sorted(names) for package, version in _installed(name)}
 
 
-_distributions = cache(metadata.packages_distributions)
-"""Module → packages of all that is installed; slow to make."""
+@cache
+def _distributions() -> Mapping[str, list[str]]:
+    """Module → packages of all that is installed; slow to make."""
+    from importlib import metadata
+
+    return metadata.packages_distributions()
 
 
 def _installed(name: str) -> list[tuple[str, str]]:
     """(Name, version) of the packages that a module comes from; none if it is not installed."""
+    from importlib import metadata  # Not each text's process needs it.
+
     with suppress(metadata.PackageNotFoundError):
         return [(name, metadata.version(name))]
     if PathFinder.find_spec(name) is None:
@@ -169,8 +174,7 @@ def file_machine_code_by_text() -> None:
 
         def get_cache_path(self) -> str:
             """The folder of the text."""
-            base = os.environ.get("NUMBA_CACHE_DIR") or str(user_cache())
-            return os.path.join(base, "flexlab", OWN_TEXTS, self._digest)
+            return str(code_cache() / OWN_TEXTS / self._digest)
 
         def get_source_stamp(self) -> str:
             """The digest of the text."""

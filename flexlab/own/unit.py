@@ -19,7 +19,6 @@ from flexlab.own.declaration import DEFAULT_PERIOD, LONGEST_PERIOD, MOST_SETTING
 from flexlab.own.link import ASKS
 from flexlab.own.reading import is_unit
 from flexlab.physics.law_input import MOST_GAUGES
-from flexlab.quantities import base_exponents
 from flexlab.text import visible
 
 _FMI_BASES = ("kg", "m", "s", "A", "K", "mol", "cd")
@@ -43,6 +42,8 @@ _NAMED = {
 
 def problem_with_unit(variable: Any, definitions: Iterable[Any], wanted: str) -> str:
     """A variable's unit of measure if it is not `wanted`; empty if it is, or if none is given."""
+    from flexlab.quantities import base_exponents  # The process of a unit does not need it.
+
     name = variable.unit or (variable.declaredType.unit if variable.declaredType else None)
     if not name:
         return ""

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlab.compiled import cache_folder
+from flexlab.assets import code_cache
 from flexlab.own.measurement import Measurement
 from flexlab.own.reading import TextProblem, is_unit
 from flexlab.own.unit import GRIPS, MOTORS, PARTS
@@ -203,7 +203,7 @@ def _extracted(file: Path, sha256: str) -> Path:
     """The folder with a unit's unpacked files, kept beside compiled kernels."""
     import fmpy
 
-    folder = cache_folder().parent / f"unit-{sha256[:32]}"
+    folder = code_cache() / f"unit-{sha256[:32]}"
     if not folder.is_dir():
         folder.parent.mkdir(parents=True, exist_ok=True)
         draft = tempfile.mkdtemp(dir=folder.parent, prefix="unit-draft-")

@@ -98,7 +98,7 @@ def test_fmpy_finds_nothing_wrong(export: Export, part: str, version: int):
         ("paper", {"simulation.integrator": "rk4", "payload.element_count": 2}, 3, 4),
         ("paper", {"simulation.integrator": "generalized-alpha"}, 3, 4),
         ("paper", BANG_BANG, 3, 1),
-        ("paper", {**BANG_BANG, "simulation.integrator": "generalized-alpha"}, 3, 1),
+        ("paper", {**BANG_BANG, "simulation.integrator": "generalized-alpha", "simulation.step": 1e-4}, 3, 1),
         ("paper", FRICTION, 3, 1),
         ("paper", ENCODERS, 3, 1),
         ("paper", MOTORS, 3, 1),

@@ -7,6 +7,8 @@ import os
 import secrets
 import socket
 import sys
+import threading
+from collections.abc import Callable, Generator
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -176,3 +178,41 @@ def _listen_on_file(path: str) -> socket.socket:
         why = error.strerror or error  # "AF_UNIX path too long" has no number.
         raise LabError(f"The socket {path} cannot be made ({why}): choose a short path in a folder of yours.") from None
     return plug
+
+
+Answer = tuple[int, dict[str, str], bytes]
+"""Status, headers and body of an answer."""
+
+
+@contextlib.contextmanager
+def serving_pages(plug: socket.socket, answer: Callable[[str, str], Answer]) -> Generator[None]:
+    """Answer every GET request at a listening socket in the block by `answer(host, path)`; free its address afterwards."""
+    from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            status, headers, body = answer(self.headers.get("Host", ""), self.path)
+            self.send_response(status)
+            for name, value in (headers | {"Content-Length": str(len(body))}).items():
+                self.send_header(name, value)
+            self.end_headers()
+            self.wfile.write(body)
+
+        def log_message(self, *_: object) -> None:
+            """Log nothing: a list of requests does not belong in a person's terminal."""
+
+    class Server(ThreadingHTTPServer):
+        def handle_error(self, request: object, client_address: object) -> None:
+            """Ignore closed connections."""
+
+    plug.setblocking(True)
+    with Server(("", 0), Handler, bind_and_activate=False) as server:
+        server.socket.close()
+        server.socket = plug
+        thread = threading.Thread(target=server.serve_forever, args=(0.05,), name="flexlab-pages", daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            server.shutdown()
+            thread.join()

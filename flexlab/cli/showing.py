@@ -8,14 +8,13 @@ import threading
 import webbrowser
 from collections.abc import Generator
 from contextlib import contextmanager
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 from flexlab.assets import web_assets_folder
 from flexlab.cli.console import output
 from flexlab.files import filled
 from flexlab.interrupts import answering
-from flexlab.sockets import listen
+from flexlab.sockets import listen, serving_pages
 
 LOOK = 0.5
 """Interval of the checks for the end, s: on Windows, Ctrl-C cannot interrupt an endless wait."""
@@ -85,35 +84,7 @@ def _page() -> str:
 @contextmanager
 def waiting_page(host: str, port: int) -> Generator[None]:
     """Serve a waiting page at the lab's address, and free the address afterwards. Raises `LabError` if it is in use."""
-    with _Server((host, port), _Handler, bind_and_activate=False) as server:
-        server.socket.close()
-        server.socket = plug = listen(host, port)
-        plug.setblocking(True)
-        server.server_address = plug.getsockname()
-        thread = threading.Thread(target=server.serve_forever, args=(0.05,), name="waiting-page", daemon=True)
-        thread.start()
-        try:
-            yield
-        finally:
-            server.shutdown()
-            thread.join()
-
-
-class _Server(ThreadingHTTPServer):
-    def handle_error(self, request: object, client_address: object) -> None:
-        """Ignore closed connections."""
-
-
-class _Handler(BaseHTTPRequestHandler):
-    def do_GET(self) -> None:
-        """Answer any request with the page; 503 tells programs that the lab is not ready."""
-        body = _page().encode()
-        self.send_response(503)
-        self.send_header("Content-Type", "text/html; charset=utf-8")
-        self.send_header("Content-Length", str(len(body)))
-        self.send_header("Retry-After", "1")
-        self.end_headers()
-        self.wfile.write(body)
-
-    def log_message(self, format: str, *args: object) -> None:
-        """Print no line per request."""
+    headers = {"Content-Type": "text/html; charset=utf-8", "Retry-After": "1"}
+    # 503 tells programs that the lab is not ready.
+    with serving_pages(listen(host, port), lambda *_: (503, headers, _page().encode())):
+        yield

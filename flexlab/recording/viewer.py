@@ -5,8 +5,6 @@ by flexlab with a content security policy: without one, it would fetch fonts, lo
 """
 
 import contextlib
-import http.server
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import quote, urlsplit
@@ -16,7 +14,7 @@ from flexlab.recording.overlay import is_comparison
 from flexlab.recording.reader import read_scenario
 from flexlab.recording.repair import check_foreign, finish
 from flexlab.recording.rerun_internals.tool import VIEWER_FILES, serving, viewer_folder
-from flexlab.sockets import LOOPBACK, name_in
+from flexlab.sockets import LOOPBACK, Answer, base_address, listen, name_in, serving_pages
 
 SECURITY_POLICY = (
     "default-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' data: blob:; connect-src 'self' {source} data: blob:"
@@ -28,59 +26,28 @@ SECURITY_POLICY = (
 def serving_viewer(port: int = 0, source: str = "") -> Iterator[str]:
     """Serve the web viewer on one port of this machine, 0 for a free one; yields its address.
 
-    `source`: the server that recordings may come from, besides this one. Raises `RecordingError` if the port is in use or the
-    viewer is missing.
+    `source`: the server that recordings may come from, besides this one. Raises `LabError` if the port is in use, and
+    `RecordingError` if the viewer is missing.
     """
-    folder = viewer_folder()
+    folder, policy = viewer_folder(), SECURITY_POLICY.format(source=source)
 
-    class Handler(_Handler):
-        root, policy = folder, SECURITY_POLICY.format(source=source)
-
-    try:
-        server = http.server.ThreadingHTTPServer((LOOPBACK[0], port), Handler)
-    except (OSError, OverflowError) as error:
-        reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise RecordingError(
-            f"The viewer cannot be served on {LOOPBACK[0]}:{port} ({reason}): choose another port, or 0 for any."
-        ) from None
-    with server:
-        thread = threading.Thread(target=server.serve_forever, name="rerun-viewer", daemon=True)
-        thread.start()
-        try:
-            yield f"http://{LOOPBACK[0]}:{server.server_port}/"
-        finally:
-            server.shutdown()
-            thread.join()
-
-
-class _Handler(http.server.BaseHTTPRequestHandler):
-    """Answers with the viewer's files and nothing else."""
-
-    root: Path
-    policy: str
-    protocol_version = "HTTP/1.1"
-
-    def do_GET(self) -> None:
-        if name_in(self.headers.get("Host", "")) not in LOOPBACK:
-            self.send_error(403)  # A foreign name that leads here would make a foreign page look like this one.
-            return
-        name = self.path.partition("?")[0].lstrip("/") or "index.html"
+    def answer(host: str, path: str) -> Answer:
+        name = path.partition("?")[0].lstrip("/") or "index.html"
+        if name_in(host) not in LOOPBACK:
+            return 403, {}, b""  # A foreign name that leads here would make a foreign page look like this one.
         if name not in VIEWER_FILES:
-            self.send_error(404)
-            return
-        data = (self.root / name).read_bytes()
-        self.send_response(200)
-        self.send_header("Content-Type", VIEWER_FILES[name])
-        self.send_header("Content-Length", str(len(data)))
-        self.send_header("Content-Security-Policy", self.policy)
-        self.send_header("X-Content-Type-Options", "nosniff")
-        self.send_header("Referrer-Policy", "no-referrer")
-        self.end_headers()
-        with contextlib.suppress(ConnectionError):
-            self.wfile.write(data)
+            return 404, {}, b""
+        headers = {
+            "Content-Type": VIEWER_FILES[name],
+            "Content-Security-Policy": policy,
+            "X-Content-Type-Options": "nosniff",
+            "Referrer-Policy": "no-referrer",
+        }
+        return 200, headers, (folder / name).read_bytes()
 
-    def log_message(self, format: str, *args: object) -> None:
-        """Log nothing: a list of requests does not belong in a person's terminal."""
+    plug = listen(LOOPBACK[0], port)
+    with serving_pages(plug, answer):
+        yield base_address(*plug.getsockname()) + "/"
 
 
 @contextlib.contextmanager
@@ -88,7 +55,7 @@ def review(path: Path, port: int = 0) -> Iterator[str]:
     """Serve a recording, or a comparison of some, to this machine's browser; yields the address to open.
 
     A recording that its writer left without an end is mended first. `port` of the viewer, 0 for a free one. Raises
-    `RecordingError` if there is nothing that can be read.
+    `RecordingError` if there is nothing that can be read, and `LabError` for a port that is in use.
     """
     check_foreign(path)
     finish(path)

@@ -47,10 +47,6 @@ def raise_handles() -> int:
     return most
 
 
-class PortInUse(LabError):
-    """Another program listens at this address."""
-
-
 def hidden_loopback() -> str:
     """A random loopback address of this machine; 127.0.0.1 if the system has no other (macOS).
 
@@ -137,7 +133,7 @@ def listen(host: str, port: int) -> socket.socket:
     except OSError as error:
         plug.close()
         if "in use" in str(error).lower() or getattr(error, "winerror", None) == 10048:
-            raise PortInUse(
+            raise LabError(
                 f"port {port} is in use by another program: choose another one (0 takes any free port) or stop that program."
             ) from None
         if error.errno == errno.EADDRNOTAVAIL:
@@ -162,7 +158,7 @@ def _listen_on_file(path: str) -> socket.socket:
             except FileNotFoundError:
                 pass
             else:
-                raise PortInUse(f"{path} is in use by another program: choose another one or stop that program.")
+                raise LabError(f"{path} is in use by another program: choose another one or stop that program.")
         before = os.umask(0o177)
         try:
             plug.bind(path)

@@ -86,5 +86,5 @@ def waiting_page(host: str, port: int) -> Generator[None]:
     """Serve a waiting page at the lab's address, and free the address afterwards. Raises `LabError` if it is in use."""
     headers = {"Content-Type": "text/html; charset=utf-8", "Retry-After": "1"}
     # 503 tells programs that the lab is not ready.
-    with serving_pages(listen(host, port), lambda *_: (503, headers, _page().encode())):
+    with serving_pages(listen(host, port), lambda _host, _path: (503, headers, _page().encode())):
         yield

@@ -1,4 +1,4 @@
-"""Faster starts by loading modules on first use, and the compilation of the engine at the first start."""
+"""Faster loading of modules, and the compilation of the engine at the first start."""
 
 import gc
 import math
@@ -7,12 +7,10 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Generator, Sequence
+from collections.abc import Generator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
-from importlib.machinery import ModuleSpec, PathFinder
-from importlib.util import LazyLoader
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from flexlab.cli.console import note, notes
 from flexlab.interrupts import answering
@@ -20,22 +18,10 @@ from flexlab.interrupts import answering
 if TYPE_CHECKING:
     from flexlab.scenario import Scenario
 
-UNASKED = frozenset({"numpy.f2py", "yaml", "rerun.experimental", "rerun.server", "rerun.urdf"})
-"""Modules that scipy, numba and rerun load but no command uses; loading them takes a twelfth of a start."""
 UNUSED = 30 * 86400.0
 """Time after which machine code (83 MB per version) counts as unused, s. Systems update access times at least once a day."""
 UNIT_DIGITS = 32
 """Hexadecimal digits in the name of a functional mock-up unit's folder, see `flexlab.own.unit_at_work`."""
-
-
-class _Later:
-    """An import finder that delays the loading of `UNASKED` modules until their first use."""
-
-    def find_spec(self, name: str, path: Sequence[str] | None, target: Any = None, /) -> ModuleSpec | None:
-        spec = PathFinder.find_spec(name, path, target) if name in UNASKED else None
-        if spec is not None and spec.loader is not None:
-            spec.loader = LazyLoader(spec.loader)
-        return spec
 
 
 @contextmanager
@@ -44,15 +30,12 @@ def loading() -> Generator[None, None, None]:
 
     This saves a tenth of a start, and a fifth where pandas is installed. Only for processes of the command line.
     """
-    later = _Later()
-    sys.meta_path.insert(0, later)
     gc.disable()
     try:
         yield
     finally:
         gc.freeze()
         gc.enable()
-        sys.meta_path.remove(later)
     if "pyarrow" in sys.modules:
         from flexlab.recording import leave_pandas_out
 

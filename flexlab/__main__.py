@@ -21,6 +21,8 @@ def main() -> None:
     # Otherwise a signal.py in the working folder would replace Python's in every process that flexlab starts.
     if not os.path.samefile(os.curdir, Path(__file__).parents[1]):
         os.environ.setdefault("PYTHONSAFEPATH", "1")
+    # Small matrices are fastest on one thread, and idle threads of a library would spin on busy cores.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     pressed, tell = 0, sys.__unraisablehook__  # Kept: at Python's end this module has no names.
 
     def press(number: int, frame: Any) -> None:

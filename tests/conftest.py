@@ -101,6 +101,7 @@ def _forget_those_of_a_file() -> Iterator[None]:
 @pytest.fixture(scope="session", autouse=True)
 def _one_blas_thread() -> Iterator[None]:
     """Use one BLAS thread: it is fastest for small matrices, and idle threads would spin on the cores of other tests."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # For processes that tests start.
     with threadpool_limits(1, user_api="blas"):
         yield
 

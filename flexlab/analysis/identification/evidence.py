@@ -77,14 +77,12 @@ def ring_begins(signal: np.ndarray) -> int:
     In loud noise, which hides that peak, it is half a period after the beginning. Even a few quiet samples before the peak would
     be fitted by strongly damped modes, which the ring does not have.
     """
-    from scipy.signal import detrend  # It is slow to load.
-
     size = max(FEWEST_IN_BLOCK, len(signal) // BLOCKS)
     count = len(signal) // size
     if count < 2 + AFTER:
         return 0
     blocks = signal[: count * size].reshape(count, size)
-    block = _jump(np.mean(detrend(blocks) ** 2, axis=1))  # About each block's own straight line.
+    block = _jump(np.mean(_about_line(blocks) ** 2, axis=1))
     if block is not None:
         quiet = float(np.median(signal[: block * size]))
         return block * size + int(np.argmax(np.abs(signal[block * size : (block + AFTER) * size] - quiet)))
@@ -96,6 +94,12 @@ def ring_begins(signal: np.ndarray) -> int:
     # a beginning: it is where noise adds to the ring, and the fit then misses the truth more often than its interval says.
     seen = np.abs(line[(block - 1) * size :])
     return (block - 1) * size + int(np.argmax(seen >= HALF * seen.max())) + period // 2
+
+
+def _about_line(blocks: np.ndarray) -> np.ndarray:
+    """Deviations from each row's own straight line, (count, size)."""
+    ramp, middle = np.linspace(-1, 1, blocks.shape[1]), blocks - blocks.mean(axis=1, keepdims=True)
+    return middle - (middle @ ramp / (ramp @ ramp))[:, None] * ramp
 
 
 def _jump(power: np.ndarray) -> int | None:

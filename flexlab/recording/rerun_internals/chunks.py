@@ -223,7 +223,7 @@ def _instants(batch: pa.RecordBatch) -> list[int]:
     """Time of each row, ns; -1 for static data."""
     if TIMELINE not in batch.schema.names:
         return [-1] * batch.num_rows
-    return batch.column(TIMELINE).cast(pa.int64()).to_pylist()
+    return batch.column(TIMELINE).view(pa.int64()).to_pylist()
 
 
 def has_recording(path: Path) -> bool:

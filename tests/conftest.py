@@ -124,10 +124,10 @@ def flexlab_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
     than most commands do. `flexlab_process` does start one.
     """
 
-    def run(*words: str, folder: Path = tmp_path) -> subprocess.CompletedProcess[str]:
+    def run(*words: str, folder: Path = tmp_path, **environment: str) -> subprocess.CompletedProcess[str]:
         said, complained = io.StringIO(), io.StringIO()
         with monkeypatch.context() as circumstances, contextlib.chdir(folder):
-            for name, value in SPOKEN_TO.items():
+            for name, value in (SPOKEN_TO | environment).items():
                 circumstances.setenv(name, value)
             circumstances.setattr("sys.stdin", io.StringIO())
             # Consoles keep the width that they were made for.

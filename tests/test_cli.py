@@ -1,16 +1,18 @@
 """The command line says what it can do and answers bad input with one sentence, never a traceback."""
 
+import io
 import json
 import os
 import shlex
 import subprocess
 import sys
+from contextlib import redirect_stdout
 from pathlib import Path
 
 import pytest
 from lab_process import Command, refused
 
-from flexlab.cli import COMMANDS
+from flexlab.cli import COMMANDS, main
 from flexlab.presets import load_preset, load_scenario_file, preset_names, save_scenario
 from flexlab.scenario import Scenario
 
@@ -70,25 +72,18 @@ def test_presets_are_listed_with_what_to_watch(flexlab_command: Command):
 
 
 @pytest.mark.parametrize(("words", "expected"), [(("presets",), "paper "), (("run", "--help"), "usage: flexlab run")])
-def test_a_terminal_of_no_width_is_written_to_as_one_of_40_columns(root: Path, words: tuple[str, ...], expected: str):
+def test_a_terminal_of_no_width_is_written_to_as_one_of_40_columns(
+    flexlab_command: Command, words: tuple[str, ...], expected: str
+):
     # With one column the help took minutes; with none there were no presets.
-    said = [
-        subprocess.run(
-            [sys.executable, "-m", "flexlab", *words], cwd=root, env=os.environ | {"COLUMNS": columns},
-            capture_output=True, text=True, encoding="utf-8", timeout=120, check=True,
-        ).stdout
-        for columns in ("0", "1", "40")
-    ]  # fmt: skip
+    said = [flexlab_command(*words, COLUMNS=columns).stdout for columns in ("0", "1", "40")]
     assert said[0] == said[1] == said[2]
     assert said[2].startswith(expected)
 
 
 @pytest.mark.parametrize("size", ["²", "-5", "x", "", "9" * 5000])
-def test_a_terminal_of_unknown_size_is_written_to(root: Path, size: str):
-    done = subprocess.run(
-        [sys.executable, "-m", "flexlab", "presets"], cwd=root, env=os.environ | {"COLUMNS": size, "LINES": size},
-        capture_output=True, text=True, encoding="utf-8", timeout=120, check=False,
-    )  # fmt: skip
+def test_a_terminal_of_unknown_size_is_written_to(flexlab_command: Command, size: str):
+    done = flexlab_command("presets", COLUMNS=size, LINES=size)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.startswith("paper ")
 
@@ -173,13 +168,13 @@ def test_a_closed_pipe_is_no_error(root: Path, errors: str):
 
 def test_an_error_that_cannot_be_told_keeps_its_exit_code():
     with open("/dev/full", "w") as full:
-        done = subprocess.run([sys.executable, "-m", "flexlab", "presets", "none"], stderr=full, check=False)
+        done = subprocess.run([sys.executable, "-m", "flexlab", "prests"], stderr=full, check=False)
     assert done.returncode == 2
 
 
 def test_the_exit_code_says_nothing_of_a_closed_pipe(root: Path):
     """It was 1, that of a run that failed."""
-    program = "from flexlab.cli import main; import sys; sys.stdin.readline(); main(['presets'])"
+    program = "from flexlab.cli import main; import sys; sys.stdin.readline(); main(['--help'])"
     with subprocess.Popen(
         [sys.executable, "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=root
     ) as printing:
@@ -193,10 +188,11 @@ def test_the_exit_code_says_nothing_of_a_closed_pipe(root: Path):
 
 
 @pytest.mark.parametrize("encoding", ["cp1252", "ascii", "utf-8"])
-def test_a_preset_printed_in_any_encoding_is_a_scenario_file(encoding: str, flexlab_command: Command, tmp_path: Path):
+def test_a_preset_printed_in_any_encoding_is_a_scenario_file(encoding: str, tmp_path: Path):
     """Windows writes to a file in an encoding of its own, and its PowerShell turns that into UTF-16."""
-    command, environment = [sys.executable, "-m", "flexlab", "presets", "lqr"], {"PYTHONIOENCODING": encoding}
-    printed = subprocess.run(command, env=os.environ | environment, capture_output=True, check=True).stdout
+    with redirect_stdout(io.TextIOWrapper(io.BytesIO(), encoding=encoding)) as said, pytest.raises(SystemExit):
+        main(["presets", "lqr"])
+    printed = said.buffer.getvalue()
     (tmp_path / "mine.json").write_bytes(printed)
     assert load_scenario_file(tmp_path / "mine.json") == load_preset("lqr")
     (tmp_path / "by_powershell.json").write_text(printed.decode(encoding), encoding="utf-16", newline="\r\n")

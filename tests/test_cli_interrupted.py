@@ -3,7 +3,6 @@
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -86,15 +85,26 @@ if at.time > 0.02:
 """Statements in a law that press Ctrl-C on the command, the parent of its supervisor, `%s` seconds before the answer."""
 
 
-@pytest.mark.parametrize("before", [0.005, 0.06, 600.0])
-def test_ctrl_c_while_a_law_computes_is_not_blamed_on_the_law(
-    before: float, flexlab_process: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
-):
-    (tmp_path / "presses.py").write_text(at_work(PRESS_AT_WORK % before))
-    done = flexlab_process("run", "paper", "--duration", "1", "--law", "presses.py")
-    assert done.returncode == 130, done
-    assert done.stderr == "Interrupted.\n"
-    assert done.stdout == ""
+EACH_IN_TURN = """
+import sys
+from flexlab.__main__ import main
+for law in ("soon.py", "late.py", "never.py"):
+    sys.argv = ["flexlab", "run", "paper", "--duration", "1", "--law", law]
+    try:
+        main()
+    except SystemExit as end:
+        print(end.code)
+"""
+
+
+def test_ctrl_c_while_a_law_computes_is_not_blamed_on_the_law(tmp_path: Path):
+    for name, before in (("soon", 0.005), ("late", 0.06), ("never", 600.0)):
+        (tmp_path / f"{name}.py").write_text(at_work(PRESS_AT_WORK % before))
+    done = subprocess.run(
+        [sys.executable, "-c", EACH_IN_TURN], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert done.stderr == 3 * "Interrupted.\n"
+    assert done.stdout == 3 * "130\n"
 
 
 PRESSED_OFTEN = """

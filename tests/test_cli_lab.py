@@ -24,21 +24,31 @@ def recording_of_the_ended(lab: Lab, how: signal.Signals) -> Path:
 def test_the_lab_serves_records_and_ends_and_a_second_one_on_its_port_is_refused(
     start_lab: Callable[..., Lab], flexlab_command: Command
 ):
-    lab = start_lab("--preset", "soft-beam")
+    lab = start_lab("--preset", "soft-beam", "--rerun")
     url = lab.url()
     assert "in use" in refused(flexlab_command("--no-browser", "--port", str(lab.port())))
-    with urllib.request.urlopen(url) as page:
-        assert page.status == 200
+    assert answer(url) == 200
+    live = lab.wait(lambda: re.search(r"Live data in your browser: (http://\S+/live)", "".join(lab.said)))[1]
+    assert answer(live) == 200
+    source = lab.wait(lambda: re.search(r"rerun (http://\S+/live/lab\.rrd)", "".join(lab.said)))[1]
+    with urllib.request.urlopen(source) as data:
+        assert data.read(4) == b"RRF2"
     assert recording_of_the_ended(lab, signal.SIGINT).name.endswith("-soft-beam.rrd")
 
 
-def test_a_lab_started_with_nohup_outlives_its_terminal(start_lab: Callable[..., Lab]):
+def test_a_lab_with_a_token_prints_a_secret_address_for_the_teacher_and_with_nohup_outlives_its_terminal(
+    start_lab: Callable[..., Lab],
+):
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # As nohup does; the lab inherits it.
     try:
-        lab = start_lab()
+        lab = start_lab("--token", "the-word-of-the-class")
     finally:
         signal.signal(signal.SIGHUP, before)
     url = lab.url()
+    assert answer(url) == 200
+    page = lab.wait(lambda: re.search(r"for the teacher: (http://\S+)", "".join(lab.said)))[1]
+    assert answer(page) == 200
+    assert answer(page.replace(page.partition("=")[2], "the-word-of-the-class")) == 401
     lab.wait(lambda: "Ctrl-C ends the lab." in "".join(lab.said))
     lab.process.send_signal(signal.SIGHUP)
     lab.process.send_signal(signal.SIGCONT)
@@ -76,18 +86,6 @@ def test_bad_input_is_one_sentence(flexlab_command: Command, words: list[str], s
     assert says in refused(flexlab_command("--no-browser", *(["--port", "0"] if "--port" not in words else []), *words))
 
 
-def test_live_data_is_offered_with_rerun(start_lab: Callable[..., Lab]):
-    lab = start_lab("--rerun")
-    lab.url()
-    page = lab.wait(lambda: re.search(r"Live data in your browser: (http://\S+/live)", "".join(lab.said)))[1]
-    with urllib.request.urlopen(page) as viewer:
-        assert viewer.status == 200
-    source = lab.wait(lambda: re.search(r"rerun (http://\S+/live/lab\.rrd)", "".join(lab.said)))[1]
-    with urllib.request.urlopen(source) as data:
-        assert data.read(4) == b"RRF2"
-    recording_of_the_ended(lab, signal.SIGTERM)
-
-
 def test_private_labs_for_others_open_with_their_token_only_and_close(start_lab: Callable[..., Lab]):
     lab = start_lab("--host", "0.0.0.0", "--private", "--max-sessions", "1")
     url = lab.url()
@@ -96,12 +94,3 @@ def test_private_labs_for_others_open_with_their_token_only_and_close(start_lab:
     assert answer(url.split("?")[0]) == 401
     assert lab.end() == 0
     assert "Traceback" not in "".join(lab.complained)
-
-
-def test_a_lab_with_a_token_prints_a_secret_address_for_the_teacher(start_lab: Callable[..., Lab]):
-    lab = start_lab("--token", "the-word-of-the-class")
-    assert answer(lab.url()) == 200
-    page = lab.wait(lambda: re.search(r"for the teacher: (http://\S+)", "".join(lab.said)))[1]
-    assert answer(page) == 200
-    assert answer(page.replace(page.partition("=")[2], "the-word-of-the-class")) == 401
-    assert lab.end() == 0

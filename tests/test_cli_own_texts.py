@@ -42,25 +42,31 @@ def test_a_replayed_law_that_exits_does_not_end_the_command(after: float, flexla
     assert "it ended its own process with os._exit" in " ".join(done.stdout.split())
 
 
-def test_what_a_law_prints_is_escaped_and_cut_off(flexlab_process: Command, tmp_path: Path):
+def test_what_a_law_prints_is_escaped_and_cut_off(
+    flexlab_command: Command, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+):
     # In many answers: one of 50 ms may print less than 1 MB on a busy machine.
     prints = "if at.time > 0: print('\\x1b[2J', 'x' * 60_000)\nwhile at.time > 0.03: pass"
     (tmp_path / "prints.py").write_text(at_work(prints))
-    done = flexlab_process("run", "paper", "--duration", "0.1", "--law", "prints.py")
+    done = flexlab_command("run", "paper", "--duration", "0.1", "--law", "prints.py")
     assert done.returncode == 1
-    assert "␛[2J xxx" in done.stderr
-    assert "\x1b" not in done.stderr
-    assert len(done.stderr) < 1.1 * MOST_PRINTED
-    assert "What is printed beyond 1 MB is left out." in done.stderr
-    assert "act did not answer within 50 ms" in done.stderr
+    said = capfd.readouterr().err
+    assert "␛[2J xxx" in said
+    assert "\x1b" not in said
+    assert len(said) < 1.1 * MOST_PRINTED
+    assert "What is printed beyond 1 MB is left out." in said
+    assert "act did not answer within 50 ms" in " ".join(done.stderr.split())
 
 
-def test_what_a_law_prints_stays_out_of_the_leaderboard(flexlab_process: Command, tmp_path: Path):
+def test_what_a_law_prints_stays_out_of_the_leaderboard(
+    flexlab_command: Command, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+):
     (tmp_path / "prints.py").write_text("print('hello', flush=True)\n" + PD)
-    done = flexlab_process(*BOARD, "prints.py")
+    done = flexlab_command(*BOARD, "prints.py")
     assert done.returncode == 0, done.stderr
-    assert "hello" in done.stderr
-    assert "hello" not in done.stdout
+    said = capfd.readouterr()
+    assert "hello" in said.err
+    assert "hello" not in done.stdout + said.out
 
 
 def test_files_named_like_modules_of_python_do_no_harm(tmp_path: Path):

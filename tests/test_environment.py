@@ -1,5 +1,6 @@
 """If libraries refuse the environment, flexlab says in a sentence what to mend, or works without them."""
 
+import importlib
 import os
 import subprocess
 import sys
@@ -25,9 +26,15 @@ def done(*words: str, folder: Path, **environment: str) -> subprocess.CompletedP
 
 @pytest.mark.skipif(not hasattr(time, "tzset"), reason="Windows has no TZ")
 @pytest.mark.parametrize("zone", ["UTC+99", "UTC-24"])
-def test_a_run_in_an_impossible_time_zone_is_recorded_in_utc(tmp_path: Path, zone: str):
+def test_a_run_in_an_impossible_time_zone_is_recorded_in_utc(
+    tmp_path: Path, flexlab_command: Command, monkeypatch: pytest.MonkeyPatch, zone: str
+):
     before = datetime.now(UTC).replace(microsecond=0)
-    said = done("run", "paper", "--duration", "0.01", "--logs", "here", folder=tmp_path, TZ=zone)
+    with monkeypatch.context() as here:
+        here.setenv("TZ", zone)
+        time.tzset()
+        said = flexlab_command("run", "paper", "--duration", "0.01", "--logs", "here")
+    time.tzset()
     assert said.returncode == 0, said.stderr
     (path,) = tmp_path.glob("here/*.rrd")
     started = read_recording(path).started
@@ -60,13 +67,17 @@ def test_a_folder_of_machine_code_that_cannot_be_written_is_named(monkeypatch: p
     )
 
 
-def test_a_broken_library_is_named(tmp_path: Path):
+def test_a_broken_library_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     (tmp_path / "segno.py").write_text("from os import nothing_of_this_name\n")
     said = refused(done("lab", "--port", "0", "--no-browser", folder=tmp_path))
     assert said.startswith("segno cannot be loaded (cannot import name 'nothing_of_this_name'")
-    (tmp_path / "segno.py").write_text("import no_such_library\n")
-    said = refused(done("lab", "--port", "0", "--no-browser", folder=tmp_path))
-    assert said.startswith("segno cannot be loaded (No module named 'no_such_library')")
+    (tmp_path / "broken_library.py").write_text("import no_such_library\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(ModuleNotFoundError) as broken:
+        importlib.import_module("broken_library")
+    said = refusal(broken.value)
+    assert said is not None
+    assert said.startswith("broken_library cannot be loaded (No module named 'no_such_library')")
 
 
 def test_a_variable_that_numba_cannot_read_is_one_line_without_traceback(tmp_path: Path):
@@ -77,12 +88,12 @@ def test_a_variable_that_numba_cannot_read_is_one_line_without_traceback(tmp_pat
     assert said.stderr.count("\n") == 1
 
 
-def test_recording_is_refused_while_rerun_is_switched_off(tmp_path: Path, flexlab_command: Command):
-    said = refused(done("run", "smooth-start", "--duration", "0.01", folder=tmp_path, RERUN="off"))
+def test_recording_is_refused_while_rerun_is_switched_off(flexlab_command: Command):
+    said = refused(flexlab_command("run", "smooth-start", "--duration", "0.01", RERUN="off"))
     assert "RERUN = off" in said
     assert flexlab_command("run", "smooth-start", "--duration", "0.01").returncode == 0
     assert flexlab_command("export", "newest", "--to", "table.csv").returncode == 0
-    assert "RERUN = off" in refused(done("import", "table.csv", folder=tmp_path, RERUN="off"))
+    assert "RERUN = off" in refused(flexlab_command("import", "table.csv", RERUN="off"))
 
 
 OPEN_A_LAB = """

@@ -240,6 +240,12 @@ def _lay_out(client: viser.ClientHandle, panel: Any, message: type, value: float
     gui._websock_interface.queue_message(told)
 
 
+def tell_camera(client: viser.ClientHandle, position: Any, look_at: Any) -> None:
+    """Send a camera's position and the point that it looks at, m, (3,) each, even if viser believes the browser to show them."""
+    for message, place in (_messages.SetCameraPositionMessage, position), (_messages.SetCameraLookAtMessage, look_at):
+        client._websock_connection.queue_message(message(tuple(map(float, place))))
+
+
 def client_of(server: viser.ViserServer, connection: ServerConnection) -> int:
     """The id of the client with this connection; -1 once it is gone."""
     live = server._websock_server._live_connections
@@ -290,13 +296,8 @@ def _interfaces(server: viser.ViserServer, client: int) -> list[Any]:
 
 def input_state(handle: Any) -> tuple[str, Any, bool, Collection[str] | None]:
     """(label, value, whether it is a button, options of a menu or None) of a widget."""
-    props = handle._impl.props
-    return (
-        getattr(props, "label", "") or "this control",
-        handle._impl.value,
-        handle._impl.is_button,
-        getattr(props, "options", None),
-    )
+    own, props = handle._impl, handle._impl.props
+    return getattr(props, "label", "") or "this control", own.value, own.is_button, getattr(props, "options", None)
 
 
 def show_true_value(handle: Any) -> None:

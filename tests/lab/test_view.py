@@ -2,11 +2,13 @@
 
 import time
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
+import viser
 from lab_page import wait_until
-from raw_browser import RawBrowser
+from raw_browser import CAMERA, RawBrowser
 
 from flexlab.control.motion import poses
 from flexlab.control.path import build_motion
@@ -260,6 +262,30 @@ def test_a_chosen_view_is_sent_even_if_the_browser_seems_to_show_it(session: Ses
             heard.clear()
             cameras.choose(client, view)
             wait_until(is_moved_there, f"the view {view}", 20)
+
+
+def test_news_of_the_camera_between_two_moves_drops_neither(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    """viser sends no camera that it believes to be there: a view chosen once more stayed a hundredth beside its place."""
+    cameras, look_at, heard = session._cameras, viser.CameraHandle.look_at, list[tuple[float, ...]]()
+
+    def is_heard(place: Any) -> bool:
+        heard.extend(browser.camera_positions())
+        return bool(heard) and heard[-1] == pytest.approx(place)
+
+    def look_and_hear(camera: viser.CameraHandle, there: Any) -> None:
+        monkeypatch.undo()
+        camera.look_at = there
+        browser.send(CAMERA | {"position": place})
+        wait_until(lambda: tuple(camera.position) == place, "the news of a browser that shows the view")
+
+    with RawBrowser(session) as browser:
+        (watch,) = wait_until(lambda: [each for each in cameras._watches.values() if each.put_at is not None], "a view")
+        place = tuple(watch.put_at.tolist())
+        wait_until(lambda: is_heard(place), "the first view")
+        heard.clear()
+        monkeypatch.setattr(viser.CameraHandle, "look_at", property(look_at.fget, look_and_hear))
+        cameras.choose(watch.client, watch.view)
+        wait_until(lambda: is_heard(place), "the first view once more", 20)
 
 
 def test_the_drawn_path_of_many_turns_is_round() -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import viser
 
 from flexlab.lab.scene.arms import scene_size
+from flexlab.lab.viser_internals import tell_camera
 from flexlab.scenario import Scenario
 from flexlab.sim.geometry import link_points
 from flexlab.sim.runner import Runner
@@ -245,8 +246,6 @@ LOWEST = 0.1
 STILL = 1e-3
 """A camera within this distance of its last shot counts as not moved by the person, m."""
 NO_WINDOW = Window(0.0)
-ASIDE = 0.01
-"""Distance from a shot to one that differs from it, over the distance that it looks from."""
 SAME_ASPECT = 0.02
 """Changes of width over height below this do not move the camera."""
 
@@ -340,9 +339,8 @@ class ClientCameras:
         watch.put_for = Window(camera.aspect, *watch.covered)
         aim = shot(watch.view, snapshot.scenario, snapshot.display, watch.put_for)
         watch.put_at = aim.position
-        # Position first: viser moves the point that is looked at along with it. It sends no camera that it believes to be there.
-        sight = aim.look_at - aim.position
         with watch.client.atomic():
-            for aside in (ASIDE * sight, 0.0) if anew else (0.0,):
-                camera.position = aim.position + aside
-                camera.look_at = aim.look_at + 2 * aside
+            # Position first: viser moves the point that is looked at along with it.
+            camera.position, camera.look_at = aim.position, aim.look_at
+            if anew:
+                tell_camera(watch.client, aim.position, aim.look_at)

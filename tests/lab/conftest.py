@@ -4,7 +4,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from lab_page import LabPage, LastingWindow, wait_until
+from lab_page import LabPage, wait_until
+from lasting_window import LastingWindow
 from playwright.sync_api import Browser
 from waiting import PATIENCE
 
@@ -95,9 +96,14 @@ def window(
 def page(window: LastingWindow, request: pytest.FixtureRequest) -> Iterator[LabPage]:
     """The window with the paper's run from its start, in the last test's lab: a page takes seconds to show a new lab."""
     failed = request.session.testsfailed
-    yield window.lab()
+    yield window.lab(plays="still" not in request.fixturenames)
     if request.session.testsfailed > failed:
         window.close()  # The state of the page is unknown.
+
+
+@pytest.fixture
+def still() -> None:
+    """Hold the run of `page` at its start (`usefixtures`): a page that shows a motion costs three times as much."""
 
 
 @pytest.fixture

@@ -8,17 +8,15 @@ from contextlib import contextmanager
 from typing import Any
 
 from browser_window import DRAW, PICTURES, REST, open_window
-from playwright.sync_api import Browser, Error, Locator, TimeoutError
+from playwright.sync_api import Browser, Locator, TimeoutError
 from waiting import ARTIFACTS, PATIENCE
 from waiting import wait_until as wait_until
 
 from flexlab.lab.scene.beam import GRAB_SIDES
 from flexlab.lab.session import Session
-from flexlab.own import hosts
 from flexlab.presets import load_preset
 from flexlab.scenario.field_text import TITLES, in_words
-from flexlab.sim.commands import Play, SetSpeed
-from flexlab.sockets import free_ports
+from flexlab.sim.commands import Pause, Play, SetSpeed
 
 THROUGH_THE_GATE = "() => new Promise((done) => setTimeout(done, 150))"
 """The page sends all inputs through one 50 ms gate: of two widgets changed within it, the first change can be lost. So wait
@@ -68,6 +66,24 @@ BEAM_PIXEL = """(sides) => {
   point.project(mutable.camera);
   const box = mutable.canvas.getBoundingClientRect();
   return [box.left + (point.x + 1) / 2 * box.width, box.top + (1 - point.y) / 2 * box.height]; }"""
+
+BEAM = """(sides) => {
+  const mutable = window.__viserMutable; let ends = null;
+  mutable.nodeRefFromName['/beam'].traverse((node) => {
+    const position = node.geometry?.attributes?.position;
+    if (!position || ends) return;
+    const box = mutable.canvas.getBoundingClientRect();
+    const at = (first) => {
+      let [x, y, z] = [0, 0, 0];
+      for (let i = first; i < first + sides; i++) {
+        x += position.getX(i); y += position.getY(i); z += position.getZ(i); }
+      const point = mutable.camera.position.clone().set(x / sides, y / sides, z / sides);
+      point.applyMatrix4(node.matrixWorld).project(mutable.camera);
+      return [box.left + (point.x + 1) / 2 * box.width, box.top + (1 - point.y) / 2 * box.height]; };
+    const middle = (position.count / sides - 1) / 2 * sides;
+    ends = [at(sides), at(middle - middle % sides), at(position.count - 2 * sides)]; });
+  return ends; }"""
+"""Positions of one end, the middle and the other end of the drawn beam, px."""
 
 
 POINT_PIXEL = """([x, y, z]) => {
@@ -143,19 +159,19 @@ class LabPage:
         if not PICTURES:
             self.page.evaluate(DRAW, False)
 
-    def begin_anew(self) -> None:
-        """Load the paper's preset and play it at full speed, whatever ran before; undo history and view settings stay."""
+    def begin_anew(self, plays: bool = True) -> None:
+        """Load the paper's preset and play it at full speed, or hold it at its start; undo history and view settings stay."""
         self.errors.clear()
         self.rest(False)
         run, paper = self.snapshot.run_number, load_preset("paper")
         self.session.lab_state.load(paper, "paper")
         self.session.lab_state.say("")
         self.session.lab_state.submit(SetSpeed(1.0))
-        self.session.lab_state.submit(Play())
+        self.session.lab_state.submit(Play() if plays else Pause())
 
         def begun() -> bool:
             now = self.snapshot
-            return now.run_number > run and now.scenario == paper and now.playing and now.target_speed == 1.0
+            return now.run_number > run and now.scenario == paper and now.playing == plays and now.target_speed == 1.0
 
         wait_until(begun, "a new run of the paper's preset")
         cameras: Any = self.session._cameras
@@ -290,61 +306,3 @@ class LabPage:
             return
         ARTIFACTS.mkdir(exist_ok=True)
         self.page.screenshot(path=ARTIFACTS / f"{name}.png")
-
-
-class LastingWindow:
-    """A window that shows one session after another, on the same port: a new window takes longer than most tests."""
-
-    def __init__(self, browser: Browser):
-        self._browser = browser
-        self._page: LabPage | None = None
-        self._session: Session | None = None
-        (self.port,) = free_ports(1)
-
-    def lab(self) -> LabPage:
-        """The page, showing the paper's run from its start, in the last test's lab if there is one."""
-        if self._session is not None and self._page is not None:
-            hosts.run_apart()  # As when the lab started; undone after each test.
-            self._page.begin_anew()
-            return self._page
-        self._session = Session(load_preset("paper"), "paper", port=self.port, shadows=False)
-        self._session.start()
-        return self.show(self._session)
-
-    def show(self, session: Session) -> LabPage:
-        """The page, showing this session."""
-        if self._page is not None:
-            try:
-                self._page.come_back(session)
-            except Error:  # The last test left the page in an unknown state: open another.
-                self._page.__exit__()
-                self._page = None
-        if self._page is None:
-            self._page = LabPage(self._browser, session).__enter__()
-        return self._page
-
-    def adopt(self, session: Session) -> None:
-        """Take a session that the page shows already, instead of the last one, which has ended, for the tests that follow."""
-        self._session = session
-        if self._page is not None:
-            self._page.session = session
-
-    def rest(self) -> None:
-        """End the last lab; its page draws nothing until it shows another one."""
-        if self._session is not None:
-            self._session.stop()
-        self._session = None
-        if self._page is not None:
-            try:
-                self._page.rest()
-            except Error:  # The page shows something else, or is closed: open another.
-                self._page.__exit__()
-                self._page = None
-
-    def close(self) -> None:
-        """Close the window; the next session gets a new one, on another port."""
-        self.rest()
-        if self._page is not None:
-            self._page.__exit__()
-        self._page = None
-        (self.port,) = free_ports(1)

@@ -1,7 +1,8 @@
 """Several browsers on one lab, windows of every size, light and dark."""
 
 import numpy as np
-from lab_page import EI, GUIDE_OPEN, PLOTS_OPEN, LabPage, LastingWindow, wait_until
+from lab_page import EI, GUIDE_OPEN, PLOTS_OPEN, LabPage, wait_until
+from lasting_window import LastingWindow
 from playwright.sync_api import Browser, Locator
 
 from flexlab.lab.session import Session
@@ -112,14 +113,11 @@ def test_large_bending_is_flagged(page: LabPage) -> None:
     page.wait_for_text("5 %")
 
 
-def test_a_run_that_cannot_go_on_says_why(window: LastingWindow) -> None:
-    scenario = load_preset("paper").replace({"trajectory.amplitude": (0.9, 0.2, 0.2)})
-    window.rest()
-    with Session(scenario, "far", port=window.port, shadows=False) as session:
-        page = window.show(session)
-        page.wait_for_text("Stopped")
-        page.wait_for_text("cannot reach")
-        page.picture("stopped")
-        page.choose("Preset", "paper")
-        page.press("Play")
-        wait_until(lambda: page.snapshot.playing, "another preset runs")
+def test_a_run_that_cannot_go_on_says_why(page: LabPage) -> None:
+    page.session.lab_state.load(load_preset("paper").replace({"trajectory.amplitude": (0.9, 0.2, 0.2)}), "far")
+    page.wait_for_text("Stopped")
+    page.wait_for_text("cannot reach")
+    page.picture("stopped")
+    page.choose("Preset", "paper")
+    page.press("Play")
+    wait_until(lambda: page.snapshot.playing, "another preset runs")

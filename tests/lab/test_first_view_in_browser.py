@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 from browser_window import open_window
-from lab_page import CLOSE_NOTIFICATIONS, GUIDE_OPEN, PLOTS_OPEN, POINT_PIXEL, READY, LabPage, address, wait_until
+from lab_page import BEAM, CLOSE_NOTIFICATIONS, GUIDE_OPEN, PLOTS_OPEN, POINT_PIXEL, READY, address, wait_until
 from playwright.sync_api import Browser, Page
 
 from flexlab.lab.scene.beam import SIDES
@@ -25,23 +25,6 @@ ON_THE_SCENE = """(points) => points.every(([x, y]) => {
   const picture = window.__viserMutable.canvas, on = document.elementFromPoint(x, y);
   return on !== null && (on === picture || on.contains(picture)); })"""
 """Whether nothing lies over the scene at some points of the page, px."""
-BEAM = """(sides) => {
-  const mutable = window.__viserMutable; let ends = null;
-  mutable.nodeRefFromName['/beam'].traverse((node) => {
-    const position = node.geometry?.attributes?.position;
-    if (!position || ends) return;
-    const box = mutable.canvas.getBoundingClientRect();
-    const at = (first) => {
-      let [x, y, z] = [0, 0, 0];
-      for (let i = first; i < first + sides; i++) {
-        x += position.getX(i); y += position.getY(i); z += position.getZ(i); }
-      const point = mutable.camera.position.clone().set(x / sides, y / sides, z / sides);
-      point.applyMatrix4(node.matrixWorld).project(mutable.camera);
-      return [box.left + (point.x + 1) / 2 * box.width, box.top + (1 - point.y) / 2 * box.height]; };
-    const middle = (position.count / sides - 1) / 2 * sides;
-    ends = [at(sides), at(middle - middle % sides), at(position.count - 2 * sides)]; });
-  return ends; }"""
-"""Positions of one end, the middle and the other end of the drawn beam, px."""
 KEPT = "localStorage.getItem('flexlab-open-panels')"
 CONTROLS = """() => [...document.querySelectorAll('button, [role="slider"], [role="combobox"], [role="tab"]')]
   .filter((part) => part.getClientRects().length && part.closest('[data-fl-panel] > *') && part.textContent.trim() !== '↺'
@@ -103,6 +86,10 @@ PIXELS = """() => Math.round(100 * Math.min(...[...document.querySelectorAll('.u
 ROUNDED = """() => [...new Set(Object.values(window.__viserTestpoints.uplots)
   .flatMap(({ chart }) => chart.series.slice(1, -1).map((series) => series.pxAlign)))]"""
 """Script for the pixels to which the points of curves are rounded."""
+SHEET = """() => document.querySelector('div[style*="position: fixed"][style*="width: 20em"]').getBoundingClientRect().height"""
+"""Height of the sheet of a page in one column, px."""
+ABOVE_THE_BAR = f"""() => Math.max(...({BEAM})({SIDES}).map(([, y]) => y))
+  < document.querySelector('div:has(> .fl-scrub) + div:has(.mantine-Slider-root)').getBoundingClientRect().top"""
 WHOLE_PLOT = """() => {
   const box = document.querySelector('[data-floating-window]').getBoundingClientRect();
   const names = [...document.querySelectorAll('.u-legend .u-series')].map((part) => part.getBoundingClientRect());
@@ -141,22 +128,53 @@ def bases_are_in_sight(page: Page) -> None:
     wait_until(lambda: page.evaluate(ON_THE_SCENE, [page.evaluate(POINT_PIXEL, edge) for edge in edges]), "the bases")
 
 
-@pytest.mark.parametrize("size", [(720, 900), (320, 640)])
-def test_the_scene_takes_most_of_any_window(newcomer: Page, shared_session: Session, size: tuple[int, int]) -> None:
-    """The tests below look at three more sizes."""
-    newcomer.set_viewport_size({"width": size[0], "height": size[1]})
-    fills(opened(newcomer, address(shared_session)), size[0])
-    if size[0] < 400:  # At 720 px, the bases would make the beam shorter than 250 px.
-        bases_are_in_sight(newcomer)
+def resized(page: Page, width: int, height: int) -> None:
+    """Give the window another size, px, and check that the scene has its share of it."""
+    page.set_viewport_size({"width": width, "height": height})
+    fills(page, width)
 
 
-def test_tabs_keep_their_names_where_the_default_font_is_wide(newcomer: Page, shared_session: Session) -> None:
-    """In Firefox on a plain Debian, tabs of the panel read "Paramet…", "Vi…" and "F…"."""
-    newcomer.context.new_cdp_session(newcomer).send("Page.setFontFamilies", {"fontFamilies": WIDE})
-    opened(newcomer, address(shared_session))
-    names = newcomer.evaluate(TAB_NAMES)
-    assert "Parameters" in [name for name, _ in names]
-    assert [name for name, cut in names if cut] == []
+def test_a_phone_shows_the_scene_and_controls_however_it_is_held(
+    chromium: Browser, shared_session: Session, few_pictures: None
+) -> None:
+    """And so does any narrow window; the tests below look at three wide ones."""
+    with open_window(chromium, 390, 844, has_touch=True) as window:
+        window.add_init_script("Object.defineProperty(navigator, 'platform', { get: () => 'iPhone' })")
+        page = window.new_page()
+        window.new_cdp_session(page).send("Page.setFontFamilies", {"fontFamilies": WIDE})  # The hardest case.
+        page.goto(address(shared_session))
+        the_notice_of_no_graphics_card_takes_one_line_and_no_touches(page)
+        fills(drawn(page), 390)
+        resized(page, 320, 640)
+        bases_are_in_sight(page)
+        resized(page, 720, 900)  # Here the bases would make the beam shorter than 250 px.
+        held_across_it_shows_controls_and_keys_with_a_minus_sign(page)
+        # In Firefox on a plain Debian, tabs of the panel read "Paramet…", "Vi…" and "F…".
+        page.set_viewport_size({"width": 1440, "height": 900})
+        page.get_by_role("tab", name="Parameters", exact=True).wait_for()
+        wait_until(lambda: [name for name, cut in page.evaluate(TAB_NAMES) if cut] == [], "the whole names of the tabs")
+
+
+def the_notice_of_no_graphics_card_takes_one_line_and_no_touches(page: Page) -> None:
+    # In one call: on a busy machine it could be gone between being found and being measured.
+    look = """() => {
+      const word = document.querySelector('[data-fl-no-card]');
+      return word && [word.getBoundingClientRect().height, getComputedStyle(word).pointerEvents];
+    }"""
+    height, touched = page.wait_for_function(look).json_value()
+    assert height < 60
+    assert touched == "none", "what is behind it is the scene's"
+
+
+def held_across_it_shows_controls_and_keys_with_a_minus_sign(page: Page) -> None:
+    """Below the sheet's head one line was in sight. Boxes asked for an iPhone's keys for decimals, which lack the sign."""
+    page.set_viewport_size({"width": 844, "height": 390})
+    wait_until(lambda: 0.45 < page.evaluate(SHEET) / 390 < 0.55, "the sheet takes half of the screen")
+    seen = "the beam, clear of the bar that looks back"
+    wait_until(lambda: page.evaluate(ON_THE_SCENE, page.evaluate(BEAM, SIDES)) and page.evaluate(ABOVE_THE_BAR), seen)
+    box = page.get_by_label("Bending stiffness EI (N·m²)", exact=True).first
+    box.tap()
+    assert box.get_attribute("inputmode") == "text"
 
 
 def test_plots_are_one_click_away_and_a_browser_remembers_that_they_are_open(
@@ -182,12 +200,9 @@ def test_plots_are_one_click_away_and_a_browser_remembers_that_they_are_open(
     wait_until(lambda: page.evaluate(FEWEST_TICKS) >= 3, "the numbers at each vertical axis tell its scale")
     wait_until(lambda: page.evaluate(LEGENDS_ON_A_LINE), "the legend of each plot takes one line")
     wait_until(lambda: "plots" in (page.evaluate(KEPT) or ""), "the page keeps it")
-    page.goto("about:blank")  # A page that nobody looks at draws nothing.
-    again = opened(page.context.new_page(), address(shared_session))
-    again.wait_for_function(PLOTS_OPEN)
-    assert not again.evaluate(GUIDE_OPEN)
-    beside_the_guide_no_plot_is_cut_off(again)
-    again.close()
+    opened(page, address(shared_session)).wait_for_function(PLOTS_OPEN)
+    assert not page.evaluate(GUIDE_OPEN)
+    beside_the_guide_no_plot_is_cut_off(page)
 
 
 def beside_the_guide_no_plot_is_cut_off(page: Page) -> None:
@@ -239,22 +254,6 @@ def test_a_presentation_shows_the_scene_one_plot_and_one_number(newcomer: Page, 
     page.wait_for_function(PLOTS_OPEN)
     wait_until(lambda: page.evaluate(PIXELS) == 1, "the plots are as sharp as before, and no sharper")
     assert "plots" in page.evaluate(KEPT)
-
-
-def test_on_a_phone_the_notice_of_no_graphics_card_takes_one_line_and_no_touches(
-    newcomer: Page, shared_session: Session
-) -> None:
-    newcomer.set_viewport_size({"width": 390, "height": 844})
-    newcomer.goto(address(shared_session))
-    # In one call: on a busy machine it could be gone between being found and being measured.
-    look = """() => {
-      const word = document.querySelector('[data-fl-no-card]');
-      return word && [word.getBoundingClientRect().height, getComputedStyle(word).pointerEvents];
-    }"""
-    height, touched = newcomer.wait_for_function(look).json_value()
-    assert height < 60
-    assert touched == "none", "what is behind it is the scene's"
-    fills(drawn(newcomer), 390)
 
 
 def test_the_play_screen_has_five_controls_resets_its_camera_and_leads_to_the_lab_with_the_same_run(
@@ -310,50 +309,3 @@ def turned_camera_can_be_reset(page: Page) -> None:
     back.press("Enter")
     wait_until(lambda: page.evaluate(at) == before, "the camera as it was")
     back.wait_for(state="hidden")
-
-
-def test_the_ring_of_the_first_lesson_is_large_enough_to_be_seen(page: LabPage) -> None:
-    """With the exaggeration of the lesson, its middle moves 60 px or more from side to side."""
-    page.choose("Read", "Lesson 1: Why does it ring?")
-    page.choose("Speed", "1/64 ×")
-    page.page.keyboard.press("r")  # At once, as the lesson says: the menu no longer holds the keyboard.
-    wait_until(lambda: page.snapshot.target_speed == 1 / 64 and page.snapshot.latest.time[0] < 0.1, "a new run")
-    sides: list[float] = []
-
-    def seen() -> bool:
-        if page.snapshot.latest.time[0] > 0.2:  # A busy machine may have drawn too little of it before it faded.
-            sides.clear()
-            page.page.keyboard.press("r")
-        left, middle, right = page.page.evaluate(BEAM, SIDES)
-        along = (right[0] - left[0], right[1] - left[1])
-        away = (middle[0] - left[0]) * along[1] - (middle[1] - left[1]) * along[0]
-        sides.append(away / math.hypot(*along))
-        return max(sides) - min(sides) >= 60
-
-    wait_until(seen, "a ring of 60 px")
-    assert page.session.lab_state.view.exaggeration == 50.0
-
-
-SHEET = """() => document.querySelector('div[style*="position: fixed"][style*="width: 20em"]').getBoundingClientRect().height"""
-"""Height of the sheet of a page in one column, px."""
-
-
-ABOVE_THE_BAR = f"""() => Math.max(...({BEAM})({SIDES}).map(([, y]) => y))
-  < document.querySelector('div:has(> .fl-scrub) + div:has(.mantine-Slider-root)').getBoundingClientRect().top"""
-
-
-def test_a_phone_held_across_shows_controls_and_keys_with_a_minus_sign(
-    chromium: Browser, shared_session: Session, few_pictures: None
-) -> None:
-    """Below the sheet's head one line was in sight. Boxes asked for an iPhone's keys for decimals, which lack the sign."""
-    with open_window(chromium, 844, 390, has_touch=True) as window:
-        window.add_init_script("Object.defineProperty(navigator, 'platform', { get: () => 'iPhone' })")
-        page = opened(window.new_page(), address(shared_session))
-        assert 0.45 < page.evaluate(SHEET) / 390 < 0.55
-        seen = "the beam, clear of the bar that looks back"
-        wait_until(
-            lambda: page.evaluate(ON_THE_SCENE, page.evaluate(BEAM, SIDES)) and page.evaluate(ABOVE_THE_BAR), seen
-        )
-        box = page.get_by_label("Bending stiffness EI (N·m²)", exact=True).first
-        box.tap()
-        assert box.get_attribute("inputmode") == "text"

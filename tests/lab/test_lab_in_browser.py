@@ -50,6 +50,7 @@ def test_changing_the_stiffness_changes_f1_and_keeps_the_motion_continuous(page:
     page.wait_for_text("25 N·m²")
 
 
+@pytest.mark.usefixtures("still")
 def test_the_slider_of_the_stiffness_is_logarithmic_and_reaches_both_ends_of_its_range(page: LabPage) -> None:
     slider = page.page.get_by_role("slider", name="Bending stiffness EI", exact=True)
     slider.focus()
@@ -62,6 +63,7 @@ def test_the_slider_of_the_stiffness_is_logarithmic_and_reaches_both_ends_of_its
     wait_until(lambda: page.snapshot.scenario.payload.bending_stiffness == 1.035, "each step multiplies EI")
 
 
+@pytest.mark.usefixtures("still")
 def test_a_box_sets_all_three_numbers_of_a_field_or_only_its_own(page: LabPage) -> None:
     for label, typed, field, wanted in (
         ("Feedback gain K (N·s/m, N·m·s/rad)", "300", "controller.feedback_gain", 300.0),
@@ -123,7 +125,7 @@ def test_slow_motion_does_not_restart_the_run(page: LabPage) -> None:
     assert page.snapshot.run_number == run
 
 
-@pytest.mark.usefixtures("soon_put_right")
+@pytest.mark.usefixtures("soon_put_right", "still")
 def test_a_bad_number_is_answered_in_a_sentence_and_changes_nothing(page: LabPage) -> None:
     for typed, true, good in (("-1", "100", "64"), ("1000000000000000", "64", "36")):
         page.enter(EI, typed)
@@ -139,6 +141,7 @@ def test_a_bad_number_is_answered_in_a_sentence_and_changes_nothing(page: LabPag
         )
 
 
+@pytest.mark.usefixtures("still")
 def test_a_box_takes_numbers_as_people_write_them(page: LabPage) -> None:
     box = page.box(EI)
     for typed, taken in (("1.5e2", 150.0), ("64", 64.0), ("2,5E+1", 25.0), ("9e-1", 0.9), ("90", 90.0)):
@@ -166,6 +169,7 @@ DROP = """(box, text) => {
 }"""
 
 
+@pytest.mark.usefixtures("still")
 def test_a_pasted_or_dropped_text_is_a_number_or_is_refused(page: LabPage) -> None:
     """A pasted "5 kN" became 5, 0x10 became 10, and 1,234.5 did nothing."""
     page.page.context.grant_permissions(["clipboard-read", "clipboard-write"])
@@ -190,6 +194,7 @@ def test_a_pasted_or_dropped_text_is_a_number_or_is_refused(page: LabPage) -> No
     wait_until(lambda: page.snapshot.scenario.payload.bending_stiffness == 45, "it takes the place of 90")
 
 
+@pytest.mark.usefixtures("still")
 def test_a_typed_number_may_be_much_longer_than_the_present_one(page: LabPage) -> None:
     page.enter(EI, "100")
     box = page.box(EI)
@@ -204,6 +209,7 @@ def test_a_typed_number_may_be_much_longer_than_the_present_one(page: LabPage) -
         expect(box).to_have_value(f"{value:g}" if value < 100 else f"{value:.0f}")
 
 
+@pytest.mark.usefixtures("still")
 @pytest.mark.parametrize("acts", [False, True])
 def test_a_late_value_from_the_lab_does_not_disturb_typing(page: LabPage, acts: bool) -> None:
     """Neither before the typed digits take effect nor, if `acts`, after that."""
@@ -239,6 +245,7 @@ def show_true_value_of(page: LabPage, value: float) -> None:
     page.page.wait_for_timeout(1000)
 
 
+@pytest.mark.usefixtures("still")
 def test_a_typed_number_takes_effect_when_typing_pauses_or_ends(page: LabPage) -> None:
     page.enter(EI, "100")
     wait_until(lambda: page.snapshot.scenario.payload.bending_stiffness == 100.0, "EI is 100")

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lab_page import LastingWindow, wait_until
+from lab_page import wait_until
+from lasting_window import LastingWindow
 
 from flexlab.analysis.replay import replay
 from flexlab.control.law import add_law_file, forget_law

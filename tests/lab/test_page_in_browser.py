@@ -5,7 +5,7 @@ import time
 
 import pytest
 from lab_page import READY, LabPage, wait_until
-from playwright.sync_api import Browser
+from lasting_window import LastingWindow
 
 from flexlab.lab.lab_state import Outside
 from flexlab.lab.session import Session
@@ -48,23 +48,26 @@ ASKED_IN_A_WHILE = """() => new Promise((done) => {
 """How often the structure of a page is evaluated in 2.5 s, enough for two rounds."""
 
 
-def test_a_run_waits_for_its_picture_and_then_begins_by_itself(chromium: Browser) -> None:
-    with Session(load_preset("paper"), "paper", shadows=False, attended=True) as session:
-        time.sleep(0.3)
-        assert session.runner.snapshot.waiting
-        with LabPage(chromium, session) as page:
-            wait_until(lambda: float(page.snapshot.latest.time[0]) > 0.1, "the run begins by itself")
-            page.choose("Preset", "smooth-start")
-            wait_until(lambda: page.snapshot.name == "smooth-start", "another preset")
-            wait_until(lambda: float(page.snapshot.latest.time[0]) > 0.1, "it begins by itself as well")
-            run = page.snapshot.run_number
-            page.choose("Preset", "smooth-start")
-            wait_until(lambda: page.snapshot.run_number > run, "the preset chosen once more starts anew")
-            page.hold()
-            page.press("Reset")
-            page.press("Play from t = 0 s")
-            wait_until(lambda: float(page.snapshot.latest.time[0]) > 0.1, "the big button plays")
-            assert not page.errors
+def test_a_run_waits_for_its_picture_and_then_begins_by_itself(window: LastingWindow) -> None:
+    window.rest()
+    session = Session(load_preset("paper"), "paper", port=window.port, shadows=False, attended=True)
+    window.adopt(session)  # The tests below need no other lab.
+    session.start()
+    time.sleep(0.3)
+    assert session.runner.snapshot.waiting
+    page = window.show(session)
+    wait_until(lambda: float(page.snapshot.latest.time[0]) > 0.1, "the run begins by itself")
+    page.choose("Preset", "smooth-start")
+    wait_until(lambda: page.snapshot.name == "smooth-start", "another preset")
+    wait_until(lambda: float(page.snapshot.latest.time[0]) > 0.1, "it begins by itself as well")
+    run = page.snapshot.run_number
+    page.choose("Preset", "smooth-start")
+    wait_until(lambda: page.snapshot.run_number > run, "the preset chosen once more starts anew")
+    page.hold()
+    page.press("Reset")
+    page.press("Play from t = 0 s")
+    wait_until(lambda: float(page.snapshot.latest.time[0]) > 0.1, "the big button plays")
+    assert not page.errors
 
 
 def test_the_buttons_stay_where_they_are_when_the_rate_of_recording_is_known(page: LabPage) -> None:

@@ -1,7 +1,6 @@
 """A run in one HTML file opens from disk without network: it moves, the plots follow, nothing is fetched."""
 
 from pathlib import Path
-from typing import Literal
 
 import pytest
 from lab_page import wait_until
@@ -36,7 +35,7 @@ def test_a_page_of_ten_seconds_is_under_three_megabytes_and_escapes_names(tmp_pa
     assert MOST_FRAMES >= 3000
 
 
-def test_a_page_plays_from_disk_without_network(chromium: Browser, tmp_path: Path):
+def test_a_page_plays_from_disk_without_network_in_the_colour_scheme_of_the_system(chromium: Browser, tmp_path: Path):
     question, guess = "How often does the beam swing in a second, if it is as stiff?", "twice as often as before"
     lesson = LessonProgress("Lesson 9: Stiffness", 2, question, (guess, "as often"), "as often", guess, "")
     write_text(tmp_path / "run.html", run_page(flexlab.simulate("paper", 3.0), "paper", Noted(lessons=(lesson,))))
@@ -54,18 +53,10 @@ def test_a_page_plays_from_disk_without_network(chromium: Browser, tmp_path: Pat
     wait_until(moves, "the instant under the picture changes", 60)
     assert list(seen.values()) == pytest.approx([time / 3.0 for time in seen], abs=0.005), "the cursor is there"
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
-    assert not [url for url in asked if url.startswith(("http:", "https:", "ws:", "wss:"))]
-    context.close()
-
-
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_the_picture_has_the_colour_scheme_of_its_page(
-    chromium: Browser, tmp_path: Path, scheme: Literal["light", "dark"]
-):
-    write_text(tmp_path / "run.html", run_page(flexlab.simulate("paper", 0.1), "paper"))
-    context = chromium.new_context(offline=True, viewport={"width": 390, "height": 800}, color_scheme=scheme)
-    page = context.new_page()
-    page.goto((tmp_path / "run.html").as_uri())
     picture = page.frame_locator("#picture").locator("html")
-    wait_until(lambda: picture.get_attribute("data-mantine-color-scheme") == scheme, f"the picture is {scheme}", 60)
+    wait_until(lambda: picture.get_attribute("data-mantine-color-scheme") == "dark", "the picture is dark", 60)
+    page.emulate_media(color_scheme="light")
+    page.reload()
+    wait_until(lambda: picture.get_attribute("data-mantine-color-scheme") == "light", "the picture is light", 60)
+    assert not [url for url in asked if url.startswith(("http:", "https:", "ws:", "wss:"))]
     context.close()

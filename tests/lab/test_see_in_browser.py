@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from lab_page import SAME_PLACE, LabPage, wait_until
 from PIL import Image
-from playwright.sync_api import Browser, FloatRect, Locator
+from playwright.sync_api import FloatRect, Locator
 
 from flexlab.lab.scene.arms import ARM_COLORS
 from flexlab.lab.scene.beam import BEAM_COLOR
-from flexlab.lab.session import Session
 from flexlab.lab.view_settings import PLOT_WINDOWS
 
 NEAR, STRONG = 20, 100
@@ -65,23 +64,22 @@ def is_legible(legend: list[str]) -> bool:
     return any(text[-1:].isdigit() for text in legend) and {"NaN", "-0", "−0", "--"}.isdisjoint(legend)
 
 
-def test_arms_and_beam_are_drawn_in_their_colours_at_their_places(chromium: Browser, session: Session) -> None:
-    with LabPage(chromium, session, coarsely=False) as page:
-        first = page.camera()
-        page.open_tab("View")
-        page.press("Overview")  # The bases lie outside the first view.
-        wait_until(lambda: math.dist(first, page.camera()) > 0.05, "the whole machine is in the picture")
-        page.hold()
-        page.catch_up()
-        with page.drawn():
-            for arm, color in zip(page.snapshot.scenario.arms, ARM_COLORS, strict=True):
-                assert pixels_of(page, page.pixel(*arm.base, 0.0), color) > MANY
-        whole = page.camera()
-        page.press("Payload")  # Clear of the panels and plots that lie over the picture.
-        wait_until(lambda: math.dist(whole, page.camera()) > 0.05, "the payload fills the picture")
-        page.catch_up()
-        with page.drawn():
-            assert pixels_of(page, page.beam_pixel(), BEAM_COLOR) > MANY
+def test_arms_and_beam_are_drawn_in_their_colours_at_their_places(page: LabPage) -> None:
+    first = page.camera()
+    page.open_tab("View")
+    page.press("Overview")  # The bases lie outside the first view.
+    wait_until(lambda: math.dist(first, page.camera()) > 0.05, "the whole machine is in the picture")
+    page.hold()
+    page.catch_up()
+    with page.drawn():
+        for arm, color in zip(page.snapshot.scenario.arms, ARM_COLORS, strict=True):
+            assert pixels_of(page, page.pixel(*arm.base, 0.0), color) > MANY
+    whole = page.camera()
+    page.press("Payload")  # Clear of the panels and plots that lie over the picture.
+    wait_until(lambda: math.dist(whole, page.camera()) > 0.05, "the payload fills the picture")
+    page.catch_up()
+    with page.drawn():
+        assert pixels_of(page, page.beam_pixel(), BEAM_COLOR) > MANY
 
 
 def test_exaggeration_scales_the_drawing_and_nothing_else(page: LabPage) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lab_page import EI, LabPage, wait_until
+from lab_page import BEAM, EI, LabPage, wait_until
 
 from flexlab.guide import lessons
 from flexlab.lab.scene.arms import LINK_HEIGHTS
@@ -313,3 +313,25 @@ def test_a_lesson_says_what_is_to_be_done_until_it_is_done(page: LabPage) -> Non
     page.wait_for_text("the jump rang the beam, not the motion")
     page.picture("lesson")
     assert not page.errors
+
+
+def test_the_ring_of_the_first_lesson_is_large_enough_to_be_seen(page: LabPage) -> None:
+    """With the exaggeration of the lesson, its middle moves 60 px or more from side to side."""
+    page.choose("Read", "Lesson 1: Why does it ring?")
+    page.choose("Speed", "1/64 ×")
+    page.page.keyboard.press("r")  # At once, as the lesson says: the menu no longer holds the keyboard.
+    wait_until(lambda: page.snapshot.target_speed == 1 / 64 and page.snapshot.latest.time[0] < 0.1, "a new run")
+    sides: list[float] = []
+
+    def seen() -> bool:
+        if page.snapshot.latest.time[0] > 0.2:  # A busy machine may have drawn too little of it before it faded.
+            sides.clear()
+            page.page.keyboard.press("r")
+        left, middle, right = page.page.evaluate(BEAM, SIDES)
+        along = (right[0] - left[0], right[1] - left[1])
+        away = (middle[0] - left[0]) * along[1] - (middle[1] - left[1]) * along[0]
+        sides.append(away / math.hypot(*along))
+        return max(sides) - min(sides) >= 60
+
+    wait_until(seen, "a ring of 60 px")
+    assert page.session.lab_state.view.exaggeration == 50.0

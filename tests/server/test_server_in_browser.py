@@ -38,6 +38,8 @@ LISTEN = """() => addEventListener("message", ({ data }) => {
   if (time !== undefined) window.told = Math.round(time / 1e6) / 1e3; })"""
 """Keeps the time that the viewer reported last, s."""
 
+SMALL = 1024, 640
+"""Size of windows with rerun's viewer, px: each pixel of a picture costs processor time."""
 MILLI = 1e3
 BETWEEN_PICTURES = 1.0
 """Time between two screenshots, s: each makes the viewer draw, which takes a whole processor."""
@@ -51,9 +53,9 @@ PART = 8_000_000
 
 
 @contextmanager
-def window(browser: Browser, url: str, **options) -> Iterator[Page]:
+def window(browser: Browser, url: str, size: tuple[int, int] = (1280, 800), **options) -> Iterator[Page]:
     """Open a browser window without cookies; fail on errors in its page and on requests to any other address."""
-    context = open_window(browser, 1280, 800, **options)
+    context = open_window(browser, *size, **options)
     page = context.new_page()
     strangers: list[str] = []
     errors: list[str] = []
@@ -217,7 +219,7 @@ def test_a_run_opens_in_the_viewer_without_a_request_to_any_other_server(
     # A token makes this the harder case, because the viewer sends no cookies.
     front_server = open_another(token=TOKEN)
     shutil.copy(recorded, front_server.settings.logs / recorded.name)
-    with window(chromium, front_server.address(f"/runs/{recorded.stem}")) as page:
+    with window(chromium, front_server.address(f"/runs/{recorded.stem}"), SMALL) as page:
         page.evaluate(LISTEN)
         wait_for_plots(page, "server-review")
         time = page.locator('form[action$="/continue"] [name="time"]')

@@ -64,11 +64,11 @@ def test_the_teacher_sets_the_pace_locks_labs_and_sees_the_guesses(plain_chromiu
         lab.get_by_role(
             "link", name="paper", exact=False
         ).first.click()  # A name counts without the form's buttons, too.
-        lab.wait_for_url("**/s/**")
+        lab.wait_for_url("**/s/**", wait_until="commit")
+        lab.goto(f"{url}/lab/?fixedDpr=0.3")
         ben = Person(server)
         ben.post("/name", ("name", "Ben"), ("enter", "yes"))
         ben.ask("/lab/")
-        lab.goto(f"{url}/lab/?fixedDpr=0.3")
         lab.get_by_text("Guide", exact=True).first.click()
         page.goto(f"{url}/?token={TEACHER}")
         page.goto(f"{url}/teacher")

@@ -6,9 +6,11 @@ from pathlib import Path
 
 import pytest
 from http_client import PATIENCE, wait_until
+from person import Person
 from playwright.sync_api import Browser, Locator, TimeoutError
-from test_server_in_browser import MILLI, SCENE, picture, wait_for_plots, window
+from test_server_in_browser import MILLI, SCENE, SMALL, picture, wait_for_plots, window
 
+from flexlab.presets import load_preset
 from flexlab.recording.reader import read_recording
 from flexlab.server.front_server import FrontServer
 
@@ -41,7 +43,7 @@ def test_from_the_start_page_to_an_imported_run(
     front_server = open_another()
     for file in (recorded, recorded.with_suffix(".json")):
         shutil.copy(file, front_server.settings.logs / file.name)
-    with window(chromium, front_server.url) as page:
+    with window(chromium, front_server.url, SMALL) as page:
         picture(page, "way-start")
         page.get_by_role("link", name="Open the lab").click()
         page.wait_for_function(SCENE, timeout=MILLI * PATIENCE)
@@ -116,7 +118,7 @@ def test_from_the_start_page_to_an_imported_run(
     assert read_recording(run).samples.time[0] == 0.3
 
 
-def test_the_link_in_the_panel_opens_the_scenario_in_another_browser(
+def test_the_link_in_the_panel_opens_the_scenario_for_another_visitor(
     plain_chromium: Browser, open_another: Callable[..., FrontServer]
 ):
     front_server = open_another(private=True)
@@ -124,9 +126,9 @@ def test_the_link_in_the_panel_opens_the_scenario_in_another_browser(
         page.wait_for_function(SCENE, timeout=MILLI * PATIENCE)
         page.get_by_text("File", exact=True).first.click()
         link = page.locator(".fl-code").first.text_content()
-        assert link is not None
-        assert link.startswith(f"{front_server.url}lab/?scenario=")
-    with window(plain_chromium, f"{link}&fixedDpr=0.5") as page:
-        page.wait_for_function(SCENE, timeout=MILLI * PATIENCE)
-        wait_until(lambda: "A soft beam" in page.locator("body").inner_text(), "the panel shows the scenario")
+    assert link is not None
+    assert link.startswith(f"{front_server.url}lab/?scenario=")
+    ben = Person(front_server, "")
+    ben.enter(link.removeprefix(front_server.url.rstrip("/")))
+    wait_until(lambda: ben.place.status().title == load_preset("soft-beam").title, "another lab shows the scenario")
     assert len(front_server.places.running()) == 2

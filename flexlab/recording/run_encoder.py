@@ -271,8 +271,9 @@ class RunStream:
         """The newest instants, and their column."""
         # Active, not only the default: for the first pieces of a file without an index the viewer makes a layout of its own,
         # which it would keep.
-        layout = measurement_blueprint(info.scenario)
-        if not info.measured:
+        if info.measured:
+            layout = measurement_blueprint(info.scenario)
+        else:
             layout = run_blueprint(info.scenario, info.exaggeration, info.name, live)
         try:
             self._stream.set_sinks(rr.FileSink(file) if file else self._encoded)

@@ -15,14 +15,14 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from own_law_text import forget_own_laws
+from own_law_text import allow_no_own_laws
 
 import flexlab
 from flexlab import gain
 from flexlab.analysis.leaderboard import store
 from flexlab.analysis.leaderboard.store import law_source
 from flexlab.errors import ScenarioError
-from flexlab.own import hosts, link
+from flexlab.own import link
 from flexlab.own.files import law_kind
 from flexlab.own.link import ANSWERS, ASKS, Link, address_in, text_of_program
 from flexlab.own.measurement import BELIEVED, Believed, Measurement
@@ -266,9 +266,7 @@ def test_neither_scenario_nor_recording_connects_by_itself(
     one = program(lambda at: {"inputs": at["weights"]})
     done = flexlab_command("run", "gravity", "--law", one.address, "--duration", "0.05")
     assert done.returncode == 0, done.stderr
-    hosts.close_all()
-    hosts._allowed.clear()
-    forget_own_laws()
+    allow_no_own_laws()
     recording = flexlab.read(next((tmp_path / "logs").glob("*.rrd")))
     assert address_in(recording.scenario.controller.source) == one.address
     one.asked.clear()

@@ -50,7 +50,8 @@ def test_it_drives_the_payload_and_its_signal_tells_the_work_of_the_motors(scena
     assert np.isnan(run.bound_estimates).all(), "it estimates no bounds"
 
 
-def test_a_second_process_can_run_it_with_the_machine_code_of_the_first():
+def test_a_second_process_can_run_it_with_the_machine_code_of_the_first(scenario: Scenario):
+    assert len(World(scenario).advance(2)) == 2
     script = (
         f"from flexlab.control.law import add_law_file; from pathlib import Path; law = add_law_file(Path({str(FILE)!r}))\n"
         "from flexlab.presets import load_preset; from flexlab.sim.world import World\n"
@@ -58,10 +59,8 @@ def test_a_second_process_can_run_it_with_the_machine_code_of_the_first():
         "stats = [kernel.stats for kernel in (law.kernel, law.fastest_rate)]\n"
         "print([(sum(each.cache_hits.values()), sum(each.cache_misses.values())) for each in stats])\n"
     )
-    for _ in range(2):
-        done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
-        assert done.stdout.startswith("2\n"), done.stderr
-    assert done.stdout == "2\n[(1, 0), (1, 0)]\n"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.stdout == "2\n[(1, 0), (1, 0)]\n", done.stderr
 
 
 @pytest.mark.parametrize("period", [None, 0.002])

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from lab_process import Command
+from own_law_text import allow_no_own_laws
 
 import flexlab
 from flexlab.errors import FlexlabError, ScenarioError
@@ -43,7 +44,7 @@ def file(tmp_path: Path) -> Path:
     return law
 
 
-def test_its_recording_replays_without_its_files(file: Path, flexlab_process: Command):
+def test_its_recording_replays_without_its_files(file: Path, flexlab_command: Command):
     run = flexlab.simulate("paper", 0.2, law=file)
     sampled = flexlab.load_preset("paper").replace({"controller": {"kind": "pd", "control_period": 0.001}})
     np.testing.assert_allclose(run.pose, flexlab.simulate(sampled, 0.2).pose, rtol=0, atol=1e-9)
@@ -51,7 +52,8 @@ def test_its_recording_replays_without_its_files(file: Path, flexlab_process: Co
     for beside in (file, file.with_name("gains.npy")):
         beside.unlink()
     assert flexlab.replay(kept).agrees
-    asked = flexlab_process("replay", str(kept)).stderr
+    allow_no_own_laws()
+    asked = flexlab_command("replay", str(kept)).stderr
     assert f'data_file("gains.npy", "{128 + 2 * 8} bytes")' in asked
     assert "give --run-own-law to let it run" in asked
 
@@ -120,7 +122,9 @@ def scaled(gains):
 """
 
 
-def test_its_recording_replays_without_the_modules_beside_it(file: Path, flexlab_process: Command):
+def test_its_recording_replays_without_the_modules_beside_it(
+    file: Path, flexlab_command: Command, flexlab_process: Command
+):
     """Machine code that numba kept was not found without the files, and could not be loaded with them."""
     file.write_text(HELPED, encoding="utf-8")
     beside = [file, *(file.with_name(name) for name in ("scaling.py", "factors.py", "gains.npy"))]
@@ -132,7 +136,8 @@ def test_its_recording_replays_without_the_modules_beside_it(file: Path, flexlab
         one.unlink()
     done = flexlab_process("replay", str(kept), "--run-own-law")
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "return FACTOR * gains" in flexlab_process("replay", str(kept)).stderr  # All is shown before it runs.
+    allow_no_own_laws()
+    assert "return FACTOR * gains" in flexlab_command("replay", str(kept)).stderr  # All is shown before it runs.
 
 
 def test_other_modules_make_another_law(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

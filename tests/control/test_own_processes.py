@@ -195,12 +195,12 @@ def test_saving_a_law_many_times_leaves_few_processes_and_files_behind():
     file = f"/tmp/flexlab-test-{os.getpid()}-saved.py"
     world = world_of(PD, file)
     files = 0
-    for number in range(30):
+    for number in range(LawApart.kept + 6):
         source = PD.replace("adds up its error", f"adds up its error {number}")
         add_own_law(source, file)
         world.apply(ChangeScenario({"controller.source": source}))
         assert len(world.advance(2)) == 2
-        if number == 20:
+        if number == LawApart.kept:
             files = len(os.listdir("/proc/self/fd"))
     assert len(marked(file)) <= 2 * LawApart.running
     assert len(os.listdir("/proc/self/fd")) <= files

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from own_law_text import forget_own_laws
+from own_law_text import allow_no_own_laws, forget_own_laws
 from waiting import wait_until
 
 import flexlab
@@ -235,9 +235,7 @@ def test_a_recording_names_the_file_and_a_replay_needs_it(
     file = Path(shutil.copy(exported(load_preset("paper")), tmp_path / "mine.fmu"))
     done = flexlab_command("run", "paper", "--law", "mine.fmu", "--duration", "0.05")
     assert done.returncode == 0, done.stderr
-    hosts.close_all()
-    hosts._allowed.clear()
-    forget_own_laws()
+    allow_no_own_laws()
     source = flexlab.read(next((tmp_path / "logs").glob("*.rrd"))).scenario.controller.source
     assert unit_in(source, [tmp_path]) == ("mine.fmu", str(file))
     assert unit_in(source + "#", [tmp_path]) == ("mine.fmu", "")

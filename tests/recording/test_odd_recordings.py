@@ -22,7 +22,7 @@ from flexlab.recording.reader import read_recording, read_scenario
 from flexlab.recording.rerun_internals.chunks import Column, new_stream, scalars, send_columns, stream_rows, time_column
 from flexlab.recording.run_encoder import RunEncoder
 from flexlab.recording.run_info import RunInfo, checked
-from flexlab.sim.samples import Run
+from flexlab.sim.samples import Run, WorldState
 from flexlab.sim.world import World
 
 GONE = "left out"
@@ -41,12 +41,17 @@ def any_type(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(any_batch_value, "ANY_VALUE_TYPE_REGISTRY", any_batch_value.TypeRegistry())
 
 
+@pytest.fixture(scope="module")
+def start(run: Run) -> WorldState:
+    return World(run.scenario).state()
+
+
 @pytest.fixture
-def written(run: Run, tmp_path: Path) -> Callable[[], Path]:
+def written(run: Run, start: WorldState, tmp_path: Path) -> Callable[[], Path]:
     """A function that writes a few samples and the end of a run, with what the test changed in the writer."""
 
     def write() -> Path:
-        info = RunInfo("paper", run.scenario, 0.001, World(run.scenario).state())
+        info = RunInfo("paper", run.scenario, 0.001, start)
         with HeadlessRecording(tmp_path / "odd.rrd", info) as recording:
             recording.write(run.slice(0, 20))
             recording.write(run.slice(20, 40))
@@ -60,12 +65,7 @@ def check(path: Path, refused: bool) -> None:
     """Check that every reader returns something, or that some refuse in one sentence and a refused import leaves nothing."""
     logs = path.parent / "logs"
     sentences: list[str] = []
-    for read in (
-        read_scenario,
-        read_recording,
-        lambda odd: read_recording(odd).samples,
-        lambda odd: import_into(odd, logs),
-    ):
+    for read in (read_scenario, lambda odd: read_recording(odd).samples, lambda odd: import_into(odd, logs)):
         try:
             read(path)
         except RecordingError as error:

@@ -1,5 +1,8 @@
 """What the paper's equations make of a run's samples: the internal force by Eq. (26), and the proof's Lyapunov function."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 
 from flexlab.arguments import whole_number
@@ -49,6 +52,9 @@ def internal_force_eq_26(run: Run, every: int = 1) -> np.ndarray:
     beam = build_beam(scenario.payload)
     plant, D = build_plant(scenario, beam), nodal_damping_matrix(beam)
     workspace = make_workspace(len(plant.arms), plant.modal.shape[1])
+    # Kernels run as plain Python here, and a record's fields are slow to read.
+    arms: Any = [SimpleNamespace(**{name: arm[name] for name in arm.dtype.names}) for arm in plant.arms]
+    plant = plant._replace(arms=arms)
     terms = workspace.arm
     found = []
     for k in range(0, len(run), step):

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import shutil
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +37,10 @@ CASES = [
 every_recording = pytest.mark.parametrize(("number", "path"), CASES, ids=[f"{n}-{path.stem}" for n, path in CASES])
 
 
+golden, replayed = cache(read_recording), cache(lambda path: replay(golden(path)))
+"""A golden recording, and what its replay found, once for all tests."""
+
+
 def facts(path: Path) -> dict:
     return json.loads((path.parent / "facts.json").read_text(encoding="utf-8"))[path.stem]
 
@@ -64,8 +69,8 @@ def test_it_is_read_with_every_bit_that_was_written(number: int, path: Path) -> 
 
 @every_recording
 def test_its_blocks_and_ranges_hold_the_samples_of_the_whole(number: int, path: Path) -> None:
-    whole = read_recording(path).samples
-    in_blocks = join_blocks(list(read_recording(path).blocks()))
+    whole = golden(path).samples
+    in_blocks = join_blocks(list(golden(path).blocks()))
     middle = float(whole.time[len(whole) // 2])
     piece = read_range(path, middle, middle + 0.05)
     for name, signal in whole.signals().items():
@@ -76,8 +81,7 @@ def test_its_blocks_and_ranges_hold_the_samples_of_the_whole(number: int, path: 
 @every_recording
 def test_it_replays_and_says_what_wrote_it(number: int, path: Path) -> None:
     """Every bit is the same if the arithmetic is. If not identical, it says what recorded it."""
-    recording = read_recording(path)
-    found = replay(recording)
+    recording, found = golden(path), replayed(path)
     maker = f"recorded by flexlab {recording.properties['flexlab_version']}"
     if found.agrees and number < FORMAT:
         assert f"{maker} in format {number}" in found.text
@@ -93,7 +97,7 @@ def test_it_replays_and_says_what_wrote_it(number: int, path: Path) -> None:
 @every_recording
 def test_every_signal_means_what_it_means_today(number: int, path: Path) -> None:
     """A repetition, which computes today's signals, agrees even where a format recorded another quasi-static part."""
-    recording = read_recording(path)
+    recording = golden(path)
     again = join_blocks(list(Repetition(recording).samples_until(float(recording.samples.time[-1]))))
     for name in TABLE.keys() & facts(path)["sha256"].keys():
         largest = np.abs(again[name]).max()
@@ -111,7 +115,7 @@ def test_it_is_listed_and_summarised(number: int, path: Path, tmp_path: Path) ->
 
 @every_recording
 def test_it_can_be_exported_and_imported_again(number: int, path: Path, tmp_path: Path) -> None:
-    recording = read_recording(path)
+    recording = golden(path)
     table = export_recording(recording, tmp_path / "run.parquet")
     back, about = import_run(table)
     assert about["format"] == FORMAT
@@ -125,7 +129,7 @@ def test_it_can_be_exported_and_imported_again(number: int, path: Path, tmp_path
         assert digest(again.samples[name]) == digest(recording.samples[name]), name
     for name in these_versions():
         assert again.properties[name] == recording.properties.get(name, "unknown"), name
-    assert replay(again).agrees == replay(recording).agrees
+    assert replay(again).agrees == replayed(path).agrees
 
 
 @every_recording

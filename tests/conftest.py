@@ -12,12 +12,12 @@ from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import pytest
-from browser_window import BY_THE_PROCESSOR, SOFTWARE_RENDERING
+from browser_window import BY_THE_PROCESSOR, PATIENCE, SOFTWARE_RENDERING
 from few_pictures import send_few
 from get_browser import find_browser
 from hypothesis import settings
 from lab_process import Command, Lab
-from playwright.sync_api import Browser, sync_playwright
+from playwright.sync_api import Browser, expect, sync_playwright
 from threadpoolctl import threadpool_limits
 from workers import is_of_browser, pytest_cmdline_main, pytest_xdist_make_scheduler
 
@@ -169,6 +169,7 @@ def chromium() -> Iterator[Browser]:
     """A headless Chromium, one for all tests: playwright cannot be started twice on one thread."""
     path = find_browser()
     assert path, "no Chromium found: install one with python tests/get_browser.py"
+    expect.set_options(timeout=PATIENCE)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=SOFTWARE_RENDERING)
         yield browser

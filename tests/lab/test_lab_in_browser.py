@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browser_window import PATIENCE
 from lab_page import EI, LabPage, wait_until
 from playwright.sync_api import expect
 from raw_browser import widget
@@ -159,7 +158,7 @@ def test_a_box_takes_numbers_as_people_write_them(page: LabPage) -> None:
     wait_until(lambda: page.snapshot.scenario.payload.damping.coefficient == 1.5e-10, "a small number is not 0", 20)
     box.fill("")
     box.blur()
-    expect(box).to_have_value("36", timeout=PATIENCE)  # Left empty, it shows its number again.
+    expect(box).to_have_value("36")  # Left empty, it shows its number again.
 
 
 DROP = """(box, text) => {
@@ -234,7 +233,7 @@ def test_a_late_value_from_the_lab_does_not_disturb_typing(page: LabPage, acts: 
     page.page.evaluate("window.setTimeout = usualTimeout")
     box.blur()
     page.session.lab_state.change({"payload.bending_stiffness": 64.0})
-    expect(box).to_have_value("64", timeout=PATIENCE)  # Once typing has ended.
+    expect(box).to_have_value("64")  # Once typing has ended.
 
 
 def show_true_value_of(page: LabPage, value: float) -> None:

@@ -228,9 +228,14 @@ def test_a_path_in_millimetres_fills_neither_floor_nor_memory(session: Session) 
     for scenario in (far, far.replace({"left_arm.link_length": (20.0, 20.0, 20.0), "left_arm.base": (-20.0, -20.0)})):
         x_min, x_max, y_min, y_max = floor_extent(scenario)
         assert max(x_max - x_min, y_max - y_min) < 190
+        run = session.runner.snapshot.run_number
         with RawBrowser(session):
             session.lab_state.load(scenario, "far")
-            wait_until(lambda: session.runner.snapshot.status.failed, "it cannot be reached", 60)
+            wait_until(
+                lambda run=run: (now := session.runner.snapshot).run_number > run and now.status.failed,
+                "it cannot be reached",
+                60,
+            )
             wait_until(
                 lambda scenario=scenario: (
                     session._scene._reach._x.size <= 1e6

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from browser_window import open_window
-from http_client import PATIENCE, over, post
+from http_client import PATIENCE, over, post, wait_until
 from person import open_server
 from playwright.sync_api import Browser, BrowserContext, Page, Request
 
@@ -147,9 +147,7 @@ def test_a_run_of_many_changes_does_not_fill_the_list(window: BrowserContext, se
     row = page.locator("#runs tr").filter(has_text="adaptive-sliding-mode")
     for width in (1024, 720):
         page.set_viewport_size({"width": width, "height": 800})
-        box = row.bounding_box()
-        assert box is not None
-        assert box["height"] < 150
+        wait_until(lambda: (box := row.bounding_box()) and box["height"] < 150, f"a low row at {width} px")
 
 
 def test_a_map_is_drawn_without_storage(window: BrowserContext, server: FrontServer):

@@ -89,7 +89,7 @@ def window(
         if follows is None or Path(__file__).parent not in follows.path.parents:
             _lasting_window.close()
         else:
-            _lasting_window.rest()  # The tests of a file may leave their lab in any state, e.g. with an exaggeration of 1000.
+            _lasting_window.keep()
 
 
 @pytest.fixture

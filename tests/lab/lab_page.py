@@ -14,6 +14,7 @@ from waiting import wait_until as wait_until
 
 from flexlab.lab.scene.beam import GRAB_SIDES
 from flexlab.lab.session import Session
+from flexlab.lab.view_settings import ViewSettings
 from flexlab.presets import load_preset
 from flexlab.scenario.field_text import TITLES, in_words
 from flexlab.sim.commands import Pause, Play, SetSpeed
@@ -160,10 +161,12 @@ class LabPage:
             self.page.evaluate(DRAW, False)
 
     def begin_anew(self, plays: bool = True) -> None:
-        """Load the paper's preset and play it at full speed, or hold it at its start; undo history and view settings stay."""
+        """Load the paper's preset, seen as usual, and play it at full speed or hold it at its start; the undo history stays."""
         self.errors.clear()
         self.rest(False)
         run, paper = self.snapshot.run_number, load_preset("paper")
+        self.session.lab_state.kept = None
+        self.session.lab_state.set_view(**vars(ViewSettings()))
         self.session.lab_state.load(paper, "paper")
         self.session.lab_state.say("")
         self.session.lab_state.submit(SetSpeed(1.0))

@@ -6,6 +6,7 @@ from playwright.sync_api import Browser, Error
 from flexlab.lab.session import Session
 from flexlab.own import hosts
 from flexlab.presets import load_preset
+from flexlab.sim.commands import Pause
 from flexlab.sockets import free_ports
 
 
@@ -45,6 +46,14 @@ class LastingWindow:
         self._session = session
         if self._page is not None:
             self._page.session = session
+
+    def keep(self) -> None:
+        """Keep the lab for the tests of the next file, at rest, unless somebody has begun a lesson, which begins only once."""
+        if self._session is None or self._page is None or self._session.lab_state.lessons:
+            self.rest()
+        else:
+            self._session.lab_state.submit(Pause())
+            self._page.rest()
 
     def rest(self) -> None:
         """End the last lab; its page draws nothing until it shows another one."""

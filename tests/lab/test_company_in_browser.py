@@ -1,5 +1,7 @@
 """Several browsers on one lab, windows of every size, light and dark."""
 
+from typing import Literal
+
 import numpy as np
 from lab_page import EI, GUIDE_OPEN, PLOTS_OPEN, LabPage, wait_until
 from lasting_window import LastingWindow
@@ -48,28 +50,33 @@ def test_open_panels_are_open_again_after_the_lab_restarts(window: LastingWindow
         page.page.wait_for_function(is_open)
 
 
-def all_is_on_the_screen(page: LabPage, size: str, looks: tuple[str, ...]) -> None:
-    """Check that every tab fits on the screen in each colour scheme that the system asks for."""
-    for look in looks:
-        page.page.emulate_media(color_scheme="light" if look == "light" else "dark")
-        wait_until(lambda look=look: page.page.evaluate(SCHEME) == look, f"the lab says that it is {look}")
-        wait_until(lambda look=look: (page.page.evaluate(BACKGROUND) == WHITE) == (look == "light"), f"it is {look}")
-        for tab in TABS:
-            page.open_tab(tab)
-            wait_until(lambda: page.page.evaluate(OVERFLOWING) == [], f"all of {tab} is on the screen", 20)
-            if tab in ("Parameters", "Modes", "File"):
-                page.picture(f"{tab.lower()}-{size}-{look}")
-        heights = [page.page.get_by_role("tab", name=tab, exact=True).bounding_box() for tab in TABS]
-        assert len({box and box["y"] for box in heights}) == 1, f"all tabs stand on one line: {heights}"
+def turn(page: LabPage, look: Literal["dark", "light"]) -> None:
+    """Change the colour scheme that the system asks for, and wait until the page has it."""
+    page.page.emulate_media(color_scheme=look)
+    wait_until(lambda: page.page.evaluate(SCHEME) == look, f"the lab says that it is {look}")
+    wait_until(lambda: (page.page.evaluate(BACKGROUND) == WHITE) == (look == "light"), f"it is {look}")
+
+
+def all_is_on_the_screen(page: LabPage, name: str) -> None:
+    """Check that every tab fits on the screen. `name`: of the screenshots."""
+    for tab in TABS:
+        page.open_tab(tab)
+        wait_until(lambda: page.page.evaluate(OVERFLOWING) == [], f"all of {tab} is on the screen", 20)
+        if tab in ("Parameters", "Modes", "File"):
+            page.picture(f"{tab.lower()}-{name}")
+    heights = [page.page.get_by_role("tab", name=tab, exact=True).bounding_box() for tab in TABS]
+    assert len({box and box["y"] for box in heights}) == 1, f"all tabs stand on one line: {heights}"
     assert not page.errors
 
 
 def test_nothing_is_clipped_in_a_window_that_shrinks(page: LabPage) -> None:
     page.wait_for_text("simulation time t")
     page.press("Pause")
-    for width, height in ((1440, 900), (1024, 768)):
-        page.page.set_viewport_size({"width": width, "height": height})
-        all_is_on_the_screen(page, f"{width}x{height}", ("dark", "light"))
+    turn(page, "dark")
+    all_is_on_the_screen(page, "1440x900-dark")
+    page.page.set_viewport_size({"width": 1024, "height": 768})
+    turn(page, "light")
+    all_is_on_the_screen(page, "1024x768-light")
     page.page.set_viewport_size({"width": 1440, "height": 900})
 
 
@@ -93,7 +100,8 @@ def test_a_phone_that_starts_in_dark_mode_stays_in_step_and_clips_nothing(chromi
         wait_until(lambda: page.box(EI).input_value() == "30", "the first one sees the second one's value")
         wait_until(lambda: np.allclose(page.beam_vertex(), phone.beam_vertex(), atol=1e-6), "both draw the same beam")
         page.rest()
-        all_is_on_the_screen(phone, "390x844", ("dark", "light"))
+        all_is_on_the_screen(phone, "390x844-dark")
+        turn(phone, "light")
         for name in ("Motion", "Guide"):
             heading = phone.page.get_by_role("button", name=f"Expand panel {name}", exact=True)
             below = phone.page.get_by_text("simulation time t")

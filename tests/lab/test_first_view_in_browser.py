@@ -104,10 +104,11 @@ def opened(page: Page, url: str) -> Page:
     return drawn(page)
 
 
-def drawn(page: Page) -> Page:
-    """The same page, once its beam is drawn."""
+def drawn(page: Page, closes: bool = True) -> Page:
+    """The same page, once its beam is drawn. `closes`: closes the notice that there is no graphics card."""
     page.wait_for_function(READY)
-    page.evaluate(CLOSE_NOTIFICATIONS)  # The one that says that there is no graphics card.
+    if closes:
+        page.evaluate(CLOSE_NOTIFICATIONS)
     wait_until(lambda: page.evaluate(BEAM, SIDES) is not None, "a beam is drawn")
     return page
 
@@ -184,8 +185,7 @@ def test_plots_are_one_click_away_and_a_browser_remembers_that_they_are_open(
     page.goto(address(shared_session))
     word = page.get_by_text("Software WebGL rendering detected")
     word.wait_for()
-    word.wait_for(state="detached")  # By itself.
-    drawn(page)
+    drawn(page, closes=False)
     fills(page, 1440)
     bases_are_in_sight(page)
     wait_until(lambda: length(page.evaluate(BEAM, SIDES)) >= LEAST_BEAM, "the beam is long enough to be looked at")
@@ -199,6 +199,7 @@ def test_plots_are_one_click_away_and_a_browser_remembers_that_they_are_open(
     wait_until(lambda: len({round(left) for left in page.evaluate(lefts)}) > 1, "two plots stand side by side")
     wait_until(lambda: page.evaluate(FEWEST_TICKS) >= 3, "the numbers at each vertical axis tell its scale")
     wait_until(lambda: page.evaluate(LEGENDS_ON_A_LINE), "the legend of each plot takes one line")
+    word.wait_for(state="detached")  # By itself.
     wait_until(lambda: "plots" in (page.evaluate(KEPT) or ""), "the page keeps it")
     opened(page, address(shared_session)).wait_for_function(PLOTS_OPEN)
     assert not page.evaluate(GUIDE_OPEN)

@@ -30,6 +30,7 @@ def law() -> Iterator[str]:
 def test_a_law_from_a_file_works_in_menu_sliders_plots_recording_and_replay(
     law: str, window: LastingWindow, tmp_path: Path
 ):
+    window.rest()
     recorder = Recorder(tmp_path)
     with Session(load_preset("paper"), "paper", port=window.port, shadows=False, consumers=[recorder]) as session:
         page = window.show(session)

@@ -41,6 +41,8 @@ PICTURES = bool(os.environ.get("FLEXLAB_PICTURES"))
 """Whether to take screenshots for people: each costs a second of processor time, and the lab is drawn for them."""
 REST = "(rests) => window.flexlabRest(rests)"
 """Script that stops a page from drawing (true) and lets it go on (false)."""
+AT_ONCE = "(frames) => window.flexlabFrames(frames)"
+"""Script that draws a number of frames without pauses."""
 SELDOM = f"""(() => {{
   const draw = window.requestAnimationFrame.bind(window);
   const isViewer = location.pathname.includes('/viewer/') || new URLSearchParams(location.search).has('url');
@@ -61,6 +63,9 @@ SELDOM = f"""(() => {{
     return count;
   }};
   window.flexlabRest = (wanted) => {{ rests = wanted; begin(); }};
+  window.flexlabFrames = async (most) => {{
+    for (let i = 0; i < most; i++) await new Promise((done) => draw((now) => {{ clearTimeout(timer); run(now); done(); }}));
+  }};
   window.cancelAnimationFrame = (number) => {{ waiting.delete(number); }};
 }})()"""
 

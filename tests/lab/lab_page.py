@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from browser_window import DRAW, PICTURES, REST, open_window
+from browser_window import AT_ONCE, DRAW, PICTURES, REST, open_window
 from playwright.sync_api import Browser, Locator, TimeoutError
 from waiting import ARTIFACTS, PATIENCE
 from waiting import wait_until as wait_until
@@ -208,6 +208,7 @@ class LabPage:
 
     def _wait_for_frames(self) -> None:
         frame = self.page.evaluate(FRAMES)
+        self.page.evaluate(AT_ONCE, 3)
         self.page.wait_for_function(DRAWN_SINCE, arg=frame, timeout=1000 * PATIENCE)
 
     def _close_notifications(self) -> None:

@@ -4,6 +4,7 @@ import ast
 import re
 import sys
 import tomllib
+from functools import cache
 from importlib.metadata import distributions, packages_distributions, requires
 from pathlib import Path
 
@@ -44,6 +45,9 @@ def pins(root: Path) -> dict[str, str]:
     return {normal(name): version for name, version in (line.split("==") for line in lines if not line.startswith("#"))}
 
 
+installed = cache(packages_distributions)
+
+
 def imported(folder: Path) -> set[str]:
     """Return the distributions, as pyproject names them, of the outside modules that the files of a folder import."""
     modules = set()
@@ -54,7 +58,7 @@ def imported(folder: Path) -> set[str]:
             elif isinstance(node, ast.ImportFrom) and node.module:
                 modules.add(node.module.split(".")[0])
     own = {path.stem for path in folder.rglob("*")} | {"flexlab"}
-    homes = packages_distributions()
+    homes = installed()
     outside = modules - own - set(sys.stdlib_module_names)
     # The peers need not be installed: their modules then keep their own names.
     return {normal(DISTRIBUTIONS.get(module) or homes.get(module, [module])[0]) for module in outside}

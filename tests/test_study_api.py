@@ -249,7 +249,12 @@ def test_a_run_with_commands_is_recorded_with_them(tmp_path: Path, sample_period
         acted = [event for event in read_recording(path).events if event.command]
         assert [type(event.command) for event in acted] == [ChangeScenario, ChangeScenario, Pull, Tap]
         assert {event.time for event in acted} <= set(run.time)
-        assert flexlab.replay(flexlab.export(one, tmp_path / f"{len(list(tmp_path.iterdir()))}.zip")).identical
+
+
+def test_the_archive_of_a_run_with_commands_holds_them(tmp_path: Path):
+    run = flexlab.simulate("paper", 0.06, 0.0007, COMMANDS)
+    for name, one in (("made", run), ("read", flexlab.read(run.save(tmp_path)))):
+        assert flexlab.replay(flexlab.export(one, tmp_path / f"{name}.zip")).identical
 
 
 def test_a_run_that_a_command_ends_is_recorded_with_it(tmp_path: Path):

@@ -160,7 +160,8 @@ def _law(probe: LoopProbe, rest: RestPoint) -> Law:
         )
         asked = rest.desired + desired.reshape(3, 3)
         shown = rest.torque + line.reshape(-1, len(rest.torque)) if torques else rest.torque
-        return np.concatenate(probe.answer(rest.motion.moved(motion), rest.memory + memory, asked, shown))
+        moved = rest.motion.moved(motion) if motion.any() else rest.motion
+        return np.concatenate(probe.answer(moved, rest.memory + memory, asked, shown))
 
     directions = np.eye(parts[-1] + torques)
     slopes, at_rest = [], answer(np.zeros(len(directions)))

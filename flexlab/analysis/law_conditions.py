@@ -5,7 +5,7 @@ import numpy as np
 from flexlab.control.conditions import Circumstances, Condition, sampled_in_time, slower_than_the_beam
 from flexlab.control.law import law_of
 from flexlab.control.motion import poses
-from flexlab.physics.dynamics import configure_arms
+from flexlab.physics.dynamics import arms_at
 from flexlab.physics.law_input import LAW_INPUT
 from flexlab.physics.mass_change import find_mass_at
 from flexlab.scenario import Scenario
@@ -42,7 +42,7 @@ def circumstances(scenario: Scenario) -> Circumstances:
     ws, seen, reached = new_workspace(system), [], []
     find_mass_at(system.plant, 0.0, ws)
     for t, desired in zip(times, poses(system.trajectory, times), strict=True):
-        if configure_arms(system.plant, desired[0], ws.arm, ws.fault) == 0:
+        if arms_at(system.plant, desired[0], ws) == 0:
             seen.append(law_input_at(system, desired[0], desired[1], desired, ws).copy())
             reached.append(t)
     path = np.array(seen, LAW_INPUT).view(np.recarray)

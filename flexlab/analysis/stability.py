@@ -266,24 +266,27 @@ def _torque_loop(linear: Linearization, rates: np.ndarray) -> np.ndarray:
     memory_out, memory_own = law.memory[:torques, kept], law.memory[np.ix_(torques + kept, kept)]
     seen = law.line.reshape(len(law.line), -1, torques)
     where = 1j * rates if period is None else np.exp(1j * rates * period)
-    result = np.empty((len(rates), torques, torques), dtype=complex)
+    # In the order in which LAPACK leaves each solution.
+    motion = np.empty((len(rates), force.shape[1], len(A)), dtype=complex).transpose(0, 2, 1)
     shifted, diagonal = -triangle, np.diag_indices_from(triangle)
     for k, z in enumerate(where):
         shifted[diagonal] = z - triangle[diagonal]
-        motion = solve_upper(shifted, force)
-        # The law knows which torques it asked for; the torques in force deviate from these.
-        ago = np.tensordot(seen, z ** np.arange(-seen.shape[1], 0), (1, 0))
-        asked, known = answer @ motion, ago[:torques]
-        if len(kept):
-            slope = z if period is None else z - 1
-            told = np.hstack([memory_in @ motion, ago[torques + kept]])
-            through = memory_out @ np.linalg.solve(slope * np.eye(len(kept)) - memory_own, told)
-            asked, known = asked + through[:, : len(effect)], known + through[:, len(effect) :]
-        if seen.shape[1]:
-            asked = np.linalg.solve(np.eye(torques) - known, asked)
-        late = 1.0 if period is None else z**-controller.input_delay
-        result[k] = late * asked @ effect
-    return result
+        motion[k] = solve_upper(shifted, force)
+    # The law knows which torques it asked for; the torques in force deviate from these.
+    ago = np.zeros((len(rates), len(seen), torques), dtype=complex)
+    if seen.shape[1]:
+        ago[:] = [np.tensordot(seen, z ** np.arange(-seen.shape[1], 0), (1, 0)) for z in where]
+    asked, known = answer @ motion, ago[:, :torques]
+    if len(kept):
+        slope = (where if period is None else where - 1)[:, None, None]
+        told = np.concatenate([memory_in @ motion, ago[:, torques + kept]], axis=2)
+        through = memory_out @ np.linalg.solve(slope * np.eye(len(kept)) - memory_own, told)
+        asked, known = asked + through[:, :, : len(effect)], known + through[:, :, len(effect) :]
+    if seen.shape[1]:
+        asked = np.linalg.solve(np.eye(torques) - known, asked)
+    if period is not None:
+        asked = np.reshape([z**-controller.input_delay for z in where], (-1, 1, 1)) * asked
+    return asked @ effect
 
 
 def _structured_norm(matrices: np.ndarray) -> np.ndarray:

@@ -689,8 +689,8 @@ each motor of its own in the disk margin: analysis/stability.py
     scale[:, :, None] / scale[:, None, :]
     scale[:, None, :] / scale[:, :, None]
 memory in a sampled disk margin: analysis/stability.py
-    slope = z if period is None else z - 1
-    slope = z
+    slope = (where if period is None else where - 1)
+    slope = where
 torques that turn with the pose: analysis/linearization.py
     return probe.forces(rest.motion.moved(step), rest.torque)
     return probe.forces(rest.motion.moved(step), idle)

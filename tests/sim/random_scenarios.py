@@ -10,6 +10,7 @@ import math
 import re
 import time
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -68,8 +69,14 @@ class Judgement:
     text: str
     complaints: tuple[str, ...]
     """Complaints about its results."""
-    crawls: bool
-    """Whether it was slower than real time on this machine without a warning."""
+    world: World
+    """The world that was judged, after its run."""
+
+
+@lru_cache(maxsize=2)
+def started(scenario: Scenario) -> World:
+    """A world of the scenario that is never moved on: what it has derived serves further worlds."""
+    return World(scenario)
 
 
 def slider(rng: np.random.Generator, model: type, name: str) -> float:
@@ -108,7 +115,7 @@ def random_scenario(seed: int) -> Scenario:
         }
         try:
             scenario = load_preset("single-arm" if single else "paper").replace(changes)
-            if not World(scenario).status.failed:
+            if not started(scenario).status.failed:
                 return scenario
         except ScenarioError:
             continue
@@ -136,7 +143,7 @@ def wide_scenario(seed: int) -> Scenario:
             changes["simulation.integrator"] = str(rng.choice(["rk4", "etdrk4", "generalized-alpha"]))
         try:
             found = scenario.replace(changes)
-            if not World(found).status.failed:
+            if not started(found).status.failed:
                 return found
         except ScenarioError:
             continue
@@ -181,7 +188,7 @@ def with_joints(scenario: Scenario, seed: int) -> Scenario:
             changes["joints.encoders.counts"] = (float(10 ** rng.uniform(4, 7)),) * 3
         try:
             found = scenario.replace(changes)
-            if not World(found).status.failed:
+            if not started(found).status.failed:
                 return found
         except ScenarioError:
             continue
@@ -248,7 +255,7 @@ def judge(
         scenario = with_grips(scenario, seed)
     if axial:
         scenario = scenario.replace({"payload.axial_load": "first-order"})
-    world = World(scenario)
+    world = World(scenario, known=[started(scenario).assembly])
     finer = 16 if world.assembly.watch.disturbed else 4
     limited = scenario.controller.torque_limit is not None or any(scenario.joints.motor.stall_torque)
     limited = limited and scenario.controller.control_period is None
@@ -256,7 +263,6 @@ def judge(
     pace = seconds_per_second(world.assembly, max(step, SHORTEST_STEP))
     ticks = max(20, int(min(DURATION, longest_reference / pace) / world.tick_period))
     run = world.run(ticks)
-    took, warned = pace_after_the_start(world)
     for shorter in REFERENCES:
         # Nothing checks a given step beforehand: its errors may grow where those of another step do not.
         reference = World(scenario.replace({"simulation.step": max(step / shorter, SHORTEST_STEP * shorter)}))
@@ -288,10 +294,10 @@ def judge(
     text = (
         f"{beam.boundary} n={beam.element_count} EI={beam.bending_stiffness:.3g} ρ={beam.linear_density:.2g} "
         f"{beam.damping.model_dump()} {law.kind} T_c={law.control_period} step {world.step:.3g} ticks {ticks} "
-        f"pose {pose:.1e} force {force:.1e} {took:.2g} s/s {warned and 'announced'} "
+        f"pose {pose:.1e} force {force:.1e} "
         f"{warning and 'inaccurate'} {world.status.text[:40]}"
     )
-    return Judgement(text, tuple(complaints), took > 1 and not warned)
+    return Judgement(text, tuple(complaints), world)
 
 
 def force_of(scenario: Scenario, samples: Samples) -> np.ndarray:
@@ -301,7 +307,7 @@ def force_of(scenario: Scenario, samples: Samples) -> np.ndarray:
 
 def pace_after_the_start(world: World) -> tuple[float, str]:
     """Processor time per simulated time of a new world, after the finer steps of its start, and its pace warning."""
-    later = World(world.scenario)
+    later = World(world.scenario, known=[world.assembly])
     later.advance_rows(SHORT_STEPS)
     begun = time.thread_time()
     ticks = len(later.advance_rows(TIMED))
@@ -324,8 +330,10 @@ def main() -> None:
     for seed in range(first, last):
         judged = judge(seed, given.seconds, given.wide, given.axial, given.joints, given.mass, given.grips)
         bad += bool(judged.complaints)
-        mark = " | ".join([*judged.complaints, *(["slower than real time, unannounced"] if judged.crawls else [])])
-        print(f"{seed}: {mark or 'fine'}   [{judged.text}]", flush=True)
+        took, warned = pace_after_the_start(judged.world)
+        crawls = ["slower than real time, unannounced"] if took > 1 and not warned else []
+        mark = " | ".join([*judged.complaints, *crawls])
+        print(f"{seed}: {mark or 'fine'}   [{judged.text} {took:.2g} s/s {warned and 'announced'}]", flush=True)
     print(f"{last - first} scenarios, {bad} with complaints")
 
 

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from flexlab.control.law import laws
 from flexlab.control.path import paths
@@ -23,21 +24,36 @@ for changes in json.loads(sys.argv[1]):
     poses.append(World(load_preset("paper").replace(changes)).run(2).pose.tolist())
 print(json.dumps(poses))
 """
-OWN_PATHS = "flexlab.control.paths."
+OWN_LAWS, OWN_PATHS = "flexlab.control.laws.", "flexlab.control.paths."
+"""Where flexlab's own are; other tests may have added theirs."""
 STEPS = {"etdrk4": 5e-4, "rk4": 2e-4, "generalized-alpha": 5e-4}
 
 
+def in_plain_python(program: str, *words: str, folder: Path | None = None) -> str:
+    """What a program prints in a new process without compilation."""
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", program, *words],
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    return done.stdout
+
+
 def test_two_ticks_of_every_law_path_and_integrator_agree_with_the_machine_code():
+    kinds = [(kind, "etdrk4") for kind, law in laws().items() if law.model.__module__.startswith(OWN_LAWS)]
+    kinds += [("adaptive-sliding-mode", integrator) for integrator in STEPS if integrator != "etdrk4"]
     cases = [
         {
             "controller.kind": kind,
             "simulation.integrator": integrator,
-            "simulation.step": step,
+            "simulation.step": STEPS[integrator],
             "controller.control_period": period,
         }
-        for kind, law in laws().items()
-        if law.model.__module__.startswith("flexlab.control.laws.")  # Other tests may have added theirs.
-        for integrator, step in STEPS.items()
+        for kind, integrator in kinds
         for period in ((None, 0.001) if kind != "lqr" else (0.001,))
     ]
     # Only the first has an automatic step: for some of the others, plain Python takes seconds to choose it.
@@ -46,15 +62,7 @@ def test_two_ticks_of_every_law_path_and_integrator_agree_with_the_machine_code(
         for number, (kind, path) in enumerate(paths().items())
         if path.model.__module__.startswith(OWN_PATHS)
     ]
-    done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", PROGRAM, json.dumps(cases)],
-        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr[-2000:]
-    for changes, poses in zip(cases, json.loads(done.stdout), strict=True):
+    for changes, poses in zip(cases, json.loads(in_plain_python(PROGRAM, json.dumps(cases))), strict=True):
         compiled = World(load_preset("paper").replace(changes)).run(2).pose
         np.testing.assert_allclose(poses, compiled, rtol=0, atol=1e-13, err_msg=str(changes))
 
@@ -130,31 +138,19 @@ print(json.dumps([run.pose.tolist(), run.desired_pose.tolist(), run.joint_torque
 """
 
 
-def test_gains_and_options_may_be_named_like_methods_of_arrays(tmp_path: Path):
+def test_gains_and_options_may_be_named_like_methods_of_arrays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
     (tmp_path / "law.py").write_text(LAW_WITH_METHOD_NAMES, encoding="utf-8")
     (tmp_path / "path.py").write_text(PATH_WITH_METHOD_NAMES, encoding="utf-8")
-    found = []
-    for setting in ("0", "1"):
-        done = subprocess.run(
-            [sys.executable, "-W", "ignore", "-c", WITH_METHOD_NAMES],
-            env=os.environ | {"NUMBA_DISABLE_JIT": setting},
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 0, done.stderr[-2000:]
-        found.append(json.loads(done.stdout))
-    for compiled, plain in zip(*found, strict=True):
-        np.testing.assert_allclose(plain, compiled, rtol=0, atol=1e-9)
+    plain = json.loads(in_plain_python(WITH_METHOD_NAMES, folder=tmp_path))
+    monkeypatch.chdir(tmp_path)
+    exec(WITH_METHOD_NAMES, {})
+    for compiled, interpreted in zip(json.loads(capsys.readouterr().out), plain, strict=True):
+        np.testing.assert_allclose(interpreted, compiled, rtol=0, atol=1e-9)
 
 
-def test_a_recording_of_the_first_format_opens_with_and_without_compilation(root: Path):
+def test_a_recording_of_the_first_format_opens_in_plain_python(root: Path):
     path = root / "tests/recording/golden/format-1/paper.rrd"
     program = f"from flexlab.recording.reader import read_recording; print(len(read_recording({str(path)!r}).samples))"
-    for setting in ("0", "1"):
-        environment = os.environ | {"NUMBA_DISABLE_JIT": setting}
-        done = subprocess.run(
-            [sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=False
-        )
-        assert (done.returncode, done.stdout) == (0, "554\n"), done.stderr[-2000:]
+    assert in_plain_python(program) == "554\n"

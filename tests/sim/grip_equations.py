@@ -116,6 +116,6 @@ class Machine:
     def run(self, y, torques, times):
         """States at these times under constant joint torques (arms, 3)."""
         found = solve_ivp(
-            lambda _, at: self.rates(at, torques), times[[0, -1]], y, "LSODA", times, rtol=1e-11, atol=1e-13
+            lambda _, at: self.rates(at, torques), times[[0, -1]], y, "LSODA", times, rtol=1e-10, atol=1e-12
         )
         return found.y.T

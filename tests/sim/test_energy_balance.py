@@ -12,6 +12,8 @@ from flexlab.sim.simulate import simulate
 from flexlab.sim.world import World
 
 INTEGRATORS = ["rk4", "etdrk4", "generalized-alpha"]
+DURATIONS = {"rk4": 1.0, "etdrk4": 1.0, "generalized-alpha": 0.3}
+"""Durations of controlled runs, s: generalized-alpha takes far more time, and its share of error is largest at the start."""
 
 
 def imbalance(samples: Samples) -> float:
@@ -36,8 +38,8 @@ def bent(scenario: Scenario, force: float, at: float = 0.0) -> np.ndarray:
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 @pytest.mark.parametrize("preset", ["paper", "gravity", "single-arm", "soft-beam", "stiff-beam", "large-swing"])
 def test_energy_is_balanced_with_control(preset: str, integrator: str):
-    """The error is under 1e-6 of the energy moved in one second, at the automatic step."""
-    run = simulate(load_preset(preset).replace({"simulation.integrator": integrator}), 1.0)
+    """The error is under 1e-6 of the energy moved in a second or less, at the automatic step."""
+    run = simulate(load_preset(preset).replace({"simulation.integrator": integrator}), DURATIONS[integrator])
     assert run.status == "finished"
     assert imbalance(run) < 1e-6 * moved(run)
 

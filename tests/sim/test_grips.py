@@ -66,12 +66,12 @@ def test_rigid_grips_change_no_bit(control, same_bits):
 @pytest.mark.parametrize("measured_at", ["arms", "payload"])
 def test_stiff_grips_converge_to_the_papers_rigid_grips_at_first_order(measured_at):
     plain = load_preset("paper").replace({"initial.pose_rate": None})
-    exact = simulate(plain.replace({"simulation.integrator": "rk4", "simulation.step": 5e-6}), 0.2)
+    exact = simulate(plain.replace({"simulation.integrator": "rk4", "simulation.step": 5e-6}), 0.1)
     after = slice(40, None)  # The ring of the start has faded by then.
     errors = []
     for stiffness in (4e6, 1.6e7, 6.4e7):
         firm = grips([stiffness] * 3, [stiffness**0.5] * 3)
-        run = simulate(plain.replace({**firm, "grips.measured_at": measured_at}), 0.2)
+        run = simulate(plain.replace({**firm, "grips.measured_at": measured_at}), 0.1)
         force = np.abs(run.internal_force - exact.internal_force)[after].max() / np.abs(exact.internal_force).max()
         errors.append([np.abs(run.pose - exact.pose)[after].max(), np.abs(run.joint_angle - exact.joint_angle)[after].max(),
                        np.abs(run.midspan_deflection - exact.midspan_deflection)[after].max(), force])  # fmt: skip

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -32,7 +32,7 @@ from flexlab.analysis.workers import chosen_workers
 from flexlab.errors import StudyError
 from flexlab.own.files import law_kind
 
-VARY = ["payload.bending_stiffness=1:1000:log:16", "controller.feedback_gain=50:500:8"]
+VARY = ["payload.bending_stiffness=1:1000:log:16", "controller.feedback_gain=50:500:4"]
 
 
 def start(folder: Path, *words: str) -> subprocess.Popen:
@@ -65,7 +65,7 @@ def running_scheduler(folder: Path) -> Iterator[subprocess.Popen]:
 
 @pytest.fixture(scope="module")
 def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """A scheduler that keeps running: each test starts and ends its own workers."""
+    """A scheduler that keeps running."""
     with running_scheduler(tmp_path_factory.mktemp("scheduler")) as process:
         yield address_of(process)
 
@@ -86,67 +86,86 @@ def start_worker(folder: Path, address: str) -> subprocess.Popen:
     return process
 
 
-def test_a_killed_worker_changes_no_byte_of_a_sweep(scheduler: str, computed_here: bytes, tmp_path: Path):
-    workers = [start_worker(tmp_path, scheduler) for _ in range(2)]
-    try:
-        with Client(scheduler, set_as_default=False) as client:
-            client.wait_for_workers(2, timeout=60)
-        cells = tmp_path / "cluster"
-        computed = threading.Thread(
-            target=flexlab.sweep, args=("paper", VARY, 0.3), kwargs={"folder": cells, "cluster": scheduler}
-        )
-        computed.start()
-        deadline = time.monotonic() + 120
-        while len(list((cells / "parts").glob("0*.parquet"))) < 5:
-            assert time.monotonic() < deadline
-            assert computed.is_alive()
-            time.sleep(0.005)
-        workers[0].kill()
-        assert not (cells / "cells.parquet").exists(), "killed on the way"
-        computed.join(120)
-        assert (cells / "cells.parquet").read_bytes() == computed_here
-    finally:
-        for worker in workers:
+Workers = Callable[[int], list[subprocess.Popen]]
+
+
+@pytest.fixture(scope="module")
+def workers(scheduler: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workers]:
+    """Return a function that gives the scheduler this many workers: those that earlier tests left, and new ones."""
+    folder, running = tmp_path_factory.mktemp("workers"), list[subprocess.Popen]()
+
+    def end(those: list[subprocess.Popen]) -> None:
+        for worker in those:
             worker.kill()
             worker.wait()
 
+    def exactly(count: int) -> list[subprocess.Popen]:
+        end(running[count:])
+        running[:] = [worker for worker in running if worker.poll() is None]
+        running.extend(start_worker(folder, scheduler) for _ in range(count - len(running)))
+        deadline = time.monotonic() + 60
+        with Client(scheduler, set_as_default=False) as client:
+            while len(client.scheduler_info()["workers"]) != count:
+                assert time.monotonic() < deadline
+                time.sleep(0.05)
+        return running
 
-def test_a_killed_worker_changes_no_byte_of_a_tuning_and_a_leaderboard(scheduler: str, tmp_path: Path):
+    yield exactly
+    end(running)
+
+
+def test_a_killed_worker_changes_no_byte_of_a_sweep(
+    scheduler: str, workers: Workers, computed_here: bytes, tmp_path: Path
+):
+    first, _ = workers(2)
+    cells = tmp_path / "cluster"
+    computed = threading.Thread(
+        target=flexlab.sweep, args=("paper", VARY, 0.3), kwargs={"folder": cells, "cluster": scheduler}
+    )
+    computed.start()
+    deadline = time.monotonic() + 120
+    while len(list((cells / "parts").glob("0*.parquet"))) < 5:
+        assert time.monotonic() < deadline
+        assert computed.is_alive()
+        time.sleep(0.005)
+    first.kill()
+    assert not (cells / "cells.parquet").exists(), "killed on the way"
+    computed.join(120)
+    assert (cells / "cells.parquet").read_bytes() == computed_here
+
+
+def test_a_killed_worker_changes_no_byte_of_a_tuning_and_a_leaderboard(
+    scheduler: str, workers: Workers, tmp_path: Path
+):
     scenario = flexlab.load_preset("paper")
     axes = parse_axes(["controller.feedback_gain=50:500:log"], scenario)
     cases = [replace(case, duration=0.1, commands=()) for case in chosen_cases(["B1", "B2", "B5"], long=False)]
     tasks = make_tasks(cases, chosen_entrants(["adaptive-sliding-mode", "pd"]))
     cost, here, there = parse_cost("rms_error.y"), chosen_workers(2), chosen_workers(cluster=scheduler)
-    workers = [start_worker(tmp_path, scheduler) for _ in range(3)]
-    try:
-        with Client(scheduler, set_as_default=False) as client:
-            client.wait_for_workers(3, timeout=60)
-            working = dict(client.run(os.getpid))
+    workers(3)
+    with Client(scheduler, set_as_default=False) as client:
+        working = dict(client.run(os.getpid))
 
-            def kill_one_until(left: int, done: int, total: int) -> None:
-                """Kill a busy worker once the study is under way."""
-                busy = [address for address, keys in client.processing().items() if keys and address in working]
-                if len(working) > left and 2 <= done < total and busy:
-                    os.kill(working.pop(busy[0]), signal.SIGKILL)
+        def kill_one_until(left: int, done: int, total: int) -> None:
+            """Kill a busy worker once the study is under way."""
+            busy = [address for address, keys in client.processing().items() if keys and address in working]
+            if len(working) > left and 2 <= done < total and busy:
+                os.kill(working.pop(busy[0]), signal.SIGKILL)
 
-            tunings = [
-                tune(scenario, axes, cost, duration=0.1, candidates=16, told=told, workers=chosen)
-                for chosen, told in ((there, partial(kill_one_until, 2)), (here, lambda done, total: None))
-            ]
-            assert len(working) == 2
-            assert len(tunings[0].candidates) > 10
-            assert as_bytes(tunings[0].table) == as_bytes(tunings[1].table)
-            folders = tmp_path / "there", tmp_path / "here"
-            run_board(tasks, RowStore(folders[0]), there, partial(kill_one_until, 1))
-            assert len(working) == 1
-        run_board(tasks, RowStore(folders[1]), here)
-        rows = [{file.name: file.read_bytes() for file in folder.rglob("*.json")} for folder in folders]
-        assert len(rows[0]) > 10
-        assert rows[0] == rows[1]
-    finally:
-        for worker in workers:
-            worker.kill()
-            worker.wait()
+        tunings = [
+            tune(scenario, axes, cost, duration=0.1, candidates=16, told=told, workers=chosen)
+            for chosen, told in ((there, partial(kill_one_until, 2)), (here, lambda done, total: None))
+        ]
+        assert len(working) == 2
+        assert len(tunings[0].candidates) > 10
+        assert as_bytes(tunings[0].table) == as_bytes(tunings[1].table)
+        folders = tmp_path / "there", tmp_path / "here"
+        run_board(tasks, RowStore(folders[0]), there, partial(kill_one_until, 1))
+        assert len(working) == 1
+    run_board(tasks, RowStore(folders[1]), here)
+    rows = [{file.name: file.read_bytes() for file in folder.rglob("*.json")} for folder in folders]
+    assert len(rows[0]) > 10
+    assert rows[0] == rows[1]
 
 
 def as_bytes(table: pa.Table) -> bytes:
@@ -156,13 +175,10 @@ def as_bytes(table: pa.Table) -> bytes:
     return sink.getvalue().to_pybytes()
 
 
-def test_every_study_takes_a_users_own_law_to_the_workers(scheduler: str, tmp_path: Path):
+def test_every_study_takes_a_users_own_law_to_the_workers(scheduler: str, workers: Workers, tmp_path: Path):
     (tmp_path / "own_pd.py").write_text(PD, encoding="utf-8")
-    (tmp_path / "elsewhere").mkdir()
-    worker = start_worker(tmp_path / "elsewhere", scheduler)
+    workers(1)
     try:
-        with Client(scheduler, set_as_default=False) as client:
-            client.wait_for_workers(1, timeout=60)
         vary = {"controller.kind": [law_kind(tmp_path / "own_pd.py"), "pd"], "payload.bending_stiffness": [10.0, 100.0]}
         there = flexlab.sweep("paper", vary, 0.05, folder=tmp_path / "cluster", cluster=scheduler)
         assert there.table.column("status").to_pylist() == ["finished"] * 4
@@ -172,8 +188,6 @@ def test_every_study_takes_a_users_own_law_to_the_workers(scheduler: str, tmp_pa
         check_leaderboard(scheduler, tmp_path / "own_pd.py", tmp_path)
         check_tuning(scheduler, tmp_path / "own_pd.py")
     finally:
-        worker.kill()
-        worker.wait()
         forget_own_laws()
 
 
@@ -279,7 +293,10 @@ def test_a_web_server_is_not_taken_for_a_scheduler(tmp_path: Path, monkeypatch: 
             flexlab.sweep("paper", VARY, 0.1, folder=tmp_path / "c", cluster=address)
 
 
-def test_a_cluster_that_cannot_be_used_is_refused(scheduler: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_cluster_that_cannot_be_used_is_refused(
+    scheduler: str, workers: Workers, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    workers(0)
     with pytest.raises(StudyError, match="has no workers: start some with dask worker tcp://"):
         flexlab.sweep("paper", VARY, 0.1, folder=tmp_path / "a", cluster=scheduler)
     monkeypatch.setattr("flexlab.analysis.workers.PATIENCE", 1.0)  # Only the addresses below are waited for.

@@ -105,10 +105,10 @@ def test_a_law_that_fails_in_some_cells_of_a_sweep_runs_in_all_others(tmp_path: 
     (tmp_path / "some.py").write_text(text, encoding="utf-8")
     hosts.run_apart(apart)
     swept = flexlab.sweep(
-        "paper", {"gravity": [9.0, 0.0, 9.1, 1.0, 9.2, 2.0, 9.3, 3.0]}, 0.03, law=tmp_path / "some.py",
+        "paper", {"gravity": [9.0, 0.0, 9.1, 1.0]}, 0.03, law=tmp_path / "some.py",
         folder=tmp_path / "sweep", workers=2, progress=False,
     )  # fmt: skip
-    assert swept.table["status"].to_pylist() == ["law failed", "finished"] * 4
+    assert swept.table["status"].to_pylist() == ["law failed", "finished"] * 2
     assert all("stopped just after t = 0.011 s. some.py, line" in said for said in swept.failed.values())
 
 

@@ -193,11 +193,8 @@ def test_a_cell_is_the_run_of_its_scenario_and_a_failed_one_says_why(tmp_path: P
         sweep.scenario(8)
 
 
-KILLED = """
-import flexlab, sys
-flexlab.sweep("paper", ["payload.bending_stiffness=1:1000:log:12", "controller.feedback_gain=50:500:11"], 0.3,
-              folder=sys.argv[1], workers=int(sys.argv[2]))
-"""
+VARY = [f"{EI}=1:1000:log:12", f"{K}=50:500:11"]
+KILLED = f"import flexlab, sys; flexlab.sweep('paper', {VARY}, 0.3, folder=sys.argv[1], workers=2)"
 
 
 @pytest.mark.parametrize(
@@ -219,9 +216,9 @@ def test_values_of_several_kinds_share_a_column_of_text(tmp_path: Path, vary: ob
 
 
 def test_a_killed_sweep_is_completed_to_the_same_bytes(tmp_path: Path, computed_parts: list[str]):
-    words = [sys.executable, "-c", KILLED]
-    subprocess.run([*words, str(tmp_path / "whole"), "1"], check=True)
-    killed = subprocess.Popen([*words, str(tmp_path / "killed"), "2"])
+    flexlab.sweep("paper", VARY, 0.3, folder=tmp_path / "whole", workers=1)
+    computed_parts.clear()
+    killed = subprocess.Popen([sys.executable, "-c", KILLED, str(tmp_path / "killed")])
     parts = tmp_path / "killed" / "parts"
     deadline = time.monotonic() + 120
     while len(list(parts.glob("*.parquet"))) < 5:
@@ -232,7 +229,7 @@ def test_a_killed_sweep_is_completed_to_the_same_bytes(tmp_path: Path, computed_
     killed.wait()
     assert not (tmp_path / "killed" / "cells.parquet").exists()
     kept = {file.name for file in parts.glob("0*.parquet")}
-    sweep = flexlab.sweep("paper", [f"{EI}=1:1000:log:12", f"{K}=50:500:11"], 0.3, folder=tmp_path / "killed")
+    sweep = flexlab.sweep("paper", VARY, 0.3, folder=tmp_path / "killed")
     assert set(computed_parts) == {part_file(parts.parent, cells).name for cells in sweep.plan.parts()} - kept
     assert (tmp_path / "killed" / "cells.parquet").read_bytes() == (tmp_path / "whole" / "cells.parquet").read_bytes()
     assert sorted(os.listdir(tmp_path / "killed")) == ["cells.parquet", "sweep.json"]

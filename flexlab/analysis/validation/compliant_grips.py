@@ -82,7 +82,7 @@ def apart(z: np.ndarray, side: float) -> np.ndarray:
     """Displacement δ, (3,), of a grip at `side`, m, for the poses of payload and arm, (6,)."""
     along, across = np.array([np.cos(z[2]), np.sin(z[2])]), np.array([-np.sin(z[2]), np.cos(z[2])])
     gap = z[3:5] + side * np.array([np.cos(z[5]), np.sin(z[5])]) - z[:2] - side * along
-    return np.array([along @ gap, across @ gap, z[5] - z[2]])
+    return np.array([(along * gap).sum(axis=0), (across * gap).sum(axis=0), z[5] - z[2]])
 
 
 def pull(z: np.ndarray, rate: np.ndarray, side: float) -> np.ndarray:

@@ -192,29 +192,31 @@ class MassPoints:
         return np.array([p[0] + s * c - w * sine, p[1] + s * sine + w * c])
 
     def _beam(self, p: np.ndarray) -> np.ndarray:
-        c, s, w = np.cos(p[2]), np.sin(p[2]), self._N @ p[3:]
-        return np.array([p[0] + self.places * c - w * s, p[1] + self.places * s + w * c])
+        """Places of the beam's points for p (3 + n_q, …), (2, points, …)."""
+        c, s, w = np.cos(p[2]), np.sin(p[2]), np.tensordot(self._N, p[3:], 1)
+        places = self.places.reshape(-1, *[1] * (p.ndim - 1))
+        return np.array([p[0] + places * c - w * s, p[1] + places * s + w * c])
 
     def _links(self, x: np.ndarray, index: int) -> np.ndarray:
-        """Centres of mass of an arm's links and unit vectors along them, (2, 6)."""
+        """Centres of mass of an arm's links and unit vectors along them for x (3, …), (2, 6, …)."""
         arm, side = self._arms[index], -1 if index == 0 else 1
         l1, l2, l3 = arm.link_length
         along = np.array([np.cos(x[2]), np.sin(x[2])])
-        wrist = x[:2] + side * (self._payload.length / 2 + l3) * along - np.array(arm.base)
-        square = wrist @ wrist
+        base = np.reshape(arm.base, (2, *[1] * (x.ndim - 1)))
+        wrist = x[:2] + side * (self._payload.length / 2 + l3) * along - base
+        square = wrist[0] ** 2 + wrist[1] ** 2
         cosine = (square - l1**2 - l2**2) / (2 * l1 * l2)
         near, far = l1 + l2 * cosine, l2 * arm.elbow * np.sqrt(1 - cosine**2)
         u1 = np.array([near * wrist[0] + far * wrist[1], near * wrist[1] - far * wrist[0]]) / square
         u2, u3 = (wrist - l1 * u1) / l2, -side * along
         a1, a2, a3 = arm.link_center
-        centers = np.array([a1 * u1, l1 * u1 + a2 * u2, l1 * u1 + l2 * u2 + a3 * u3]) + np.array(arm.base)
-        return np.concatenate([centers, [u1, u2, u3]]).T
+        centers = np.array([a1 * u1, l1 * u1 + a2 * u2, l1 * u1 + l2 * u2 + a3 * u3]) + base
+        return np.concatenate([centers, [u1, u2, u3]]).swapaxes(0, 1)
 
 
 def jacobian(positions, p: np.ndarray) -> np.ndarray:
-    """Derivatives of positions (…) by p, (…, len(p)), by complex steps."""
-    steps = 1j * COMPLEX_STEP * np.eye(len(p))
-    return np.stack([positions(p + step).imag / COMPLEX_STEP for step in steps], axis=-1)
+    """Derivatives by p of positions, a function of several p in columns, by complex steps: (…, len(p))."""
+    return positions(np.asarray(p)[:, None] + 1j * COMPLEX_STEP * np.eye(len(p))).imag / COMPLEX_STEP
 
 
 def slopes(function, at: np.ndarray) -> np.ndarray:

@@ -22,7 +22,7 @@ def shares(image: np.ndarray) -> list[float]:
 def test_a_recording_shows_arms_and_plots_and_contacts_nobody_else(recording_file: Path, chromium: Browser) -> None:
     asked: list[str] = []
     # Whatever happens, the window closes before the server, which waits for open pages when it closes.
-    with review(recording_file) as address, open_window(chromium, 900, 600, drawn=True) as window:
+    with review(recording_file) as address, open_window(chromium, 640, 440, drawn=True) as window:
         page = window.new_page()
         page.on("request", lambda request: asked.append(urlsplit(request.url).hostname or ""))
         page.goto(address)

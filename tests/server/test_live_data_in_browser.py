@@ -20,7 +20,7 @@ NEAR, SHARE = 24, 2e-4
 
 def test_the_viewer_in_a_browser_shows_live_data(open_another: Callable[..., FrontServer], chromium: Browser):
     front_server = open_another(rerun=True, token=TOKEN)
-    context = open_window(chromium, 900, 600)
+    context = open_window(chromium, 640, 440)
     page = context.new_page()
     asked: list[str] = []
     page.on("request", lambda request: asked.append(request.url))

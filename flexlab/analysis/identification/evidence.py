@@ -9,7 +9,6 @@ near modes beside it, which take up what another mode leaves (`shifts`).
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import chdtrc
 
 BLOCKS, FEWEST_IN_BLOCK = 64, 8
 """Number of blocks in the search for a ring's beginning, and fewest samples in a block."""
@@ -162,6 +161,8 @@ def _unforeseen(rest: np.ndarray) -> float:
 
 def is_white(rest: np.ndarray) -> bool:
     """Whether the residual is white noise (Ljung and Box, Biometrika 65 (1978) 297), or no more than rounding."""
+    from scipy.special import chdtrc  # Slow to load.
+
     if rest.std() < BEST_TOLD:
         return True
     count, lags = len(rest), min(LAGS, len(rest) // 4)

@@ -13,7 +13,6 @@ model where the residual is not white noise (`evidence.shifts`).
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import stdtrit
 
 from flexlab.analysis.identification import evidence
 from flexlab.analysis.identification.estimates import Estimate, RingFit, RingMode
@@ -159,6 +158,8 @@ def _refined(start: np.ndarray, tau: np.ndarray, y: np.ndarray) -> np.ndarray:
 def _described(
     modes: np.ndarray, tau: np.ndarray, y: np.ndarray, scale: float, time: np.ndarray, problem: str
 ) -> RingFit:
+    from scipy.special import stdtrit  # Slow to load.
+
     basis = _basis(modes, tau)
     linear = np.linalg.lstsq(basis, y, rcond=None)[0]
     rest = y - basis @ linear

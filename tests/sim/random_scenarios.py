@@ -9,6 +9,7 @@ import argparse
 import math
 import re
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -236,6 +237,7 @@ def with_grips(scenario: Scenario, seed: int) -> Scenario:
 def judge(
     seed: int,
     longest_reference: float = LONGEST_REFERENCE,
+    references: Sequence[float] = REFERENCES,
     wide: bool = False,
     axial: bool = False,
     joints: bool = False,
@@ -245,6 +247,7 @@ def judge(
     """Compare a run of a random scenario with one of finer steps; with `axial`, its beam feels the force along itself.
 
     `wide`, `joints`, `mass` and `grips` choose scenarios of `wide_scenario`, `with_joints`, `with_mass_change` and `with_grips`.
+    `references`: some of `REFERENCES`.
     """
     scenario = wide_scenario(seed) if wide else random_scenario(seed)
     if joints:
@@ -263,7 +266,7 @@ def judge(
     pace = seconds_per_second(world.assembly, max(step, SHORTEST_STEP))
     ticks = max(20, int(min(DURATION, longest_reference / pace) / world.tick_period))
     run = world.run(ticks)
-    for shorter in REFERENCES:
+    for shorter in references:
         # Nothing checks a given step beforehand: its errors may grow where those of another step do not.
         reference = World(scenario.replace({"simulation.step": max(step / shorter, SHORTEST_STEP * shorter)}))
         exact = reference.run(ticks)
@@ -328,7 +331,7 @@ def main() -> None:
     first, last = (0, given.numbers[0]) if len(given.numbers) == 1 else given.numbers[:2]
     bad = 0
     for seed in range(first, last):
-        judged = judge(seed, given.seconds, given.wide, given.axial, given.joints, given.mass, given.grips)
+        judged = judge(seed, given.seconds, REFERENCES, given.wide, given.axial, given.joints, given.mass, given.grips)
         bad += bool(judged.complaints)
         took, warned = pace_after_the_start(judged.world)
         crawls = ["slower than real time, unannounced"] if took > 1 and not warned else []

@@ -180,13 +180,18 @@ class LabPage:
         cameras: Any = self.session._cameras
         for client in self.session.server.get_clients().values():
             cameras.choose(client, "First view")  # The view of a new window; the button would need another tab.
-        wait_until(
-            lambda: any(math.dist(self.camera(), seen.put_at) < SAME_PLACE for seen in cameras._watches.values()),
-            "the camera shows the payload",
-        )
+        self.wait_for_camera()
         self.open_tab("Parameters")
         self._close_notifications()
         wait_until(lambda: self.box(EI).input_value() == "100", "the page shows its stiffness")
+
+    def wait_for_camera(self) -> None:
+        """Wait until the camera has come to where the lab has put it: it glides there."""
+        cameras: Any = self.session._cameras
+        wait_until(
+            lambda: any(math.dist(self.camera(), seen.put_at) < SAME_PLACE / 2 for seen in cameras._watches.values()),
+            "the camera shows its view",
+        )
 
     def hold(self) -> None:
         """Pause the simulation, and wait until it has stopped."""

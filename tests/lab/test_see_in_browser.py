@@ -136,6 +136,8 @@ def test_the_camera_takes_each_view_and_follows_the_payload(page: LabPage) -> No
         page.press(view)
         wait_until(lambda before=before: math.dist(before, page.camera()) > 0.05, f"the camera goes to {view}")
         page.catch_up()
+        if view == "Overview":
+            page.wait_for_camera()
         seen[view] = page.camera()
     assert abs(seen["Plan"][1] - seen["Overview"][1]) > 0.3
     assert seen["Front"][2] < seen["Overview"][2] < seen["Plan"][2]
@@ -150,7 +152,7 @@ def test_the_camera_shows_where_a_new_runs_path_goes(page: LabPage) -> None:
     first = page.camera()
     page.choose("Preset", "spin-up")
     wait_until(lambda: math.dist(first, page.camera()) > 0.05, "the camera shows the circle of the spin")
-    page.catch_up()
+    page.wait_for_camera()
     there = page.camera()
     page.key("r")
     page.catch_up()

@@ -302,6 +302,7 @@ def test_run_to_a_time_and_step_while_the_button_is_held(page: LabPage) -> None:
     page.page.mouse.up()
 
 
+@pytest.mark.usefixtures("new_lab")  # In which no lesson was opened.
 def test_a_lesson_says_what_is_to_be_done_until_it_is_done(page: LabPage) -> None:
     page.open_tab("Guide")
     page.wait_for_text("Virtual link")

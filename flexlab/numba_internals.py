@@ -2,8 +2,9 @@
 
 Numba optimises every function on its own, turns it into machine code and wraps it for Python before it inlines it. For kernels
 that only kernels call, this work is discarded; it was more than half of the first start on a machine. A third of the rest went
-into typing the same sum of two numbers again and again, and into garbage collection. Contract tests fail if a version of numba
-works differently.
+into typing the same sum of two numbers again and again, and into garbage collection. Taking a system apart into its seven hundred
+numbers and pointers, and putting it together again, at each call between kernels, made two thirds of the code that LLVM read.
+Contract tests fail if a version of numba works differently.
 """
 
 import gc
@@ -16,14 +17,17 @@ from typing import Any
 import numpy as np
 from llvmlite.binding import parse_bitcode
 from numba import _dispatcher, _dynfunc
-from numba.core import config, ir
+from numba.core import config
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, _CacheLocator
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
+from numba.core.datamodel.models import DataModel, TupleModel
+from numba.core.datamodel.registry import default_manager
 from numba.core.lowering import Lower
-from numba.core.targetconfig import ConfigStack, TargetConfig
+from numba.core.targetconfig import ConfigStack
 from numba.core.typed_passes import NativeLowering
+from numba.core.types import NamedTuple
 from numba.core.types.functions import BaseFunction
 
 
@@ -235,32 +239,6 @@ class _Typing:
         return self._known[key]
 
 
-def _equal_flags(flags: TargetConfig, other: Any) -> bool:
-    """`TargetConfig.__eq__` that compares what is set before it compares everything."""
-    if flags is other:
-        return True
-    if type(flags) is type(other) and flags._values == other._values:
-        return True
-    return _numbas_equal_flags(flags, other)
-
-
-_numbas_equal_flags = TargetConfig.__eq__
-_NO_VARIABLES = frozenset({str, int, float, bool, type(None), ir.Loc, ir.Scope, ir.Const, ir.Arg, ir.Global})
-
-
-def _variables_in(self: Any, value: Any) -> list[Any]:
-    """`Inst._rec_list_vars` that skips what never holds variables."""
-    kind = type(value)
-    if kind in _NO_VARIABLES:
-        return []
-    if kind is ir.Var:
-        return [value]
-    return _numbas_variables_in(self, value)
-
-
-_numbas_variables_in = ir.Inst._rec_list_vars
-
-
 class _Quick:
     """Whether numba's compiler is accelerated; its own lock guards it."""
 
@@ -273,18 +251,15 @@ def quick_compiler() -> Iterator[None]:
     if _Quick.on:
         yield
         return
-    find, equal, hashing = BaseFunction.get_call_type, TargetConfig.__eq__, TargetConfig.__hash__
-    collects, typing = gc.isenabled(), _Typing(find)
+    find, collects = BaseFunction.get_call_type, gc.isenabled()
+    typing = _Typing(find)
     _Quick.on = True
     gc.disable()
     BaseFunction.get_call_type = lambda self, context, args, kws: typing(self, context, args, kws)
-    TargetConfig.__eq__, TargetConfig.__hash__ = _equal_flags, hashing
-    ir.Inst._rec_list_vars = _variables_in
     try:
         yield
     finally:
-        BaseFunction.get_call_type, ir.Inst._rec_list_vars = find, _numbas_variables_in
-        TargetConfig.__eq__, TargetConfig.__hash__ = equal, hashing
+        BaseFunction.get_call_type = find
         _Quick.on = False
         if collects:
             gc.enable()
@@ -328,6 +303,29 @@ class DisjointCompiler(InlinedCompiler):
         """The one pipeline."""
         self.state.flags.noalias = True
         return super().define_pipelines()
+
+
+class _WholeTuple(TupleModel):
+    """A named tuple that is one argument of a function; numba makes one of each number and pointer in it."""
+
+    def get_argument_type(self) -> Any:
+        """That of the value."""
+        return self.get_value_type()
+
+    def as_argument(self, builder: Any, value: Any) -> Any:
+        """The value itself."""
+        return value
+
+    from_argument = as_argument
+
+
+def _tuple_model(manager: Any, kind: NamedTuple) -> DataModel:
+    """How kernels pass a named tuple: whole if it is flexlab's, which only kernels of this process do."""
+    is_own = kind.instance_class.__module__.startswith("flexlab.")
+    return (_WholeTuple if is_own else TupleModel)(manager, kind)
+
+
+default_manager.register(NamedTuple, _tuple_model)
 
 
 class Inlined:

@@ -10,6 +10,7 @@ Of the other, each instance has its own copy: first its whole state, which chang
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -50,8 +51,8 @@ def write_object(result: Any, name: str, file: Path, by_words: bool = False) -> 
     """Write the object file of a compiled kernel, whose only visible function is `name`.
 
     The function takes the arguments of `call_kernel`, or with `by_words` is
-    `int32_t name(const int64_t *words, int64_t *returned)`: each word holds one of the plain arguments into which numba splits
-    arrays and tuples. Raises `StudyError` for a kernel that calls more than mathematics.
+    `int32_t name(const int64_t *words, int64_t *returned)`: each word holds one of the numbers and pointers of which arrays and
+    tuples consist. Raises `StudyError` for a kernel that calls more than mathematics.
     """
     bitcode, caller = result.library._get_module_for_linking().as_bitcode(), _caller(result, name, by_words)
     kept = cache_folder() / f"{hashlib.sha256(bitcode + caller.encode()).hexdigest()[:24]}.o"
@@ -103,11 +104,20 @@ def _caller(result: Any, name: str, by_words: bool) -> str:
     caller = ir.Function(module, ir.FunctionType(ir.IntType(32), [pointer, pointer]), name)
     builder = ir.IRBuilder(caller.append_basic_block())
     words, answer = caller.args
-    given = [builder.bitcast(answer, kind.args[0]), builder.alloca(kind.args[1].pointee)]
-    for number, each in enumerate(kind.args[2:]):
-        place = builder.gep(words, [ir.Constant(word, number)])
-        given.append(builder.load(builder.bitcast(place, each.as_pointer())))
-    builder.ret(builder.call(kernel, given))
+    numbers = count()
+
+    def read(kind: Any) -> Any:
+        """The next argument, or part of one."""
+        if not isinstance(kind, ir.LiteralStructType | ir.ArrayType):
+            place = builder.gep(words, [ir.Constant(word, next(numbers))])
+            return builder.load(builder.bitcast(place, kind.as_pointer()))
+        whole = ir.Constant(kind, ir.Undefined)
+        for k in range(len(kind)):
+            whole = builder.insert_value(whole, read(kind.gep(ir.Constant(ir.IntType(32), k))), k)
+        return whole
+
+    returned = [builder.bitcast(answer, kind.args[0]), builder.alloca(kind.args[1].pointee)]
+    builder.ret(builder.call(kernel, returned + [read(each) for each in kind.args[2:]]))
     return str(module)
 
 

@@ -145,7 +145,7 @@ def _axial_loss(axial, plant, slopes, bent, ws):
 
 
 @disjoint
-def _mode_losses(plant, flow, dt, b, b_slope, free, kept, missed, slopes, bent, true_rate, lost):
+def _mode_losses(modal, flow, dt, b, b_slope, free, kept, missed, slopes, bent, true_rate, lost):
     """Fill the loss of each mode, and by how much it bends, (n,), for b (lateral, angular) at the step's beginning and its slope.
 
     free: (η, π) at the step's end if the grips had kept their velocity; kept, missed: as `SAVED` and `MISSED`; slopes (n,): of
@@ -153,7 +153,7 @@ def _mode_losses(plant, flow, dt, b, b_slope, free, kept, missed, slopes, bent, 
     """
     n, (lateral, turn), (lateral_slope, turn_slope) = len(lost), b, b_slope
     eta, rate, force, free_eta, free_pi = kept[:n], kept[n : 2 * n], kept[2 * n : 3 * n], free[:n], free[n : 2 * n]
-    modal, first, first_turn = plant.modal, kept[START], kept[START + 1]
+    first, first_turn = kept[START], kept[START + 1]
     for k in range(n):
         h, g, stiffness = modal[H, k], modal[G, k], modal[OMEGA2, k]
         change = free_eta[k] + lateral * flow[0, k] + lateral_slope * flow[2, k] + turn * flow[4, k]
@@ -197,7 +197,7 @@ def end_flow(plant, flow, dt, free, u, y, ws):
     missed, true_rate = ws.stage[MISSED, :n], y[ETA + 2 * n + 3 : ETA + 3 * n + 3]
     _find_axial_slopes(plant.axial, per_step, ws, slopes)
     b_slope = (lateral_slope, turn_slope)
-    _mode_losses(plant, flow, dt, start, b_slope, free[ETA:], kept, missed, slopes, bent, true_rate, lost)
+    _mode_losses(plant.modal, flow, dt, start, b_slope, free[ETA:], kept, missed, slopes, bent, true_rate, lost)
     loss = _axial_loss(plant.axial, plant, slopes, bent, ws)
     for k in range(n):
         loss += lost[k]

@@ -21,7 +21,7 @@ from llvmlite.binding import get_host_cpu_name
 from numba.core import config, event
 from numba.extending import intrinsic
 
-from flexlab.assets import user_cache
+from flexlab.assets import code_cache
 
 _settings: Any = config
 """Any, as numba fills in this module's names at run time."""
@@ -69,10 +69,8 @@ def cache_folder() -> Path:
 
     It is below NUMBA_CACHE_DIR or the user's cache folder, which several machines may share.
     """
-    base = os.environ.get("NUMBA_CACHE_DIR")
-    root = Path(base) if base else user_cache()
     made_for = f"{_DIGEST} {sys.implementation.cache_tag} {_settings.CPU_NAME or _PROCESSOR}"
-    return root / "flexlab" / f"kernels-{hashlib.sha256(made_for.encode()).hexdigest()[:16]}"
+    return code_cache() / f"kernels-{hashlib.sha256(made_for.encode()).hexdigest()[:16]}"
 
 
 _DIGEST = _digest()

@@ -54,10 +54,12 @@ def test_only_machine_code_that_nobody_uses_is_removed(tmp_path: Path):
 
 
 def test_machine_code_that_finds_no_room_is_answered_in_a_sentence(tmp_path: Path):
+    # Python would cut off the bytecode that it writes beside the sources, and fail at all later starts.
+    room = {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "COLUMNS": "200", "PYTHONDONTWRITEBYTECODE": "1"}
     done = subprocess.run(
         ["sh", "-c", 'ulimit -f 1; exec "$@"', "sh", sys.executable, "-m", "flexlab", "run", "paper"],
         cwd=tmp_path,
-        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "COLUMNS": "200"},
+        env=os.environ | room,
         capture_output=True,
         text=True,
         check=False,

@@ -205,6 +205,7 @@ for disk in sys.argv[2:]:
     from flexlab.recording.headless import HeadlessRecording
     from flexlab.recording.run_info import RunInfo
     room, *in_one_piece = disk.split()
+    sys.dont_write_bytecode = True  # It would be cut off, too.
     resource.setrlimit(resource.RLIMIT_FSIZE, (int(room), resource.RLIM_INFINITY))
     try:
         with HeadlessRecording(Path(sys.argv[1], disk), RunInfo("paper", run.scenario), None, bool(in_one_piece)) as recording:

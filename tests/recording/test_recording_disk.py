@@ -302,6 +302,7 @@ if sys.argv[2] == "later":
     wait_for(1)
     while recorder.path is None or recorder.path.stat().st_size < 100_000:
         time.sleep(0.01)
+sys.dont_write_bytecode = True  # It would be cut off, too.
 resource.setrlimit(resource.RLIMIT_FSIZE, (1000, most))
 full = runner.snapshot.latest.time[0]
 while not told:

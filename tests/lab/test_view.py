@@ -293,6 +293,19 @@ def test_news_of_the_camera_between_two_moves_drops_neither(session: Session, mo
         wait_until(lambda: is_heard(place), "the first view once more", 20)
 
 
+def test_a_reset_in_a_window_a_few_pixels_narrower_leaves_the_camera_where_it_was(session: Session) -> None:
+    """Such a change does not move it; the next run did, by millimetres."""
+    with RawBrowser(session) as browser:
+        cameras: Any = session._cameras
+        (watch,) = wait_until(lambda: [each for each in cameras._watches.values() if each.put_at is not None], "a view")
+        place = tuple(watch.put_at.tolist())
+        browser.send(CAMERA | {"position": place, "image_width": 1425})
+        wait_until(lambda: watch.client.camera.aspect == pytest.approx(1425 / 900), "news of the window")
+        session.lab_state.submit(Reset())
+        wait_until(lambda: watch.run == session.runner.snapshot.run_number > 1, "another run")
+        assert tuple(watch.put_at.tolist()) == place
+
+
 def test_the_drawn_path_of_many_turns_is_round() -> None:
     """The chords of its eleven turns lay up to 6.8 mm beside one another, as a thick line with kinks."""
     points = path_points(load_preset("spin-up"))

@@ -269,6 +269,11 @@ class _Watch:
     run: int = 0
     """Number of the run for which the camera was placed."""
 
+    @property
+    def is_reshaped(self) -> bool:
+        """Whether the picture has another shape than the one for which the camera was placed."""
+        return abs(self.client.camera.aspect - self.put_for.aspect) > SAME_ASPECT or self.covered != self.put_for[1:]
+
 
 class ClientCameras:
     """The cameras of all browsers of one server; a browser that reconnects is a new one."""
@@ -326,8 +331,7 @@ class ClientCameras:
         # viser restores its own first camera about two seconds after the page has opened.
         put_back = watch.view == VIEWS[0] and _at_rest(camera.position, self._server.initial_camera.position)
         stands = watch.put_at is None or _at_rest(camera.position, watch.put_at)
-        reshaped = abs(camera.aspect - watch.put_for.aspect) > SAME_ASPECT or watch.covered != watch.put_for[1:]
-        if watch.view not in (*MOVING, STANDING) and (put_back or (stands and reshaped)):
+        if watch.view not in (*MOVING, STANDING) and (put_back or (stands and watch.is_reshaped)):
             self._aim(watch, self._runner.snapshot)
 
     async def _forget(self, client: viser.ClientHandle) -> None:
@@ -336,7 +340,8 @@ class ClientCameras:
     def _aim(self, watch: _Watch, snapshot: Snapshot, anew: bool = False) -> None:
         """Show the watch's view; `anew`: even if the browser seems to show it, as news of a turned camera may be on its way."""
         camera = watch.client.camera
-        watch.put_for = Window(camera.aspect, *watch.covered)
+        if watch.is_reshaped:
+            watch.put_for = Window(camera.aspect, *watch.covered)
         aim = shot(watch.view, snapshot.scenario, snapshot.display, watch.put_for)
         watch.put_at = aim.position
         with watch.client.atomic():

@@ -49,8 +49,11 @@ class LookBack:
         return min(max(float(now.latest.time[0]) - max(oldest, now.start_time), 0.0), HISTORY_SECONDS)
 
     def look(self, ago: float) -> None:
-        """Pause the run and show it as it was `ago` s ago; 0 or less for the present. Raises `LabError` if the lab is locked."""
-        if ago <= 0:
+        """Pause the run and show it as it was `ago` s ago, if it has a past; 0 or less for the present.
+
+        Raises `LabError` if the lab is locked.
+        """
+        if min(ago, self.reach) <= 0:
             self.back_to_now()
         elif self.ago > 0 and self._past is not None:
             self._past = replace(self._past, ago=ago)

@@ -5,6 +5,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 from lab_page import wait_until
+from raw_browser import RawBrowser, widget
 
 from flexlab.errors import LabError
 from flexlab.guide import LOCKED, ClassRules
@@ -53,6 +54,19 @@ def test_a_run_that_was_paused_before_stays_paused_after_looking_back(session: S
     look_back.look(0.0)
     answered(session)
     assert not session.runner.snapshot.playing
+
+
+def test_at_the_start_of_a_run_the_bar_stays_and_there_is_no_past(session: Session, look_back: LookBack) -> None:
+    with RawBrowser(session):
+        bar = wait_until(lambda: widget(session, "Look back"), "the bar")
+        session.lab_state.submit(Pause())
+        session.lab_state.submit(Reset())
+        wait_until(lambda: bar.min == pytest.approx(-0.02), "it spans next to nothing")
+        assert bar.visible
+        look_back.look(0.5)
+        session.lab_state.submit(Play())
+        wait_until(lambda: look_back.reach > 1.0, "the run goes on")
+        assert look_back.ago == 0.0
 
 
 @pytest.mark.parametrize("command", [Play(), Reset(), SetSpeed(0.5), Tap(0.25, (0.0, 0.1))])

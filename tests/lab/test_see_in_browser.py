@@ -149,9 +149,11 @@ def test_the_camera_takes_each_view_and_follows_the_payload(page: LabPage) -> No
 
 
 def test_the_camera_shows_where_a_new_runs_path_goes(page: LabPage) -> None:
+    page.wait_for_camera()
     first = page.camera()
     page.choose("Preset", "spin-up")
     wait_until(lambda: math.dist(first, page.camera()) > 0.05, "the camera shows the circle of the spin")
+    page.catch_up()
     page.wait_for_camera()
     there = page.camera()
     page.key("r")

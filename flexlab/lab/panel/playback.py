@@ -34,7 +34,7 @@ SAME_PRESS = 0.25
 KEY_REPEATS = 0.1
 """Time, wall s, within which a repeated key counts as held down."""
 SHORTEST_PAST = 0.02
-"""Least past of the run with which the bar is shown, s."""
+"""Shortest past that the bar spans, s. It stays at a new run: the picture is fitted above it, and would move."""
 FINE_REACH, FINE, COARSE = 5.0, 0.001, 0.01
 """Reach of the bar, s, up to which its steps are the run's samples; these steps, and the coarser ones beyond, s."""
 SENTENCE = (
@@ -137,7 +137,7 @@ class Scrub:
         # The style sheet puts the bar after this mark below the picture; `accessibility.js` says its value as "3.2 s ago".
         self._words = widgets.gui.add_html("")
         self._bar = widgets.gui.add_slider(
-            "Look back", -1.0, 0.0, FINE, 0.0, visible=False, hint="Drag left to see the last minute of the run"
+            "Look back", -1.0, 0.0, FINE, 0.0, hint="Drag left to see the last minute of the run"
         )
         now, go_on, hint = viser.Icon.PLAYER_TRACK_NEXT, viser.Icon.PLAYER_PLAY, "Starts a new run from this state"
         self._back = widgets.button("Back to now", lambda _: look_back.back_to_now(), icon=now, visible=False)
@@ -151,7 +151,7 @@ class Scrub:
         """Follow the run: the bar goes back as far as one can look, and grows in steps."""
         ago, reach = self._look_back.ago, self._look_back.reach
         low = max(reach if ago else float(f"{reach:.2g}"), SHORTEST_PAST)
-        put(self._bar, min=-low, step=FINE if low <= FINE_REACH else COARSE, visible=reach >= SHORTEST_PAST)
+        put(self._bar, min=-low, step=FINE if low <= FINE_REACH else COARSE)
         if self._ago and not ago:
             self._bar.value = 0.0
         self._ago = ago

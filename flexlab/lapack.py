@@ -6,20 +6,14 @@ this. Analysis and drawing during a run use small matrices, for which idle BLAS 
 """
 
 import ctypes
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
-from importlib import import_module
-from importlib.machinery import PathFinder
-from importlib.util import module_from_spec
-from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
-import scipy
+from scipy.linalg import cython_lapack
 from threadpoolctl import OpenBLASController, ThreadpoolController
 
 _lock = threading.Lock()
@@ -28,20 +22,8 @@ _limit: Any = None
 
 
 @cache
-def _scipys_lapack() -> ModuleType:
-    """`scipy.linalg.cython_lapack` without the rest of `scipy.linalg`, which takes a twelfth of a start to load."""
-    name = "scipy.linalg.cython_lapack"
-    spec = PathFinder.find_spec(name, [str(Path(scipy.__file__).with_name("linalg"))])
-    if name not in sys.modules and spec is not None and spec.loader is not None:
-        sys.modules[name] = module_from_spec(spec)
-        spec.loader.exec_module(sys.modules[name])
-    return import_module(name)
-
-
-@cache
 def _libraries() -> ThreadpoolController:
-    """The BLAS libraries of this process, numpy's and scipy's, found once (1 ms)."""
-    _scipys_lapack()  # Loads scipy's.
+    """The BLAS libraries of this process, found once (1 ms), after numpy and scipy have loaded theirs."""
     return ThreadpoolController()
 
 
@@ -68,7 +50,7 @@ def one_blas_thread() -> Iterator[None]:
 @cache
 def _routine(name: str, count: int) -> Callable[..., None]:
     """A LAPACK routine with `count` arguments, all pointers."""
-    capsule = _scipys_lapack().__pyx_capi__[name]
+    capsule: Any = cython_lapack.__pyx_capi__[name]
     api = ctypes.pythonapi
     name_of = ctypes.PYFUNCTYPE(ctypes.c_char_p, ctypes.py_object)(("PyCapsule_GetName", api))
     pointer_of = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)(("PyCapsule_GetPointer", api))
@@ -106,15 +88,6 @@ def complex_schur(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     values, real_work = np.empty(n, complex), np.empty(n)
     _with_workspace("zgees", complex, (b"V", b"N", None, n, T, n, 0, values, Z, n), (real_work, None))
     return T, Z
-
-
-def solve_upper(T: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """X with T X = B for an upper triangular T, (n, n) and complex in Fortran's order, as `scipy.linalg.solve_triangular`."""
-    if T.dtype != complex or not T.flags.f_contiguous or B.shape[0] != len(T) or T.shape[0] != T.shape[1]:
-        raise ValueError(f"a complex triangle in Fortran's order is needed, not {T.shape} {T.dtype} for {B.shape}")
-    X, n = np.array(B, dtype=complex, order="F"), len(T)
-    _call("ztrtrs", b"U", b"N", b"N", n, X.shape[1], T, n, X, n)
-    return X
 
 
 def eigenvectors(A: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from flexlab.lapack import _routine, complex_schur, eigenvectors, solve_upper
+from flexlab.lapack import _routine, complex_schur, eigenvectors
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 10, 70])
@@ -25,17 +25,6 @@ def test_eigenvectors_are_those_of_scipy(n: int):
     A = np.random.default_rng(n).normal(size=(n, n))
     for ours, theirs in zip(eigenvectors(A), scipy.linalg.eig(A, left=True, right=True), strict=True):
         assert np.abs(ours - theirs).max() < 1e-12
-
-
-@pytest.mark.parametrize("n", [1, 3, 14, 70])
-def test_solutions_of_a_triangle_have_the_bits_of_scipy(n: int):
-    rng = np.random.default_rng(n)
-    T, B = complex_schur(rng.normal(size=(n, n)))[0], rng.normal(size=(n, 6))
-    np.testing.assert_array_equal(solve_upper(T, B), scipy.linalg.solve_triangular(T, B))
-    with pytest.raises(ValueError, match="a complex triangle in Fortran's order"):
-        solve_upper(T.real, B)
-    with pytest.raises(np.linalg.LinAlgError):
-        solve_upper(0 * T, B)
 
 
 def test_double_and_purely_imaginary_eigenvalues_are_found():

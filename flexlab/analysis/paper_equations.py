@@ -1,14 +1,11 @@
 """What the paper's equations make of a run's samples: the internal force by Eq. (26), and the proof's Lyapunov function."""
 
-from types import SimpleNamespace
-from typing import Any
-
 import numpy as np
 
 from flexlab.arguments import whole_number
 from flexlab.errors import StudyError
 from flexlab.physics.arm import arm_velocity_terms
-from flexlab.physics.dynamics import configure_arms
+from flexlab.physics.dynamics import arms_at
 from flexlab.physics.internal_force import internal_force_by_eq_26
 from flexlab.physics.mass_change import find_mass_at
 from flexlab.physics.plant import make_workspace
@@ -52,14 +49,11 @@ def internal_force_eq_26(run: Run, every: int = 1) -> np.ndarray:
     beam = build_beam(scenario.payload)
     plant, D = build_plant(scenario, beam), nodal_damping_matrix(beam)
     workspace = make_workspace(len(plant.arms), plant.modal.shape[1])
-    # Kernels run as plain Python here, and a record's fields are slow to read.
-    arms: Any = [SimpleNamespace(**{name: arm[name] for name in arm.dtype.names}) for arm in plant.arms]
-    plant = plant._replace(arms=arms)
     terms = workspace.arm
     found = []
     for k in range(0, len(run), step):
         pose, rate = run.pose[k].copy(), run.pose_rate[k]
-        configure_arms(plant, pose, terms, workspace.fault)
+        arms_at(plant, pose, workspace)
         c, s = terms.trig
         for i in range(2):
             arm_velocity_terms(plant.arms[i], c, s, *map(float, rate), terms.J[i], terms.direction[i], terms.C[i])

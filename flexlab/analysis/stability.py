@@ -13,10 +13,11 @@ have one factor, and is bounded from above by diagonal scalings if each has its 
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from flexlab.analysis.linearization import Linearization, first_order
 from flexlab.control.observers.believed_plant import hold
-from flexlab.lapack import complex_schur, eigenvectors, solve_upper
+from flexlab.lapack import complex_schur, eigenvectors
 
 DEADBEAT = 1e-5
 """|z| below which a pole is a rounding error: it belongs to torques without any effect."""
@@ -271,7 +272,7 @@ def _torque_loop(linear: Linearization, rates: np.ndarray) -> np.ndarray:
     shifted, diagonal = -triangle, np.diag_indices_from(triangle)
     for k, z in enumerate(where):
         shifted[diagonal] = z - triangle[diagonal]
-        motion[k] = solve_upper(shifted, force)
+        motion[k] = solve_triangular(shifted, force, check_finite=False)
     # The law knows which torques it asked for; the torques in force deviate from these.
     ago = np.zeros((len(rates), len(seen), torques), dtype=complex)
     if seen.shape[1]:

@@ -47,7 +47,8 @@ def test_a_run_in_an_impossible_time_zone_is_recorded_in_utc(
     [
         ("NUMBA_NUM_THREADS", "0", "numba cannot be loaded ("),
         ("MPLBACKEND", "nope", "matplotlib cannot be loaded ("),
-        ("SOURCE_DATE_EPOCH", "x", "matplotlib cannot draw with "),
+        ("SOURCE_DATE_EPOCH", "x", "numpy cannot be loaded ("),
+        ("SOURCE_DATE_EPOCH", "999999999999", "matplotlib cannot draw with "),
     ],
 )
 def test_a_variable_that_a_library_refuses_is_one_sentence(tmp_path: Path, variable: str, value: str, says: str):

@@ -72,6 +72,8 @@ def preset_files(own: str | Path = OWN_FOLDER) -> dict[str, Path]:
     """
     own, ours = file_path("own", own), presets_folder()
     try:
+        with suppress(FileNotFoundError, NotADirectoryError):
+            own.stat()  # From Python 3.13 on, glob keeps errors to itself.
         found = [path for folder in (own, ours) for path in sorted(folder.glob("*.json"))]
     except OSError as error:
         raise PresetError(f"own = {str(own)!r:.60} cannot be read ({error.strerror}): name another folder.") from None

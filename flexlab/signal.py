@@ -58,6 +58,8 @@ class Signal:
     """Format of recordings since which it is computed as today; earlier ones differ in the last digits."""
     derived: bool = False
     """Whether it follows from other signals, and so is neither simulated nor recorded."""
+    plotted: bool = False
+    """Whether it has a plot of its own, as a law's signals have; `flexlab.views` plots some signals together."""
 
     @property
     def fixed_size(self) -> int:
@@ -93,24 +95,24 @@ def signal_lines(signals: Iterable[Signal]) -> str:
     return "\n".join(f"    {signal.name} -- {signal.text}" for signal in signals)
 
 
-def row(symbol: str, unit: str | tuple[str, ...], meaning: str, *axes: Axis, equation: str = "", **age: int) -> Any:
+def row(symbol: str, unit: str | tuple[str, ...], meaning: str, *axes: Axis, equation: str = "", **more: Any) -> Any:
     """A row of a `table`: a field that carries a `Signal`, whose name is the field's."""
     units = (unit,) if isinstance(unit, str) else unit
-    return field(metadata={"signal": lambda name: Signal(name, symbol, units, meaning, axes, equation, **age)})
+    return field(metadata={"signal": lambda name: Signal(name, symbol, units, meaning, axes, equation, **more)})
 
 
 class derived:
     """A row of a `table` that is computed from others: a property of shape (N,) unless axes are given."""
 
-    def __init__(self, symbol: str, unit: str | tuple[str, ...], *axes: Axis, equation: str = "", since: int = 1):
-        self._about = symbol, (unit,) if isinstance(unit, str) else unit, axes, equation, since
+    def __init__(self, symbol: str, unit: str | tuple[str, ...], *axes: Axis, equation: str = "", **more: Any):
+        self._about = symbol, (unit,) if isinstance(unit, str) else unit, axes, equation, more
 
     def __call__(self, formula: Callable[[Any], np.ndarray]) -> "derived":
         """Take the formula, whose docstring is the signal's meaning."""
-        symbol, units, axes, equation, since = self._about
+        symbol, units, axes, equation, more = self._about
         meaning = " ".join((formula.__doc__ or "").split()).rstrip(".")
         meaning = meaning[:1].lower() + meaning[1:]
-        self.signal = Signal(formula.__name__, symbol, units, meaning, axes, equation, since, derived=True)
+        self.signal = Signal(formula.__name__, symbol, units, meaning, axes, equation, derived=True, **more)
         self._formula, self.__doc__ = formula, self.signal.text
         return self
 

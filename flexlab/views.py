@@ -1,7 +1,8 @@
 """How signals are plotted: their groups, names, units and colours; and how much the deflection is exaggerated in drawings.
 
-The lab's plots and a recording's curves and texts follow from these rows; the table of signals says what each signal means. A
-law's own signals get a view each. Views use convenient units (mm, mrad); recordings also hold all signals in SI units.
+The lab's plots and a recording's curves and texts follow from these rows; the table of signals says what each signal means.
+Signals of a law, and those that the table calls `plotted`, get a view each. Views use convenient units (mm, mrad); recordings
+also hold all signals in SI units.
 """
 
 import math
@@ -150,15 +151,17 @@ REAL_TIME_FACTOR = _view(
 
 
 def own_views(scenario: Scenario) -> tuple[View, ...]:
-    """Views of the signals that the scenario's law adds."""
-    return tuple(map(_own_view, own_signals(scenario)))
+    """Views of one signal each: those of the table that are `plotted`, and those that the scenario's law adds."""
+    plotted = (signal for signal in {**TABLE, **DERIVED}.values() if signal.plotted)
+    return tuple(map(_own_view, (*plotted, *own_signals(scenario))))
 
 
 def _own_view(signal: Signal) -> View:
     parts = [f"{signal.symbol} {label}" for label in signal.axes[-1].labels] if signal.axes else [signal.symbol]
     title = f"{signal.meaning[:1].upper()}{signal.meaning[1:]} {signal.symbol}"
     units = signal.units * (len(parts) // len(signal.units))
-    return View(OWN + signal.name, title, (signal,), tuple(parts), units, least=LEAST_OWN)
+    entity = signal.name if signal.plotted else OWN + signal.name
+    return View(entity, title, (signal,), tuple(parts), units, least=LEAST_OWN)
 
 
 def views(scenario: Scenario) -> tuple[View, ...]:

@@ -65,7 +65,7 @@ DAMPING = '''class HighPassDamping(DampingKind):
 
 
 '''
-DERIVED = '''    @derived("v", "m/s")
+DERIVED = '''    @derived("v", "m/s", plotted=True)
     def speed(self) -> np.ndarray:
         """Speed of the payload's middle."""
         return np.hypot(self.pose_rate[:, 0], self.pose_rate[:, 1])
@@ -165,7 +165,7 @@ INSERTED = (
     # Simulated: a row, and its line in the kernel; once for the payload, once for each arm.
     (SIGNALS, "    tracking_error: np.ndarray = row(", '    speed_squared: np.ndarray = row("v²", "m²/s²", "squared speed")\n'),
     (SIGNALS, "    row[SATURATED] = saturated\n", "    row[SPEED] = ws.velocity[0] ** 2 + ws.velocity[1] ** 2\n"),
-    (SIGNALS, "    joint_torque: np.ndarray = row(", '    push: np.ndarray = row("|u|", "N", "common force", ARM)\n'),
+    (SIGNALS, "    joint_torque: np.ndarray = row(", '    push: np.ndarray = row("|u|", "N", "push", ARM, plotted=True)\n'),
     (SIGNALS, "        joint_angles(theta, ", "        arm[PUSH] = abs(ws.u[i, 0])\n"),
     (SIGNALS, "\n\n@inlined\ndef write_sample(", '\nSPEED, PUSH = COLUMN["speed_squared"], COLUMN["push"]\n'),
 )  # fmt: skip
@@ -186,6 +186,7 @@ from flexlab.cli import main
 from flexlab.cli.logs_command import FIELDS
 from flexlab.guide import lessons
 from flexlab.lab.panel.sections import entries
+from flexlab.lab.plots import tabs
 from flexlab.presets import load_preset
 from flexlab.recording.codec import decode_block, encode_block
 from flexlab.recording.export import export_recording, import_run
@@ -204,6 +205,8 @@ found = {"home": flexlab.__file__}
 found["metric"] = [run.metrics.peak_speed, [row.key for row in run.metrics.rows], row.metrics, list(FIELDS)]
 
 recording = read_recording(path)
+plots = {plot.title: [plot.labels, plot.values(run.scenario, run).tolist()] for plot in tabs(run.scenario)["Control"]}
+found["plots"] = [plots["Speed of the payload's middle v"], plots["Push |u|"], "Squared speed v²" in plots]
 table = export_recording(recording, Path("run.csv"))
 columns = table.read_text(encoding="utf-8").split("\\n")[1].split(",")
 lines = [line.strip(" |") for line in pydoc.render_doc(flexlab.Run, renderer=pydoc.plaintext).splitlines()]
@@ -305,7 +308,7 @@ def test_a_signal_computed_from_others_is_one_property(found: dict[str, Any]):
     ("name", "columns", "documented"),
     [
         ("speed_squared", ["speed_squared [m²/s²]"], "v²: squared speed, m²/s², (N,)"),
-        ("push", ["push_left [N]", "push_right [N]"], "|u|: common force, N, (N, arms)"),
+        ("push", ["push_left [N]", "push_right [N]"], "|u|: push, N, (N, arms)"),
     ],
 )
 def test_a_simulated_signal_is_one_row_and_one_line_in_the_same_file(
@@ -320,6 +323,16 @@ def test_a_simulated_signal_is_one_row_and_one_line_in_the_same_file(
     assert signal["told"]
     assert found["replayed"]
     assert signal["noticed"], "a replay compares it"
+
+
+def test_a_signal_that_says_so_is_plotted(found: dict[str, Any]):
+    speed, push, squared_too = found["plots"]
+    assert speed == [["v (m/s)"], [found["speed"]["values"]]]
+    assert push == [
+        ["|u| left (N)", "|u| right (N)"],
+        [list(row) for row in zip(*found["push"]["values"], strict=True)],
+    ]
+    assert not squared_too
 
 
 def test_a_case_of_the_leaderboard_is_one_file(found: dict[str, Any]):

@@ -31,7 +31,7 @@ from flexlab.sim.signals import own_signals
 from flexlab.sim.step_trial import build_assembly
 from flexlab.sim.stepping import fill
 from flexlab.text import typed_number
-from flexlab.views import ELASTIC, views
+from flexlab.views import ELASTIC, own_views, views
 
 INSTANTS = 700
 """Number of samples, more than are packed at once."""
@@ -132,8 +132,7 @@ def _plots(made: _MadeUp) -> Iterator[Check]:
         s.kinetic_energy, s.elastic_energy, s.gravity_energy, total, s.input_work, s.axial_work, s.dissipated_energy,
         *s.axial_load.T, s.axial_load_share, s.spin_share, s.elastic_energy,
     ]  # fmt: skip
-    own = {f"own/{name}" for name in s.own}
-    drawn = [view for view in (*views(made.scenario), ELASTIC) if view.entity not in own]
+    drawn = [view for view in (*views(made.scenario), ELASTIC) if view not in own_views(made.scenario)]
     told = {
         f"{view.title}: {curve}": values / SCALES.get(unit, 1.0)
         for view in drawn

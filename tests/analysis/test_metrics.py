@@ -268,7 +268,8 @@ def test_a_registered_metric_has_a_row_and_a_window_and_its_name_is_taken(run: R
     try:
         found = run_metrics(run, (0.0, 0.5))
         assert found.farthest == run.pose[:501, 1].max()
-        assert [row.title for row in found.rows].index("Farthest") == 7
+        titles = [row.title for row in found.rows]
+        assert titles.index("Farthest") == titles.index("Peak vibration") - 1
         assert "Farthest (m)" in str(found)
         with pytest.raises(ValueError, match="farthest"):
             register(Farthest)

@@ -179,7 +179,7 @@ from pathlib import Path
 import numpy as np
 import flexlab
 from flexlab.analysis.leaderboard.report import report_text
-from flexlab.analysis.lesson_checks import check_lesson
+from flexlab.analysis.lesson_checks import read_check
 from flexlab.analysis.replay import replay
 from flexlab.analysis.run_summary import note_metrics
 from flexlab.cli import main
@@ -240,7 +240,7 @@ found["damping"] = [rates[0, 0], rates[-1, -1], names, "high-pass" in json.dumps
 board = flexlab.leaderboard(["pd"], ["B9"], progress=False)
 found["case"] = [board.rows[0].scores["peak"], "B9: Upright" in report_text(board)]
 newest, ring = lessons()[-1], read_recording(next(Path("ring").glob("*.rrd")))
-checked = check_lesson(newest.id, ring.scenario, ring.samples)
+checked = read_check(newest).verdict(ring.scenario, ring.samples)
 found["lesson"] = [newest.id, newest.title, newest.text, checked]
 
 def said(*words):

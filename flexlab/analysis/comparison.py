@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import pyarrow as pa
 
-from flexlab.analysis.lesson_measures import coarse_note
+from flexlab.analysis.coarse_samples import coarse_note
 from flexlab.analysis.metrics import MetricCollection, MetricRow, RunMetrics
 from flexlab.analysis.metrics.metric import named, numbers
 from flexlab.analysis.result import Result, number_column, provenance

@@ -19,7 +19,7 @@ from flexlab.analysis.lesson_expressions import ExpressionError, Value, expressi
 from flexlab.analysis.lesson_measures import VALUES, Look, length
 from flexlab.analysis.metrics import METRICS
 from flexlab.errors import FlexlabError
-from flexlab.guide import Lesson, lessons, told_together
+from flexlab.guide import Lesson, told_together
 from flexlab.scenario import Scenario
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Event
@@ -119,8 +119,3 @@ class Check:
 def read_check(lesson: Lesson) -> Check:
     """The check in a lesson's file. Raises `ExpressionError`."""
     return Check(lesson)
-
-
-def check_lesson(lesson: str, scenario: Scenario, samples: Samples, events: Sequence[Event] = ()) -> Verdict:
-    """The verdict of one of flexlab's own lessons, by its id. Raises KeyError for an unknown one."""
-    return read_check({each.id: each for each in lessons()}[lesson]).verdict(scenario, samples, events)

@@ -1,29 +1,26 @@
 """Measures of a run for lessons and explanations: frequencies, peaks, jumps; and lengths in sentences."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexlab.analysis.coarse_samples import first_frequency
 from flexlab.analysis.metrics import RunMetrics, run_metrics
 from flexlab.analysis.metrics.run_metrics import between
 from flexlab.analysis.metrics.vibration import settling_time
 from flexlab.analysis.modes import PoleRow, fastest_growth, modes
 from flexlab.physics.axial_load import buckling_load
-from flexlab.physics.mass_change import FACTOR, find_mass
-from flexlab.recording.course import DISTURBANCES, scenarios
-from flexlab.scenario import Payload, Scenario
-from flexlab.sim.build import build_beam
+from flexlab.recording.course import DISTURBANCES
+from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario
 from flexlab.sim.samples import Samples
-from flexlab.sim.snapshot import SHORTEST_PERIOD, Event
+from flexlab.sim.snapshot import Event
 from flexlab.sim.target import first_mode, shaper_impulses
-from flexlab.text import fixed_text, number_text
+from flexlab.text import fixed_text
 
 SECONDS = 30.0
 """Duration of the newest part of a run that a check sees, s."""
@@ -35,45 +32,6 @@ APART = 2.0
 """Smallest difference between two squeezes that are compared, N."""
 SILENT = 1e-9
 """Smallest amplitude of a ring, m; squeeze-until-it-buckles falls below it 40 s after its start."""
-
-
-def first_frequency(payload: Payload) -> float:
-    """f1 of the payload with its grips held, Hz."""
-    return float(np.min(build_beam(payload).modes.omega)) / (2 * np.pi)
-
-
-FEWEST = 8
-"""Fewest samples per period of the beam's first mode: with fewer, a peak may be 8 % higher than the highest sample."""
-
-
-def _lightest(payload: Payload, until: float) -> float:
-    """Least mass of a payload up to an instant, s, over its mass at the start."""
-    now = SimpleNamespace(mass_factor=[1.0, 0.0])
-    find_mass(payload.mass_change, until, now)
-    return min(1.0, now.mass_factor[FACTOR])
-
-
-def coarse_note(scenario: Scenario, period: float, until: float, events: Sequence[Event] = ()) -> str:
-    """A sentence if samples `period` s apart are too few for metrics of a vibration in the beam's first mode, grips held.
-
-    Otherwise "". Metrics of too few samples may differ much from those of the motion. `scenario`: at the run's start; `until`:
-    its last instant, s, up to which `events` may have made the beam stiffer or the payload may have been emptied.
-    """
-    payloads = [each.payload for each in scenarios(scenario, events, until)]
-    # f1 is proportional to the root of this: a change of length, boundary or mesh begins a new run.
-    payload = max(payloads, key=lambda one: one.bending_stiffness / (one.linear_density * _lightest(one, until)))
-    frequency = first_frequency(payload) / math.sqrt(_lightest(payload, until))
-    if not period * frequency * FEWEST > 1:
-        return ""
-    digits = 10.0 ** math.floor(math.log10(1 / (FEWEST * frequency)))
-    enough = digits * math.floor(1 / (FEWEST * frequency) / digits)
-    advice = f"Take samples every {number_text(1e3 * enough)} ms or more often."
-    if enough < SHORTEST_PERIOD:
-        advice = f"Even the shortest sample period, {number_text(1e3 * SHORTEST_PERIOD)} ms, is too long for that."
-    return (
-        f"Samples are {number_text(1e3 * period)} ms apart, and the beam's first mode has a period of "
-        f"{number_text(1e3 / frequency, 3)} ms: peaks, settling time and RMS of the vibration may be far off. {advice}"
-    )
 
 
 def ring_frequency(samples: Samples) -> float:
@@ -249,7 +207,9 @@ VALUES: dict[str, Callable[[Look], Any]] = {
 OF_A_PART: dict[str, Callable[[Look, Samples], float]] = {
     "ring_frequency": lambda _, part: ring_frequency(part),
     "settled": lambda _, part: settling_time(part.time, part.vibration),  # at one per cent of its peak; NaN: not yet
-    "torque_jump": lambda look, part: _jump(part, look.scenario.controller.control_period),  # NaN: a continuous law
+    "torque_jump": lambda look, part: (  # NaN: a continuous law
+        torque_jump(torque_turns(part, T_c)) if (T_c := look.scenario.controller.control_period) else np.nan
+    ),
     # Sum of the arms' internal forces.
     "imbalance": lambda _, part: max(largest(part.internal_force.sum(axis=1)), 1e-15),
 }
@@ -265,10 +225,6 @@ def upward_frequency(part: Samples) -> float:
     step = part.time[1] - part.time[0]
     times = part.time[upwards] - w[upwards] * step / (w[upwards + 1] - w[upwards])
     return float((len(times) - 1) / (times[-1] - times[0]))
-
-
-def _jump(part: Samples, control_period: float | None) -> float:
-    return np.nan if control_period is None else torque_jump(torque_turns(part, control_period))
 
 
 @lru_cache(maxsize=8)

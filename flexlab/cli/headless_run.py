@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flexlab.analysis.coarse_samples import coarse_note
 from flexlab.analysis.explanations.explanation import LONGEST_LOOK, explain_run
-from flexlab.analysis.lesson_measures import coarse_note
 from flexlab.analysis.metrics import Column, RunMetrics
 from flexlab.analysis.metrics.metric import Peak, of_signal
 from flexlab.analysis.metrics.run_metrics import value_text

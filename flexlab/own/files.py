@@ -219,10 +219,8 @@ class OwnFolder(Generic[K]):
             raise self._problem("source", what) from None
 
 
-LAW_FILES = OwnFolder(OWN_LAWS, OwnLaw, "pd")
-law_files, law_kind, add_own_law_file = LAW_FILES.files, LAW_FILES.kind_of, LAW_FILES.add
-PATH_FILES = OwnFolder(OWN_PATHS, OwnPath, "circle")
-path_files, path_kind, add_own_path_file = PATH_FILES.files, PATH_FILES.kind_of, PATH_FILES.add
+LAW_FILES, PATH_FILES = OwnFolder(OWN_LAWS, OwnLaw, "pd"), OwnFolder(OWN_PATHS, OwnPath, "circle")
+law_kind, path_kind = LAW_FILES.kind_of, PATH_FILES.kind_of
 
 
 def own_texts() -> list[tuple[str, str]]:

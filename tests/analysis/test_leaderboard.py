@@ -13,8 +13,9 @@ from flexlab.analysis.figures import svg_text
 from flexlab.analysis.leaderboard.board import Leaderboard, make_tasks, run_board, verify
 from flexlab.analysis.leaderboard.case import Case, Variant, cases, chosen_cases, peak_error, settled
 from flexlab.analysis.leaderboard.entry import Row, chosen_entrants, entrants
+from flexlab.analysis.leaderboard.figures import draw_case
 from flexlab.analysis.leaderboard.report import OF_THE_BEST as BEST
-from flexlab.analysis.leaderboard.report import Cell, draw_case, overview, ratios, sections, settings, write_report
+from flexlab.analysis.leaderboard.report import Cell, overview, ratios, sections, settings, write_report
 from flexlab.analysis.leaderboard.store import RowStore, engine, law_source
 from flexlab.analysis.result import scenario_hash
 from flexlab.analysis.workers import chosen_workers

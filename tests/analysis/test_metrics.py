@@ -9,12 +9,13 @@ import pytest
 
 import flexlab
 from flexlab.analysis.identification.free_ring import recent_ring
-from flexlab.analysis.lesson_checks import check_lesson
+from flexlab.analysis.lesson_checks import read_check
 from flexlab.analysis.metrics import METRICS, Column, MetricCollection, register, run_metrics
 from flexlab.analysis.metrics.metric import Peak
 from flexlab.analysis.metrics.run_metrics import noted_text, noted_value
 from flexlab.analysis.metrics.vibration import ResidualVibration, SettlingTime, settling_time
 from flexlab.errors import StudyError
+from flexlab.guide import lessons
 from flexlab.presets import load_preset
 from flexlab.sim.commands import ChangeScenario, Tap
 from flexlab.sim.samples import Run, Samples
@@ -177,6 +178,7 @@ def test_an_unknown_metric_is_refused_with_the_list_of_metrics(run: Run) -> None
 
 # The settling time.
 
+(VIBRATION,) = (lesson for lesson in lessons() if lesson.id == "vibration")
 TIME = np.arange(2001) * 0.001
 RING = np.exp(-TIME / 0.1) * np.cos(2 * np.pi * 500 * TIME)
 
@@ -226,13 +228,13 @@ def test_the_settling_time_of_pieces_is_that_of_the_whole_and_needs_little_memor
 def test_the_lesson_on_vibration_states_the_settling_time_of_the_metric() -> None:
     damped = simulate(load_preset("vibration-damping"), 1.0)
     seconds = run_metrics(damped).settling_time
-    verdict = check_lesson("vibration", damped.scenario, damped)
+    verdict = read_check(VIBRATION).verdict(damped.scenario, damped)
     assert f"fell to one per cent within {seconds:.2f} s" in verdict.sentence
 
 
 def test_the_lesson_on_vibration_does_not_call_a_lasting_ring_settled() -> None:
     scenario = load_preset("paper").replace({"payload.damping.coefficient": 0.0})
-    verdict = check_lesson("vibration", scenario, simulate(scenario, 1.0))
+    verdict = read_check(VIBRATION).verdict(scenario, simulate(scenario, 1.0))
     assert not verdict.done
     assert "still over one per cent after a second" in verdict.sentence
 

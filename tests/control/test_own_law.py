@@ -24,7 +24,7 @@ from flexlab.errors import ScenarioError
 from flexlab.lab.panel.sections import entries
 from flexlab.own import endless_calls, hosts
 from flexlab.own.declaration import NAMES_OF_RUNS
-from flexlab.own.files import add_own_law_file, law_files, law_kind
+from flexlab.own.files import LAW_FILES, law_kind
 from flexlab.own.law import add_own_law
 from flexlab.presets import load_preset, save_scenario
 from flexlab.recording.headless import write_run
@@ -399,10 +399,10 @@ def test_a_law_that_cannot_be_loaded_is_refused_and_changes_nothing():
 
 def test_a_missing_file_is_reported(tmp_path: Path):
     with pytest.raises(ScenarioError, match="There is no file"):
-        add_own_law_file(tmp_path / "none.py")
+        LAW_FILES.add(tmp_path / "none.py")
 
 
-@pytest.mark.parametrize("file", law_files(), ids=lambda path: path.stem)
+@pytest.mark.parametrize("file", LAW_FILES.files(), ids=lambda path: path.stem)
 def test_the_examples_keep_the_payload_on_its_path(file: Path):
     run = flexlab.simulate("paper", 2.0, law=file)
     assert run.status == "finished"
@@ -413,8 +413,8 @@ def test_the_examples_keep_the_payload_on_its_path(file: Path):
 
 def test_there_are_five_examples_and_none_is_longer_than_a_page():
     examples = ["damped_sliding_mode", "mpc", "observed_lqr", "pid", "sampled_lqr"]
-    assert [path.stem for path in law_files()] == examples
-    assert all(len(path.read_text().splitlines()) < 80 for path in law_files())
+    assert [path.stem for path in LAW_FILES.files()] == examples
+    assert all(len(path.read_text().splitlines()) < 80 for path in LAW_FILES.files())
 
 
 class ClassOfATest(OwnLaw):

@@ -15,7 +15,7 @@ from flexlab.control.path import build_motion, forget_path, paths
 from flexlab.errors import ScenarioError
 from flexlab.lab.panel.sections import entries
 from flexlab.own import endless_calls, hosts
-from flexlab.own.files import path_files, path_kind
+from flexlab.own.files import PATH_FILES, path_kind
 from flexlab.own.path import add_own_path, sampled
 from flexlab.own.reading import TextProblem
 from flexlab.presets import load_preset, scenario_text
@@ -261,7 +261,7 @@ def test_the_grid_grows_until_spline_and_function_agree():
         sampled(lambda shares: (3.0, np.sin(4000 * np.pi * shares)[:, None] * np.ones(3)), True, "too_quick.py")
 
 
-@pytest.mark.parametrize("file", path_files(), ids=lambda path: path.stem)
+@pytest.mark.parametrize("file", PATH_FILES.files(), ids=lambda path: path.stem)
 def test_the_examples_are_followed(file: Path):
     run = flexlab.simulate("paper", 1.5, path=file)
     assert run.status == "finished"

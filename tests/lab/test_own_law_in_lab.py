@@ -13,7 +13,7 @@ from flexlab.control.law import forget_law
 from flexlab.lab.panel.sections import changes_for
 from flexlab.lab.session import Session
 from flexlab.own import hosts
-from flexlab.own.files import LAW_FILES, add_own_law_file
+from flexlab.own.files import LAW_FILES
 from flexlab.presets import load_preset
 from flexlab.sim.commands import Pause
 
@@ -22,7 +22,7 @@ from flexlab.sim.commands import Pause
 def test_a_saved_law_acts_at_once_and_one_that_cannot_be_read_changes_nothing(tmp_path: Path, mended: str):
     file = tmp_path / "mine.py"
     file.write_text(PD)
-    law = add_own_law_file(file)
+    law = LAW_FILES.add(file)
     with Session(load_preset("paper").replace({"controller.kind": law.kind}), shadows=False) as lab:
         wait_until(lambda: lab.runner.snapshot.latest.time[0] > 0.1, "the lab runs")
         file.write_text(PD.replace("self.push = common[0]", "self.push = 17.0"))
@@ -66,7 +66,7 @@ def test_a_saved_law_acts_at_once_and_one_that_cannot_be_read_changes_nothing(tm
 def test_a_law_that_is_saved_again_while_it_loads_acts_at_once(tmp_path: Path):
     file = tmp_path / "mine.py"
     file.write_text(PD)
-    law = add_own_law_file(file)
+    law = LAW_FILES.add(file)
     with Session(load_preset("paper").replace({"controller.kind": law.kind}), shadows=False) as lab:
         wait_until(lambda: lab.runner.snapshot.latest.time[0] > 0.1, "the lab runs")
         file.write_text("while True: pass\n" + PD)
@@ -172,7 +172,7 @@ def test_a_kernel_that_is_broken_at_first_is_taken_up_when_it_is_mended(
 def test_an_own_law_takes_over_in_motion(tmp_path: Path):
     file = tmp_path / "mine.py"
     file.write_text(PD)
-    law = add_own_law_file(file)
+    law = LAW_FILES.add(file)
     with Session(load_preset("paper"), shadows=False) as lab:
         wait_until(lambda: lab.runner.snapshot.latest.time[0] > 0.1, "the lab runs")
         lab.lab_state.change(changes_for("controller.kind", law.kind))

@@ -8,14 +8,14 @@ from own_path_text import ROUND
 
 from flexlab.lab.panel.sections import changes_for
 from flexlab.lab.session import Session
-from flexlab.own.files import add_own_path_file
+from flexlab.own.files import PATH_FILES
 from flexlab.presets import load_preset
 
 
 def test_an_own_path_follows_its_options_and_its_file_and_a_broken_file_changes_nothing(tmp_path: Path):
     file = tmp_path / "mine.py"
     file.write_text(ROUND)
-    path = add_own_path_file(file)
+    path = PATH_FILES.add(file)
     with Session(load_preset("paper"), shadows=False) as lab:
         state, runner = lab.lab_state, lab.runner
         wait_until(lambda: runner.snapshot.latest.time[0] > 0.05, "the lab runs")
@@ -52,7 +52,7 @@ def test_an_own_path_follows_its_options_and_its_file_and_a_broken_file_changes_
 def test_a_path_that_is_still_being_computed_does_not_get_into_a_preset_that_is_opened_meanwhile(tmp_path: Path):
     file = tmp_path / "mine.py"
     file.write_text(ROUND.replace("turn = 2 *", "for _ in range(60_000): pass\n        turn = 2 *"))
-    path = add_own_path_file(file)
+    path = PATH_FILES.add(file)
     with Session(load_preset("paper"), "paper", shadows=False) as lab:
         state = lab.lab_state
         state.change({**changes_for("trajectory.kind", path.kind), "trajectory.radius": 0.12})

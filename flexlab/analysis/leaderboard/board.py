@@ -11,6 +11,7 @@ import pyarrow as pa
 from flexlab import __version__
 from flexlab.analysis.leaderboard.case import Case, Score, Variant
 from flexlab.analysis.leaderboard.entry import INVALID, Entrant, Row, Task, compute, machine
+from flexlab.analysis.leaderboard.figures import draw_case
 from flexlab.analysis.leaderboard.store import RowStore, engine, row_key
 from flexlab.analysis.result import Result, scenario_hash
 from flexlab.analysis.workers import Told, Workers, chosen_workers
@@ -71,8 +72,6 @@ class Leaderboard(Result):
 
     def plot(self, case: str = "") -> "Figure":
         """The main score of every law in a case, such as "B1"; without a name, in the first case. Raises `StudyError`."""
-        from flexlab.analysis.leaderboard.report import draw_case
-
         known = {each.name: each for each in self.cases}
         if case and case not in known:
             raise StudyError(f"{case!r:.40} is not a case here: choose one of {', '.join(known)}.")

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlab import __version__
-from flexlab.analysis.lesson_measures import coarse_note
+from flexlab.analysis.coarse_samples import coarse_note
 from flexlab.analysis.metrics import METRICS, MetricCollection, RunMetrics
 from flexlab.analysis.metrics.own import own_metrics
 from flexlab.analysis.result import scenario_hash

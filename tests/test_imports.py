@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -126,6 +127,20 @@ def problems(package: Path) -> list[str]:
 
 def test_no_import_points_to_a_higher_layer(root: Path):
     assert problems(root / "flexlab") == []
+
+
+def test_no_modules_import_each_other_in_a_circle(root: Path):
+    """Not within functions either, where a circle would do no harm until somebody moves the import."""
+    package = root / "flexlab"
+    files = {".".join(file.relative_to(root).with_suffix("").parts): file for file in package.rglob("*.py")}
+    files = {name.removesuffix(".__init__"): file for name, file in files.items()}
+    imported = {name: [module for module, _ in imports(file, package)] for name, file in files.items()}
+    graph = {
+        name: {module if module in files else module.rpartition(".")[0] for module in modules} & files.keys()
+        for name, modules in imported.items()
+    }
+    del graph["flexlab"]  # It knows all names of the Python interface, and loads what they are in when asked.
+    TopologicalSorter(graph).prepare()
 
 
 def test_contributing_lists_the_folders_in_the_order_of_their_layers(root: Path):

@@ -72,6 +72,13 @@ def test_every_field_that_may_be_varied_is_one_number_with_its_range():
         assert item.about.low <= item.range[0] < item.range[1] <= item.about.high, item.path
 
 
+def test_a_field_is_offered_without_the_word_that_only_files_know():
+    words = {item.path: item.words for item in varied_fields(load_preset("composite"))}
+    assert words["controller.control_period"] == "Control period T_c (s)", (
+        "it was Control period (null: continuous) T_c (s)"
+    )
+
+
 def test_the_page_offers_the_lab_and_all_presets(server: FrontServer):
     page = ask(server.url, "/studies").text
     assert '<option value="lab" selected>the lab as it is now: A soft beam' in page

@@ -13,7 +13,7 @@ from flexlab.errors import ScenarioError, StudyError
 from flexlab.own.files import LAW_FILES, PATH_FILES
 from flexlab.quantities import Quantity
 from flexlab.scenario import Scenario
-from flexlab.scenario.field_text import TITLES, options
+from flexlab.scenario.field_text import TITLES, options, titled
 from flexlab.scenario.settings import parse_value
 from flexlab.scenario.validation_errors import LONGEST, field_paths, unknown_field, value_paths
 from flexlab.text import number_text, visible
@@ -187,8 +187,7 @@ class VariedField(NamedTuple):
     @property
     def words(self) -> str:
         """Title, symbol and unit of the field."""
-        unit = f" ({self.about.unit})" if self.about.unit not in ("", "1") else ""
-        return " ".join(filter(None, (self.about.title, self.about.symbol))) + unit
+        return titled(self.about) + (f" ({self.about.unit})" if self.about.unit_text() else "")
 
     @property
     def part(self) -> str:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import inf, isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
@@ -217,8 +217,7 @@ def _value(recording: Recording, path: str) -> str:
 
 def _commands(recording: Recording) -> str:
     """The first commands of a run with their times, in words."""
-    kinds = get_args(WorldCommand)
-    done = [event for event in recording.events if isinstance(event.command, kinds) and event.level != "error"]
+    done = [event for event in recording.events if isinstance(event.command, WorldCommand) and event.level != "error"]
     told = [f"t = {number_text(event.time)} s: {event.text}" for event in done[:MOST_COMMANDS]]
     more = len(done) - len(told)
     return BETWEEN.join([*told, *([f"{more} more"] if more else [])]) or "–"

@@ -14,9 +14,8 @@ from flexlab.analysis.metrics.run_metrics import between
 from flexlab.analysis.metrics.vibration import settling_time
 from flexlab.analysis.modes import PoleRow, fastest_growth, modes
 from flexlab.physics.axial_load import buckling_load
-from flexlab.recording.course import DISTURBANCES
 from flexlab.scenario import Scenario
-from flexlab.sim.commands import ChangeScenario
+from flexlab.sim.commands import ChangeScenario, WorldCommand
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Event
 from flexlab.sim.target import first_mode, shaper_impulses
@@ -141,7 +140,7 @@ class Look:
     @property
     def touches(self) -> list[float]:
         """Instants of changes, pulls and taps, s, after which the run is not steady for a while."""
-        return [event.time for event in self.events if isinstance(event.command, DISTURBANCES)]
+        return [event.time for event in self.events if isinstance(event.command, WorldCommand)]
 
     @property
     def path_rate(self) -> np.ndarray:

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from flexlab.errors import StudyError
-from flexlab.recording.course import DISTURBANCES
 from flexlab.recording.reader import Recording
 from flexlab.scenario import Scenario
 from flexlab.sim.bumpless_transfer import same_motion
+from flexlab.sim.commands import WorldCommand
 from flexlab.sim.samples import MEASURED, Origin, Samples, WorldState
 from flexlab.sim.snapshot import TICK
 from flexlab.sim.world import World
@@ -68,7 +68,7 @@ class Repetition:
         self._commands = deque(
             (round(event.time / self._period), event.command)
             for event in recording.events
-            if isinstance(event.command, DISTURBANCES) and event.level != "error"
+            if isinstance(event.command, WorldCommand) and event.level != "error"
         )
         self._begun = False
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import inf
 
 from flexlab.scenario import Scenario
-from flexlab.sim.commands import ChangeScenario, Pull, Tap, WorldCommand, command_text
+from flexlab.sim.commands import ChangeScenario, Pull, WorldCommand, command_text
 from flexlab.sim.samples import Run, WorldState
 from flexlab.sim.simulate import tick_at
 from flexlab.sim.snapshot import Event
@@ -28,10 +28,6 @@ class Course:
     def is_changed(self) -> bool:
         """Whether the scenario was changed, or something was pulled, during the run."""
         return any(isinstance(event.command, (ChangeScenario, Pull)) for event in self.events)
-
-
-DISTURBANCES = (ChangeScenario, Pull, Tap)
-"""Commands that change a run's course."""
 
 
 def is_pulled(events: Sequence[Event], since: float = inf) -> bool:

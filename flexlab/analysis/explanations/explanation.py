@@ -24,9 +24,10 @@ from flexlab.control.conditions import Circumstances, Condition
 from flexlab.control.law import law_of
 from flexlab.errors import FlexlabError, ScenarioError
 from flexlab.lapack import one_blas_thread
-from flexlab.recording.course import DISTURBANCES, changed_scenario, is_pulled
+from flexlab.recording.course import changed_scenario, is_pulled
 from flexlab.scenario import Scenario
 from flexlab.scenario.payload import ModalDamping
+from flexlab.sim.commands import WorldCommand
 from flexlab.sim.samples import Samples
 from flexlab.sim.snapshot import Event
 from flexlab.sim.target import shaper_impulses
@@ -138,7 +139,7 @@ class Evidence:
         if not len(run):
             return cls(background, run, False)
         first, last = float(run.time[0]) if start is None else start, float(run.time[-1])
-        touched = max((event.time for event in events if isinstance(event.command, DISTURBANCES)), default=first)
+        touched = max((event.time for event in events if isinstance(event.command, WorldCommand)), default=first)
         change, unknown = background.scenario.payload.mass_change, is_pulled(events)
         if change.active and last > change.begin:
             touched = max(touched, change.begin + change.duration)

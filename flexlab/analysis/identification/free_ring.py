@@ -7,9 +7,9 @@ import numpy as np
 from flexlab.analysis.identification.evidence import ring_begins
 from flexlab.analysis.metrics.vibration import ResidualVibration
 from flexlab.errors import StudyError
-from flexlab.recording.course import DISTURBANCES, is_pulled
+from flexlab.recording.course import is_pulled
 from flexlab.recording.reader import Recording
-from flexlab.sim.commands import Pull, Tap
+from flexlab.sim.commands import Pull, Tap, WorldCommand
 from flexlab.sim.samples import Samples
 from flexlab.sim.signals import DERIVED, TABLE
 from flexlab.sim.snapshot import Event
@@ -70,7 +70,7 @@ def _ring(
     samples: Samples, events: Sequence[Event], name: str, first: float, end: float | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Time and signal from `first`, s, until the next change of the run."""
-    later = [event.time for event in events if isinstance(event.command, DISTURBANCES) and event.time > first]
+    later = [event.time for event in events if isinstance(event.command, WorldCommand) and event.time > first]
     last = end if end is not None else min([*later, first + LONGEST_RING, float(samples.time[-1])])
     rows = (samples.time > first) & (samples.time <= last)
     time, signal = samples.time[rows], np.asarray(samples[name])[rows]

@@ -81,10 +81,10 @@ def short_name(lesson: str) -> str:
     return lesson.removeprefix(OWN) if lesson.startswith(OWN) else lesson.partition(":")[0]
 
 
-def lesson_files(folder: Path = OWN_LESSONS) -> dict[str, int]:
+def lesson_files() -> dict[str, int]:
     """Name → modification time, ns, of each file: a difference means that there is something to read."""
     found: dict[str, int] = {}
-    for file in folder.glob("*.md"):
+    for file in OWN_LESSONS.glob("*.md"):
         with contextlib.suppress(OSError):  # It vanished meanwhile.
             found[file.name] = file.stat().st_mtime_ns
     return found

@@ -34,11 +34,6 @@ class _Sentence(NamedTuple):
     """The numbers, as they should be."""
 
 
-def _off(run: Run, rows: slice = SECOND) -> float:
-    """Largest distance from the path, mm."""
-    return 1e3 * float(np.linalg.norm(run.tracking_error[rows, :2], axis=1).max())
-
-
 def _shaken(run: Run, rows: slice = slice(None)) -> float:
     """Largest vibration, mm."""
     return 1e3 * float(np.abs(run.vibration[rows]).max())
@@ -68,7 +63,8 @@ def _reaction(run: Run) -> list[float]:
     force = max(
         float(np.linalg.norm((points.rigid_inertia(x) - rigid) @ a)) for x, a in zip(poses, changes, strict=True)
     )
-    return [_off(run), force, GAIN, SLOPE, 1e3 * force / (GAIN * SLOPE)]
+    off = 1e3 * float(np.linalg.norm(run.tracking_error[SECOND, :2], axis=1).max())
+    return [off, force, GAIN, SLOPE, 1e3 * force / (GAIN * SLOPE)]
 
 
 def _limited(run: Run) -> list[float]:

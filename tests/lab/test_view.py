@@ -15,7 +15,7 @@ from flexlab.control.path import build_motion
 from flexlab.lab.lab_state import LabState
 from flexlab.lab.panel.number_control import Scale
 from flexlab.lab.panel.run_comparison import change_text
-from flexlab.lab.scene.cameras import FIELD_OF_VIEW, Window, first_view, floor_extent, overview, payload_view
+from flexlab.lab.scene.cameras import FIELD_OF_VIEW, Window, first_view, floor_extent, overview, shot
 from flexlab.lab.scene.overlays import path_points
 from flexlab.lab.session import Session
 from flexlab.lab.view_settings import fitting_window, tamed_exaggeration
@@ -23,6 +23,7 @@ from flexlab.presets import load_preset, preset_names
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import Play, Reset
 from flexlab.sim.runner import Runner
+from flexlab.sim.world import World
 from flexlab.text import escaped, number_text, speed_text
 from flexlab.views import fitting_exaggeration
 
@@ -100,7 +101,7 @@ def test_the_plot_window_follows_the_speed() -> None:
 @pytest.mark.parametrize("covered", [(0.0, 0.0), (0.35, 0.0), (0.0, 0.4)])
 def test_the_payload_stands_in_the_free_part_of_the_picture(covered: tuple[float, float]) -> None:
     scenario, (above, below) = load_preset("paper"), covered
-    position, look_at = payload_view(scenario, Window(1.2, above, below))
+    position, look_at = shot("Payload", scenario, World(scenario).observe(), Window(1.2, above, below))
     forward = (look_at - position) / np.linalg.norm(look_at - position)
     up = np.cross([1.0, 0.0, 0.0], forward)
     away = np.array([*scenario.trajectory.middle[:2], 0.0]) - position
@@ -124,7 +125,7 @@ def test_both_ends_of_the_payload_stay_in_the_picture(name: str, aspect: float) 
     """Also if the beam turns all the way round."""
     scenario = load_preset(name)
     path, length = scenario.trajectory, scenario.payload.length
-    position, look_at = payload_view(scenario, Window(aspect))
+    position, look_at = shot("Payload", scenario, World(scenario).observe(), Window(aspect))
     for x, y, theta in poses(build_motion(path), np.linspace(*path.window, 300))[:, 0]:
         for s in (-length / 2, length / 2):
             sideways, upwards = in_picture(position, look_at, x + s * np.cos(theta), y + s * np.sin(theta))

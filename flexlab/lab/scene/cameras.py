@@ -152,7 +152,7 @@ def shot(view: str, scenario: Scenario, sample: Samples, window: Window) -> Shot
     if view == "Follow":
         return _near(sample.pose[0, :2], scenario, window, 1.0)
     if view == "Payload":
-        return payload_view(scenario, window)
+        return _fitted(_payload_room(scenario), window, TILT)
     if view == "First view":
         return first_view(scenario, window)
     return overview(scenario, window, {"Plan": PLAN_TILT, "Front": FRONT_TILT}.get(view, TILT))
@@ -181,11 +181,6 @@ def first_view(scenario: Scenario, window: Window) -> Shot:
     least = min(LEAST_LENGTH, NEARLY * length(near[-1]))
     long_enough = [seen for seen in wide if length(seen) >= LEAST_LENGTH]
     return next(iter(long_enough or [seen for seen in near if length(seen) >= least]), near[-1])
-
-
-def payload_view(scenario: Scenario, window: Window) -> Shot:
-    """The view in which the payload, anywhere on its path, fills the free part of the picture."""
-    return _fitted(_payload_room(scenario), window, TILT)
 
 
 def _payload_room(scenario: Scenario) -> np.ndarray:

@@ -83,8 +83,8 @@ POSES: dict[str, Callable[[Any, np.ndarray], np.ndarray]] = {
 def paths_and_shapers(_: Runs) -> Iterator[Check]:
     """Formulas, rates, tables, smooth start, shapers, bending feedforward."""
     times = np.linspace(0.011, WINDOW - 0.01, 211)
-    for kind in paths():
-        if kind in POSES or kind in ("waypoints", "table"):
+    for kind, known in paths().items():
+        if known.model.__module__.startswith("flexlab.control.paths."):
             path, motion = motion_of(kind)
             found = poses(motion, times)
             if kind in POSES:

@@ -47,9 +47,12 @@ def in_words(word: str) -> str:
     return f"{WORDS[word]} · {word}" if word in WORDS else word
 
 
-def options(path: str) -> dict[str, Any]:
-    """The words that the field at `path` allows, with their values."""
-    owner, name = next(_places(path.removesuffix(".kind")))
+def options(path: str, scenario: Scenario | None = None) -> dict[str, Any]:
+    """The words that the field at `path` allows, in a scenario or in the first part that has it, with their values."""
+    field = path.removesuffix(".kind")
+    owner, name = next(_places(field))
+    if scenario is not None and "." in field:
+        owner = cast("type[Part]", type(scenario.get(field.rpartition(".")[0])))
     annotation = owner.model_fields[name].annotation
     if path.endswith(".kind"):
         kinds = [part.model_fields["kind"].default for part in parts_of(annotation)]

@@ -134,7 +134,7 @@ def choice(widgets: Widgets, path: str) -> Menu:
     lab_state = widgets.lab_state
 
     def offered() -> dict[str, Any]:
-        return {in_words(word): value for word, value in options(path).items()}
+        return {in_words(word): value for word, value in options(path, lab_state.intended).items()}
 
     def choose(word: str) -> None:
         value = offered()[word]

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
-from flexlab.analysis.coarse_samples import coarse_note
 from flexlab.analysis.metrics import MetricCollection, MetricRow, RunMetrics
 from flexlab.analysis.metrics.metric import named, numbers
 from flexlab.analysis.result import Result, number_column, provenance
 from flexlab.analysis.run_summary import scenario_differences
+from flexlab.recording.course import coarse_note
 from flexlab.recording.overlay import run_label, write_comparison
 from flexlab.recording.reader import Recording, read_recording
 from flexlab.scenario.field_text import value_text

@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlab.analysis.coarse_samples import first_frequency
 from flexlab.analysis.metrics import RunMetrics, run_metrics
 from flexlab.analysis.metrics.run_metrics import between
 from flexlab.analysis.metrics.vibration import settling_time
 from flexlab.analysis.modes import PoleRow, fastest_growth, modes
 from flexlab.physics.axial_load import buckling_load
+from flexlab.recording.course import first_frequency
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, WorldCommand
 from flexlab.sim.samples import Samples

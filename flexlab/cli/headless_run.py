@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexlab.analysis.coarse_samples import coarse_note
 from flexlab.analysis.explanations.explanation import LONGEST_LOOK, explain_run
 from flexlab.analysis.metrics import Column, RunMetrics
 from flexlab.analysis.metrics.metric import Peak, of_signal
@@ -19,6 +18,7 @@ from flexlab.analysis.result import ResultHash
 from flexlab.analysis.run_summary import MetricNotes
 from flexlab.analysis.workers import progress_bar
 from flexlab.cli.console import complain, new_table, output, tell
+from flexlab.recording.course import coarse_note
 from flexlab.recording.headless import HeadlessRecording
 from flexlab.recording.run_info import RunInfo
 from flexlab.scenario import Scenario

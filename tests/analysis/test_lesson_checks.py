@@ -8,7 +8,6 @@ import pytest
 from preset_run import run
 
 from flexlab.analysis import lesson_measures
-from flexlab.analysis.coarse_samples import first_frequency
 from flexlab.analysis.lesson_checks import Verdict, read_check
 from flexlab.analysis.lesson_measures import SECONDS
 from flexlab.analysis.metrics import run_metrics
@@ -16,6 +15,7 @@ from flexlab.analysis.modes import modes
 from flexlab.control.laws.no_control import NoControl
 from flexlab.guide import lessons
 from flexlab.presets import load_preset, preset_names
+from flexlab.recording.course import first_frequency
 from flexlab.scenario import Scenario
 from flexlab.sim.commands import ChangeScenario, Tap
 from flexlab.sim.samples import Run, Samples

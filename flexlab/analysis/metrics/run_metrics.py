@@ -233,7 +233,7 @@ def run_metrics(
     collection = MetricCollection(window, own)
     collection.update(samples)
     # Imported here so that the help of commands that name metrics does not wait for the engine.
-    from flexlab.analysis.coarse_samples import coarse_note
+    from flexlab.recording.course import coarse_note
     from flexlab.sim.samples import Run
 
     note = ""

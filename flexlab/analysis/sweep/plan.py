@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlab import __version__
-from flexlab.analysis.coarse_samples import coarse_note
 from flexlab.analysis.metrics import METRICS, MetricCollection, RunMetrics
 from flexlab.analysis.metrics.own import own_metrics
 from flexlab.analysis.result import scenario_hash
@@ -26,6 +25,7 @@ from flexlab.arguments import finite_number, whole_number
 from flexlab.errors import FlexlabError, StudyError
 from flexlab.files import short_hash
 from flexlab.lapack import one_blas_thread
+from flexlab.recording.course import coarse_note
 from flexlab.scenario import Payload, Scenario
 from flexlab.scenario.settings import change_settings
 from flexlab.sim.assembly import Assembly

@@ -164,6 +164,8 @@ def _law(probe: LoopProbe, rest: RestPoint) -> Law:
         return np.concatenate(probe.answer(moved, rest.memory + memory, asked, shown))
 
     directions = np.eye(parts[-1] + torques)
+    # The change of a memory is the difference of two values that are rounded.
+    rounding = np.concatenate([np.zeros(len(rest.torque)), np.finfo(float).eps * (1 + np.abs(rest.memory))])
     slopes, at_rest = [], answer(np.zeros(len(directions)))
     for k, direction in enumerate(directions):
         of_beam, of_memory = k < 2 * n and k % n >= 3, 2 * n <= k < parts[1] or k >= parts[2]
@@ -174,7 +176,7 @@ def _law(probe: LoopProbe, rest: RestPoint) -> Law:
             slope = richardson(slope, answer, direction, step)
         kink = (ahead + behind - 2 * at_rest) / (2 * step)
         # A memory driven by a norm, as b̂ is by ‖s‖, changes alike on both sides: it has a kink and no slope.
-        flat = np.abs(slope) < KINK * np.abs(kink)
+        flat = np.abs(slope) < np.maximum(KINK * np.abs(kink), rounding / step)
         flat[: len(rest.torque)] = False
         slopes.append(np.where(flat, 0.0, slope))
     return Law(*np.split(np.stack(slopes, axis=1), parts, axis=1))

@@ -139,7 +139,7 @@ class Modes:
     def pole_damping_ratio(self) -> np.ndarray:
         """-Re/|pole|: 1 for a decay without oscillation, negative for an unstable pole; NaN of a pole at 0."""
         with np.errstate(invalid="ignore"):
-            return -self.poles.real / np.abs(self.poles)
+            return -self.poles.real / np.abs(self.poles) + 0.0
 
     @property
     def growth(self) -> float:
@@ -166,7 +166,7 @@ class Modes:
             if pole.imag >= 0:
                 size = abs(pole)
                 frequency = size / (2 * np.pi) if pole.imag > 0 else 0.0
-                rows.append(PoleRow(frequency, -pole.real / size if size else np.nan, pole.real, name))
+                rows.append(PoleRow(frequency, -pole.real / size + 0.0 if size else np.nan, pole.real, name))
         return sorted(rows, key=lambda row: -max(row.rate, NEUTRAL))[:most]
 
     @property

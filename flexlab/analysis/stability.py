@@ -22,8 +22,8 @@ from flexlab.lapack import complex_schur, eigenvectors
 DEADBEAT = 1e-5
 """|z| below which a pole is a rounding error: it belongs to torques without any effect."""
 AT_REST, ALIKE = 1e-6, 1e-6
-"""|p|, 1/s, below which a pole is 0, and |Im p|/|p| below which it is one of two equal real poles: rounding errors reach 1e-11
-and 1e-8, and differ from processor to processor."""
+"""|Re p|, 1/s, below which a pole neither decays nor grows, and |Im p|/|p| below which it is one of two equal real poles:
+rounding errors reach 1e-11 and 1e-8, and differ from processor to processor."""
 NEUTRAL = 1e-3
 """Growth, 1/s, below which a pole counts as neutral: above all rounding, and less than 6 % in a minute."""
 INTERNAL = 1e-9
@@ -161,6 +161,7 @@ def find_poles(linear: Linearization) -> Poles:
         there = np.abs(value) > DEADBEAT
         value, groups = np.log(value[there].astype(complex)) / period, groups[there]
     value = np.where(np.abs(value.imag) < ALIKE * np.abs(value), value.real, value)
+    value = np.where(np.abs(value.real) < AT_REST, 1j * value.imag, value)
     value[np.abs(value) < AT_REST] = 0
     order = np.argsort(np.abs(value), kind="stable")
     return Poles(value[order], groups[order])
@@ -251,8 +252,9 @@ def _rates(linear: Linearization, poles: np.ndarray) -> np.ndarray:
         high = np.pi / period
     swinging = poles[(poles.imag > 0) & (np.abs(poles) > NEUTRAL)]
     near = (swinging.imag[:, None] + np.abs(swinging.real)[:, None] * AROUND).ravel()
-    rates = np.concatenate([np.geomspace(min(low, high / 10), high, GRID), near])
-    return np.unique(rates[(rates > 0) & (rates <= high)])
+    grid = np.geomspace(min(low, high / 10), high, GRID)
+    # Far below all poles, the plant's integrators leave no digits.
+    return np.unique(np.concatenate([grid, near[(near > grid[0]) & (near < high)]]))
 
 
 def _torque_loop(linear: Linearization, rates: np.ndarray) -> np.ndarray:

@@ -407,6 +407,42 @@ def test_rounding_errors_of_neutral_poles_change_no_disk_margin():
     assert margin.alike.phase == pytest.approx(70.23, abs=0.01)
 
 
+@pytest.mark.parametrize(
+    ("position_gain", "velocity_gain"), [(3200.0, 80.0), (2500.0, 50 * np.sqrt(0.8)), (5000.0, 100.0)]
+)
+def test_a_pole_with_equal_parts_changes_no_disk_margin(position_gain: float, velocity_gain: float):
+    """With ζ = 1/√2 or 1/√5, Im p - |Re p| or Im p - 2|Re p| is 1e-13/s: there, all digits are lost, and α was 5e-15."""
+    law = {"controller.kind": "computed-torque", "controller.velocity_gain": velocity_gain}
+    around = [
+        modes(load_preset("paper").replace({**law, "controller.position_gain": share * position_gain})).disk_margin
+        for share in (0.999, 1.0, 1.001)
+    ]
+    below, at, above = (margin.alike.alpha for margin in around if margin is not None)
+    assert at == pytest.approx((below + above) / 2, rel=1e-5)
+
+
+def test_an_undamped_beam_on_free_arms_neither_decays_nor_grows():
+    """Rounding errors gave it a damping ratio of -9.17e-15 % and a growth of 5.6e-13 1/s, others on other processors."""
+    free = {"controller.kind": "none", "payload.damping": {"kind": "modal", "ratio": 0.0}}
+    for changes in ({}, {"controller.control_period": 1e-3}):
+        found = modes(load_preset("paper").replace({**free, **changes}))
+        assert np.all(found.poles.real == 0)
+        assert found.growth == 0
+        assert {line.split()[1] for line in str(found).splitlines() if line.endswith("beam mode 1")} == {"0"}
+
+
+def test_rounding_errors_of_estimates_make_no_poles():
+    """Of three estimates that rest, one or two were said to change by 5e-17, and the loop not to decay at all."""
+    changes = {
+        "controller.control_period": 1e-3, "trajectory.kind": "hold", "gravity": 10.1, "payload.boundary": "clamped-clamped",
+        "payload.element_count": 5, "payload.linear_density": 0.4, "payload.length": 0.65,
+    }  # fmt: skip
+    for angle in (-0.4, -0.3, -0.2, 0.1, 0.2, 0.3, 0.4):
+        found = modes(load_preset("paper").replace({**changes, "trajectory.pose": (-0.03, 0.86, angle)}))
+        assert len(found.poles) == 2 * len(found.frequency) + 6
+        assert found.growth < -1
+
+
 def test_equal_real_poles_do_not_oscillate():
     """By rounding errors, some processors found a pair at 7.96 Hz with a damping ratio of 100 %."""
     found = modes(load_preset("soft-beam").replace({"controller.kind": "computed-torque"}))

@@ -241,7 +241,7 @@ def linear_outputs(linear: Linearization, columns: tuple[Column, ...]) -> Output
     bending = probe.scenario.trajectory.bending_feedforward
     path = {"trajectory": {"kind": "sine", "center": pose, "amplitude": 0.0, "bending_feedforward": bending}}
     begin = {"initial.pose": None, "initial.pose_rate": (0.0, 0.0, 0.0), "initial.beam_coordinates": None}
-    world = World(probe.scenario.replace({**path, **begin}))
+    world = World(probe.scenario.replace({**path, **begin}), probe.scenario.controller.control_period)
     state = world.state()
     states, memory, torques = probe.size, len(rest.memory), linear.torque_count
     parts = np.cumsum([states, memory, torques])

@@ -35,6 +35,15 @@ def joint_angles(lagrangian: Lagrangian, pose: np.ndarray) -> np.ndarray:
     return np.array(found)
 
 
+@pytest.mark.parametrize("period", [1e-5, 0.0007095103730428927, 0.1])
+def test_any_control_period_has_a_linear_model(period: float):
+    """0.7095103730428927 ms was refused, as it has no step in common with a sample period that nobody had given."""
+    scenario = still(**{"controller.control_period": period})
+    model = flexlab.linearize(scenario, closed=True, outputs="joint_torque")
+    np.testing.assert_allclose(np.abs(model.poles[:6]), np.abs(flexlab.linearize(scenario, closed=True).poles[:6]))
+    assert model.dt == period
+
+
 @pytest.mark.parametrize("gravity", [0.0, 9.81])
 def test_eigenvalues_are_those_of_an_independent_linearisation(gravity: float):
     """Each eigenvalue of the plant under the torques that hold it agrees to 1e-6 with that from energies of mass points."""

@@ -14,8 +14,12 @@ from flexlab.sim.build import build_beam
 from flexlab.sim.closed_loop import law_input_at, new_workspace
 from flexlab.sim.step_rates import control_rate, desired_poses
 
-INSTANTS = 32
-"""Number of instants of the slowest period at which the desired motion is evaluated."""
+INSTANTS, MOST_PERIODS = 32, 8
+"""Instants of the path's fastest period at which arms and law are evaluated, and most periods that are followed so closely."""
+FINE, LEAST, MOST = 64, 2000, 20000
+"""Instants of the fastest period at which the desired motion alone is evaluated, and least and most of all."""
+JUMPS, ROUNDING = 1.5, 1e-9
+"""Growth of the largest slope with twice the instants from which on a signal jumps, as a jump doubles it; least jump, N."""
 
 
 def law_conditions(scenario: Scenario) -> tuple[Condition, ...]:
@@ -38,7 +42,10 @@ def circumstances(scenario: Scenario) -> Circumstances:
     beam = build_beam(scenario.payload)
     system = build_system(scenario, beam)
     motion = scenario.trajectory
-    times = motion.window[0] + np.arange(INSTANTS) * (motion.slowest_period / INSTANTS)
+    late = motion.smooth_start + system.trajectory.impulses[:, 1].max(initial=0.0)
+    begin, whole = motion.window[0], motion.slowest_period + late
+    count = INSTANTS * int(np.clip(np.ceil(whole / motion.fastest_period), 1, MOST_PERIODS))
+    times = begin + np.arange(count) * (whole / count)
     ws, seen, reached = new_workspace(system), [], []
     find_mass_at(system.plant, 0.0, ws)
     for t, desired in zip(times, poses(system.trajectory, times), strict=True):
@@ -49,12 +56,34 @@ def circumstances(scenario: Scenario) -> Circumstances:
     m, inertia = beam.matrices.m, beam.matrices.I
     modes, asked = beam.modes, desired_poses(system, motion)
     rigid = system._replace(plant=system.plant._replace(kappa=np.zeros(3)))
-    around = Circumstances(
-        scenario=scenario, instants=np.array(reached), path=path, reaction=np.zeros((len(path), 3)), omega=modes.omega,
-        damping=np.diag(modes.D), loads=np.stack([modes.V.T @ beam.matrices.h, modes.V.T @ beam.matrices.g]),
+    after = max(whole, motion.span - begin + late)
+    every = begin + np.linspace(0, after, int(np.clip(FINE * after / motion.fastest_period, LEAST, MOST)))
+    reaction = _reaction(path, poses(system.trajectory, every), m, inertia)
+    return Circumstances(
+        scenario=scenario, instants=np.array(reached), path=path, reaction=_reaction(path, path.desired, m, inertia),
+        largest_reaction=float(np.linalg.norm(reaction, axis=1).max(initial=0.0)),
+        largest_reaction_rate=_steepest(reaction, every), omega=modes.omega, damping=np.diag(modes.D),
+        loads=np.stack([modes.V.T @ beam.matrices.h, modes.V.T @ beam.matrices.g]),
         fastest_rate=control_rate(system, asked), slow_rate=control_rate(rigid, asked),
     )  # fmt: skip
-    for k, (now, B) in enumerate(zip(path, around.inertias(), strict=True)):
-        unknown = B - now.M[: now.arm_count].sum(axis=0) - np.diag([m, m, inertia])
-        around.reaction[k] = unknown @ now.desired[2] + [0.0, (now.m - m) * now.gravity, 0.0]
-    return around
+
+
+def _reaction(path: np.recarray, desired: np.ndarray, m: float, inertia: float) -> np.ndarray:
+    """Ψ (N, 3) on a desired motion (N, 3, 3), for what the law of the records `path` believes; m, inertia: the true payload."""
+    if len(path) == 0:
+        return np.zeros((0, 3))
+    now, angle, asked = path[0], desired[:, 0, 2], desired[:, 2]
+    (hh, hg, gg), lateral = now.kappa, np.stack([-np.sin(angle), np.cos(angle)], axis=1)
+    a_lat, turn = np.sum(lateral * asked[:, :2], axis=1), asked[:, 2]
+    force = (now.m - m) * (asked[:, :2] + [0.0, now.gravity]) - (hh * a_lat + hg * turn)[:, None] * lateral
+    return np.column_stack([force, (now.I - inertia - gg) * turn - hg * a_lat])
+
+
+def _steepest(signal: np.ndarray, times: np.ndarray) -> float:
+    """Largest ‖slope‖ of a signal (N, columns) at equally spaced times (N,); infinite if it jumps."""
+    if len(signal) == 0:
+        return 0.0
+    coarse, fine = (np.linalg.norm(np.diff(signal[::skip], axis=0), axis=1).max() for skip in (2, 1))
+    if fine > ROUNDING and 2 * fine > JUMPS * coarse:
+        return np.inf
+    return float(fine / (times[1] - times[0]))

@@ -30,6 +30,10 @@ class Circumstances:
     """`LAW_INPUT` records on the desired motion, arm terms and believed payload included, (N,)."""
     reaction: np.ndarray
     """Ψ: force on the pose beyond the law's model of the payload, N, N, N·m, (N, 3)."""
+    largest_reaction: float
+    """max ‖Ψ‖ at all times, N."""
+    largest_reaction_rate: float
+    """max ‖dΨ/dt‖ at all times, N/s; infinite if Ψ jumps."""
     omega: np.ndarray
     """Modes of the beam with its grips held, rad/s, (n_m,)."""
     damping: np.ndarray
@@ -40,18 +44,6 @@ class Circumstances:
     """Fastest rate of the closed loop, as in step control, 1/s."""
     slow_rate: float
     """Fastest rate of the closed loop with a rigid payload, 1/s."""
-
-    @property
-    def largest_reaction(self) -> float:
-        """max ‖Ψ‖, N."""
-        return float(np.linalg.norm(self.reaction, axis=1).max(initial=0.0))
-
-    @property
-    def largest_reaction_rate(self) -> float:
-        """max ‖dΨ/dt‖, N/s."""
-        if len(self.instants) < 3:
-            return 0.0
-        return float(np.linalg.norm(np.gradient(self.reaction, self.instants, axis=0), axis=1).max())
 
     def inertias(self) -> np.ndarray:
         """B = ΣM̄_i + Ā along the path, as the law believes the payload, (N, 3, 3)."""

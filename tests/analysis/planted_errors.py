@@ -485,8 +485,8 @@ gain of the first joint for the second: control/laws/joint_pd.py
     -gains.position_gain[a] * error
     -gains.position_gain[max(a - 1, 0) if a < 2 else a] * error
 reaction in the laws' conditions: analysis/law_conditions.py
-    unknown @ now.desired[2]
-    unknown @ now.desired[1]
+    desired[:, 0, 2], desired[:, 2]
+    desired[:, 0, 2], desired[:, 1]
 Levant's condition: control/laws/super_twisting.py
     rate * (k2 + rate) / (k2 - rate)
     rate * (k2 - rate) / (k2 + rate)

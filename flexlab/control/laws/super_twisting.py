@@ -81,11 +81,12 @@ def conditions(around: Circumstances) -> tuple[Condition, ...]:
     k1, k2 = float(np.min(law.proportional_gain)), float(np.min(law.integral_gain))
     inertia = float(np.linalg.eigvalsh(around.inertias()).max())
     enough = k2 > rate
+    change = f"{n(rate)} N/s by which the beam's reaction changes on this path"
+    if not np.isfinite(rate):
+        change = "a reaction of the beam that jumps with the path's acceleration, so that no k2 is enough"
     needed = np.sqrt(4 * inertia * rate * (k2 + rate) / (k2 - rate)) if enough else np.inf
     return (
-        Condition(
-            f"k2 > δ: {n(k2)} N/s against {n(rate)} N/s by which the beam's reaction changes on this path.", enough
-        ),
+        Condition(f"k2 > δ: {n(k2)} N/s against {change}.", enough),
         Condition(
             f"k1² > 4 b δ (k2 + δ)/(k2 − δ): k1 = {n(k1)} against {n(needed)}, b = {n(inertia)} kg.", k1 > needed
         ),

@@ -141,7 +141,7 @@ def test_only_a_path_that_moves_tells_masses_apart():
     for scenario, told in ((moving, 7), (resting, 0)):
         condition = named(scenario, "Y rich")
         assert condition.met == (told == 7)
-        assert f"identifies {told} of the " in condition.sentence
+        assert f"identifies {told} of the 7 " in condition.sentence
 
 
 @pytest.mark.parametrize(("period", "met"), [(0.002, True), (0.05, False)])

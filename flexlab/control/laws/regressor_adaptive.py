@@ -179,11 +179,12 @@ identified: on a path, and by some motion."""
 def conditions(around: Circumstances) -> tuple[Condition, ...]:
     """Whether the path is rich enough to identify all combinations of masses that any motion can."""
     constants = known(around.scenario)
-    on_path, on_any = [], []
-    for now in around.path:
-        weight = constants["truth"][: PAYLOAD + LINKS * now.arm_count]
-        on_path.append(_regressor(now, constants["links"], now.desired[1], now.desired[2]) * weight)
-        on_any += [_regressor(now, constants["links"], np.zeros(3), unit) * weight for unit in np.eye(3)]
+    links, weight = constants["links"], constants["truth"][: PAYLOAD + LINKS * around.path[0].arm_count]
+    on_path = [_regressor(now, links, now.desired[1], now.desired[2]) * weight for now in around.path]
+    on_any, moving = [], around.path[0].copy()
+    for rate in (np.zeros(3), *np.eye(3)):
+        moving.v[:] = rate
+        on_any += [_regressor(moving, links, unit, unit) * weight for unit in np.eye(3)]
     told, tellable = _rank(on_path, TOLD), _rank(on_any, TELLABLE)
     text = f"Y rich enough: this path identifies {told} of the {tellable} identifiable combinations of masses"
     return (Condition(f"{text}; s goes to zero even so, the rest of â stays where it is.", told >= tellable),)

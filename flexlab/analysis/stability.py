@@ -272,8 +272,11 @@ def _torque_loop(linear: Linearization, rates: np.ndarray) -> np.ndarray:
     # In the order in which LAPACK leaves each solution.
     motion = np.empty((len(rates), force.shape[1], len(A)), dtype=complex).transpose(0, 2, 1)
     shifted, diagonal = -triangle, np.diag_indices_from(triangle)
+    own = triangle[diagonal]
+    rounding = np.finfo(float).eps * np.abs(own).max()
     for k, z in enumerate(where):
-        shifted[diagonal] = z - triangle[diagonal]
+        # A pole that the law does not move may be met exactly.
+        shifted[diagonal] = np.where(z == own, rounding, z - own)
         motion[k] = solve_triangular(shifted, force, check_finite=False)
     # The law knows which torques it asked for; the torques in force deviate from these.
     ago = np.zeros((len(rates), len(seen), torques), dtype=complex)

@@ -17,6 +17,8 @@ class Condition(NamedTuple):
 
     sentence: str
     met: bool
+    of_stability: bool = True
+    """Whether the proof of stability needs it."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,7 @@ def within_layer(around: Circumstances) -> Condition:
         f"‖Ψ‖ ≤ K ε: the beam's reaction on this path, {n(force)} N, is held by K = {n(gain)} N·s/m at "
         f"‖s‖ = {n(size)} m/s, boundary layer {n(law.boundary_layer)} m/s.",
         size <= law.boundary_layer,
+        of_stability=False,
     )
 
 

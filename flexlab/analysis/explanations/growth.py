@@ -200,7 +200,7 @@ def small_margin(seen: Evidence) -> str | None:
 @register("the law's stability conditions, below its gains", "Sliding variable s", 40)
 def condition_not_met(seen: Evidence) -> str | None:
     """A condition of the law is not met, although all poles decay."""
-    unmet = [condition for condition in seen.background.conditions if not condition.met]
+    unmet = [each for each in seen.background.conditions if each.of_stability and not each.met]
     if not unmet or seen.background.modes.unstable:
         return None
     return f"The stability proof does not apply here, as one of its conditions is not met: {unmet[0].sentence}"

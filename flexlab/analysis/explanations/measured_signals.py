@@ -3,6 +3,7 @@
 import numpy as np
 
 from flexlab.analysis.explanations.explanation import Evidence, n, register
+from flexlab.analysis.explanations.growth import growing_pole
 from flexlab.analysis.lesson_measures import largest, length, torque_jump, torque_turns
 from flexlab.scenario.arms import JointMotor
 from flexlab.sim.samples import Samples
@@ -54,6 +55,9 @@ def noisy_torques(seen: Evidence) -> str | None:
     """Noisy sensors make the torques jump at random."""
     law = seen.scenario.controller
     if law.control_period is None or not law.sensor_noise.active or chatter(seen):
+        return None
+    growth = growing_pole(seen.background)
+    if growth is not None and growth.rate * seen.length > 1:  # A loop that runs away jumps without noise, too.
         return None
     turns = torque_turns(seen.last_second, law.control_period)
     jump = torque_jump(turns)

@@ -187,7 +187,8 @@ def conditions(around: Circumstances) -> tuple[Condition, ...]:
         on_any += [_regressor(moving, links, unit, unit) * weight for unit in np.eye(3)]
     told, tellable = _rank(on_path, TOLD), _rank(on_any, TELLABLE)
     text = f"Y rich enough: this path identifies {told} of the {tellable} identifiable combinations of masses"
-    return (Condition(f"{text}; s goes to zero even so, the rest of â stays where it is.", told >= tellable),)
+    sentence = f"{text}; s goes to zero even so, the rest of â stays where it is."
+    return (Condition(sentence, told >= tellable, of_stability=False),)
 
 
 def _rank(rows: list[np.ndarray], tolerance: float) -> int:

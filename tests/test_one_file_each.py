@@ -1,4 +1,4 @@
-"""What the guide for contributors promises: a new metric, signal, damping, case, lesson, study or command touches one file.
+"""What the guide for contributors promises: a new metric, signal, damping, observer, case, lesson, study or command is one file.
 
 Each is added to a copy of flexlab, in the one file that the guide names, and then appears wherever the others do. The copy
 runs as plain Python, so that nothing has to be compiled, with given steps, as their trials are slow then. One process tries
@@ -138,6 +138,33 @@ class Ends(Study):
 
 STUDY = Ends
 '''
+OBSERVER = '''
+"""An observer that believes its sensors."""
+
+from typing import Literal
+
+import numpy as np
+
+from flexlab.control.law import USUAL_GAUGES
+from flexlab.control.observers.observer import Observer
+from flexlab.quantities import Count, Number, Numbers, quantity
+
+
+class Believing(Observer):
+    """Pose and rate as measured; the modes follow the model."""
+
+    kind: Literal["believing"] = "believing"
+    observer_modes: Count = quantity(1, "Modes observed", "n_o", "1", low=1, high=2)
+    gauges: Numbers = USUAL_GAUGES
+    horizon: Number | None = None
+    belief: Number = quantity(1.0, "Belief", "b", "1", low=0, high=1, slider=(0, 1))
+
+    def gain(self, scenario, plant, transition, inputs):
+        n = len(plant.mass)
+        L = np.zeros((2 * n, 6 + len(plant.strain)))
+        L[:3, :3] = L[n : n + 3, 3:6] = self.belief * np.eye(3)
+        return L
+'''
 COMMAND = '''"""`flexlab greet NAME`: say good morning."""
 
 import tyro
@@ -154,6 +181,7 @@ NEW = {
     "flexlab/analysis/metrics/peak_speed.py": METRIC,
     "flexlab/analysis/leaderboard/cases/b8_upright.py": CASE,
     "web_assets/guide/lessons/11-quiet.md": LESSON,
+    "flexlab/control/observers/believing.py": OBSERVER,
     "flexlab/server/studies/ends.py": STUDY,
     "flexlab/cli/greet_command.py": COMMAND,
 }
@@ -195,6 +223,7 @@ from flexlab.recording.reader import read_recording
 from flexlab.recording.run_info import signals_text
 from flexlab.recording.store.run_index import list_rows
 from flexlab.scenario import Scenario, parse_scenario
+from flexlab.scenario.field_text import options
 from flexlab.sim.world import World
 
 run = flexlab.simulate(load_preset("smooth-start").replace({"simulation.step": 5e-4}), 0.004)
@@ -236,6 +265,15 @@ world.run(2)
 names = [entry.name for entry in entries(scenario, "payload")]
 again = parse_scenario(json.loads(scenario.model_dump_json())) == scenario
 found["damping"] = [rates[0, 0], rates[-1, -1], names, "high-pass" in json.dumps(Scenario.model_json_schema()), again]
+
+found["observer"] = []
+for law in ("lqr", "composite"):
+    observed = {"controller.kind": law, "controller.control_period": 1e-3, "simulation.step": 5e-4}
+    observed |= {"controller.observer.kind": "believing", "controller.observer.belief": 0.5}
+    world = World(load_preset("paper").replace(observed))
+    names = [entry.name for entry in entries(world.scenario, "controller")]
+    again = parse_scenario(json.loads(world.scenario.model_dump_json())) == world.scenario
+    found["observer"].append([len(world.run(2)), "Belief b" in names, again, list(options("controller.observer.kind"))])
 
 board = flexlab.leaderboard(["pd"], ["B9"], progress=False)
 found["case"] = [board.rows[0].scores["peak"], "B9: Upright" in report_text(board)]
@@ -293,6 +331,10 @@ def test_a_damping_is_one_class_in_one_file(found: dict[str, Any]):
     assert "Damping of fast modes d" in names
     assert in_schema
     assert again
+
+
+def test_an_observer_is_one_file(found: dict[str, Any]):
+    assert found["observer"] == [[3, True, True, ["measured", "believing", "kalman"]]] * 2
 
 
 def test_a_signal_computed_from_others_is_one_property(found: dict[str, Any]):

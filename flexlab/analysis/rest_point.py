@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlab.control.law import BOUND_ESTIMATES, law_of
-from flexlab.control.observers.kalman import KalmanObserver
+from flexlab.control.observers.observer import ESTIMATE
 from flexlab.control.path import build_motion, paths
 from flexlab.control.paths.sine import SineTrajectory
 from flexlab.errors import ScenarioError, StudyError
@@ -95,7 +95,7 @@ class LoopProbe:
         growing = slices.get(BOUND_ESTIMATES.name, slice(0))
         self.growing = np.arange(len(self._y[self._memory]))[growing]
         """Indices of memory states that only grow, and rest only if nothing drives them."""
-        self.observed = np.arange(len(self._y[self._memory]))[slices.get(KalmanObserver().memory().name, slice(0))]
+        self.observed = np.arange(len(self._y[self._memory]))[slices.get(ESTIMATE, slice(0))]
         """Indices of an observer's states, which have one rest value each."""
         y = self._y.copy()
         y[X : X + 3] = self.original.trajectory.middle

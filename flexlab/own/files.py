@@ -28,6 +28,7 @@ LARGEST = 4 * LONGEST_SOURCE
 RENAMED = {
     "'carry'": "'bumpless_transfer'", "flexlab.control.load_sharing": "flexlab.control.law_kernels",
     "flexlab.control.row_search": "flexlab.control.paths.table",
+    "flexlab.control.observers.kalman": "flexlab.control.observers.observer",
 }  # fmt: skip
 """Names in kernels of version 0.2.0, as Python's error quotes them, and the present names."""
 K = TypeVar("K", bound=Law | DesiredPath)

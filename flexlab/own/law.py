@@ -16,7 +16,7 @@ from flexlab.compiled import PLAIN_PYTHON, call_whole_kernel, pluggable
 from flexlab.control.controller import Controller
 from flexlab.control.law import LAWS, Law, Memory, Start, usual_gauges
 from flexlab.control.observers.believed_plant import believed_plant
-from flexlab.control.observers.kalman import padded
+from flexlab.control.observers.observer import padded
 from flexlab.numerics.linear_algebra import product
 from flexlab.own import hosts
 from flexlab.own.declaration import LONGEST_PERIOD, SHORTEST_PERIOD, Declaration, read_declaration, signal_name

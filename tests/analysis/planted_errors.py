@@ -193,7 +193,7 @@ torque limit: sim/closed_loop.py
 a gauge doubled: physics/sensors.py
     return -thickness / 2 *
     return -thickness *
-observer's own torques: control/observers/kalman.py
+observer's own torques: control/observers/observer.py
     total += gains.force_input[k, a] * force[a]
     total -= gains.force_input[k, a] * force[a]
 prediction half a period short: control/laws/composite.py
@@ -571,7 +571,7 @@ one number's size for all channels of noise: sim/sampled_control.py
 noise of gauges that is the pose's: sim/sampled_control.py
     channel = GAUGE_CHANNEL + j
     channel = j
-torques that come within an observer's horizon: control/observers/kalman.py
+torques that come within an observer's horizon: control/observers/observer.py
     u[a] = now.u[i, a]
     u[a] = 0.0
 payload's pose that a law measures: sim/closed_loop.py
@@ -715,7 +715,7 @@ limits of each axis of waypoints: control/paths/waypoints.py
 lag and speed of a motor in the saturation that the run tells: physics/joints.py
     return ws.joint_feasible[i, joint] != asked or abs(asked) >= limit
     return abs(asked) >= limit
-weight at an angle in an observer: control/observers/kalman.py
+weight at an angle in an observer: control/observers/observer.py
         weight = now.gravity * now.trig[0]\n        for k in range(2 * n):
         weight = now.gravity\n        for k in range(2 * n):
 bending fed forward by asymmetric ends: control/law_kernels.py

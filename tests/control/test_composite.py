@@ -5,7 +5,6 @@ import pytest
 
 from flexlab.analysis.metrics.run_metrics import run_metrics
 from flexlab.control.law import law_of, laws
-from flexlab.control.observers import kalman
 from flexlab.control.observers.believed_plant import believed_plant
 from flexlab.errors import ScenarioError
 from flexlab.lab.panel.sections import entries
@@ -90,7 +89,7 @@ def test_a_filter_without_a_steady_gain_is_refused_in_a_sentence():
     plant = believed_plant(scenario, observer.observer_modes, observer.gauges)
     unseen, growing = plant._replace(strain=np.zeros_like(plant.strain)), 1.1 * np.eye(2 * len(plant.mass))
     with pytest.raises(ScenarioError, match=r"controller\.observer: no steady gain is found for \d modes"):
-        kalman._steady_gain(scenario, observer, unseen, growing, np.eye(len(growing), len(plant.mass)))
+        observer.gain(scenario, unseen, growing, np.eye(len(growing), len(plant.mass)))
 
 
 def test_a_change_of_law_in_motion_keeps_the_bound_estimates_and_starts_the_observer():

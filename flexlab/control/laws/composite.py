@@ -9,14 +9,12 @@ with h_k ≠ 0 (g_k ≠ 0) is damped, whatever the gains k_v, k_θ ≥ 0, and so
 stable and slower than the beam (Tikhonov). Assumed: torques act at once, ΣM̄_i outweighs the payload, rates are known.
 
 Sampling and delay violate the first: with torques (d + ½) T_c late, the phase of the feedback turns by ω (d + ½) T_c, and modes
-for which that exceeds 90° are driven; at T_c = 1 ms and d = 1 those between 1/(6 T_c) and 1/(2 T_c). The observer `kalman`
-predicts over that time, and needs no sensor of the rates; `control.observers.kalman` says what happens to modes outside its
-model. `flexlab.modes` gives the stability of the sampled loop.
+for which that exceeds 90° are driven; at T_c = 1 ms and d = 1 those between 1/(6 T_c) and 1/(2 T_c). An observer predicts over
+that time, and needs no sensor of the rates; `control.observers.observer` says what happens to modes outside its model.
+`flexlab.modes` gives the stability of the sampled loop.
 """
 
 from dataclasses import replace
-from functools import reduce
-from operator import or_
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
@@ -31,8 +29,9 @@ from flexlab.control.laws.adaptive_sliding_mode import AdaptiveSlidingMode
 from flexlab.control.laws.no_control import NoControl
 from flexlab.control.laws.vibration_damping import add_link_acceleration
 from flexlab.control.observers.believed_plant import BelievedPlant
-from flexlab.control.observers.kalman import (
-    KalmanObserver,
+from flexlab.control.observers.observer import (
+    Observer,
+    known_observers,
     observer_constants,
     observer_shapes,
     padded,
@@ -41,7 +40,7 @@ from flexlab.control.observers.kalman import (
     update_estimate,
 )
 from flexlab.errors import ScenarioError
-from flexlab.quantities import Number, Part, quantity
+from flexlab.quantities import Number, Part, either, quantity
 
 MOST_GAINS = 1024
 """The most numbers in the slow part's record of gains and constants."""
@@ -71,7 +70,7 @@ AnyObserver = Any
 if not TYPE_CHECKING:
     # `_know_laws` puts the parts of all laws here once they are known.
     AnySlow = Annotated[_own_part(AdaptiveSlidingMode) | _own_part(NoControl), Field(discriminator="kind")]
-    AnyObserver = Annotated[MeasuredRates | KalmanObserver, Field(discriminator="kind")]
+    AnyObserver = Annotated[either([MeasuredRates, *known_observers()]), Field(discriminator="kind")]
 
 
 class Composite(Controller):
@@ -111,11 +110,12 @@ class Composite(Controller):
 
     @model_validator(mode="after")
     def _has_instants(self) -> "Composite":
-        if isinstance(self.observer, KalmanObserver) and self.control_period is None:
+        if isinstance(self.observer, Observer) and self.control_period is None:
             raise PydanticCustomError(
                 "sampling",
-                "the observer kalman estimates from one control instant to the next: "
+                "the observer {kind} estimates from one control instant to the next: "
                 "give the control period (controller.control_period) a value in s, or choose the observer measured",
+                {"kind": self.observer.kind},
             )
         return self
 
@@ -124,7 +124,7 @@ def _know_laws() -> None:
     """Allow any known kernel law without parts of its own as the slow part."""
     known = [law.model for law in laws().values() if type(law) is Law and law.for_settings is None]
     parts = [_slow_parts.get(model) or _own_part(model) for model in known]
-    Composite.model_fields["slow"].annotation = reduce(or_, parts)
+    Composite.model_fields["slow"].annotation = either(parts)
     Composite.model_rebuild(force=True)
 
 
@@ -139,7 +139,7 @@ def slow_controller(settings: Composite) -> Controller:
 
 def _for_settings(settings: Composite) -> Law:
     slow, observer = laws()[settings.slow.kind], settings.observer
-    own = (observer.memory(),) if isinstance(observer, KalmanObserver) else ()
+    own = (observer.memory(),) if isinstance(observer, Observer) else ()
     known, law = _variants.get((slow.kind, own), (None, LAW))
     if known is not slow:
         law = _with_slow(slow, own)
@@ -184,7 +184,7 @@ def _derive(scenario: Any) -> dict[str, Any]:
         "slow_memory": slow.memory_size(len(scenario.arms)),
     }
     observer = settings.observer
-    if not isinstance(observer, KalmanObserver):
+    if not isinstance(observer, Observer):
         return found
     ahead = settings.input_delay + 0.5 if observer.horizon is None else observer.horizon
     return found | {"observed": 1.0} | observer_constants(scenario, observer, _rates, ahead)
@@ -238,13 +238,13 @@ def _conditions(around: Circumstances) -> tuple[Condition, ...]:
     settings = around.scenario.controller
     alone = around.scenario.model_copy(update={"controller": slow_controller(settings)})
     slow = law_of(alone.controller).conditions(replace(around, scenario=alone))
-    if isinstance(settings.observer, KalmanObserver):
+    if isinstance(settings.observer, Observer):
         return slow
     return *slow, *fed_modes(around, (settings.lateral_vibration_gain, settings.angular_vibration_gain))
 
 
 def _gauges(settings: Composite) -> tuple[float, ...]:
-    return settings.observer.gauges if isinstance(settings.observer, KalmanObserver) else USUAL_GAUGES
+    return settings.observer.gauges if isinstance(settings.observer, Observer) else USUAL_GAUGES
 
 
 LAW = Law(

@@ -2,8 +2,8 @@
 
     Σu_i = B ẍ_d + C̄ ẋ_d + Ḡ - K (ẑ(k + d) - z_d),    z = (x, η, ẋ, η̇),  z_d = (x_d, 0, ẋ_d, 0) d periods from now
 
-z is estimated and predicted over the input delay of d periods by the Kalman observer (`control.observers.kalman`), from the
-same linear model, that of arms and lowest modes about the path's centre; over a longer horizon, the feedforward stands for the
+z is estimated and predicted over the input delay of d periods by an observer (`control.observers.observer`), from the same
+linear model, that of arms and lowest modes about the path's centre; over a longer horizon, the feedforward stands for the
 torques that come after those under way, as K's own are not known yet. K minimises Σ zᵀQz + FᵀRF over the periods: K = (R +
 ΓᵀPΓ)⁻¹ΓᵀPΦ, P from the discrete Riccati equation, Q = diag(q_x, q_b ω², q_v, q_b), q_b weighing the beam's energy, and R =
 diag(r) (Anderson and Moore, Optimal Control: Linear Quadratic Methods, 1990). Shapes: K (3, 2 (3 + n_o)), N and N·m per m, rad,
@@ -16,7 +16,7 @@ IEEE Trans. Automatic Control 23(4), 1978): see its disk margin.
 """
 
 from dataclasses import replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from pydantic import model_validator
@@ -28,8 +28,9 @@ from flexlab.control.controller import Controller
 from flexlab.control.law import Law
 from flexlab.control.law_kernels import drive_arms
 from flexlab.control.observers.believed_plant import believed_plant, hold
-from flexlab.control.observers.kalman import (
-    KalmanObserver,
+from flexlab.control.observers.kalman import KalmanObserver
+from flexlab.control.observers.observer import (
+    known_observers,
     observer_constants,
     observer_shapes,
     predict,
@@ -39,7 +40,11 @@ from flexlab.control.observers.kalman import (
 from flexlab.errors import ScenarioError
 from flexlab.numerics.linear_algebra import NoSolution, inverse, product, singular_vectors, solve
 from flexlab.numerics.matrix_functions import discrete_riccati
-from flexlab.quantities import Number, Triple, quantity
+from flexlab.quantities import Number, Triple, either, quantity
+
+AnyObserver = Any
+if not TYPE_CHECKING:
+    AnyObserver = either(known_observers())
 
 
 class LinearQuadratic(Controller):
@@ -58,7 +63,7 @@ class LinearQuadratic(Controller):
     force_weight: Triple = quantity(
         (1e-4, 1e-4, 1e-2), "Weight of the force", "r", "1/N², 1/N², 1/(N·m)²", low=1e-12, high=1e6
     )
-    observer: KalmanObserver = quantity(KalmanObserver(), "Observer")
+    observer: AnyObserver = quantity(KalmanObserver(), "Observer")
 
     @model_validator(mode="after")
     def _has_instants(self) -> "LinearQuadratic":

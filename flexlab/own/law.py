@@ -23,7 +23,7 @@ from flexlab.own.declaration import LONGEST_PERIOD, SHORTEST_PERIOD, Declaration
 from flexlab.own.execution import ANSWER_BYTES, ANSWERED, ASKED, FAILED, INTERRUPTED, MESSAGE, Channel
 from flexlab.own.kinds import MODELS_KEPT, OWN_PLACE, OwnKinds, default_source, flat_numbers, source_field
 from flexlab.own.measurement import BELIEVED, MOST_MODES, PLACES
-from flexlab.physics.beam import beam_matrices, shape_row, undamped_modes
+from flexlab.physics.beam import shape_row
 from flexlab.physics.law_input import LAW_INPUT, MOST_ARMS
 from flexlab.quantities import Number, quantity
 from flexlab.signal import Signal
@@ -106,14 +106,11 @@ class PythonLaw(Law):
 def _told(scenario: Any) -> dict[str, np.ndarray]:
     """The `BELIEVED` record of a scenario, flat."""
     payload, law = scenario.payload, scenario.controller
-    model, noise, mesh = law.model, law.sensor_noise, (payload.element_count, payload.boundary)
-    count, length = min(MOST_MODES, payload.coordinate_count), payload.length * model.length_factor
+    noise, mesh = law.sensor_noise, (payload.element_count, payload.boundary)
+    count, length = min(MOST_MODES, payload.coordinate_count), payload.length * law.model.length_factor
     gauges = usual_gauges(law)
     plant = believed_plant(scenario, count, gauges)
-    density = payload.linear_density * model.linear_density_factor
-    beam = beam_matrices(length, density, payload.bending_stiffness * model.stiffness_factor, *mesh)
-    places = np.linspace(-0.5, 0.5, PLACES) * length
-    shapes = product(np.stack([shape_row(s, length, *mesh) for s in places]), undamped_modes(beam)[1][:, :count])
+    shapes = product(np.stack([shape_row(s, length, *mesh) for s in length * np.linspace(-0.5, 0.5, PLACES)]), plant.V)
     parts = {
         "counts": (count, len(gauges)),
         "wanted_force": law.wanted_internal_force if len(scenario.arms) == MOST_ARMS else 0.0,

@@ -40,6 +40,8 @@ class BelievedPlant(NamedTuple):
     """Vᵀg, m·kg^½, (n_o,)."""
     strain: np.ndarray
     """Strain at each gauge by modal coordinates, 1/(m·kg^½), (gauges, n_o)."""
+    V: np.ndarray
+    """Mass-normalised modes over nodal coordinates, (n_q, n_o)."""
 
     @property
     def state_matrix(self) -> np.ndarray:
@@ -138,4 +140,4 @@ def _plant(
     if load is not None:
         G0, G1, _ = geometric_matrices(length, density, *mesh)
         stiffness = stiffness + in_modes(load[0] * G0 + load[1] * G1, V)
-    return BelievedPlant(mass, damping, omega, stiffness, h, g, strain)
+    return BelievedPlant(mass, damping, omega, stiffness, h, g, strain, V)

@@ -242,7 +242,7 @@ class RunningLaw(RunningText):
         again = message.copy() if not self.warning and self._calls & (self._calls - 1) == 0 else None
         begun = time.perf_counter()
         try:
-            problem = self._answer(message, now)
+            problem = self._answer(message, now if again is None else now.copy())  # `act` may compute in place in it.
             if again is not None and not problem and time.perf_counter() - begun < QUICK:
                 problem = self._answer(again, now)
                 if any(again[name].tobytes() != message[name].tobytes() for name in ("inputs", "signals", "memory")):

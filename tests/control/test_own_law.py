@@ -18,6 +18,7 @@ from own_law_text import PD, allow_no_own_laws
 import flexlab
 from flexlab import OwnLaw, gain
 from flexlab.analysis.replay import replay
+from flexlab.analysis.result import result_hash
 from flexlab.api import Run
 from flexlab.control.law import forget_law
 from flexlab.errors import ScenarioError
@@ -85,6 +86,18 @@ def test_a_law_that_answers_one_measurement_in_two_ways_is_told_so(above: str, a
 def test_a_law_that_keeps_what_it_remembers_in_a_memory_is_not_warned_about(apart: bool):
     hosts.run_apart(apart)
     assert simulate(scenario(), 0.05).status.text == "Finished at t = 0.05 s."
+
+
+@pytest.mark.parametrize("apart", [False, True], ids=["here", "apart"])
+def test_a_law_that_computes_in_place_in_its_measurement_acts_as_one_that_does_not(apart: bool):
+    """`error = at.pose; error -= at.desired_pose` was said to remember something, or to be random."""
+    hosts.run_apart(apart)
+    law = "u = at.weights + at.shared(-2e4 * (at.pose - at.desired_pose) - 800 * at.pose_rate)\n"
+    spoilt = "for name, found in vars(at).items():\n    if isinstance(found, np.ndarray): found[...] = 7.0\n"
+    plain, odd = (
+        simulate(scenario(acting(f"{law}{more}return u"), "own_bad.py", gravity=9.81), 0.05) for more in ("", spoilt)
+    )
+    assert (odd.status.text, result_hash(odd)) == ("Finished at t = 0.05 s.", result_hash(plain))
 
 
 def test_joint_torques_and_angles_are_those_of_the_arms():

@@ -183,7 +183,7 @@ class Plot(NamedTuple):
 
 def draw_figure(number: int, samples: Samples) -> "Figure":
     """Figure 2, 3, 4 or 5 of the paper for these samples (N >= 1)."""
-    with style():
+    with style(), np.errstate(over="ignore"):  # What exceeds `LARGEST` becomes a gap.
         figure, (first, *_) = _stacked(samples.time, FIGURES[number](samples))
         if first.get_legend_handles_labels()[1]:  # Above the plot, where no curve is.
             first.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, frameon=False)
@@ -272,9 +272,9 @@ def draw_signals(run: Run, names: Sequence[str] = ()) -> "Figure":
             raise StudyError(f"{name!r:.60} is not a signal of this run: choose from {', '.join(there)}.")
     if len(run) == 0:
         raise StudyError("There is nothing to draw: the run has no samples.")
-    seen = [plot for view in views(run.scenario)[:MOST_LOOKED_AT] for plot in _of_view(run, view)]
-    plots = [plot for name in names for plot in _of_signal(run, known[name])] or seen
-    with style():
+    with style(), np.errstate(over="ignore"):  # As in `draw_figure`.
+        seen = [plot for view in views(run.scenario)[:MOST_LOOKED_AT] for plot in _of_view(run, view)]
+        plots = [plot for name in names for plot in _of_signal(run, known[name])] or seen
         figure, parts = _stacked(run.time, plots)
         for part, plot in zip(parts, plots, strict=True):
             if any(curve.name for curve in plot.curves) and len(plot.curves) <= MOST_CURVES:

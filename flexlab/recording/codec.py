@@ -52,9 +52,14 @@ LONGEST_REASON = 100
 """Largest length of the reason why a block cannot be read, characters."""
 LARGEST_BLOCK = 1_000_000_000
 """Largest unpacked size of a block, bytes: flexlab's have a tenth of it at most, a hostile one could have any size."""
-DERIVED: dict[str, Callable[[dict[str, np.ndarray]], np.ndarray]] = {
-    "tracking_error": lambda signals: signals["pose"] - signals["desired_pose"],
-}
+
+
+def _tracking_error(signals: dict[str, np.ndarray]) -> np.ndarray:
+    with np.errstate(over="ignore", invalid="ignore"):  # A run may end with infinite values.
+        return signals["pose"] - signals["desired_pose"]
+
+
+DERIVED: dict[str, Callable[[dict[str, np.ndarray]], np.ndarray]] = {"tracking_error": _tracking_error}
 """Signals that are left out of a block if this computes them again bit for bit, which is checked each time."""
 
 

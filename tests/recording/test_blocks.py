@@ -26,6 +26,7 @@ def test_any_bit_pattern_comes_back(count: int, arms: int, coordinates: int, dat
     assert_same_bits(decode_block(encode_block(samples))[0], samples)
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 @pytest.mark.parametrize("rows", [1, 2, 3, 385, 3000])
 def test_a_block_of_any_length_comes_back_whatever_its_bits(rows: int) -> None:
     """Noise, columns that repeat others, and columns that hold little information."""

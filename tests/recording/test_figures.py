@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from flexlab.analysis.figures import FIGURES, draw_figure, paper_figures, thin_out
+from flexlab.analysis.figures import FIGURES, draw_figure, draw_signals, paper_figures, thin_out
 from flexlab.errors import RecordingError, StudyError
 from flexlab.presets import load_preset
 from flexlab.sim.samples import Run
@@ -53,11 +53,13 @@ def test_the_same_run_gives_the_same_file(run: Run, tmp_path: Path) -> None:
     assert [path.read_bytes() for path in one] == [path.read_bytes() for path in other]
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_values_that_no_axis_can_show_become_gaps(run: Run, tmp_path: Path) -> None:
     beyond = {name: np.where(np.arange(len(run)) % 2, 1e308, 1.0) for name in ("midspan_deflection", "vibration")}
     paper_figures(run.having(**beyond), tmp_path, formats=["svg"])
     shown = draw_figure(3, run.having(**beyond)).axes[0].get_lines()[0].get_ydata()
     assert np.nanmax(np.asarray(shown)) == 1e3
+    draw_signals(Run(**run.having(**beyond).signals(), scenario=run.scenario, status=run.status))
 
 
 def test_one_arm_has_figures_too(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ import contextlib
 import os
 import shutil
 import signal
+import subprocess
 import sys
 import tempfile
 import threading
@@ -349,6 +350,20 @@ def test_a_recording_of_another_program_is_refused_as_such(tmp_path: Path) -> No
     stream.disconnect()
     with pytest.raises(RecordingError, match="a rerun recording, but not one of flexlab's"):
         read_recording(tmp_path / "other.rrd")
+
+
+@pytest.mark.parametrize("merged", [True, False], ids=["by rerun", "end to end"])
+def test_a_file_of_two_runs_is_not_taken_for_one_of_them(run: Run, tmp_path: Path, merged: bool) -> None:
+    """`rerun rrd merge` makes such files: the second run was lost without a word when they were exported or imported."""
+    both, parts = tmp_path / "both.rrd", [write_run(run, tmp_path, name) for name in ("one", "other")]
+    if merged:
+        subprocess.run([tool.rerun_tool(), "rrd", "merge", *parts, "-o", both], check=True, capture_output=True)
+    else:
+        both.write_bytes(b"".join(part.read_bytes() for part in parts))
+    for read in (read_recording, lambda path: import_into(path, tmp_path / "logs")):
+        with pytest.raises(RecordingError, match="holds 2 recordings"):
+            read(both)
+    assert not list((tmp_path / "logs").glob("*"))
 
 
 def test_a_name_that_rerun_cannot_open_is_not_taken_for_damage(run: Run, tmp_path: Path) -> None:

@@ -175,10 +175,14 @@ def stream_rows(path: Path, content: list[str]) -> Iterator[tuple[str, Row]]:
 
 
 def _batches(path: Path, content: list[str]) -> Iterator[tuple[str, pa.RecordBatch]]:
-    """(entity, some of its rows) in the order of the file. Raises `Unreadable`."""
+    """(entity, some of its rows) in the order of the file. Raises `Unreadable`, `RecordingError` for several recordings."""
     try:
         with quiet_reader(path) as reader:
-            if not reader.recordings():
+            if (count := len(reader.recordings())) > 1:
+                raise RecordingError(
+                    f"{path} holds {count} recordings, as `rerun rrd merge` joins them: choose those that it was made from."
+                )
+            if not count:
                 raise Unreadable
             chunks = _stream(reader).filter(content=content)
         for chunk in chunks:

@@ -133,6 +133,15 @@ def test_a_run_that_was_deleted_in_another_terminal_is_one_sentence(tmp_path: Pa
     assert refusal(gone.value) == "a-run is not there any more: somebody has deleted or moved it."
 
 
+@pytest.mark.parametrize(
+    "error", ["MemoryError", "ImportError('failed to map segment')", "SystemError('no exception set')"]
+)
+def test_a_sentence_is_printed_although_the_library_that_colours_it_cannot_be_loaded(tmp_path: Path, error: str):
+    """Without memory (`ulimit -v 300000`), the sentence that none is left ended in a traceback."""
+    (tmp_path / "rich.py").write_text(f"raise {error}\n")
+    assert refused(done("prests", folder=tmp_path)).startswith("There is no command 'prests'")
+
+
 def test_a_lack_of_memory_is_one_sentence():
     for error in (MemoryError(), ImportError("libarrow.so.2600: failed to map segment from shared object")):
         assert refusal(error) == "No memory is left: close other programs, or allow more (ulimit -v)."

@@ -9,7 +9,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from flexlab.errors import StudyError
-from flexlab.text import console, visible_json
+from flexlab.text import console, visible, visible_json
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -39,7 +39,10 @@ def tell(*lines: object, style: str | None = None) -> None:
 def note(sentence: str, style: str | None = None) -> None:
     """Print a remark on standard error, unless nothing can be written there."""
     with suppress(OSError):
-        notes().print(sentence, style=style, soft_wrap=True)
+        try:
+            notes().print(sentence, style=style, soft_wrap=True)
+        except (ImportError, MemoryError, SystemError):  # rich finds no memory.
+            print(visible(sentence), file=sys.stderr)
 
 
 def complain(sentence: str) -> None:

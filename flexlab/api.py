@@ -4,6 +4,7 @@ Everything here is available as `flexlab.<name>`. Calls import what only they ne
 for the libraries of recordings and figures.
 """
 
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from html import escape
@@ -102,7 +103,8 @@ class Run(samples.Run):  # noqa: D101  (help shows what it inherits: a table of 
         from flexlab.recording.store.notes import write_notes
 
         place, problem, metrics = file_path("folder", folder), "", None
-        if place.suffix.lower() in (*FORMATS, PAGE, ARCHIVE) and not place.is_dir():
+        # `Path.is_dir` raises an error for a name that is too long.
+        if place.suffix.lower() in (*FORMATS, PAGE, ARCHIVE) and not os.path.isdir(place):
             raise RecordingError(f"{place} is no recording (.rrd): flexlab.export(run, '{place}') writes such a file.")
         try:
             if own_metrics() or self._noted:  # All others are gathered while the run is written.

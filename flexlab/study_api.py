@@ -90,7 +90,7 @@ def fit(
     """
     of, column = text_or_none("signal", signal, "vibration"), text_or_none("time", time, "time")
     known = None if scenario is None else any_scenario(scenario)
-    if not isinstance(source, Run) and is_measurement(str(source)):
+    if isinstance(source, (str, Path)) and is_measurement(str(file_path("source", source))):
         return fit_file(Path(source), column, of, start, end, known)
     with ExitStack() as stack:
         (path,) = _paths([source], logs, stack)

@@ -65,6 +65,19 @@ def test_an_impossible_file_name_is_refused(file: str):
         one_sentence(ask)
 
 
+@pytest.mark.parametrize(
+    "given", [f"{150 * 'ü'}.{kind}" for kind in ("csv", "rrd", "json")] + ["a\0.csv", "\ud800.csv"]
+)
+def test_a_name_that_no_file_can_have_is_refused(run: flexlab.Run, given: str):
+    one_sentence(lambda: run.save(given))
+    one_sentence(lambda: flexlab.fit(given))
+
+
+def test_a_measurement_to_fit_must_be_a_run_or_a_file(run: flexlab.Run):
+    """A long dictionary was taken for a file whose name is too long."""
+    one_sentence(lambda: flexlab.fit(run.scenario.model_dump()), "is not a run")  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize("given", NO_TIME)
 def test_a_time_must_be_a_finite_number(run: flexlab.Run, given: Any, tmp_path: Path):
     for name in ("start", "end"):

@@ -1,6 +1,7 @@
 """Recording without a screen: the simulation waits for its recorder, so nothing is ever dropped."""
 
 import contextlib
+import os
 from collections.abc import Iterable, Iterator
 from itertools import chain
 from pathlib import Path
@@ -44,7 +45,7 @@ class HeadlessRecording:
 
         `notes` as for `RunEncoder`, `in_one_piece` as for `RunWriter`.
         """
-        is_named = logs.suffix == SUFFIX and not logs.is_dir()
+        is_named = logs.suffix == SUFFIX and not os.path.isdir(logs)
         file = claim_named_file(logs) if is_named else claim_run_file(logs, info.name, info.started)
         self.path: Path = file.path
         """The file."""

@@ -1,5 +1,6 @@
 """The fit of a free vibration in a CSV file or a recorded run, from its samples to the beam of a scenario."""
 
+import os
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import nan
@@ -128,7 +129,7 @@ def is_measurement(source: str) -> bool:
     path = Path(source)
     if path.suffix.lower() in TABLES:
         return True
-    if path.suffix.lower() not in ("", SUFFIX) and path.is_file():
+    if path.suffix.lower() not in ("", SUFFIX) and os.path.isfile(path):
         known = ", ".join(TABLES)
         raise StudyError(
             f"{visible(path.name, 60)} is neither a recording (.rrd) nor a table ({known}): save its columns as CSV."

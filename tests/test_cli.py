@@ -146,7 +146,24 @@ def test_an_unknown_command_is_one_sentence(flexlab_process: Command, flexlab_co
     assert "give one of --verify and --to" in refused(flexlab_command("leaderboard", "--verify", "--to", "report"))
 
 
-@pytest.mark.parametrize("words", [["--preset"], ["--prot", "1"], ["run"], ["--port", "many"], ["run", "paper", "-x"]])
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ("run paper --duration 1,5", "--duration '1,5' is not usable: give a number, as in 1.5."),
+        ("run paper --duration=0x10", "--duration '0x10' is not usable: give a number, as in 1.5."),
+        ("run paper --seed None", "--seed 'None' is not usable: give a whole number."),
+        ("run paper --seed 1e3", "--seed '1e3' is not usable: give a whole number."),
+        ("--port many", "--port 'many' is not usable: give a whole number."),
+        ("logs --max-size 1GB", "--max-size '1GB' is not usable: give a number, as in 1.5."),
+        ("sweep paper --samples 2.0", "--samples '2.0' is not usable: give a whole number."),
+    ],
+)
+def test_what_is_no_number_is_refused_in_one_sentence(flexlab_command: Command, words: str, says: str):
+    """The answer was a frame with "<class 'NoneType'>: ['1e3'] does not match choices ('None',)"."""
+    assert refused(flexlab_command(*words.split())) == f"{says}\n"
+
+
+@pytest.mark.parametrize("words", [["--preset"], ["--prot", "1"], ["run"], ["--port"], ["run", "paper", "-x"]])
 def test_wrong_options_are_explained(flexlab_command: Command, words: list[str]):
     done = flexlab_command(*words)
     assert done.returncode == 2

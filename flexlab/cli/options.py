@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 import tyro
 
 from flexlab.errors import StudyError
+from flexlab.text import shown
 
 if TYPE_CHECKING:
     from flexlab.scenario import Scenario
@@ -66,10 +67,12 @@ Run = tyro.conf.Positional[Annotated[str, option(RUN_HELP, "[RUN]", default=None
 NoBrowser = Annotated[bool, option("Only serve the viewer; do not open a browser.")]
 ViewerPort = Annotated[int, option("The viewer's port; 0 takes any free one.", "PORT", default=None)]
 LOGS = Path("logs")
+NUMBERS = {int: "a whole number", float: "a number, as in 1.5"}
+"""What an option of this type needs."""
 
 
 def check_options(command: Callable[..., Any], words: Sequence[str]) -> None:
-    """Raise `StudyError` for an option that is given twice, unless it may be, or whose file or folder has no name."""
+    """Raise `StudyError` for an option that is given twice, unless it may be, or whose file has no name or number is none."""
     kinds: dict[str, tuple[Any, ...]] = {}
     repeated = get_args(Several)[1]
     for parameter, hint in get_type_hints(command, include_extras=True).items():
@@ -87,8 +90,15 @@ def check_options(command: Callable[..., Any], words: Sequence[str]) -> None:
         if name in given and repeated not in about:
             raise StudyError(f"{name} is given twice: give it once, as only its last value would count.")
         given.add(name)
-        if Path in (kind, *get_args(kind)) and "" in ([value] if equals else words[place + 1 : place + 2]):
-            raise StudyError(f"{name} is empty: name a file or folder, or . for this folder.")
+        types = kind, *get_args(kind)
+        for typed in [value] if equals else words[place + 1 : place + 2]:
+            if Path in types and not typed:
+                raise StudyError(f"{name} is empty: name a file or folder, or . for this folder.")
+            for number, what in NUMBERS.items():
+                try:
+                    number(typed if number in types else 0)
+                except ValueError:
+                    raise StudyError(f"{name} {shown(typed)} is not usable: give {what}.") from None
 
 
 def chosen_scenarios(

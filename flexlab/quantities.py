@@ -117,7 +117,10 @@ def _fixed_length(count: int) -> Any:
 
 
 def _one_or_three(value: Any) -> float | tuple[float, ...]:
-    return _number(value) if isinstance(value, numbers.Real) else _fixed_length(3)(value)
+    try:
+        return _number(value) if isinstance(value, numbers.Real) else _fixed_length(3)(value)
+    except PydanticCustomError as error:
+        raise PydanticCustomError("numbers", "needs 1 or 3 numbers") if error.type == "numbers" else error from None
 
 
 Number = Annotated[float, BeforeValidator(_number)]

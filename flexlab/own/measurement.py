@@ -62,7 +62,10 @@ def real_numbers(given: Any) -> np.ndarray:
         raise TypeError("complex numbers, where real ones are due")
     if kinds & set("SUMmV"):
         raise TypeError("texts or times, where numbers are due")
-    return found.astype(float)
+    try:
+        return found.astype(float)
+    except OverflowError as error:  # A whole number beyond all floats.
+        raise ValueError(str(error)) from None
 
 
 class Modes(NamedTuple):

@@ -236,7 +236,7 @@ def test_a_law_that_does_not_give_real_numbers_fails(given: str, body: str):
     assert "Warning" not in run.status.text, run.status.text
 
 
-@pytest.mark.parametrize("given", [*ODD_THREE, "'123'"])
+@pytest.mark.parametrize("given", [*ODD_THREE, "'123'", "[10**400, 0, 0]"])
 def test_a_path_that_does_not_give_real_numbers_is_refused(given: str):
     add_own_path(path_text(given), "odd.py")
     with warnings.catch_warnings():
@@ -245,7 +245,7 @@ def test_a_path_that_does_not_give_real_numbers_is_refused(given: str):
             flexlab.simulate("paper", 0.003, path="odd-way")
 
 
-@pytest.mark.parametrize("span", ["'3'", "3 + 0j", "np.complex128(3)", "np.ma.masked", "[3.0, 3.0]"])
+@pytest.mark.parametrize("span", ["'3'", "10**400", "3 + 0j", "np.complex128(3)", "np.ma.masked", "[3.0, 3.0]"])
 def test_a_duration_that_is_not_a_real_number_is_refused(span: str):
     add_own_path(path_text(lasts=f"def duration(self): return {span}"), "odd.py")
     with warnings.catch_warnings():

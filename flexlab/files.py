@@ -114,14 +114,16 @@ def remove_left_drafts(folder: Path) -> None:
                 draft.unlink()
 
 
-def check_writing(path: Path) -> None:
-    """Check before long work that a file can be written afterwards. Raises `StudyError`."""
+def check_writing(path: Path, suffix: str) -> None:
+    """Check before long work that a file can be written afterwards; its name has to end in `suffix`. Raises `StudyError`."""
     if not path.parent.is_dir():
         raise StudyError(f"{path} cannot be written: there is no folder {path.parent}.")
     with writable(path, "choose another file"):
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
         check_ordinary(path)
+        if not path.name.lower().endswith(suffix):  # It could be a recording or a law, and would be lost.
+            raise StudyError(f"{path} cannot be written: let its name end in {suffix}.")
         draft = _draft_of(path)
         draft.touch()
         draft.unlink()

@@ -46,7 +46,7 @@ def command(
     if save is not None:
         if measured and not preset:
             raise StudyError("--save needs --preset: the scenario whose beam is fitted.")
-        check_writing(save)
+        check_writing(save, ".json")
     scenario = find_scenario(preset)[1] if preset else None
     how = time, signal, start, end, scenario
     fit = fit_file(path, *how) if measured else fit_run(source, logs, *how)

@@ -53,11 +53,10 @@ def command(
     axes = parse_axes(change, scenario)
     others = parse_axes(robust, scenario) if robust else ()
     wanted = parse_cost(cost, limit)
-    for file in (save, figure):  # Before hours of work.
-        if file is not None:
-            check_writing(file)
+    if save is not None:  # Before hours of work.
+        check_writing(save, ".json")
     if figure is not None:
-        figure_kind(figure)
+        check_writing(figure, f".{figure_kind(figure)}")
     known = chosen_workers(workers, cluster)
     warm_up(scenario)
     with progress_bar(True, "candidates") as told:

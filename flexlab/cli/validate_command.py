@@ -26,7 +26,7 @@ def command(
         from flexlab.presets import load_preset
 
     make_folder(to.parent, "choose another file")
-    check_writing(to)
+    check_writing(to, ".html")
     warm_up(load_preset("paper"))
     began = time.perf_counter()
     found = validate()

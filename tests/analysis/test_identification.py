@@ -458,6 +458,10 @@ def test_a_signal_that_is_no_deflection_is_fitted_but_not_kept_as_a_run(flexlab_
             ("mine.csv", "--save", "no/such.json", "--preset", "paper"),
             "no/such.json cannot be written: there is no folder no",
         ),
+        (
+            ("mine.csv", "--save", "mine.csv", "--preset", "paper"),
+            "mine.csv cannot be written: let its name end in .json",
+        ),
         (("back.csv",), "time does not rise at row"),
         (("empty.csv",), "has 0 columns"),
         (("unitless.csv",), "the unit of time is not known"),

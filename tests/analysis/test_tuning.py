@@ -187,6 +187,7 @@ def test_a_field_of_several_numbers_is_tuned_if_it_accepts_one_number_for_all():
         (("--change", "gravity=0,1",), "a range is searched, not a list"),
         (("--change", "gravity=0:1", "--save", "no/such/t.json"), "there is no folder no/such"),
         (("--change", "gravity=0:1", "--save", "."), ". cannot be written (Is a directory)"),
+        (("--change", "gravity=0:1", "--save", "run.rrd"), "run.rrd cannot be written: let its name end in .json"),
         (("--change", "gravity=0:1", "--figure", "taken.svg"), "taken.svg cannot be written (Is a directory)"),
         (("--change", "gravity=0:1", "--figure", "t.bmp"), "let it end in .svg or .png"),
     ],

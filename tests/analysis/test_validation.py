@@ -148,7 +148,7 @@ def test_a_report_that_cannot_be_written_is_refused_at_once(
     monkeypatch.setattr("flexlab.analysis.validation.validate", lambda: pytest.fail("it was computed for nothing"))
     (tmp_path / "taken.html").mkdir()
     (tmp_path / "file").touch()
-    for place in ("taken.html", "file/report.html"):
+    for place in ("taken.html", "file/report.html", "file"):
         done = flexlab_command("validate", "--to", place)
         assert (done.returncode, done.stdout) == (2, "")
         assert "cannot be written" in done.stderr

@@ -6,7 +6,7 @@ from typing import Annotated, Any, cast
 import tyro
 
 from flexlab.cli.console import note, print_json, tell, typed
-from flexlab.cli.options import LOGS, Logs, option
+from flexlab.cli.options import LOGS, Logs, check_scenario_file, option
 from flexlab.cli.warmup import loading
 from flexlab.errors import RecordingError, StudyError
 
@@ -38,7 +38,6 @@ def command(
     """
     with loading():
         from flexlab.analysis.identification.fitting import fit_file, fit_run, is_measurement, keep_measurement
-        from flexlab.files import check_writing
         from flexlab.presets import find_scenario, save_scenario
 
     path = Path(source)
@@ -46,7 +45,7 @@ def command(
     if save is not None:
         if measured and not preset:
             raise StudyError("--save needs --preset: the scenario whose beam is fitted.")
-        check_writing(save, ".json")
+        check_scenario_file(save)
     scenario = find_scenario(preset)[1] if preset else None
     how = time, signal, start, end, scenario
     fit = fit_file(path, *how) if measured else fit_run(source, logs, *how)

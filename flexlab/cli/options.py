@@ -129,6 +129,16 @@ def chosen_changes(settings: Sequence[str], law: str | None, seed: int | None) -
     return settings_from(settings, None if law is None else law_kind(law), seed)
 
 
+def check_scenario_file(path: Path) -> None:
+    """Check that a scenario can be saved there, and replaces neither a recording nor its notes. Raises `StudyError`."""
+    from flexlab.files import check_writing
+    from flexlab.recording.store.run_files import SUFFIX
+
+    check_writing(path, ".json")
+    if (run := path.with_suffix(SUFFIX)).exists():
+        raise StudyError(f"{path} holds the notes on {run.name}: give another name.")
+
+
 def keep_own_texts_apart() -> None:
     """Run laws and paths in Python in separate processes with time limits; their output goes to standard error."""
     from flexlab.own import hosts

@@ -6,7 +6,18 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from flexlab.cli.console import complain, new_table, output, tell
-from flexlab.cli.options import Cluster, Law, Preset, Seed, Settings, Several, Threads, chosen_scenarios, option
+from flexlab.cli.options import (
+    Cluster,
+    Law,
+    Preset,
+    Seed,
+    Settings,
+    Several,
+    Threads,
+    check_scenario_file,
+    chosen_scenarios,
+    option,
+)
 from flexlab.cli.warmup import loading, warm_up
 
 if TYPE_CHECKING:
@@ -54,7 +65,7 @@ def command(
     others = parse_axes(robust, scenario) if robust else ()
     wanted = parse_cost(cost, limit)
     if save is not None:  # Before hours of work.
-        check_writing(save, ".json")
+        check_scenario_file(save)
     if figure is not None:
         check_writing(figure, f".{figure_kind(figure)}")
     known = chosen_workers(workers, cluster)

@@ -19,6 +19,7 @@ from flexlab.errors import StudyError
 from flexlab.recording.headless import HeadlessRecording, write_run
 from flexlab.recording.reader import read_recording
 from flexlab.recording.run_info import RunInfo
+from flexlab.recording.store.notes import notes_path
 from flexlab.recording.store.run_index import MEASURED_STATUS
 from flexlab.sim.commands import ChangeScenario, Tap
 from flexlab.sim.samples import MEASURED
@@ -195,6 +196,13 @@ def test_the_command_fits_the_last_tap_of_a_recording(flexlab_command: Command, 
     assert found["ρ"]["identifiable"] is False
     saved = flexlab.simulate(tmp_path / "found.json", 0.01).scenario
     assert saved.payload.bending_stiffness == pytest.approx(63.0, rel=0.01)
+    (run_file,) = (tmp_path / "logs").glob("*.rrd")
+    before = notes_path(run_file).read_bytes()
+    for words in (("fit", "newest"), ("tune", "paper", "--change", "gravity=0:1")):
+        said = flexlab_command(*words, "--save", str(notes_path(run_file)))
+        assert said.returncode == 2
+        assert f"holds the notes on {run_file.name}: give another name." in said.stderr
+    assert notes_path(run_file).read_bytes() == before
 
 
 def test_a_ring_is_sought_before_the_end_that_is_given():

@@ -314,9 +314,11 @@ def export_fmu(
     as input. `version`: of FMI, 3 or 2. Importers step by `sample_period` s or by multiples of it. A C compiler is needed.
     Raises `PresetError`, `ScenarioError` or `StudyError`.
     """
+    from flexlab.files import check_writing
     from flexlab.fmi import write_fmu
 
     target = file_path("file", file)
+    check_writing(target, ".fmu")
     name, known = named_scenario(scenario)
     write_fmu(known, target, name, part, version, sample_period)
     return target

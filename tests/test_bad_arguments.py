@@ -335,6 +335,14 @@ def test_the_numbers_of_a_pull_or_tap_must_fit_in_a_float(given: Any):
         one_sentence(lambda command=command: flexlab.simulate("paper", 0.01, commands=[(0.0, command)]), " = ")
 
 
+def test_a_unit_replaces_no_file_of_another_kind(run: flexlab.Run, tmp_path: Path):
+    """It was written in the place of a recording."""
+    file = run.save(tmp_path / "mine.rrd")
+    before = file.read_bytes()
+    one_sentence(lambda: flexlab.export_fmu("paper", file), "mine.rrd cannot be written: let its name end in .fmu.")
+    assert file.read_bytes() == before
+
+
 @pytest.mark.parametrize("given", [[], {}, np.zeros(0), None, object()])
 def test_a_unit_with_a_wrong_part_version_or_period_is_refused(given: Any, tmp_path: Path):
     file = tmp_path / "a.fmu"

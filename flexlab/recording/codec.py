@@ -187,13 +187,10 @@ def _decode(data: bytes) -> tuple[Samples, int]:
     patterns = np.frombuffer(planes, np.uint8).reshape(8, sum(widths), rows)
     found = {name: np.empty((rows, *shape)) for name, shape in signals}
     _each_signal(from_byte_planes, found.values(), patterns)
-    for array in found.values():
-        array.flags.writeable = False
     for name in header["derived"]:
         # A newer version may leave out more than this one can restore: that is then absent.
         if name in DERIVED:
             found[name] = DERIVED[name](found)
-            found[name].flags.writeable = False
     if "time" not in found:
         raise ValueError("it has no times")
     # A signal with the name of an attribute of every run would hide that attribute.

@@ -122,13 +122,11 @@ def from_columns(values: dict[str, np.ndarray], scenario: Scenario) -> tuple[Sam
                 )
             array[(slice(None), *column.index)] = given
             left.pop(column.name, None)
-        array.flags.writeable = False
         signals[signal.name] = array
     for axis, name in TOLD_BY.items():
         # Without any signal of arms, or of beam coordinates, samples would have no arms, or no coordinates, to draw.
         if not any(axis in TABLE[known].axes for known in signals if known in TABLE):
             signals[name] = np.full((rows, *TABLE[name].shape(*size)), np.nan)
-            signals[name].flags.writeable = False
     return Samples(**signals), _left_out_text(list(left))
 
 

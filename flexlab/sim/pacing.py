@@ -31,8 +31,6 @@ def interpolate(before: Samples, after: Samples, fraction: float) -> Samples:
     for position, rate in (("pose", "pose_rate"), ("beam_coordinates", "beam_rates")):
         ends = [getattr(sample, name) for sample in (before, after) for name in (position, rate)]
         signals[position] = _hermite(*ends, span, fraction)
-    for signal in signals.values():
-        signal.flags.writeable = False
     return Samples(**signals)
 
 

@@ -34,7 +34,15 @@ class Samples(Signals):
     """
 
     def __init__(self, **signals: np.ndarray):
-        vars(self).update(signals)
+        self.__setstate__(signals)
+
+    def __setstate__(self, parts: dict[str, Any]) -> None:
+        """Take signals and whatever else a copy or a pickle has; arrays become read-only."""
+        vars(self).update(parts)
+        for name, array in self.signals().items():
+            if array.flags.writeable:  # Its owner may go on to write.
+                view = vars(self)[name] = array.view()
+                view.flags.writeable = False
 
     def __len__(self) -> int:
         return len(self.time)
@@ -91,7 +99,12 @@ class Samples(Signals):
         return Samples(**{**self.signals(), **signals})
 
     def take(self, rows: Any) -> "Samples":
-        """Return the samples at an index of the first axis: a slice, or an array of integers or booleans."""
+        """Return the samples at an index of the first axis: a slice, or an array of integers or booleans.
+
+        Raises TypeError for anything else, such as one integer.
+        """
+        if not isinstance(rows, slice) and np.ndim(rows) != 1:
+            raise TypeError(f"take({rows!r:.60}) names no rows: give a slice or a list, as in take([0, 1]).")
         return Samples(**{name: array[rows] for name, array in self.signals().items()})
 
     def slice(self, start: int, stop: int) -> "Samples":
@@ -116,7 +129,6 @@ def join_blocks(blocks: list[Samples]) -> Samples:
                 part = signals[name]
                 whole[(slice(first, first + len(part)), *map(slice, part.shape[1:]))] = part
             first += len(block)
-        whole.flags.writeable = False
         joined[name] = whole
     return Samples(**joined)
 

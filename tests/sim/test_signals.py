@@ -1,7 +1,11 @@
 """One table of signals: documentation, rows, recordings and exports follow from it; a law's own signals come along."""
 
+import copy
+import pickle
 import pydoc
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +13,7 @@ from exported import export_run
 
 import flexlab
 from flexlab.analysis.replay import replay
+from flexlab.analysis.result import result_hash
 from flexlab.presets import load_preset
 from flexlab.recording.codec import decode_block, encode_block
 from flexlab.recording.export import import_run
@@ -40,6 +45,28 @@ def test_every_signal_has_the_shape_that_the_table_says(run: Run):
     nothing = empty_samples(1, 5)
     for signal in TABLE.values():
         assert nothing[signal.name].shape == (0, *signal.shape(1, 5))
+
+
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, lambda run: pickle.loads(pickle.dumps(run))])
+def test_a_copy_of_a_run_is_read_only_too(run: Run, copied: Callable[[Run], Run]):
+    for source in (run, run.take(run.time < 0.05), run.having(mine=np.zeros(len(run)))):
+        again = copied(source)
+        assert result_hash(again) == result_hash(source)
+        assert not any(array.flags.writeable for array in again.signals().values())
+    assert (copied(run).scenario, copied(run).status) == (run.scenario, run.status)
+
+
+def test_the_owner_of_an_array_may_go_on_to_write():
+    times = np.zeros(3)
+    assert not Samples(time=times).time.flags.writeable
+    times[0] = 1.0
+
+
+@pytest.mark.parametrize("rows", [None, 3, np.int64(3), "pose", ((0, 1), (2, 3)), ...])
+def test_rows_are_taken_by_a_slice_or_a_list(run: Run, rows: Any):
+    with pytest.raises(TypeError, match=r"names no rows: give a slice or a list, as in take\(\[0, 1\]\)"):
+        run.take(rows)
+    assert len(run.take([0, 3])) == 2
 
 
 def test_a_signal_has_one_unit_or_one_for_each_entry():

@@ -3,6 +3,7 @@
 import gc
 import json
 import os
+import pickle
 import subprocess
 import sys
 from multiprocessing import get_context
@@ -63,6 +64,7 @@ def test_a_run_has_metrics_and_a_repr_of_one_line():
     assert repr(run.scenario) == str(run.scenario)
     modes = flexlab.modes(run.scenario)
     assert repr(modes).startswith("<Modes: 4, the first at 44.6 Hz; 14 poles, a stable loop>")
+    assert not any(part.flags.writeable for part in (modes.shape, pickle.loads(pickle.dumps(modes)).shape))
     for words in (repr(run), repr(run.scenario), repr(run.metrics), repr(modes)):
         assert len(words) < 300
         assert "\n" not in words

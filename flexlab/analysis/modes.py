@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -130,6 +130,16 @@ class Modes:
     linearization: Linearization | None = field(repr=False, compare=False)
     """The linearised loop; None without a rest point."""
 
+    def __post_init__(self) -> None:
+        self.__setstate__(vars(self))
+
+    def __setstate__(self, parts: dict[str, Any]) -> None:
+        """Take the parts of new modes, or of a copy or a pickle; arrays become read-only."""
+        vars(self).update(parts)
+        for array in parts.values():
+            if isinstance(array, np.ndarray):
+                array.flags.writeable = False
+
     @property
     def pole_frequency(self) -> np.ndarray:
         """|pole|/2π, Hz."""
@@ -213,17 +223,13 @@ def modes(scenario: AnyScenario, pose: tuple[float, float, float] | None = None)
         names = [POSE, *(f"{BEAM_MODE}{rank[k] + 1}" for k in range(len(omega))), MEMORY, ON_THEIR_WAY]
         poles, origin = found.value, tuple(names[k] for k in np.argmax(found.share, axis=1))
         note = loop_note(linear)
-    result = Modes(
+    return Modes(
         frequency=omega / (2 * np.pi), damping_ratio=np.diag(beam.modes.D)[order] / (2 * omega), shape=V,
         lateral_participation=h**2 / beam.matrices.m, angular_participation=g**2 / beam.matrices.I,
         pose=at if linear is None else linear.rest.motion.x.copy(), poles=poles, pole_origin=origin,
         control_period=scenario.controller.control_period, input_delay=scenario.controller.input_delay, note=note,
         is_loaded=scenario.payload.axial_load != "none", linearization=linear,
     )  # fmt: skip
-    for array in vars(result).values():
-        if isinstance(array, np.ndarray):
-            array.flags.writeable = False
-    return result
 
 
 BEAM_MODE = "beam mode "

@@ -210,6 +210,7 @@ def read_declaration(source: str, file: str) -> Declaration:
     if not law.has_method("act"):
         raise law.problem(law.line, f"{law.node.name} has no method act(self, at), which computes the inputs")
     gains, memories, signals = map(tuple, found.values())
+    law.keeps(dict(gains), "use a memory for what changes, and another name for what is computed")
     law.few("gains", sum(one.size for _, one in gains), MOST_SETTINGS)
     law.few("numbers of memory", sum(one.size for _, one in memories), MOST_MEMORY)
     law.few("signals", len(signals), MOST_SIGNALS)
@@ -233,6 +234,7 @@ def read_path_declaration(source: str, file: str) -> PathDeclaration:
         raise path.problem(path.line, f"{text}: give duration = ... or period = ... in s, one of the two")
     if not path.has_method("position"):
         raise path.problem(path.line, f"{path.node.name} has no method position(self, t), which gives x, y and θ")
+    path.keeps(options, "use another name for what is computed")
     path.few("options", sum(one.size for one in options.values()), MOST_SETTINGS)
     return PathDeclaration(*path.about, path.mistake, tuple(options.items()), lasting[0] == "period")
 

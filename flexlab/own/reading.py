@@ -11,7 +11,7 @@ import io
 import operator
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -131,6 +131,12 @@ class DeclaredClass:
         """Note a `mistake`: every rule that is younger than recordings is checked this way, so that they still open."""
         self.mistake = self.mistake or f"line {line}: {text}"
 
+    def keeps(self, settings: Collection[str], instead: str) -> None:
+        """Note a statement in a method that sets one of the `settings`: its value would be lost at the next call."""
+        for line, name in sorted(place for method in self.node.body for place in _set_in(method)):
+            if name in settings:
+                self.note(line, f"no method can change {name}, which has the value that the scenario sets: {instead}")
+
     def has_method(self, name: str) -> bool:
         """Whether the class defines a method."""
         return any(isinstance(node, ast.FunctionDef) and node.name == name for node in self.node.body)
@@ -183,6 +189,18 @@ class DeclaredClass:
             node.lineno,
             f"{text} is not a number written in the file: declarations are read without running the file",
         )
+
+
+def _set_in(method: ast.stmt) -> Iterator[tuple[int, str]]:
+    """Line and name of each attribute of its object that a method sets, wholly or in part."""
+    own = method.args.args[0].arg if isinstance(method, ast.FunctionDef) and method.args.args else None
+    for node in ast.walk(method):
+        target: ast.AST = node
+        if not isinstance(getattr(node, "ctx", ast.Load()), ast.Load):
+            while isinstance(target, ast.Subscript):
+                target = target.value
+            if isinstance(target, ast.Attribute) and isinstance(target.value, ast.Name) and target.value.id == own:
+                yield target.lineno, target.attr
 
 
 def data_file(name: str, kept: str | None = None) -> io.BytesIO:

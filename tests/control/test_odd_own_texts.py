@@ -199,6 +199,30 @@ def test_a_recorded_law_with_an_odd_gain_opens_with_a_usual_one(odd: str):
     assert about.symbol == ("5" if "symbol" in odd else "")
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        "self.k *= 1.01",
+        "self.k = 2",
+        "self.k: float = 2",
+        "self.k[0] = 2.0",
+        "del self.k",
+        "a, (self.k, *b) = 1, (2, 3)",
+    ],
+)
+def test_a_method_that_changes_a_gain_or_option_is_refused(change: str):
+    """The change was undone at the next call without a word. A recording with such a text opens."""
+    law = law_text(f"self.m[0] = self.k\n        self.s, other = self.k, at\n        {change}")
+    with pytest.raises(
+        ScenarioError, match=r"odd\.py, line 10: no method can change k, .*: use a memory for what changes"
+    ):
+        add_own_law(law, "odd.py")
+    assert parse_scenario({"controller": {"source": law}}).controller.kind == "odd"
+    path = path_text().replace("        return", f"        {change.replace('.k', '.size')}\n        return")
+    with pytest.raises(ScenarioError, match=r"odd\.py, line 7: no method can change size, .*: use another name"):
+        add_own_path(path, "odd.py")
+
+
 @pytest.mark.parametrize(("unit", "shown"), [("None", ""), ("5", " 5")])
 def test_a_recorded_law_with_a_unit_that_is_not_a_text_opens(unit: str, shown: str):
     text = law_text().replace('gain(1.0, "N"', f"gain(1.0, {unit}")

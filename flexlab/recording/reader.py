@@ -17,7 +17,7 @@ from flexlab.control.path import paths
 from flexlab.errors import FlexlabError, RecordingError, ScenarioError
 from flexlab.own.declaration import read_declaration, signal_name
 from flexlab.recording.codec import DERIVED, decode_block, event_from_values, state_from_values
-from flexlab.recording.repair import Rows, check_foreign, read_rows, rows_in_order
+from flexlab.recording.repair import BEGIN, END, SAMPLES, Rows, check_foreign, read_rows, rows_in_order
 from flexlab.recording.rerun_internals.chunks import PROPERTIES, Row
 from flexlab.recording.run_info import GAPS, unchecked
 from flexlab.recording.store.formats import FORMAT, Changes, checked_format, migrate, readable, same_numbers
@@ -36,7 +36,6 @@ LONGEST_REASON = 200
 """Largest length of the reason why a file cannot be read, characters."""
 MOST_ROWS = 1000
 """Largest number of samples in a block that is read; progress is reported after each block."""
-SAMPLES = "/exact/samples"
 
 
 @dataclass(frozen=True)
@@ -104,7 +103,9 @@ class Recording:
             self._check_count(count)
 
     def _check_count(self, count: int) -> None:
-        """Raise `RecordingError` if samples of an ended run are missing, unless they were lost to a full disk."""
+        """Raise `RecordingError` if all samples are missing, or some of an ended run that were not lost to a full disk."""
+        if not count and self.status == BREAKING_OFF and self.state != "in use":
+            raise RecordingError(f"{self.path} is damaged beyond repair: nothing of its run can be read.")
         due = self.properties.get("rows", 0)
         # Earlier versions did not note what was lost to a full disk.
         is_known = "events" in self.properties or (self.part == 1 and not count)
@@ -129,7 +130,7 @@ def read_recording(path: Path | str) -> Recording:
     """Read a recording, up to the tear if its tail is torn. Raises `RecordingError` for any other file."""
     check_foreign(Path(path))
     rows = read_rows(Path(path), ["/exact/events", "/exact/start", PROPERTIES + "**"])
-    with _telling_what_is_strange(Path(path), _values(Path(path), rows, PROPERTIES + "run")):
+    with _telling_what_is_strange(Path(path), _values(Path(path), rows, BEGIN)):
         return _assemble(Path(path), rows)
 
 
@@ -145,7 +146,7 @@ def read_scenario(path: Path) -> Scenario:
     """The scenario at the start of a recording, in milliseconds for a finished file of any length. Raises `RecordingError`."""
     check_foreign(path)
     rows = read_rows(path, [PROPERTIES + "**"])
-    with _telling_what_is_strange(path, _values(path, rows, PROPERTIES + "run")):
+    with _telling_what_is_strange(path, _values(path, rows, BEGIN)):
         return _scenario(_properties(path, rows)["scenario"])
 
 
@@ -163,7 +164,7 @@ def _sound(path: Path, values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _properties(path: Path, rows: Rows) -> dict[str, Any]:
-    properties = _values(path, rows, PROPERTIES + "run")
+    properties = _values(path, rows, BEGIN)
     if "format" not in properties or "scenario" not in properties:
         raise RecordingError(
             f"{path} is a rerun recording, but not one of flexlab's: it has no scenario, or it is damaged."
@@ -215,7 +216,7 @@ def _telling_what_is_strange(path: Path, properties: Mapping[str, Any]) -> Itera
 
 def _assemble(path: Path, rows: Rows) -> Recording:
     properties = _properties(path, rows)
-    end = _values(path, rows, PROPERTIES + "end") | _values(path, rows, PROPERTIES + GAPS)
+    end = _values(path, rows, END) | _values(path, rows, PROPERTIES + GAPS)
     scenario = _scenario(properties["scenario"])
     start = _values(path, rows, "/exact/start").get("state")
     state = None if start is None else state_from_values(json.loads(start))

@@ -20,12 +20,20 @@ import numpy as np
 
 from flexlab.errors import RecordingError
 from flexlab.files import remove_left_drafts, replacing
-from flexlab.recording.rerun_internals.chunks import Row, Unreadable, entity_times, has_recording, stream_rows
+from flexlab.recording.rerun_internals.chunks import (
+    PROPERTIES,
+    Row,
+    Unreadable,
+    entity_times,
+    stream_rows,
+)
 from flexlab.recording.rerun_internals.rrd_file import check_path, has_footer
 from flexlab.recording.rerun_internals.tool import Mending, crashes_readers
 from flexlab.recording.store.notes import SOUND, read_notes, write_notes
-from flexlab.recording.store.run_files import check_recording, claim, list_runs, run_state
+from flexlab.recording.store.run_files import BREAKING_OFF, check_recording, claim, list_runs, run_state
 
+BEGIN, SAMPLES, END = PROPERTIES + "run", "/exact/samples", PROPERTIES + "end"
+"""Entities of a run's scenario, of its samples, and of how it ended."""
 GROWTH = 1.3
 """Free space needed for the finished file, in sizes of the unfinished one."""
 
@@ -58,14 +66,17 @@ def _finish_claimed(path: Path, mending: Mending, join: bool) -> None:
     if shutil.disk_usage(path.parent).free < GROWTH * before.st_size:
         # A lab that is recording there must not run into a full disk.
         raise _not_now(path, os.strerror(errno.ENOSPC))
-    ended = read_notes(path).get("ended", False)
     try:
         with replacing(path) as draft:
-            if not mending.rewrite(path, draft, join) or not has_recording(draft):
+            is_there = mending.rewrite(path, draft, join) and _has_rows(draft, BEGIN)
+            ends = is_there and _has_rows(draft, END)
+            if not is_there or not (ends or _has_rows(draft, SAMPLES)):
                 raise RecordingError(f"{path.name} is damaged beyond repair: nothing of its run can be read.")
             os.utime(draft, ns=(before.st_atime_ns, before.st_mtime_ns))
-        if not ended:
-            write_notes(path, recovered=True)
+        if not ends:
+            # A copy that broke off has the notes on the whole run.
+            cut = {"status": BREAKING_OFF, "metrics": {}, "duration": None} if read_notes(path).get("ended") else {}
+            write_notes(path, recovered=True, **cut)
     except RecordingError:
         if not mending.stopped:
             with contextlib.suppress(OSError):
@@ -73,6 +84,13 @@ def _finish_claimed(path: Path, mending: Mending, join: bool) -> None:
         raise
     except OSError as error:
         raise _not_now(path, error.strerror) from None
+
+
+def _has_rows(path: Path, entity: str) -> bool:
+    """Whether anything of an entity can be read from a whole file."""
+    with contextlib.suppress(Unreadable):
+        return any(True for _ in stream_rows(path, [entity]))
+    return False
 
 
 def _not_now(path: Path, reason: str) -> RecordingError:

@@ -333,6 +333,38 @@ def test_a_file_cut_to_its_head_is_noted_as_damaged_and_left_as_it_is(unfinished
     assert unfinished.stat().st_size == 40
 
 
+@pytest.mark.parametrize("with_notes", [True, False])
+@pytest.mark.parametrize("whole", [True, False])
+def test_a_recording_cut_before_its_first_sample_is_damaged_for_all(
+    recording_file: Path, unfinished: Path, whole: bool, with_notes: bool
+) -> None:
+    """It was mended and listed as recovered, or as complete, with nothing in it."""
+    cut = unfinished.with_name("cut.rrd")
+    cut.write_bytes((recording_file if whole else unfinished).read_bytes()[:90_000])
+    if with_notes:
+        shutil.copy(notes_path(recording_file), notes_path(cut))
+    for _ in range(2):
+        for read in (lambda path: read_recording(path).samples, lambda path: read_recording(path).span, finish):
+            with pytest.raises(RecordingError, match="damaged"):
+                read(cut)
+        assert (run_state(cut), cut.stat().st_size) == ("damaged", 90_000)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.7])
+def test_a_whole_recording_that_is_cut_later_breaks_off(recording_file: Path, tmp_path: Path, share: float) -> None:
+    """Its notes told of the whole run: it was listed as complete, with the metrics of samples that it has not."""
+    cut = tmp_path / "cut.rrd"
+    cut.write_bytes(recording_file.read_bytes()[: int(share * recording_file.stat().st_size)])
+    notes_path(recording_file).rename(notes_path(cut))
+    recording_file.unlink()
+    finish(cut)
+    row, found = read_row(cut), read_recording(cut)
+    assert (row.state, row.status, row.duration, row.metrics) == ("recovered", "", None, {})
+    assert found.state == "recovered"
+    assert note_missing_metrics(tmp_path) == 1
+    assert read_row(cut).duration == pytest.approx(found.span[1])
+
+
 def test_a_missing_file_and_a_folder_are_refused_with_a_reason(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"There is no recording .*no\.rrd: check the name"):
         read_recording(tmp_path / "no.rrd")

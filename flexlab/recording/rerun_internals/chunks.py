@@ -228,12 +228,3 @@ def _instants(batch: pa.RecordBatch) -> list[int]:
     if TIMELINE not in batch.schema.names:
         return [-1] * batch.num_rows
     return batch.column(TIMELINE).view(pa.int64()).to_pylist()
-
-
-def has_recording(path: Path) -> bool:
-    """Whether rerun finds a recording in the file, and not only an empty frame."""
-    try:
-        with quiet_reader(path) as reader:
-            return bool(reader.recordings())
-    except (ValueError, RuntimeError, OSError):
-        return False

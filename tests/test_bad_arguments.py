@@ -1,5 +1,6 @@
 """Wrong arguments of Python functions are refused in one sentence that names the argument; only True counts as a yes."""
 
+import contextlib
 import math
 import pydoc
 import re
@@ -76,6 +77,22 @@ def test_a_name_that_no_file_can_have_is_refused(run: flexlab.Run, given: str):
 def test_a_measurement_to_fit_must_be_a_run_or_a_file(run: flexlab.Run):
     """A long dictionary was taken for a file whose name is too long."""
     one_sentence(lambda: flexlab.fit(run.scenario.model_dump()), "is not a run")  # type: ignore[arg-type]
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("value", [1.7e308, np.inf])
+@pytest.mark.parametrize("name", ["pose", "tracking_error", "midspan_deflection", "beam_coordinates", "internal_force"])
+def test_a_run_with_values_beyond_all_measure_raises_no_warning(name: str, value: float, tmp_path: Path):
+    """Imported runs may hold such values; under `python -W error` each of these calls failed."""
+    whole = flexlab.simulate("paper", 1.0)
+    odd = whole[name].copy()
+    odd[700::2], odd[701::2] = value, -value
+    run = flexlab.Run(**{**whole.signals(), name: odd}, scenario=whole.scenario, status=whole.status)
+    print(run.metrics, *run.explanations)
+    run.save(tmp_path)
+    flexlab.export(run, tmp_path / "run.html")
+    with contextlib.suppress(flexlab.FlexlabError):
+        flexlab.fit(run)
 
 
 @pytest.mark.parametrize("given", NO_TIME)

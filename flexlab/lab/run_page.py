@@ -60,6 +60,7 @@ def frame_times(run: Run) -> np.ndarray:
     return start + np.linspace(0, end - start, count) if count > 1 else np.array([start])
 
 
+@np.errstate(over="ignore", invalid="ignore")  # Imported values may be of any size.
 def animation_html(run: Run) -> str:
     """The animation: arms, beam, forces and paths, with a playback bar. Raises `StudyError` for a run without samples."""
     if len(run) == 0:

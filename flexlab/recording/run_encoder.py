@@ -87,6 +87,7 @@ class RunEncoder:
         self._first_time: float | None = None
         self._packing = ThreadPoolExecutor(1, "flexlab-packing")
 
+    @np.errstate(over="ignore", invalid="ignore")  # Imported values may be of any size.
     def write_samples(self, samples: Samples) -> None:
         """Write a block (N >= 1): its exact samples, which another thread packs meanwhile, and its curves and drawing."""
         samples = side_by_side(samples)

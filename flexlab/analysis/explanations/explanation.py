@@ -272,6 +272,7 @@ def explain(evidence: Evidence) -> tuple[Explained, ...]:
     return tuple(Explained(each.name, text, each.equation, each.plot) for each, text in said)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # Imported values may be of any size.
 def explain_run(
     run: Samples, scenario: Scenario, start: float | None = None, events: Sequence[Event] = ()
 ) -> tuple[Explained, ...]:

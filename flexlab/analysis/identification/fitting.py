@@ -137,6 +137,7 @@ def is_measurement(source: str) -> bool:
     return False
 
 
+@np.errstate(over="ignore", invalid="ignore")  # Imported values may be of any size.
 def fit_file(
     path: Path,
     time: str | None = None,
@@ -166,6 +167,7 @@ def fit_file(
     return replace(fit, notes=(*notes, began, *fit.notes[len(notes) :]))
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def fit_run(
     run: str,
     logs: Path,

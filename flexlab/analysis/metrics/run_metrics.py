@@ -10,6 +10,8 @@ from functools import cache
 from math import inf, isfinite, isnan, nan
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from flexlab.analysis.metrics.metric import METRICS, Column, Metric, label_of, named, numbers
 from flexlab.errors import StudyError
 from flexlab.text import MISSING, aligned, html_table, result_text
@@ -201,6 +203,7 @@ class MetricCollection:
         self._span: Window | None = None
         self._metrics: dict[str, Metric] = {name: metric() for name, metric in METRICS.items() if own or not metric.own}
 
+    @np.errstate(over="ignore", invalid="ignore")  # Imported values may be of any size.
     def update(self, samples: "Samples") -> None:
         """Take in the next piece of the run; samples outside the window do not count."""
         first, last = self._window
@@ -211,6 +214,7 @@ class MetricCollection:
         for metric in self._metrics.values():
             metric.update(samples)
 
+    @np.errstate(over="ignore", invalid="ignore")
     def compute(self, finished: bool = True, noted: Noted = None, note: str = "") -> RunMetrics:
         """The metrics of all pieces so far; `finished`: whether the run came to its end; others as for `RunMetrics`."""
         found = ((name, metric.compute()) for name, metric in self._metrics.items())

@@ -12,12 +12,12 @@ from flexlab.scenario import Scenario
 from flexlab.sim.assembly import build_system
 from flexlab.sim.build import build_beam
 from flexlab.sim.closed_loop import law_input_at, new_workspace
-from flexlab.sim.step_rates import control_rate, desired_poses
+from flexlab.sim.step_rates import control_rate
 
 INSTANTS, MOST_PERIODS = 32, 8
 """Instants of the path's fastest period at which arms and law are evaluated, and most periods that are followed so closely."""
 FINE, LEAST, MOST = 64, 2000, 20000
-"""Instants of the fastest period at which the desired motion alone is evaluated, and least and most of all."""
+"""Instants of the fastest period for the desired motion and the law's rates on it alone, and least and most of all."""
 JUMPS, ROUNDING = 1.5, 1e-9
 """Growth of the largest slope with twice the instants from which on a signal jumps, as a jump doubles it; least jump, N."""
 
@@ -54,11 +54,12 @@ def circumstances(scenario: Scenario) -> Circumstances:
             reached.append(t)
     path = np.array(seen, LAW_INPUT).view(np.recarray)
     m, inertia = beam.matrices.m, beam.matrices.I
-    modes, asked = beam.modes, desired_poses(system, motion)
+    modes = beam.modes
     rigid = system._replace(plant=system.plant._replace(kappa=np.zeros(3)))
     after = max(whole, motion.span - begin + late)
     every = begin + np.linspace(0, after, int(np.clip(FINE * after / motion.fastest_period, LEAST, MOST)))
-    reaction = _reaction(path, poses(system.trajectory, every), m, inertia)
+    desired = poses(system.trajectory, every)
+    reaction, asked = _reaction(path, desired, m, inertia), np.ascontiguousarray(desired[:, 0])
     return Circumstances(
         scenario=scenario, instants=np.array(reached), path=path, reaction=_reaction(path, path.desired, m, inertia),
         largest_reaction=float(np.linalg.norm(reaction, axis=1).max(initial=0.0)),

@@ -169,6 +169,9 @@ def find_poles(linear: Linearization) -> Poles:
 
 GRID = 300
 """Number of frequencies of the search for the worst case, besides those around the poles."""
+SLOWER, DIGITS = 30, 2e-7
+"""Ratio of the slowest pole to the slowest of these frequencies, and least ratio to the fastest for a slower one: rounding errors
+of margins grow with the inverse square, and are 1e-5 there."""
 AROUND = np.array([-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0])
 """Further frequencies around a pole's, in units of its half-width |Re|."""
 FINER, BETWEEN = 2, 17
@@ -247,13 +250,14 @@ def _rates(linear: Linearization, poles: np.ndarray) -> np.ndarray:
     period = linear.probe.original.controller.control_period
     size = np.abs(poles)
     size = size[size > NEUTRAL]
-    low, high = (1.0, 1e3) if len(size) == 0 else (size.min() / 30, 10 * size.max())
+    low, high = (1.0, 1e3) if len(size) == 0 else (size.min() / SLOWER, 10 * size.max())
+    # Further below the poles, a margin is that at rest, as far as the plant's integrators leave digits.
+    low = min(low, max(low / 10, DIGITS * high))
     if period is not None:
         high = np.pi / period
     swinging = poles[(poles.imag > 0) & (np.abs(poles) > NEUTRAL)]
     near = (swinging.imag[:, None] + np.abs(swinging.real)[:, None] * AROUND).ravel()
     grid = np.geomspace(min(low, high / 10), high, GRID)
-    # Far below all poles, the plant's integrators leave no digits.
     return np.unique(np.concatenate([grid, near[(near > grid[0]) & (near < high)]]))
 
 

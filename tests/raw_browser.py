@@ -106,11 +106,16 @@ class RawBrowser:
         assert isinstance(data, bytes)
         return data
 
-    def values_of(self, handle: Any) -> list[Any]:
-        """Return the values of a widget in the next message from the lab."""
+    def receive_values(self) -> dict[str, Any]:
+        """Return the values of widgets in the next message from the lab, by the widget's uuid."""
         window = msgspec.msgpack.decode(_unpacked(self.receive(20.0)))
-        told = [message for message in _mappings(window) if message.get("uuid") == handle._impl.uuid]
-        return [message["updates"]["value"] for message in told if "value" in message.get("updates", {})]
+        told = [message for message in _mappings(window) if "value" in message.get("updates", {})]
+        return {message["uuid"]: message["updates"]["value"] for message in told}
+
+    def values_of(self, handle: Any) -> list[Any]:
+        """Return the values of a widget in the next message from the lab: one or none."""
+        values = self.receive_values()
+        return [values[handle._impl.uuid]] if handle._impl.uuid in values else []
 
     def hears_of(self, transfer: str) -> bool:
         """Whether the next message from the lab acknowledges a part of a file."""

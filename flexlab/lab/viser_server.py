@@ -44,6 +44,7 @@ from flexlab.lab.viser_internals import (
     on_disconnect,
     scene_instances,
     show_true_value,
+    widget_uuid,
 )
 from flexlab.sockets import LOOPBACK, is_of_host, listen, name_in
 from flexlab.text import limited
@@ -63,6 +64,12 @@ BYTES_PER_MESSAGE = 10_000
 """Bytes that count as one message: a longer message counts as several."""
 PRESS_COST = 10.0
 """Cost of a key, a button or a menu, in messages: 10 a second, and 30 at once, are more than a person presses."""
+
+SETTLE_TIME = 4.0
+"""Time after a person's last input into a control until all pages are sent its value again, wall s.
+
+A refused value stays as long, to be corrected.
+"""
 
 SECRET_HEADER = "Flexlab-Proxy"
 """The request header by which a server in front of the lab identifies itself."""
@@ -104,6 +111,8 @@ class InputGuard:
         self._browsers: dict[int, _Browser] = {}
         self._server: GuardedServer | None = None
         self._lab_state: LabState | None = None
+        self._settling: dict[str, asyncio.TimerHandle] = {}
+        """When the values of controls are sent again, by control."""
         self.refused = 0
         """Messages refused so far, of all browsers."""
 
@@ -152,7 +161,9 @@ class InputGuard:
         if server is None:
             raise Refused("the lab is not open yet")
         if isinstance(message, GuiUpdateMessage):
-            return _check_update(server, client, message)
+            cost = _check_update(server, client, message)
+            self._settle(server, message.uuid)
+            return cost
         if isinstance(message, GuiButtonHoldMessage):
             handle = find_input(server, client, message.uuid)
             if handle is None or not input_state(handle)[2]:
@@ -169,6 +180,22 @@ class InputGuard:
         else:
             _check_touch(server, message)
         return 0.0
+
+    def _settle(self, server: GuardedServer, uuid: str) -> None:
+        """Send a shared control's value again once nobody uses it.
+
+        Of two people who use it at once, the first may hear of the second's value after sending the one that counts.
+        """
+        handle = find_input(server, -1, uuid)
+        if handle is not None and not input_state(handle)[2]:
+            if uuid in self._settling:
+                self._settling[uuid].cancel()
+            self._settling[uuid] = asyncio.get_running_loop().call_later(SETTLE_TIME, self._show, handle)
+
+    def _show(self, handle: Any) -> None:
+        del self._settling[widget_uuid(handle)]
+        if not handle._impl.removed:
+            show_true_value(handle)
 
     def _start_upload(
         self, server: GuardedServer, client: int, browser: _Browser, message: FileTransferStartUpload

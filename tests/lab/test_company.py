@@ -4,6 +4,7 @@ from lab_page import wait_until
 from raw_browser import RawBrowser, widget
 
 from flexlab.lab.session import Session
+from flexlab.lab.viser_internals import widget_uuid
 from flexlab.presets import load_preset
 
 SAID = "Somebody in this lab opened"
@@ -30,3 +31,31 @@ def test_opening_another_preset_is_announced_only_if_others_share_the_lab(sessio
             wait_until(lambda: "Undo (Ctrl+Z) goes back" in lab_state.notice.text, "and again", 60)
     lab_state.undo()
     wait_until(lambda: session.runner.snapshot.name == "smooth-start", "what was open before is open again", 60)
+
+
+def test_whoever_uses_a_control_is_sent_its_value_again_as_another_one_may_have_crossed_it(session: Session) -> None:
+    wanted = {
+        "Bending stiffness EI, slider": 2.2,
+        "Bending stiffness EI (N·m²)": 158.5,
+        "Limited torques": True,
+        "Torque limit per joint τ_max (N·m)": [300.0, 300.0, 300.0],
+        "Plot window": "2 s",
+        "Name": "mine",
+    }
+    with RawBrowser(session) as browser, RawBrowser(session) as other:
+        wait_until(lambda: session.lab_state.company() == 2, "two are there")
+        controls = {label: widget(session, label) for label in wanted}
+        for label, value in {**wanted, "Plot window": "10 s", "Name": "yours", "Limited torques": False}.items():
+            other.update(controls[label], {"value": value})
+        wait_until(lambda: controls["Name"].value == "yours", "the other's values are there")
+        for label, value in wanted.items():
+            browser.update(controls[label], {"value": value})
+        wait_until(lambda: controls["Name"].value == "mine", "this one's values are there")
+        missing = set(wanted)
+
+        def told() -> bool:
+            values = browser.receive_values()
+            missing.difference_update([k for k in missing if values.get(widget_uuid(controls[k])) == wanted[k]])
+            return not missing
+
+        wait_until(told, "this one is sent the values that count", 30)

@@ -8,13 +8,12 @@ from typing import Any
 import viser
 
 from flexlab.errors import FlexlabError, LabError
-from flexlab.lab.viser_internals import mark_slider, show_true_value
+from flexlab.lab.viser_internals import mark_slider
+from flexlab.lab.viser_server import SETTLE_TIME
 from flexlab.lab.widgets import Widgets, put
 from flexlab.quantities import Quantity
 from flexlab.text import escaped, number_text, with_units
 
-SETTLE_TIME = 4.0
-"""How long a box keeps a typed value that the lab refused, wall s; then it shows the true value again."""
 READING_TIME = 30.0
 """How long the sentence about a refused value stays, wall s: it outlives the value itself."""
 SLIDER_STEPS = 200
@@ -126,7 +125,7 @@ class NumberControl:
         self._read, self._ask, self._usual, self._marks = read, ask, usual or read, marks
         self._value = value = read()
         self._stays_at = value  # The value that the sentence below the box names.
-        self._touched, self._typed, self._marked = -math.inf, False, []
+        self._touched, self._marked = -math.inf, []
         self._scale = Scale(about, whole) if slider else None
         self._switch = self._slider = None
         if switch is not None:
@@ -160,10 +159,6 @@ class NumberControl:
             self._value = value
             return
         self._show(value)
-        if self._typed and since > SETTLE_TIME:
-            # An earlier true value may have reached the page after the typed one.
-            self._typed = False
-            show_true_value(self._box)
         if since > READING_TIME or (at_once and value != self._stays_at):
             self._complain("")
 
@@ -218,10 +213,7 @@ class NumberControl:
             self._box.value = self._value
 
     def _type(self, value: Numbers) -> None:
-        if not self._accepted(value):
-            return
-        self._typed = True
-        if self._scale is not None and self._slider is not None:
+        if self._accepted(value) and self._scale is not None and self._slider is not None:
             self._slider.value = self._scale.place(value)
 
     def _accepted(self, value: Numbers) -> bool:

@@ -45,6 +45,8 @@ OF_THE_CHECKOUT = {
 ELSEWHERE = {
     "pytest tests/lab/test_lessons_in_browser.py --all-lessons": "two of the lessons are done each time",
     "python tests/analysis/planted_errors.py": "tests/analysis/test_validation.py plants one of them",
+    "python tests/test_public_members.py": "tests/test_public_members.py says so where it is due",
+    "python tests/scenario/test_recorded_ranges.py": "so does tests/scenario/test_recorded_ranges.py",
     "python web_assets/make/leaderboard.py": "tests/analysis/test_leaderboard.py",
     "python web_assets/make/pictures.py": "tests/test_guide.py",
     "apt install python3.11-venv": "of the machine",

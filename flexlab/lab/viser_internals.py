@@ -301,9 +301,10 @@ def input_state(handle: Any) -> tuple[str, Any, bool, Collection[str] | None]:
 
 
 def show_true_value(handle: Any) -> None:
-    """Send a widget's value again, to browsers that show another one."""
-    update = _messages.GuiUpdateMessage(handle._impl.uuid, {"value": handle._impl.value})
-    handle._impl.gui_api._websock_interface.queue_message(update)
+    """Send a widget's value again, to browsers that show another one, unless it has been removed."""
+    if not handle._impl.removed:
+        update = _messages.GuiUpdateMessage(handle._impl.uuid, {"value": handle._impl.value})
+        handle._impl.gui_api._websock_interface.queue_message(update)
 
 
 def scene_instances(server: viser.ViserServer, name: str) -> int | None:

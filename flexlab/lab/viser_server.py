@@ -194,8 +194,7 @@ class InputGuard:
 
     def _show(self, handle: Any) -> None:
         del self._settling[widget_uuid(handle)]
-        if not handle._impl.removed:
-            show_true_value(handle)
+        show_true_value(handle)
 
     def _start_upload(
         self, server: GuardedServer, client: int, browser: _Browser, message: FileTransferStartUpload

@@ -66,6 +66,7 @@ def _finish_claimed(path: Path, mending: Mending, join: bool) -> None:
     if shutil.disk_usage(path.parent).free < GROWTH * before.st_size:
         # A lab that is recording there must not run into a full disk.
         raise _not_now(path, os.strerror(errno.ENOSPC))
+    ended = read_notes(path).get("ended", False)
     try:
         with replacing(path) as draft:
             is_there = mending.rewrite(path, draft, join) and _has_rows(draft, BEGIN)
@@ -73,9 +74,9 @@ def _finish_claimed(path: Path, mending: Mending, join: bool) -> None:
             if not is_there or not (ends or _has_rows(draft, SAMPLES)):
                 raise RecordingError(f"{path.name} is damaged beyond repair: nothing of its run can be read.")
             os.utime(draft, ns=(before.st_atime_ns, before.st_mtime_ns))
-        if not ends:
+        if not (ended and ends):
             # A copy that broke off has the notes on the whole run.
-            cut = {"status": BREAKING_OFF, "metrics": {}, "duration": None} if read_notes(path).get("ended") else {}
+            cut = {"status": BREAKING_OFF, "metrics": {}, "duration": None} if ended else {}
             write_notes(path, recovered=True, **cut)
     except RecordingError:
         if not mending.stopped:
